@@ -1,0 +1,40 @@
+# Everything happens in .venv; nothing outside this folder is touched.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
+
+.PHONY: study test build clean lock
+
+study: build ## the main job: the study of the built-in robot
+	@$(BIN)/bowstring study amouri2019
+
+build: $(VENV)/.built
+
+$(VENV)/.tools: requirements/dev.lock
+	@echo "== setting up $(VENV) (once)"
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10) and "Bowstring needs Python 3.10 or newer")'
+	@command -v cargo >/dev/null || { echo "Bowstring needs a Rust toolchain (1.88 or newer)" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --progress-bar on -q -r requirements/dev.lock
+	@touch $@
+
+$(VENV)/.built: $(VENV)/.tools $(RUST_SOURCES) pyproject.toml
+	@echo "== building the core (about a minute the first time)"
+	$(BIN)/python -m pip install -q --no-build-isolation --no-deps --editable .
+	@touch $@
+
+test: build
+	cargo fmt --all --check
+	cargo clippy --all-targets --locked -- -D warnings
+	cargo test -p bowstring-core --locked
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest
+
+clean:
+	rm -rf $(VENV) target
+
+lock: ## renew the lock file (needs uv)
+	uv pip compile --universal --python-version 3.10 --no-header --no-annotate pyproject.toml requirements/dev.in -o requirements/dev.lock

@@ -1,0 +1,1 @@
+//! Mechanics and constant-curvature kinematics of tendon-driven continuum robots.

@@ -1,0 +1,1 @@
+"""Is constant curvature good enough for my cable-driven continuum robot?"""
