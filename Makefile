@@ -21,7 +21,7 @@ $(VENV)/.tools: requirements/dev.lock
 
 $(VENV)/.built: $(VENV)/.tools $(RUST_SOURCES) pyproject.toml
 	@echo "== building the core (about a minute the first time)"
-	$(BIN)/python -m pip install -q --no-build-isolation --no-deps --editable .
+	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --locked
 	@touch $@
 
 test: build
