@@ -1,0 +1,282 @@
+//! Rotations and constant-curvature arcs: exponential, left Jacobian, second derivatives.
+//!
+//! An arc of length `l` turns by the rotation vector `w`, constant in its own frame.
+//! Everything is a function of `x = |w|^2` through Stumpff's functions
+//! `c_k(x) = sum_i (-x)^i / (k + 2 i)!`, smooth through the straight arc `w = 0`.
+
+use crate::linalg::{Mat3, Vec3};
+use crate::real::Real;
+
+const FACTORIAL: [f64; 8] = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0, 720.0, 5040.0];
+
+/// Below this `x` eight terms of the series are exact to rounding.
+const SHORT_SERIES: f64 = 0.6;
+/// Below this `x` the long series is; beyond it sine and cosine lose nothing.
+const LONG_SERIES: f64 = 12.0;
+
+/// Stumpff's `c_0` to `c_7` at `x = |w|^2 >= 0`.
+#[inline(always)]
+pub fn stumpff<T: Real>(x: T) -> [T; 8] {
+    let largest = x.largest();
+    if largest < SHORT_SERIES {
+        downward(x, 8)
+    } else if largest < LONG_SERIES {
+        downward(x, 20)
+    } else {
+        stumpff_far(x)
+    }
+}
+
+/// The two highest by their series (`n` terms), the rest by `c_k = 1/k! - x c_{k+2}`.
+#[inline(always)]
+fn downward<T: Real>(x: T, n: usize) -> [T; 8] {
+    let one = T::splat(1.0);
+    let (mut c6, mut c7) = (one, one);
+    for i in (1..n).rev() {
+        let k = 2.0 * i as f64;
+        c6 = one - x * c6 * T::splat(1.0 / ((k + 5.0) * (k + 6.0)));
+        c7 = one - x * c7 * T::splat(1.0 / ((k + 6.0) * (k + 7.0)));
+    }
+    let mut c = [one; 8];
+    c[6] = c6 * T::splat(1.0 / FACTORIAL[6]);
+    c[7] = c7 * T::splat(1.0 / FACTORIAL[7]);
+    for k in (0..6).rev() {
+        c[k] = T::splat(1.0 / FACTORIAL[k]) - x * c[k + 2];
+    }
+    c
+}
+
+#[cold]
+#[inline(never)]
+fn stumpff_far<T: Real>(x: T) -> [T; 8] {
+    let mut c = [T::zero(); 8];
+    for (k, ck) in c.iter_mut().enumerate() {
+        *ck = x.map(|x| {
+            if x < LONG_SERIES {
+                return downward(x, 20)[k];
+            }
+            let theta = x.sqrt();
+            let mut value = if k % 2 == 0 {
+                theta.cos()
+            } else {
+                theta.sin() / theta
+            };
+            for i in (k % 2..k).step_by(2) {
+                value = (1.0 / FACTORIAL[i] - value) / x;
+            }
+            value
+        });
+    }
+    c
+}
+
+/// `exp([w])`, the rotation by the rotation vector `w`.
+#[inline(always)]
+pub fn exp<T: Real>(w: Vec3<T>) -> Mat3<T> {
+    let c = stumpff(w.norm2());
+    rotation(w, &c)
+}
+
+#[inline(always)]
+fn rotation<T: Real>(w: Vec3<T>, c: &[T; 8]) -> Mat3<T> {
+    // I + c1 [w] + c2 [w]^2, with [w]^2 = w w^T - |w|^2 I and I - c2 |w|^2 = c0
+    (w * c[1]).skew() + (w * c[2]).outer(w) + Mat3::scalar(c[0])
+}
+
+/// The rotation vector of a rotation matrix, in [0, pi].
+pub fn log(r: &Mat3<f64>) -> Vec3<f64> {
+    let m = &r.0;
+    let axial = Vec3([m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]]) * 0.5;
+    let (sin, cos) = (axial.norm(), (m[0][0] + m[1][1] + m[2][2] - 1.0) / 2.0);
+    let theta = sin.atan2(cos);
+    if cos > -0.9 {
+        let x = theta * theta;
+        return axial * (1.0 / stumpff(x)[1]);
+    }
+    // near half a turn the axis comes from the symmetric part: w w^T (1 - cos) / theta^2
+    let sym = r.symmetric_part() - Mat3::scalar(cos);
+    let j = (0..3)
+        .max_by(|&a, &b| sym.0[a][a].total_cmp(&sym.0[b][b]))
+        .unwrap_or(0);
+    let axis = sym.column(j);
+    let sign = if axis.dot(axial) < 0.0 { -1.0 } else { 1.0 };
+    axis * (sign * theta / axis.norm())
+}
+
+/// One arc: a rotation vector, its length, and Stumpff's functions there.
+#[derive(Clone, Copy, Debug)]
+pub struct ArcMap<T = f64> {
+    w: Vec3<T>,
+    length: T,
+    c: [T; 8],
+    /// Rotation over the arc.
+    pub rotation: Mat3<T>,
+    /// End point in the frame of the start.
+    pub end: Vec3<T>,
+}
+
+impl<T: Real> ArcMap<T> {
+    #[inline(always)]
+    pub fn new(w: Vec3<T>, length: T) -> Self {
+        let c = stumpff(w.norm2());
+        // end = l V(w) e3 with V = I + c2 [w] + c3 [w]^2
+        let o = T::zero();
+        let end = (Vec3([o, o, c[1]]) + Vec3([w[1], -w[0], o]) * c[2] + w * (c[3] * w[2])) * length;
+        ArcMap {
+            w,
+            length,
+            c,
+            rotation: rotation(w, &c),
+            end,
+        }
+    }
+
+    /// Left Jacobian: `exp(w + dw) = exp(J dw + ...) exp(w)`.
+    #[inline(always)]
+    pub fn left_jacobian(&self) -> Mat3<T> {
+        let (w, c) = (self.w, &self.c);
+        (w * c[2]).skew() + (w * c[3]).outer(w) + Mat3::scalar(c[1])
+    }
+
+    /// Derivative of the end point with respect to `w`.
+    #[inline(always)]
+    pub fn end_jacobian(&self) -> Mat3<T> {
+        let (w, c, l) = (self.w, &self.c, self.length);
+        let o = T::zero();
+        let [d1, d2, d3] = self.first_derivatives();
+        let along = Vec3([o, o, d1]) + Vec3([w[1], -w[0], o]) * d2 + w * (d3 * w[2]);
+        let mut q = along.outer(w * T::splat(2.0)) + Mat3::scalar(c[3] * w[2]);
+        q.0[0][1] += c[2];
+        q.0[1][0] -= c[2];
+        for i in 0..3 {
+            q.0[i][2] += c[3] * w[i];
+        }
+        q * l
+    }
+
+    /// Hessian in `w` of `n . end(w) + m . eta(w)`, where `exp(w + dw) = exp(eta) exp(w)`.
+    #[inline(always)]
+    pub fn hessian(&self, n: Vec3<T>, m: Vec3<T>) -> Mat3<T> {
+        let (w, c) = (self.w, &self.c);
+        let n = n * self.length;
+        let two = T::splat(2.0);
+        let half = T::splat(0.5);
+        let [d1, d2, d3] = self.first_derivatives();
+        let [e1, e2, e3] = self.second_derivatives();
+        // end/l . n = n_z c1 + c2 w.k + c3 (n.w) w_z with k = e3 x n
+        let k = Vec3([-n[1], n[0], T::zero()]);
+        let (wk, nw, wz, nz) = (w.dot(k), n.dot(w), w[2], n[2]);
+        let nww = nw * wz;
+        let gradient3 = n * wz + Vec3([T::zero(), T::zero(), nw]);
+        let alpha = (nz * d1 + wk * d2 + nww * d3) * two + m.dot(w) * c[3];
+        let beta = (nz * e1 + wk * e2 + nww * e3) * T::splat(4.0);
+        // m . eta: c2 and c3 vary along w; the rest is the curvature of the chart
+        let mw = m.cross(w);
+        let y = w * (beta * half) + (k * d2 + gradient3 * d3) * two + mw * d2 + mw.cross(w) * d3
+            - m * (c[3] * half);
+        let z = n * c[3];
+        let mut h = w.outer(y) + y.outer(w);
+        for i in 0..3 {
+            h.0[i][i] += alpha;
+            h.0[i][2] += z[i];
+            h.0[2][i] += z[i];
+        }
+        h
+    }
+
+    /// `d c_k / d x = (k c_{k+2} - c_{k+1}) / 2` for k = 1, 2, 3.
+    #[inline(always)]
+    fn first_derivatives(&self) -> [T; 3] {
+        let c = &self.c;
+        let d = |k: usize| (c[k + 2] * T::splat(k as f64) - c[k + 1]) * T::splat(0.5);
+        [d(1), d(2), d(3)]
+    }
+
+    /// `d^2 c_k / d x^2` for k = 1, 2, 3.
+    #[inline(always)]
+    fn second_derivatives(&self) -> [T; 3] {
+        let c = &self.c;
+        // differentiate the formula above once more
+        let e = |k: usize| {
+            let kf = k as f64;
+            c[k + 4] * T::splat(0.25 * kf * (kf + 2.0))
+                - c[k + 3] * T::splat(0.25 * (2.0 * kf + 1.0))
+                + c[k + 2] * T::splat(0.25)
+        };
+        [e(1), e(2), e(3)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ARCS: [[f64; 3]; 8] = [
+        [0.0, 0.0, 0.0],
+        [1e-12, 2e-12, -1e-12],
+        [1e-8, -3e-8, 2e-8],
+        [0.03, -0.02, 0.01],
+        [0.5, 0.6, -0.3],
+        [1.5, -1.0, 2.0],
+        [-2.0, 2.5, 1.7],
+        [4.0, -3.0, 2.0],
+    ];
+
+    #[test]
+    fn stumpff_is_continuous_across_its_branches() {
+        for edge in [SHORT_SERIES, LONG_SERIES] {
+            let (a, b) = (stumpff(edge * (1.0 - 1e-15)), stumpff(edge * (1.0 + 1e-15)));
+            for k in 0..8 {
+                let scale = 1.0 / FACTORIAL[k];
+                assert!((a[k] - b[k]).abs() < 1e-13 * scale, "c{k} at {edge}");
+            }
+        }
+        let far = stumpff(30.0);
+        assert!((far[0] - 30f64.sqrt().cos()).abs() < 1e-15);
+    }
+
+    #[test]
+    fn exponential_is_a_rotation_and_log_its_inverse() {
+        for w in ARCS {
+            let w = Vec3(w);
+            let r = exp(w);
+            let defect = r * r.transpose() - Mat3::identity();
+            assert!(defect.0.iter().flatten().all(|d| d.abs() < 1e-14));
+            if w.norm() < 3.1 {
+                assert!((log(&r) - w).norm() < 1e-14 + 1e-13 * w.norm());
+            }
+        }
+        let half_turn = Vec3([0.0, 3.141, 0.0]);
+        assert!((log(&exp(half_turn)) - half_turn).norm() < 1e-12);
+    }
+
+    #[test]
+    fn derivatives_match_central_differences() {
+        let (n, m, l) = (Vec3([0.7, -1.1, 0.4]), Vec3([-0.3, 0.8, 1.3]), 0.37);
+        let step = 1e-4;
+        for w0 in ARCS.map(Vec3) {
+            let arc = ArcMap::new(w0, l);
+            let eta = |d: Vec3| log(&(exp(w0 + d) * arc.rotation.transpose()));
+            let value = |d: Vec3| n.dot(ArcMap::new(w0 + d, l).end) + m.dot(eta(d));
+            let e = |i: usize| {
+                let mut v = Vec3::zero();
+                v[i] = step;
+                v
+            };
+            let (j, q, h) = (arc.left_jacobian(), arc.end_jacobian(), arc.hessian(n, m));
+            for i in 0..3 {
+                let de =
+                    (ArcMap::new(w0 + e(i), l).end - ArcMap::new(w0 - e(i), l).end) * (0.5 / step);
+                let dr = (eta(e(i)) - eta(-e(i))) * (0.5 / step);
+                assert!((q.column(i) - de).norm() < 1e-8, "end at {w0:?}");
+                assert!((j.column(i) - dr).norm() < 1e-8, "rotation at {w0:?}");
+                for k in 0..3 {
+                    let d = (value(e(i) + e(k)) - value(e(i) - e(k)) - value(e(k) - e(i))
+                        + value(-e(i) - e(k)))
+                        / (4.0 * step * step);
+                    assert!((h.0[i][k] - d).abs() < 3e-7, "hessian {i}{k} at {w0:?}");
+                }
+            }
+        }
+    }
+}
