@@ -2,4 +2,10 @@
 
 pub mod lie;
 pub mod linalg;
+pub mod load;
+mod module;
 pub mod real;
+pub mod robot;
+mod rod;
+pub mod statics;
+mod sweep;

@@ -131,6 +131,11 @@ impl<T: Real> ArcMap<T> {
         }
     }
 
+    /// Length of the arc.
+    pub fn length(&self) -> T {
+        self.length
+    }
+
     /// Left Jacobian: `exp(w + dw) = exp(J dw + ...) exp(w)`.
     #[inline(always)]
     pub fn left_jacobian(&self) -> Mat3<T> {
