@@ -7,5 +7,7 @@ mod module;
 pub mod real;
 pub mod robot;
 mod rod;
+#[cfg(target_arch = "x86_64")]
+mod simd;
 pub mod statics;
 mod sweep;
