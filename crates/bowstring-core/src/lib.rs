@@ -1,1 +1,3 @@
 //! Mechanics and constant-curvature kinematics of tendon-driven continuum robots.
+
+pub mod arc;
