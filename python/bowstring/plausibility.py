@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowstring.units import number_with_unit
 
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
     from bowstring.robot import Robot
 
 _STANDARD_GRAVITY: Final = 9.80665  # m/s^2
+
+Floats = NDArray[np.float64]
 
 # What makes a number doubtful. A wrong unit is mostly wrong by 1000, so each range is wide enough
 # for any robot that we know of and much narrower than 1000 times beyond it.
@@ -136,9 +139,7 @@ def _buckling_doubts(robot: Robot) -> Iterator[str]:
     length, disks = robot.length, robot.disks
     wave = math.pi / (2 * length)
 
-    def sunk(
-        s: NDArray[np.float64],
-    ) -> NDArray[np.float64]:  # twice how far the point s sinks, per amplitude squared
+    def sunk(s: Floats) -> Floats:  # how far the point s sinks, per amplitude squared / 2
         return s / 2 - np.sin(2 * wave * s) / (4 * wave)
 
     work = float(disks.mass_kg @ sunk(disks.station_m))
