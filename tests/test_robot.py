@@ -526,6 +526,15 @@ def test_billion_laughs_is_refused_at_the_first_anchor(refuse):
     assert refuse(laughs).startswith(", line 1: anchors and aliases")
 
 
+def test_the_slower_yaml_reader_serves_as_well(load, refuse, monkeypatch):
+    fast = load(GOOD)
+    monkeypatch.delattr(yaml, "CBaseLoader", raising=False)
+    assert load(GOOD) == fast
+    assert "line 1, column 5: not valid YAML" in refuse("a: b: c")
+    assert "anchors and aliases" in refuse(changed("200 mm", "&a 200 mm"))
+    assert "not valid YAML" in refuse("a: \x01")
+
+
 def test_yaml_guesses_do_not_happen(load):
     robot = load("name: no\n" + changed("count: 4", "count: 010"))
     assert robot.name == "no"
@@ -845,8 +854,8 @@ def test_buckling_of_a_column_split_into_segments_is_that_of_the_whole():
         ("segments.0.disks.mass", "20 kg", ["disks.mass = 20 kg", "is the mass in g?"]),
         ("segments.0.disks.mass", "20 mg", ["disks.mass = 0.02 g", "is the mass in kg?"]),
         ("segments.0.backbone.density", "1.8 kg/m^3", ["density = 1.8 kg/m^3", "g/cm^3"]),
-        ("segments.0.backbone.density", "90000 kg/m^3", ["density = 9e+04 kg/m^3"]),
-        ("segments.0.length", "641 m", ["length = 6.41e+05 mm", "(m, mm)"]),
+        ("segments.0.backbone.density", "90000 kg/m^3", ["density = 90000 kg/m^3"]),
+        ("segments.0.length", "641 m", ["length = 641 m ", "(m, mm)"]),
         ("segments.0.backbone.E", "3.5 TPa", ["E = 3500 GPa", "stiffer than diamond"]),
         ("segments.0.backbone.diameter", "5 cm", ["diameter = 50 mm", "less than a degree"]),
         ("segments.0.backbone.G", "13 MPa", ["G = 13 MPa", "E = 35 GPa", "nu ="]),
@@ -969,7 +978,6 @@ def test_core_is_built_once_and_copies_leave_it_behind(monkeypatch):
 
 def test_python_numbers_are_si():
     tree = load_robot("rao2021").model_dump(mode="json", exclude_none=True)
-    del tree["description"]
     assert Robot.model_validate(tree).hash == load_robot("rao2021").hash
 
 

@@ -382,8 +382,6 @@ class Robot(_Part):
             If a path does not exist or the changed robot is not valid.
         """
         tree = self.model_dump(mode="json", exclude_none=True)
-        if not self.description:
-            del tree["description"]
         return _build(_override(tree, overrides), self.name)
 
     @property
