@@ -2,9 +2,14 @@
 
 use pyo3::prelude::*;
 
+mod rod;
+
 #[pymodule]
 mod _core {
     use super::*;
+
+    #[pymodule_export]
+    use super::rod::{Robot, Solution};
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {
