@@ -28,7 +28,7 @@ PEERS = {
     "PyElastica": "pyelastica_rod",
     "soromox": "soromox_rod",
 }
-LEVELS_MM = (30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01)
+LEVELS_MM = (30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 TIME_LIMIT_S = 600
 ONE_THREAD = {
     "OMP_NUM_THREADS": "1",
@@ -136,15 +136,17 @@ def core_us() -> dict[str, float]:
 
 
 def times_exudyn(reports: dict, setting: str, equal_error: bool) -> float:
-    """Exudyn's time over ours, the smaller of the two cases: its fastest setting with our tip error
-    or less, or with the coarsest error that the table shows."""
+    """Exudyn's time over ours, the smaller of the two cases. At equal error: its fastest setting
+    with our tip error or less; where none has that, its most accurate, which flatters it."""
     ratios = []
     for case in TITLES:
         ours = [r for r in results_of(reports[OURS], case) if r.setting == setting]
-        if not ours:
-            return nan
-        limit = error_mm(ours[0], case) if equal_error else max(LEVELS_MM)
         peers = results_of(reports["Exudyn"], case)
+        if not ours or not peers:
+            return nan
+        most_accurate = min(error_mm(r, case) for r in peers)
+        our_error = error_mm(ours[0], case)
+        limit = max(our_error, most_accurate) if equal_error else max(LEVELS_MM)
         times = [r.time_ms for r in peers if error_mm(r, case) <= limit]
         ratios.append(min(times, default=nan) / ours[0].time_ms)
     return min(ratios)
@@ -162,6 +164,9 @@ def figures(reports: dict) -> Table:
         table.add_column(column, justify="right" if column in ("asked", "measured") else "left")
 
     def row(name: str, sign: str, asked: float, value: float, unit: str = "") -> None:
+        if isnan(asked):
+            table.add_row(name, "", f"{readable(value)} {unit}")
+            return
         met = value >= asked if sign == ">=" else value <= asked
         verdict = "" if isnan(value) else "[green]met[/green]" if met else "[red]missed[/red]"
         measured = "not measured" if isnan(value) else f"{readable(value)} {unit}"
@@ -180,9 +185,10 @@ def figures(reports: dict) -> Table:
     row("batch on both cores, Kirchhoff", ">=", 250e3, 1e6 / python["batch_per_solve"], "solves/s")
     row("450 disks / 9 disks", "<=", 55, core["disks_450"] / core["disks_9"])
     for setting in ("cold, in one sweep call", "one call"):
-        for equal, which in ((True, "with our tip error or less"), (False, "at any error")):
-            ratio = times_exudyn(reports, setting, equal)
-            row(f"Exudyn's fastest {which} / ours ({setting})", ">=", 500, ratio)
+        ratio = times_exudyn(reports, setting, equal_error=True)
+        row(f"Exudyn at no larger tip error / ours ({setting})", ">=", 500, ratio)
+        ratio = times_exudyn(reports, setting, equal_error=False)
+        row(f"Exudyn at its fastest, at any error / ours ({setting})", "", nan, ratio)
     return table
 
 
