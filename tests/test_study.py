@@ -298,7 +298,7 @@ def test_the_contract(paper: study.Study) -> None:
     assert {"robot", "length_m", "comparisons", "verdict", "budget", "figures"} <= set(got)
     assert got["robot"] == "amouri2019"
     assert got["length_m"] == pytest.approx(0.641)
-    fields = "name against n mean_mm max_mm rms_mm mean_percent mean_by_axis_mm".split()
+    fields = ["name", "against", "n", "mean_mm", "max_mm", "rms_mm", "mean_percent", "mean_by_axis_mm"]
     for c in got["comparisons"]:
         assert list(c) == fields
         assert len(c["mean_by_axis_mm"]) == 3
