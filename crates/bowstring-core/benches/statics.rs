@@ -31,7 +31,7 @@ fn statics(c: &mut Criterion) {
         ("kirchhoff", Theory::Kirchhoff),
         ("cosserat", Theory::Cosserat),
     ] {
-        let mut solver = Solver::<2>::new(&robot, model(theory));
+        let mut solver = Solver::new(&robot, model(theory), 1).unwrap();
         let outcome = solver.solve(&load(&[80.0, 10.0, 5.0])).unwrap();
         assert_eq!(outcome.status, Status::Converged);
         println!("{name}: {} iterations", outcome.iterations);
@@ -53,7 +53,8 @@ fn statics(c: &mut Criterion) {
         });
     }
     for disks in [9, 450] {
-        let mut solver = Solver::<2>::new(&study_robot(disks, 0.0), model(Theory::Kirchhoff));
+        let mut solver =
+            Solver::new(&study_robot(disks, 0.0), model(Theory::Kirchhoff), 1).unwrap();
         c.bench_function(&format!("disks_{disks}"), |b| {
             b.iter(|| {
                 let outcome = solver.solve(&load(&[80.0, 10.0, 5.0])).unwrap();

@@ -1,38 +1,8 @@
 //! Many loads in one call: in order, each from the one before, or independent over all cores.
 
-use crate::linalg::Vec3;
 use crate::load::{Load, Model};
 use crate::robot::{InputError, Robot};
 use crate::statics::{Outcome, Pose, Solver, Status};
-
-/// A static solver whose number of elements is chosen at run time.
-///
-/// The methods are those of [`Solver`].
-pub trait Statics: Send {
-    fn solve(&mut self, load: &Load) -> Result<Outcome, InputError>;
-    fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError>;
-    fn disk(&self, k: usize) -> Pose;
-    fn tendon_length(&self, i: usize) -> f64;
-    fn centerline(&self, per_module: usize) -> Vec<Vec3>;
-}
-
-impl<const A: usize> Statics for Solver<A> {
-    fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
-        Solver::solve(self, load)
-    }
-    fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError> {
-        Solver::solve_next(self, load)
-    }
-    fn disk(&self, k: usize) -> Pose {
-        Solver::disk(self, k)
-    }
-    fn tendon_length(&self, i: usize) -> f64 {
-        Solver::tendon_length(self, i)
-    }
-    fn centerline(&self, per_module: usize) -> Vec<Vec3> {
-        Solver::centerline(self, per_module)
-    }
-}
 
 /// What to solve with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,19 +22,9 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// A solver with these settings. The only place that knows the compiled element counts.
-    pub fn solver(&self, robot: &Robot) -> Result<Box<dyn Statics>, InputError> {
-        Ok(match self.elements {
-            1 => Box::new(Solver::<2>::new(robot, self.model)),
-            2 => Box::new(Solver::<4>::new(robot, self.model)),
-            4 => Box::new(Solver::<8>::new(robot, self.model)),
-            8 => Box::new(Solver::<16>::new(robot, self.model)),
-            n => {
-                return Err(InputError(format!(
-                    "elements is {n}, it must be 1, 2, 4 or 8"
-                )))
-            }
-        })
+    /// A solver with these settings.
+    pub fn solver(&self, robot: &Robot) -> Result<Solver, InputError> {
+        Solver::new(robot, self.model, self.elements)
     }
 }
 
@@ -156,7 +116,7 @@ pub fn sweep(
     loads.check(robot)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     for mut chunk in solutions.chunks(robot, loads.count.max(1)) {
-        chunk.fill(solver.as_mut(), loads, warm);
+        chunk.fill(&mut solver, loads, warm);
     }
     Ok(solutions)
 }
@@ -178,7 +138,7 @@ pub fn solve_batch(
     let chunks = solutions.chunks(robot, CHUNK);
     let solver = || settings.solver(robot).expect("checked above");
     for_each_chunk(chunks, threads, solver, |solver, chunk| {
-        chunk.fill(solver.as_mut(), loads, false)
+        chunk.fill(solver, loads, false)
     });
     Ok(solutions)
 }
@@ -339,7 +299,7 @@ impl<'a> Chunk<'a> {
     }
 
     /// Solves the rows in order.
-    fn fill(&mut self, solver: &mut dyn Statics, loads: &Loads, warm: bool) {
+    fn fill(&mut self, solver: &mut Solver, loads: &Loads, warm: bool) {
         for i in 0..self.outcomes.len() {
             let load = loads.row(self.first + i, self.tendons);
             let outcome = if warm {
@@ -355,7 +315,7 @@ impl<'a> Chunk<'a> {
         }
     }
 
-    fn write(&mut self, i: usize, solver: &dyn Statics) {
+    fn write(&mut self, i: usize, solver: &Solver) {
         let tip = solver.disk(self.modules - 1);
         write_pose(&tip, i, self.tip_position, self.tip_rotation);
         for j in 0..self.tendons {

@@ -7,8 +7,8 @@ pub mod linalg;
 pub mod load;
 mod module;
 pub mod real;
-mod rod;
 pub mod robot;
+mod rod;
 #[cfg(target_arch = "x86_64")]
 mod simd;
 pub mod statics;

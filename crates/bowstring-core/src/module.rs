@@ -118,8 +118,9 @@ pub(crate) struct State<T, const A: usize> {
     pub rho: Vec3<T>,
     /// Contact force.
     pub n: Vec3<T>,
-    /// Dead loads on the end, the end's tangent and the start's tangent.
-    pub f: [Vec3<T>; 3],
+    /// Dead loads on the end, the end's tangent and the start's tangent, and the weight of an
+    /// element, which is on every node between two elements.
+    pub f: [Vec3<T>; 4],
     /// Moment of the spans about the end of the flexible part.
     span_torque: Vec3<T>,
     /// Moment of the dead loads about the start.
@@ -159,6 +160,8 @@ pub(crate) struct Response<T, const A: usize> {
     pub j: [Mat3<T>; A],
     pub m: Mat3<T>,
     pub d_hat: Mat3<T>,
+    /// Stiffness of the spans with the compliance in series.
+    pub g_hat: Mat3<T>,
     /// Stiffness of the spans between rotation (rows) and translation (columns).
     pub k: Mat3<T>,
 }
@@ -178,7 +181,7 @@ impl<T: Real, const A: usize> State<T, A> {
             rho0: zero,
             rho: zero,
             n: zero,
-            f: [zero; 3],
+            f: [zero; 4],
             span_torque: zero,
             load_moment: zero,
             lambda: zero,
@@ -249,8 +252,8 @@ impl<T: Real, const A: usize> State<T, A> {
                     self.span_torque = torque;
                     self.n = self.f[0] - pull;
                     let miss = self.rho0 + compliance * self.n - self.rho;
-                    let size = (miss.max_abs() * c.per_flexible).largest();
                     // a NaN passes on to the energy, where it is seen
+                    let size = (miss.max_abs() * c.per_flexible).largest_number();
                     if !(size > 1e-13) || round == MAX_ROUNDS {
                         break;
                     }
@@ -271,6 +274,17 @@ impl<T: Real, const A: usize> State<T, A> {
             - self.f[2][2];
         self.load_moment =
             self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) + Vec3::ez().cross(self.f[2]);
+        for node in 1..A / 2 {
+            let place = self.rho0 - self.beyond(node);
+            self.energy -= self.f[3].dot(place);
+            self.load_moment += place.cross(self.f[3]);
+        }
+    }
+
+    /// From a node between two elements to the end.
+    #[inline(always)]
+    fn beyond(&self, node: usize) -> Vec3<T> {
+        self.tail[2 * node - 1]
     }
 
     /// From the start disk to the end disk.
@@ -281,21 +295,17 @@ impl<T: Real, const A: usize> State<T, A> {
         offset
     }
 
-    /// Length of a tendon in this module.
-    pub fn tendon_length(&self, c: &Constants<T>, t: &Tendons<T>, tendon: &Tendon) -> T {
-        match t.path {
-            TendonPath::Straight => Span::new(c, tendon, &self.s, self.rho).length,
-            TendonPath::Continuous => {
-                let mut length = c.clamp[0] + c.clamp[1];
-                for i in (0..A).step_by(2) {
-                    let (a, b) = (self.w[i], self.w[i + 1]);
-                    length += ParallelPath::new::<A>(c, tendon, c.stretch(t), a, b).length;
-                }
-                // dead loads stretch the backbone, and the tendon with it
-                let along = self.rho0 * (T::splat(1.0) / self.rho0.norm());
-                length + along.dot(self.rho - self.rho0)
-            }
+    /// Length of a continuous tendon in this module.
+    #[inline(always)]
+    pub fn parallel_length(&self, c: &Constants<T>, t: &Tendons<T>, tendon: &Tendon) -> T {
+        let mut length = c.clamp[0] + c.clamp[1];
+        for i in (0..A).step_by(2) {
+            let (a, b) = (self.w[i], self.w[i + 1]);
+            length += ParallelPath::new::<A>(c, tendon, c.stretch(t), a, b).length;
         }
+        // dead loads stretch the backbone, and the tendon with it
+        let along = self.rho0 * (T::splat(1.0) / self.rho0.norm());
+        length + along.dot(self.rho - self.rho0)
     }
 
     /// Mean tangent, and change of the tangent from start to end.
@@ -345,6 +355,10 @@ impl<T: Real, const A: usize> State<T, A> {
                 out.r[i] = *p * (q * out.to_strain[i]) - tail;
             }
             out.g[i] = out.to_strain[i].tr_mul(elastic[i]) + out.torque - out.r[i].tr_mul(out.nu);
+            for node in i / 2 + 1..A / 2 {
+                // an arc moves a node like the end, less what lies beyond the node
+                out.g[i] -= out.r[i].tr_mul(self.f[3]) - self.beyond(node).cross(self.f[3]);
+            }
         }
     }
 
@@ -486,13 +500,39 @@ impl<T: Real, const A: usize> State<T, A> {
             let moved = m.mul_add(j[i], -kd.transpose());
             out.xu[i] = f1.cross_mat(moved) + on_x;
         }
+        let weight = self.f[3];
+        for node in 1..A / 2 {
+            let beyond = self.beyond(node);
+            for i in 0..2 * node {
+                let tail = self.tail[i] - beyond;
+                let p = &self.prefix[i];
+                let local = self.arcs[i].hessian(p.tr_mul(-weight), p.tr_mul(weight.cross(tail)));
+                out.uu[i][i] += grad.to_strain[i].tr_mat(local * grad.to_strain[i])
+                    + (-weight.outer(tail).symmetric_part()).add_diagonal([weight.dot(tail); 3]);
+                for b in i + 1..2 * node {
+                    let moved = grad.r[b] + beyond.skew();
+                    out.uu[b][i] += weight.cross_mat(moved).transpose();
+                }
+                out.xu[i] += weight.cross_mat(grad.r[i] + beyond.skew());
+            }
+        }
         let mut xx = f1.cross_mat(f1.cross_mat(d_hat).transpose());
         xx = -xx;
         for (f, v) in self.f.iter().zip([self.rho, tangent, Vec3::ez()]) {
             xx += (-f.outer(v).symmetric_part()).add_diagonal([f.dot(v); 3]);
         }
+        for node in 1..A / 2 {
+            let place = self.rho0 - self.beyond(node);
+            xx += (-weight.outer(place).symmetric_part()).add_diagonal([weight.dot(place); 3]);
+        }
         out.xx = xx;
-        Response { j, m, d_hat, k }
+        Response {
+            j,
+            m,
+            d_hat,
+            g_hat,
+            k,
+        }
     }
 
     /// Continuous tendons: second derivative by one arc's rotation vector.

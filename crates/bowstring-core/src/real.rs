@@ -45,6 +45,15 @@ pub trait Real:
         }
         m
     }
+    /// The largest lane that is a number; negative infinity if none is.
+    #[inline(always)]
+    fn largest_number(self) -> f64 {
+        let mut m = f64::NEG_INFINITY;
+        for i in 0..Self::LANES {
+            m = f64::max(m, self.lane(i));
+        }
+        m
+    }
 }
 
 impl Real for f64 {

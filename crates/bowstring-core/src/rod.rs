@@ -8,6 +8,7 @@ use crate::load::{Load, Model, TendonPath};
 use crate::module::{Constants, Gradient, Hessian, Span, State, Tendons};
 use crate::real::{Layout, Real};
 use crate::robot::{Robot, Tendon};
+use crate::statics::Pose;
 use crate::sweep::{Eliminated, Value};
 
 /// A robot under load, with its scratch memory: no pass allocates.
@@ -24,9 +25,12 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     tensions: Vec<L::Module>,
     /// By modules.
     pub eliminated: Vec<Eliminated<L::Chain, A>>,
-    dead: Vec<[Vec3<L::Chain>; 3]>,
+    dead: Vec<[Vec3<L::Chain>; 4]>,
     /// Of the disks, base included.
     pub rotations: Vec<Mat3<L::Chain>>,
+    /// Of the disks, and the lengths of the tendons, m: as of the last `finish`.
+    pub positions: Vec<Vec3<L::Chain>>,
+    pub lengths: Vec<L::Chain>,
     modules: Vec<Constants<f64>>,
     masses: Vec<f64>,
     first_tendon: Vec<usize>,
@@ -91,8 +95,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             saved: vec![zero; groups],
             tensions: vec![L::Module::zero(); groups * robot.tendon_count()],
             eliminated: vec![Eliminated::empty(); n],
-            dead: vec![[Vec3::zero(); 3]; n],
+            dead: vec![[Vec3::zero(); 4]; n],
             rotations: vec![Mat3::identity(); n + 1],
+            positions: vec![Vec3::zero(); n],
+            lengths: vec![L::Chain::zero(); robot.tendon_count()],
             masses: robot.spec().disks.iter().map(|d| d.mass).collect(),
             first_tendon: robot.modules.iter().map(|m| m.first_tendon).collect(),
             tendons: robot.spec().tendons.clone(),
@@ -128,12 +134,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let (h, [start, end]) = (c.flexible, c.clamp);
             let weight = gravity * splat(c.mass_per_length);
             force += gravity * splat(self.masses[k]);
-            // the flexible part's weight by Hermite's rule: half at each end, and a couple
+            // an element's weight by Hermite's rule: half at each end, and a couple
+            let element = h / (A / 2) as f64;
+            let couple = element * element / 12.0;
             self.dead[k] = [
-                force + weight * splat(h / 2.0 + end),
-                force * splat(end) + weight * splat(end * end / 2.0 - h * h / 12.0),
-                force * splat(start)
-                    + weight * splat(start * (start / 2.0 + h + end) + h * h / 12.0),
+                force + weight * splat(element / 2.0 + end),
+                force * splat(end) + weight * splat(end * end / 2.0 - couple),
+                force * splat(start) + weight * splat(start * (start / 2.0 + h + end) + couple),
+                weight * splat(element),
             ];
             force += weight * splat(h + start + end);
         }
@@ -175,7 +183,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let mut rotation = Mat3::identity();
         for k in 0..self.dead.len() {
             let (state, i) = (&mut self.states[k / L::WIDTH], k % L::WIDTH);
-            for (f, dead) in state.f.iter_mut().zip(&self.dead[k]) {
+            // the last is for nodes between elements
+            let used = if A > 2 { 4 } else { 3 };
+            for (f, dead) in state.f[..used].iter_mut().zip(&self.dead[k]) {
                 put::<L>(f, i, rotation.tr_mul(*dead));
             }
             rotation = rotation * get_mat::<L>(&state.s, i);
@@ -309,14 +319,15 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         Step { slope, largest }
     }
 
-    /// Sum of the tensions, N: times a length, the size of the cables' energy.
-    pub fn tension_scale(&self) -> L::Chain {
-        let mut sum = L::Chain::zero();
-        // all tendons pass the first module
+    /// Size of the terms that the energy is a small difference of, N m.
+    pub fn energy_scale(&self, length: f64) -> f64 {
+        let mut force = 0.0;
+        // all tendons pass the first module, all dead loads pull on it
         for t in &self.tensions[..self.tendons.len()] {
-            sum += L::get(t, 0);
+            force += t.lane(0);
         }
-        sum
+        force += self.dead[0][0].norm().lane(0);
+        force * length
     }
 
     /// Takes the step as the next right-hand side: inverse iteration.
@@ -342,49 +353,94 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Length of a tendon in module `k`.
-    fn module_tendon_length(&self, k: usize, tendon: usize) -> L::Chain {
-        let g = k / L::WIDTH;
-        let (state, c) = (&self.states[g], &self.constants[g]);
-        let length = state.tendon_length(c, &self.tendons(g), &self.tendons[tendon]);
-        L::get(&length, k % L::WIDTH)
-    }
-
-    /// Length of a tendon from the base hole to its end disk's hole, m.
-    pub fn tendon_length(&self, i: usize) -> L::Chain {
-        let mut length = L::Chain::zero();
-        for k in 0..=self.tendons[i].end_disk {
-            length += self.module_tendon_length(k, i);
-        }
-        length
-    }
-
-    /// Positions of the disks, in order.
+    /// Places the disks, measures the tendons; returns the first module in which a loaded
+    /// span points backward (in the first lane of the chain): its two disks would have to pass
+    /// through each other.
     #[inline(always)]
-    pub fn positions(&self, mut visit: impl FnMut(usize, Vec3<L::Chain>)) {
+    pub fn finish(&mut self) -> Option<usize> {
+        let count = self.tendons.len();
+        let n = self.dead.len();
         let mut position = Vec3::zero();
-        for k in 0..self.dead.len() {
-            let g = k / L::WIDTH;
-            let offset = self.states[g].offset(&self.constants[g]);
-            position += self.rotations[k] * get::<L>(&offset, k % L::WIDTH);
-            visit(k, position);
+        let mut collision = None;
+        for length in &mut self.lengths {
+            *length = L::Chain::zero();
         }
+        for (g, (c, state)) in self.constants.iter().zip(&self.states).enumerate() {
+            let t = Tendons {
+                tendons: &self.tendons,
+                tensions: &self.tensions[g * count..(g + 1) * count],
+                path: self.path,
+            };
+            let here = L::WIDTH.min(n - g * L::WIDTH);
+            let offset = state.offset(c);
+            let mean = state.s.column(2) + Vec3::ez();
+            for i in 0..here {
+                let k = g * L::WIDTH + i;
+                position += self.rotations[k] * get::<L>(&offset, i);
+                self.positions[k] = position;
+            }
+            for (j, tendon) in self.tendons.iter().enumerate() {
+                let (length, forward) = match self.path {
+                    TendonPath::Straight => {
+                        let span = Span::new(c, tendon, &state.s, state.rho);
+                        (span.length, span.direction.dot(mean))
+                    }
+                    TendonPath::Continuous => {
+                        (state.parallel_length(c, &t, tendon), L::Module::splat(1.0))
+                    }
+                };
+                for i in 0..here {
+                    let k = g * L::WIDTH + i;
+                    if k > tendon.end_disk {
+                        break;
+                    }
+                    self.lengths[j] += L::get(&length, i);
+                    if t.tensions[j].lane(i) > 0.0
+                        && !(forward.lane(i) > 0.0)
+                        && collision.is_none()
+                    {
+                        collision = Some(k);
+                    }
+                }
+            }
+        }
+        collision
     }
 
     pub fn module_count(&self) -> usize {
         self.dead.len()
     }
 
-    /// Strain of module `k` in one lane of the chain.
-    pub fn strain(&self, k: usize, lane: usize) -> [Vec3; A] {
-        let w = &self.states[k / L::WIDTH].w;
-        w.map(|v| Vec3(get::<L>(&v, k % L::WIDTH).0.map(|x| x.lane(lane))))
+    /// Pose of disk `k` in one lane of the chain.
+    pub fn disk(&self, k: usize, lane: usize) -> Pose {
+        let mut pose = Pose {
+            rotation: Mat3::zero(),
+            position: Vec3::zero(),
+        };
+        for r in 0..3 {
+            pose.position[r] = self.positions[k][r].lane(lane);
+            for c in 0..3 {
+                pose.rotation.0[r][c] = self.rotations[k + 1].0[r][c].lane(lane);
+            }
+        }
+        pose
     }
 
-    pub fn set_strain(&mut self, k: usize, w: [Vec3; A]) {
-        let state = &mut self.states[k / L::WIDTH];
-        for (place, v) in state.w.iter_mut().zip(w) {
-            put::<L>(place, k % L::WIDTH, Vec3::splat(v.0));
+    /// Strains of all arcs from base to tip, of one robot.
+    pub fn strains(&self, mut visit: impl FnMut(usize, Vec3)) {
+        for k in 0..self.dead.len() {
+            for (a, v) in self.states[k / L::WIDTH].w.iter().enumerate() {
+                let w = get::<L>(v, k % L::WIDTH);
+                visit(k * A + a, Vec3([w[0].lane(0), w[1].lane(0), w[2].lane(0)]));
+            }
+        }
+    }
+
+    pub fn set_strains(&mut self, strain: impl Fn(usize) -> Vec3) {
+        for k in 0..self.dead.len() {
+            for (a, v) in self.states[k / L::WIDTH].w.iter_mut().enumerate() {
+                put::<L>(v, k % L::WIDTH, Vec3::splat(strain(k * A + a).0));
+            }
         }
     }
 }
@@ -398,28 +454,5 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             Vec3::splat(load.tip_force),
             Vec3::splat(load.tip_moment),
         );
-    }
-
-    /// The first module in which a loaded span points backward: its two disks would have to
-    /// pass through each other. For one robot.
-    #[inline(always)]
-    pub fn disks_collide(&self) -> Option<usize> {
-        if self.path == TendonPath::Continuous {
-            return None;
-        }
-        for (g, (c, state)) in self.constants.iter().zip(&self.states).enumerate() {
-            let mean = state.s.column(2) + Vec3::ez();
-            let t = self.tendons(g);
-            for (tendon, tension) in t.tendons.iter().zip(t.tensions) {
-                let span = Span::new(c, tendon, &state.s, state.rho);
-                let forward = span.direction.dot(mean);
-                for i in 0..L::WIDTH.min(self.dead.len() - g * L::WIDTH) {
-                    if tension.lane(i) > 0.0 && !(forward.lane(i) > 0.0) {
-                        return Some(g * L::WIDTH + i);
-                    }
-                }
-            }
-        }
-        None
     }
 }

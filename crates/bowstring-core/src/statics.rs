@@ -66,8 +66,6 @@ pub struct Pose {
 
 /// A robot, its physics, and scratch memory for one solve after another.
 ///
-/// `A` is the number of arcs in a module: 2 for one element of fourth order, 4 for two, ...
-///
 /// ```
 /// use bowstring_core::{load::{Load, Model}, robot::*, statics::{Solver, Status}};
 /// let section = Section { bending: 1.07, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035 };
@@ -78,7 +76,7 @@ pub struct Pose {
 ///     tendons: vec![Tendon { hole: [0.029, 0.0], end_disk: 8 }],
 ///     gravity: [0.0; 3],
 /// })?;
-/// let mut solver = Solver::<2>::new(&robot, Model::default());
+/// let mut solver = Solver::new(&robot, Model::default(), 1)?;
 /// let load = Load { tensions: &[40.0], gravity: [0.0; 3], tip_force: [0.0; 3], tip_moment: [0.0; 3] };
 /// let outcome = solver.solve(&load)?;
 /// assert_eq!(outcome.status, Status::Converged);
@@ -86,14 +84,15 @@ pub struct Pose {
 /// # Ok::<(), InputError>(())
 /// ```
 #[derive(Clone)]
-pub struct Solver<const A: usize> {
+pub struct Solver {
     robot: Robot,
     model: Model,
-    engine: Engine<A>,
+    elements: usize,
+    engine: Engine,
     settings: Settings,
     load: OwnedLoad,
     /// Strain of the points before, latest first, for extrapolation along a sweep.
-    history: [Vec<[Vec3; A]>; 3],
+    history: [Vec<Vec3>; 3],
     known: usize,
 }
 
@@ -138,21 +137,29 @@ impl Settings {
     }
 }
 
-/// The rod, laid out for the processor.
+/// The rod, by elements in a module and laid out for the processor.
+///
+/// Lanes are for the default of one element alone: finer rods serve to check it.
 #[derive(Clone)]
-enum Engine<const A: usize> {
-    Scalar(Box<Rod<Scalar, A>>),
+enum Engine {
+    One(Box<Rod<Scalar, 2>>),
+    Two(Box<Rod<Scalar, 4>>),
+    Four(Box<Rod<Scalar, 8>>),
+    Eight(Box<Rod<Scalar, 16>>),
     #[cfg(target_arch = "x86_64")]
-    Avx2(Box<Rod<crate::simd::Modules<crate::simd::F64x4>, A>>),
+    Avx2(Box<Rod<crate::simd::Modules<crate::simd::F64x4>, 2>>),
     #[cfg(target_arch = "x86_64")]
-    Avx512(Box<Rod<crate::simd::Modules<crate::simd::F64x8>, A>>),
+    Avx512(Box<Rod<crate::simd::Modules<crate::simd::F64x8>, 2>>),
 }
 
 /// The same code for whichever rod the engine holds.
 macro_rules! with_rod {
     ($engine:expr, $rod:ident => $code:expr) => {
         match $engine {
-            Engine::Scalar($rod) => $code,
+            Engine::One($rod) => $code,
+            Engine::Two($rod) => $code,
+            Engine::Four($rod) => $code,
+            Engine::Eight($rod) => $code,
             #[cfg(target_arch = "x86_64")]
             Engine::Avx2($rod) => $code,
             #[cfg(target_arch = "x86_64")]
@@ -161,23 +168,54 @@ macro_rules! with_rod {
     };
 }
 
-impl<const A: usize> Engine<A> {
-    fn new(robot: &Robot, model: Model) -> Self {
+/// The same code for whichever rod in plain numbers the engine holds.
+macro_rules! with_scalar_rod {
+    ($engine:expr, $rod:ident => $code:expr) => {
+        match $engine {
+            Engine::One($rod) => $code,
+            Engine::Two($rod) => $code,
+            Engine::Four($rod) => $code,
+            Engine::Eight($rod) => $code,
+            #[cfg(target_arch = "x86_64")]
+            _ => unreachable!("an engine in plain numbers"),
+        }
+    };
+}
+
+impl Engine {
+    fn new(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
         #[cfg(target_arch = "x86_64")]
-        {
+        if elements == 1 {
             if crate::simd::has_avx512() {
-                return Engine::Avx512(Box::new(Rod::new(robot, model)));
+                return Ok(Engine::Avx512(Box::new(Rod::new(robot, model))));
             }
             if crate::simd::has_avx2() {
-                return Engine::Avx2(Box::new(Rod::new(robot, model)));
+                return Ok(Engine::Avx2(Box::new(Rod::new(robot, model))));
             }
         }
-        Engine::Scalar(Box::new(Rod::new(robot, model)))
+        Self::scalar(robot, model, elements)
+    }
+
+    fn scalar(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
+        Ok(match elements {
+            1 => Engine::One(Box::new(Rod::new(robot, model))),
+            2 => Engine::Two(Box::new(Rod::new(robot, model))),
+            4 => Engine::Four(Box::new(Rod::new(robot, model))),
+            8 => Engine::Eight(Box::new(Rod::new(robot, model))),
+            n => {
+                return Err(InputError(format!(
+                    "elements is {n}, it must be 1, 2, 4 or 8"
+                )))
+            }
+        })
     }
 
     fn newton(&mut self, settings: &Settings, outcome: &mut Outcome) -> Attempt {
         match self {
-            Engine::Scalar(rod) => newton(rod, settings, outcome),
+            Engine::One(rod) => newton(rod, settings, outcome),
+            Engine::Two(rod) => newton(rod, settings, outcome),
+            Engine::Four(rod) => newton(rod, settings, outcome),
+            Engine::Eight(rod) => newton(rod, settings, outcome),
             // SAFETY: the engine was chosen by what the processor has
             #[cfg(target_arch = "x86_64")]
             Engine::Avx2(rod) => unsafe { newton_avx2(rod, settings, outcome) },
@@ -217,18 +255,22 @@ enum Attempt {
     Stuck,
 }
 
-impl<const A: usize> Solver<A> {
-    pub fn new(robot: &Robot, model: Model) -> Self {
-        let straight = vec![[Vec3::zero(); A]; robot.module_count()];
-        Solver {
-            engine: Engine::new(robot, model),
-            settings: Settings::new(robot, model, A / 2),
+impl Solver {
+    /// A solver with 1, 2, 4 or 8 elements of fourth order in a module; 1 is the default of
+    /// all outputs.
+    pub fn new(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
+        let engine = Engine::new(robot, model, elements)?;
+        let straight = vec![Vec3::zero(); 2 * elements * robot.module_count()];
+        Ok(Solver {
+            engine,
+            settings: Settings::new(robot, model, elements),
             robot: robot.clone(),
             model,
+            elements,
             load: OwnedLoad::default(),
             history: [straight.clone(), straight.clone(), straight],
             known: 0,
-        }
+        })
     }
 
     /// The robot that is solved.
@@ -255,20 +297,14 @@ impl<const A: usize> Solver<A> {
             return self.solve(load);
         }
         self.load.set(load);
+        let [a, b, c] = &self.history;
         with_rod!(&mut self.engine, rod => {
             rod.load(load);
-            for k in 0..rod.module_count() {
-                let [a, b, c] = [0, 1, 2].map(|i| self.history[i][k]);
-                let mut w = a;
-                for i in 0..A {
-                    w[i] = match self.known {
-                        1 => a[i],
-                        2 => a[i] * 2.0 - b[i],
-                        _ => (a[i] - b[i]) * 3.0 + c[i],
-                    };
-                }
-                rod.set_strain(k, w);
-            }
+            rod.set_strains(|i| match self.known {
+                1 => a[i],
+                2 => a[i] * 2.0 - b[i],
+                _ => (a[i] - b[i]) * 3.0 + c[i],
+            });
         });
         let mut outcome = self.equilibrium(load);
         if outcome.status != Status::Converged {
@@ -295,11 +331,7 @@ impl<const A: usize> Solver<A> {
         }
         self.history.rotate_right(1);
         let latest = &mut self.history[0];
-        with_rod!(&self.engine, rod => {
-            for (k, w) in latest.iter_mut().enumerate() {
-                *w = rod.strain(k, 0);
-            }
-        });
+        with_rod!(&self.engine, rod => rod.strains(|i, w| latest[i] = w));
         self.known = (self.known + 1).min(3);
     }
 
@@ -339,7 +371,7 @@ impl<const A: usize> Solver<A> {
     /// Raises the load from zero by steps that adapt; tells how far it came.
     fn continuation(&mut self, load: &Load, outcome: &mut Outcome) -> Attempt {
         let mut tensions = load.tensions.to_vec();
-        let mut start = vec![[Vec3::zero(); A]; self.robot.module_count()];
+        let mut start = vec![Vec3::zero(); self.history[0].len()];
         let (mut reached, mut increment) = (0.0, 0.25);
         loop {
             let fraction = f64::min(reached + increment, 1.0);
@@ -355,9 +387,7 @@ impl<const A: usize> Solver<A> {
             with_rod!(&mut self.engine, rod => {
                 rod.load(&part_load);
                 rod.make_straight();
-                for (k, w) in start.iter().enumerate() {
-                    rod.set_strain(k, *w);
-                }
+                rod.set_strains(|i| start[i]);
             });
             let mut part = Outcome {
                 iterations: 0,
@@ -379,11 +409,7 @@ impl<const A: usize> Solver<A> {
                 return attempt;
             }
             if sound {
-                with_rod!(&self.engine, rod => {
-                    for (k, w) in start.iter_mut().enumerate() {
-                        *w = rod.strain(k, 0);
-                    }
-                });
+                with_rod!(&self.engine, rod => rod.strains(|i, w| start[i] = w));
                 reached = fraction;
                 increment *= 1.5;
             } else {
@@ -398,73 +424,56 @@ impl<const A: usize> Solver<A> {
 
     /// Pose of the tip, which is the last disk.
     pub fn tip(&self) -> Pose {
-        let mut tip = Pose {
-            rotation: Mat3::identity(),
-            position: Vec3::zero(),
-        };
-        self.disks(|_, pose| tip = pose);
-        tip
+        self.disk(self.robot.module_count() - 1)
     }
 
-    /// Poses of the disks, from base to tip.
-    pub fn disks(&self, mut visit: impl FnMut(usize, Pose)) {
-        with_rod!(&self.engine, rod => rod.positions(|k, p| {
-            visit(k, Pose {
-                rotation: Mat3(rod.rotations[k + 1].0.map(|row| row.map(|x| x.lane(0)))),
-                position: Vec3(p.0.map(|x| x.lane(0))),
-            });
-        }));
-    }
-
-    /// Pose of a disk.
+    /// Pose of a disk, counted from the base.
     pub fn disk(&self, k: usize) -> Pose {
-        let mut disk = None;
-        self.disks(|i, pose| {
-            if i == k {
-                disk = Some(pose);
-            }
-        });
-        disk.expect("a disk of this robot")
+        with_rod!(&self.engine, rod => rod.disk(k, 0))
     }
 
     /// Length of a tendon from the base hole to the hole of its end disk, m.
     pub fn tendon_length(&self, i: usize) -> f64 {
-        with_rod!(&self.engine, rod => rod.tendon_length(i).lane(0))
+        with_rod!(&self.engine, rod => rod.lengths[i].lane(0))
     }
 
     /// Points of the backbone, `per_module` in each module, base and tip included, m.
     pub fn centerline(&self, per_module: usize) -> Vec<Vec3> {
-        let rod = self.scalar();
         let mut points = vec![Vec3::zero()];
         let mut from = Vec3::zero();
-        rod.positions(|k, position| {
-            let (state, c) = (&rod.states[k], &rod.constants[k]);
-            for j in 1..per_module {
-                let local = state.point(c, j as f64 / per_module as f64);
-                points.push(from + rod.rotations[k] * local);
+        with_scalar_rod!(self.scalar(), rod => {
+            for (k, (state, c)) in rod.states.iter().zip(&rod.constants).enumerate() {
+                for j in 1..per_module {
+                    let local = state.point(c, j as f64 / per_module as f64);
+                    points.push(from + rod.rotations[k] * local);
+                }
+                from = rod.positions[k];
+                points.push(from);
             }
-            points.push(position);
-            from = position;
         });
         points
     }
 
     /// The present state in plain numbers, evaluated.
-    pub(crate) fn scalar(&self) -> Box<Rod<Scalar, A>> {
-        let mut rod = Box::new(Rod::<Scalar, A>::new(&self.robot, self.model));
-        rod.load(&Load {
-            tensions: &self.load.tensions,
-            gravity: self.load.gravity,
-            tip_force: self.load.tip_force,
-            tip_moment: self.load.tip_moment,
+    fn scalar(&self) -> Engine {
+        let mut engine = Engine::scalar(&self.robot, self.model, self.elements)
+            .expect("elements were checked when the solver was made");
+        with_scalar_rod!(&mut engine, rod => {
+            rod.load(&Load {
+                tensions: &self.load.tensions,
+                gravity: self.load.gravity,
+                tip_force: self.load.tip_force,
+                tip_moment: self.load.tip_moment,
+            });
+            with_rod!(&self.engine, present => {
+                let mut strains = vec![Vec3::zero(); self.history[0].len()];
+                present.strains(|i, w| strains[i] = w);
+                rod.set_strains(|i| strains[i]);
+            });
+            rod.evaluate();
+            rod.finish();
         });
-        with_rod!(&self.engine, present => {
-            for k in 0..present.module_count() {
-                rod.set_strain(k, present.strain(k, 0));
-            }
-        });
-        rod.evaluate();
-        rod
+        engine
     }
 }
 
@@ -476,10 +485,10 @@ const MAX_ESCAPES: usize = 4;
 const MAX_RESIDUAL_STEPS: usize = 40;
 
 #[inline(always)]
-fn converged<L: Layout, const A: usize>(rod: &Rod<L, A>, stable: Option<bool>) -> Attempt {
+fn converged<L: Layout, const A: usize>(rod: &mut Rod<L, A>, stable: Option<bool>) -> Attempt {
     Attempt::Converged {
         stable,
-        collision: rod.disks_collide(),
+        collision: rod.finish(),
     }
 }
 
@@ -511,7 +520,7 @@ fn newton_on_energy<L: Layout, const A: usize>(
     let mut shift = 0.0;
     let mut escapes = 0;
     // rounding of the energy, which is a small difference of large terms
-    let noise = 1e-14 * (rod.tension_scale().lane(0) * settings.length + energy.abs());
+    let noise = 1e-14 * (rod.energy_scale(settings.length) + energy.abs());
     // the last elimination still tells the inertia if the step after it was short
     let mut minimum_nearby = false;
     loop {

@@ -42,7 +42,7 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
             assert_eq!(one.disk_rotation, other.disk_rotation);
             assert_eq!(one.tendon_length, other.tendon_length);
         }
-        let mut solver = Solver::<2>::new(&robot, Model::default());
+        let mut solver = Solver::new(&robot, Model::default(), 1).unwrap();
         for i in (0..n).filter(|_| elements == 1) {
             let load = Load {
                 tensions: &t[3 * i..][..3],

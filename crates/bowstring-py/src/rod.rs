@@ -1,8 +1,9 @@
 //! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one answer.
 
-use bowstring_core::batch::{self, write_pose, Loads, Settings, Solutions, Statics};
+use bowstring_core::batch::{self, write_pose, Loads, Settings, Solutions};
 use bowstring_core::load::{Load, Model, TendonPath, Theory};
 use bowstring_core::robot::{Disk, InputError, RobotSpec, Section, Tendon};
+use bowstring_core::statics::Solver;
 use bowstring_core::statics::{Outcome, Status};
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyArrayMethods, PyReadonlyArray1,
@@ -152,8 +153,8 @@ impl Robot {
             .detach(|| {
                 let mut solver = settings.solver(robot)?;
                 let outcome = solver.solve(&load.borrow())?;
-                let answer = (outcome.status == Status::Converged)
-                    .then(|| Answer::read(robot, solver.as_ref()));
+                let answer =
+                    (outcome.status == Status::Converged).then(|| Answer::read(robot, &solver));
                 Ok((outcome, answer))
             })
             .map(|(outcome, answer)| Solution {
@@ -283,7 +284,7 @@ struct Answer {
 }
 
 impl Answer {
-    fn read(robot: &bowstring_core::robot::Robot, solver: &dyn Statics) -> Self {
+    fn read(robot: &bowstring_core::robot::Robot, solver: &Solver) -> Self {
         let n = robot.module_count();
         let (mut disk_position, mut disk_rotation) = (vec![0.0; 3 * n], vec![0.0; 9 * n]);
         for k in 0..n {
