@@ -1,5 +1,6 @@
 //! Mechanics and constant-curvature kinematics of tendon-driven continuum robots.
 
+pub mod arc;
 pub mod lie;
 pub mod linalg;
 pub mod load;
