@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,6 +27,8 @@ _UNITS: Final[dict[str, dict[str, Decimal]]] = {
         "kg/m^3": {"kg/m^3": "1", "g/cm^3": "1e3"},
         "m/s^2": {"m/s^2": "1"},
         "rad": {"rad": "1", "deg": "0.01745329251994329576923690768488613"},
+        "N": {"N": "1", "mN": "1e-3", "kN": "1e3"},
+        "N*m": {"N*m": "1", "Nm": "1", "N*mm": "1e-3", "Nmm": "1e-3", "mNm": "1e-3"},
     }.items()
 }
 _QUANTITY_NAMES: Final = {
@@ -35,6 +38,8 @@ _QUANTITY_NAMES: Final = {
     "kg/m^3": "density",
     "m/s^2": "acceleration",
     "rad": "angle",
+    "N": "force",
+    "N*m": "moment",
 }
 _SAME_UNIT: Final = str.maketrans({"²": "^2", "³": "^3", "µ": "u", "μ": "u", "°": "deg", "·": "*"})
 NUMBER: Final = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
@@ -84,6 +89,29 @@ def _parse_quantities(text: str, si: str) -> list[float]:
         raise ValueError("without a unit")
     factor = _factor(unit, si) if unit else Decimal(1)
     return [float(Decimal(number) * factor) for number in numbers.split()]
+
+
+def read_number(text: str, si: str) -> float:
+    """Read one number of the command line; without a unit it is SI.
+
+    ValueError continues the sentence 'got "...", '.
+    """
+    text = text.strip()
+    if re.fullmatch(NUMBER, text, re.ASCII):
+        values = [float(text)]
+    elif not re.match(NUMBER, text, re.ASCII):
+        raise ValueError("which is not a number")
+    elif re.match(rf"{NUMBER}\s+{NUMBER}", text, re.ASCII):
+        raise ValueError("which is more than one number")
+    else:
+        try:
+            values = _parse_quantities(text, si)
+        except ValueError as error:
+            why = str(error)
+            raise ValueError(why if why.startswith('"') else f"which {why}") from None
+    if not math.isfinite(values[0]):
+        raise ValueError("which is too large")
+    return values[0]
 
 
 @cache
