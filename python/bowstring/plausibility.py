@@ -7,13 +7,16 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bowstring.units import number_with_unit
+from bowstring.units import number_with_unit, rounded
 
 if TYPE_CHECKING:
     from bowstring.robot import Robot
 
 _STANDARD_GRAVITY: Final = 9.80665  # m/s^2
+
+Floats = NDArray[np.float64]
 
 # What makes a number doubtful. A wrong unit is mostly wrong by 1000, so each range is wide enough
 # for any robot that we know of and much narrower than 1000 times beyond it.
@@ -47,13 +50,13 @@ def doubts(robot: Robot) -> Iterator[str]:
             yield (
                 f"{here}.length = {number_with_unit(s.length, 'm')} with backbone.diameter = "
                 f"{number_with_unit(s.backbone.diameter, 'm')}: length/diameter = "
-                f"{slenderness:.3g} is {kind}; is one of the two in the wrong unit (m, mm)?"
+                f"{rounded(slenderness)} is {kind}; is one of the two in the wrong unit (m, mm)?"
             )
         density = s.backbone.density
         if density and not _DENSITY[0] <= density <= _DENSITY[1]:
             yield (
-                f"{here}.backbone.density = {density:.4g} kg/m^3: no backbone material has it; "
-                "is it in the wrong unit (kg/m^3, g/cm^3)?"
+                f"{here}.backbone.density = {rounded(density, 4)} kg/m^3: no backbone "
+                "material has it; is it in the wrong unit (kg/m^3, g/cm^3)?"
             )
         volume = math.pi * s.disks.radius**2 * s.disks.thickness
         if s.disks.mass and volume:
@@ -62,7 +65,7 @@ def doubts(robot: Robot) -> Iterator[str]:
                 unit = "g" if mean > _DISK_DENSITY[1] else "kg"
                 yield (
                     f"{here}.disks.mass = {number_with_unit(s.disks.mass, 'kg')}: a disk of this "
-                    f"radius and thickness would have a density of {mean:.3g} kg/m^3; "
+                    f"radius and thickness would have a density of {rounded(mean)} kg/m^3; "
                     f"is the mass in {unit}?"
                 )
         if s.backbone.G is not None:
@@ -70,7 +73,7 @@ def doubts(robot: Robot) -> Iterator[str]:
             if not -1 < nu <= 0.5:
                 yield (
                     f"{here}.backbone.G = {number_with_unit(s.backbone.G, 'Pa')} with E = "
-                    f"{number_with_unit(s.backbone.E, 'Pa')} makes nu = {nu:.3g}, which no "
+                    f"{number_with_unit(s.backbone.E, 'Pa')} makes nu = {rounded(nu)}, which no "
                     "isotropic material has; is one of the two in the wrong unit (MPa, GPa)?"
                 )
     spacing = np.diff(disks.station_m, prepend=0.0)
@@ -85,7 +88,9 @@ def doubts(robot: Robot) -> Iterator[str]:
         )
     size = math.hypot(*robot.gravity)
     if size > _MAX_GRAVITY:
-        yield f"gravity = {size:.4g} m/s^2 in size: more than on any planet; is it in mm/s^2?"
+        yield (
+            f"gravity = {rounded(size, 4)} m/s^2 in size: more than on any planet; is it in mm/s^2?"
+        )
     yield from _buckling_doubts(robot)
 
 
@@ -111,10 +116,10 @@ def _stiffness_doubts(robot: Robot, k: int, weight: float) -> Iterator[str]:
         if turns / 1000 <= _MAX_TURNS and stiffer <= _MAX_E:
             meant = number_with_unit(stiffer, "Pa")
             bend = math.degrees(weight * bend_by_newton / 1000)
-            guess = f"with {meant} it would bend it by {bend:.2g} degrees: is {meant} meant?"
+            guess = f"with {meant} it would bend it by {rounded(bend)} degrees: is {meant} meant?"
         yield (
-            f"{where} looks wrong: a pull of the robot's own weight ({weight:.2g} N) on one "
-            f"tendon would wind the backbone {turns:.2g} times around; {guess}"
+            f"{where} looks wrong: a pull of the robot's own weight ({rounded(weight)} N) on one "
+            f"tendon would wind the backbone {rounded(turns)} times around; {guess}"
         )
     elif _STRONG_PULL * bend_by_newton < _MIN_BEND:
         yield (
@@ -136,9 +141,7 @@ def _buckling_doubts(robot: Robot) -> Iterator[str]:
     length, disks = robot.length, robot.disks
     wave = math.pi / (2 * length)
 
-    def sunk(
-        s: NDArray[np.float64],
-    ) -> NDArray[np.float64]:  # twice how far the point s sinks, per amplitude squared
+    def sunk(s: Floats) -> Floats:  # how far the point s sinks, per amplitude squared / 2
         return s / 2 - np.sin(2 * wave * s) / (4 * wave)
 
     work = float(disks.mass_kg @ sunk(disks.station_m))
@@ -156,7 +159,7 @@ def _buckling_doubts(robot: Robot) -> Iterator[str]:
         s = robot.segments[k]
         yield (
             f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}: the upright "
-            f"backbone buckles under its own weight, {ratio:.2g} times what it can carry; check "
-            f"the unit of E (MPa, GPa), diameter = {number_with_unit(s.backbone.diameter, 'm')}, "
+            f"backbone buckles under its own weight, {rounded(ratio)} times what it can carry; "
+            f"check the unit of E (MPa, GPa), diameter = {number_with_unit(s.backbone.diameter, 'm')}, "
             f"disks.mass = {number_with_unit(s.disks.mass, 'kg')} and the sign of gravity"
         )

@@ -382,8 +382,6 @@ class Robot(_Part):
             If a path does not exist or the changed robot is not valid.
         """
         tree = self.model_dump(mode="json", exclude_none=True)
-        if not self.description:
-            del tree["description"]
         return _build(_override(tree, overrides), self.name)
 
     @property
@@ -599,19 +597,19 @@ def _clamp_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
     """Each module needs backbone that can bend between what its two disks clamp."""
     before = 0.0  # clamped length of the disk before; the base clamps none
     for k, s in enumerate(parts):
-        positions = np.array((0.0, *s.disk_positions))
-        spacing = np.diff(positions)
+        spacing = np.diff((0.0, *s.disk_positions))
         clamped = np.full(len(spacing), s.disks.clamped_length)
         clamped[0] = (before + s.disks.clamped_length) / 2
         before = s.disks.clamped_length
-        if np.any(np.diff(positions) <= 0):
+        if np.any(spacing <= 0):
             continue  # reported with the positions
-        worst = int(np.argmin(spacing - clamped))
-        if spacing[worst] <= clamped[worst] * (1 + 1e-9):
+        full = np.flatnonzero(spacing <= clamped * (1 + 1e-9))
+        if full.size:
+            i = int(full[0])
             yield (
                 f"segments[{k}].disks.clamped_length: "
                 f"got {number_with_unit(s.disks.clamped_length, 'm')}; the disks clamp all of the "
-                f"{number_with_unit(float(spacing[worst]), 'm')} before disk {worst + 1} of the "
+                f"{number_with_unit(float(spacing[i]), 'm')} before disk {i + 1} of the "
                 "segment, must leave some backbone free to bend"
             )
 
@@ -745,7 +743,7 @@ def _override(tree: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, A
 
 
 def _also_set(overrides: Mapping[str, Any], path: str, other: str) -> bool:
-    return re.sub(r"[^.]*$", other, path) in overrides
+    return f"{path.rpartition('.')[0]}.{other}" in overrides
 
 
 def _step(here: Any, key: str, above: list[str], path: str) -> Any:

@@ -123,13 +123,18 @@ def number_with_unit(value: float, si: str) -> str:
     """Write an SI number in the unit that people use for it."""
     unit, factor = si, 1.0
     if si == "m":
-        unit, factor = "mm", 1e-3
+        unit, factor = ("m", 1.0) if abs(value) >= 10 else ("mm", 1e-3)
     elif si == "kg":
         unit, factor = ("kg", 1.0) if abs(value) >= 1 else ("g", 1e-3)
     elif si == "Pa":
         units = (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3), ("Pa", 1.0))
         unit, factor = next((u for u in units if abs(value) >= u[1]), units[-1])
-    return f"{value / factor:.4g} {unit}".rstrip()
+    return f"{rounded(value / factor, 4)} {unit}"
+
+
+def rounded(value: float, digits: int = 2) -> str:
+    """Write a number with so many significant digits, and up to a million without exponent."""
+    return f"{float(f'{value:.{digits}g}'):g}"
 
 
 def quote(value: object) -> str:
@@ -295,7 +300,7 @@ class Count:
 
 @dataclass(frozen=True)
 class Text:
-    """Marks a free text of limited length."""
+    """Marks a text of limited length; ``lines``: of several lines or none."""
 
     most: int
     example: str
@@ -306,8 +311,8 @@ class Text:
             raise wrong(f"got {quote(value)}; must be text")
         text = value.strip()
         shown = re.sub(r"[\n\t]", " ", text) if self.lines else text
-        if not text or len(text) > self.most or not shown.isprintable():
-            raise wrong(f"got {quote(value)}; must be 1 to {self.most} printable characters")
+        if not (text or self.lines) or len(text) > self.most or not shown.isprintable():
+            raise wrong(f"got {quote(value)}; must be up to {self.most} printable characters")
         return text
 
     def __get_pydantic_core_schema__(
@@ -320,7 +325,7 @@ class Text:
     ) -> dict[str, Any]:
         return {
             "type": "string",
-            "minLength": 1,
+            "minLength": 0 if self.lines else 1,
             "maxLength": self.most,
             "examples": [self.example],
         }
