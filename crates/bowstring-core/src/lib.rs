@@ -1,6 +1,7 @@
 //! Mechanics and constant-curvature kinematics of tendon-driven continuum robots.
 
 pub mod arc;
+pub mod batch;
 pub mod lie;
 pub mod linalg;
 pub mod load;
