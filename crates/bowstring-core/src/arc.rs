@@ -41,7 +41,17 @@ fn positive(what: &str, value: f64, unit: &str) -> Result<(), Error> {
         return Ok(());
     }
     input(format!(
-        "{what} must be positive and finite, got {value} {unit}"
+        "{what} must be positive and finite, got {value:?} {unit}"
+    ))
+}
+
+/// A finite angle whose square is far from overflow: a backbone wound up further is no robot.
+fn angle(theta: f64) -> Result<(), Error> {
+    if theta.abs() <= 1e6 {
+        return Ok(());
+    }
+    input(format!(
+        "the bending angle must be below 1e6 rad, got {theta:?} rad; check the units"
     ))
 }
 
@@ -49,7 +59,7 @@ fn finite(what: &str, value: f64, unit: &str) -> Result<(), Error> {
     if value.is_finite() {
         return Ok(());
     }
-    input(format!("{what} must be finite, got {value} {unit}"))
+    input(format!("{what} must be finite, got {value:?} {unit}"))
 }
 
 /// Place of a tendon in every disk, base axes, m.
@@ -133,7 +143,7 @@ impl Arc {
         finite("the direction of bending", phi, "rad")?;
         positive("the arc's length", length, "m")?;
         let theta = kappa * length;
-        finite("the bending angle", theta, "rad")?;
+        angle(theta)?;
         Ok(Arc {
             bend: [theta * phi.cos(), theta * phi.sin()],
             length,
@@ -161,7 +171,7 @@ impl Arc {
         // a last place of rounding in s is no error
         if !(s >= 0.0 && s <= self.length * (1.0 + 4.0 * f64::EPSILON)) {
             return input(format!(
-                "the place along the arc must lie between 0 and its length {} m, got {s} m",
+                "the place along the arc must lie between 0 and its length {} m, got {s:?} m",
                 self.length
             ));
         }
@@ -258,7 +268,7 @@ impl Arc {
         let distance = rho.hypot(z);
         if rho == 0.0 && z <= 0.0 {
             return input(format!(
-                "no arc from the base ends at ({x}, {y}, {z}) m: the base itself and the points straight behind it cannot be reached"
+                "no arc from the base ends at ({x:?}, {y:?}, {z:?}) m: the base itself and the points straight behind it cannot be reached"
             ));
         }
         // the chord leaves z by half the bending angle
@@ -270,9 +280,9 @@ impl Arc {
             half / sine
         };
         let length = distance * stretch;
-        if !length.is_finite() || length == 0.0 {
+        if !length.is_finite() || !(2.0 * half / length).is_finite() {
             return input(format!(
-                "no arc of finite length ends at ({x}, {y}, {z}) m: the tip lies too close to the axis behind the base"
+                "no arc of finite length ends at ({x:?}, {y:?}, {z:?}) m: the tip lies too close to the axis behind the base"
             ));
         }
         let bend = if rho == 0.0 {
@@ -293,8 +303,8 @@ impl Arc {
         positive("the arc's length", length, "m")?;
         let rho = position[0].hypot(position[1]);
         let target = [rho / length, position[2] / length];
-        finite("the tip's distance in arc lengths", target[0], "")?;
-        finite("the tip's distance in arc lengths", target[1], "")?;
+        finite("the tip's distance in arc lengths", target[0], "lengths")?;
+        finite("the tip's distance in arc lengths", target[1], "lengths")?;
 
         // all in the plane of the bend, in units of the length
         let offset = |theta: f64, f: &Smooth| [theta * f.b - target[0], f.a - target[1]];
@@ -345,6 +355,7 @@ impl Arc {
             bend: direction.map(|c| c * theta),
             length,
         };
+        finite("the distance to the tip", miss * length, "m")?;
         Ok((arc, miss * length))
     }
 }
@@ -403,7 +414,7 @@ impl Spans {
             return input("a segment with straight spans needs at least one module, got 0".into());
         }
         for &share in &shares {
-            positive("a module's share of the segment", share, "")?;
+            positive("a module's share of the segment", share, "lengths")?;
         }
         let sum: f64 = shares.iter().sum();
         if (sum - 1.0).abs() > 1e-9 {
@@ -520,7 +531,7 @@ impl TendonFit {
         // r11 r22 is the product of the singular values, size the sum of their squares
         if r11 * r22 <= 1e-6 * size || size.is_nan() || size.is_infinite() {
             return input(
-                "the tendons lie in one plane with each other, so their lengths cannot tell the direction of bending; put their holes at other angles".into(),
+                "the tendons all lie in one plane, so their lengths cannot tell the direction of bending; put the holes at other angles".into(),
             );
         }
         let weights = first
@@ -551,7 +562,11 @@ impl TendonFit {
             ));
         }
         for (i, &l) in lengths.iter().enumerate() {
-            positive(&format!("the length of tendon {i}"), l, "m")?;
+            if !(l > 0.0 && l.is_finite()) {
+                return input(format!(
+                    "the length of tendon {i} must be positive and finite, got {l:?} m"
+                ));
+            }
         }
         if length.is_some() != self.hold_length {
             return input("a held length goes with a fit that holds it".into());
@@ -582,6 +597,8 @@ impl TendonFit {
                 .sum();
             (sum / count as f64).sqrt()
         };
+        finite("the misfit of the tendon lengths", misfit, "m")?;
+        finite("the arc's length", parallel.length, "m")?;
         let chord = parallel.theta();
         let Some(theta) = self.spans.theta(chord) else {
             return input(
@@ -658,7 +675,7 @@ fn pull(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64; 2]), Error> {
     for (i, (&t, hole)) in tensions.iter().zip(holes).enumerate() {
         if !(t >= 0.0 && t.is_finite()) {
             return input(format!(
-                "the tension of tendon {i} must be finite and not negative, got {t} N"
+                "the tension of tendon {i} must be finite and not negative, got {t:?} N"
             ));
         }
         finite("a tendon's hole position", hole[0], "m")?;
@@ -683,7 +700,7 @@ pub fn linear_law(
     positive("the bending stiffness", bending_stiffness, "N m^2")?;
     let (_, moment) = pull(tensions, holes)?;
     let bend = moment.map(|m| m * length / bending_stiffness);
-    finite("the bending angle", bend[0].hypot(bend[1]), "rad")?;
+    angle(bend[0].hypot(bend[1]))?;
     Ok(Arc { bend, length })
 }
 
@@ -716,7 +733,7 @@ pub fn lever_arm_law(
     let stiffness = 1.0 - force / limit;
     if stiffness <= 0.0 {
         return Err(Error::NoSolution(format!(
-            "a total tension of {force} N buckles the backbone between its disks (limit {limit:.4} N), where the lever-arm law ends; lower the tensions"
+            "a total tension of {force:?} N buckles the backbone between its disks (limit {limit:.4} N), where the lever-arm law ends; lower the tensions"
         )));
     }
     let root = stiffness.hypot(linear.theta() / (2.0 * n2).sqrt());
