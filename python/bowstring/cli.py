@@ -220,6 +220,9 @@ def solve(
     tip_moment: Annotated[
         str, typer.Option(metavar="x,y,z", help="Dead moment at the tip, base axes.")
     ] = "0,0,0",
+    elements: Annotated[
+        int, typer.Option(metavar="1|2|4|8", help="Elements of fourth order between two disks.")
+    ] = 1,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -232,7 +235,13 @@ def solve(
     force = _vector("--tip-force", tip_force, "N")
     moment = _vector("--tip-moment", tip_moment, "N*m")
     solution = rod.solve(
-        model, tensions, theory=theory, gravity=weight, tip_force=force, tip_moment=moment
+        model,
+        tensions,
+        theory=theory,
+        gravity=weight,
+        tip_force=force,
+        tip_moment=moment,
+        elements=elements,
     )
     if as_json:
         _write_json(
@@ -245,6 +254,7 @@ def solve(
                     gravity_m_per_s2=weight,
                     tip_force_N=force,
                     tip_moment_Nm=moment,
+                    elements=elements,
                 ),
             }
         )
