@@ -1,0 +1,398 @@
+"""The command line: its contract (docs/cli.md), its exit codes, and what it says of bad input."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+
+import bowstring as bs
+from bowstring import cli
+
+ROOT = Path(__file__).parents[1]
+
+
+class Shell:
+    """Runs a command in this process and keeps what it wrote."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self.capsys = capsys
+
+    def __call__(self, *arguments: str) -> tuple[int, str, str]:
+        code = cli.run(arguments)
+        return (code, *self.capsys.readouterr())
+
+    def json(self, *arguments: str, code: int = 0) -> Any:
+        """Stdout as JSON, which must be one line and all of it."""
+        got, out, err = self(*arguments, "--json")
+        assert got == code, err
+        assert out.count("\n") == 1
+        return json.loads(out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON
+
+    def error(self, *arguments: str) -> str:
+        """The sentence of a command that must refuse its input."""
+        code, out, err = self(*arguments)
+        assert (code, out) == (2, ""), (out, err)
+        assert err.startswith("Error: ") and err.count("\n") == 1, err
+        assert "Traceback" not in err
+        return err.removeprefix("Error: ").strip()
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)
+
+
+def process(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "bowstring", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        **options,
+    )
+
+
+# -- the contract ------------------------------------------------------------------------------
+
+
+def test_robots(shell: Shell) -> None:
+    found = shell.json("robots")
+    assert [robot["name"] for robot in found["robots"]] == bs.robot_names()
+    assert found["robots"][0]["length_m"] == 0.641
+    code, out, err = shell("robots")
+    assert code == 0 and "amouri2019" in out and not err
+
+
+def test_schema(shell: Shell) -> None:
+    for arguments in (["schema"], ["schema", "--json"]):
+        code, out, err = shell(*arguments)
+        assert code == 0 and not err
+        schema = json.loads(out)
+        Draft202012Validator.check_schema(schema)
+        assert schema == bs.robot_schema()
+
+
+def test_fk(shell: Shell) -> None:
+    found = shell.json("fk", "amouri2019", "--lengths", "612 mm,0.6555,65.55 cm")
+    (segment,) = found["segments"]
+    assert set(segment) == {"kappa_per_m", "phi_rad", "theta_rad", "length_m", "misfit_m"}
+    assert segment["theta_rad"] == pytest.approx(1.0, rel=1e-12)  # pull = theta r = 29 mm
+    assert segment["length_m"] == pytest.approx(0.641, rel=1e-12)
+    expected = bs.arc.robot_fk(bs.load_robot("amouri2019"), [0.612, 0.6555, 0.6555])
+    np.testing.assert_array_equal(found["tip"]["position_m"], expected.tip.position)
+    np.testing.assert_array_equal(found["tip"]["rotation"], expected.tip.rotation)
+
+
+def test_fk_of_several_segments(shell: Shell) -> None:
+    lengths = "0.19,0.205,0.205,0.395,0.4,0.4"
+    found = shell.json("fk", "rao2021", "--lengths", lengths)
+    assert [s["kappa_per_m"] for s in found["segments"]] == pytest.approx([5.0, 3.361345], rel=1e-6)
+    chord = shell.json("fk", "rao2021", "--lengths", lengths, "--chord")
+    assert chord["segments"] != found["segments"]
+
+
+@pytest.mark.parametrize("options", [[], ["--chord"]])
+def test_ik_inverts_fk(shell: Shell, options: list[str]) -> None:
+    tip = shell.json("fk", "amouri2019", "--lengths", "0.612,0.64,0.67", *options)["tip"]
+    point = ",".join(map(repr, tip["position_m"]))
+    found = shell.json("ik", "amouri2019", "--tip", point, "--free-length", *options)
+    assert found["tendon_lengths_m"] == pytest.approx([0.612, 0.64, 0.67], rel=1e-12)
+    assert found["miss_m"] == 0
+
+
+def test_ik_reports_its_miss(shell: Shell) -> None:
+    found = shell.json("ik", "amouri2019", "--tip", "100 mm,0,0.5")
+    assert found["segments"][0]["length_m"] == 0.641
+    distance = np.linalg.norm(np.subtract(found["tip"]["position_m"], [0.1, 0, 0.5]))
+    assert found["miss_m"] == pytest.approx(distance) and distance > 0.05
+    code, out, _ = shell("ik", "amouri2019", "--tip", "100 mm,0,0.5")
+    assert code == 0 and f"misses the point by {1e3 * distance:.3f} mm" in out
+
+
+def test_solve(shell: Shell) -> None:
+    found = shell.json("solve", "amouri2019", "--tension", "80,0,0")
+    assert found["status"] == "converged" and found["stable"] is True
+    assert found["theory"] == "cosserat"
+    assert found["residual"] < 1e-8 and found["iterations"] > 0
+    assert len(found["disks"]) == 9
+    assert found["disks"][-1] == found["tip"]
+    assert found["tensions_N"] == [80, 0, 0]
+    expected = bs.solve(bs.load_robot("amouri2019"), [80, 0, 0])
+    assert expected.tip is not None
+    np.testing.assert_array_equal(found["tip"]["position_m"], expected.tip.position)
+    np.testing.assert_array_equal(found["tip"]["rotation"], expected.tip.rotation)
+    np.testing.assert_array_equal(found["tendon_lengths_m"], expected.tendon_lengths)
+    # body to base: the tip looks towards +x, where tendon 1 is
+    assert found["tip"]["rotation"][0][2] > 0.9
+    assert found["provenance"]["robot_hash"] == bs.load_robot("amouri2019").hash
+
+
+def test_solve_loads_may_be_negative_and_carry_units(shell: Shell) -> None:
+    plain = shell.json(
+        *("solve", "amouri2019", "--theory", "kirchhoff", "--tension", "10,20,0"),
+        *("--gravity", "0,0,-9.81", "--tip-force", "-1,0.5,0", "--tip-moment", "-0.1,0,0.05"),
+    )
+    units = shell.json(
+        *("solve", "amouri2019", "--theory=kirchhoff", "--tension", "10 N,20000mN,0"),
+        *("--gravity=0,0,-981 cm/s^2", "--tip-force", "-1 N,0.5,0"),
+        *("--tip-moment", "-100 N mm,0,50 mN*m"),
+    )
+    assert plain["theory"] == "kirchhoff"
+    assert units["tip"]["position_m"] == pytest.approx(plain["tip"]["position_m"], rel=1e-9)
+    expected = bs.solve(
+        bs.load_robot("amouri2019"),
+        [10, 20, 0],
+        theory="kirchhoff",
+        gravity=(0, 0, -9.81),
+        tip_force=(-1, 0.5, 0),
+        tip_moment=(-0.1, 0, 0.05),
+    )
+    assert expected.tip is not None
+    np.testing.assert_array_equal(plain["tip"]["position_m"], expected.tip.position)
+
+
+def test_gravity_comes_from_the_file(shell: Shell) -> None:
+    flag = shell.json("solve", "amouri2019", "--tension", "20,0,0", "--gravity", "0,0,-9.81")
+    file = shell.json("solve", "amouri2019", "--tension", "20,0,0", "--set", "gravity=0 0 -9.81")
+    assert flag["tip"] == file["tip"]
+    off = shell.json(
+        *("solve", "amouri2019", "--tension", "20,0,0", "--set", "gravity=0 0 -9.81"),
+        *("--gravity", "0,0,0"),
+    )
+    assert off["tip"] != file["tip"]
+
+
+def test_set_is_repeatable(shell: Shell) -> None:
+    found = shell.json(
+        *("solve", "amouri2019", "--tension", "80,0,0"),
+        *("--set", "segments.0.disks.clamped_length=3 mm", "--set", "segments.0.disks.count=5"),
+    )
+    robot = bs.load_robot(
+        "amouri2019", {"segments.0.disks.clamped_length": 0.003, "segments.0.disks.count": 5}
+    )
+    assert len(found["disks"]) == 5
+    assert found["provenance"]["robot_hash"] == robot.hash
+
+
+def test_warnings_go_to_stderr_and_into_json(shell: Shell) -> None:
+    arguments = ["solve", "amouri2019", "--tension", "0,0,0"]
+    arguments += ["--set", "segments.0.backbone.E=35 MPa", "--json"]
+    code, out, err = shell(*arguments)
+    assert code == 0
+    assert err.startswith("Warning: segments[0].backbone.E = 35 MPa") and err.count("\n") == 1
+    (warning,) = json.loads(out)["warnings"]
+    assert err == f"Warning: {warning}\n"
+
+
+def test_tables_are_for_people(shell: Shell) -> None:
+    code, out, err = shell("solve", "amouri2019", "--tension", "80,0,0")
+    assert code == 0 and not err
+    assert "384.556" in out and "A stable equilibrium" in out
+    assert "-0.000" not in out
+    code, out, _ = shell("fk", "amouri2019", "--lengths", "0.612,0.6555,0.6555")
+    assert code == 0 and "57.296" in out
+
+
+def test_help_and_version(shell: Shell) -> None:
+    assert shell("--version") == (0, f"bowstring {bs.__version__}\n", "")
+    code, out, err = shell()
+    assert code == 0 and "solve" in out and not err
+    for command in ("robots", "schema", "fk", "ik", "solve"):
+        code, out, err = shell(command, "--help")
+        assert code == 0 and "--json" in out and not err
+
+
+# -- no solution -------------------------------------------------------------------------------
+
+
+def test_a_load_without_solution(shell: Shell) -> None:
+    """It says what was reached and what to try, and JSON holds no numbers of an unsolved pose."""
+    arguments = ["solve", "amouri2019", "--tension", "80,0,0"]
+    arguments += ["--set", "segments.0.backbone.E=35 MPa"]
+    code, out, err = shell(*arguments)
+    warning, error = err.splitlines()
+    assert code == 1 and not out
+    assert warning.startswith("Warning: ")
+    assert error.startswith("Error: ") and "ower the load" in error
+    found = shell.json(*arguments, code=1)
+    assert found["status"] != "converged"
+    assert found["tip"] is found["disks"] is found["tendon_lengths_m"] is None
+
+
+def test_loads_beyond_all_bounds(shell: Shell) -> None:
+    for load in ("1e300,0,0", "1e308,1e308,1e308"):
+        code, out, err = shell("solve", "amouri2019", "--tension", load)
+        assert code in (1, 2) and not out and err.startswith("Error: ") and err.count("\n") == 1
+
+
+# -- bad input ---------------------------------------------------------------------------------
+
+SOLVE = ("solve", "amouri2019", "--tension", "1,2,3")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        # numbers
+        (["fk", "amouri2019", "--lengths", "nan,1,1"], 'got "nan", which is not a number'),
+        (["fk", "amouri2019", "--lengths", "inf,1,1"], 'got "inf", which is not a number'),
+        (["fk", "amouri2019", "--lengths", "1e999,1,1"], "too large"),
+        (["fk", "amouri2019", "--lengths", "0.6,,0.6"], "got nothing"),
+        (["fk", "amouri2019", "--lengths", ""], "got nothing"),
+        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6,"], "got nothing"),
+        (["fk", "amouri2019", "--lengths", "0.6 0.6 0.6"], "more than one number"),
+        (["fk", "amouri2019", "--lengths", "a,b,c"], 'got "a"'),
+        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 kg"], '"kg" is not a unit of length'),
+        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 furlongs_"], "is not a known unit"),
+        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 " + "m" * 500], "is not a unit"),
+        (["fk", "amouri2019", "--lengths", "0,0.6,0.6"], "must be positive"),
+        (["fk", "amouri2019", "--lengths", "-0.6,0.6,0.6"], "must be positive"),
+        (["fk", "amouri2019", "--lengths", "0x1,1,1"], "0x1"),
+        (["fk", "amouri2019", "--lengths", "1_0,1,1"], "1_0"),
+        (["fk", "amouri2019", "--lengths", "٣,1,1"], "not a number"),
+        # counts
+        (["fk", "amouri2019", "--lengths", "0.6,0.6"], "2 numbers; amouri2019 has 3 tendons"),
+        (["fk", "rao2021", "--lengths", "0.2,0.2,0.2"], "rao2021 has 6 tendons"),
+        (["solve", "amouri2019", "--tension", "1"], "got 1 number;"),
+        ([*SOLVE, "--gravity", "9.81"], "--gravity: got 1 number"),
+        ([*SOLVE, "--tip-force", "1,2,3,4"], "--tip-force: got 4 numbers"),
+        ([*SOLVE, "--tip-moment", "1,2"], "--tip-moment: got 2 numbers"),
+        # values
+        (["solve", "amouri2019", "--tension", "nan,0,0"], "not a number"),
+        (["solve", "amouri2019", "--tension", "-1,0,0"], "a tendon cannot push"),
+        (["solve", "amouri2019", "--tension", "8 kg,0,0"], "not a unit of force"),
+        ([*SOLVE, "--gravity", "0,0,-inf"], 'got "-inf"'),
+        ([*SOLVE, "--theory", "timoshenko"], "is not one of 'cosserat', 'kirchhoff'"),
+        ([*SOLVE, "--elements", "3"], "must be 1, 2, 4 or 8"),
+        # geometry
+        (["fk", "amouri2019", "--lengths", "0.1,0.9,0.9"], "no arc has these tendon lengths"),
+        (["ik", "amouri2019", "--tip", "0,0,5"], "out of reach"),
+        (["ik", "amouri2019", "--tip", "0,0,-0.1", "--free-length"], "cannot be reached"),
+        (["ik", "rao2021", "--tip", "0,0,0.3"], "ik is for robots of one segment"),
+        # robots
+        (["solve", "amouri", "--tension", "1,2,3"], "did you mean amouri2019?"),
+        (["solve", "no/such.yaml", "--tension", "1,2,3"], "neither a file nor a built-in robot"),
+        (["solve", "", "--tension", "1,2,3"], ""),
+        (["solve", ".", "--tension", "1,2,3"], "folder"),
+        # overrides
+        ([*SOLVE, "--set", "segments.0.length"], "write for example --set"),
+        ([*SOLVE, "--set", "=3 mm"], "write for example --set"),
+        ([*SOLVE, "--set", "segments.0.length=-1 mm"], "segments[0].length"),
+        ([*SOLVE, "--set", "segments.0.length=1 kg"], "not a unit of length"),
+        ([*SOLVE, "--set", "segments.0.lenght=1 m"], "did you mean length?"),
+        ([*SOLVE, "--set", "segments.7.length=1 m"], "there is no"),
+        ([*SOLVE, "--set", "segments.0.tendons.pitch_radius=40 mm"], "outside its disk"),
+        # usage
+        (["fly"], "No such command 'fly'"),
+        (["fk", "amouri2019"], "Missing option '--lengths'"),
+        (["fk", "--lengths", "1,1,1"], "Missing argument 'ROBOT'"),
+        (["fk", "amouri2019", "--wings"], "--wings"),
+        (["fk", "amouri2019", "--lengths"], "requires an argument"),
+        ([*SOLVE, "--elements", "many"], "--elements"),
+        ([*SOLVE, "again"], "again"),
+    ],
+)
+@pytest.mark.parametrize("as_json", [False, True])
+def test_bad_input(shell: Shell, arguments: list[str], says: str, as_json: bool) -> None:
+    flags = ["--json"] if as_json else []
+    assert says in shell.error(arguments[0], *flags, *arguments[1:])
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "empty"),
+        (b"segments: [", "line"),
+        (b"segments: 3\n", "segments"),
+        (b"a: &a [x]\nb: [*a, *a]\n", ""),
+        (b"\xff\xfe\x00", "UTF-8"),
+        (b"#" * 2_000_000, "too large"),
+    ],
+)
+def test_bad_robot_file(shell: Shell, tmp_path: Path, content: bytes, says: str) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_bytes(content)
+    assert says in shell.error("solve", str(path), "--tension", "1,2,3")
+
+
+# -- the process -------------------------------------------------------------------------------
+
+
+def test_process_keeps_stdout_pure() -> None:
+    done = process("solve", "amouri2019", "--tension", "80,0,0", "--json")
+    assert done.returncode == 0 and not done.stderr
+    assert json.loads(done.stdout)["status"] == "converged"
+    done = process("solve", "amouri2019", "--tension", "80,0", "--json")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("Error: ") and done.stderr.count("\n") == 1
+
+
+def test_solve_loads_no_heavy_library() -> None:
+    code = (
+        "import sys; from bowstring import cli;"
+        "code = cli.run(['solve', 'amouri2019', '--tension', '80,0,0', '--json']);"
+        "heavy = {'pandas', 'matplotlib', 'pint', 'rich', 'jinja2', 'scipy'} & set(sys.modules);"
+        "sys.exit(repr(heavy) if heavy else code)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
+def test_a_reader_that_leaves_is_no_error() -> None:
+    command = [sys.executable, "-m", "bowstring", "schema"]
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_said() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "bowstring", "schema"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 74
+    assert done.stderr == "Error: stdout cannot be written: No space left on device.\n"
+
+
+def test_ascii_terminal(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    text = (ROOT / "python/bowstring/robots/amouri2019.yaml").read_text("utf-8")
+    path.write_text(text.replace("name: amouri2019", "name: τόξο"), "utf-8")
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = process("solve", str(path), "--tension", "80,0,0", env=environment)
+    assert done.returncode == 0 and not done.stderr and "????" in done.stdout
+
+
+def test_a_bug_is_not_called_bad_input(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(cli, "robot_names", broken)
+    code, out, err = shell("robots")
+    assert code == 70 and not out
+    assert "ZeroDivisionError" in err and err.endswith("report it with the lines above.\n")
+
+
+def test_stopped_by_the_user(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "robot_names", stopped)
+    assert shell("robots") == (130, "", "Stopped: nothing was written.\n")
