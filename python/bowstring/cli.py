@@ -9,9 +9,11 @@ import io
 import json
 import math
 import os
+import re
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
@@ -270,6 +272,73 @@ def solve(
         )
 
 
+@app.command()
+def study(
+    robot: RobotSource = "amouri2019",
+    measurements: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Measured tips (not available yet).")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of the report.  [default: bowstring-study/NAME OF ROBOT]"
+        ),
+    ] = None,
+    tolerance: Annotated[
+        str, typer.Option(help='Tolerated tip error, a share of the length: 0.01 or "1 %".')
+    ] = "1 %",
+    max_tension: Annotated[
+        str | None, typer.Option(metavar="T", help="End of the sweep; chosen if not given.")
+    ] = None,
+    points: Annotated[int, typer.Option(metavar="N", help="Loads of the sweep.")] = 17,
+    theory: Theory = "cosserat",
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare constant curvature with statics; write a report."""
+    if measurements is not None:
+        raise InputError("--measurements is not available yet: this version compares simulations.")
+    share = _share("--tolerance", tolerance)
+    limit = None if max_tension is None else _number("--max-tension", max_tension, "N")
+    model = _load(robot, overrides)
+    folder = out or Path("bowstring-study") / _file_name(model.name)
+
+    from bowstring import report
+    from bowstring import study as study_
+
+    with _progress() as tell:
+        found = study_.run(
+            model,
+            tolerance=share,
+            max_tension=limit,
+            points=points,
+            theory=theory,
+            progress=lambda what, done: tell(what, 0.5 * done),
+        )
+        tell("report and figures", 0.5)
+        path = report.write(found, folder)
+    if as_json:
+        return _write_json({**found.to_dict(), "folder": folder, "report": path})
+    table = _table(
+        *("constant curvature", ">mean mm", ">max mm", ">rms mm", ">mean %"),
+        *(">mean |x| mm", ">mean |y| mm", ">mean |z| mm"),
+    )
+    for c in found.comparisons:
+        axes = (_fixed(1e3 * value, 3) for value in c.mean_by_axis)
+        errors = (_fixed(1e3 * value, 3) for value in (c.mean, c.maximum, c.rms))
+        percent = _fixed(100.0 * c.mean / c.length, 3)
+        table.add_row(study_.COMPARISONS.get(c.name, c.name), *errors, percent, *axes)
+    sweep = found.statics.tension
+    _write_tables(
+        f"{model.name}: tip of constant curvature against statics ({theory}), tendon "
+        f"{found.settings.tendon + 1} pulled, {_count(len(sweep), 'load')} from 0 to "
+        f"{sweep[-1]:g} N",
+        table,
+        "\n\n".join(found.verdict.text),
+        f"Report with error budget, figures and tables: {path}",
+    )
+
+
 # -- reading flags -----------------------------------------------------------------------------
 
 
@@ -280,6 +349,8 @@ _EXAMPLES: Final = {
     "--gravity": "0,0,-9.81",
     "--tip-force": "0,1,0",
     "--tip-moment": "0,0.1,0",
+    "--tolerance": '"1 %"',
+    "--max-tension": "80",
 }
 
 
@@ -305,10 +376,29 @@ def _numbers(flag: str, text: str, si: str) -> list[float]:
             values.append(read_number(item, si))
         except ValueError as error:
             raise InputError(
-                f"{flag}: got {quote(item.strip())}, {error}; write numbers with commas between, "
-                f"for example {flag} {_EXAMPLES[flag]}."
+                f"{flag}: got {quote(item.strip())}, {error}; write for example "
+                f"{flag} {_EXAMPLES[flag]}."
             ) from None
     return values
+
+
+def _number(flag: str, text: str, si: str) -> float:
+    values = _numbers(flag, text, si)
+    if len(values) != 1:
+        raise InputError(f"{flag}: got {len(values)} numbers; write one.")
+    return values[0]
+
+
+def _share(flag: str, text: str) -> float:
+    """A share as "0.01" or "1 %"."""
+    percent = text.strip().endswith("%")
+    value = _number(flag, text.strip().rstrip("%") if percent else text, "")
+    return value / 100.0 if percent else value
+
+
+def _file_name(name: str) -> str:
+    """A robot's name as a folder's: no separators, no dots in front."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("._") or "robot"
 
 
 def _vector(flag: str, text: str, si: str) -> list[float]:
@@ -396,6 +486,20 @@ def _provenance(robot: Robot, **settings: Any) -> dict[str, Any]:
             "settings": settings,
         },
     }
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, float], None]]:
+    """A bar on stderr if a person looks at it; what it yields is told what is done, and how far."""
+    if not sys.stderr.isatty():
+        yield lambda what, done: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda what, done: bar.update(task, description=what, completed=done)
 
 
 def _frame(position: Any, rotation: Any) -> dict[str, Any]:
