@@ -334,12 +334,12 @@ def test_positions_forms(load):
             'segments[0].backbone.E: got "60 gpa"; "gpa" is not a known unit; '
             'write for example "35 GPa".',
         ),
-        ("0.3", "0.6", 'segments[0].backbone.nu: got "0.6"; must lie between -0.99 and 0.5.'),
-        ("0.3", "-1", 'segments[0].backbone.nu: got "-1"; must lie between -0.99 and 0.5.'),
+        ("0.3", "0.6", "segments[0].backbone.nu: got 0.6; must lie between -0.99 and 0.5."),
+        ("0.3", "-1", "segments[0].backbone.nu: got -1; must lie between -0.99 and 0.5."),
         (
             "0.3",
             "0.3 mm",
-            'segments[0].backbone.nu: got "0.3 mm", which is a plain number and has no unit; '
+            'segments[0].backbone.nu: got "0.3 mm"; this is a plain number without a unit; '
             "write for example 0.3.",
         ),
         (
@@ -361,17 +361,17 @@ def test_positions_forms(load):
         (
             "count: 4",
             "count: 0",
-            'segments[0].disks.count: got "0"; must be a whole number from 1 to 100000.',
+            "segments[0].disks.count: got 0; must be a whole number from 1 to 100000.",
         ),
         (
             "count: 4",
             "count: 4.5",
-            'segments[0].disks.count: got "4.5"; must be a whole number from 1 to 100000.',
+            "segments[0].disks.count: got 4.5; must be a whole number from 1 to 100000.",
         ),
         (
             "count: 4",
             "count: 100001",
-            'segments[0].disks.count: got "100001"; must be a whole number from 1 to 100000.',
+            "segments[0].disks.count: got 100001; must be a whole number from 1 to 100000.",
         ),
         (
             "count: 4",
@@ -415,7 +415,7 @@ def test_positions_forms(load):
         (
             "count: 3",
             "count: 0",
-            'segments[0].tendons.count: got "0"; must be a whole number from 1 to 1000.',
+            "segments[0].tendons.count: got 0; must be a whole number from 1 to 1000.",
         ),
         (
             "{count: 3, pitch_radius: 12 mm}",
@@ -556,8 +556,8 @@ def test_yaml_guesses_do_not_happen(load):
         ),
         ("", "is a folder"),
         ("/dev/null", "/dev/null is a device or pipe"),
-        ("a\0b", "'a\\x00b' is neither"),
-        ("a\nb", "'a\\nb' is neither"),
+        ("a\0b", '"a\\u0000b" is neither'),
+        ("a\nb", '"a\\nb" is neither'),
         ("x" * 5000, "cannot be read"),
     ],
 )
@@ -650,12 +650,12 @@ def test_overrides_of_whole_parts():
         (
             "segments.3.length",
             1,
-            'Override segments.3.length: there is no "3" in segments; write segments.0.',
+            "Override segments.3.length: there is no 3 in segments; write segments.0.",
         ),
         (
             "segments.-1.length",
             1,
-            'Override segments.-1.length: there is no "-1" in segments; write segments.0.',
+            "Override segments.-1.length: there is no -1 in segments; write segments.0.",
         ),
         (
             "segments.0.length.mm",
@@ -663,6 +663,7 @@ def test_overrides_of_whole_parts():
             'Override segments.0.length.mm: segments.0.length is a value, there is no "mm" in it.',
         ),
         ("segments..length", 1, 'Override "segments..length": write it as "segments.0.length".'),
+        ("a\nb", 1, 'Override "a\\nb": write it as "segments.0.length".'),
         ("", 1, 'Override nothing: write it as "segments.0.length".'),
         (
             "segments.0.length",

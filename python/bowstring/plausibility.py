@@ -160,6 +160,7 @@ def _buckling_doubts(robot: Robot) -> Iterator[str]:
         yield (
             f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}: the upright "
             f"backbone buckles under its own weight, {rounded(ratio)} times what it can carry; "
-            f"check the unit of E (MPa, GPa), diameter = {number_with_unit(s.backbone.diameter, 'm')}, "
+            "check the unit of E (MPa, GPa), "
+            f"diameter = {number_with_unit(s.backbone.diameter, 'm')}, "
             f"disks.mass = {number_with_unit(s.disks.mass, 'kg')} and the sign of gravity"
         )

@@ -720,7 +720,7 @@ _EITHER: Final = {"G": "nu", "nu": "G", "count": "positions", "positions": "coun
 def _override(tree: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Set the fields of ``overrides`` in ``tree`` (which changes) and return it."""
     for path, value in overrides.items():
-        if not isinstance(path, str):
+        if not (isinstance(path, str) and path.isprintable() and len(path) <= 100):
             raise InputError(f'Override {quote(path)}: write it as "segments.0.length".')
         *parents, last = keys = re.sub(r"\[([0-9]+)\]", r".\1", path).split(".")
         if not all(keys):

@@ -58,35 +58,35 @@ def _pint() -> Any:
 
 @cache
 def _factor(unit: str, si: str) -> Decimal:
-    """Factor from ``unit`` to the SI unit ``si``; ValueError says why there is none."""
+    """Factor from ``unit`` to the SI unit ``si``; ValueError ends a "got ..." that says why not."""
     plain = unit.translate(_SAME_UNIT).replace("**", "^").replace(" ", "")
     if plain in _UNITS[si]:
         return _UNITS[si][plain]
     if not si:
-        raise ValueError("is a plain number and has no unit")
+        raise ValueError("; this is a plain number without a unit")
     if any(plain in units for units in _UNITS.values()):
-        raise ValueError(f"{quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}")
+        raise ValueError(f"; {quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}")
     if len(plain) > 40 or not re.fullmatch(_UNIT, plain):
-        raise ValueError(f"{quote(unit)} is not a unit")
+        raise ValueError(f"; {quote(unit)} is not a unit")
     registry = _pint()
     try:
         found = registry.parse_units(plain)
     except Exception as error:  # pint raises many kinds on text that is no unit
-        raise ValueError(f"{quote(unit)} is not a known unit") from error
+        raise ValueError(f"; {quote(unit)} is not a known unit") from error
     try:
         return Decimal(repr(float(registry.Quantity(1.0, found).m_as(si))))
     except Exception as error:
-        raise ValueError(f"{quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}") from error
+        raise ValueError(f"; {quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}") from error
 
 
 def _parse_quantities(text: str, si: str) -> list[float]:
-    """Read "641 mm" or "0 0 -9.81 m/s^2" as SI numbers; ValueError says what is wrong."""
+    """Read "641 mm" or "0 0 -9.81 m/s^2" as SI numbers; ValueError ends a "got ..."."""
     match = _NUMBERS_AND_UNIT.fullmatch(text.strip())
     if match is None:
-        raise ValueError("is not a number" + (" with a unit" if si else ""))
+        raise ValueError(", which is not a number" + (" with a unit" if si else ""))
     numbers, unit = match.groups()
     if unit is None and si:
-        raise ValueError("without a unit")
+        raise ValueError(" without a unit")
     factor = _factor(unit, si) if unit else Decimal(1)
     return [float(Decimal(number) * factor) for number in numbers.split()]
 
@@ -142,7 +142,10 @@ def quote(value: object) -> str:
     if isinstance(value, str):
         if not value.strip():
             return "nothing"
-        text = json.dumps(value, ensure_ascii=False) if value.isprintable() else ascii(value)
+        if re.fullmatch(NUMBER, value.strip(), re.ASCII):
+            text = value.strip()
+        else:
+            text = json.dumps(value, ensure_ascii=not value.isprintable())
     elif isinstance(value, Mapping):
         return "a set of fields"
     elif isinstance(value, (list, tuple)):
@@ -189,13 +192,7 @@ class Quantity:
         return f"for example {self.example}" if not self.si else f'for example "{self.example}"'
 
     def _refuse(self, value: object, why: str) -> PydanticCustomError:
-        got = quote(value) + (f" {self.si}" if self.si and isinstance(value, float) else "")
-        if why == "without a unit":
-            got = str(value).strip()
-        reason = f" {why}" if why.startswith(("without", "is")) else f"; {why}" if why else ""
-        if why.startswith("is"):
-            reason = f", which {why}"
-        return wrong(f"got {got}{reason}; write {self._advice}")
+        return wrong(f"got {quote(value)}{why}; write {self._advice}")
 
     def _read_text(self, text: str) -> list[float]:
         try:
@@ -210,22 +207,20 @@ class Quantity:
         if isinstance(value, str):
             values = self._read_text(value)
             if len(values) != 1:
-                raise self._refuse(value, "must be one number")
+                raise self._refuse(value, "; must be one number")
             return values[0]
         if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
             raise self._refuse(value, "")
         try:
             number = float(value)
         except (OverflowError, TypeError):  # an enormous int, a complex number
-            raise self._refuse(value, "must be a finite number") from None
+            raise self._refuse(value, "; must be a finite number") from None
         self._check(number, number)
         return number
 
     def _check(self, number: float, given: object) -> None:
-        # written so that NaN is refused too
-        if (
-            not _limit(self.low, self.si) <= number <= _limit(self.high, self.si)
-        ):  # false for NaN too
+        low, high = _limit(self.low, self.si), _limit(self.high, self.si)
+        if not low <= number <= high:  # this refuses NaN too
             got = quote(given) + (f" {self.si}" if isinstance(given, float) else "").rstrip()
             raise wrong(f"got {got}; must lie between {self.low} and {self.high}")
 
