@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import subprocess
@@ -11,6 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 import bowstring as bs
@@ -322,6 +326,23 @@ def test_bad_robot_file(shell: Shell, tmp_path: Path, content: bytes, says: str)
     path = tmp_path / "robot.yaml"
     path.write_bytes(content)
     assert says in shell.error("solve", str(path), "--tension", "1,2,3")
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    command=st.sampled_from([["fk", "--lengths"], ["solve", "--tension"], ["ik", "--tip"]]),
+    text=st.text("0123456789.,-+eE nafi kgNm*/^%µ\n\0\u0663", max_size=40)
+    | st.lists(st.floats(), min_size=3, max_size=3).map(lambda v: ",".join(map(repr, v))),
+)
+def test_any_text_is_answered_or_refused(command: list[str], text: str) -> None:
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = cli.run([command[0], "amouri2019", f"{command[1]}={text}", "--json"])
+    assert code in (0, 1, 2), err.getvalue()
+    if code == 2:
+        assert not out.getvalue() and err.getvalue().count("\n") == 1
+    else:
+        json.loads(out.getvalue(), parse_constant=pytest.fail)
 
 
 # -- the process -------------------------------------------------------------------------------

@@ -174,7 +174,7 @@ def ik(
         kappa, phi, length = arc.through_tip(point)
         miss = 0.0
     else:
-        distance, reach = float(np.linalg.norm(point)), model.length
+        distance, reach = math.hypot(*point), model.length
         if distance > reach:
             raise InputError(
                 f"--tip: got a point {1e3 * distance:.4g} mm from the base, out of reach: "
