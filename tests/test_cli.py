@@ -210,9 +210,98 @@ def test_help_and_version(shell: Shell) -> None:
     assert shell("--version") == (0, f"bowstring {bs.__version__}\n", "")
     code, out, err = shell()
     assert code == 0 and "solve" in out and not err
-    for command in ("robots", "schema", "fk", "ik", "solve"):
+    for command in ("robots", "schema", "fk", "ik", "solve", "study"):
         code, out, err = shell(command, "--help")
         assert code == 0 and "--json" in out and not err
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """One study of the built-in robot: its folder and its JSON."""
+    folder = tmp_path_factory.mktemp("study") / "report"
+    done = process("study", "--out", str(folder), "--json")
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr and done.stdout.count("\n") == 1
+    return folder, json.loads(done.stdout, parse_constant=pytest.fail)
+
+
+def test_study(studied: tuple[Path, dict[str, Any]]) -> None:
+    folder, found = studied
+    assert found["robot"] == "amouri2019" and found["length_m"] == 0.641
+    assert {c["name"]: round(c["mean_mm"], 2) for c in found["comparisons"]} == {
+        "cc_from_lengths": 0.23,
+        "cc_from_force": 4.42,
+        "cc_from_lengths_chord": 0.0,
+        "cc_from_force_arm": 0.05,
+    }
+    for comparison in found["comparisons"]:
+        keys = "name against n mean_mm max_mm rms_mm mean_percent mean_by_axis_mm"
+        assert set(comparison) == set(keys.split())
+        assert comparison["against"] == "statics" and comparison["n"] == 17
+        assert len(comparison["mean_by_axis_mm"]) == 3
+    assert found["verdict"] and found["budget"]
+    assert Path(found["folder"]) == folder
+    for figure in found["figures"]:
+        assert (folder / figure["png"]).is_file() and (folder / figure["pdf"]).is_file()
+    assert (folder / "report.html").is_file() and (folder / "study.json").is_file()
+
+
+def test_study_of_an_own_robot(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Straight from a file, with every flag; the report lies where it says."""
+    monkeypatch.chdir(tmp_path)
+    code, out, err = shell(
+        *("study", str(ROOT / "examples" / "my_robot.yaml"), "--tolerance", "2 %"),
+        *("--max-tension", "5 N", "--points", "5", "--theory", "kirchhoff"),
+        *("--set", "segments.0.disks.clamped_length=2 mm"),
+    )
+    assert code == 0 and not err
+    assert "2 % of length" in out and "5 N" in out
+    report = Path(out.splitlines()[-1].removeprefix("Report: "))
+    assert report == tmp_path / "bowstring-study" / "my_robot" / "report.html"
+    assert report.is_file()
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (["--measurements", "data.csv"], "--measurements is not available yet"),
+        (["--tolerance", "0"], "tolerance"),
+        (["--tolerance", "150 %"], "tolerance"),
+        (["--tolerance", "nan"], "not a number"),
+        (["--tolerance", "6 mm"], "--tolerance"),
+        (["--max-tension", "-1"], "tension"),
+        (["--max-tension", "1,2"], "write one"),
+        (["--points", "1"], "from 2 to 1000"),
+        (["--points", "1e9"], "--points"),
+        (["--out", ""], "no study of Bowstring"),
+        (["--out", "mine"], "no study of Bowstring"),
+        (["--out", "mine/notes.txt"], "is a file"),
+    ],
+)
+def test_study_refuses(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: list[str], says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    mine = tmp_path / "mine" / "notes.txt"
+    mine.parent.mkdir()
+    mine.write_text("keep me")
+    assert says in shell.error("study", *flags)
+    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [mine]
+
+
+def test_study_stopped_half_way_writes_nothing(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bowstring.plots.draw", stopped)
+    folder = tmp_path / "out"
+    code, out, err = shell("study", "--out", str(folder))
+    assert (code, out, err) == (130, "", "Stopped: nothing was written.\n")
+    assert not list(tmp_path.iterdir())
 
 
 # -- no solution -------------------------------------------------------------------------------

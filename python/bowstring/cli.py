@@ -9,7 +9,6 @@ import io
 import json
 import math
 import os
-import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -26,6 +25,7 @@ from bowstring.robot import Robot, load_robot, robot_names, robot_schema
 from bowstring.units import quote, read_number
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
 BAD_INPUT: Final = 2
@@ -301,11 +301,11 @@ def study(
     share = _share("--tolerance", tolerance)
     limit = None if max_tension is None else _number("--max-tension", max_tension, "N")
     model = _load(robot, overrides)
-    folder = out or Path("bowstring-study") / _file_name(model.name)
 
     from bowstring import report
     from bowstring import study as study_
 
+    folder = report.check_folder(report.default_folder(model) if out is None else out)
     with _progress() as tell:
         found = study_.run(
             model,
@@ -315,28 +315,12 @@ def study(
             theory=theory,
             progress=lambda what, done: tell(what, 0.5 * done),
         )
-        tell("report and figures", 0.5)
-        path = report.write(found, folder)
+        folder = report.write(
+            found, folder, progress=lambda what, done: tell(what, 0.5 + 0.5 * done)
+        )
     if as_json:
-        return _write_json({**found.to_dict(), "folder": folder, "report": path})
-    table = _table(
-        *("constant curvature", ">mean mm", ">max mm", ">rms mm", ">mean %"),
-        *(">mean |x| mm", ">mean |y| mm", ">mean |z| mm"),
-    )
-    for c in found.comparisons:
-        axes = (_fixed(1e3 * value, 3) for value in c.mean_by_axis)
-        errors = (_fixed(1e3 * value, 3) for value in (c.mean, c.maximum, c.rms))
-        percent = _fixed(100.0 * c.mean / c.length, 3)
-        table.add_row(study_.COMPARISONS.get(c.name, c.name), *errors, percent, *axes)
-    sweep = found.statics.tension
-    _write_tables(
-        f"{model.name}: tip of constant curvature against statics ({theory}), tendon "
-        f"{found.settings.tendon + 1} pulled, {_count(len(sweep), 'load')} from 0 to "
-        f"{sweep[-1]:g} N",
-        table,
-        "\n\n".join(found.verdict.text),
-        f"Report with error budget, figures and tables: {path}",
-    )
+        return _write_json({**found.to_dict(), "folder": folder})
+    _write_rich(lambda console: report.print_study(found, console, folder))
 
 
 # -- reading flags -----------------------------------------------------------------------------
@@ -394,11 +378,6 @@ def _share(flag: str, text: str) -> float:
     percent = text.strip().endswith("%")
     value = _number(flag, text.strip().rstrip("%") if percent else text, "")
     return value / 100.0 if percent else value
-
-
-def _file_name(name: str) -> str:
-    """A robot's name as a folder's: no separators, no dots in front."""
-    return re.sub(r"[^\w.-]+", "_", name).strip("._") or "robot"
 
 
 def _vector(flag: str, text: str, si: str) -> list[float]:
@@ -564,15 +543,21 @@ def _fixed(value: float, digits: int) -> str:
 
 
 def _write_tables(*parts: Table | str) -> None:
+    def draw(console: Console) -> None:
+        for i, part in enumerate(parts):
+            if i:
+                console.print()
+            console.print(part)
+
+    _write_rich(draw)
+
+
+def _write_rich(draw: Callable[[Console], None]) -> None:
     from rich.console import Console
 
-    width = max(Console().width, 100) if not sys.stdout.isatty() else None
-    buffer = io.StringIO()
-    console = Console(file=buffer, width=width, highlight=False, markup=False, soft_wrap=False)
-    for i, part in enumerate(parts):
-        if i:
-            console.print()
-        console.print(part)
+    buffer, terminal = io.StringIO(), sys.stdout.isatty()
+    width = Console().width if terminal else 100
+    draw(Console(file=buffer, width=width, force_terminal=terminal, highlight=False, markup=False))
     _write("\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n")
 
 
