@@ -18,9 +18,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,6 @@ __all__ = [
 Array = NDArray[np.float64]
 Theory = Literal["cosserat", "kirchhoff"]
 Progress = Callable[[str, float], None]
-Item = TypeVar("Item")
 
 SCHEMA_VERSION: Final = 1
 GRAVITY: Final = 9.81
@@ -121,7 +121,7 @@ FIGURES: Final = (
         "error_budget",
         "Error budget",
         "Mean error of constant curvature with each effect added alone to the plainest physics, "
-        "and removed alone from the fullest. Logarithmic scale.",
+        "and removed alone from the fullest (dashed: the fullest). The upper scale is logarithmic.",
     ),
 )
 
@@ -775,10 +775,8 @@ def _geometric_sweep(model: _Model) -> GeometricSweep:
     lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
     # Eq. 5 proper: from the lengths. It needs three tendons a segment and lengths that some arc
     # has; a robot without them keeps the arcs the lengths came from, which are the same ones.
-    try:
+    with suppress(InputError):
         arcs = arc.robot_fk(robot, lengths)
-    except InputError:
-        pass
     straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
     return GeometricSweep(
         pull=straight - lengths[:, settings.tendon],
@@ -929,7 +927,7 @@ def _budget(model: _Model, tension: Array, tell: Callable[[float], None]) -> Bud
     clamps = (
         "the file's clamps"
         if any(s.disks.clamped_length for s in model.robot.segments)
-        else "each disk clamps as much backbone as it is thick (3 mm if the file gives no thickness)"
+        else "each disk clamps as much backbone as it is thick (3 mm if its thickness is zero)"
     )
     x, y, _ = model.towards
     return Budget(
@@ -1164,8 +1162,8 @@ def _claim(model: _Model, comparisons: dict[str, Comparison]) -> PublishedClaim 
     x, _, z = ours.mean_by_axis
     text = (
         "Amouri 2019 prints, for constant curvature against its finite-element run, a mean error "
-        "smaller than 4.95 mm (0.77 % of length), and speaks of errors along each axis. This is the "
-        f"study's published mean; ours, from force and against statics, is {_mm(ours.mean)} "
+        "smaller than 4.95 mm (0.77 % of length), and speaks of errors along each axis. This is "
+        f"the study's published mean; ours, from force and against statics, is {_mm(ours.mean)} "
         f"({ours.mean / model.length * 100:.2g} %; {_mm(x)} in x, {_mm(z)} in z). How the study "
         "turned force into cable length is our reading of its section 4.1 (the linear law). No "
         "measured data of the study are available, so nothing here is its measurement."

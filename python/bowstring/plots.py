@@ -1,0 +1,453 @@
+"""Figures of the study, after the source study's own.
+
+matplotlib is imported by the first figure, not with the package. Figures are narrow, so that their
+text stays readable on a phone. Colours are those of Okabe and Ito, which colour-blind readers tell
+apart; markers and line styles differ too. In SVG every colour becomes a CSS variable, so that the
+page that holds the figure can follow the reader's light or dark theme.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.study import Case, Study
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw", "figure_style", "svg"]
+
+Array = NDArray[np.float64]
+
+COLOURS: Final = {
+    "ink": ("#1b1f24", "#e6e9ee"),
+    "muted": ("#5d6673", "#a3adba"),
+    "grid": ("#d5dae1", "#3a424d"),
+    "paper": ("#ffffff", "#14181d"),
+    "blue": ("#0072b2", "#56b4e9"),
+    "red": ("#c94f00", "#ff8a3d"),
+    "green": ("#007a5a", "#2fc79a"),
+    "purple": ("#9c4c83", "#dc94c2"),
+    "amber": ("#9a6a00", "#e8b44a"),
+}
+"""Each colour on light and on dark ground."""
+
+_LIGHT: Final = {name: light for name, (light, _) in COLOURS.items()}
+_WIDTH: Final = 4.6  # inches
+_TINY: Final = 1e-6  # m; the floor of logarithmic axes
+
+
+@contextmanager
+def figure_style() -> Iterator[None]:
+    """The look of all figures, for the time of a ``with`` block; also while they are saved."""
+    import matplotlib as mpl
+
+    ink, muted, grid = _LIGHT["ink"], _LIGHT["muted"], _LIGHT["grid"]
+    with mpl.rc_context(
+        {
+            "font.size": 9.0,
+            "axes.titlesize": 9.5,
+            "axes.titlelocation": "left",
+            "axes.labelsize": 9.0,
+            "legend.fontsize": 8.5,
+            "legend.frameon": False,
+            "xtick.labelsize": 8.5,
+            "ytick.labelsize": 8.5,
+            "text.color": ink,
+            "axes.labelcolor": ink,
+            "axes.titlecolor": ink,
+            "axes.edgecolor": muted,
+            "xtick.color": muted,
+            "ytick.color": muted,
+            "xtick.labelcolor": ink,
+            "ytick.labelcolor": ink,
+            "grid.color": grid,
+            "grid.linewidth": 0.6,
+            "axes.grid": True,
+            "axes.axisbelow": True,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "lines.linewidth": 1.6,
+            "lines.markersize": 4.5,
+            "svg.fonttype": "none",
+            "svg.hashsalt": "bowstring",
+            "pdf.fonttype": 42,
+        }
+    ):
+        yield
+
+
+def draw(study: Study) -> Iterator[tuple[str, Figure]]:
+    """Draw the figures one by one.
+
+    Parameters
+    ----------
+    study : Study
+
+    Yields
+    ------
+    stem : str
+        File name without ending, from `bowstring.study.FIGURES`.
+    figure : matplotlib.figure.Figure
+        Draw and save within `figure_style`.
+    """
+    for stem, drawing in _DRAWINGS.items():
+        figure = drawing(study)
+        if figure.get_layout_engine() is not None:
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")  # laid out once, not in each file format again
+        yield stem, figure
+
+
+def svg(stem: str, figure: Figure) -> str:
+    """The figure as an SVG element for an HTML page.
+
+    Parameters
+    ----------
+    stem : str
+        Prefix of all ids, so that figures do not clash on one page.
+    figure : matplotlib.figure.Figure
+
+    Returns
+    -------
+    str
+        ``<svg ...>``, its colours as ``var(--ink, #1b1f24)`` and so on, no background.
+    """
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r'\bid="', f'id="{stem}-', text)
+    text = re.sub(r'href="#', f'href="#{stem}-', text)
+    text = re.sub(r"url\(#", f"url(#{stem}-", text)
+    for name, light in _LIGHT.items():
+        text = text.replace(light, f"var(--{name}, {light})")
+    # matplotlib's default marker edge and text colours are black
+    text = re.sub(r"(stroke|fill): #000000", r"\1: var(--ink)", text)
+    return re.sub(r'<svg [^>]*viewBox="([^"]*)"[^>]*>', r'<svg viewBox="\1">', text, count=1)
+
+
+# -- the figures -------------------------------------------------------------------------------
+
+
+def _subplots(rows: int, height: float, **options: Any) -> tuple[Figure, list[Axes]]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+    axes = figure.subplots(rows, 1, squeeze=False, **options)
+    return figure, list(axes[:, 0])
+
+
+def _legend_above(axes: Axes, columns: int) -> None:
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.2,
+        handlelength=1.8,
+        columnspacing=1.2,
+    )
+
+
+_AXES: Final = (("x", "blue", "o"), ("y", "green", "^"), ("z", "red", "s"))
+
+
+def _tip_against_force(study: Study) -> Figure:
+    figure, (axes,) = _subplots(1, 3.2)
+    statics, force = study.statics, study.comparison("cc_from_force")
+    for k, (name, colour, marker) in enumerate(_AXES):
+        colour = _LIGHT[colour]
+        axes.plot(
+            statics.tension,
+            statics.tip_position[:, k] * 1e3,
+            color=colour,
+            marker=marker,
+            label=name,
+        )
+        axes.plot(
+            statics.tension,
+            force.tip_position[:, k] * 1e3,
+            color=colour,
+            linestyle="none",
+            marker="x",
+            markersize=6,
+        )
+    axes.plot([], [], color=_LIGHT["ink"], linestyle="none", marker="x", label="CC from force")
+    axes.set(xlabel=_force_label(study), ylabel="tip coordinate (mm)")
+    _legend_above(axes, 4)
+    return figure
+
+
+def _pull_against_force(study: Study) -> Figure:
+    figure, (axes, below) = _subplots(2, 4.0, sharex=True, height_ratios=(2, 1))
+    s = study.statics
+    axes.plot(s.tension, s.pull * 1e3, color=_LIGHT["blue"], marker="o", label="physics")
+    axes.plot(
+        s.tension, s.linear_pull * 1e3, color=_LIGHT["red"], linestyle="--", label="linear law"
+    )
+    axes.set(ylabel="pull (mm)")
+    _legend_above(axes, 2)
+    below.plot(s.tension, (s.linear_pull - s.pull) * 1e3, color=_LIGHT["purple"], marker="d")
+    below.set(xlabel=_force_label(study), ylabel="linear law\nminus physics (mm)")
+    return figure
+
+
+def _tip_against_pull(study: Study) -> Figure:
+    figure, (axes,) = _subplots(1, 3.0)
+    g = study.geometry
+    for k, (name, colour, marker) in enumerate(_AXES):
+        axes.plot(
+            g.pull * 1e3,
+            g.tip_position[:, k] * 1e3,
+            color=_LIGHT[colour],
+            marker=marker,
+            label=name,
+        )
+    axes.set(
+        xlabel=f"shortening of tendon {study.settings.tendon + 1} (mm)",
+        ylabel="tip coordinate (mm)",
+    )
+    _legend_above(axes, 3)
+    return figure
+
+
+def _configurations(study: Study) -> Figure:
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+
+    figure = Figure(figsize=(_WIDTH, 4.8))
+    axes: Any = figure.add_axes((0.02, 0.0, 0.9, 0.9), projection="3d")
+    g, robot = study.geometry, study.robot
+    known = np.flatnonzero(np.all(np.isfinite(g.tip_position), axis=-1))
+    shown = known[np.unique(np.linspace(0, len(known) - 1, 5).round().astype(int))]
+
+    turn = np.linspace(0.0, math.tau, 33)
+    rim = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
+    holes = np.column_stack([robot.tendons.hole_m, np.zeros(len(robot.tendons.hole_m))])
+    pulled = study.settings.tendon
+    points = []
+    for i in shown:
+        centres = np.concatenate([np.zeros((1, 3)), g.disk_positions[i]]) * 1e3
+        frames = np.concatenate([np.eye(3)[None], g.disk_rotations[i]])
+        radii = np.concatenate([robot.disks.radius_m[:1], robot.disks.radius_m]) * 1e3
+        every = max(1, len(centres) // 60)
+        rings = [
+            centre + radius * rim @ frame.T
+            for centre, frame, radius in zip(
+                centres[::every], frames[::every], radii[::every], strict=True
+            )
+        ]
+        disks = Poly3DCollection(
+            rings,
+            facecolors=_LIGHT["grid"],
+            edgecolors=_LIGHT["muted"],
+            linewidths=0.6,
+            alpha=0.55,  # a disk is seen through
+        )
+        axes.add_collection3d(disks)
+        others, own = [], []
+        for t, hole in enumerate(holes):
+            last = int(robot.tendons.end_disk[t]) + 2
+            path = centres[:last] + frames[:last] @ (hole * 1e3)
+            (own if t == pulled else others).append(path)
+        axes.add_collection3d(Line3DCollection(others, colors=_LIGHT["blue"], linewidths=0.8))
+        axes.add_collection3d(Line3DCollection(own, colors=_LIGHT["red"], linewidths=1.2))
+        backbone = g.backbone[i] * 1e3
+        axes.plot(*backbone.T, color=_LIGHT["ink"], linewidth=2.0)
+        points += rings
+        beyond = backbone[-1] + frames[-1][:, 2] * 0.06 * study.length * 1e3
+        axes.text(*beyond, f"{g.pull[i] * 1e3:.3g}", fontsize=8.5, ha="center", va="center")
+    _fit_box(axes, np.concatenate(points))
+    # the bending plane is seen nearly from the front
+    azimuth = math.degrees(float(robot.tendons.angle_rad[pulled])) - 65.0
+    axes.view_init(elev=20.0, azim=azimuth)
+    for colour, label in (("ink", "backbone"), ("red", "pulled tendon"), ("blue", "other tendons")):
+        axes.plot([], [], [], color=_LIGHT[colour], label=label)
+    axes.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
+    figure.legend(loc="upper left", ncols=3, handlelength=1.4, columnspacing=1.0)
+    figure.text(0.02, 0.9, "number at each tip: pull in mm", fontsize=8.5)
+    return figure
+
+
+def _fit_box(axes: Any, points: Array) -> None:
+    """Equal scales along all axes, the box as tight as the robot."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, size = 0.5 * (low + high), high - low
+    size = np.maximum(size, 0.25 * size.max())
+    for axis, centre, extent in zip("xyz", middle, size, strict=True):
+        getattr(axes, f"set_{axis}lim")(centre - 0.52 * extent, centre + 0.52 * extent)
+        getattr(axes, f"{axis}axis").set_pane_color((0.0, 0.0, 0.0, 0.0))
+        axes.locator_params(axis=axis, nbins=2 if extent < 0.4 * size.max() else 5)
+    axes.set_box_aspect(tuple(size), zoom=0.8)
+
+
+def _overlay(study: Study) -> Figure:
+    figure, (axes,) = _subplots(1, 3.6)
+    hole = study.robot.tendons.hole_m[study.settings.tendon]
+    towards = hole / np.linalg.norm(hole)
+
+    def path(tip: Array) -> Array:
+        return np.stack([tip[:, :2] @ towards, tip[:, 2]]) * 1e3
+
+    physics = path(study.statics.tip_position)
+    lengths = path(study.comparison("cc_from_lengths").tip_position)
+    force = path(study.comparison("cc_from_force").tip_position)
+
+    def draw_on(axes: Axes) -> None:
+        axes.plot(*physics, label="physics", color=_LIGHT["ink"], marker="o", markersize=3.5)
+        blue: dict[str, Any] = {"linestyle": "none", "color": _LIGHT["blue"], "marker": "s"}
+        axes.plot(*lengths, label="CC from lengths", markerfacecolor="none", markersize=8, **blue)
+        red: dict[str, Any] = {"linestyle": "--", "color": _LIGHT["red"], "marker": "x"}
+        axes.plot(*force, label="CC from force", linewidth=1.0, markersize=6, **red)
+
+    draw_on(axes)
+    direction = "x" if abs(towards[1]) < 1e-9 and towards[0] > 0 else "towards the pulled tendon"
+    axes.set(xlabel=f"tip, {direction} (mm)", ylabel="tip, z (mm)")
+    axes.set_aspect("equal", adjustable="datalim")
+    _legend_above(axes, 3)
+
+    # the last loads large, in the corner that a bent robot leaves free
+    ends = np.concatenate(
+        [p[:, np.all(np.isfinite(p), axis=0)][:, -2:] for p in (physics, force)], 1
+    )
+    reach = float(np.ptp(ends, axis=1).max()) if ends.size else 0.0
+    if reach > 0.0:
+        inset = axes.inset_axes((0.03, 0.03, 0.5, 0.6))
+        draw_on(inset)
+        x, z = 0.5 * (ends.min(axis=1) + ends.max(axis=1))
+        inset.set(xlim=(x - 0.8 * reach, x + 0.8 * reach), ylim=(z - 0.8 * reach, z + 0.8 * reach))
+        inset.set(xticks=[], yticks=[], aspect="equal")
+        inset.spines[:].set_visible(True)
+        inset.set_title("the last loads, magnified", fontsize=8, pad=3)
+        axes.indicate_inset_zoom(inset, edgecolor=_LIGHT["muted"])
+    return figure
+
+
+def _errors(study: Study) -> Figure:
+    figure, panels = _subplots(2, 5.2, sharex=True)
+    tension = study.statics.tension
+    titles = ("CC from lengths (Eq. 5)", "CC from force (linear law)")
+    for axes, name, title in zip(panels, ("cc_from_lengths", "cc_from_force"), titles, strict=True):
+        comparison = study.comparison(name)
+        for k, (axis, colour, marker) in enumerate(_AXES):
+            axes.plot(
+                tension,
+                comparison.difference[:, k] * 1e3,
+                color=_LIGHT[colour],
+                marker=marker,
+                label=axis,
+            )
+        axes.plot(
+            study.verdict.fine_tension,
+            study.verdict.fine_error[name] * 1e3,
+            color=_LIGHT["ink"],
+            label="Euclidean",
+        )
+        limit = study.verdict.tolerance_length * 1e3
+        largest = np.nanmax(comparison.error, initial=0.0) * 1e3
+        if largest > 0.3 * limit:
+            axes.axhline(
+                limit, color=_LIGHT["amber"], linestyle=":", label=f"tolerance {limit:.3g}"
+            )
+        else:
+            title += f"; tolerance {limit:.3g} mm is above"
+        axes.set(ylabel="CC minus physics (mm)")
+        axes.set_title(title)
+        axes.legend(loc="best", ncols=2)
+    panels[-1].set(xlabel=_force_label(study))
+    return figure
+
+
+def _error_budget(study: Study) -> Figure:
+    budget = study.budget
+    figure, panels = _subplots(2, 6.0)
+    labels = [row.label.replace(", not a continuous tendon", "") for row in budget.rows]
+    labels = [re.sub(r" \(.*\)", "", label) for label in labels]
+    places = np.arange(len(labels))[::-1]
+    sides = (
+        ("Added alone to the plainest physics", [row.added for row in budget.rows], None),
+        (
+            "Removed alone from the fullest (dashed)",
+            [row.removed for row in budget.rows],
+            budget.fullest,
+        ),
+    )
+    series = (
+        ("cc_from_lengths", "CC from lengths", "blue", "s", 0.14),
+        ("cc_from_force", "CC from force", "red", "o", -0.14),
+    )
+    for axes, (title, cases, whole) in zip(panels, sides, strict=True):
+        for name, label, colour, marker, shift in series:
+            means = np.array([_mean_of(case, name) for case in cases])
+            axes.plot(
+                np.maximum(means, _TINY) * 1e3,
+                places + shift,
+                linestyle="none",
+                color=_LIGHT[colour],
+                marker=marker,
+                markersize=5.5,
+                label=label,
+            )
+            if whole is not None and math.isfinite(_mean_of(whole, name)):
+                axes.axvline(
+                    max(_mean_of(whole, name), _TINY) * 1e3,
+                    color=_LIGHT[colour],
+                    linewidth=1.0,
+                    linestyle="--",
+                )
+        for case, place in zip(cases, places, strict=True):
+            if not math.isfinite(_mean_of(case, "cc_from_force")):
+                axes.annotate(
+                    "no equilibrium",
+                    (0.5, place),
+                    xycoords=("axes fraction", "data"),
+                    ha="center",
+                    va="center",
+                    fontsize=8,
+                    color=_LIGHT["muted"],
+                )
+        if whole is None:
+            axes.set_xscale("log")
+            low, high = axes.get_xlim()
+            axes.set_xlim(low, max(high, 10.0 * low))
+        else:
+            axes.set_xlim(left=0.0)
+        axes.set_yticks(places, labels)
+        axes.set_ylim(-0.6, len(labels) - 0.4)
+        axes.set_title(title)
+        axes.grid(axis="x", which="major")
+        axes.set_xlabel("mean error of CC (mm)")
+    left, _ = panels[0].get_xlim()
+    if left <= _TINY * 1e3:
+        panels[0].set_xlabel("mean error of CC (mm), 0.001 or less at the left")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    return figure
+
+
+def _mean_of(case: Case, name: str) -> float:
+    return case.comparisons[name].mean
+
+
+def _force_label(study: Study) -> str:
+    return f"tension of tendon {study.settings.tendon + 1} (N)"
+
+
+_DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
+    "fig05_tip_against_force": _tip_against_force,
+    "pull_against_force": _pull_against_force,
+    "fig06_tip_against_pull": _tip_against_pull,
+    "fig07_configurations": _configurations,
+    "fig10_overlay": _overlay,
+    "fig11_errors": _errors,
+    "error_budget": _error_budget,
+}

@@ -1,0 +1,504 @@
+"""The study on disk and in the terminal: report.html, figures, CSV tables, study.json.
+
+A folder is written beside its place under a hidden name and moved in whole when it is complete, so
+a reader finds the old study or the new one, never a mixture. A folder that this module did not
+write is never touched.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from bowstring.errors import InputError
+from bowstring.robot import Robot
+from bowstring.study import COMPARISONS, FIGURES, Case, Study
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+__all__ = ["check_folder", "default_folder", "print_study", "write"]
+
+Progress = Callable[[str, float], None]
+Cell = str | float | int | None
+
+_DPI: Final = 160
+_AXES: Final = ("x", "y", "z")
+_DASH: Final = "\N{EN DASH}"
+_MINUS: Final = "\N{MINUS SIGN}"
+
+
+# -- where it goes -----------------------------------------------------------------------------
+
+
+def default_folder(robot: Robot) -> Path:
+    """Folder of a robot's study if none is asked for: ``bowstring-study/<robot name>``.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    Path
+        Relative; characters of the name that a file system may refuse become underscores.
+    """
+    name = re.sub(r"[^\w.-]+", "_", robot.name).strip("._") or "robot"
+    return Path("bowstring-study") / name
+
+
+def check_folder(out: str | Path) -> Path:
+    """Say before any work whether a study may be written to a folder.
+
+    Parameters
+    ----------
+    out : str or Path
+        The folder; it need not exist.
+
+    Returns
+    -------
+    Path
+        The same folder, absolute, links resolved.
+
+    Raises
+    ------
+    InputError
+        If there is something in its place that is not a study of this program, or holds files that
+        the study did not write.
+    """
+    folder = Path(out).resolve()
+    if not folder.exists():
+        if folder.parent.exists() and not folder.parent.is_dir():
+            raise InputError(f"cannot write the study to {folder}: {folder.parent} is a file")
+        return folder
+    if not folder.is_dir():
+        raise InputError(f"cannot write the study to {folder}: it is a file; name a folder")
+    present = {
+        p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_symlink() or p.is_file()
+    }
+    if not present:
+        return folder
+    try:
+        former = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+        files = set(former["files"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(
+            f"cannot write the study to {folder}: it holds files but no study of Bowstring, and "
+            "nothing of yours is replaced; name a new or an empty folder"
+        ) from None
+    foreign = sorted(present - files)
+    if foreign:
+        raise InputError(
+            f"cannot replace the study in {folder}: it also holds {foreign[0]}, which the study "
+            "did not write; move that away or name another folder"
+        )
+    return folder
+
+
+def write(study: Study, out: str | Path | None = None, *, progress: Progress | None = None) -> Path:
+    """Write the report of a study.
+
+    Parameters
+    ----------
+    study : Study
+    out : str or Path, optional
+        Folder; a former study in it is replaced whole, after success. `default_folder` if not
+        given.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Path
+        The folder, absolute: report.html, study.json, ``figures/`` (PNG, PDF), ``tables/`` (CSV).
+
+    Raises
+    ------
+    InputError
+        If the folder may not be written (see `check_folder`).
+    """
+    tell = progress or (lambda what, share: None)
+    folder = check_folder(default_folder(study.robot) if out is None else out)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        # beside its place, so that the move is within one file system
+        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    except OSError as error:
+        raise InputError(f"cannot write the study to {folder}: {error.strerror}") from None
+    try:
+        new = work / "new"
+        new.mkdir()
+        _fill(study, new, tell)
+        _move_in(new, folder, work / "old")
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    tell("done", 1.0)
+    return folder
+
+
+def _move_in(new: Path, folder: Path, old: Path) -> None:
+    if not folder.exists():
+        os.rename(new, folder)
+        return
+    os.rename(folder, old)
+    try:
+        os.rename(new, folder)
+    except BaseException:
+        os.rename(old, folder)
+        raise
+
+
+def _fill(study: Study, folder: Path, tell: Progress) -> None:
+    from bowstring import plots
+
+    tables = folder / "tables"
+    tables.mkdir()
+    for name, header, rows in _tables(study):
+        _write_csv(tables / f"{name}.csv", header, rows)
+
+    figures = folder / "figures"
+    figures.mkdir()
+    drawn: dict[str, str] = {}
+    with plots.figure_style():
+        for i, (stem, figure) in enumerate(plots.draw(study)):
+            tell("figures", i / len(FIGURES))
+            figure.savefig(figures / f"{stem}.png", dpi=_DPI)
+            figure.savefig(
+                figures / f"{stem}.pdf", metadata={"CreationDate": None, "Creator": "Bowstring"}
+            )
+            drawn[stem] = plots.svg(stem, figure)
+
+    tell("report", 0.95)
+    content = study.to_dict()
+    (folder / "report.html").write_text(_html(study, content, drawn), encoding="utf-8")
+    written = [p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()]
+    content["files"] = sorted([*written, "study.json"])
+    text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
+    (folder / "study.json").write_text(text + "\n", encoding="utf-8")
+
+
+# -- tables ------------------------------------------------------------------------------------
+
+
+def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(header)
+        writer.writerows([_csv_cell(cell) for cell in row] for row in rows)
+
+
+def _csv_cell(cell: Cell) -> str:
+    """Numbers to nine significant digits; a missing one is an empty field."""
+    if cell is None:
+        return ""
+    if isinstance(cell, float):
+        return f"{cell + 0.0:.9g}" if math.isfinite(cell) else ""
+    return str(cell)
+
+
+def _tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]]]:
+    """Name, header with units, and rows of every table."""
+    tendons = [f"tendon_{t + 1}_length_mm" for t in range(len(study.robot.tendons.segment))]
+    position = [f"{axis}_mm" for axis in _AXES]
+    tip = [f"tip_{p}" for p in position]
+    segments = range(len(study.robot.segments))
+
+    g = study.geometry
+    yield (
+        "geometric_sweep",
+        ["pull_mm", *tendons, *(f"segment_{k + 1}_theta_deg" for k in segments), *tip],
+        np.column_stack(
+            [
+                g.pull * 1e3,
+                g.tendon_lengths * 1e3,
+                np.degrees(g.theta),
+                g.tip_position * 1e3,
+            ]
+        ).tolist(),
+    )
+    yield (
+        "geometric_configurations",
+        ["pull_mm", "disk", *position],
+        [
+            [pull * 1e3, disk + 1, *(point * 1e3).tolist()]
+            for pull, disks in zip(g.pull.tolist(), g.disk_positions, strict=True)
+            for disk, point in enumerate(disks)
+        ],
+    )
+
+    s = study.statics
+    yield (
+        "statics",
+        ["tension_N", "status", *tip, *tendons, "pull_mm", "linear_law_pull_mm"],
+        [
+            [tension, status, *rest]
+            for tension, status, rest in zip(
+                s.tension.tolist(),
+                s.status,
+                (
+                    1e3 * np.column_stack([s.tip_position, s.tendon_lengths, s.pull, s.linear_pull])
+                ).tolist(),
+                strict=True,
+            )
+        ],
+    )
+    yield (
+        "statics_configurations",
+        ["tension_N", "disk", *position],
+        [
+            [tension, disk + 1, *(point * 1e3).tolist()]
+            for tension, disks in zip(s.tension.tolist(), s.disk_positions, strict=True)
+            for disk, point in enumerate(disks)
+        ],
+    )
+
+    axis_means = [f"mean_{axis}_mm" for axis in _AXES]
+    yield (
+        "comparisons",
+        ["name", "against", "n", "mean_mm", "max_mm", "rms_mm", "mean_percent", *axis_means],
+        [
+            [
+                d["name"],
+                d["against"],
+                d["n"],
+                d["mean_mm"],
+                d["max_mm"],
+                d["rms_mm"],
+                d["mean_percent"],
+                *d["mean_by_axis_mm"],
+            ]
+            for d in (c.to_dict() for c in study.comparisons)
+        ],
+    )
+    yield (
+        "errors",
+        ["name", "tension_N", *tip, *(f"d{p}" for p in position), "error_mm", "error_percent"],
+        [
+            [c.name, *row]
+            for c in study.comparisons
+            for row in np.column_stack(
+                [
+                    s.tension,
+                    c.tip_position * 1e3,
+                    c.difference * 1e3,
+                    c.error * 1e3,
+                    c.error / c.length * 100.0,
+                ]
+            ).tolist()
+        ],
+    )
+    v = study.verdict
+    yield (
+        "verdict_sweep",
+        ["tension_N", *(f"{name}_error_mm" for name in v.fine_error)],
+        np.column_stack([v.fine_tension, *(e * 1e3 for e in v.fine_error.values())]).tolist(),
+    )
+    yield "budget", *_budget_table(study)
+
+
+def _budget_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
+    names = list(study.verdict.fine_error)
+    header = ["effect", "case", "problem", "tip_moved_mean_mm", "tip_moved_max_mm"]
+    for name in names:
+        header += [
+            f"{name}_n",
+            f"{name}_mean_mm",
+            f"{name}_max_mm",
+            f"{name}_mean_percent",
+            f"{name}_change_of_mean_mm",
+            f"{name}_change_of_mean_percent",
+        ]
+
+    def row(effect: str, what: str, case: Case, base: Case | None) -> list[Cell]:
+        d = case.to_dict(base)
+        cells: list[Cell] = [effect, what, d["problem"]]
+        cells += [d.get("tip_moved_mean_mm"), d.get("tip_moved_max_mm")]
+        for name in names:
+            e = d[name]
+            cells += [e["n"], e["mean_mm"], e["max_mm"], e["mean_percent"]]
+            cells += [e.get("change_of_mean_mm"), e.get("change_of_mean_percent")]
+        return cells
+
+    b = study.budget
+    rows = [row("", "plainest", b.plainest, None), row("", "fullest", b.fullest, None)]
+    for r in b.rows:
+        rows.append(row(r.effect, "added to plainest", r.added, b.plainest))
+        rows.append(row(r.effect, "fullest with it", r.full, None))
+        rows.append(row(r.effect, "removed from fullest", r.removed, r.full))
+    return header, list(rows)
+
+
+# -- numbers for people ------------------------------------------------------------------------
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    """Fixed digits after the point; a dash where there is no number."""
+    if value is None or not math.isfinite(value):
+        return _DASH
+    if 1e-6 < abs(value) < 0.5 * 10.0**-digits:  # below is rounding of exact zeros
+        return f"< {10.0**-digits:.{digits}f}"
+    return _signed(value, digits).removeprefix("+")
+
+
+def _signed(value: float | None, digits: int = 2) -> str:
+    """As `_number`, but with its sign, for changes."""
+    if value is None or not math.isfinite(value):
+        return _DASH
+    text = f"{value:+.{digits}f}"
+    return text[1:] if float(text) == 0.0 else text.replace("-", _MINUS)
+
+
+def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(
+        loader=PackageLoader("bowstring"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = _number
+    environment.filters["signed"] = _signed
+    from bowstring.plots import COLOURS
+
+    page = environment.get_template("report.html.j2").render(
+        study=study,
+        content=content,
+        comparisons=[(COMPARISONS[c["name"]], c) for c in content["comparisons"]],
+        sweep=_sweep_rows(study),
+        # drawn by this program, ids and text escaped by matplotlib
+        figures=[(f, Markup(drawn[f.stem])) for f in FIGURES],
+        tables=[name for name, _, _ in _tables(study)],
+        colours=COLOURS,
+        provenance=content["provenance"],
+    )
+    return page + "\n"
+
+
+def _sweep_rows(study: Study) -> list[dict[str, Any]]:
+    s = study.statics
+    lengths, force = study.comparison("cc_from_lengths"), study.comparison("cc_from_force")
+    return [
+        {
+            "tension": float(s.tension[i]),
+            "status": s.status[i],
+            "tip": (s.tip_position[i] * 1e3).tolist(),
+            "pull": float(s.pull[i]) * 1e3,
+            "linear_pull": float(s.linear_pull[i]) * 1e3,
+            "from_lengths": float(lengths.error[i]) * 1e3,
+            "from_force": float(force.error[i]) * 1e3,
+        }
+        for i in range(len(s.tension))
+    ]
+
+
+# -- the terminal ------------------------------------------------------------------------------
+
+
+def print_study(study: Study, console: Console, folder: Path | None = None) -> None:
+    """Print the study's tables and verdict.
+
+    Parameters
+    ----------
+    study : Study
+    console : rich.console.Console
+    folder : Path, optional
+        Where the report lies; its path is printed last.
+    """
+    from rich import box
+    from rich.padding import Padding
+    from rich.table import Table
+    from rich.text import Text
+
+    def table(title: str, *columns: str) -> Table:
+        out = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+        for i, column in enumerate(columns):
+            out.add_column(column, justify="left" if i == 0 else "right", no_wrap=i > 0)
+        return out
+
+    robot, settings = study.robot, study.settings
+    console.print(
+        Text.assemble(
+            (robot.name, "bold"),
+            f": {study.length * 1e3:g} mm, tendon {settings.tendon + 1} pulled to "
+            f"{settings.max_tension:g} N",
+        )
+    )
+    for warning in robot.warnings:
+        console.print(Text(f"Warning: {warning}", style="yellow"))
+
+    errors = table(
+        "Tip error of constant curvature (CC) against statics; simulated, not registered",
+        "CC from",
+        "mean mm",
+        "max mm",
+        "RMS mm",
+        "mean %",
+        "x mm",
+        "y mm",
+        "z mm",
+    )
+    for c in study.comparisons:
+        d = c.to_dict()
+        errors.add_row(
+            _short(COMPARISONS[c.name]).removeprefix("from "),
+            *(_number(d[k]) for k in ("mean_mm", "max_mm", "rms_mm", "mean_percent")),
+            *(_number(v) for v in d["mean_by_axis_mm"]),
+        )
+    console.print(errors)
+
+    plainest, fullest = study.budget.plainest, study.budget.fullest
+
+    def means(case: Case) -> list[str]:
+        return [_number(c.mean * 1e3, 2) for c in case.comparisons.values()]
+
+    budget = table(
+        "Error budget: mean tip error (mm) with an effect added alone to the\n"
+        "plainest physics, and what the effect changes in the fullest",
+        "effect",
+        "added:\nlengths",
+        "added:\nforce",
+        "in fullest:\nlengths",
+        "in fullest:\nforce",
+    )
+    budget.add_row("(plainest; fullest)", *means(plainest), *means(fullest))
+    for row in study.budget.rows:
+        worth = [_signed(row.worth(name) * 1e3) for name in fullest.comparisons]
+        mark = " *" if row.added.problem or row.removed.problem or row.full.problem else ""
+        budget.add_row(_short(row.label) + mark, *means(row.added), *worth)
+    console.print(budget)
+    problems = [
+        f"* {_short(row.label)}: {problem}"
+        for row in study.budget.rows
+        for problem in dict.fromkeys([row.added.problem, row.full.problem, row.removed.problem])
+        if problem
+    ]
+    for problem in problems:
+        console.print(Text(problem, style="dim"))
+
+    percent = f"{study.verdict.tolerance * 100:.3g} % of length"
+    console.print(Text(f"Verdict at {percent}", style="bold"))
+    for sentence in study.verdict.text:
+        console.print(Padding(Text(sentence), (0, 0, 0, 2)))
+    if study.claim is not None:
+        console.print(Padding(Text(study.claim.text, style="dim"), (0, 0, 0, 2)))
+    if folder is not None:
+        console.print(Text("Report: "), end="")
+        # a path must stay one line, to be clicked or copied
+        console.print(Text(str(folder / "report.html")), soft_wrap=True)
+
+
+def _short(label: str) -> str:
+    return re.sub(r" \(.*\)|, not a continuous tendon", "", label)
