@@ -55,9 +55,12 @@ class Solution:
         Newton steps, those of continuation included.
     residual : float
         Largest moment imbalance over (bending stiffness / length).
-    theory : str
+    theory, tendon, twist, elements
+        As given to `solve`.
     tensions : ndarray (T,)
         In N; with `gravity` (m/s^2), `tip_force` (N) and `tip_moment` (N m), each (3,), the load.
+
+    A solution is pickled and copied as its load, and solved anew, which gives the same numbers.
     """
 
     __slots__ = ("core", "robot")
@@ -72,6 +75,11 @@ class Solution:
             x, y, z = 1e3 * position
             return f"<Solution of {self.robot.name}: tip at ({x:.3f}, {y:.3f}, {z:.3f}) mm>"
         return f"<Solution of {self.robot.name}: {self.status}>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        c = self.core
+        load = (c.tensions, c.theory, c.gravity, c.tip_force, c.tip_moment)
+        return _solve, (self.robot, *load, c.tendon, c.twist, c.elements)
 
     @property
     def status(self) -> str:
@@ -94,8 +102,20 @@ class Solution:
         return self.core.residual
 
     @property
-    def theory(self) -> str:
+    def theory(self) -> Theory:
         return self.core.theory
+
+    @property
+    def tendon(self) -> TendonPath:
+        return self.core.tendon
+
+    @property
+    def twist(self) -> bool:
+        return self.core.twist
+
+    @property
+    def elements(self) -> int:
+        return self.core.elements
 
     @property
     def tensions(self) -> Floats:
@@ -349,6 +369,20 @@ def solve(
     >>> bs.solve(robot, [80, 0, 0]).raise_for_status().tip.position.round(4)
     array([0.3846, 0.    , 0.4448])
     """
+    return _solve(robot, tensions, theory, gravity, tip_force, tip_moment, tendon, twist, elements)
+
+
+def _solve(
+    robot: Robot,
+    tensions: ArrayLike,
+    theory: Theory,
+    gravity: ArrayLike | None,
+    tip_force: ArrayLike,
+    tip_moment: ArrayLike,
+    tendon: TendonPath,
+    twist: bool,
+    elements: int,
+) -> Solution:
     try:
         core = robot.core.solve(
             tensions, theory, gravity, tip_force, tip_moment, tendon, twist, elements
@@ -558,7 +592,8 @@ def _message(
         case _:
             reached = "none of the load" if fraction == 0 else f"{100 * fraction:.3g} % of the load"
             return (
-                f"No equilibrium was found: {reached} converged, then {iterations} iterations left "
-                f"a residual of {residual:.2g}. Lower the load, approach it by a sweep in small "
-                "steps, or set elements to 2 or more."
+                f"No equilibrium was found: {reached} converged, then {iterations} iterations "
+                f"left a residual of {residual:.2g}. Check Young's modulus (GPa, not MPa?) and the "
+                "loads; if they are meant, approach them by a sweep in small steps, or set "
+                "elements to 2 or more."
             )

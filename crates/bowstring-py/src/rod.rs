@@ -341,6 +341,21 @@ impl Solution {
         }
     }
     #[getter]
+    fn tendon(&self) -> &'static str {
+        match self.settings.model.tendon {
+            TendonPath::Straight => "straight",
+            TendonPath::Continuous => "continuous",
+        }
+    }
+    #[getter]
+    fn twist(&self) -> bool {
+        self.settings.model.twist
+    }
+    #[getter]
+    fn elements(&self) -> usize {
+        self.settings.elements
+    }
+    #[getter]
     fn tensions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.load.tensions)
     }
