@@ -8,6 +8,7 @@ import shlex
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bowstring import cli
@@ -83,5 +84,6 @@ def test_links(page: Path) -> None:
     "example", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.name
 )
 def test_examples(example: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(example.read_text("utf-8"), str(example), "exec"), {"__name__": "__main__"})
+    with np.printoptions():
+        exec(compile(example.read_text("utf-8"), str(example), "exec"), {"__name__": "__main__"})
     assert capsys.readouterr().out

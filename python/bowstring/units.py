@@ -28,7 +28,7 @@ _UNITS: Final[dict[str, dict[str, Decimal]]] = {
         "m/s^2": {"m/s^2": "1"},
         "rad": {"rad": "1", "deg": "0.01745329251994329576923690768488613"},
         "N": {"N": "1", "mN": "1e-3", "kN": "1e3"},
-        "N*m": {"N*m": "1", "Nm": "1", "N*mm": "1e-3", "Nmm": "1e-3", "mNm": "1e-3"},
+        "N*m": {"N*m": "1", "N*mm": "1e-3", "mN*m": "1e-3"},
     }.items()
 }
 _QUANTITY_NAMES: Final = {
@@ -41,6 +41,7 @@ _QUANTITY_NAMES: Final = {
     "N": "force",
     "N*m": "moment",
 }
+_MOMENTS: Final = {"Nm": "N*m", "Nmm": "N*mm", "mNm": "mN*m"}  # as people write them
 _SAME_UNIT: Final = str.maketrans({"²": "^2", "³": "^3", "µ": "u", "μ": "u", "°": "deg", "·": "*"})
 NUMBER: Final = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
 # Names with small whole powers only: what reaches pint cannot make it compute 9**9**9.
@@ -60,6 +61,7 @@ def _pint() -> Any:
 def _factor(unit: str, si: str) -> Decimal:
     """Factor from ``unit`` to the SI unit ``si``; ValueError ends a "got ..." that says why not."""
     plain = unit.translate(_SAME_UNIT).replace("**", "^").replace(" ", "")
+    plain = _MOMENTS.get(plain, plain)
     if plain in _UNITS[si]:
         return _UNITS[si][plain]
     if not si:
