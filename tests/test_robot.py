@@ -7,6 +7,7 @@ import pickle
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import jsonschema
@@ -257,6 +258,28 @@ def test_rare_unit_text_cannot_make_pint_compute():
             units.Quantity("m", "641 mm", "0 m", "1 km").read(text)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1" * 900_000 + " mm",
+        "1 " * 400_000,
+        "1e" * 400_000,
+        "1." * 400_000 + "\n.",
+        "1 " + "m" * 900_000,
+        "1 " + "m/" * 400_000,
+        "9" * 90 + " mm",
+    ],
+    ids=range(7),
+)
+def test_hostile_text_is_refused_at_once(text):
+    quantity = units.Quantity("m", "641 mm", "0 m", "1 km")
+    start = time.process_time()
+    with pytest.raises(units.PydanticCustomError) as caught:
+        quantity.read(text)
+    assert time.process_time() - start < 2.0
+    assert len(str(caught.value)) < 250
+
+
 def test_gravity_forms(load):
     for form in ("0 0 -9.81 m/s^2", "[0 m/s^2, 0 m/s^2, -9.81 m/s^2]", "0 0 -981 cm/s^2"):
         assert load(f"gravity: {form}\n" + GOOD).gravity == (0, 0, -9.81)
@@ -497,6 +520,7 @@ def test_outer_tendons_must_pass_the_inner_disks(load, refuse):
         ("- 1\n- 2\n", "got a list of 2; must be fields such as 'segments: ...'."),
         ("hello", "got \"hello\"; must be fields such as 'segments: ...'."),
         ("segments:", "segments: got nothing; must be a list of segments, each after a '-'."),
+        ("segments:" + "\n - {}" * 101, "segments: got a list of 101; must have at most 100."),
         ("segments: []", "segments: got an empty list; must have at least one."),
         ("a: {b: 1", "not valid YAML"),
         ("a: b: c", "line 1, column 5: not valid YAML"),

@@ -774,7 +774,7 @@ def _read_override(value: Any, path: str) -> Any:
         field = read_yaml(f"value: {text}", f"Override {path}").get("value")
         return _read_override(field, path)
     words = text.split()
-    if words and all(re.fullmatch(NUMBER, word, re.ASCII) for word in words):
+    if words and all(len(w) <= 100 and re.fullmatch(NUMBER, w, re.ASCII) for w in words):
         numbers = [int(w) if re.fullmatch("[+-]?[0-9]{1,15}", w) else float(w) for w in words]
         return numbers if len(numbers) > 1 else numbers[0]
     return text
@@ -808,6 +808,10 @@ _MAX_LISTED: Final = 20
 
 
 def _build(tree: dict[str, Any], label: str) -> Robot:
+    segments = tree.get("segments")
+    if isinstance(segments, list) and len(segments) > _MAX_SEGMENTS:  # before each is looked at
+        most = f"must have at most {_MAX_SEGMENTS}"
+        raise InputError(f"{label}: segments: got a list of {len(segments)}; {most}.")
     try:
         return Robot.model_validate(tree)
     except ValidationError as error:

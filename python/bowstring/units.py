@@ -43,10 +43,10 @@ _QUANTITY_NAMES: Final = {
 }
 _MOMENTS: Final = {"Nm": "N*m", "Nmm": "N*mm", "mNm": "mN*m"}  # as people write them
 _SAME_UNIT: Final = str.maketrans({"²": "^2", "³": "^3", "µ": "u", "μ": "u", "°": "deg", "·": "*"})
-NUMBER: Final = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
+NUMBER: Final = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
 # Names with small whole powers only: what reaches pint cannot make it compute 9**9**9.
 _UNIT: Final = r"[A-Za-z_]+(?:\^-?[1-9])?(?:[*/][A-Za-z_]+(?:\^-?[1-9])?){0,5}"
-_NUMBERS_AND_UNIT: Final = re.compile(rf"((?:{NUMBER})(?:\s+{NUMBER})*)\s*(\S.*)?", re.ASCII)
+_MAX_WORD: Final = 100
 
 
 @cache
@@ -60,6 +60,8 @@ def _pint() -> Any:
 @cache
 def _factor(unit: str, si: str) -> Decimal:
     """Factor from ``unit`` to the SI unit ``si``; ValueError ends a "got ..." that says why not."""
+    if len(unit) > _MAX_WORD:
+        raise ValueError(f"; {quote(unit)} is not a unit")
     plain = unit.translate(_SAME_UNIT).replace("**", "^").replace(" ", "")
     plain = _MOMENTS.get(plain, plain)
     if plain in _UNITS[si]:
@@ -68,7 +70,7 @@ def _factor(unit: str, si: str) -> Decimal:
         raise ValueError("; this is a plain number without a unit")
     if any(plain in units for units in _UNITS.values()):
         raise ValueError(f"; {quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}")
-    if len(plain) > 40 or not re.fullmatch(_UNIT, plain):
+    if not re.fullmatch(_UNIT, plain):
         raise ValueError(f"; {quote(unit)} is not a unit")
     registry = _pint()
     try:
@@ -83,14 +85,30 @@ def _factor(unit: str, si: str) -> Decimal:
 
 def _parse_quantities(text: str, si: str) -> list[float]:
     """Read "641 mm" or "0 0 -9.81 m/s^2" as SI numbers; ValueError ends a "got ..."."""
-    match = _NUMBERS_AND_UNIT.fullmatch(text.strip())
-    if match is None:
+    numbers, unit = _split(text)
+    if not numbers:
         raise ValueError(", which is not a number" + (" with a unit" if si else ""))
-    numbers, unit = match.groups()
-    if unit is None and si:
+    if si and not unit:
         raise ValueError(" without a unit")
     factor = _factor(unit, si) if unit else Decimal(1)
-    return [float(Decimal(number) * factor) for number in numbers.split()]
+    return [float(Decimal(number) * factor) for number in numbers]
+
+
+def _split(text: str) -> tuple[list[str], str]:
+    """Split "0 0 -9.81 m/s^2" or "641mm" into numbers and unit.
+
+    Word by word, as one pattern for all could take forever on hostile text.
+    """
+    words = text.split()
+    numbers: list[str] = []
+    for i, word in enumerate(words):
+        match = re.match(NUMBER, word, re.ASCII) if len(word) <= _MAX_WORD else None
+        if match is None:
+            return numbers, " ".join(words[i:])
+        numbers.append(match.group())
+        if rest := word[match.end() :]:
+            return numbers, " ".join((rest, *words[i + 1 :]))
+    return numbers, ""
 
 
 def read_number(text: str, si: str) -> float:
@@ -144,6 +162,7 @@ def quote(value: object) -> str:
     if isinstance(value, str):
         if not value.strip():
             return "nothing"
+        value = value[:_MAX_WORD]
         if re.fullmatch(NUMBER, value.strip(), re.ASCII):
             text = value.strip()
         else:
@@ -154,7 +173,7 @@ def quote(value: object) -> str:
         return f"a list of {len(value)}"
     else:
         text = str(value) if not isinstance(value, int) or abs(value) < 1e15 else "a huge number"
-    return text if len(text) <= 60 else text[:56] + ' ..."'
+    return text if len(text) <= 60 else text[:56] + " ..." + '"' * text.startswith('"')
 
 
 def wrong(sentence: str) -> PydanticCustomError:
@@ -259,8 +278,8 @@ class Quantity:
 
 def _example_of_one(example: str) -> str:
     """The last number of an example and its unit."""
-    numbers, unit = _NUMBERS_AND_UNIT.fullmatch(example).groups()  # type: ignore[union-attr]
-    return f"{numbers.split()[-1]} {unit}"
+    numbers, unit = _split(example)
+    return f"{numbers[-1]} {unit}"
 
 
 @dataclass(frozen=True)
