@@ -233,7 +233,7 @@ class Solution:
         }
 
 
-@dataclass(frozen=True, repr=False, eq=False)
+@dataclass(repr=False, eq=False)  # not frozen: that would cost 4 us a sweep
 class Sweep:
     """The answers to n loads; made by `sweep` and `solve_batch`.
 
