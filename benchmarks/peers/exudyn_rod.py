@@ -129,8 +129,8 @@ def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Sol
 
 SETTINGS = {
     f"{e} el./module, {s} load steps, tol {t:g}": partial(prepare, e, s, t)
-    for e in (1, 2, 4, 8, 12)
-    for s, t in ((2, 1e-6), (3, 1e-3), (4, 1e-3), (6, 1e-3), (8, 1e-4))
+    for e in (1, 2, 4, 8, 16)
+    for s, t in ((2, 1e-6), (3, 1e-3), (4, 1e-3), (6, 1e-3), (8, 1e-5))
 }
 
 if __name__ == "__main__":
