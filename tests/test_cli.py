@@ -315,7 +315,7 @@ def test_a_load_without_solution(shell: Shell) -> None:
     warning, error = err.splitlines()
     assert code == 1 and not out
     assert warning.startswith("Warning: ")
-    assert error.startswith("Error: ") and "ower the load" in error
+    assert error.startswith("Error: ") and "of the load converged" in error
     found = shell.json(*arguments, code=1)
     assert found["status"] != "converged"
     assert found["tip"] is found["disks"] is found["tendon_lengths_m"] is None
