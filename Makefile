@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: study test build clean lock
+.PHONY: study test bench build clean lock
 
 study: build ## the main job: the study of the built-in robot
 	@$(BIN)/bowstring study amouri2019
@@ -33,8 +33,22 @@ test: build
 	$(BIN)/mypy
 	$(BIN)/python -m pytest
 
+bench: build .venv-peers/.tried ## our times beside those of other solvers
+	-cargo bench -p bowstring-core --locked
+	@$(BIN)/python -m benchmarks.run
+
+.venv-peers/.tried: requirements/peers.in requirements/peers.lock
+	@echo "== installing the peers (1.1 GB, once); one that fails is reported in the table"
+	@test -d .venv-peers || $(PYTHON) -m venv .venv-peers
+	@while read -r peer; do \
+		echo "$$peer"; \
+		.venv-peers/bin/python -m pip install -q -c requirements/peers.lock "$$peer" || true; \
+	done < requirements/peers.in
+	@touch $@
+
 clean:
-	rm -rf $(VENV) target
+	rm -rf $(VENV) .venv-peers target
 
 lock: ## renew the lock file (needs uv)
 	uv pip compile --universal --python-version 3.10 --no-header --no-annotate pyproject.toml requirements/dev.in -o requirements/dev.lock
+	uv pip compile --universal --python-version 3.10 --no-header --no-annotate requirements/peers.in -o requirements/peers.lock

@@ -1,1 +1,58 @@
-"""Is constant curvature good enough for my cable-driven continuum robot?"""
+"""Is constant curvature good enough for my cable-driven continuum robot?
+
+Names are imported when first used: ``import bowstring as bs`` is quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bowstring import errors
+    from bowstring._core import __version__
+    from bowstring.robot import Robot, load_robot, robot_names, robot_schema
+    from bowstring.rod import Solution, Sweep, solve, solve_batch, sweep
+
+__all__ = [
+    "Robot",
+    "Solution",
+    "Sweep",
+    "__version__",
+    "arc",
+    "errors",
+    "load_robot",
+    "robot_names",
+    "robot_schema",
+    "solve",
+    "solve_batch",
+    "sweep",
+]
+
+_HOME = {
+    "__version__": "_core",
+    "Robot": "robot",
+    "load_robot": "robot",
+    "robot_names": "robot",
+    "robot_schema": "robot",
+    "Solution": "rod",
+    "Sweep": "rod",
+    "solve": "rod",
+    "solve_batch": "rod",
+    "sweep": "rod",
+}
+_MODULES = {"arc", "errors"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"{__name__}.{name}")
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

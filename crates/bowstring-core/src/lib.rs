@@ -1,5 +1,15 @@
 //! Mechanics and constant-curvature kinematics of tendon-driven continuum robots.
 
+pub mod arc;
+pub mod batch;
 pub mod lie;
 pub mod linalg;
+pub mod load;
+mod module;
 pub mod real;
+mod rod;
+pub mod robot;
+#[cfg(target_arch = "x86_64")]
+mod simd;
+pub mod statics;
+mod sweep;

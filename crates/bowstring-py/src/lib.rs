@@ -2,9 +2,20 @@
 
 use pyo3::prelude::*;
 
+mod arc;
+mod rod;
+
 #[pymodule]
 mod _core {
     use super::*;
+
+    #[pymodule_export]
+    use crate::arc::{
+        arc_bend, arc_bend_jacobian, arc_curvature, arc_curvature_jacobian, arc_fit,
+        arc_fit_jacobian, arc_from_tensions, arc_lengths, arc_lengths_jacobian, arc_nearest,
+        arc_part, arc_pose, arc_pose_jacobian, arc_through,
+    };
+    use super::rod::{Robot, Solution};
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -1,0 +1,87 @@
+"""Bowstring through its Python face: the same cases, and the figures that it must reach.
+
+Rows: one call of `bs.solve`; cold solves in one call of `bs.sweep`; a warm sweep of 17 tensions up
+to the case's own; `bs.solve_batch` on all cores. Times are per solve, tip errors the case's own.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+
+import numpy as np
+
+import bowstring as bs
+from benchmarks.cases import LOADED, Case, Solve, measure, median_ms, report
+
+ROBOT = bs.load_robot("amouri2019")
+SWEEP = 17
+BATCH = 20_000
+FIGURE_TENSIONS = np.linspace(
+    [0.0, 10.0, 5.0], [80.0, 10.0, 5.0], SWEEP
+)  # as in the core's benches
+
+
+def loads(case: Case) -> dict[str, object]:
+    return {"gravity": case.gravity, "tip_force": case.tip_force}
+
+
+def one_call(case: Case, elements: int = 1) -> Solve:
+    def solve() -> np.ndarray:
+        solution = bs.solve(ROBOT, case.tensions, elements=elements, **loads(case))
+        solution.raise_for_status()
+        return 1e3 * solution.tip.position
+
+    return solve
+
+
+def many(function, fractions: np.ndarray, case: Case) -> Solve:
+    """Tensions at the given fractions of the case's, the last of which is 1."""
+    tensions = np.outer(fractions, case.tensions)
+
+    def solve() -> np.ndarray:
+        result = function(ROBOT, tensions, **loads(case))
+        if not result.converged.all():
+            raise RuntimeError(f"{(~result.converged).sum()} of {len(tensions)} did not converge")
+        return 1e3 * result.tip_position[-1]
+
+    return solve
+
+
+SETTINGS = {
+    "one call": (one_call, 1),
+    "one call, elements=2": (partial(one_call, elements=2), 1),
+    "one call, elements=8": (partial(one_call, elements=8), 1),
+    "cold, in one sweep call": (
+        partial(many, partial(bs.sweep, warm=False), np.ones(500)),
+        500,
+    ),
+    "warm sweep of 17": (partial(many, bs.sweep, np.linspace(0, 1, SWEEP)), SWEEP),
+    f"batch on {os.cpu_count()} cores": (
+        partial(many, bs.solve_batch, np.linspace(0.5, 1, BATCH)),
+        BATCH,
+    ),
+}
+
+
+def figures() -> dict[str, float]:
+    """Times through Python on the load of the core's micro-benchmarks, in us."""
+    solve = partial(bs.solve, ROBOT, FIGURE_TENSIONS[-1], **loads(LOADED))
+    sweep = partial(bs.sweep, ROBOT, FIGURE_TENSIONS, **loads(LOADED))
+    many_tensions = np.tile(FIGURE_TENSIONS, (BATCH // SWEEP, 1))
+    batch = partial(bs.solve_batch, ROBOT, many_tensions, theory="kirchhoff", **loads(LOADED))
+    return {
+        "one_call_kirchhoff": 1e3 * median_ms(partial(solve, theory="kirchhoff"), 1.0),
+        "one_call_cosserat": 1e3 * median_ms(partial(solve, theory="cosserat"), 1.0),
+        "warm17_kirchhoff": 1e3 * median_ms(partial(sweep, theory="kirchhoff"), 1.0),
+        "warm17_cosserat": 1e3 * median_ms(partial(sweep, theory="cosserat"), 1.0),
+        "batch_per_solve": 1e3 * median_ms(batch, 1.0) / len(many_tensions),
+    }
+
+
+if __name__ == "__main__":
+    results = measure({name: prepare for name, (prepare, _) in SETTINGS.items()})
+    for result in results:
+        if result.time_ms is not None:
+            result.time_ms /= SETTINGS[result.setting][1]
+    report(bs.__version__, results, figures=figures())

@@ -1,0 +1,137 @@
+"""Exudyn: geometrically exact beam elements and constant-tension springs.
+
+Model: two-node shear-deformable beams interpolated on SE(3); a disk is a rigid body on the beam's
+own node; a span is a SpringDamper without stiffness whose constant `force` is the tension, between
+points of two neighbouring disks, so that spans are straight and frictionless as in the reference.
+Nodes are rotation vectors (Lie group); with Euler parameters the static solver needs ten times the
+load steps. Discretisation: equal elements per module, second order. Statics: full Newton in load
+steps; a single step from straight does not converge at 80 N.
+Limits: the static solver scales loads but no spring force, hence a Python call per load step.
+"""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+sys.exudynFast = True  # the build without range checks; read by exudyn at its first import
+
+import exudyn  # noqa: E402
+from exudyn import itemInterface as item  # noqa: E402
+
+from benchmarks.cases import (  # noqa: E402
+    AREA,
+    DENSITY,
+    DISKS,
+    EA,
+    EI,
+    GA,
+    GJ,
+    LENGTH,
+    Case,
+    Solve,
+    holes,
+    measure,
+    report,
+)
+
+TINY = 1e-9  # rotary inertia: must be positive, plays no part in statics
+
+
+def model_axes(vector: tuple[float, float, float]) -> list[float]:
+    """Exudyn's beam runs along x: (x, y, z) of the robot are (y, z, x) of the model."""
+    return [vector[2], vector[0], vector[1]]
+
+
+def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Solve:
+    system = exudyn.SystemContainer().AddSystem()
+    section = exudyn.BeamSection()
+    section.stiffnessMatrix = np.diag([EA, GA, GA, GJ, EI, EI])
+    section.massPerLength = DENSITY * AREA
+    section.inertia = TINY * np.eye(3)
+
+    h = LENGTH / DISKS / elements
+    nodes = [
+        system.AddNode(item.NodeRigidBodyRotVecLG(referenceCoordinates=[h * k, 0, 0, 0, 0, 0]))
+        for k in range(DISKS * elements + 1)
+    ]
+    beams = [
+        system.AddObject(
+            item.ObjectBeamGeometricallyExact(nodeNumbers=list(pair), length=h, sectionData=section)
+        )
+        for pair in pairwise(nodes)
+    ]
+    ground = system.AddObject(item.ObjectGround())
+    disks = [
+        system.AddObject(
+            item.ObjectRigidBody(mass=case.disk_mass, inertia=3 * [TINY] + 3 * [0], nodeNumber=node)
+        )
+        for node in nodes[elements::elements]
+    ]
+    clamp = [
+        system.AddMarker(item.MarkerBodyRigid(bodyNumber=ground)),
+        system.AddMarker(item.MarkerNodeRigid(nodeNumber=nodes[0])),
+    ]
+    system.AddObject(item.GenericJoint(markerNumbers=clamp))
+
+    spans = []
+    for (x, y), tension in zip(holes(), case.tensions, strict=True):
+        points = [
+            system.AddMarker(
+                item.MarkerBodyPosition(bodyNumber=body, localPosition=model_axes((x, y, 0)))
+            )
+            for body in (ground, *disks)
+        ]
+        for ends in pairwise(points):
+            spans.append((system.AddObject(item.SpringDamper(markerNumbers=list(ends))), tension))
+
+    if any(case.gravity):
+        for body in (*disks, *beams):
+            marker = system.AddMarker(item.MarkerBodyMass(bodyNumber=body))
+            load = item.LoadMassProportional(
+                markerNumber=marker, loadVector=model_axes(case.gravity)
+            )
+            system.AddLoad(load)
+    if any(case.tip_force):
+        marker = system.AddMarker(item.MarkerNodePosition(nodeNumber=nodes[-1]))
+        load = item.LoadForceVector(markerNumber=marker, loadVector=model_axes(case.tip_force))
+        system.AddLoad(load)
+
+    def pull(mbs, load_factor: float) -> bool:
+        for span, tension in spans:
+            mbs.SetObjectParameter(span, "force", tension * load_factor)
+        return True
+
+    system.SetPreStepUserFunction(pull)
+    system.Assemble()
+
+    settings = exudyn.SimulationSettings()
+    settings.linearSolverType = exudyn.LinearSolverType.EigenSparse
+    settings.solution.file.write = False
+    static = settings.staticSolver
+    static.verboseMode = 0
+    static.numberOfLoadSteps = load_steps
+    static.adaptiveStep = False
+    static.computeLoadsJacobian = False  # dead loads: the iterations are the same without
+    static.newton.relativeTolerance = tolerance
+
+    def solve() -> list[float]:
+        if not system.SolveStatic(settings, storeSolver=False, showCausingItems=False):
+            raise RuntimeError("static solver failed")
+        x, y, z = system.GetNodeOutput(nodes[-1], exudyn.OutputVariableType.Position)
+        return [1e3 * y, 1e3 * z, 1e3 * x]
+
+    return solve
+
+
+SETTINGS = {
+    f"{e} el./module, {s} load steps, tol {t:g}": partial(prepare, e, s, t)
+    for e in (1, 2, 4, 8, 16)
+    for s, t in ((2, 1e-6), (3, 1e-3), (4, 1e-3), (6, 1e-3), (8, 1e-5))
+}
+
+if __name__ == "__main__":
+    report(exudyn.__version__, measure(SETTINGS))

@@ -1,0 +1,220 @@
+"""`make bench`: every solver on the same robot and loads, one table; then our own figures.
+
+Each solver runs in a process of its own, one after the other, on one thread (only Bowstring's batch
+row uses all cores); one that is not installed, fails or takes too long gets a row that says so.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+from collections import defaultdict
+from math import dist, isnan, nan
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from benchmarks.cases import LOADED, PULLS, Case, Result
+
+ROOT = Path(__file__).parent.parent
+OURS = "Bowstring"
+PEERS = {
+    "Exudyn": "exudyn_rod",
+    "MuJoCo": "mujoco_chain",
+    "PyElastica": "pyelastica_rod",
+    "soromox": "soromox_rod",
+}
+LEVELS_MM = (30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+TIME_LIMIT_S = 600
+ONE_THREAD = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+    "JAX_PLATFORMS": "cpu",
+    "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
+}
+TITLES = {
+    PULLS[-1]: "tendon 1 at 80 N, nothing else",
+    LOADED: "tendons at 40, 10, 5 N, gravity on 20 g disks and backbone, 1 N across the tip",
+}
+
+
+def readable(value: float) -> str:
+    """Three digits, without an exponent."""
+    if isnan(value):
+        return "-"
+    return f"{float(f'{value:.3g}'):,.10f}".rstrip("0").rstrip(".").replace(",", " ")
+
+
+def run_solver(venv: str, module: str) -> dict:
+    """What a benchmark process reports, or {"failed": why}."""
+    python = ROOT / venv / "bin" / "python"
+    if not python.exists():
+        return {"failed": f"not installed: no {venv}"}
+    try:
+        process = subprocess.run(
+            [python, "-m", f"benchmarks.{module}"],
+            cwd=ROOT,
+            env=os.environ | ONE_THREAD,
+            capture_output=True,
+            text=True,
+            timeout=TIME_LIMIT_S,
+        )
+    except subprocess.TimeoutExpired:
+        return {"failed": f"stopped after {TIME_LIMIT_S} s"}
+    if process.returncode == 0 and process.stdout.strip():
+        return json.loads(process.stdout.strip().splitlines()[-1])
+    reason = (process.stderr.strip() or f"exit code {process.returncode}").splitlines()[-1]
+    missing = reason.startswith("ModuleNotFoundError")
+    return {"failed": f"{'not installed' if missing else 'failed'}: {reason}"}
+
+
+def error_mm(result: Result, case: Case) -> float:
+    return dist(result.tip_mm, case.tip_mm)
+
+
+def results_of(report: dict, case: Case, solved: bool = True) -> list[Result]:
+    results = [Result(**r) for r in report.get("results", []) if r["case"] == case.name]
+    return [r for r in results if (r.tip_mm is not None) == solved]
+
+
+def best(results: list[Result], case: Case) -> list[Result]:
+    """The fastest setting at each level of tip error, coarse to fine."""
+    chosen: list[Result] = []
+    for level in LEVELS_MM:
+        reaching = [r for r in results if error_mm(r, case) <= level]
+        fastest = min(reaching, key=lambda r: r.time_ms, default=None)
+        if fastest and fastest not in chosen:
+            chosen.append(fastest)
+    return chosen
+
+
+def comparison(reports: dict[str, dict]) -> Table:
+    table = Table(title="Static solve of amouri2019: time and tip error", title_justify="left")
+    for column in ("solver", "setting"):
+        table.add_column(column)
+    for column in ("time, ms", "tip error, mm", "time / our one call"):
+        table.add_column(column, justify="right")
+    for case, title in TITLES.items():
+        table.add_row(f"[bold]{case.name}[/bold]", f"[bold]{title}[/bold]")
+        ours = {r.setting: r.time_ms for r in results_of(reports[OURS], case)}.get("one call", nan)
+        for solver, report in reports.items():
+            if "failed" in report:
+                table.add_row(solver, escape(report["failed"]))
+                continue
+            results = results_of(report, case)
+            for r in results if solver == OURS else best(results, case):
+                values = (r.time_ms, error_mm(r, case), r.time_ms / ours)
+                table.add_row(solver, r.setting, *map(readable, values))
+            if not results:
+                notes = [r.note for r in results_of(report, case, solved=False)] or ["not run"]
+                table.add_row(solver, escape(f"no answer: {notes[0]}"))
+        table.add_section()
+    return table
+
+
+def cpu_name() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(x.split(":")[1].strip() for x in lines if x.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def core_us() -> dict[str, float]:
+    """Medians of the core's micro-benchmarks (`cargo bench`), in us."""
+    times = {}
+    for file in (ROOT / "target" / "criterion").glob("*/new/estimates.json"):
+        estimates = json.loads(file.read_text())
+        times[file.parent.parent.name] = estimates["median"]["point_estimate"] / 1e3
+    return times
+
+
+def times_exudyn(reports: dict, setting: str, equal_error: bool) -> float:
+    """Exudyn's time over ours, the smaller of the two cases. At equal error: its fastest setting
+    with our tip error or less; where none has that, its most accurate, which flatters it."""
+    ratios = []
+    for case in TITLES:
+        ours = [r for r in results_of(reports[OURS], case) if r.setting == setting]
+        peers = results_of(reports["Exudyn"], case)
+        if not ours or not peers:
+            return nan
+        most_accurate = min(error_mm(r, case) for r in peers)
+        our_error = error_mm(ours[0], case)
+        limit = max(our_error, most_accurate) if equal_error else max(LEVELS_MM)
+        times = [r.time_ms for r in peers if error_mm(r, case) <= limit]
+        ratios.append(min(times, default=nan) / ours[0].time_ms)
+    return min(ratios)
+
+
+def figures(reports: dict) -> Table:
+    """What the project asks of itself beside what was measured; nan is "not measured"."""
+    core = defaultdict(lambda: nan, core_us())
+    python = defaultdict(lambda: nan, reports[OURS].get("figures", {}))
+    table = Table(
+        title="Bowstring: asked and measured (three tendons, gravity and a tip force on)",
+        title_justify="left",
+    )
+    for column in ("figure", "asked", "measured", ""):
+        table.add_column(column, justify="right" if column in ("asked", "measured") else "left")
+
+    def row(name: str, sign: str, asked: float, value: float, unit: str = "") -> None:
+        if isnan(asked):
+            table.add_row(name, "", f"{readable(value)} {unit}")
+            return
+        met = value >= asked if sign == ">=" else value <= asked
+        verdict = "" if isnan(value) else "[green]met[/green]" if met else "[red]missed[/red]"
+        measured = "not measured" if isnan(value) else f"{readable(value)} {unit}"
+        table.add_row(name, f"{sign} {readable(asked)} {unit}", measured, verdict)
+
+    row("core, Kirchhoff, cold", "<=", 15, core["cold_kirchhoff"], "us")
+    row("core, Kirchhoff, warm sweep of 17", "<=", 10, core["warm17_kirchhoff"] / 17, "us/point")
+    for way in ("cold", "warm17"):
+        ratio = core[f"{way}_cosserat"] / core[f"{way}_kirchhoff"]
+        row(f"core, Cosserat / Kirchhoff, {way}", "<=", 1.6, ratio)
+    for theory in ("kirchhoff", "cosserat"):
+        ratio = python[f"warm17_{theory}"] / core[f"warm17_{theory}"]
+        row(f"Python sweep of 17 / core, {theory}", "<=", 1.2, ratio)
+    for theory in ("kirchhoff", "cosserat"):
+        row(f"one solve from Python, {theory}", "<=", 40, python[f"one_call_{theory}"], "us")
+    row("batch on both cores, Kirchhoff", ">=", 250e3, 1e6 / python["batch_per_solve"], "solves/s")
+    row("450 disks / 9 disks", "<=", 55, core["disks_450"] / core["disks_9"])
+    for setting in ("cold, in one sweep call", "one call"):
+        ratio = times_exudyn(reports, setting, equal_error=True)
+        row(f"Exudyn at no larger tip error / ours ({setting})", ">=", 500, ratio)
+        ratio = times_exudyn(reports, setting, equal_error=False)
+        row(f"Exudyn at its fastest, at any error / ours ({setting})", "", nan, ratio)
+    return table
+
+
+def main() -> None:
+    console = Console(width=max(Console().width, 120))
+    reports = {}
+    for solver, module in {OURS: "ours", **{k: f"peers.{v}" for k, v in PEERS.items()}}.items():
+        with Console(stderr=True).status(f"running {solver}"):
+            reports[solver] = run_solver(".venv" if solver == OURS else ".venv-peers", module)
+
+    console.print(comparison(reports))
+    versions = ", ".join(f"{k} {v['version']}" for k, v in reports.items() if "version" in v)
+    console.print(
+        f"{cpu_name()}; Python {platform.python_version()}; {versions}.\n"
+        "One thread, except the batch; every solve from straight, except the warm sweep.\n"
+        f"A peer's rows are its fastest setting at each level of tip error: {LEVELS_MM} mm."
+    )
+    console.print(figures(reports))
+
+    file = ROOT / "target" / "bench.json"
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(
+        json.dumps({"cpu": cpu_name(), "core_us": core_us(), "solvers": reports}, indent=1)
+    )
+    console.print(f"All cases and settings: {file.relative_to(ROOT)}")
+
+
+if __name__ == "__main__":
+    main()

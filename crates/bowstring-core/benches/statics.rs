@@ -1,0 +1,73 @@
+//! Time of a static solve on one core: the study's robot, three tendons pulled, gravity and
+//! a force across the tip, so that no two modules are equal.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use bowstring_core::load::{Load, Model, Theory};
+use bowstring_core::statics::{Solver, Status};
+use common::study_robot;
+use criterion::{criterion_group, criterion_main, Criterion};
+
+fn load(tensions: &[f64; 3]) -> Load<'_> {
+    Load {
+        tensions,
+        gravity: [0.0, 0.0, -9.81],
+        tip_force: [0.0, 1.0, 0.0],
+        tip_moment: [0.0; 3],
+    }
+}
+
+fn model(theory: Theory) -> Model {
+    Model {
+        theory,
+        ..Model::default()
+    }
+}
+
+fn statics(c: &mut Criterion) {
+    let robot = study_robot(9, 0.0);
+    for (name, theory) in [
+        ("kirchhoff", Theory::Kirchhoff),
+        ("cosserat", Theory::Cosserat),
+    ] {
+        let mut solver = Solver::<2>::new(&robot, model(theory));
+        let outcome = solver.solve(&load(&[80.0, 10.0, 5.0])).unwrap();
+        assert_eq!(outcome.status, Status::Converged);
+        println!("{name}: {} iterations", outcome.iterations);
+        c.bench_function(&format!("cold_{name}"), |b| {
+            b.iter(|| solver.solve(&load(&[80.0, 10.0, 5.0])).unwrap())
+        });
+        c.bench_function(&format!("warm17_{name}"), |b| {
+            b.iter(|| {
+                for i in 0..17 {
+                    let tensions = [5.0 * i as f64, 10.0, 5.0];
+                    let outcome = if i == 0 {
+                        solver.solve(&load(&tensions))
+                    } else {
+                        solver.solve_next(&load(&tensions))
+                    };
+                    assert_eq!(outcome.unwrap().status, Status::Converged);
+                }
+            })
+        });
+    }
+    for disks in [9, 450] {
+        let mut solver = Solver::<2>::new(&study_robot(disks, 0.0), model(Theory::Kirchhoff));
+        c.bench_function(&format!("disks_{disks}"), |b| {
+            b.iter(|| {
+                let outcome = solver.solve(&load(&[80.0, 10.0, 5.0])).unwrap();
+                assert_eq!(outcome.status, Status::Converged);
+            })
+        });
+    }
+}
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default()
+        .warm_up_time(std::time::Duration::from_millis(500))
+        .measurement_time(std::time::Duration::from_secs(2));
+    targets = statics
+}
+criterion_main!(benches);

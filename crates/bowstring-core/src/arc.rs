@@ -1,0 +1,745 @@
+//! Constant curvature: a segment's backbone as one circular arc (Amouri 2019, section 3).
+//!
+//! Two maps, both ways and with their derivatives: joint space (tendon lengths or tensions) to
+//! configuration space (the arc), and configuration space to task space (the tip's pose).
+//!
+//! Frames and signs: the base frame has z along the straight backbone; a tendon's *hole* is its
+//! place (x, y) in every disk, r (cos alpha, sin alpha); the arc bends towards phi, counted from x
+//! towards y, and a tendon on the inside of the bend is shorter. SI and radians.
+//!
+//! An arc is held as its *bend vector* (theta cos phi, theta sin phi) and its length. All maps are
+//! smooth in these, the straight pose included; curvature and direction are derived.
+
+use std::f64::consts::{PI, TAU};
+use std::fmt;
+
+/// Why there is no answer; the text is one sentence.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Error {
+    /// The input is wrong, or no arc can have it.
+    Input(String),
+    /// The input is valid and the law has no equilibrium there.
+    NoSolution(String),
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Error::Input(text) | Error::NoSolution(text) => f.write_str(text),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+fn input<T>(text: String) -> Result<T, Error> {
+    Err(Error::Input(text))
+}
+
+fn positive(what: &str, value: f64, unit: &str) -> Result<(), Error> {
+    if value > 0.0 && value.is_finite() {
+        return Ok(());
+    }
+    input(format!(
+        "{what} must be positive and finite, got {value:?} {unit}"
+    ))
+}
+
+/// A finite angle whose square is far from overflow: a backbone wound up further is no robot.
+fn angle(theta: f64) -> Result<(), Error> {
+    if theta.abs() <= 1e6 {
+        return Ok(());
+    }
+    input(format!(
+        "the bending angle must be below 1e6 rad, got {theta:?} rad; check the units"
+    ))
+}
+
+fn finite(what: &str, value: f64, unit: &str) -> Result<(), Error> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    input(format!("{what} must be finite, got {value:?} {unit}"))
+}
+
+/// Place of a tendon in every disk, base axes, m.
+pub type Hole = [f64; 2];
+
+/// Position (m) and rotation (maps body to base), in the frame at the arc's start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    pub position: [f64; 3],
+    pub rotation: [[f64; 3]; 3],
+}
+
+/// A circular arc that starts at the origin along z.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Arc {
+    /// theta cos(phi) and theta sin(phi), rad; theta is the angle from base to tip.
+    pub bend: [f64; 2],
+    /// Length along the backbone, m.
+    pub length: f64,
+}
+
+/// sin(u)/u.
+fn sinc(u: f64) -> f64 {
+    if u == 0.0 {
+        1.0
+    } else {
+        u.sin() / u
+    }
+}
+
+/// Sum over j of (-x)^j / (2 j + k)!, for x up to 1.
+fn series(k: u32, x: f64) -> f64 {
+    let mut sum = 1.0;
+    for j in (1..=9).rev() {
+        let m = f64::from(2 * j + k);
+        sum = 1.0 - x * sum / (m * (m - 1.0));
+    }
+    (1..=k).fold(sum, |s, m| s / f64::from(m))
+}
+
+/// The smooth functions that all arc formulas are made of, at x = theta^2.
+struct Smooth {
+    /// sin(theta)/theta
+    a: f64,
+    /// (1 - cos(theta))/theta^2
+    b: f64,
+    /// a'/theta
+    da: f64,
+    /// b'/theta
+    db: f64,
+    /// (theta - sin(theta))/theta^3
+    e: f64,
+}
+
+impl Smooth {
+    fn at(theta: f64) -> Self {
+        let x = theta * theta;
+        let a = sinc(theta);
+        let half = sinc(0.5 * theta);
+        let b = 0.5 * half * half;
+        let (e, f) = if x < 1.0 {
+            (series(3, x), series(4, x))
+        } else {
+            ((1.0 - a) / x, (0.5 - b) / x)
+        };
+        Smooth {
+            a,
+            b,
+            da: e - b,
+            db: 2.0 * f - e,
+            e,
+        }
+    }
+}
+
+impl Arc {
+    /// From curvature `kappa` (1/m), direction `phi` (rad) and length (m). A negative curvature
+    /// bends towards phi + pi.
+    pub fn from_curvature(kappa: f64, phi: f64, length: f64) -> Result<Self, Error> {
+        finite("the curvature", kappa, "1/m")?;
+        finite("the direction of bending", phi, "rad")?;
+        positive("the arc's length", length, "m")?;
+        let theta = kappa * length;
+        angle(theta)?;
+        Ok(Arc {
+            bend: [theta * phi.cos(), theta * phi.sin()],
+            length,
+        })
+    }
+
+    /// Bending angle from base to tip, rad, never negative.
+    pub fn theta(&self) -> f64 {
+        self.bend[0].hypot(self.bend[1])
+    }
+
+    /// Curvature (1/m, never negative) and direction of bending (rad, in (-pi, pi]; 0 if straight).
+    pub fn curvature(&self) -> (f64, f64) {
+        let theta = self.theta();
+        let phi = if theta == 0.0 {
+            0.0 // atan2 of signed zeros would give +-pi
+        } else {
+            self.bend[1].atan2(self.bend[0])
+        };
+        (theta / self.length, phi)
+    }
+
+    /// The part from the base to arc length `s` (m, within [0, length]).
+    pub fn part(&self, s: f64) -> Result<Self, Error> {
+        // a last place of rounding in s is no error
+        if !(s >= 0.0 && s <= self.length * (1.0 + 4.0 * f64::EPSILON)) {
+            return input(format!(
+                "the place along the arc must lie between 0 and its length {} m, got {s:?} m",
+                self.length
+            ));
+        }
+        let share = s / self.length;
+        Ok(Arc {
+            bend: self.bend.map(|c| c * share),
+            length: s,
+        })
+    }
+
+    /// Pose of the arc's end (Amouri 2019, Eq. 1, with its rotation Rz(phi) Ry(theta) Rz(-phi)).
+    pub fn pose(&self) -> Pose {
+        let [x, y] = self.bend;
+        let theta = self.theta();
+        let f = Smooth::at(theta);
+        Pose {
+            position: [f.b * x, f.b * y, f.a].map(|c| c * self.length),
+            rotation: [
+                [1.0 - f.b * x * x, -f.b * x * y, f.a * x],
+                [-f.b * x * y, 1.0 - f.b * y * y, f.a * y],
+                [-f.a * x, -f.a * y, theta.cos()],
+            ],
+        }
+    }
+
+    /// Derivative of the end's pose by (bend x, bend y, length). Rows 0 to 2: position, m. Rows 3
+    /// to 5: rotation vector in base axes, rad (dR = [w] R).
+    pub fn pose_jacobian(&self) -> [[f64; 3]; 6] {
+        let [x, y] = self.bend;
+        let l = self.length;
+        let f = Smooth::at(self.theta());
+        [
+            [l * (f.b + x * x * f.db), l * x * y * f.db, f.b * x],
+            [l * x * y * f.db, l * (f.b + y * y * f.db), f.b * y],
+            [l * x * f.da, l * y * f.da, f.a],
+            [-f.e * x * y, f.e * x * x - 1.0, 0.0],
+            [1.0 - f.e * y * y, f.e * x * y, 0.0],
+            [-f.b * y, f.b * x, 0.0],
+        ]
+    }
+
+    /// Derivative of (kappa, phi, length) by (bend x, bend y, length); `None` where straight, where
+    /// phi has no derivative.
+    pub fn curvature_jacobian(&self) -> Option<[[f64; 3]; 3]> {
+        let theta = self.theta();
+        if theta == 0.0 {
+            return None;
+        }
+        let l = self.length;
+        let (c, s) = (self.bend[0] / theta, self.bend[1] / theta);
+        Some([
+            [c / l, s / l, -theta / (l * l)],
+            [-s / theta, c / theta, 0.0],
+            [0.0, 0.0, 1.0],
+        ])
+    }
+
+    /// Length of the tendon through `hole`, m: along the backbone for curved spans
+    /// (l - theta r cos(phi - alpha)), from disk to disk for straight ones.
+    pub fn tendon_length(&self, hole: Hole, spans: &Spans) -> Result<f64, Error> {
+        let parallel = self.parallel_length(hole);
+        if parallel.is_nan() || parallel <= 0.0 {
+            return input(format!(
+                "a tendon at ({:.4}, {:.4}) m would have the length {parallel:.4} m: the arc bends tighter than the tendon's distance from the backbone",
+                hole[0], hole[1]
+            ));
+        }
+        Ok(spans.factor(self.theta()).0 * parallel)
+    }
+
+    /// Derivative of [`Arc::tendon_length`] by (bend x, bend y, length).
+    pub fn tendon_length_jacobian(&self, hole: Hole, spans: &Spans) -> [f64; 3] {
+        let (q, w) = spans.factor(self.theta());
+        let lw = self.parallel_length(hole) * w;
+        [
+            lw * self.bend[0] - q * hole[0],
+            lw * self.bend[1] - q * hole[1],
+            q,
+        ]
+    }
+
+    fn parallel_length(&self, hole: Hole) -> f64 {
+        self.length - (hole[0] * self.bend[0] + hole[1] * self.bend[1])
+    }
+
+    /// The arc through a tip `position` (m); its length is free. Every point has one, with theta
+    /// below 2 pi, but the origin and the negative z axis.
+    pub fn through(position: [f64; 3]) -> Result<Self, Error> {
+        let [x, y, z] = position;
+        for c in position {
+            finite("a tip coordinate", c, "m")?;
+        }
+        let rho = x.hypot(y);
+        let distance = rho.hypot(z);
+        if rho == 0.0 && z <= 0.0 {
+            return input(format!(
+                "no arc from the base ends at ({x:?}, {y:?}, {z:?}) m: the base itself and the points straight behind it cannot be reached"
+            ));
+        }
+        // the chord leaves z by half the bending angle
+        let half = rho.atan2(z);
+        let sine = rho / distance;
+        let stretch = if z > 0.0 && sine < 1e-9 {
+            1.0 // to rounding
+        } else {
+            half / sine
+        };
+        let length = distance * stretch;
+        if !length.is_finite() || !(2.0 * half / length).is_finite() {
+            return input(format!(
+                "no arc of finite length ends at ({x:?}, {y:?}, {z:?}) m: the tip lies too close to the axis behind the base"
+            ));
+        }
+        let bend = if rho == 0.0 {
+            [0.0, 0.0]
+        } else {
+            [2.0 * half * (x / rho), 2.0 * half * (y / rho)]
+        };
+        Ok(Arc { bend, length })
+    }
+
+    /// The arc of the given `length` (theta from 0 to 2 pi) whose end is nearest to `position`, and
+    /// its distance (m). Where the direction of bending does not matter or is not unique (points
+    /// on the z axis) it is phi = 0.
+    pub fn nearest(position: [f64; 3], length: f64) -> Result<(Self, f64), Error> {
+        for c in position {
+            finite("a tip coordinate", c, "m")?;
+        }
+        positive("the arc's length", length, "m")?;
+        let rho = position[0].hypot(position[1]);
+        let target = [rho / length, position[2] / length];
+        finite("the tip's distance in arc lengths", target[0], "lengths")?;
+        finite("the tip's distance in arc lengths", target[1], "lengths")?;
+
+        // all in the plane of the bend, in units of the length
+        let offset = |theta: f64, f: &Smooth| [theta * f.b - target[0], f.a - target[1]];
+        let distance = |theta: f64| {
+            let [u, v] = offset(theta, &Smooth::at(theta));
+            u.hypot(v)
+        };
+        // half the derivative of the squared distance, and its own derivative
+        let slope = |theta: f64| {
+            let f = Smooth::at(theta);
+            let [u, v] = offset(theta, &f);
+            let (du, dv) = (f.b + theta * theta * f.db, theta * f.da);
+            let ddu = if theta == 0.0 {
+                0.0
+            } else {
+                (theta.cos() - 2.0 * du) / theta
+            };
+            let ddv = -f.a - 2.0 * f.da;
+            (u * du + v * dv, du * du + dv * dv + u * ddu + v * ddv)
+        };
+
+        // every minimum lies where the slope turns positive, or at an end
+        const SCAN: u32 = 256;
+        let node = |k: u32| TAU * f64::from(k) / f64::from(SCAN);
+        let mut best = (distance(0.0), 0.0);
+        let mut consider = |theta: f64| {
+            let d = distance(theta);
+            if d < best.0 {
+                best = (d, theta);
+            }
+        };
+        let mut left = slope(0.0).0;
+        for k in 0..SCAN {
+            let right = slope(node(k + 1)).0;
+            if left < 0.0 && right >= 0.0 {
+                consider(root(slope, node(k), node(k + 1)));
+            }
+            left = right;
+        }
+        consider(TAU);
+        let (miss, theta) = best;
+        let direction = if rho == 0.0 {
+            [1.0, 0.0]
+        } else {
+            [position[0] / rho, position[1] / rho]
+        };
+        let arc = Arc {
+            bend: direction.map(|c| c * theta),
+            length,
+        };
+        finite("the distance to the tip", miss * length, "m")?;
+        Ok((arc, miss * length))
+    }
+}
+
+/// Root of an increasing crossing within [low, high] by Newton, kept inside by bisection.
+fn root(f: impl Fn(f64) -> (f64, f64), mut low: f64, mut high: f64) -> f64 {
+    let mut t = 0.5 * (low + high);
+    for _ in 0..100 {
+        let (value, derivative) = f(t);
+        if value < 0.0 {
+            low = t;
+        } else {
+            high = t;
+        }
+        let mut next = t - value / derivative;
+        if !(next >= low && next <= high) {
+            next = 0.5 * (low + high);
+        }
+        let step = (next - t).abs();
+        t = next;
+        if step <= 2.0 * f64::EPSILON * t {
+            break;
+        }
+    }
+    t
+}
+
+/// Derivative of (bend x, bend y, length) by (kappa, phi, length).
+pub fn bend_jacobian(kappa: f64, phi: f64, length: f64) -> [[f64; 3]; 3] {
+    let (s, c) = phi.sin_cos();
+    [
+        [length * c, -kappa * length * s, kappa * c],
+        [length * s, kappa * length * c, kappa * s],
+        [0.0, 0.0, 1.0],
+    ]
+}
+
+/// How a tendon runs along a segment: parallel to the backbone, or straight from disk to disk.
+///
+/// Over a module of angle a and backbone length h the straight span is
+/// 2 sin(a/2) (h/a - r cos(phi - alpha)). Summed over modules with shares f of the segment, every
+/// tendon is shorter than its parallel curve by one factor, Q(theta) = sum of 2 sin(f theta/2)/theta.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spans(Vec<f64>);
+
+impl Spans {
+    /// Tendons that touch a curve parallel to the backbone everywhere (Amouri 2019, Eq. 2-4).
+    pub fn curved() -> Self {
+        Spans(Vec::new())
+    }
+
+    /// Straight spans over modules with these shares of the segment's length (they add up to 1;
+    /// equal ones are Amouri 2019, Fig. 4).
+    pub fn straight(shares: Vec<f64>) -> Result<Self, Error> {
+        if shares.is_empty() {
+            return input("a segment with straight spans needs at least one module, got 0".into());
+        }
+        for &share in &shares {
+            positive("a module's share of the segment", share, "lengths")?;
+        }
+        let sum: f64 = shares.iter().sum();
+        if (sum - 1.0).abs() > 1e-9 {
+            return input(format!(
+                "the modules' shares of the segment must add up to 1, got {sum}"
+            ));
+        }
+        Ok(Spans(shares))
+    }
+
+    /// Straight spans over `n` equal modules.
+    pub fn equal(n: usize) -> Result<Self, Error> {
+        if n > 100_000 {
+            return input(format!(
+                "a segment may have at most 100000 modules, got {n}"
+            ));
+        }
+        Spans::straight(vec![1.0 / n as f64; n])
+    }
+
+    /// Q(theta) and Q'(theta)/theta.
+    fn factor(&self, theta: f64) -> (f64, f64) {
+        if self.0.is_empty() {
+            return (1.0, 0.0);
+        }
+        let (mut q, mut w) = (0.0, 0.0);
+        for &share in &self.0 {
+            let f = Smooth::at(0.5 * share * theta);
+            q += share * f.a;
+            w += 0.25 * share * share * share * f.da;
+        }
+        (q, w)
+    }
+
+    /// The theta whose Q(theta) theta is `chord`, up to half a turn a module.
+    fn theta(&self, chord: f64) -> Option<f64> {
+        if self.0.is_empty() || chord == 0.0 {
+            return Some(chord);
+        }
+        let widest = self.0.iter().copied().fold(0.0, f64::max);
+        let limit = PI / widest;
+        let (q, _) = self.factor(limit);
+        if chord > q * limit {
+            return None;
+        }
+        // Q theta is concave up to the limit, so Newton climbs to the root from below
+        let mut theta = chord;
+        for _ in 0..100 {
+            let (q, w) = self.factor(theta);
+            let step = (chord - q * theta) / (q + w * theta * theta);
+            // also ends where rounding alone is left, or at the limit, where the slope vanishes
+            if step.is_nan() || step <= 2.0 * f64::EPSILON * theta {
+                break;
+            }
+            theta = (theta + step).min(limit);
+        }
+        Some(theta)
+    }
+}
+
+/// Tendon lengths to arc by least squares, for three tendons or more at any holes.
+///
+/// Minimises the sum of squares of l_i - Q (length - hole_i . bend); for three tendons the answer is
+/// exact and, at 120 degrees, it is Amouri 2019, Eq. 2-4.
+#[derive(Debug, Clone)]
+pub struct TendonFit {
+    holes: Vec<Hole>,
+    spans: Spans,
+    hold_length: bool,
+    mean_hole: Hole,
+    /// d bend / d length difference, before the spans' factor.
+    weights: Vec<[f64; 2]>,
+}
+
+impl TendonFit {
+    /// Prepares the fit; with `hold_length` the arc's length is given and only the bend is fitted
+    /// (curved spans only).
+    pub fn new(holes: &[Hole], spans: Spans, hold_length: bool) -> Result<Self, Error> {
+        let count = holes.len();
+        if count < 3 {
+            return input(format!(
+                "an arc from tendon lengths needs at least three tendons, got {count}"
+            ));
+        }
+        for hole in holes {
+            finite("a tendon's hole position", hole[0], "m")?;
+            finite("a tendon's hole position", hole[1], "m")?;
+        }
+        if hold_length && !spans.0.is_empty() {
+            return input(
+                "the length can be held only for tendons parallel to the backbone, not with straight spans".into(),
+            );
+        }
+        let mean = |k: usize| holes.iter().map(|h| h[k]).sum::<f64>() / count as f64;
+        let mean_hole = [mean(0), mean(1)];
+        let centre = if hold_length { [0.0; 2] } else { mean_hole };
+
+        // thin QR of the holes about their centre; the second pass restores orthogonality
+        let mut first: Vec<f64> = holes.iter().map(|h| h[0] - centre[0]).collect();
+        let mut second: Vec<f64> = holes.iter().map(|h| h[1] - centre[1]).collect();
+        let dot = |u: &[f64], v: &[f64]| u.iter().zip(v).map(|(a, b)| a * b).sum::<f64>();
+        let size = dot(&first, &first) + dot(&second, &second);
+        let r11 = dot(&first, &first).sqrt();
+        let mut r12 = 0.0;
+        if r11 > 0.0 {
+            first.iter_mut().for_each(|c| *c /= r11);
+            for _ in 0..2 {
+                let d = dot(&first, &second);
+                r12 += d;
+                second.iter_mut().zip(&first).for_each(|(c, f)| *c -= d * f);
+            }
+        }
+        let r22 = dot(&second, &second).sqrt();
+        // r11 r22 is the product of the singular values, size the sum of their squares
+        if r11 * r22 <= 1e-6 * size || size.is_nan() || size.is_infinite() {
+            return input(
+                "the tendons all lie in one plane, so their lengths cannot tell the direction of bending; put the holes at other angles".into(),
+            );
+        }
+        let weights = first
+            .iter()
+            .zip(&second)
+            .map(|(q1, q2)| {
+                let y = q2 / (r22 * r22);
+                [-(q1 - r12 * y) / r11, -y]
+            })
+            .collect();
+        Ok(TendonFit {
+            holes: holes.to_vec(),
+            spans,
+            hold_length,
+            mean_hole,
+            weights,
+        })
+    }
+
+    /// The arc for these tendon `lengths` (m), and the misfit: the root mean square of what is left
+    /// of the lengths, m (zero for three tendons with free length). `length` is the one held.
+    pub fn fit(&self, lengths: &[f64], length: Option<f64>) -> Result<(Arc, f64), Error> {
+        let count = self.holes.len();
+        if lengths.len() != count {
+            return input(format!(
+                "{count} tendon lengths are needed, one a hole, got {}",
+                lengths.len()
+            ));
+        }
+        for (i, &l) in lengths.iter().enumerate() {
+            if !(l > 0.0 && l.is_finite()) {
+                return input(format!(
+                    "the length of tendon {i} must be positive and finite, got {l:?} m"
+                ));
+            }
+        }
+        if length.is_some() != self.hold_length {
+            return input("a held length goes with a fit that holds it".into());
+        }
+        // differences of close lengths are exact, so the bend keeps its digits near straight
+        let reference = length.unwrap_or(lengths[0]);
+        let mut bend = [0.0; 2];
+        let mut mean = 0.0;
+        for (weight, l) in self.weights.iter().zip(lengths) {
+            bend[0] += weight[0] * (l - reference);
+            bend[1] += weight[1] * (l - reference);
+            mean += (l - reference) / count as f64;
+        }
+        let free = reference + mean + self.mean_hole[0] * bend[0] + self.mean_hole[1] * bend[1];
+        // parallel curves have these; straight spans are shorter by the factor
+        let parallel = Arc {
+            bend,
+            length: length.unwrap_or(free),
+        };
+        let misfit = if count == 3 && !self.hold_length {
+            0.0
+        } else {
+            let sum: f64 = self
+                .holes
+                .iter()
+                .zip(lengths)
+                .map(|(hole, l)| (l - parallel.parallel_length(*hole)).powi(2))
+                .sum();
+            (sum / count as f64).sqrt()
+        };
+        finite("the misfit of the tendon lengths", misfit, "m")?;
+        finite("the arc's length", parallel.length, "m")?;
+        let chord = parallel.theta();
+        let Some(theta) = self.spans.theta(chord) else {
+            return input(
+                "no arc has these tendon lengths: straight spans would bend a module by more than half a turn".into(),
+            );
+        };
+        let (q, _) = self.spans.factor(theta);
+        let arc = Arc {
+            bend: parallel.bend.map(|c| c / q),
+            length: parallel.length / q,
+        };
+        self.check(&arc)?;
+        Ok((arc, misfit))
+    }
+
+    fn check(&self, arc: &Arc) -> Result<(), Error> {
+        let theta = arc.theta();
+        let reach = self
+            .holes
+            .iter()
+            .map(|h| h[0].hypot(h[1]))
+            .fold(0.0, f64::max);
+        if !(arc.length > 0.0 && theta * reach < arc.length) {
+            return input(format!(
+                "no arc has these tendon lengths: they need a radius of curvature of {:.4} m, inside the pitch radius of {reach:.4} m",
+                (arc.length / theta).max(0.0)
+            ));
+        }
+        if theta > TAU * (1.0 + 1e-9) {
+            return input(format!(
+                "no arc has these tendon lengths: they would bend it by {theta:.4} rad, more than a full turn"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Derivative of (bend x, bend y, length) by the tendon lengths, at an `arc` that was fitted:
+    /// three rows, one column a tendon.
+    pub fn jacobian(&self, arc: &Arc) -> [Vec<f64>; 3] {
+        let count = self.holes.len() as f64;
+        let (q, w) = self.spans.factor(arc.theta());
+        let [x, y] = arc.bend;
+        let theta = arc.theta();
+        // inverse of the spans' map (bend, length) -> Q (bend, length)
+        let slope = q + w * theta * theta;
+        let mut rows = [Vec::new(), Vec::new(), Vec::new()];
+        for weight in &self.weights {
+            let along = x * weight[0] + y * weight[1];
+            rows[0].push((weight[0] - w / slope * x * along) / q);
+            rows[1].push((weight[1] - w / slope * y * along) / q);
+            rows[2].push(if self.hold_length {
+                0.0
+            } else {
+                let mean =
+                    1.0 / count + self.mean_hole[0] * weight[0] + self.mean_hole[1] * weight[1];
+                (mean - arc.length * w / slope * along) / q
+            });
+        }
+        rows
+    }
+}
+
+/// Sum of the tensions (N) and of tension times hole (N m).
+fn pull(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64; 2]), Error> {
+    if tensions.len() != holes.len() {
+        return input(format!(
+            "{} tensions are needed, one a hole, got {}",
+            holes.len(),
+            tensions.len()
+        ));
+    }
+    let mut force = 0.0;
+    let mut moment = [0.0; 2];
+    for (i, (&t, hole)) in tensions.iter().zip(holes).enumerate() {
+        if !(t >= 0.0 && t.is_finite()) {
+            return input(format!(
+                "the tension of tendon {i} must be finite and not negative, got {t:?} N"
+            ));
+        }
+        finite("a tendon's hole position", hole[0], "m")?;
+        finite("a tendon's hole position", hole[1], "m")?;
+        force += t;
+        moment[0] += t * hole[0];
+        moment[1] += t * hole[1];
+    }
+    Ok((force, moment))
+}
+
+/// The arc under `tensions` (N) by the linear law: bend = (length/EI) sum of tension times hole, the
+/// length unchanged. For one tendon theta = F r l/(E I); it is also a tendon that touches a parallel
+/// curve everywhere. `bending_stiffness` is E I, N m^2.
+pub fn linear_law(
+    tensions: &[f64],
+    holes: &[Hole],
+    length: f64,
+    bending_stiffness: f64,
+) -> Result<Arc, Error> {
+    positive("the arc's length", length, "m")?;
+    positive("the bending stiffness", bending_stiffness, "N m^2")?;
+    let (_, moment) = pull(tensions, holes)?;
+    let bend = moment.map(|m| m * length / bending_stiffness);
+    angle(bend[0].hypot(bend[1]))?;
+    Ok(Arc { bend, length })
+}
+
+/// The arc under `tensions` (N) by the linear law with the mean lever arm of straight spans over
+/// `modules` equal modules; the length is unchanged.
+///
+/// The elastic energy of an arc plus tension times the length of the straight spans,
+/// EI a^2/(2 h) + sum of T_i 2 sin(a/2) (h/a - r_i cos(phi - alpha_i)) a module (h = length/modules,
+/// a = theta/modules), is stationary along the moment m = sum T_i hole_i, where to second order in a
+///
+/// theta = (length/EI) (|m| + F h a/12 - |m| a^2/8),   F = sum T_i:
+///
+/// for one tendon the known theta = (F l/EI) (r + (l/n) a/12 - r a^2/8). It is a quadratic with one
+/// positive root, taken here in the form that loses no digits near straight.
+pub fn lever_arm_law(
+    tensions: &[f64],
+    holes: &[Hole],
+    length: f64,
+    bending_stiffness: f64,
+    modules: usize,
+) -> Result<Arc, Error> {
+    if modules == 0 {
+        return input("the mean lever arm needs at least one module, got 0".into());
+    }
+    let linear = linear_law(tensions, holes, length, bending_stiffness)?;
+    let (force, _) = pull(tensions, holes)?;
+    let n2 = (modules as f64).powi(2);
+    // EI a - F h^2 a/12: what is left of the straight module's stiffness
+    let limit = 12.0 * n2 * bending_stiffness / (length * length);
+    let stiffness = 1.0 - force / limit;
+    if stiffness <= 0.0 {
+        return Err(Error::NoSolution(format!(
+            "a total tension of {force:?} N buckles the backbone between its disks (limit {limit:.4} N), where the lever-arm law ends; lower the tensions"
+        )));
+    }
+    let root = stiffness.hypot(linear.theta() / (2.0 * n2).sqrt());
+    let gain = 2.0 / (stiffness + root);
+    Ok(Arc {
+        bend: linear.bend.map(|c| c * gain),
+        length,
+    })
+}

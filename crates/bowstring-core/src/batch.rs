@@ -1,0 +1,379 @@
+//! Many loads in one call: in order, each from the one before, or independent over all cores.
+
+use crate::linalg::Vec3;
+use crate::load::{Load, Model};
+use crate::robot::{InputError, Robot};
+use crate::statics::{Outcome, Pose, Solver, Status};
+
+/// A static solver whose number of elements is chosen at run time.
+///
+/// The methods are those of [`Solver`].
+pub trait Statics: Send {
+    fn solve(&mut self, load: &Load) -> Result<Outcome, InputError>;
+    fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError>;
+    fn disk(&self, k: usize) -> Pose;
+    fn tendon_length(&self, i: usize) -> f64;
+    fn centerline(&self, per_module: usize) -> Vec<Vec3>;
+}
+
+impl<const A: usize> Statics for Solver<A> {
+    fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
+        Solver::solve(self, load)
+    }
+    fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError> {
+        Solver::solve_next(self, load)
+    }
+    fn disk(&self, k: usize) -> Pose {
+        Solver::disk(self, k)
+    }
+    fn tendon_length(&self, i: usize) -> f64 {
+        Solver::tendon_length(self, i)
+    }
+    fn centerline(&self, per_module: usize) -> Vec<Vec3> {
+        Solver::centerline(self, per_module)
+    }
+}
+
+/// What to solve with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    pub model: Model,
+    /// Elements of fourth order in a module: 1, 2, 4 or 8.
+    pub elements: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            model: Model::default(),
+            elements: 1,
+        }
+    }
+}
+
+impl Settings {
+    /// A solver with these settings. The only place that knows the compiled element counts.
+    pub fn solver(&self, robot: &Robot) -> Result<Box<dyn Statics>, InputError> {
+        Ok(match self.elements {
+            1 => Box::new(Solver::<2>::new(robot, self.model)),
+            2 => Box::new(Solver::<4>::new(robot, self.model)),
+            4 => Box::new(Solver::<8>::new(robot, self.model)),
+            8 => Box::new(Solver::<16>::new(robot, self.model)),
+            n => {
+                return Err(InputError(format!(
+                    "elements is {n}, it must be 1, 2, 4 or 8"
+                )))
+            }
+        })
+    }
+}
+
+/// Loads as flat arrays, row by row; SI, base frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Loads<'a> {
+    /// Number of rows.
+    pub count: usize,
+    /// One for each tendon in each row.
+    pub tensions: &'a [f64],
+    /// Three numbers, or three in each row; so are the next two.
+    pub gravity: &'a [f64],
+    pub tip_force: &'a [f64],
+    pub tip_moment: &'a [f64],
+}
+
+impl<'a> Loads<'a> {
+    fn row(&self, i: usize, tendons: usize) -> Load<'a> {
+        let three = |v: &[f64]| {
+            let at = if v.len() == 3 { 0 } else { 3 * i };
+            [v[at], v[at + 1], v[at + 2]]
+        };
+        Load {
+            tensions: &self.tensions[i * tendons..][..tendons],
+            gravity: three(self.gravity),
+            tip_force: three(self.tip_force),
+            tip_moment: three(self.tip_moment),
+        }
+    }
+
+    /// Checks every row; the error names the first bad one, counted from 0.
+    pub fn check(&self, robot: &Robot) -> Result<(), InputError> {
+        let (n, tendons) = (self.count, robot.tendon_count());
+        if Some(self.tensions.len()) != n.checked_mul(tendons) {
+            return Err(InputError(format!(
+                "{} tensions were given, {n} loads of a robot with {tendons} tendons need {tendons} each",
+                self.tensions.len()
+            )));
+        }
+        for (name, v) in [
+            ("gravity", self.gravity),
+            ("tip force", self.tip_force),
+            ("tip moment", self.tip_moment),
+        ] {
+            if v.len() != 3 && Some(v.len()) != n.checked_mul(3) {
+                return Err(InputError(format!(
+                    "{name} has {} numbers, it must have 3, or 3 for each of the {n} loads",
+                    v.len()
+                )));
+            }
+        }
+        for i in 0..n {
+            let row = self.row(i, tendons);
+            row.check(robot)
+                .map_err(|e| InputError(format!("row {i}: {e}")))?;
+        }
+        Ok(())
+    }
+}
+
+/// Answers as flat arrays, row by row; SI, base frame.
+///
+/// Rows that did not converge hold NaN. A rotation is its matrix row by row and maps body to base.
+#[derive(Clone, Debug)]
+pub struct Solutions {
+    pub outcomes: Vec<Outcome>,
+    /// n x 3
+    pub tip_position: Vec<f64>,
+    /// n x 9
+    pub tip_rotation: Vec<f64>,
+    /// n x tendons
+    pub tendon_length: Vec<f64>,
+    /// n x disks x 3; empty unless asked for.
+    pub disk_position: Vec<f64>,
+    /// n x disks x 9; empty unless asked for.
+    pub disk_rotation: Vec<f64>,
+}
+
+/// Loads in order, on one core. `warm` starts each from the solution before it, which is faster
+/// where they follow each other closely and stays on the branch of solutions.
+pub fn sweep(
+    robot: &Robot,
+    settings: &Settings,
+    loads: &Loads,
+    warm: bool,
+    disks: bool,
+) -> Result<Solutions, InputError> {
+    let mut solver = settings.solver(robot)?;
+    loads.check(robot)?;
+    let mut solutions = Solutions::pending(robot, loads.count, disks)?;
+    for mut chunk in solutions.chunks(robot, loads.count.max(1)) {
+        chunk.fill(solver.as_mut(), loads, warm);
+    }
+    Ok(solutions)
+}
+
+/// Independent loads, each from straight, over `threads` cores (0: all there are).
+///
+/// The answers do not depend on the number of threads. Without the feature `threads` it runs on
+/// one core.
+pub fn solve_batch(
+    robot: &Robot,
+    settings: &Settings,
+    loads: &Loads,
+    threads: usize,
+    disks: bool,
+) -> Result<Solutions, InputError> {
+    settings.solver(robot)?;
+    loads.check(robot)?;
+    let mut solutions = Solutions::pending(robot, loads.count, disks)?;
+    let chunks = solutions.chunks(robot, CHUNK);
+    let solver = || settings.solver(robot).expect("checked above");
+    for_each_chunk(chunks, threads, solver, |solver, chunk| {
+        chunk.fill(solver.as_mut(), loads, false)
+    });
+    Ok(solutions)
+}
+
+/// Loads that one thread takes at a time.
+const CHUNK: usize = 32;
+
+#[cfg(feature = "threads")]
+fn for_each_chunk<S: Send>(
+    mut chunks: Vec<Chunk<'_>>,
+    threads: usize,
+    scratch: impl Fn() -> S + Sync,
+    work: impl Fn(&mut S, &mut Chunk<'_>) + Sync,
+) {
+    use rayon::prelude::*;
+    if threads != 1 && chunks.len() > 1 {
+        // a pool of its own: the global one would not survive a fork of the process
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        if let Ok(pool) = pool {
+            return pool.install(|| {
+                chunks
+                    .par_iter_mut()
+                    .for_each_init(&scratch, |s, chunk| work(s, chunk))
+            });
+        }
+    }
+    let mut s = scratch();
+    chunks.iter_mut().for_each(|chunk| work(&mut s, chunk));
+}
+
+#[cfg(not(feature = "threads"))]
+fn for_each_chunk<S>(
+    mut chunks: Vec<Chunk<'_>>,
+    _threads: usize,
+    scratch: impl Fn() -> S,
+    work: impl Fn(&mut S, &mut Chunk<'_>),
+) {
+    let mut s = scratch();
+    chunks.iter_mut().for_each(|chunk| work(&mut s, chunk));
+}
+
+impl Solutions {
+    /// Room for `n` answers, all NaN.
+    fn pending(robot: &Robot, n: usize, disks: bool) -> Result<Self, InputError> {
+        let nan = |columns: usize| {
+            let mut v = Vec::new();
+            let room = n.checked_mul(columns);
+            match room.map(|len| v.try_reserve_exact(len)) {
+                Some(Ok(())) => {
+                    v.resize(n * columns, f64::NAN);
+                    Ok(v)
+                }
+                _ => Err(InputError(format!(
+                    "the answers of {n} loads do not fit into memory: give fewer at a time or leave the disks out"
+                ))),
+            }
+        };
+        let all = if disks { robot.module_count() } else { 0 };
+        Ok(Solutions {
+            tip_position: nan(3)?,
+            tip_rotation: nan(9)?,
+            tendon_length: nan(robot.tendon_count())?,
+            disk_position: nan(3 * all)?,
+            disk_rotation: nan(9 * all)?,
+            outcomes: vec![
+                Outcome {
+                    status: Status::MaxIterations,
+                    stable: None,
+                    iterations: 0,
+                    residual: f64::NAN,
+                    left_unstable: false,
+                    fraction: 0.0,
+                    collision: None,
+                };
+                n
+            ],
+        })
+    }
+
+    /// Disjoint pieces of `size` rows, the last one perhaps shorter.
+    fn chunks(&mut self, robot: &Robot, size: usize) -> Vec<Chunk<'_>> {
+        let (tendons, modules) = (robot.tendon_count(), robot.module_count());
+        let disks = if self.disk_position.is_empty() {
+            0
+        } else {
+            modules
+        };
+        let mut rest = Chunk {
+            first: 0,
+            tendons,
+            modules,
+            disks,
+            outcomes: &mut self.outcomes,
+            tip_position: &mut self.tip_position,
+            tip_rotation: &mut self.tip_rotation,
+            tendon_length: &mut self.tendon_length,
+            disk_position: &mut self.disk_position,
+            disk_rotation: &mut self.disk_rotation,
+        };
+        let mut chunks = Vec::new();
+        while !rest.outcomes.is_empty() {
+            let (head, tail) = rest.split(size);
+            chunks.push(head);
+            rest = tail;
+        }
+        chunks
+    }
+}
+
+/// Consecutive rows and the place for their answers.
+struct Chunk<'a> {
+    first: usize,
+    tendons: usize,
+    modules: usize,
+    /// Number of disks to write: all or none.
+    disks: usize,
+    outcomes: &'a mut [Outcome],
+    tip_position: &'a mut [f64],
+    tip_rotation: &'a mut [f64],
+    tendon_length: &'a mut [f64],
+    disk_position: &'a mut [f64],
+    disk_rotation: &'a mut [f64],
+}
+
+impl<'a> Chunk<'a> {
+    fn split(self, rows: usize) -> (Self, Self) {
+        let rows = rows.min(self.outcomes.len());
+        let (outcomes, outcomes_rest) = self.outcomes.split_at_mut(rows);
+        let (tip_position, tip_position_rest) = self.tip_position.split_at_mut(3 * rows);
+        let (tip_rotation, tip_rotation_rest) = self.tip_rotation.split_at_mut(9 * rows);
+        let (tendon_length, tendon_length_rest) =
+            self.tendon_length.split_at_mut(self.tendons * rows);
+        let (disk_position, disk_position_rest) =
+            self.disk_position.split_at_mut(3 * self.disks * rows);
+        let (disk_rotation, disk_rotation_rest) =
+            self.disk_rotation.split_at_mut(9 * self.disks * rows);
+        (
+            Chunk {
+                outcomes,
+                tip_position,
+                tip_rotation,
+                tendon_length,
+                disk_position,
+                disk_rotation,
+                ..self
+            },
+            Chunk {
+                first: self.first + rows,
+                outcomes: outcomes_rest,
+                tip_position: tip_position_rest,
+                tip_rotation: tip_rotation_rest,
+                tendon_length: tendon_length_rest,
+                disk_position: disk_position_rest,
+                disk_rotation: disk_rotation_rest,
+                ..self
+            },
+        )
+    }
+
+    /// Solves the rows in order.
+    fn fill(&mut self, solver: &mut dyn Statics, loads: &Loads, warm: bool) {
+        for i in 0..self.outcomes.len() {
+            let load = loads.row(self.first + i, self.tendons);
+            let outcome = if warm {
+                solver.solve_next(&load)
+            } else {
+                solver.solve(&load)
+            }
+            .expect("all rows were checked");
+            self.outcomes[i] = outcome;
+            if outcome.status == Status::Converged {
+                self.write(i, solver);
+            }
+        }
+    }
+
+    fn write(&mut self, i: usize, solver: &dyn Statics) {
+        let tip = solver.disk(self.modules - 1);
+        write_pose(&tip, i, self.tip_position, self.tip_rotation);
+        for j in 0..self.tendons {
+            self.tendon_length[i * self.tendons + j] = solver.tendon_length(j);
+        }
+        for k in 0..self.disks {
+            let at = i * self.disks + k;
+            write_pose(&solver.disk(k), at, self.disk_position, self.disk_rotation);
+        }
+    }
+}
+
+/// Writes a pose as the `at`-th of flat arrays.
+pub fn write_pose(pose: &Pose, at: usize, position: &mut [f64], rotation: &mut [f64]) {
+    position[3 * at..][..3].copy_from_slice(&pose.position.0);
+    for r in 0..3 {
+        for c in 0..3 {
+            rotation[9 * at + 3 * r + c] = pose.rotation.0[r][c];
+        }
+    }
+}

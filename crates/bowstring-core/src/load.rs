@@ -1,0 +1,88 @@
+//! Loads and the choice of physics.
+
+use crate::robot::{InputError, Robot};
+
+/// Rod theory of the backbone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Theory {
+    /// With shear and extension.
+    Cosserat,
+    /// Inextensible and unshearable.
+    Kirchhoff,
+}
+
+/// How a tendon runs between two disks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TendonPath {
+    /// In straight spans from hole to hole, as a real one does.
+    Straight,
+    /// Along a curve parallel to the backbone, touching it everywhere: the model of most
+    /// published codes, kept for comparison. Shear under tension is neglected, which is exact
+    /// where the backbone does not twist.
+    Continuous,
+}
+
+/// The physics to solve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Model {
+    pub theory: Theory,
+    pub tendon: TendonPath,
+    /// Whether the backbone can twist; if not, its torsion stiffness is a million times its own.
+    pub twist: bool,
+}
+
+impl Default for Model {
+    fn default() -> Self {
+        Model {
+            theory: Theory::Cosserat,
+            tendon: TendonPath::Straight,
+            twist: true,
+        }
+    }
+}
+
+/// Dead loads in the base frame and the tension of each tendon; SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Load<'a> {
+    /// N, one for each tendon, none negative.
+    pub tensions: &'a [f64],
+    /// m/s^2
+    pub gravity: [f64; 3],
+    /// N
+    pub tip_force: [f64; 3],
+    /// N m
+    pub tip_moment: [f64; 3],
+}
+
+impl Load<'_> {
+    /// Checks numbers and their count against the robot.
+    pub fn check(&self, robot: &Robot) -> Result<(), InputError> {
+        if self.tensions.len() != robot.tendon_count() {
+            return Err(InputError(format!(
+                "{} tensions were given, the robot has {} tendons",
+                self.tensions.len(),
+                robot.tendon_count()
+            )));
+        }
+        for (i, t) in self.tensions.iter().enumerate() {
+            if !(t.is_finite() && *t >= 0.0) {
+                return Err(InputError(format!(
+                    "tension of tendon {} is {t} N, a tendon can only pull: give zero or more",
+                    i + 1
+                )));
+            }
+        }
+        for (name, unit, v) in [
+            ("gravity", "m/s^2", &self.gravity),
+            ("tip force", "N", &self.tip_force),
+            ("tip moment", "N m", &self.tip_moment),
+        ] {
+            if !v.iter().all(|x| x.is_finite()) {
+                return Err(InputError(format!(
+                    "{name} is {v:?} {unit}, it must be three finite numbers"
+                )));
+            }
+        }
+        Ok(())
+    }
+}

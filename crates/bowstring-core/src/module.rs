@@ -1,0 +1,697 @@
+//! One module: the backbone between two disks and the tendon spans beside it.
+//!
+//! Unknown is the strain alone. The backbone is `A` constant-curvature arcs, two to an
+//! element: the fourth-order commutator-free form of the exponential of a linear strain
+//! (Blanes and Moan 2006). Let `rho0` and `S` be the end of those arcs. The contact force
+//! `N` moves the end on to
+//!
+//! `rho = rho0 + D N`
+//!
+//! where the compliance `D` holds shear, extension and the quadratic part of the strain
+//! that the arcs leave out. With dead loads `f` and tensions `T` the potential is
+//!
+//! `elastic(w) + N.D N / 2 + sum T |span(S, rho)| - f1 . rho - f2 . S e3 - f3 . e3`
+//!
+//! and `N = f1 - sum T span/|span|` makes it stationary in `rho`. All vectors are in the frame
+//! of the module's start. Rotations are perturbed from the left, and an arc by the rotation
+//! `u` that it adds there: `exp(w + dw)` turns what follows by `u`, to first order.
+
+use crate::lie::ArcMap;
+use crate::linalg::{Mat3, Vec3};
+use crate::load::{Model, TendonPath, Theory};
+use crate::real::Real;
+use crate::robot::{Robot, Tendon};
+
+/// What a module is, whatever its load.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Constants<T> {
+    /// Elastic length and its inverse, m and 1/m.
+    pub flexible: T,
+    pub per_flexible: T,
+    /// Rigid lengths at start and end, m.
+    pub clamp: [T; 2],
+    /// rho A, kg/m.
+    pub mass_per_length: T,
+    /// Bending and torsion stiffness over the length of an element, N m.
+    pub stiffness: [T; 2],
+    /// 1 / EA where the theory has extension.
+    axial_compliance: T,
+    /// `D = d0 I + d1 t t' + d2 s s' + d3 |s|^2 I`, `t` mean tangent, `s` change of tangent.
+    pub d: [T; 4],
+}
+
+impl Constants<f64> {
+    pub fn new(robot: &Robot, k: usize, model: Model, elements: usize) -> Self {
+        let m = robot.modules[k];
+        let s = robot.section(k);
+        let h = m.flexible / elements as f64;
+        let (shear, axial) = match model.theory {
+            Theory::Cosserat => (1.0 / s.shear, 1.0 / s.axial),
+            Theory::Kirchhoff => (0.0, 0.0),
+        };
+        let torsion = s.torsion * if model.twist { 1.0 } else { 1e6 };
+        // a force N bends an element by a quadratic strain that the arcs lack; it gives way by
+        // h^3 |s x N|^2 / (1440 EI), where s is the element's share of the change of tangent
+        let bubble = h.powi(3) / (720.0 * s.bending * elements as f64);
+        let length = m.flexible;
+        Constants {
+            flexible: length,
+            per_flexible: 1.0 / length,
+            clamp: m.clamp,
+            mass_per_length: s.mass_per_length,
+            stiffness: [s.bending / h, torsion / h],
+            axial_compliance: axial,
+            d: [
+                length * shear,
+                length * (axial - shear),
+                length * (axial - shear) / 12.0 - bubble,
+                bubble,
+            ],
+        }
+    }
+}
+
+impl<T: Real> Constants<T> {
+    /// Modules side by side.
+    pub fn gather(of: impl Fn(usize) -> Constants<f64>) -> Self {
+        let pick = |f: &dyn Fn(&Constants<f64>) -> f64| T::from_fn(|i| f(&of(i)));
+        Constants {
+            flexible: pick(&|c| c.flexible),
+            per_flexible: pick(&|c| c.per_flexible),
+            clamp: [pick(&|c| c.clamp[0]), pick(&|c| c.clamp[1])],
+            mass_per_length: pick(&|c| c.mass_per_length),
+            stiffness: [pick(&|c| c.stiffness[0]), pick(&|c| c.stiffness[1])],
+            axial_compliance: pick(&|c| c.axial_compliance),
+            d: [0, 1, 2, 3].map(|q| pick(&|c| c.d[q])),
+        }
+    }
+
+    /// Stiffness of an element times a rotation vector, N m.
+    #[inline(always)]
+    fn moment(&self, w: Vec3<T>) -> Vec3<T> {
+        let [bending, torsion] = self.stiffness;
+        Vec3([w[0] * bending, w[1] * bending, w[2] * torsion])
+    }
+}
+
+/// The tendons of the robot and their tensions in one module: zero where they do not pass.
+#[derive(Clone, Copy)]
+pub(crate) struct Tendons<'a, T> {
+    pub tendons: &'a [Tendon],
+    pub tensions: &'a [T],
+    pub path: TendonPath,
+}
+
+/// State of a module at its present strain.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct State<T, const A: usize> {
+    /// Rotation vectors of the arcs: the unknown.
+    pub w: [Vec3<T>; A],
+    pub arcs: [ArcMap<T>; A],
+    /// Rotation from the module's start to the start of each arc.
+    pub prefix: [Mat3<T>; A],
+    /// From the end of each arc to the end of the module.
+    tail: [Vec3<T>; A],
+    /// Relative rotation and end of the flexible part, without and with compliance.
+    pub s: Mat3<T>,
+    pub rho0: Vec3<T>,
+    pub rho: Vec3<T>,
+    /// Contact force.
+    pub n: Vec3<T>,
+    /// Dead loads on the end, the end's tangent and the start's tangent.
+    pub f: [Vec3<T>; 3],
+    /// Moment of the spans about the end of the flexible part.
+    span_torque: Vec3<T>,
+    /// Moment of the dead loads about the start.
+    pub load_moment: Vec3<T>,
+    /// Costate: moment from all beyond the end disk.
+    pub lambda: Vec3<T>,
+    pub energy: T,
+}
+
+/// First derivatives at the present strain.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gradient<T, const A: usize> {
+    /// Change of each arc's rotation vector by the rotation that it adds.
+    pub to_strain: [Mat3<T>; A],
+    /// Motion of `rho0` by the rotation that each arc adds.
+    pub r: [Mat3<T>; A],
+    /// Moment at the end, costate included, and force on `rho0`.
+    torque: Vec3<T>,
+    nu: Vec3<T>,
+    /// Moment imbalance of each arc.
+    pub g: [Vec3<T>; A],
+}
+
+/// Second derivatives in arc rotations `u` and start rotation `x`, at constant costate.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Hessian<T, const A: usize> {
+    /// Lower blocks only.
+    pub uu: [[Mat3<T>; A]; A],
+    pub xu: [Mat3<T>; A],
+    pub xx: Mat3<T>,
+}
+
+/// How the end of a module answers: `d rho = m (sum j u + dj) + d_hat (df - k' sum u)`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Response<T, const A: usize> {
+    /// Motion of the end by the rotation that each arc adds, at constant contact force.
+    pub j: [Mat3<T>; A],
+    pub m: Mat3<T>,
+    pub d_hat: Mat3<T>,
+    /// Stiffness of the spans between rotation (rows) and translation (columns).
+    pub k: Mat3<T>,
+}
+
+/// Rounds for `rho` and `N`; two are usual.
+const MAX_ROUNDS: usize = 12;
+
+impl<T: Real, const A: usize> State<T, A> {
+    pub fn straight() -> Self {
+        let zero = Vec3::zero();
+        State {
+            w: [zero; A],
+            arcs: [ArcMap::new(zero, T::zero()); A],
+            prefix: [Mat3::identity(); A],
+            tail: [zero; A],
+            s: Mat3::identity(),
+            rho0: zero,
+            rho: zero,
+            n: zero,
+            f: [zero; 3],
+            span_torque: zero,
+            load_moment: zero,
+            lambda: zero,
+            energy: T::zero(),
+        }
+    }
+
+    /// First half of the forward pass: the shape that the strain gives.
+    #[inline(always)]
+    pub fn shape(&mut self, c: &Constants<T>, t: &Tendons<T>) {
+        let arc_length = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
+        for i in 0..A {
+            let arc = ArcMap::new(self.w[i], arc_length);
+            if i == 0 {
+                self.prefix[0] = Mat3::identity();
+                self.rho0 = arc.end;
+                self.s = arc.rotation;
+            } else {
+                self.prefix[i] = self.s;
+                self.rho0 += self.s * arc.end;
+                self.s = self.s * arc.rotation;
+            }
+            self.tail[i] = self.rho0;
+            self.arcs[i] = arc;
+        }
+        for i in 0..A {
+            self.tail[i] = self.rho0 - self.tail[i];
+        }
+    }
+
+    /// Second half: contact force, end and energy under the dead loads in `f`.
+    #[inline(always)]
+    pub fn balance(&mut self, c: &Constants<T>, t: &Tendons<T>) {
+        let half = T::splat(0.5);
+        let tangent = self.s.column(2);
+        let compliance = self.compliance(c);
+        let mut cable = T::zero();
+        self.span_torque = Vec3::zero();
+        match t.path {
+            TendonPath::Continuous => {
+                self.n = self.f[0];
+                self.rho = self.rho0 + compliance * self.n;
+                let stretch = c.stretch(t);
+                for i in (0..A).step_by(2) {
+                    for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                        let path =
+                            ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
+                        cable += tension * path.length;
+                    }
+                }
+            }
+            TendonPath::Straight => {
+                // rho and N together; the compliance is small, so this settles at once
+                self.rho = self.rho0 + compliance * self.n;
+                for round in 1..=MAX_ROUNDS {
+                    let mut g = Mat3::zero();
+                    let mut pull = Vec3::zero();
+                    let mut torque = Vec3::zero();
+                    cable = T::zero();
+                    for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                        let span = Span::new(c, tendon, &self.s, self.rho);
+                        let force = span.direction * tension;
+                        pull += force;
+                        cable = tension.mul_add(span.length, cable);
+                        torque += span.arm.cross(force);
+                        g += span.stiffness(tension);
+                    }
+                    self.span_torque = torque;
+                    self.n = self.f[0] - pull;
+                    let miss = self.rho0 + compliance * self.n - self.rho;
+                    let size = (miss.max_abs() * c.per_flexible).largest();
+                    // a NaN passes on to the energy, where it is seen
+                    if !(size > 1e-13) || round == MAX_ROUNDS {
+                        break;
+                    }
+                    let unit = [T::splat(1.0); 3];
+                    self.rho += (compliance * g).add_diagonal(unit).inverse() * miss;
+                }
+            }
+        }
+        let mut elastic = T::zero();
+        for i in (0..A).step_by(2) {
+            let (sum, difference) = (self.w[i] + self.w[i + 1], self.w[i] - self.w[i + 1]);
+            elastic += sum.dot(c.moment(sum)) * half
+                + difference.dot(c.moment(difference)) * T::splat(0.375);
+        }
+        self.energy = elastic + half * self.n.dot(self.rho - self.rho0) + cable
+            - self.f[0].dot(self.rho)
+            - self.f[1].dot(tangent)
+            - self.f[2][2];
+        self.load_moment =
+            self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) + Vec3::ez().cross(self.f[2]);
+    }
+
+    /// From the start disk to the end disk.
+    #[inline(always)]
+    pub fn offset(&self, c: &Constants<T>) -> Vec3<T> {
+        let mut offset = self.rho + self.s.column(2) * c.clamp[1];
+        offset.0[2] += c.clamp[0];
+        offset
+    }
+
+    /// Length of a tendon in this module.
+    pub fn tendon_length(&self, c: &Constants<T>, t: &Tendons<T>, tendon: &Tendon) -> T {
+        match t.path {
+            TendonPath::Straight => Span::new(c, tendon, &self.s, self.rho).length,
+            TendonPath::Continuous => {
+                let mut length = c.clamp[0] + c.clamp[1];
+                for i in (0..A).step_by(2) {
+                    let (a, b) = (self.w[i], self.w[i + 1]);
+                    length += ParallelPath::new::<A>(c, tendon, c.stretch(t), a, b).length;
+                }
+                // dead loads stretch the backbone, and the tendon with it
+                let along = self.rho0 * (T::splat(1.0) / self.rho0.norm());
+                length + along.dot(self.rho - self.rho0)
+            }
+        }
+    }
+
+    /// Mean tangent, and change of the tangent from start to end.
+    #[inline(always)]
+    fn tangents(&self, c: &Constants<T>) -> (Vec3<T>, Vec3<T>) {
+        (self.rho0 * c.per_flexible, self.s.column(2) - Vec3::ez())
+    }
+
+    #[inline(always)]
+    pub fn compliance(&self, c: &Constants<T>) -> Mat3<T> {
+        let (mean, change) = self.tangents(c);
+        let [d0, d1, d2, d3] = c.d;
+        let diagonal = d3.mul_add(change.norm2(), d0);
+        ((mean * d1).outer(mean) + (change * d2).outer(change)).add_diagonal([diagonal; 3])
+    }
+
+    /// Force on `rho0` and on the end tangent by the compliance at constant `N`.
+    #[inline(always)]
+    pub fn compliance_forces(&self, c: &Constants<T>) -> (Vec3<T>, Vec3<T>) {
+        let (mean, change) = self.tangents(c);
+        let [_, d1, d2, d3] = c.d;
+        let n = self.n;
+        (
+            n * (d1 * mean.dot(n) * c.per_flexible),
+            n * (d2 * change.dot(n)) + change * (d3 * n.norm2()),
+        )
+    }
+
+    /// Moment imbalance of each arc, from the costate in `lambda`.
+    #[inline(always)]
+    pub fn gradient(&self, c: &Constants<T>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
+        let tangent = self.s.column(2);
+        let (on_end, on_tangent) = self.compliance_forces(c);
+        out.torque = self.span_torque - tangent.cross(self.f[1] + on_tangent) + self.lambda;
+        out.nu = self.n + on_end;
+        let elastic = self.elastic_gradient(c, t);
+        for i in 0..A {
+            let arc = &self.arcs[i];
+            let (q, inverse) = (arc.end_jacobian(), arc.left_jacobian_inverse());
+            let tail = self.tail[i].skew();
+            if i == 0 {
+                out.to_strain[0] = inverse;
+                out.r[0] = q * inverse - tail;
+            } else {
+                let p = &self.prefix[i];
+                out.to_strain[i] = inverse * p.transpose();
+                out.r[i] = *p * (q * out.to_strain[i]) - tail;
+            }
+            out.g[i] = out.to_strain[i].tr_mul(elastic[i]) + out.torque - out.r[i].tr_mul(out.nu);
+        }
+    }
+
+    /// Elastic moments and those of continuous tendons, by each arc's rotation vector.
+    #[inline(always)]
+    fn elastic_gradient(&self, c: &Constants<T>, t: &Tendons<T>) -> [Vec3<T>; A] {
+        let mut g = self.bending_moments(c);
+        if t.path == TendonPath::Continuous {
+            let stretch = c.stretch(t);
+            for i in (0..A).step_by(2) {
+                for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                    let path = ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
+                    for (j, v) in path.gradient().into_iter().enumerate() {
+                        g[i + j] += v * tension;
+                    }
+                }
+            }
+        }
+        g
+    }
+
+    /// Elastic moments by each arc's rotation vector.
+    #[inline(always)]
+    pub fn bending_moments(&self, c: &Constants<T>) -> [Vec3<T>; A] {
+        let mut g = [Vec3::zero(); A];
+        for i in (0..A).step_by(2) {
+            let (sum, difference) = (
+                self.w[i] + self.w[i + 1],
+                (self.w[i] - self.w[i + 1]) * T::splat(0.75),
+            );
+            g[i] = c.moment(sum + difference);
+            g[i + 1] = c.moment(sum - difference);
+        }
+        g
+    }
+
+    /// Second derivatives, and how the end answers.
+    #[inline(always)]
+    pub fn hessian(
+        &self,
+        c: &Constants<T>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        out: &mut Hessian<T, A>,
+    ) -> Response<T, A> {
+        let half = T::splat(0.5);
+        let one = T::splat(1.0);
+        let tangent = self.s.column(2);
+        let (mean, change) = self.tangents(c);
+        let [_, d1, d2, d3] = c.d;
+        let n = self.n;
+        let (_, on_tangent) = self.compliance_forces(c);
+
+        // stiffness of the spans: translation g, rotation e, and between them k
+        let (mut g, mut k, mut e) = (Mat3::zero(), Mat3::zero(), Mat3::zero());
+        if t.path == TendonPath::Straight {
+            for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                let span = Span::new(c, tendon, &self.s, self.rho);
+                let (arm, direction) = (span.arm, span.direction);
+                let stiffness = tension * span.per_length;
+                let across = arm.cross(direction);
+                g += span.stiffness(tension);
+                k += (arm * stiffness).skew() - (across * stiffness).outer(direction);
+                let lever = direction * (tension * half) - arm * (stiffness * half);
+                let d = stiffness * arm.norm2() - tension * direction.dot(arm);
+                e += (lever.outer(arm) + arm.outer(lever) - (across * stiffness).outer(across))
+                    .add_diagonal([d; 3]);
+            }
+        }
+        // dead loads and compliance act on the end tangent
+        let f2 = self.f[1] + on_tangent;
+        let turn = n.cross(tangent);
+        let bubble = d3 * n.norm2();
+        let pulled = tangent * bubble - f2;
+        e += (pulled.outer(tangent).symmetric_part() - (turn * d2).outer(turn))
+            .add_diagonal([f2.dot(tangent) - bubble; 3]);
+
+        let compliance = self.compliance(c);
+        let m = (compliance * g).add_diagonal([one; 3]).inverse();
+        let d_hat = (m * compliance).symmetric_part();
+        let g_hat = (g * m).symmetric_part();
+        let x = (mean * (d1 * c.per_flexible))
+            .outer(n)
+            .add_diagonal([one + d1 * mean.dot(n) * c.per_flexible; 3]);
+        // motion of the end with its tangent, which a rotation u turns by u x tangent
+        let by_tangent = ((change * d2).outer(n) + (n * (d3 + d3)).outer(change))
+            .add_diagonal([d2 * change.dot(n); 3]);
+        let y = tangent.cross_mat(by_tangent.transpose()).transpose();
+        let mut j = [Mat3::zero(); A];
+        for i in 0..A {
+            j[i] = x.mul_add(grad.r[i], y);
+        }
+        let km = k * m;
+        let kd = k * d_hat;
+        let core = e - kd * k.transpose();
+
+        let nu = -grad.nu;
+        let half_torque = (grad.torque * half).skew();
+        let rank1 = d1 * c.per_flexible * c.per_flexible;
+        let [bending, torsion] = c.stiffness;
+        let (b, t3) = (bending * T::splat(1.75), torsion * T::splat(1.75));
+        let own = [b, b, t3];
+        let (b, t3) = (bending * T::splat(0.25), torsion * T::splat(0.25));
+        let beside = [b, b, t3];
+        let f1 = self.f[0];
+        let on_x = -(self.f[1].cross_mat(tangent.skew())) - (self.lambda * half).skew();
+        let mut kmj = [Mat3::zero(); A];
+        for i in 0..A {
+            kmj[i] = km * j[i];
+        }
+        for i in 0..A {
+            let pulled = g_hat * j[i];
+            let rn = grad.r[i].tr_mul(n);
+            for b in i..A {
+                let mut block =
+                    j[b].transpose().mul_add(pulled, core) + kmj[i] + kmj[b].transpose();
+                block -= (grad.r[b].tr_mul(n) * rank1).outer(rn);
+                if b > i {
+                    block -= (nu.cross_mat(grad.r[b]) + half_torque).transpose();
+                    if i % 2 == 0 && b == i + 1 {
+                        let between = self.coupling(c, t, i).add_diagonal(beside);
+                        block += grad.to_strain[b].tr_mat(between * grad.to_strain[i]);
+                    }
+                } else {
+                    let tail = self.tail[i];
+                    let p = &self.prefix[i];
+                    let local = self.arcs[i]
+                        .hessian(p.tr_mul(nu), p.tr_mul(grad.torque + tail.cross(nu)))
+                        .add_diagonal(own)
+                        + self.continuous_block(c, t, i);
+                    block += grad.to_strain[i].tr_mat(local * grad.to_strain[i]);
+                    block += nu
+                        .outer(tail)
+                        .symmetric_part()
+                        .add_diagonal([-nu.dot(tail); 3]);
+                }
+                out.uu[b][i] = block;
+            }
+            let moved = m.mul_add(j[i], -kd.transpose());
+            out.xu[i] = f1.cross_mat(moved) + on_x;
+        }
+        let mut xx = f1.cross_mat(f1.cross_mat(d_hat).transpose());
+        xx = -xx;
+        for (f, v) in self.f.iter().zip([self.rho, tangent, Vec3::ez()]) {
+            xx += (-f.outer(v).symmetric_part()).add_diagonal([f.dot(v); 3]);
+        }
+        out.xx = xx;
+        Response { j, m, d_hat, k }
+    }
+
+    /// Continuous tendons: second derivative by one arc's rotation vector.
+    #[inline(always)]
+    fn continuous_block(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> Mat3<T> {
+        self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)]
+    }
+
+    /// Continuous tendons: second derivative between the two arcs of an element.
+    #[inline(always)]
+    fn coupling(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> Mat3<T> {
+        self.continuous_blocks(c, t, i)[1]
+    }
+
+    #[inline(always)]
+    fn continuous_blocks(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
+        let mut blocks = [Mat3::zero(); 3];
+        if t.path == TendonPath::Continuous {
+            for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                let path =
+                    ParallelPath::new::<A>(c, tendon, c.stretch(t), self.w[i], self.w[i + 1]);
+                for (block, h) in blocks.iter_mut().zip(path.hessian()) {
+                    *block += h * tension;
+                }
+            }
+        }
+        blocks
+    }
+}
+
+impl<const A: usize> State<f64, A> {
+    /// A point of the backbone at a fraction of the way to the end disk.
+    pub fn point(&self, c: &Constants<f64>, fraction: f64) -> Vec3 {
+        let [start, end] = c.clamp;
+        let along = fraction * (start + c.flexible + end) - start;
+        let at = along / c.flexible * A as f64;
+        if at <= 0.0 {
+            return Vec3([0.0, 0.0, along + start]);
+        }
+        let clamped = Vec3([0.0, 0.0, start]);
+        if at >= A as f64 {
+            return clamped + self.rho + self.s.column(2) * (along - c.flexible);
+        }
+        let yielded = (self.rho - self.rho0) * (at / A as f64);
+        let i = at as usize;
+        let part = at - i as f64;
+        let arc = ArcMap::new(self.w[i] * part, self.arcs[i].length() * part);
+        let mut from = Vec3::zero();
+        for j in 0..i {
+            from += self.prefix[j] * self.arcs[j].end;
+        }
+        clamped + from + self.prefix[i] * arc.end + yielded
+    }
+}
+
+impl<T: Real> Constants<T> {
+    /// Extension of the backbone by tendons that run along it.
+    #[inline(always)]
+    fn stretch(&self, t: &Tendons<T>) -> T {
+        let mut stretch = T::splat(1.0);
+        if t.path == TendonPath::Continuous {
+            for &tension in t.tensions {
+                stretch -= tension * self.axial_compliance;
+            }
+        }
+        stretch
+    }
+}
+
+impl<T: Real, const A: usize> Gradient<T, A> {
+    pub fn empty() -> Self {
+        let (zero, matrix) = (Vec3::zero(), Mat3::zero());
+        Gradient {
+            to_strain: [matrix; A],
+            r: [matrix; A],
+            torque: zero,
+            nu: zero,
+            g: [zero; A],
+        }
+    }
+}
+
+impl<T: Real, const A: usize> Hessian<T, A> {
+    pub fn empty() -> Self {
+        let zero = Mat3::zero();
+        Hessian {
+            uu: [[zero; A]; A],
+            xu: [zero; A],
+            xx: zero,
+        }
+    }
+}
+
+/// A straight piece of tendon between two neighbouring holes.
+pub(crate) struct Span<T> {
+    /// From the end of the flexible backbone to the end hole.
+    pub arm: Vec3<T>,
+    pub length: T,
+    pub per_length: T,
+    pub direction: Vec3<T>,
+}
+
+impl<T: Real> Span<T> {
+    #[inline(always)]
+    pub fn new(c: &Constants<T>, tendon: &Tendon, s: &Mat3<T>, rho: Vec3<T>) -> Self {
+        let (x, y) = (T::splat(tendon.hole[0]), T::splat(tendon.hole[1]));
+        let [start, end] = c.clamp;
+        let arm = s
+            .column(2)
+            .scaled_add(end, s.column(1).scaled_add(y, s.column(0) * x));
+        let v = rho + arm - Vec3([x, y, -start]);
+        let length = v.norm();
+        let per_length = T::splat(1.0) / length;
+        Span {
+            arm,
+            length,
+            per_length,
+            direction: v * per_length,
+        }
+    }
+
+    /// Geometric stiffness: `T / length (I - d d')`.
+    #[inline(always)]
+    fn stiffness(&self, tension: T) -> Mat3<T> {
+        let s = tension * self.per_length;
+        (self.direction * -s)
+            .outer(self.direction)
+            .add_diagonal([s; 3])
+    }
+}
+
+/// A tendon along a curve parallel to one element, by two Gauss points.
+struct ParallelPath<T> {
+    length: T,
+    hole: Vec3<T>,
+    /// Unit tangent and speed at each Gauss point.
+    points: [(Vec3<T>, T); 2],
+    /// Length that a point stands for.
+    weight: T,
+    /// Derivative of a Gauss point's curvature by the nearer and the farther arc.
+    near: T,
+    far: T,
+}
+
+impl<T: Real> ParallelPath<T> {
+    #[inline(always)]
+    fn new<const A: usize>(
+        c: &Constants<T>,
+        tendon: &Tendon,
+        stretch: T,
+        a: Vec3<T>,
+        b: Vec3<T>,
+    ) -> Self {
+        let elements = A as f64 / 2.0;
+        let slope = 3f64.sqrt() / 2.0;
+        let per_length = c.per_flexible * T::splat(elements);
+        let near = per_length * T::splat(1.0 + slope);
+        let far = per_length * T::splat(1.0 - slope);
+        let weight = c.flexible * T::splat(0.5 / elements);
+        let hole = Vec3::splat([tendon.hole[0], tendon.hole[1], 0.0]);
+        let mut length = T::zero();
+        let points = [(a, b), (b, a)].map(|(first, other)| {
+            let mut q = (first * near + other * far).cross(hole);
+            q.0[2] += stretch;
+            let speed = q.norm();
+            length += speed * weight;
+            (q * (T::splat(1.0) / speed), speed)
+        });
+        ParallelPath {
+            length,
+            hole,
+            points,
+            weight,
+            near,
+            far,
+        }
+    }
+
+    /// By the rotation vectors of the two arcs.
+    #[inline(always)]
+    fn gradient(&self) -> [Vec3<T>; 2] {
+        let [p, q] = self.points.map(|(d, _)| self.hole.cross(d));
+        let (near, far) = (self.near * self.weight, self.far * self.weight);
+        [p * near + q * far, p * far + q * near]
+    }
+
+    /// Blocks: first-first, second-first, second-second.
+    #[inline(always)]
+    fn hessian(&self) -> [Mat3<T>; 3] {
+        let b = self.hole;
+        let [p, q] = self.points.map(|(d, speed)| {
+            let across = b.cross(d);
+            (Mat3::scalar(b.norm2()) - b.outer(b) - across.outer(across)) * (self.weight / speed)
+        });
+        let (n, f) = (self.near, self.far);
+        [
+            p * (n * n) + q * (f * f),
+            (p + q) * (n * f),
+            p * (f * f) + q * (n * n),
+        ]
+    }
+}

@@ -1,0 +1,215 @@
+//! The robot as the mechanics sees it: checked once, immutable afterwards.
+
+use std::fmt;
+
+/// Why a robot or a load was refused: one sentence.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InputError(pub String);
+
+impl fmt::Display for InputError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+impl std::error::Error for InputError {}
+
+/// Elastic section of the backbone in one segment; SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Section {
+    /// E I, N m^2 (the same about both axes).
+    pub bending: f64,
+    /// G J, N m^2.
+    pub torsion: f64,
+    /// E A, N.
+    pub axial: f64,
+    /// G A times the shear factor, N.
+    pub shear: f64,
+    /// rho A, kg/m.
+    pub mass_per_length: f64,
+}
+
+/// A spacer disk.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disk {
+    /// Distance from the base along the straight backbone, m.
+    pub station: f64,
+    /// Length of backbone that it makes rigid, centred on its station, m.
+    pub clamped_length: f64,
+    /// kg
+    pub mass: f64,
+    /// Segment that the backbone before this disk belongs to.
+    pub segment: usize,
+}
+
+/// A tendon: the same hole in the base and in every disk up to its end disk.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tendon {
+    /// x and y of its holes in the disk frame, m.
+    pub hole: [f64; 2],
+    /// Index of the disk that it is anchored in.
+    pub end_disk: usize,
+}
+
+/// What a [`Robot`] is made of; SI, base frame with z along the straight backbone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RobotSpec {
+    pub sections: Vec<Section>,
+    /// From base to tip; the last one is the tip.
+    pub disks: Vec<Disk>,
+    /// Inner segments first.
+    pub tendons: Vec<Tendon>,
+    /// m/s^2
+    pub gravity: [f64; 3],
+}
+
+/// The backbone between two neighbouring disks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Module {
+    /// Elastic length between the clamps, m.
+    pub flexible: f64,
+    /// Rigid length next to the start and to the end disk, m.
+    pub clamp: [f64; 2],
+    /// Index into the sections.
+    pub segment: usize,
+    /// Tendons from this index on pass through.
+    pub first_tendon: usize,
+}
+
+/// A checked, immutable robot.
+#[derive(Clone, Debug)]
+pub struct Robot {
+    spec: RobotSpec,
+    pub(crate) modules: Vec<Module>,
+}
+
+impl Robot {
+    /// Checks a description; the error says what is wrong, where, and what it may be.
+    pub fn new(spec: RobotSpec) -> Result<Self, InputError> {
+        let fail = |what: String| Err(InputError(what));
+        if spec.disks.is_empty() || spec.sections.is_empty() {
+            return fail("a robot needs at least one segment with one disk at its end".into());
+        }
+        for (i, s) in spec.sections.iter().enumerate() {
+            for (name, value) in [
+                ("bending stiffness", s.bending),
+                ("torsion stiffness", s.torsion),
+                ("axial stiffness", s.axial),
+                ("shear stiffness", s.shear),
+            ] {
+                if !(value.is_finite() && value > 0.0) {
+                    return fail(format!(
+                        "segment {i}: {name} is {value}, it must be positive"
+                    ));
+                }
+            }
+            if !(s.mass_per_length.is_finite() && s.mass_per_length >= 0.0) {
+                return fail(format!(
+                    "segment {i}: mass per length is {}, it must not be negative",
+                    s.mass_per_length
+                ));
+            }
+        }
+        let mut modules = Vec::with_capacity(spec.disks.len());
+        let (mut station, mut clamp_before, mut segment) = (0.0, 0.0, 0);
+        for (i, d) in spec.disks.iter().enumerate() {
+            if !(d.station.is_finite() && d.station > station) {
+                return fail(format!(
+                    "disk {i} is at {} m, it must lie beyond {station} m, where the one before it is",
+                    d.station
+                ));
+            }
+            if d.segment >= spec.sections.len() || d.segment < segment || d.segment > segment + 1 {
+                return fail(format!(
+                    "disk {i} belongs to segment {}, disks must be listed segment by segment",
+                    d.segment
+                ));
+            }
+            if !(d.clamped_length.is_finite() && d.clamped_length >= 0.0) {
+                return fail(format!(
+                    "disk {i}: clamped length is {} m, it must not be negative",
+                    d.clamped_length
+                ));
+            }
+            if !(d.mass.is_finite() && d.mass >= 0.0) {
+                return fail(format!(
+                    "disk {i}: mass is {} kg, it must not be negative",
+                    d.mass
+                ));
+            }
+            let clamp = [clamp_before, d.clamped_length / 2.0];
+            let flexible = d.station - station - clamp[0] - clamp[1];
+            if flexible <= 0.0 {
+                return fail(format!(
+                    "disk {i}: clamps leave {flexible} m of flexible backbone before it, some must remain"
+                ));
+            }
+            modules.push(Module {
+                flexible,
+                clamp,
+                segment: d.segment,
+                first_tendon: spec.tendons.partition_point(|t| t.end_disk < i),
+            });
+            (station, clamp_before, segment) = (d.station, clamp[1], d.segment);
+        }
+        if segment + 1 != spec.sections.len() {
+            return fail(format!(
+                "there are {} segments, but disks for {} only",
+                spec.sections.len(),
+                segment + 1
+            ));
+        }
+        let mut end = 0;
+        for (i, t) in spec.tendons.iter().enumerate() {
+            if !t.hole.iter().all(|x| x.is_finite()) {
+                return fail(format!(
+                    "tendon {i}: hole is at {:?} m, it must be finite",
+                    t.hole
+                ));
+            }
+            if t.end_disk >= spec.disks.len() || t.end_disk < end {
+                return fail(format!(
+                    "tendon {i} ends in disk {}, tendons must be listed from inner to outer segments",
+                    t.end_disk
+                ));
+            }
+            end = t.end_disk;
+        }
+        if !spec.gravity.iter().all(|g| g.is_finite()) {
+            return fail(format!(
+                "gravity is {:?} m/s^2, it must be finite",
+                spec.gravity
+            ));
+        }
+        Ok(Robot { spec, modules })
+    }
+
+    /// The description that the robot was made from.
+    pub fn spec(&self) -> &RobotSpec {
+        &self.spec
+    }
+    /// Number of modules, which is the number of disks.
+    pub fn module_count(&self) -> usize {
+        self.modules.len()
+    }
+    /// Number of tendons.
+    pub fn tendon_count(&self) -> usize {
+        self.spec.tendons.len()
+    }
+    /// Length of the straight backbone, m.
+    pub fn length(&self) -> f64 {
+        self.spec.disks[self.spec.disks.len() - 1].station
+    }
+    pub(crate) fn section(&self, module: usize) -> &Section {
+        &self.spec.sections[self.modules[module].segment]
+    }
+    /// The measure of moments: bending stiffness over length, N m; the softest segment's.
+    pub fn moment_scale(&self) -> f64 {
+        let softest = self
+            .spec
+            .sections
+            .iter()
+            .map(|s| s.bending)
+            .fold(f64::INFINITY, f64::min);
+        softest / self.length()
+    }
+}

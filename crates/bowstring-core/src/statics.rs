@@ -1,0 +1,647 @@
+//! Static equilibrium: Newton's method on the strain, globalised, with an honest status.
+
+use crate::linalg::{Mat3, Vec3};
+use crate::load::{Load, Model};
+use crate::module::Constants;
+use crate::real::{Layout, Real, Scalar};
+use crate::robot::{InputError, Robot};
+use crate::rod::Rod;
+
+/// How a solve ended. Only [`Status::Converged`] comes with a pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// The residual is below the tolerance, at a minimum of the energy where there is one.
+    Converged,
+    /// The residual stayed above the tolerance.
+    MaxIterations,
+    /// An equilibrium was found, but no stable one.
+    Unstable,
+    /// The load closes the gap between two disks: the model has no equilibrium there.
+    NoEquilibrium,
+}
+
+impl Status {
+    /// The word that the outputs use.
+    pub fn word(self) -> &'static str {
+        match self {
+            Status::Converged => "converged",
+            Status::MaxIterations => "max_iterations",
+            Status::Unstable => "unstable",
+            Status::NoEquilibrium => "no_equilibrium",
+        }
+    }
+}
+
+/// Largest moment imbalance over (bending stiffness / length) that counts as converged.
+pub const TOLERANCE: f64 = 1e-10;
+/// Newton steps before giving up.
+pub const MAX_ITERATIONS: usize = 200;
+
+/// What a solve found, its numbers aside.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    pub status: Status,
+    /// Whether the equilibrium is a minimum of the energy; `None` under a tip moment, which
+    /// has no potential.
+    pub stable: Option<bool>,
+    pub iterations: usize,
+    /// Largest moment imbalance over (bending stiffness / length).
+    pub residual: f64,
+    /// The way from straight led to an unstable equilibrium, which was left for a stable one.
+    pub left_unstable: bool,
+    /// Largest fraction of the load that did converge.
+    pub fraction: f64,
+    /// Module in which two disks collide.
+    pub collision: Option<usize>,
+}
+
+/// Position and orientation in the base frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Maps body to base.
+    pub rotation: Mat3,
+    /// m
+    pub position: Vec3,
+}
+
+/// A robot, its physics, and scratch memory for one solve after another.
+///
+/// `A` is the number of arcs in a module: 2 for one element of fourth order, 4 for two, ...
+///
+/// ```
+/// use bowstring_core::{load::{Load, Model}, robot::*, statics::{Solver, Status}};
+/// let section = Section { bending: 1.07, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035 };
+/// let disks = (1..=9).map(|k| Disk { station: 0.641 * k as f64 / 9.0, clamped_length: 0.0, mass: 0.02, segment: 0 });
+/// let robot = Robot::new(RobotSpec {
+///     sections: vec![section],
+///     disks: disks.collect(),
+///     tendons: vec![Tendon { hole: [0.029, 0.0], end_disk: 8 }],
+///     gravity: [0.0; 3],
+/// })?;
+/// let mut solver = Solver::<2>::new(&robot, Model::default());
+/// let load = Load { tensions: &[40.0], gravity: [0.0; 3], tip_force: [0.0; 3], tip_moment: [0.0; 3] };
+/// let outcome = solver.solve(&load)?;
+/// assert_eq!(outcome.status, Status::Converged);
+/// assert!((solver.tip().position[0] - 0.2164).abs() < 1e-3);
+/// # Ok::<(), InputError>(())
+/// ```
+#[derive(Clone)]
+pub struct Solver<const A: usize> {
+    robot: Robot,
+    model: Model,
+    engine: Engine<A>,
+    settings: Settings,
+    load: OwnedLoad,
+    /// Strain of the points before, latest first, for extrapolation along a sweep.
+    history: [Vec<[Vec3; A]>; 3],
+    known: usize,
+}
+
+/// The last load, kept for what is asked after the solve.
+#[derive(Clone, Debug, Default)]
+struct OwnedLoad {
+    tensions: Vec<f64>,
+    gravity: [f64; 3],
+    tip_force: [f64; 3],
+    tip_moment: [f64; 3],
+}
+
+impl OwnedLoad {
+    fn set(&mut self, load: &Load) {
+        self.tensions.clear();
+        self.tensions.extend_from_slice(load.tensions);
+        (self.gravity, self.tip_force, self.tip_moment) =
+            (load.gravity, load.tip_force, load.tip_moment);
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Settings {
+    /// Measure of moments, N m.
+    pub moment_scale: f64,
+    /// Diagonal shift worth a tenth of an arc's bending stiffness, N m.
+    pub shift_unit: f64,
+    /// Measure of length, m.
+    pub length: f64,
+}
+
+impl Settings {
+    pub fn new(robot: &Robot, model: Model, elements: usize) -> Self {
+        let stiffness = (0..robot.module_count())
+            .map(|k| Constants::new(robot, k, model, elements).stiffness[0])
+            .fold(0.0, f64::max);
+        Settings {
+            moment_scale: robot.moment_scale(),
+            shift_unit: 0.1 * stiffness,
+            length: robot.length(),
+        }
+    }
+}
+
+/// The rod, laid out for the processor.
+#[derive(Clone)]
+enum Engine<const A: usize> {
+    Scalar(Box<Rod<Scalar, A>>),
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Box<Rod<crate::simd::Modules<crate::simd::F64x4>, A>>),
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Box<Rod<crate::simd::Modules<crate::simd::F64x8>, A>>),
+}
+
+/// The same code for whichever rod the engine holds.
+macro_rules! with_rod {
+    ($engine:expr, $rod:ident => $code:expr) => {
+        match $engine {
+            Engine::Scalar($rod) => $code,
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx2($rod) => $code,
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx512($rod) => $code,
+        }
+    };
+}
+
+impl<const A: usize> Engine<A> {
+    fn new(robot: &Robot, model: Model) -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if crate::simd::has_avx512() {
+                return Engine::Avx512(Box::new(Rod::new(robot, model)));
+            }
+            if crate::simd::has_avx2() {
+                return Engine::Avx2(Box::new(Rod::new(robot, model)));
+            }
+        }
+        Engine::Scalar(Box::new(Rod::new(robot, model)))
+    }
+
+    fn newton(&mut self, settings: &Settings, outcome: &mut Outcome) -> Attempt {
+        match self {
+            Engine::Scalar(rod) => newton(rod, settings, outcome),
+            // SAFETY: the engine was chosen by what the processor has
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx2(rod) => unsafe { newton_avx2(rod, settings, outcome) },
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx512(rod) => unsafe { newton_avx512(rod, settings, outcome) },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn newton_avx2<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    settings: &Settings,
+    outcome: &mut Outcome,
+) -> Attempt {
+    newton(rod, settings, outcome)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+fn newton_avx512<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    settings: &Settings,
+    outcome: &mut Outcome,
+) -> Attempt {
+    newton(rod, settings, outcome)
+}
+
+/// How one attempt at a load ended.
+enum Attempt {
+    Converged {
+        stable: Option<bool>,
+        collision: Option<usize>,
+    },
+    Saddle,
+    Stuck,
+}
+
+impl<const A: usize> Solver<A> {
+    pub fn new(robot: &Robot, model: Model) -> Self {
+        let straight = vec![[Vec3::zero(); A]; robot.module_count()];
+        Solver {
+            engine: Engine::new(robot, model),
+            settings: Settings::new(robot, model, A / 2),
+            robot: robot.clone(),
+            model,
+            load: OwnedLoad::default(),
+            history: [straight.clone(), straight.clone(), straight],
+            known: 0,
+        }
+    }
+
+    /// The robot that is solved.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Equilibrium from the straight backbone.
+    pub fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
+        load.check(&self.robot)?;
+        let outcome = self.solve_from_straight(load);
+        self.known = 0;
+        self.remember(&outcome);
+        Ok(outcome)
+    }
+
+    /// Equilibrium from the ones before: for loads that follow each other closely.
+    ///
+    /// Extrapolates the strain of up to three points before; falls back to a start from
+    /// straight.
+    pub fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError> {
+        load.check(&self.robot)?;
+        if self.known == 0 {
+            return self.solve(load);
+        }
+        self.load.set(load);
+        with_rod!(&mut self.engine, rod => {
+            rod.load(load);
+            for k in 0..rod.module_count() {
+                let [a, b, c] = [0, 1, 2].map(|i| self.history[i][k]);
+                let mut w = a;
+                for i in 0..A {
+                    w[i] = match self.known {
+                        1 => a[i],
+                        2 => a[i] * 2.0 - b[i],
+                        _ => (a[i] - b[i]) * 3.0 + c[i],
+                    };
+                }
+                rod.set_strain(k, w);
+            }
+        });
+        let mut outcome = self.equilibrium(load);
+        if outcome.status != Status::Converged {
+            outcome = self.solve_from_straight(load);
+            self.known = 0;
+        }
+        self.remember(&outcome);
+        Ok(outcome)
+    }
+
+    fn solve_from_straight(&mut self, load: &Load) -> Outcome {
+        self.load.set(load);
+        with_rod!(&mut self.engine, rod => {
+            rod.load(load);
+            rod.make_straight();
+        });
+        self.equilibrium(load)
+    }
+
+    fn remember(&mut self, outcome: &Outcome) {
+        if outcome.status != Status::Converged {
+            self.known = 0;
+            return;
+        }
+        self.history.rotate_right(1);
+        let latest = &mut self.history[0];
+        with_rod!(&self.engine, rod => {
+            for (k, w) in latest.iter_mut().enumerate() {
+                *w = rod.strain(k, 0);
+            }
+        });
+        self.known = (self.known + 1).min(3);
+    }
+
+    fn equilibrium(&mut self, load: &Load) -> Outcome {
+        let mut outcome = Outcome {
+            status: Status::MaxIterations,
+            stable: None,
+            iterations: 0,
+            residual: f64::INFINITY,
+            left_unstable: false,
+            fraction: 1.0,
+            collision: None,
+        };
+        let mut attempt = self.engine.newton(&self.settings, &mut outcome);
+        if matches!(attempt, Attempt::Stuck) {
+            attempt = self.continuation(load, &mut outcome);
+        }
+        match attempt {
+            Attempt::Converged { stable, collision } => {
+                outcome.stable = stable;
+                outcome.collision = collision;
+                outcome.status = if outcome.collision.is_some() {
+                    Status::NoEquilibrium
+                } else {
+                    Status::Converged
+                };
+            }
+            Attempt::Saddle => {
+                outcome.stable = Some(false);
+                outcome.status = Status::Unstable;
+            }
+            Attempt::Stuck => outcome.status = Status::MaxIterations,
+        }
+        outcome
+    }
+
+    /// Raises the load from zero by steps that adapt; tells how far it came.
+    fn continuation(&mut self, load: &Load, outcome: &mut Outcome) -> Attempt {
+        let mut tensions = load.tensions.to_vec();
+        let mut start = vec![[Vec3::zero(); A]; self.robot.module_count()];
+        let (mut reached, mut increment) = (0.0, 0.25);
+        loop {
+            let fraction = f64::min(reached + increment, 1.0);
+            for (t, full) in tensions.iter_mut().zip(load.tensions) {
+                *t = full * fraction;
+            }
+            let part_load = Load {
+                tensions: &tensions,
+                gravity: load.gravity.map(|g| g * fraction),
+                tip_force: load.tip_force.map(|f| f * fraction),
+                tip_moment: load.tip_moment.map(|m| m * fraction),
+            };
+            with_rod!(&mut self.engine, rod => {
+                rod.load(&part_load);
+                rod.make_straight();
+                for (k, w) in start.iter().enumerate() {
+                    rod.set_strain(k, *w);
+                }
+            });
+            let mut part = Outcome {
+                iterations: 0,
+                ..*outcome
+            };
+            let attempt = self.engine.newton(&self.settings, &mut part);
+            outcome.iterations += part.iterations;
+            outcome.residual = part.residual;
+            outcome.left_unstable |= part.left_unstable;
+            let sound = matches!(
+                attempt,
+                Attempt::Converged {
+                    collision: None,
+                    ..
+                }
+            );
+            if sound && fraction == 1.0 {
+                outcome.fraction = 1.0;
+                return attempt;
+            }
+            if sound {
+                with_rod!(&self.engine, rod => {
+                    for (k, w) in start.iter_mut().enumerate() {
+                        *w = rod.strain(k, 0);
+                    }
+                });
+                reached = fraction;
+                increment *= 1.5;
+            } else {
+                increment *= 0.3;
+                if increment < 1e-3 {
+                    outcome.fraction = reached;
+                    return Attempt::Stuck;
+                }
+            }
+        }
+    }
+
+    /// Pose of the tip, which is the last disk.
+    pub fn tip(&self) -> Pose {
+        let mut tip = Pose {
+            rotation: Mat3::identity(),
+            position: Vec3::zero(),
+        };
+        self.disks(|_, pose| tip = pose);
+        tip
+    }
+
+    /// Poses of the disks, from base to tip.
+    pub fn disks(&self, mut visit: impl FnMut(usize, Pose)) {
+        with_rod!(&self.engine, rod => rod.positions(|k, p| {
+            visit(k, Pose {
+                rotation: Mat3(rod.rotations[k + 1].0.map(|row| row.map(|x| x.lane(0)))),
+                position: Vec3(p.0.map(|x| x.lane(0))),
+            });
+        }));
+    }
+
+    /// Pose of a disk.
+    pub fn disk(&self, k: usize) -> Pose {
+        let mut disk = None;
+        self.disks(|i, pose| {
+            if i == k {
+                disk = Some(pose);
+            }
+        });
+        disk.expect("a disk of this robot")
+    }
+
+    /// Length of a tendon from the base hole to the hole of its end disk, m.
+    pub fn tendon_length(&self, i: usize) -> f64 {
+        with_rod!(&self.engine, rod => rod.tendon_length(i).lane(0))
+    }
+
+    /// Points of the backbone, `per_module` in each module, base and tip included, m.
+    pub fn centerline(&self, per_module: usize) -> Vec<Vec3> {
+        let rod = self.scalar();
+        let mut points = vec![Vec3::zero()];
+        let mut from = Vec3::zero();
+        rod.positions(|k, position| {
+            let (state, c) = (&rod.states[k], &rod.constants[k]);
+            for j in 1..per_module {
+                let local = state.point(c, j as f64 / per_module as f64);
+                points.push(from + rod.rotations[k] * local);
+            }
+            points.push(position);
+            from = position;
+        });
+        points
+    }
+
+    /// The present state in plain numbers, evaluated.
+    pub(crate) fn scalar(&self) -> Box<Rod<Scalar, A>> {
+        let mut rod = Box::new(Rod::<Scalar, A>::new(&self.robot, self.model));
+        rod.load(&Load {
+            tensions: &self.load.tensions,
+            gravity: self.load.gravity,
+            tip_force: self.load.tip_force,
+            tip_moment: self.load.tip_moment,
+        });
+        with_rod!(&self.engine, present => {
+            for k in 0..present.module_count() {
+                rod.set_strain(k, present.strain(k, 0));
+            }
+        });
+        rod.evaluate();
+        rod
+    }
+}
+
+/// Largest rotation that an arc may add in one step, rad.
+const MAX_STEP: f64 = 1.0;
+/// Attempts at leaving unstable equilibria.
+const MAX_ESCAPES: usize = 4;
+/// Newton steps on the residual for one load.
+const MAX_RESIDUAL_STEPS: usize = 40;
+
+#[inline(always)]
+fn converged<L: Layout, const A: usize>(rod: &Rod<L, A>, stable: Option<bool>) -> Attempt {
+    Attempt::Converged {
+        stable,
+        collision: rod.disks_collide(),
+    }
+}
+
+#[inline(always)]
+fn newton<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    settings: &Settings,
+    outcome: &mut Outcome,
+) -> Attempt {
+    if rod.has_tip_moment() {
+        newton_on_residual(rod, settings, outcome)
+    } else {
+        newton_on_energy(rod, settings, outcome)
+    }
+}
+
+/// Minimises the energy: a diagonal shift until all pivots are positive, and backtracking.
+#[inline(always)]
+fn newton_on_energy<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    settings: &Settings,
+    outcome: &mut Outcome,
+) -> Attempt {
+    let unit = settings.shift_unit;
+    let mut energy = rod.evaluate().lane(0);
+    if !energy.is_finite() {
+        return Attempt::Stuck;
+    }
+    let mut shift = 0.0;
+    let mut escapes = 0;
+    // rounding of the energy, which is a small difference of large terms
+    let noise = 1e-14 * (rod.tension_scale().lane(0) * settings.length + energy.abs());
+    // the last elimination still tells the inertia if the step after it was short
+    let mut minimum_nearby = false;
+    loop {
+        outcome.residual = rod.gradient().lane(0) / settings.moment_scale;
+        if outcome.residual <= TOLERANCE {
+            if !minimum_nearby {
+                rod.linearise();
+                minimum_nearby = rod.eliminate::<true>(L::Chain::zero()).lane(0) > 0.0;
+            }
+            if minimum_nearby {
+                return converged(rod, Some(true));
+            }
+            if escapes == MAX_ESCAPES {
+                return Attempt::Saddle;
+            }
+            escapes += 1;
+            outcome.left_unstable = true;
+            energy = leave_saddle(rod, unit, escapes);
+            outcome.residual = rod.gradient().lane(0) / settings.moment_scale;
+        }
+        if outcome.iterations == MAX_ITERATIONS || !outcome.residual.is_finite() {
+            return Attempt::Stuck;
+        }
+        outcome.iterations += 1;
+        rod.linearise();
+        let mut pivot = rod.eliminate::<true>(L::Chain::splat(shift)).lane(0);
+        while !(pivot > 0.0) {
+            shift = if shift == 0.0 { unit } else { shift * 4.0 };
+            if shift > 1e9 * unit {
+                return Attempt::Stuck;
+            }
+            pivot = rod.eliminate::<true>(L::Chain::splat(shift)).lane(0);
+        }
+        let step = rod.newton_step::<true>();
+        let (slope, largest) = (step.slope.lane(0), step.largest.lane(0));
+        minimum_nearby = shift == 0.0 && largest < 1e-4 && pivot > 0.01 * unit;
+        rod.save();
+        let mut fraction = (MAX_STEP / largest).min(1.0);
+        loop {
+            rod.advance(L::Module::splat(fraction));
+            let trial = rod.evaluate().lane(0);
+            if trial <= energy + 1e-4 * fraction * slope + noise {
+                energy = trial;
+                break;
+            }
+            fraction *= 0.5;
+            if fraction < 1e-12 {
+                return Attempt::Stuck;
+            }
+        }
+        shift = if fraction == 1.0 && shift <= unit {
+            0.0
+        } else {
+            shift * 0.25
+        };
+    }
+}
+
+/// Newton's method where there is no energy: a step is accepted if the residual falls.
+#[inline(always)]
+fn newton_on_residual<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    settings: &Settings,
+    outcome: &mut Outcome,
+) -> Attempt {
+    rod.evaluate();
+    let mut residual = rod.gradient().lane(0) / settings.moment_scale;
+    for _ in 0..MAX_RESIDUAL_STEPS {
+        outcome.residual = residual;
+        if residual <= TOLERANCE {
+            return converged(rod, None);
+        }
+        if !residual.is_finite() {
+            break;
+        }
+        outcome.iterations += 1;
+        rod.linearise();
+        rod.eliminate::<false>(L::Chain::zero());
+        let largest = rod.newton_step::<false>().largest.lane(0);
+        rod.save();
+        let mut fraction = (MAX_STEP / largest).min(1.0);
+        loop {
+            rod.advance(L::Module::splat(fraction));
+            rod.evaluate();
+            let trial = rod.gradient().lane(0) / settings.moment_scale;
+            // a full step may turn the whole chain: let the residual grow a little
+            let most = if fraction == 1.0 {
+                2.0
+            } else {
+                1.0 - 1e-3 * fraction
+            };
+            if trial <= residual * most {
+                residual = trial;
+                break;
+            }
+            fraction *= 0.5;
+            if !(fraction > 1e-3) {
+                return Attempt::Stuck;
+            }
+        }
+    }
+    Attempt::Stuck
+}
+
+/// Moves off an unstable equilibrium along a falling direction; returns the energy there.
+///
+/// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start finds the lowest
+/// mode, so that the same load always takes the same branch.
+#[cold]
+#[inline(always)]
+fn leave_saddle<L: Layout, const A: usize>(rod: &mut Rod<L, A>, unit: f64, attempt: usize) -> f64 {
+    let mut shift = unit;
+    while !(rod.eliminate::<true>(L::Chain::splat(shift)).lane(0) > 0.0) && shift < 1e9 * unit {
+        shift *= 1.5;
+    }
+    for (g, gradient) in rod.gradients.iter_mut().enumerate() {
+        for (i, v) in gradient.g.iter_mut().enumerate() {
+            let phase = (g * A + i) as f64;
+            *v = Vec3::splat([0.3 + 0.01 * phase.cos(), -1.0, 0.02 * phase.sin()]);
+        }
+    }
+    for _ in 0..8 {
+        let largest = rod.newton_step::<true>().largest.lane(0);
+        rod.step_to_gradient(1.0 / largest);
+    }
+    let largest = rod.newton_step::<true>().largest.lane(0);
+    rod.save();
+    let modules = rod.module_count() as f64;
+    rod.advance(L::Module::splat(
+        0.2 * attempt as f64 / (largest * modules.sqrt()),
+    ));
+    rod.evaluate().lane(0)
+}

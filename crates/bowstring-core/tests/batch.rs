@@ -1,0 +1,136 @@
+//! Many loads in one call give what one call for each gives.
+
+mod common;
+use bowstring_core::batch::{solve_batch, sweep, Loads, Settings};
+use bowstring_core::load::{Load, Model, Theory};
+use bowstring_core::statics::{Solver, Status};
+use common::study_robot;
+
+fn loads<'a>(tensions: &'a [f64], gravity: &'a [f64], tip_force: &'a [f64]) -> Loads<'a> {
+    Loads {
+        count: tensions.len() / 3,
+        tensions,
+        gravity,
+        tip_force,
+        tip_moment: &[0.0; 3],
+    }
+}
+
+/// Loads that repeat nothing, without a random number generator.
+fn tensions(n: usize) -> Vec<f64> {
+    (0..3 * n).map(|i| (i * i * 7 % 61) as f64).collect()
+}
+
+#[test]
+fn batch_equals_one_by_one_for_any_number_of_threads() {
+    let robot = study_robot(9, 0.003);
+    for (n, elements) in [(0, 1), (1, 1), (31, 1), (100, 1), (65, 2)] {
+        let (t, force) = (tensions(n), tensions(n));
+        let force: Vec<f64> = force.iter().map(|f| 0.01 * f).collect();
+        let loads = loads(&t, &[0.0, 0.0, -9.81], &force);
+        let settings = Settings {
+            elements,
+            ..Settings::default()
+        };
+        let one = solve_batch(&robot, &settings, &loads, 1, true).unwrap();
+        let many = solve_batch(&robot, &settings, &loads, 3, true).unwrap();
+        let cold = sweep(&robot, &settings, &loads, false, true).unwrap();
+        assert_eq!(one.outcomes.len(), n);
+        for other in [&many, &cold] {
+            assert_eq!(one.outcomes, other.outcomes);
+            assert_eq!(one.disk_position, other.disk_position);
+            assert_eq!(one.disk_rotation, other.disk_rotation);
+            assert_eq!(one.tendon_length, other.tendon_length);
+        }
+        let mut solver = Solver::<2>::new(&robot, Model::default());
+        for i in (0..n).filter(|_| elements == 1) {
+            let load = Load {
+                tensions: &t[3 * i..][..3],
+                gravity: [0.0, 0.0, -9.81],
+                tip_force: [force[3 * i], force[3 * i + 1], force[3 * i + 2]],
+                tip_moment: [0.0; 3],
+            };
+            assert_eq!(solver.solve(&load).unwrap(), one.outcomes[i]);
+            assert_eq!(solver.tip().position.0, one.tip_position[3 * i..][..3]);
+            let last = 3 * (9 * i + 8);
+            assert_eq!(
+                one.disk_position[last..][..3],
+                one.tip_position[3 * i..][..3]
+            );
+            assert_eq!(solver.tendon_length(2), one.tendon_length[3 * i + 2]);
+        }
+    }
+}
+
+#[test]
+fn warm_sweep_ends_where_cold_solves_do() {
+    let robot = study_robot(9, 0.0);
+    let t: Vec<f64> = (0..33).flat_map(|i| [2.5 * i as f64, 10.0, 5.0]).collect();
+    let loads = loads(&t, &[0.0, 0.0, -9.81], &[0.0, 1.0, 0.0]);
+    for theory in [Theory::Kirchhoff, Theory::Cosserat] {
+        let settings = Settings {
+            model: Model {
+                theory,
+                ..Model::default()
+            },
+            elements: 1,
+        };
+        let warm = sweep(&robot, &settings, &loads, true, false).unwrap();
+        let cold = sweep(&robot, &settings, &loads, false, false).unwrap();
+        assert!(warm.disk_position.is_empty());
+        for (a, b) in warm.tip_position.iter().zip(&cold.tip_position) {
+            assert!((a - b).abs() < 1e-10);
+        }
+    }
+}
+
+#[test]
+fn a_row_that_fails_is_nan_and_the_others_stand() {
+    let robot = study_robot(9, 0.0);
+    let t = [10.0, 0.0, 0.0, 2e4, 2e4, 2e4, 20.0, 0.0, 0.0];
+    for warm in [false, true] {
+        let found = sweep(
+            &robot,
+            &Settings::default(),
+            &loads(&t, &[0.0; 3], &[0.0; 3]),
+            warm,
+            true,
+        )
+        .unwrap();
+        let status = found.outcomes.iter().map(|o| o.status == Status::Converged);
+        assert_eq!(status.collect::<Vec<_>>(), [true, false, true]);
+        assert!(found.tip_position[3..6].iter().all(|x| x.is_nan()));
+        assert!(found.disk_rotation[81..162].iter().all(|x| x.is_nan()));
+        assert!(found.tendon_length[6..].iter().all(|x| x.is_finite()));
+    }
+}
+
+#[test]
+fn input_is_checked_before_work_begins() {
+    let robot = study_robot(9, 0.0);
+    let refused = |loads: &Loads, elements: usize| {
+        let settings = Settings {
+            elements,
+            ..Settings::default()
+        };
+        let a = sweep(&robot, &settings, loads, true, true).unwrap_err();
+        let b = solve_batch(&robot, &settings, loads, 0, true).unwrap_err();
+        assert_eq!(a, b);
+        a.0
+    };
+    let mut t = tensions(40);
+    t[3 * 17 + 1] = f64::NAN;
+    let bad = refused(&loads(&t, &[0.0; 3], &[0.0; 3]), 1);
+    assert!(
+        bad.starts_with("row 17: tension of tendon 2 is NaN"),
+        "{bad}"
+    );
+    let good = tensions(40);
+    assert!(refused(&loads(&good, &[0.0; 3], &[0.0; 3]), 3).contains("elements is 3"));
+    assert!(refused(&loads(&good, &[0.0; 6], &[0.0; 3]), 1).starts_with("gravity has 6 numbers"));
+    let short = Loads {
+        count: usize::MAX,
+        ..loads(&good, &[0.0; 3], &[0.0; 3])
+    };
+    assert!(refused(&short, 1).contains("tensions were given"));
+}

@@ -1,0 +1,596 @@
+//! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one answer.
+
+use bowstring_core::batch::{self, write_pose, Loads, Settings, Solutions, Statics};
+use bowstring_core::load::{Load, Model, TendonPath, Theory};
+use bowstring_core::robot::{Disk, InputError, RobotSpec, Section, Tendon};
+use bowstring_core::statics::{Outcome, Status};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyArrayMethods, PyReadonlyArray1,
+    PyReadonlyArray2, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple};
+
+mod raised {
+    pyo3::import_exception!(bowstring.errors, InputError);
+}
+
+fn refused(sentence: impl Into<String>) -> PyErr {
+    raised::InputError::new_err(sentence.into())
+}
+
+fn input_error(e: InputError) -> PyErr {
+    refused(e.0)
+}
+
+/// A robot in the core, checked and immutable.
+#[pyclass(frozen, module = "bowstring._core")]
+pub struct Robot {
+    inner: bowstring_core::robot::Robot,
+}
+
+#[pymethods]
+impl Robot {
+    #[new]
+    #[pyo3(signature = (station_m, clamped_length_m, disk_mass_kg, disk_segment, bending_stiffness,
+        torsion_stiffness, axial_stiffness, shear_stiffness, mass_per_length, hole_m, end_disk, gravity))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        station_m: PyReadonlyArray1<f64>,
+        clamped_length_m: PyReadonlyArray1<f64>,
+        disk_mass_kg: PyReadonlyArray1<f64>,
+        disk_segment: PyReadonlyArray1<i64>,
+        bending_stiffness: PyReadonlyArray1<f64>,
+        torsion_stiffness: PyReadonlyArray1<f64>,
+        axial_stiffness: PyReadonlyArray1<f64>,
+        shear_stiffness: PyReadonlyArray1<f64>,
+        mass_per_length: PyReadonlyArray1<f64>,
+        hole_m: PyReadonlyArray2<f64>,
+        end_disk: PyReadonlyArray1<i64>,
+        gravity: PyReadonlyArray1<f64>,
+    ) -> PyResult<Self> {
+        let (disks, segments) = (station_m.len(), bending_stiffness.len());
+        let tendons = end_disk.len();
+        for (name, len, expected) in [
+            ("clamped_length_m", clamped_length_m.len(), disks),
+            ("disk_mass_kg", disk_mass_kg.len(), disks),
+            ("disk_segment", disk_segment.len(), disks),
+            ("torsion_stiffness", torsion_stiffness.len(), segments),
+            ("axial_stiffness", axial_stiffness.len(), segments),
+            ("shear_stiffness", shear_stiffness.len(), segments),
+            ("mass_per_length", mass_per_length.len(), segments),
+            ("gravity", gravity.len(), 3),
+        ] {
+            if len != expected {
+                return Err(refused(format!(
+                    "{name} has {len} entries, it must have {expected}"
+                )));
+            }
+        }
+        if hole_m.shape() != [tendons, 2] {
+            return Err(refused(format!(
+                "hole_m has shape {:?}, it must have [{tendons}, 2]",
+                hole_m.shape()
+            )));
+        }
+        // an index below zero becomes a huge one, which the core refuses
+        let index = |i: i64| usize::try_from(i).unwrap_or(usize::MAX);
+        let (clamped, mass) = (clamped_length_m.as_array(), disk_mass_kg.as_array());
+        let (station, segment) = (station_m.as_array(), disk_segment.as_array());
+        let (bending, torsion) = (bending_stiffness.as_array(), torsion_stiffness.as_array());
+        let (axial, shear) = (axial_stiffness.as_array(), shear_stiffness.as_array());
+        let (line, hole) = (mass_per_length.as_array(), hole_m.as_array());
+        let (end, g) = (end_disk.as_array(), gravity.as_array());
+        let spec = RobotSpec {
+            sections: (0..segments)
+                .map(|i| Section {
+                    bending: bending[i],
+                    torsion: torsion[i],
+                    axial: axial[i],
+                    shear: shear[i],
+                    mass_per_length: line[i],
+                })
+                .collect(),
+            disks: (0..disks)
+                .map(|i| Disk {
+                    station: station[i],
+                    clamped_length: clamped[i],
+                    mass: mass[i],
+                    segment: index(segment[i]),
+                })
+                .collect(),
+            tendons: (0..tendons)
+                .map(|i| Tendon {
+                    hole: [hole[[i, 0]], hole[[i, 1]]],
+                    end_disk: index(end[i]),
+                })
+                .collect(),
+            gravity: [g[0], g[1], g[2]],
+        };
+        Ok(Robot {
+            inner: bowstring_core::robot::Robot::new(spec).map_err(input_error)?,
+        })
+    }
+
+    /// Number of tendons.
+    #[getter]
+    fn tendon_count(&self) -> usize {
+        self.inner.tendon_count()
+    }
+
+    /// Number of disks.
+    #[getter]
+    fn disk_count(&self) -> usize {
+        self.inner.module_count()
+    }
+
+    /// One equilibrium from straight.
+    #[allow(clippy::too_many_arguments)]
+    fn solve(
+        slf: &Bound<'_, Self>,
+        tensions: &Bound<'_, PyAny>,
+        theory: &str,
+        gravity: Option<&Bound<'_, PyAny>>,
+        tip_force: &Bound<'_, PyAny>,
+        tip_moment: &Bound<'_, PyAny>,
+        tendon: &str,
+        twist: bool,
+        elements: usize,
+    ) -> PyResult<Solution> {
+        let robot = &slf.get().inner;
+        let settings = settings(theory, tendon, twist, elements)?;
+        let load = OwnLoad {
+            tensions: numbers(tensions, "tensions", "N", robot.tendon_count())?,
+            gravity: match gravity {
+                Some(g) => three(g, "gravity", "m/s^2")?,
+                None => robot.spec().gravity,
+            },
+            tip_force: three(tip_force, "tip_force", "N")?,
+            tip_moment: three(tip_moment, "tip_moment", "N m")?,
+        };
+        slf.py()
+            .detach(|| {
+                let mut solver = settings.solver(robot)?;
+                let outcome = solver.solve(&load.borrow())?;
+                let answer = (outcome.status == Status::Converged)
+                    .then(|| Answer::read(robot, solver.as_ref()));
+                Ok((outcome, answer))
+            })
+            .map(|(outcome, answer)| Solution {
+                robot: slf.clone().unbind(),
+                settings,
+                load,
+                outcome,
+                answer,
+            })
+            .map_err(input_error)
+    }
+
+    /// Many loads in order; arrays of n rows, the last three may be one row.
+    #[allow(clippy::too_many_arguments)]
+    fn sweep<'py>(
+        &self,
+        py: Python<'py>,
+        tensions: PyReadonlyArray2<'py, f64>,
+        theory: &str,
+        gravity: Option<&Bound<'py, PyAny>>,
+        tip_force: &Bound<'py, PyAny>,
+        tip_moment: &Bound<'py, PyAny>,
+        tendon: &str,
+        twist: bool,
+        elements: usize,
+        warm: bool,
+        disks: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let settings = settings(theory, tendon, twist, elements)?;
+        let loads = OwnLoads::new(&self.inner, tensions, gravity, tip_force, tip_moment)?;
+        let found =
+            py.detach(|| batch::sweep(&self.inner, &settings, &loads.borrow(), warm, disks));
+        self.arrays(py, found.map_err(input_error)?, disks)
+    }
+
+    /// Many loads, each from straight, on `threads` cores (0: all).
+    #[allow(clippy::too_many_arguments)]
+    fn solve_batch<'py>(
+        &self,
+        py: Python<'py>,
+        tensions: PyReadonlyArray2<'py, f64>,
+        theory: &str,
+        gravity: Option<&Bound<'py, PyAny>>,
+        tip_force: &Bound<'py, PyAny>,
+        tip_moment: &Bound<'py, PyAny>,
+        tendon: &str,
+        twist: bool,
+        elements: usize,
+        threads: usize,
+        disks: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let settings = settings(theory, tendon, twist, elements)?;
+        let loads = OwnLoads::new(&self.inner, tensions, gravity, tip_force, tip_moment)?;
+        let found = py
+            .detach(|| batch::solve_batch(&self.inner, &settings, &loads.borrow(), threads, disks));
+        self.arrays(py, found.map_err(input_error)?, disks)
+    }
+}
+
+impl Robot {
+    /// The answers as NumPy arrays, named as in `bowstring.rod.Sweep`.
+    fn arrays<'py>(
+        &self,
+        py: Python<'py>,
+        found: Solutions,
+        disks: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let n = found.outcomes.len();
+        let modules = self.inner.module_count();
+        let outcomes = &found.outcomes;
+        let column =
+            |value: &dyn Fn(&Outcome) -> f64| PyArray1::from_iter(py, outcomes.iter().map(value));
+        let out = PyDict::new(py);
+        let words = outcomes.iter().map(|o| o.status.word());
+        out.set_item("status", PyList::new(py, words.collect::<Vec<_>>())?)?;
+        let stable = outcomes.iter().map(|o| o.stable);
+        out.set_item("stable", PyList::new(py, stable.collect::<Vec<_>>())?)?;
+        let converged = outcomes.iter().map(|o| o.status == Status::Converged);
+        out.set_item("converged", PyArray1::from_iter(py, converged))?;
+        let iterations = outcomes.iter().map(|o| o.iterations as i64);
+        out.set_item("iterations", PyArray1::from_iter(py, iterations))?;
+        out.set_item("residual", column(&|o| o.residual))?;
+        out.set_item("fraction", column(&|o| o.fraction))?;
+        let left = outcomes.iter().map(|o| o.left_unstable);
+        out.set_item("left_unstable", PyArray1::from_iter(py, left))?;
+        let collision = outcomes
+            .iter()
+            .map(|o| o.collision.map_or(-1, |k| k as i64));
+        out.set_item("collision", PyArray1::from_iter(py, collision))?;
+        let shaped = |v: Vec<f64>, shape: &[usize]| v.into_pyarray(py).reshape(shape);
+        out.set_item("tip_position", shaped(found.tip_position, &[n, 3])?)?;
+        out.set_item("tip_rotation", shaped(found.tip_rotation, &[n, 3, 3])?)?;
+        let tendons = self.inner.tendon_count();
+        out.set_item(
+            "tendon_lengths",
+            shaped(found.tendon_length, &[n, tendons])?,
+        )?;
+        let (positions, rotations) = if disks {
+            let positions: Bound<'py, PyArrayDyn<f64>> =
+                shaped(found.disk_position, &[n, modules, 3])?;
+            let rotations = shaped(found.disk_rotation, &[n, modules, 3, 3])?;
+            (Some(positions), Some(rotations))
+        } else {
+            (None, None)
+        };
+        out.set_item("disk_positions", positions)?;
+        out.set_item("disk_rotations", rotations)?;
+        Ok(out)
+    }
+}
+
+/// The answer to one load.
+#[pyclass(frozen, module = "bowstring._core")]
+pub struct Solution {
+    robot: Py<Robot>,
+    settings: Settings,
+    load: OwnLoad,
+    outcome: Outcome,
+    answer: Option<Answer>,
+}
+
+/// Numbers of a converged solution.
+struct Answer {
+    disk_position: Vec<f64>,
+    disk_rotation: Vec<f64>,
+    tendon_length: Vec<f64>,
+}
+
+impl Answer {
+    fn read(robot: &bowstring_core::robot::Robot, solver: &dyn Statics) -> Self {
+        let n = robot.module_count();
+        let (mut disk_position, mut disk_rotation) = (vec![0.0; 3 * n], vec![0.0; 9 * n]);
+        for k in 0..n {
+            write_pose(&solver.disk(k), k, &mut disk_position, &mut disk_rotation);
+        }
+        Answer {
+            disk_position,
+            disk_rotation,
+            tendon_length: (0..robot.tendon_count())
+                .map(|i| solver.tendon_length(i))
+                .collect(),
+        }
+    }
+}
+
+#[pymethods]
+impl Solution {
+    #[getter]
+    fn status(&self) -> &'static str {
+        self.outcome.status.word()
+    }
+    #[getter]
+    fn converged(&self) -> bool {
+        self.answer.is_some()
+    }
+    #[getter]
+    fn stable(&self) -> Option<bool> {
+        self.outcome.stable
+    }
+    #[getter]
+    fn iterations(&self) -> usize {
+        self.outcome.iterations
+    }
+    #[getter]
+    fn residual(&self) -> f64 {
+        self.outcome.residual
+    }
+    #[getter]
+    fn left_unstable(&self) -> bool {
+        self.outcome.left_unstable
+    }
+    #[getter]
+    fn fraction(&self) -> f64 {
+        self.outcome.fraction
+    }
+    #[getter]
+    fn collision(&self) -> Option<usize> {
+        self.outcome.collision
+    }
+    #[getter]
+    fn theory(&self) -> &'static str {
+        match self.settings.model.theory {
+            Theory::Cosserat => "cosserat",
+            Theory::Kirchhoff => "kirchhoff",
+        }
+    }
+    #[getter]
+    fn tendon(&self) -> &'static str {
+        match self.settings.model.tendon {
+            TendonPath::Straight => "straight",
+            TendonPath::Continuous => "continuous",
+        }
+    }
+    #[getter]
+    fn twist(&self) -> bool {
+        self.settings.model.twist
+    }
+    #[getter]
+    fn elements(&self) -> usize {
+        self.settings.elements
+    }
+    #[getter]
+    fn tensions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.load.tensions)
+    }
+    #[getter]
+    fn gravity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.load.gravity)
+    }
+    #[getter]
+    fn tip_force<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.load.tip_force)
+    }
+    #[getter]
+    fn tip_moment<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.load.tip_moment)
+    }
+    #[getter]
+    fn tip_position<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let p = &self.answer.as_ref()?.disk_position;
+        Some(PyArray1::from_slice(py, &p[p.len() - 3..]))
+    }
+    #[getter]
+    fn tip_rotation<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        self.answer
+            .as_ref()
+            .map(|a| {
+                let r = &a.disk_rotation;
+                PyArray1::from_slice(py, &r[r.len() - 9..]).reshape([3, 3])
+            })
+            .transpose()
+    }
+    #[getter]
+    fn disk_positions<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        self.answer
+            .as_ref()
+            .map(|a| {
+                let p = &a.disk_position;
+                PyArray1::from_slice(py, p).reshape([p.len() / 3, 3])
+            })
+            .transpose()
+    }
+    #[getter]
+    fn disk_rotations<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<f64>>>> {
+        self.answer
+            .as_ref()
+            .map(|a| {
+                let r = &a.disk_rotation;
+                PyArray1::from_slice(py, r).reshape([r.len() / 9, 3, 3])
+            })
+            .transpose()
+    }
+    #[getter]
+    fn tendon_lengths<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let a = self.answer.as_ref()?;
+        Some(PyArray1::from_slice(py, &a.tendon_length))
+    }
+
+    /// Points of the backbone. Solved anew, which gives the same numbers: a solution keeps what
+    /// is asked of it often and not the solver.
+    fn centerline<'py>(
+        &self,
+        py: Python<'py>,
+        points_per_module: usize,
+    ) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        const MOST: usize = 1_000_000;
+        let robot = &self.robot.get().inner;
+        if points_per_module == 0 || points_per_module > MOST / robot.module_count().min(MOST) {
+            return Err(refused(format!(
+                "points_per_module is {points_per_module}, it must be 1 or more, and at most {MOST} points in all"
+            )));
+        }
+        if self.answer.is_none() {
+            return Ok(None);
+        }
+        let points = py
+            .detach(|| {
+                let mut solver = self.settings.solver(robot)?;
+                solver.solve(&self.load.borrow())?;
+                Ok(solver.centerline(points_per_module))
+            })
+            .map_err(input_error)?;
+        let flat: Vec<f64> = points.iter().flat_map(|p| p.0).collect();
+        flat.into_pyarray(py).reshape([points.len(), 3]).map(Some)
+    }
+}
+
+/// A load that owns its tensions.
+struct OwnLoad {
+    tensions: Vec<f64>,
+    gravity: [f64; 3],
+    tip_force: [f64; 3],
+    tip_moment: [f64; 3],
+}
+
+impl OwnLoad {
+    fn borrow(&self) -> Load<'_> {
+        Load {
+            tensions: &self.tensions,
+            gravity: self.gravity,
+            tip_force: self.tip_force,
+            tip_moment: self.tip_moment,
+        }
+    }
+}
+
+/// Copies of the arrays: nobody can change them while the interpreter lock is released.
+struct OwnLoads {
+    count: usize,
+    tensions: Vec<f64>,
+    gravity: Vec<f64>,
+    tip_force: Vec<f64>,
+    tip_moment: Vec<f64>,
+}
+
+impl OwnLoads {
+    fn new(
+        robot: &bowstring_core::robot::Robot,
+        tensions: PyReadonlyArray2<f64>,
+        gravity: Option<&Bound<PyAny>>,
+        tip_force: &Bound<PyAny>,
+        tip_moment: &Bound<PyAny>,
+    ) -> PyResult<Self> {
+        let (count, tendons) = (tensions.shape()[0], tensions.shape()[1]);
+        if tendons != robot.tendon_count() {
+            return Err(refused(format!(
+                "tensions has shape ({count}, {tendons}), it must have one row for each load and {} columns, one for each tendon",
+                robot.tendon_count()
+            )));
+        }
+        let rows = |value: &Bound<PyAny>, name: &str, unit: &str| match value
+            .extract::<PyReadonlyArray2<f64>>()
+        {
+            Ok(array) if array.shape() == [count, 3] => {
+                Ok(array.as_array().iter().copied().collect())
+            }
+            Ok(array) => Err(refused(format!(
+                "{name} has shape ({}, {}), it must be (3,) or ({count}, 3), in {unit}",
+                array.shape()[0],
+                array.shape()[1]
+            ))),
+            Err(_) => Ok(three(value, name, unit)?.to_vec()),
+        };
+        Ok(OwnLoads {
+            count,
+            tensions: tensions.as_array().iter().copied().collect(),
+            gravity: match gravity {
+                Some(g) => rows(g, "gravity", "m/s^2")?,
+                None => robot.spec().gravity.to_vec(),
+            },
+            tip_force: rows(tip_force, "tip_force", "N")?,
+            tip_moment: rows(tip_moment, "tip_moment", "N m")?,
+        })
+    }
+
+    fn borrow(&self) -> Loads<'_> {
+        Loads {
+            count: self.count,
+            tensions: &self.tensions,
+            gravity: &self.gravity,
+            tip_force: &self.tip_force,
+            tip_moment: &self.tip_moment,
+        }
+    }
+}
+
+fn settings(theory: &str, tendon: &str, twist: bool, elements: usize) -> PyResult<Settings> {
+    let model = Model {
+        theory: match theory {
+            "cosserat" => Theory::Cosserat,
+            "kirchhoff" => Theory::Kirchhoff,
+            _ => {
+                return Err(refused(format!(
+                    "theory is {theory:?}, it must be \"cosserat\" or \"kirchhoff\""
+                )))
+            }
+        },
+        tendon: match tendon {
+            "straight" => TendonPath::Straight,
+            "continuous" => TendonPath::Continuous,
+            _ => {
+                return Err(refused(format!(
+                    "tendon is {tendon:?}, it must be \"straight\" or \"continuous\""
+                )))
+            }
+        },
+        twist,
+    };
+    Ok(Settings { model, elements })
+}
+
+/// A sequence of `count` numbers: an array, a list, a tuple or what NumPy makes an array of.
+fn numbers(value: &Bound<'_, PyAny>, name: &str, unit: &str, count: usize) -> PyResult<Vec<f64>> {
+    let found = if let Ok(array) = value.extract::<PyReadonlyArray1<f64>>() {
+        Some(array.as_array().iter().copied().collect())
+    } else if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
+        value.extract::<Vec<f64>>().ok()
+    } else if value.hasattr("__array__")? {
+        let array = value.call_method0("__array__")?;
+        array.extract::<Vec<f64>>().ok()
+    } else {
+        None
+    };
+    match found {
+        Some(v) if v.len() == count => Ok(v),
+        Some(v) => Err(refused(format!(
+            "{name} has {} numbers, it must have {count}, in {unit}",
+            v.len()
+        ))),
+        None => Err(refused(format!(
+            "{name} is {}, it must be {count} numbers, in {unit}",
+            brief(value)
+        ))),
+    }
+}
+
+fn three(value: &Bound<'_, PyAny>, name: &str, unit: &str) -> PyResult<[f64; 3]> {
+    if let Ok(v) = value.extract::<(f64, f64, f64)>() {
+        return Ok([v.0, v.1, v.2]);
+    }
+    let v = numbers(value, name, unit, 3)?;
+    Ok([v[0], v[1], v[2]])
+}
+
+/// How a wrong value shows in an error.
+fn brief(value: &Bound<'_, PyAny>) -> String {
+    let text = value.repr().map_or_else(
+        |_| value.get_type().to_string(),
+        |r| {
+            r.to_string_lossy()
+                .split_whitespace()
+                .collect::<Vec<_>>()
+                .join(" ")
+        },
+    );
+    match text.char_indices().nth(60) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text,
+    }
+}

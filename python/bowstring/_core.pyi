@@ -1,0 +1,140 @@
+"""The compiled core; `bowstring.rod` and `bowstring.arc` are its public face."""
+
+from typing import Any, Literal, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+__version__: str
+
+# Constant curvature: one arc a row (bend x, bend y, length); no shares mean curved spans.
+def arc_bend(kappa: Floats, phi: Floats, length: Floats) -> Floats: ...
+def arc_bend_jacobian(kappa: Floats, phi: Floats, length: Floats) -> Floats: ...
+def arc_curvature(arcs: Floats) -> Floats: ...
+def arc_curvature_jacobian(arcs: Floats) -> Floats: ...
+def arc_part(arcs: Floats, s: Floats) -> Floats: ...
+def arc_pose(arcs: Floats) -> tuple[Floats, Floats]: ...
+def arc_pose_jacobian(arcs: Floats) -> Floats: ...
+def arc_lengths(arcs: Floats, hole: Floats, shares: Floats) -> Floats: ...
+def arc_lengths_jacobian(arcs: Floats, hole: Floats, shares: Floats) -> Floats: ...
+def arc_fit(
+    lengths: Floats, hole: Floats, shares: Floats, length: Floats | None
+) -> tuple[Floats, Floats]: ...
+def arc_fit_jacobian(arcs: Floats, hole: Floats, shares: Floats, hold_length: bool) -> Floats: ...
+def arc_from_tensions(
+    tensions: Floats,
+    hole: Floats,
+    length: Floats,
+    bending_stiffness: Floats,
+    modules: int | None,
+) -> Floats: ...
+def arc_through(positions: Floats) -> Floats: ...
+def arc_nearest(positions: Floats, length: Floats) -> tuple[Floats, Floats]: ...
+
+@final
+class Robot:
+    def __new__(
+        cls,
+        station_m: Floats,
+        clamped_length_m: Floats,
+        disk_mass_kg: Floats,
+        disk_segment: Ints,
+        bending_stiffness: Floats,
+        torsion_stiffness: Floats,
+        axial_stiffness: Floats,
+        shear_stiffness: Floats,
+        mass_per_length: Floats,
+        hole_m: Floats,
+        end_disk: Ints,
+        gravity: Floats,
+    ) -> Robot: ...
+    @property
+    def tendon_count(self) -> int: ...
+    @property
+    def disk_count(self) -> int: ...
+    def solve(
+        self,
+        tensions: ArrayLike,
+        theory: str,
+        gravity: ArrayLike | None,
+        tip_force: ArrayLike,
+        tip_moment: ArrayLike,
+        tendon: str,
+        twist: bool,
+        elements: int,
+    ) -> Solution: ...
+    def sweep(
+        self,
+        tensions: Floats,
+        theory: str,
+        gravity: ArrayLike | None,
+        tip_force: ArrayLike,
+        tip_moment: ArrayLike,
+        tendon: str,
+        twist: bool,
+        elements: int,
+        warm: bool,
+        disks: bool,
+    ) -> dict[str, Any]: ...
+    def solve_batch(
+        self,
+        tensions: Floats,
+        theory: str,
+        gravity: ArrayLike | None,
+        tip_force: ArrayLike,
+        tip_moment: ArrayLike,
+        tendon: str,
+        twist: bool,
+        elements: int,
+        threads: int,
+        disks: bool,
+    ) -> dict[str, Any]: ...
+
+@final
+class Solution:
+    @property
+    def status(self) -> str: ...
+    @property
+    def converged(self) -> bool: ...
+    @property
+    def stable(self) -> bool | None: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def left_unstable(self) -> bool: ...
+    @property
+    def fraction(self) -> float: ...
+    @property
+    def collision(self) -> int | None: ...
+    @property
+    def theory(self) -> Literal["cosserat", "kirchhoff"]: ...
+    @property
+    def tendon(self) -> Literal["straight", "continuous"]: ...
+    @property
+    def twist(self) -> bool: ...
+    @property
+    def elements(self) -> int: ...
+    @property
+    def tensions(self) -> Floats: ...
+    @property
+    def gravity(self) -> Floats: ...
+    @property
+    def tip_force(self) -> Floats: ...
+    @property
+    def tip_moment(self) -> Floats: ...
+    @property
+    def tip_position(self) -> Floats | None: ...
+    @property
+    def tip_rotation(self) -> Floats | None: ...
+    @property
+    def disk_positions(self) -> Floats | None: ...
+    @property
+    def disk_rotations(self) -> Floats | None: ...
+    @property
+    def tendon_lengths(self) -> Floats | None: ...
+    def centerline(self, points_per_module: int) -> Floats | None: ...

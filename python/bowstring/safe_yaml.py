@@ -1,0 +1,84 @@
+"""YAML as nested dicts, lists and text, without YAML's guesses and without its traps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+import yaml
+
+from bowstring.errors import InputError
+from bowstring.units import quote
+
+_MAX_DEPTH: Final = 20
+
+
+def read_yaml(text: str, label: str) -> dict[str, Any]:
+    """Read YAML as nested dicts, lists and text: each field reads its own text.
+
+    So YAML's guesses (yes, 017, 1:30, 1e3) never happen, and anchors, aliases and tags, which make
+    a file grow or run code, are refused at sight.
+    """
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    try:
+        tree = _Tree(label).read(yaml.parse(text, Loader=loader))
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise InputError(f"{label}{place}: not valid YAML ({error.problem}).") from None
+    except yaml.YAMLError as error:
+        reason = getattr(error, "reason", "not readable")
+        raise InputError(f"{label}: not valid YAML ({reason}).") from None
+    if tree in (None, ""):
+        raise InputError(f"{label} is empty; a robot file has at least 'segments'.")
+    if not isinstance(tree, dict):
+        raise InputError(f"{label}: got {quote(tree)}; must be fields such as 'segments: ...'.")
+    return tree
+
+
+class _Tree:
+    """Builds the tree from YAML's events, so that each one is looked at before it is used."""
+
+    def __init__(self, label: str) -> None:
+        self.label = label
+
+    def fail(self, event: yaml.Event, sentence: str) -> InputError:
+        mark = event.start_mark
+        place = f", line {mark.line + 1}" if mark else ""
+        return InputError(f"{self.label}{place}: {sentence}.")
+
+    def read(self, events: Iterator[yaml.Event]) -> Any:
+        tree: Any = None
+        documents = 0
+        for event in events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    raise self.fail(event, "a second document starts; give one robot a file")
+            elif isinstance(event, yaml.NodeEvent):
+                tree = self.node(event, events, 0)
+        return tree
+
+    def node(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Any:
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
+            raise self.fail(event, "anchors and aliases (& and *) are not allowed; write it out")
+        if getattr(event, "tag", None) not in (None, "!"):
+            raise self.fail(event, "tags (!) are not allowed; write plain text")
+        if depth > _MAX_DEPTH:
+            raise self.fail(event, f"nested deeper than {_MAX_DEPTH} levels")
+        if isinstance(event, yaml.ScalarEvent):
+            return event.value
+        if isinstance(event, yaml.SequenceStartEvent):
+            items = []
+            while not isinstance(event := next(events), yaml.SequenceEndEvent):
+                items.append(self.node(event, events, depth + 1))
+            return items
+        fields: dict[str, Any] = {}
+        while not isinstance(event := next(events), yaml.MappingEndEvent):
+            key = self.node(event, events, depth + 1)
+            if not isinstance(key, str):
+                raise self.fail(event, "a field's name must be plain text")
+            if key in fields:
+                raise self.fail(event, f"the field {quote(key)} is given twice")
+            fields[key] = self.node(next(events), events, depth + 1)
+        return fields

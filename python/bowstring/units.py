@@ -1,0 +1,317 @@
+"""Numbers with units in a robot file: parsing, and the marks of the model's fields."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+# Everyday units, so that pint (0.3 s to load) is needed for rare ones only. Decimal factors keep
+# "3 mm" and "0.003 m" the same float, hence the same robot hash.
+_UNITS: Final[dict[str, dict[str, Decimal]]] = {
+    si: {unit: Decimal(factor) for unit, factor in units.items()}
+    for si, units in {
+        "": {},
+        "m": {"m": "1", "cm": "1e-2", "mm": "1e-3", "um": "1e-6", "km": "1e3"},
+        "kg": {"kg": "1", "g": "1e-3", "mg": "1e-6"},
+        "Pa": {"Pa": "1", "kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "TPa": "1e12"},
+        "kg/m^3": {"kg/m^3": "1", "g/cm^3": "1e3"},
+        "m/s^2": {"m/s^2": "1"},
+        "rad": {"rad": "1", "deg": "0.01745329251994329576923690768488613"},
+    }.items()
+}
+_QUANTITY_NAMES: Final = {
+    "m": "length",
+    "kg": "mass",
+    "Pa": "stress (pressure)",
+    "kg/m^3": "density",
+    "m/s^2": "acceleration",
+    "rad": "angle",
+}
+_SAME_UNIT: Final = str.maketrans({"²": "^2", "³": "^3", "µ": "u", "μ": "u", "°": "deg", "·": "*"})
+NUMBER: Final = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
+# Names with small whole powers only: what reaches pint cannot make it compute 9**9**9.
+_UNIT: Final = r"[A-Za-z_]+(?:\^-?[1-9])?(?:[*/][A-Za-z_]+(?:\^-?[1-9])?){0,5}"
+_MAX_WORD: Final = 100
+
+
+@cache
+def _pint() -> Any:
+    """The registry of units that the table above does not hold, built at the first use."""
+    import pint
+
+    return pint.UnitRegistry(cache_folder=None)
+
+
+@cache
+def _factor(unit: str, si: str) -> Decimal:
+    """Factor from ``unit`` to the SI unit ``si``; ValueError ends a "got ..." that says why not."""
+    if len(unit) > _MAX_WORD:
+        raise ValueError(f"; {quote(unit)} is not a unit")
+    plain = unit.translate(_SAME_UNIT).replace("**", "^").replace(" ", "")
+    if plain in _UNITS[si]:
+        return _UNITS[si][plain]
+    if not si:
+        raise ValueError("; this is a plain number without a unit")
+    if any(plain in units for units in _UNITS.values()):
+        raise ValueError(f"; {quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}")
+    if not re.fullmatch(_UNIT, plain):
+        raise ValueError(f"; {quote(unit)} is not a unit")
+    registry = _pint()
+    try:
+        found = registry.parse_units(plain)
+    except Exception as error:  # pint raises many kinds on text that is no unit
+        raise ValueError(f"; {quote(unit)} is not a known unit") from error
+    try:
+        return Decimal(repr(float(registry.Quantity(1.0, found).m_as(si))))
+    except Exception as error:
+        raise ValueError(f"; {quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}") from error
+
+
+def _parse_quantities(text: str, si: str) -> list[float]:
+    """Read "641 mm" or "0 0 -9.81 m/s^2" as SI numbers; ValueError ends a "got ..."."""
+    numbers, unit = _split(text)
+    if not numbers:
+        raise ValueError(", which is not a number" + (" with a unit" if si else ""))
+    if si and not unit:
+        raise ValueError(" without a unit")
+    factor = _factor(unit, si) if unit else Decimal(1)
+    return [float(Decimal(number) * factor) for number in numbers]
+
+
+def _split(text: str) -> tuple[list[str], str]:
+    """Split "0 0 -9.81 m/s^2" or "641mm" into numbers and unit.
+
+    Word by word, as one pattern for all could take forever on hostile text.
+    """
+    words = text.split()
+    numbers: list[str] = []
+    for i, word in enumerate(words):
+        match = re.match(NUMBER, word, re.ASCII) if len(word) <= _MAX_WORD else None
+        if match is None:
+            return numbers, " ".join(words[i:])
+        numbers.append(match.group())
+        if rest := word[match.end() :]:
+            return numbers, " ".join((rest, *words[i + 1 :]))
+    return numbers, ""
+
+
+@cache
+def _limit(text: str, si: str) -> float:
+    return _parse_quantities(text, si)[0]
+
+
+def number_with_unit(value: float, si: str) -> str:
+    """Write an SI number in the unit that people use for it."""
+    unit, factor = si, 1.0
+    if si == "m":
+        unit, factor = ("m", 1.0) if abs(value) >= 10 else ("mm", 1e-3)
+    elif si == "kg":
+        unit, factor = ("kg", 1.0) if abs(value) >= 1 else ("g", 1e-3)
+    elif si == "Pa":
+        units = (("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3), ("Pa", 1.0))
+        unit, factor = next((u for u in units if abs(value) >= u[1]), units[-1])
+    return f"{rounded(value / factor, 4)} {unit}"
+
+
+def rounded(value: float, digits: int = 2) -> str:
+    """Write a number with so many significant digits, and up to a million without exponent."""
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def quote(value: object) -> str:
+    """Show what was given: on one line, and short."""
+    if isinstance(value, str):
+        if not value.strip():
+            return "nothing"
+        value = value[:_MAX_WORD]
+        if re.fullmatch(NUMBER, value.strip(), re.ASCII):
+            text = value.strip()
+        else:
+            text = json.dumps(value, ensure_ascii=not value.isprintable())
+    elif isinstance(value, Mapping):
+        return "a set of fields"
+    elif isinstance(value, (list, tuple)):
+        return f"a list of {len(value)}"
+    else:
+        text = str(value) if not isinstance(value, int) or abs(value) < 1e15 else "a huge number"
+    return text if len(text) <= 60 else text[:56] + " ..." + '"' * text.startswith('"')
+
+
+def wrong(sentence: str) -> PydanticCustomError:
+    return PydanticCustomError("bowstring", "{sentence}", {"sentence": sentence})
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Marks a field that is text with a unit in a file and an SI number inside.
+
+    Text must carry its unit; a number that comes from Python is SI already. The limits are far
+    outside any robot: they only keep every later product finite.
+    """
+
+    si: str
+    example: str
+    low: str
+    high: str
+    vector: int | None = None  # None: one number; 0: any count from 1; n: exactly n
+
+    def read(self, value: object) -> float | tuple[float, ...]:
+        if self.vector is None:
+            return self._read_one(value)
+        if isinstance(value, str):
+            values = self._read_text(value)
+        elif isinstance(value, (list, tuple)):
+            values = [self._read_one(item) for item in value]
+        else:
+            raise self._refuse(value, "")
+        if not values or (self.vector and len(values) != self.vector):
+            count = self.vector or "at least one"
+            raise wrong(f"got {len(values)} numbers; must have {count}, {self._advice}")
+        return tuple(values)
+
+    @property
+    def _advice(self) -> str:
+        return f"for example {self.example}" if not self.si else f'for example "{self.example}"'
+
+    def _refuse(self, value: object, why: str) -> PydanticCustomError:
+        return wrong(f"got {quote(value)}{why}; write {self._advice}")
+
+    def _read_text(self, text: str) -> list[float]:
+        try:
+            values = _parse_quantities(text, self.si)
+        except ValueError as error:
+            raise self._refuse(text, str(error)) from None
+        for value in values:
+            self._check(value, text)
+        return values
+
+    def _read_one(self, value: object) -> float:
+        if isinstance(value, str):
+            values = self._read_text(value)
+            if len(values) != 1:
+                raise self._refuse(value, "; must be one number")
+            return values[0]
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+            raise self._refuse(value, "")
+        try:
+            number = float(value)
+        except (OverflowError, TypeError):  # an enormous int, a complex number
+            raise self._refuse(value, "; must be a finite number") from None
+        self._check(number, number)
+        return number
+
+    def _check(self, number: float, given: object) -> None:
+        low, high = _limit(self.low, self.si), _limit(self.high, self.si)
+        if not low <= number <= high:  # this refuses NaN too
+            got = quote(given) + (f" {self.si}" if isinstance(given, float) else "").rstrip()
+            raise wrong(f"got {got}; must lie between {self.low} and {self.high}")
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        if not self.si:
+            low, high = float(self.low), float(self.high)
+            example = float(self.example)
+            return {"type": "number", "minimum": low, "maximum": high, "examples": [example]}
+        one = {
+            "type": "string",
+            "pattern": rf"^\s*{NUMBER}\s*[A-Za-zµμ°].*$",
+            "examples": [_example_of_one(self.example)],
+        }
+        if self.vector is None:
+            return one
+        times = f"{{{self.vector - 1}}}" if self.vector else "*"
+        row = {
+            "type": "string",
+            "pattern": rf"^\s*{NUMBER}(\s+{NUMBER}){times}\s*[A-Za-zµμ°].*$",
+            "examples": [self.example],
+        }
+        array: dict[str, Any] = {"type": "array", "items": one, "minItems": self.vector or 1}
+        if self.vector:
+            array["maxItems"] = self.vector
+        return {"anyOf": [row, array]}
+
+
+def _example_of_one(example: str) -> str:
+    """The last number of an example and its unit."""
+    numbers, unit = _split(example)
+    return f"{numbers[-1]} {unit}"
+
+
+@dataclass(frozen=True)
+class Count:
+    """Marks a field that is a whole number from 1."""
+
+    most: int
+    example: str
+
+    def read(self, value: object) -> int:
+        if isinstance(value, str) and re.fullmatch(r"[+-]?[0-9]{1,15}", value.strip()):
+            number: object = int(value)
+        else:
+            number = value
+        if (
+            isinstance(number, bool)
+            or not isinstance(number, (int, np.integer))
+            or not 1 <= number <= self.most
+        ):
+            raise wrong(f"got {quote(value)}; must be a whole number from 1 to {self.most}")
+        return int(number)
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        example = int(self.example)
+        return {"type": "integer", "minimum": 1, "maximum": self.most, "examples": [example]}
+
+
+@dataclass(frozen=True)
+class Text:
+    """Marks a text of limited length; ``lines``: of several lines or none."""
+
+    most: int
+    example: str
+    lines: bool = False
+
+    def read(self, value: object) -> str:
+        if not isinstance(value, str):
+            raise wrong(f"got {quote(value)}; must be text")
+        text = value.strip()
+        shown = re.sub(r"[\n\t]", " ", text) if self.lines else text
+        if not (text or self.lines) or len(text) > self.most or not shown.isprintable():
+            raise wrong(f"got {quote(value)}; must be up to {self.most} printable characters")
+        return text
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {
+            "type": "string",
+            "minLength": 0 if self.lines else 1,
+            "maxLength": self.most,
+            "examples": [self.example],
+        }

@@ -1,0 +1,867 @@
+"""Constant curvature against 50-digit arithmetic, by its properties, and with bad input."""
+
+from __future__ import annotations
+
+import contextlib
+from types import SimpleNamespace
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bowstring import arc
+from bowstring.errors import InputError, NoSolutionError
+
+LENGTH, RADIUS, MODULES, STIFFNESS = 0.641, 0.029, 9, 1.073786552
+ANGLES = np.radians([0.0, 120.0, 240.0])
+TIGHT = 1e-13
+
+# the rest of a rounding in kappa * length, and all regimes of the series and closed forms
+THETAS = [0.0, 1e-12, 1e-8, 1e-4, 0.3, 0.999999, 1.0, 1.000001, 2.5, np.pi, 4.9, 6.0, 6.28]
+THETAS += [2 * np.pi - 1e-8, 2 * np.pi]
+PHIS = [0.0, 0.4, np.pi / 2, 2.2, np.pi, -2.6, -np.pi / 2, -0.7]
+
+
+def arcs() -> list[tuple[float, float, float]]:
+    """(kappa, phi, length): the special angles, then random ones."""
+    rng = np.random.default_rng(1)
+    out = [(t / LENGTH, p, LENGTH) for i, t in enumerate(THETAS) for p in PHIS[i % 2 :: 2]]
+    for _ in range(40):
+        length = 10 ** rng.uniform(-2, 1)
+        out.append((rng.uniform(0, 2 * np.pi) / length, rng.uniform(-np.pi, np.pi), length))
+    return out
+
+
+# -- the reference: the formulas as printed, in 80 digits ----------------------------------------
+
+
+@pytest.fixture(autouse=True)
+def _digits():
+    with mp.workdps(80):
+        yield
+
+
+def mp_pose(kappa, phi, length):
+    theta = kappa * length
+    if theta == 0:
+        tip = mp.matrix([0, 0, length])
+    else:
+        swing = (1 - mp.cos(theta)) / kappa
+        tip = mp.matrix([swing * mp.cos(phi), swing * mp.sin(phi), mp.sin(theta) / kappa])
+    about_z = mp.matrix([[mp.cos(phi), -mp.sin(phi), 0], [mp.sin(phi), mp.cos(phi), 0], [0, 0, 1]])
+    about_y = mp.matrix(
+        [[mp.cos(theta), 0, mp.sin(theta)], [0, 1, 0], [-mp.sin(theta), 0, mp.cos(theta)]]
+    )
+    return tip, about_z * about_y * about_z.T
+
+
+def mp_curvature(u):
+    theta = mp.sqrt(u[0] ** 2 + u[1] ** 2)
+    return theta / u[2], mp.atan2(u[1], u[0]) if theta else mp.mpf(0), u[2]
+
+
+def mp_bend(kappa, phi, length):
+    kappa, phi, length = mp.mpf(kappa), mp.mpf(phi), mp.mpf(length)
+    return [kappa * length * mp.cos(phi), kappa * length * mp.sin(phi), length]
+
+
+def mp_holes(angles, radii):
+    radii = np.broadcast_to(radii, np.shape(angles))
+    return [
+        (mp.mpf(r) * mp.cos(mp.mpf(a)), mp.mpf(r) * mp.sin(mp.mpf(a)))
+        for a, r in zip(angles, radii, strict=True)
+    ]
+
+
+def mp_lengths(u, holes, modules=None):
+    kappa, phi, length = mp_curvature(u)
+    out = []
+    for x, y in holes:
+        lean = x * mp.cos(phi) + y * mp.sin(phi)
+        if modules is None or kappa == 0:
+            out.append(length - kappa * length * lean)
+        else:
+            parts = [mp.mpf(1) / modules] * modules if isinstance(modules, int) else modules
+            chords = (2 * mp.sin(kappa * length * f / 2) for f in parts)
+            out.append(mp.fsum(c * (1 / kappa - lean) for c in chords))
+    return out
+
+
+def mp_fit(lengths, holes, modules=None):
+    """Bend coordinates and misfit by the normal equations (80 digits forgive them)."""
+    a = mp.matrix([[-x, -y, 1] for x, y in holes])
+    b = mp.matrix(lengths)
+    u = mp.lu_solve(a.T * a, a.T * b)
+    left = a * u - b
+    misfit = mp.sqrt(mp.fsum(e**2 for e in left) / len(lengths))
+    if modules is not None:
+        chord = mp.sqrt(u[0] ** 2 + u[1] ** 2)
+        if isinstance(modules, int):
+            theta = 2 * modules * mp.asin(chord / (2 * modules))
+        else:
+            g = lambda t: mp.fsum(2 * mp.sin(f * t / 2) for f in modules) - chord  # noqa: E731
+            theta = mp.findroot(g, chord) if chord else chord
+        u = u * (theta / chord if chord else 1)
+    return list(u), misfit
+
+
+def mp_derivative(f, at):
+    """Central differences: 1e-20 wide, so right to 40 digits."""
+    h = mp.mpf(10) ** -20
+    columns = []
+    for k in range(len(at)):
+        up, down = list(at), list(at)
+        up[k] += h
+        down[k] -= h
+        columns.append([(a - b) / (2 * h) for a, b in zip(f(up), f(down), strict=True)])
+    return mp.matrix(columns).T
+
+
+def mp_pose_derivative(f, at):
+    """Rows: position, then the vector of dR R^T."""
+    flat = mp_derivative(lambda v: [*(p := f(v))[0], *p[1]], at)
+    rotation = f(at)[1]
+    out = mp.matrix(6, len(at))
+    for k in range(len(at)):
+        spin = mp.matrix(3, 3)
+        for i in range(9):
+            spin[i // 3, i % 3] = flat[3 + i, k]
+        spin = spin * rotation.T
+        for i in range(3):
+            out[i, k] = flat[i, k]
+        out[3, k], out[4, k], out[5, k] = spin[2, 1], spin[0, 2], spin[1, 0]
+    return out
+
+
+def error(got, want, scale=None):
+    """Norm of the error relative to the norm of the whole, or to `scale`."""
+    got = np.asarray(got, dtype=float).reshape(-1)
+    want = list(want)
+    assert len(got) == len(want)
+    off = mp.sqrt(mp.fsum((mp.mpf(g) - w) ** 2 for g, w in zip(got.tolist(), want, strict=True)))
+    size = mp.sqrt(mp.fsum(w**2 for w in want)) if scale is None else mp.mpf(scale)
+    return float(off / size) if off else 0.0
+
+
+def by_place(got, want, floor):
+    """Largest error of any element, relative to the element but at least to `floor` times the
+    largest: elements that cross zero have no relative error of their own."""
+    got, want = np.asarray(got, dtype=float).reshape(-1), list(want)
+    largest = max(abs(w) for w in want)
+    return max(
+        float(abs(mp.mpf(g) - w) / max(abs(w), floor * largest))
+        for g, w in zip(got.tolist(), want, strict=True)
+    )
+
+
+# -- values against the reference ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", arcs())
+def test_pose(case):
+    tip, rotation = mp_pose(*map(mp.mpf, case))
+    got = arc.pose(*case)
+    # a full turn brings the tip back to the base, where only the length is left as a measure
+    theta = case[0] * case[2]
+    assert error(got.position, tip, None if theta < 6 else case[2]) < TIGHT
+    assert error(got.rotation, rotation) < TIGHT
+    if 0 < theta < 1:
+        # nothing cancels there, so every coordinate that is not zero by symmetry has its digits
+        swing = mp.sqrt(tip[0] ** 2 + tip[1] ** 2)
+        assert error(got.position[:2], list(tip)[:2]) < TIGHT
+        assert abs(np.hypot(*got.position[:2]) / float(swing) - 1) < TIGHT
+        assert error(got.rotation[:2, 2], [rotation[0, 2], rotation[1, 2]]) < TIGHT
+
+
+@pytest.mark.parametrize("case", arcs()[::3])
+def test_pose_anywhere_is_the_pose_of_a_shorter_arc(case):
+    s = np.linspace(0, case[2], 5)
+    got = arc.pose(*case, s)
+    for i, place in enumerate(s):
+        kappa, phi = map(mp.mpf, case[:2])
+        tip, rotation = mp_pose(kappa, phi, mp.mpf(place))
+        assert error(got.position[i], tip, case[2]) < TIGHT
+        assert error(got.rotation[i], rotation) < TIGHT
+    frames = arc.disk_frames(*case, 4)
+    np.testing.assert_allclose(frames.position, got.position[1:], atol=1e-15 * case[2])
+    np.testing.assert_allclose(frames.rotation, got.rotation[1:], atol=1e-15)
+    np.testing.assert_array_equal(
+        arc.disk_frames(*case, [1, 1, 2]).position[-1], arc.pose(*case).position
+    )
+
+
+@pytest.mark.parametrize("case", arcs())
+def test_pose_jacobian(case):
+    at = mp_bend(*case)
+    want = mp_pose_derivative(lambda u: mp_pose(*mp_curvature(u)), at)
+    got = arc.jacobian_pose(*case)
+    assert error(got[:3], want[:3, :]) < TIGHT
+    assert error(got[3:], want[3:, :]) < TIGHT
+
+    want = mp_pose_derivative(lambda v: mp_pose(*v), [mp.mpf(c) for c in case])
+    got = arc.jacobian_pose(*case, coordinates="curvature")
+    assert error(got[:3], want[:3, :]) < TIGHT
+    assert error(got[3:], want[3:, :]) < TIGHT
+
+
+ROUTINGS = {
+    "three": (ANGLES, RADIUS, 9),
+    "three uneven": (np.array([0.3, 1.9, 4.4]), np.array([0.02, 0.03, 0.025]), [0.2, 0.5, 0.3]),
+    "four": (np.radians([45.0, 135, 225, 315]), 0.01, 5),
+    "seven": (np.linspace(0.1, 5.5, 7), np.linspace(0.004, 0.03, 7), 12),
+}
+
+
+def shares(modules):
+    """The module shares as the functions see them, exact in binary."""
+    if modules is None or isinstance(modules, int):
+        return modules
+    return [mp.mpf(f) for f in (np.asarray(modules) / np.sum(modules)).tolist()]
+
+
+@pytest.mark.parametrize("straight", [False, True])
+@pytest.mark.parametrize("routing", ROUTINGS)
+@pytest.mark.parametrize("theta", THETAS)
+def test_lengths_and_their_fit(routing, theta, straight):
+    angles, radii, modules = ROUTINGS[routing]
+    modules = modules if straight else None
+    holes = mp_holes(angles, radii)
+    count = len(holes)
+    for phi in PHIS[::3]:
+        case = (theta / LENGTH, phi, LENGTH)
+        at = mp_bend(*case)
+        got = arc.lengths(*case, angles, radii, modules=modules)
+        assert by_place(got, mp_lengths(at, holes, shares(modules)), 0) < TIGHT
+
+        want = mp_derivative(lambda u: mp_lengths(u, holes, shares(modules)), at)
+        got = arc.jacobian_lengths(*case, angles, radii, modules=modules)
+        assert error(got, want) < TIGHT
+        for i in range(2):  # the columns of bend are small beside that of length
+            assert error(got[:, i], want[:, i]) < TIGHT
+        want = mp_derivative(
+            lambda v: mp_lengths(mp_bend(*v), holes, shares(modules)), [mp.mpf(c) for c in case]
+        )
+        got = arc.jacobian_lengths(*case, angles, radii, modules=modules, coordinates="curvature")
+        assert error(got, want) < TIGHT
+
+        if theta > 2 * np.pi - 1e-6:  # lengths rounded to above a full turn may be refused
+            case = (0.999999 * case[0], *case[1:])
+        lengths = arc.lengths(*case, angles, radii, modules=modules)
+        u, _ = mp_fit([mp.mpf(x) for x in lengths.tolist()], holes, shares(modules))
+        if modules is None:
+            got = arc.from_lengths(lengths, angles, radii)
+        else:
+            got = arc.from_lengths_chord(lengths, angles, radii, modules)
+        assert np.all(got.misfit < 1e-15)
+        assert abs(float(got.length / u[2]) - 1) < TIGHT
+        # redundant lengths carry roundings that are misfit, and the bend is known against those
+        known = None if count == 3 and theta else max(np.hypot(*map(float, u[:2])), 1e-2)
+        assert error(arc.bend(*got[:3])[:2], u[:2], known) < TIGHT
+        if count == 3 and theta:
+            kappa, phi, _ = mp_curvature(u)
+            assert abs(float(got.kappa / kappa) - 1) < TIGHT
+            assert abs(np.sin(float(got.phi) - float(phi))) < TIGHT
+
+
+@pytest.mark.parametrize("modules", [None, 9, [1.0, 2.0, 1.5]])
+@pytest.mark.parametrize("routing", ROUTINGS)
+@pytest.mark.parametrize("theta", [0.0, 1e-12, 1e-8, 0.2, 1.0, 3.0, 5.5])
+def test_jacobians_by_lengths(routing, theta, modules):
+    angles, radii, _ = ROUTINGS[routing]
+    if theta == 5.5 and isinstance(modules, list):
+        modules = [1.0] * 5 + [2.0]
+    holes, parts = mp_holes(angles, radii), shares(modules)
+    lengths = arc.lengths(theta / LENGTH, 2.0, LENGTH, angles, radii, modules=modules)
+    at = [mp.mpf(x) for x in lengths.tolist()]
+    want = mp_derivative(lambda v: mp_fit(v, holes, parts)[0], at)
+    got = arc.jacobian_from_lengths(lengths, angles, radii, modules=modules)
+    assert error(got[:2], want[:2, :]) < TIGHT
+    assert error(got[2], want[2, :], max(1.0, float(mp.norm(want[2, :])))) < TIGHT
+
+    want = mp_pose_derivative(lambda v: mp_pose(*mp_curvature(mp_fit(v, holes, parts)[0])), at)
+    got = arc.jacobian_tip_from_lengths(lengths, angles, radii, modules=modules)
+    assert error(got[:3], want[:3, :]) < TIGHT
+    assert error(got[3:], want[3:, :]) < TIGHT
+
+    if theta > 0.1:
+        want = mp_derivative(lambda v: mp_curvature(mp_fit(v, holes, parts)[0]), at)
+        got = arc.jacobian_from_lengths(
+            lengths, angles, radii, modules=modules, coordinates="curvature"
+        )
+        assert error(got, want) < TIGHT
+
+
+def test_printed_equations():
+    """Eq. 2 to 5 and the chord correction of Fig. 4, as printed, for three tendons."""
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        lengths = LENGTH + rng.uniform(-0.03, 0.03, 3)
+        l1, l2, l3 = map(mp.mpf, lengths.tolist())
+        q = l1**2 + l2**2 + l3**2 - l1 * l2 - l2 * l3 - l1 * l3
+        kappa = 2 * mp.sqrt(q) / (mp.mpf(RADIUS) * (l1 + l2 + l3))
+        phi = mp.atan2(mp.sqrt(3) * (l3 - l2), l2 + l3 - 2 * l1)
+        mean = (l1 + l2 + l3) / 3
+        got = arc.from_lengths(lengths, ANGLES, RADIUS)
+        assert error([got.kappa, got.phi, got.length], [kappa, phi, mean]) < TIGHT
+        tip, _ = mp_pose(kappa, phi, mean)
+        position = arc.tip_from_lengths(lengths, ANGLES, RADIUS).position
+        assert error(position, tip) < TIGHT
+
+        a = 2 * mp.asin(mp.sqrt(q) / (3 * mp.mpf(RADIUS) * MODULES))
+        length = mean * (a / 2) / mp.sin(a / 2)
+        got = arc.from_lengths_chord(lengths, ANGLES, RADIUS, MODULES)
+        assert error([got.theta, got.phi, got.length], [MODULES * a, phi, length]) < TIGHT
+
+
+def test_redundant_lengths():
+    angles, radii = np.linspace(0, 5, 6), np.linspace(0.01, 0.03, 6)
+    rng = np.random.default_rng(3)
+    lengths = arc.lengths(2.0, 1.0, LENGTH, angles, radii) + 1e-3 * rng.standard_normal(6)
+    at = [mp.mpf(x) for x in lengths.tolist()]
+    u, misfit = mp_fit(at, mp_holes(angles, radii))
+    got = arc.from_lengths(lengths, angles, radii)
+    assert error(arc.bend(*got[:3]), u) < TIGHT
+    assert abs(float(got.misfit - misfit)) < TIGHT * LENGTH
+    assert got.misfit > 1e-4
+
+    # a true minimum, with the length held as well, and the misfit is what it says
+    for length in (None, 0.64):
+        got = arc.from_lengths(lengths, angles, radii, length)
+        left = arc.lengths(*got[:3], angles, radii) - lengths
+        assert np.sqrt(np.mean(left**2)) == pytest.approx(float(got.misfit), rel=1e-12)
+        if length is not None:
+            assert got.length == length
+        slope = arc.jacobian_lengths(*got[:3], angles, radii).T @ left
+        np.testing.assert_allclose(slope[: 3 if length is None else 2], 0, atol=1e-15)
+        jacobian = arc.jacobian_from_lengths(lengths, angles, radii, length=length)
+        step = 1e-4 * rng.standard_normal(6)
+        moved = arc.from_lengths(lengths + step, angles, radii, length)
+        np.testing.assert_allclose(  # the map is linear in bend coordinates
+            arc.bend(*moved[:3]) - arc.bend(*got[:3]), jacobian @ step, atol=1e-14
+        )
+
+
+def test_paper_sweep_directions():
+    """A shortened tendon draws the tip to its side; four quadrants."""
+    for i, angle in enumerate(ANGLES):
+        lengths = np.full(3, LENGTH + 0.005)
+        lengths[i] = LENGTH - 0.01
+        got = arc.tip_from_lengths(lengths, ANGLES, RADIUS)
+        x, y, _ = got.position
+        assert np.cos(np.arctan2(y, x) - angle) == pytest.approx(1, abs=1e-14)
+
+
+# -- force ---------------------------------------------------------------------------------------
+
+
+def test_linear_law_is_the_continuous_tendon():
+    got = arc.from_force([[40.0, 0, 0], [80, 0, 0]], ANGLES, RADIUS, LENGTH, STIFFNESS)
+    tips = 1e3 * arc.pose(*got).position
+    np.testing.assert_allclose(
+        tips, [[213.207379, 0, 590.986802], [377.307635, 0, 454.867397]], atol=1e-6
+    )
+
+
+# tip of the study's robot by an independent Kirchhoff solver with straight spans, mm
+KIRCHHOFF = [
+    [0.0, 641.0],
+    [27.77888727, 640.19672805],
+    [55.56058998, 637.77806013],
+    [83.23698196, 633.73650122],
+    [110.69858358, 628.07244855],
+    [137.83517404, 620.79437947],
+    [164.53642754, 611.91898962],
+    [190.69256893, 601.4712786],
+    [216.19504466, 589.48458062],
+    [240.93720393, 576.00053785],
+    [264.81498521, 561.06901489],
+    [287.72760257, 544.74795294],
+    [309.57822647, 527.10316305],
+    [330.2746531, 508.20805811],
+    [349.72995672, 488.14332398],
+    [367.86311886, 466.99653059],
+    [384.59962882, 444.86168461],
+]
+
+
+def test_lever_arm_law_meets_the_physics():
+    tensions = np.zeros((17, 3))
+    tensions[:, 0] = np.arange(0, 85, 5)
+    for law, mean in (("linear", 4.417), ("arm", 0.022)):
+        tip = robot_arcs(one_segment(), tensions, law).tip.position
+        off = np.linalg.norm(1e3 * tip[:, [0, 2]] - KIRCHHOFF, axis=-1)
+        assert off.mean() == pytest.approx(mean, abs=0.001)
+
+
+@given(
+    st.lists(st.floats(0, 100), min_size=3, max_size=3),
+    st.integers(1, 30),
+    st.floats(20.0, 50.0),
+)
+def test_lever_arm_law(tensions, modules, stiffness):
+    got = arc.from_force_arm(tensions, ANGLES, RADIUS, LENGTH, stiffness, modules)
+    pull = np.array(tensions)
+    moment = RADIUS * (pull @ np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1))
+    m, a = np.hypot(*moment), got.theta / modules
+    right = m + pull.sum() * LENGTH / modules * a / 12 - m * a**2 / 8
+    assert got.theta == pytest.approx(LENGTH / stiffness * right, rel=1e-12, abs=1e-15)
+    if m > 1e-9:
+        assert np.cos(got.phi - np.arctan2(*moment[::-1])) == pytest.approx(1, abs=1e-12)
+    assert got.length == LENGTH
+    # many modules: the continuous tendon
+    many = arc.from_force_arm(tensions, ANGLES, RADIUS, LENGTH, stiffness, 100_000)
+    linear = arc.from_force(tensions, ANGLES, RADIUS, LENGTH, stiffness)
+    assert many.theta == pytest.approx(linear.theta, rel=1e-8)
+
+
+def test_lever_arm_law_is_stationary_energy():
+    """The derivation: the energy of arcs with straight spans, to the order that the law keeps."""
+    pull, n, h = np.array([3.0, 1.0, 0.0]), MODULES, LENGTH / MODULES
+
+    def slope(scale):
+        tensions = scale * pull
+        got = arc.from_force_arm(tensions, ANGLES, RADIUS, LENGTH, STIFFNESS, n)
+        u = arc.bend(*got)
+        # EI/l bend + sum T dl/dbend
+        spans = arc.jacobian_lengths(*got, ANGLES, RADIUS, modules=n)[:, :2]
+        return np.linalg.norm(STIFFNESS / LENGTH * u[:2] + tensions @ spans) / np.linalg.norm(
+            STIFFNESS / LENGTH * u[:2]
+        )
+
+    assert h == pytest.approx(0.0712, abs=1e-4)
+    assert slope(1.0) < 1e-8
+    # relative to the moment, what is left out is of third order (tension along the span) and
+    # fourth order (its lever arm)
+    assert 2**3 < slope(2.0) / slope(1.0) < 2**4
+
+
+# -- tip to arc ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", [c for c in arcs() if c[0] * c[2] < 6.2])
+def test_through_tip(case):
+    position = arc.pose(*case).position
+    x, y, z = map(mp.mpf, position.tolist())
+    rho = mp.sqrt(x**2 + y**2)
+    half = mp.atan2(rho, z)
+    distance = mp.sqrt(rho**2 + z**2)
+    length = distance * (half / mp.sin(half) if rho else 1)
+    phi = mp.atan2(y, x)
+    got = arc.through_tip(position)
+    want = [2 * half * mp.cos(phi), 2 * half * mp.sin(phi)] if rho else [mp.mpf(0)] * 2
+    assert error(arc.bend(*got)[:2], want) < TIGHT
+    assert abs(float(got.length / length) - 1) < TIGHT
+    np.testing.assert_allclose(arc.pose(*got).position, position, atol=2e-14 * case[2])
+
+
+def test_nearest_is_global():
+    rng = np.random.default_rng(4)
+    points = np.concatenate([rng.uniform(-1.3, 1.3, (300, 3)), 0.1 * rng.standard_normal((60, 3))])
+    points[::10, :2] *= 1e-9
+    got = arc.nearest_tip(points, 1.0)
+    tips = arc.pose(got.kappa, got.phi, 1.0).position
+    np.testing.assert_allclose(np.linalg.norm(tips - points, axis=-1), got.miss, atol=1e-14)
+    assert np.all((got.kappa >= 0) & (got.kappa <= 2 * np.pi * (1 + 1e-15)))
+
+    # brute force in the plane of the bend, on either side of the axis
+    theta = np.linspace(-2 * np.pi, 2 * np.pi, 8001)
+    curve = arc.pose(theta, 0.0, 1.0).position[:, [0, 2]]
+    flat = np.stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]], axis=-1)
+    brute = np.linalg.norm(flat[:, None] - curve, axis=-1).min(axis=1)
+    assert np.all(got.miss <= brute + 1e-15)
+    assert np.all(got.miss > brute - 1e-3)
+    # and over all directions
+    around = arc.pose(theta[::40, None], np.linspace(0, np.pi, 60), 1.0).position.reshape(-1, 3)
+    for i in range(0, len(points), 12):
+        assert got.miss[i] <= np.linalg.norm(points[i] - around, axis=-1).min() + 1e-15
+
+
+@pytest.mark.parametrize("theta", [1e-12, 1e-8, 0.1, 1.0, 3.0, 5.0, 6.2])
+def test_nearest_digits(theta):
+    """A tip finds its own arc; off the curve, the angle is where the distance is stationary."""
+    on = arc.pose(theta / LENGTH, 0.7, LENGTH).position
+    got = arc.nearest_tip(on, LENGTH)
+    assert got.kappa * LENGTH == pytest.approx(theta, rel=1e-13)
+    assert got.miss < 1e-15
+
+    if theta == 6.2:  # the nearest would be beyond a full turn
+        return
+    point = on + np.array([0.01, -0.02, 0.03])
+    rho, z = mp.sqrt(mp.mpf(point[0]) ** 2 + mp.mpf(point[1]) ** 2), mp.mpf(point[2])
+
+    def slope(t):
+        u = LENGTH * (1 - mp.cos(t)) / t - rho
+        v = LENGTH * mp.sin(t) / t - z
+        du = LENGTH * (t * mp.sin(t) - 1 + mp.cos(t)) / t**2
+        return u * du + v * LENGTH * (t * mp.cos(t) - mp.sin(t)) / t**2
+
+    got = arc.nearest_tip(point, LENGTH)
+    t = mp.findroot(slope, mp.mpf(float(got.kappa * LENGTH)))
+    assert abs(float(got.kappa * LENGTH / t) - 1) < TIGHT
+
+
+def test_nearest_special_points():
+    # the base: a full turn reaches it; straight ahead beyond reach: straight; behind: phi = 0
+    got = arc.nearest_tip([[0, 0, 0], [0, 0, 2], [0, 0, 1], [0, 0, -1], [0, 0, 0.1]], 1.0)
+    np.testing.assert_allclose(got.miss[:3], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(got.kappa[:3], [2 * np.pi, 0, 0], atol=1e-7)
+    assert np.all(got.phi == 0)
+    assert np.all(got.kappa[3:] > 0.5)
+
+
+# -- properties ----------------------------------------------------------------------------------
+
+thetas = st.one_of(st.floats(0, 6.2), st.floats(-15, 0).map(lambda e: 10.0**e))
+phis = st.floats(-np.pi, np.pi)
+module_counts = st.one_of(st.none(), st.integers(4, 40))
+
+
+@st.composite
+def routings(draw):
+    count = draw(st.integers(3, 8))
+    turn = draw(st.floats(0, 6))
+    jitter = draw(st.lists(st.floats(-0.2, 0.2), min_size=count, max_size=count))
+    radii = draw(st.lists(st.floats(0.005, 0.03), min_size=count, max_size=count))
+    return turn + (np.arange(count) + jitter) * 2 * np.pi / count, np.array(radii)
+
+
+@given(thetas, phis, routings(), module_counts)
+def test_round_trip(theta, phi, routing, modules):
+    angles, radii = routing
+    lengths = arc.lengths(theta / LENGTH, phi, LENGTH, angles, radii, modules=modules)
+    if modules is None:
+        got = arc.from_lengths(lengths, angles, radii)
+    else:
+        got = arc.from_lengths_chord(lengths, angles, radii, modules)
+    assert got.misfit < 1e-14
+    np.testing.assert_allclose(
+        arc.bend(*got[:3]), arc.bend(theta / LENGTH, phi, LENGTH), atol=1e-11
+    )
+    again = arc.lengths(*got[:3], angles, radii, modules=modules)
+    np.testing.assert_allclose(again, lengths, rtol=1e-13)
+
+    # chained Jacobians of a map and its inverse
+    forth = arc.jacobian_lengths(*got[:3], angles, radii, modules=modules)
+    back = arc.jacobian_from_lengths(lengths, angles, radii, modules=modules)
+    np.testing.assert_allclose(back @ forth, np.eye(3), atol=1e-10)
+
+
+@given(thetas, phis, routings(), st.randoms(use_true_random=False))
+def test_numbering_does_not_matter(theta, phi, routing, random):
+    angles, radii = routing
+    order = list(range(len(angles)))
+    random.shuffle(order)
+    lengths = arc.lengths(theta / LENGTH, phi, LENGTH, angles, radii)
+    a = arc.from_lengths(lengths, angles, radii)
+    b = arc.from_lengths(lengths[order], angles[order], radii[order])
+    np.testing.assert_allclose(arc.bend(*a[:3]), arc.bend(*b[:3]), atol=1e-12)
+
+
+@given(thetas, phis, st.floats(0.01, 10))
+def test_rotation_is_a_rotation(theta, phi, length):
+    position, rotation = arc.pose(theta / length, phi, length)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=2e-15)
+    assert np.linalg.det(rotation) == pytest.approx(1, abs=2e-15)
+    assert np.linalg.norm(position) <= length * (1 + 1e-15)
+    # no twist, and a bend to the other side mirrors
+    mirror = arc.pose(-theta / length, phi, length)
+    other = arc.pose(theta / length, phi + np.pi, length)
+    np.testing.assert_allclose(mirror.position, other.position, atol=1e-14 * length)
+    if theta < 6:
+        back = arc.through_tip(position)
+        np.testing.assert_allclose(arc.pose(*back).position, position, atol=1e-13 * length)
+
+
+@given(phis, st.floats(-16, -0.5), routings(), module_counts)
+@settings(max_examples=200)
+def test_continuous_through_straight(phi, exponent, routing, modules):
+    """Values and Jacobians differ from the straight ones by no more than their slope allows."""
+    angles, radii = routing
+    theta = 10.0**exponent
+    near, straight = (theta / LENGTH, phi, LENGTH), (0.0, phi, LENGTH)
+    for f, slope in (
+        (lambda *c: arc.pose(*c).position, 3.0),
+        (lambda *c: arc.pose(*c).rotation, 2.0),
+        (lambda *c: arc.jacobian_pose(*c), 3.0),
+        (lambda *c: arc.jacobian_pose(*c, coordinates="curvature"), 3.0),
+        (lambda *c: arc.lengths(*c, angles, radii, modules=modules), 0.1),
+        (lambda *c: arc.jacobian_lengths(*c, angles, radii, modules=modules), 0.1),
+    ):
+        assert np.linalg.norm(f(*near) - f(*straight)) <= slope * theta + 1e-15
+
+    lengths = arc.lengths(*near, angles, radii, modules=modules)
+    flat = arc.lengths(*straight, angles, radii, modules=modules)
+    np.testing.assert_allclose(
+        arc.jacobian_tip_from_lengths(lengths, angles, radii, modules=modules),
+        arc.jacobian_tip_from_lengths(flat, angles, radii, modules=modules),
+        atol=3e3 * theta + 1e-12,
+    )
+
+
+def test_no_jump_where_series_and_closed_form_meet():
+    below, above = np.nextafter(1.0, 0), np.nextafter(1.0, 2)
+    for f in (arc.jacobian_pose, lambda *c: arc.pose(*c).position):
+        np.testing.assert_allclose(f(below, 0.3, 1.0), f(above, 0.3, 1.0), rtol=2e-15, atol=1e-15)
+
+
+def test_arrays_broadcast():
+    rng = np.random.default_rng(5)
+    kappa, phi = rng.uniform(0, 3, (4, 1)), rng.uniform(-3, 3, 5)
+    position, rotation = arc.pose(kappa, phi, LENGTH)
+    assert position.shape == (4, 5, 3)
+    assert rotation.shape == (4, 5, 3, 3)
+    lengths = arc.lengths(kappa, phi, LENGTH, ANGLES, RADIUS)
+    assert lengths.shape == (4, 5, 3)
+    assert arc.from_lengths(lengths, ANGLES, RADIUS).misfit.shape == (4, 5)
+    assert arc.from_lengths(lengths, ANGLES, RADIUS, np.full(5, LENGTH)).kappa.shape == (4, 5)
+    assert arc.jacobian_tip_from_lengths(lengths, ANGLES, RADIUS).shape == (4, 5, 6, 3)
+    assert arc.disk_frames(kappa, phi, LENGTH, 9).rotation.shape == (4, 5, 9, 3, 3)
+    tip = arc.tip_from_lengths(lengths[::-1, ::2], ANGLES, RADIUS)  # not contiguous
+    np.testing.assert_allclose(tip.position, position[::-1, ::2], atol=1e-14)
+    assert arc.through_tip(position).theta.shape == (4, 5)
+    assert arc.nearest_tip(position, LENGTH).miss.shape == (4, 5)
+    assert arc.pose(np.empty(0), 0.0, LENGTH).position.shape == (0, 3)
+    one = arc.pose(1.0, 0.0, LENGTH)
+    assert one.position.shape == (3,)
+    np.testing.assert_allclose(
+        arc.bend(*arc.from_bend([0.3, -0.4, 0.5])), [0.3, -0.4, 0.5], rtol=1e-15
+    )
+    assert arc.from_bend([-0.0, -0.0, 1.0]).phi == 0
+
+
+# -- robots --------------------------------------------------------------------------------------
+
+
+def one_segment(stations=None):
+    stations = LENGTH * np.arange(1, 10) / 9 if stations is None else np.asarray(stations)
+    return SimpleNamespace(
+        segments=(SimpleNamespace(length=LENGTH),),
+        bending_stiffness=np.array([STIFFNESS]),
+        tendons=SimpleNamespace(
+            hole_m=RADIUS * np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1),
+            segment=np.zeros(3, int),
+        ),
+        disks=SimpleNamespace(station_m=stations, segment=np.zeros(len(stations), int)),
+    )
+
+
+def two_segments():
+    angles = np.radians([90.0, -30, 210])
+    hole = 0.01 * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return SimpleNamespace(
+        segments=(SimpleNamespace(length=0.2), SimpleNamespace(length=0.2)),
+        bending_stiffness=np.array([0.0102, 0.0102]),
+        tendons=SimpleNamespace(
+            hole_m=np.concatenate([hole, hole]), segment=np.array([0, 0, 0, 1, 1, 1])
+        ),
+        disks=SimpleNamespace(station_m=0.4 * np.arange(1, 21) / 20, segment=np.repeat([0, 1], 10)),
+    )
+
+
+def robot_arcs(robot, tensions, law="linear"):
+    return arc.robot_from_tensions(robot, tensions, law)
+
+
+@pytest.mark.parametrize("correction", [None, "chord"])
+def test_one_segment_robot(correction):
+    robot = one_segment()
+    modules = None if correction is None else 9
+    lengths = arc.lengths([[0.5], [2.0]], [0.1, 2, -2], LENGTH, ANGLES, RADIUS, modules=modules)
+    got = arc.robot_fk(robot, lengths, correction)
+    np.testing.assert_allclose(got.kappa, [[[0.5]] * 3, [[2.0]] * 3], rtol=1e-12)
+    tip = arc.tip_from_lengths(lengths, ANGLES, RADIUS, modules=modules)
+    np.testing.assert_allclose(got.tip.position, tip.position, atol=1e-14)
+    np.testing.assert_allclose(got.tip.rotation, tip.rotation, atol=1e-14)
+    assert got.disk_positions.shape == (2, 3, 9, 3)
+    np.testing.assert_allclose(got.disk_positions[..., -1, :], tip.position, atol=1e-15)
+    np.testing.assert_allclose(
+        arc.robot_jacobian(robot, lengths, correction),
+        arc.jacobian_tip_from_lengths(lengths, ANGLES, RADIUS, modules=modules),
+        atol=1e-11,
+    )
+    again, miss = arc.robot_ik(robot, got.tip.position, correction)
+    np.testing.assert_allclose(again, lengths, atol=1e-13)
+    assert np.all(miss < 1e-14)
+
+
+def test_chord_takes_the_disks_where_they_are():
+    uneven = one_segment(LENGTH * np.array([0.1, 0.15, 0.4, 0.8, 1.0]))
+    lengths = arc.robot_lengths(uneven, [2.0], [0.5], None, "chord")
+    got = arc.robot_fk(uneven, lengths, "chord")
+    np.testing.assert_allclose([got.kappa[0], got.phi[0], got.length[0]], [2.0, 0.5, LENGTH])
+    # the lengths are those from hole to hole
+    holes = np.c_[uneven.tendons.hole_m, np.zeros(3)]
+    places = got.disk_positions[:, None] + np.einsum("nij,tj->nti", got.disk_rotations, holes)
+    spans = np.diff(np.concatenate([holes[None], places]), axis=0)
+    np.testing.assert_allclose(np.linalg.norm(spans, axis=-1).sum(axis=0), lengths, rtol=1e-14)
+    short = one_segment(LENGTH * np.array([0.1, 0.5, 0.9]))
+    with pytest.raises(InputError, match="disk at the segment's end"):
+        arc.robot_fk(short, lengths, "chord")
+
+
+@pytest.mark.parametrize("correction", [None, "chord"])
+def test_segments_in_series(correction):
+    robot = two_segments()
+    rng = np.random.default_rng(6)
+    kappa, phi = rng.uniform(0, 8, (20, 2)), rng.uniform(-np.pi, np.pi, (20, 2))
+    kappa[0], kappa[1, 0] = 0, 0
+    length = rng.uniform(0.19, 0.21, (20, 2))
+    lengths = arc.robot_lengths(robot, kappa, phi, length, correction)
+    got = arc.robot_fk(robot, lengths, correction)
+    np.testing.assert_allclose(
+        arc.bend(got.kappa, got.phi, got.length), arc.bend(kappa, phi, length), atol=1e-12
+    )
+    p1, r1 = arc.pose(kappa[:, 0], phi[:, 0], length[:, 0])
+    p2, r2 = arc.pose(kappa[:, 1], phi[:, 1], length[:, 1])
+    np.testing.assert_allclose(got.tip.position, p1 + (r1 @ p2[..., None])[..., 0], atol=1e-13)
+    np.testing.assert_allclose(got.tip.rotation, r1 @ r2, atol=1e-12)
+    np.testing.assert_allclose(got.disk_positions[:, 9], p1, atol=1e-13)
+
+    if correction == "chord":  # the lengths are those from hole to hole
+        holes = np.c_[robot.tendons.hole_m[3:], np.zeros(3)]
+        places = got.disk_positions[:, :, None] + np.einsum(
+            "bnij,tj->bnti", got.disk_rotations, holes
+        )
+        start = np.broadcast_to(holes, (20, 1, 3, 3))
+        spans = np.diff(np.concatenate([start, places], axis=1), axis=1)
+        total = np.linalg.norm(spans, axis=-1).sum(axis=1)
+        np.testing.assert_allclose(total, lengths[:, 3:], rtol=1e-13)
+
+    line = got.centerline(11)
+    assert line.shape == (20, 21, 3)
+    np.testing.assert_allclose(line[:, 10], p1, atol=1e-13)
+    np.testing.assert_allclose(line[:, -1], got.tip.position, atol=1e-15)
+
+    jacobian = arc.robot_jacobian(robot, lengths, correction)
+    for k in range(6):
+        step = np.zeros(6)
+        step[k] = 1e-6
+        up = arc.robot_fk(robot, lengths + step, correction).tip
+        down = arc.robot_fk(robot, lengths - step, correction).tip
+        np.testing.assert_allclose(
+            jacobian[:, :3, k], (up.position - down.position) / 2e-6, atol=1e-6
+        )
+        spin = (up.rotation - down.rotation) / 2e-6 @ np.swapaxes(got.tip.rotation, -1, -2)
+        vector = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=-1)
+        np.testing.assert_allclose(jacobian[:, 3:, k], vector, atol=1e-5)
+
+
+def test_outer_tendons_bend_inner_segments():
+    robot = two_segments()
+    outer = robot_arcs(robot, [0, 0, 0, 2.0, 0, 0])
+    np.testing.assert_allclose(outer.theta, 2.0 * 0.01 * 0.2 / 0.0102 * np.ones(2))
+    np.testing.assert_allclose(outer.phi, np.pi / 2)
+    inner = robot_arcs(robot, [2.0, 0, 0, 0, 0, 0])
+    np.testing.assert_allclose(inner.theta, [outer.theta[0], 0], atol=1e-16)
+    # the arm law knows the force of all tendons that pass
+    got = robot_arcs(robot, [1.0, 0, 0, 0, 1.0, 0], "arm")
+    hole = robot.tendons.hole_m
+    for j, tensions in enumerate(([1.0, 0, 0, 0, 1.0, 0], [0, 0, 0, 0, 1.0, 0])):
+        angles, radii = np.arctan2(hole[:, 1], hole[:, 0]), np.hypot(*hole.T)
+        want = arc.from_force_arm(tensions, angles, radii, 0.2, 0.0102, 10)
+        np.testing.assert_allclose(got.theta[j], want.theta, rtol=1e-13)
+        np.testing.assert_allclose(got.phi[j], want.phi, rtol=1e-13)
+
+
+# -- bad input -----------------------------------------------------------------------------------
+
+SQUARE = [0.0, np.pi / 2, np.pi, -np.pi / 2]
+BAD = {
+    "three tendons": lambda: arc.from_lengths([0.6, 0.6], ANGLES[:2], RADIUS),
+    "tendon 1 must be positive": lambda: arc.from_lengths([0.6, -0.1, 0.6], ANGLES, RADIUS),
+    "tendon 0 must be positive": lambda: arc.from_lengths([0.0, 0.6, 0.6], ANGLES, RADIUS),
+    "row 1: the length of tendon 2": lambda: arc.from_lengths(
+        [[0.6, 0.6, 0.6], [0.6, 0.6, np.nan]], ANGLES, RADIUS
+    ),
+    "positive and finite, got inf": lambda: arc.from_lengths([np.inf] * 3, ANGLES, RADIUS),
+    "full turn": lambda: arc.from_lengths([0.3, 0.6, 0.6], ANGLES, RADIUS),
+    "inside the pitch radius": lambda: arc.from_lengths([0.001, 0.001, 0.1], ANGLES, RADIUS),
+    "half a turn": lambda: arc.from_lengths_chord([0.5, 0.9, 0.9], ANGLES, RADIUS, 2),
+    "in one plane": lambda: arc.from_lengths([0.6] * 3, [0, np.pi, 0], RADIUS),
+    "all lie in one plane": lambda: arc.from_lengths([0.6] * 4, [1, 1 + np.pi] * 2, RADIUS, 0.6),
+    "misfit of the tendon lengths must be finite": lambda: arc.from_lengths(
+        [1e300, 1, 1, 1], SQUARE, RADIUS
+    ),
+    "lie in one plane": lambda: arc.from_lengths([0.6] * 3, ANGLES, 0.0),
+    "3 values along": lambda: arc.from_lengths([0.6] * 4, ANGLES, RADIUS),
+    "array of numbers": lambda: arc.from_lengths(["a", 1, 2], ANGLES, RADIUS),
+    "not negative, got": lambda: arc.from_lengths([0.6] * 3, ANGLES, -RADIUS),
+    "one a tendon": lambda: arc.from_lengths([0.6] * 3, ANGLES, [RADIUS, RADIUS]),
+    "angles must be finite": lambda: arc.from_lengths([0.6] * 3, [0, np.nan, 1], RADIUS),
+    "from 1 to 100000, got 0": lambda: arc.from_lengths_chord([0.6] * 3, ANGLES, RADIUS, 0),
+    "from 1 to 100000": lambda: arc.from_lengths_chord([0.6] * 3, ANGLES, RADIUS, 10**12),
+    "positive module lengths": lambda: arc.lengths(1, 0, 1, ANGLES, RADIUS, modules=[1, -1]),
+    "curvature must be finite": lambda: arc.pose(np.nan, 0, 1),
+    "direction of bending must be finite": lambda: arc.pose(1, np.inf, 1),
+    "length must be positive": lambda: arc.pose(1, 0, 0),
+    "bending angle must be below": lambda: arc.pose(1e200, 0, 1e200),
+    "between 0 and its length": lambda: arc.pose(1, 0, 1, [0.5, 1.1]),
+    "place along the arc": lambda: arc.pose(1, 0, 1, np.nan),
+    "do not broadcast": lambda: arc.pose([1, 2], [1, 2, 3], 1),
+    "bends tighter": lambda: arc.lengths(40, 0, 0.6, ANGLES, RADIUS),
+    "cannot be reached": lambda: arc.through_tip([0, 0, 0]),
+    "behind it cannot be reached": lambda: arc.through_tip([0, 0, -0.3]),
+    "no arc of finite length": lambda: arc.through_tip([5e-324, 0, -0.3]),
+    "tip coordinate must be finite": lambda: arc.through_tip([0, np.nan, 1]),
+    "3 values": lambda: arc.through_tip([0, 1]),
+    "coordinate must be finite": lambda: arc.nearest_tip([0, np.inf, 1], 1),
+    "arc's length must be positive": lambda: arc.nearest_tip([0, 0, 1], -1),
+    "tension of tendon 1": lambda: arc.from_force([1, -1, 0], ANGLES, RADIUS, 1, 1),
+    "bending stiffness": lambda: arc.from_force([1, 1, 0], ANGLES, RADIUS, 1, 0),
+    "modules must be a whole": lambda: arc.from_force_arm([1, 1, 0], ANGLES, RADIUS, 1, 1, 2.5),
+    "no derivative at a straight": lambda: arc.jacobian_from_lengths(
+        [0.6] * 3, ANGLES, RADIUS, coordinates="curvature"
+    ),
+    "coordinates must be one of": lambda: arc.jacobian_pose(1, 0, 1, coordinates="polar"),
+    "correction must be one of": lambda: arc.robot_fk(one_segment(), [0.6] * 3, "arc"),
+    "law must be one of": lambda: robot_arcs(one_segment(), [0.6] * 3, "cubic"),
+    "tendon 2 must be positive": lambda: arc.robot_fk(one_segment(), [0.6, 0.6, -1]),
+    "segment 0: no arc": lambda: arc.robot_fk(one_segment(), [0.3, 0.6, 0.6]),
+    "tension of tendon 0 must": lambda: robot_arcs(one_segment(), [np.nan, 0.6, 1]),
+    "segment 1: tendon 3 is shorter": lambda: arc.robot_fk(
+        two_segments(), [0.2, 0.2, 0.2, 0.1, 0.4, 0.4]
+    ),
+    "the inverse is for one segment": lambda: arc.robot_ik(two_segments(), [0, 0, 0.3]),
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_input(text):
+    with pytest.raises(InputError) as caught:
+        BAD[text]()
+    message = str(caught.value)
+    assert text in message
+    assert "\n" not in message
+    assert len(message) < 250
+
+
+def test_module_buckling_is_no_solution():
+    with pytest.raises(NoSolutionError, match="limit 2540"):
+        arc.from_force_arm([1e4, 0, 0], ANGLES, RADIUS, LENGTH, STIFFNESS, MODULES)
+
+
+@given(
+    st.lists(st.floats(), min_size=3, max_size=3),
+    st.lists(st.floats(), min_size=3, max_size=3),
+    st.floats(),
+    module_counts,
+)
+@settings(max_examples=300)
+def test_hostile_numbers(values, angles, radii, modules):
+    """Any floats: an error on purpose, or finite numbers."""
+    calls = (
+        lambda: arc.tip_from_lengths(values, angles, radii, modules=modules).position,
+        lambda: arc.tip_from_lengths(values, ANGLES, RADIUS).position,
+        lambda: arc.pose(*values).position,
+        lambda: arc.jacobian_pose(*values),
+        lambda: arc.pose(*arc.through_tip(values)).position,
+        lambda: arc.nearest_tip(values, radii).miss,
+        lambda: arc.from_force(values, angles, radii, 1.0, 1.0).theta,
+        lambda: arc.from_force_arm(values, angles, radii, 1.0, 1.0, 3).theta,
+        lambda: arc.lengths(*values, angles, radii, modules=modules),
+    )
+    for call in calls:
+        with contextlib.suppress(InputError, NoSolutionError):
+            assert np.all(np.isfinite(call()))

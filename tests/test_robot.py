@@ -1,0 +1,1057 @@
+"""The robot file: what it means, what it refuses and how it says so."""
+
+import copy
+import json
+import math
+import pickle
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pint
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bowstring.units as units
+from bowstring.errors import InputError
+from bowstring.robot import Robot, load_robot, robot_names, robot_schema
+
+ROOT = Path(__file__).parent.parent
+BUILT_IN = ROOT / "python" / "bowstring" / "robots"
+AMOURI = (BUILT_IN / "amouri2019.yaml").read_text(encoding="utf-8")
+GOOD = """
+segments:
+  - length: 200 mm
+    backbone: {diameter: 2 mm, E: 60 GPa, nu: 0.3, density: 6450 kg/m^3}
+    disks: {count: 4, mass: 3 g, radius: 15 mm, thickness: 3 mm}
+    tendons: {count: 3, pitch_radius: 12 mm}
+"""
+
+
+@pytest.fixture
+def load(tmp_path):
+    def load_text(text, overrides=None):
+        path = tmp_path / "r.yaml"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return load_robot(path, overrides)
+
+    return load_text
+
+
+@pytest.fixture
+def refuse(load):
+    """The message of a refused file, without the file's name."""
+
+    def refused(text, overrides=None):
+        with pytest.raises(InputError) as caught:
+            load(text, overrides)
+        return re.sub(r"^.*r\.yaml:? ?", "", str(caught.value))
+
+    return refused
+
+
+def changed(old, new):
+    assert GOOD.count(old) == 1
+    return GOOD.replace(old, new)
+
+
+# --- what a robot is ------------------------------------------------------------------
+
+
+def test_amouri2019_is_table_1():
+    robot = load_robot("amouri2019")
+    (segment,) = robot.segments
+    assert robot.length == segment.length == 0.641
+    assert (segment.backbone.diameter, segment.backbone.E) == (0.005, 35e9)
+    assert (segment.backbone.nu, segment.backbone.density) == (0.3, 1800.0)
+    assert robot.gravity == (0, 0, 0)
+    np.testing.assert_allclose(robot.disks.station_m, 0.641 * np.arange(1, 10) / 9, rtol=1e-15)
+    assert robot.disks.station_m[-1] == 0.641
+    for field, value in [
+        ("mass_kg", 0.02),
+        ("radius_m", 0.032),
+        ("thickness_m", 0.003),
+        ("clamped_length_m", 0.0),
+        ("segment", 0),
+    ]:
+        assert getattr(robot.disks, field).tolist() == [value] * 9
+    np.testing.assert_allclose(
+        robot.tendons.angle_rad, [0, math.tau / 3, 2 * math.tau / 3], rtol=1e-15
+    )
+    assert robot.tendons.pitch_radius_m.tolist() == [0.029] * 3
+    assert robot.tendons.end_disk.tolist() == [8] * 3
+
+
+def test_rao2021_has_two_segments_that_share_their_holes():
+    robot = load_robot("rao2021")
+    assert [s.length for s in robot.segments] == [0.2, 0.2]
+    assert [(s.backbone.diameter, s.backbone.E, s.backbone.nu) for s in robot.segments] == [
+        (0.0014, 54e9, 0.3)
+    ] * 2
+    np.testing.assert_allclose(robot.disks.station_m, 0.02 * np.arange(1, 21), rtol=1e-14)
+    assert robot.disks.segment.tolist() == [0] * 10 + [1] * 10
+    tendons = robot.tendons
+    np.testing.assert_allclose(np.degrees(tendons.angle_rad), [90, -30, 210] * 2, rtol=1e-15)
+    r, s = 0.01, 0.01 * math.sqrt(3) / 2
+    np.testing.assert_allclose(
+        tendons.hole_m, [[0, r], [s, -r / 2], [-s, -r / 2]] * 2, atol=1e-17, rtol=1e-14
+    )
+    assert tendons.segment.tolist() == [0, 0, 0, 1, 1, 1]
+    assert tendons.end_disk.tolist() == [9, 9, 9, 19, 19, 19]
+    assert robot.gravity == (0, 0, 0)
+
+
+def test_stiffness_of_rod_and_tube(load):
+    rod = load_robot("amouri2019")
+    second_moment, area = math.pi * 0.005**4 / 64, math.pi * 0.005**2 / 4
+    assert rod.bending_stiffness == pytest.approx([35e9 * second_moment])
+    assert rod.torsion_stiffness == pytest.approx([35e9 / 2.6 * 2 * second_moment])
+    assert rod.axial_stiffness == pytest.approx([35e9 * area])
+    assert rod.shear_stiffness == pytest.approx([35e9 / 2.6 * area])
+    assert rod.mass_per_length == pytest.approx([1800 * area])
+
+    tube = rod.with_(
+        {"segments.0.backbone.inner_diameter": "3 mm", "segments.0.backbone.G": "10 GPa"}
+    )
+    second_moment, area = math.pi * (5**4 - 3**4) * 1e-12 / 64, math.pi * 16e-6 / 4
+    assert tube.bending_stiffness == pytest.approx([35e9 * second_moment])
+    assert tube.torsion_stiffness == pytest.approx([10e9 * 2 * second_moment])
+    assert tube.axial_stiffness == pytest.approx([35e9 * area])
+    assert tube.shear_stiffness == pytest.approx([10e9 * area])
+    assert tube.mass_per_length == pytest.approx([1800 * area])
+
+
+def test_each_segment_has_its_own_disks_and_tendons(load):
+    robot = load_robot(ROOT / "examples" / "my_robot.yaml")
+    assert robot.length == pytest.approx(0.34)
+    assert robot.disks.station_m[8:] == pytest.approx([0.18, 0.22, 0.26, 0.30, 0.34])
+    assert robot.tendons.end_disk.tolist() == [8] * 4 + [12] * 4
+    assert np.degrees(robot.tendons.angle_rad) == pytest.approx(
+        [0, 90, 180, 270, 45, 135, 225, 315]
+    )
+    assert robot.gravity == (0, 0, 9.80665)
+    assert robot.warnings == ()
+
+
+def test_documented_example_loads_and_means_what_its_comments_say(load):
+    text = (ROOT / "docs" / "robot-file.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```yaml\n(.*?)```", text, re.S)
+    robot = load(example)
+    jsonschema.validate(yaml.safe_load(example), robot_schema())
+    assert (robot.name, robot.gravity) == ("two_segments", (0, 0, -9.80665))
+    assert len(robot.disks.station_m) == 14
+    assert robot.disks.clamped_length_m.tolist() == [0.003] * 10 + [0.0] * 4
+    assert np.degrees(robot.tendons.angle_rad) == pytest.approx([90, 210, 330, 30, 150, -90])
+    assert robot.segments[1].backbone.shear_modulus == 23e9
+    assert robot.warnings == ()
+    # every field of the model is in the example
+    schema = robot_schema()
+    for part in (schema, *schema["$defs"].values()):
+        for field in part["properties"]:
+            assert re.search(rf"\b{field}:", example), field
+
+
+def test_robot_names():
+    assert robot_names() == ["amouri2019", "rao2021"]
+
+
+def test_name_is_the_file_name_unless_given(load):
+    assert load(GOOD).name == "r"
+    assert load("name: 12\n" + GOOD).name == "12"
+
+
+# --- units ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("si", [si for si in units._UNITS if si])
+def test_own_table_of_units_agrees_with_pint(si):
+    registry = pint.UnitRegistry()
+    for unit, factor in units._UNITS[si].items():
+        assert float(factor) == pytest.approx(registry.Quantity(1.0, unit).m_as(si), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [
+        ("641 mm", 0.641),
+        ("641mm", 0.641),
+        ("  64.1   cm ", 0.641),
+        ("0.641 m", 0.641),
+        ("6.41e2 mm", 0.641),
+        ("+641000 µm", 0.641),
+        ("641000 um", 0.641),
+        ("25 inch", 0.635),
+        ("2 ft", 0.6096),
+    ],
+)
+def test_lengths(load, text, metres):
+    assert load(changed("200 mm", f'"{text}"')).length == pytest.approx(metres, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "value"),
+    [
+        ("backbone.density", "1.8 g/cm³", 1800.0),
+        ("backbone.density", "1800 kg/m**3", 1800.0),
+        ("backbone.density", "1800 kg / m^3", 1800.0),
+        ("backbone.density", "1800 kg·m^-3", 1800.0),
+        ("backbone.E", "35 kN/mm^2", 35e9),
+        ("disks.mass", "20000 mg", 0.02),
+        ("tendons.first_angle", "120°", math.radians(120)),
+        ("tendons.first_angle", "-30 deg", math.radians(-30)),
+        ("tendons.first_angle", "0.25 turn", math.pi / 2),
+    ],
+)
+def test_spellings_of_units(load, field, text, value):
+    robot = load(GOOD, {f"segments.0.{field}": text})
+    part, name = field.split(".")
+    assert getattr(getattr(robot.segments[0], part), name) == pytest.approx(value, rel=1e-15)
+
+
+@given(st.integers(1, 10**9))
+def test_every_unit_gives_the_same_float(micrometres):
+    quantity = units.Quantity("m", "641 mm", "0 m", "1 km")
+    exact = micrometres / 10**6
+    for unit, power in (("um", 0), ("mm", 3), ("cm", 4), ("m", 6)):
+        digits = f"{micrometres:010d}"
+        text = f"{digits[:-power]}.{digits[-power:]}" if power else digits
+        assert quantity.read(f"{text} {unit}") == exact
+
+
+@given(st.floats(1e-6, 1e3))
+def test_round_trip_of_numbers_with_units(value):
+    quantity = units.Quantity("m", "641 mm", "0 m", "2 km")
+    assert quantity.read(f"{value!r} m") == value
+    assert quantity.read(value) == value
+    assert quantity.read(f"{value!r} mm") == pytest.approx(value / 1000, rel=1e-15)
+
+
+@given(st.text(max_size=30))
+@settings(max_examples=300, deadline=None)
+def test_any_text_is_read_or_refused_with_a_sentence(text):
+    quantity = units.Quantity("m", "641 mm", "0 m", "1 km")
+    try:
+        value = quantity.read(text)
+    except units.PydanticCustomError as error:
+        message = str(error)
+        assert message.startswith("got ") and message.isprintable() and len(message) < 250
+    else:
+        assert isinstance(value, float) and 0 <= value <= 1000
+
+
+def test_rare_unit_text_cannot_make_pint_compute():
+    for text in (
+        "1 m**9999999",
+        "1 9**9**9",
+        "1 m^9^9^9",
+        "1 (m)",
+        "1 m;import os",
+        "1 " + "m*" * 99,
+    ):
+        with pytest.raises(units.PydanticCustomError, match="is not a unit"):
+            units.Quantity("m", "641 mm", "0 m", "1 km").read(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1" * 900_000 + " mm",
+        "1 " * 400_000,
+        "1e" * 400_000,
+        "1." * 400_000 + "\n.",
+        "1 " + "m" * 900_000,
+        "1 " + "m/" * 400_000,
+        "9" * 90 + " mm",
+    ],
+    ids=range(7),
+)
+def test_hostile_text_is_refused_at_once(text):
+    quantity = units.Quantity("m", "641 mm", "0 m", "1 km")
+    start = time.process_time()
+    with pytest.raises(units.PydanticCustomError) as caught:
+        quantity.read(text)
+    assert time.process_time() - start < 2.0
+    assert len(str(caught.value)) < 250
+
+
+def test_gravity_forms(load):
+    for form in ("0 0 -9.81 m/s^2", "[0 m/s^2, 0 m/s^2, -9.81 m/s^2]", "0 0 -981 cm/s^2"):
+        assert load(f"gravity: {form}\n" + GOOD).gravity == (0, 0, -9.81)
+    for value in ("0 0 -9.81", "[0, 0, -9.81]", [0, 0, -9.81], np.array([0, 0, -9.81])):
+        assert load(GOOD, {"gravity": value}).gravity == (0, 0, -9.81)
+
+
+def test_positions_forms(load):
+    for form in ("50 80.5 200 mm", "[50 mm, 8.05 cm, 0.2 m]"):
+        robot = load(changed("count: 4", f"positions: {form}"))
+        assert robot.disks.station_m.tolist() == [0.05, 0.0805, 0.2]
+
+
+# --- refusals -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "200 mm",
+            "641",
+            'segments[0].length: got 641 without a unit; write for example "641 mm".',
+        ),
+        (
+            "200 mm",
+            "641 kg",
+            'segments[0].length: got "641 kg"; "kg" is not a unit of length; '
+            'write for example "641 mm".',
+        ),
+        ("200 mm", "-200 mm", 'segments[0].length: got "-200 mm"; must lie between 1 um and 1 km.'),
+        ("200 mm", "0 mm", 'segments[0].length: got "0 mm"; must lie between 1 um and 1 km.'),
+        (
+            "200 mm",
+            "200 gondolas",
+            'segments[0].length: got "200 gondolas"; "gondolas" is not a known unit; '
+            'write for example "641 mm".',
+        ),
+        (
+            "200 mm",
+            "200 furlong/fortnight",
+            'segments[0].length: got "200 furlong/fortnight"; "furlong/fortnight" is not a unit of '
+            'length; write for example "641 mm".',
+        ),
+        (
+            "200 mm",
+            "nan mm",
+            'segments[0].length: got "nan mm", which is not a number with a unit; '
+            'write for example "641 mm".',
+        ),
+        (
+            "length: 200 mm",
+            "length:",
+            "segments[0].length: got nothing, which is not a number with a unit; "
+            'write for example "641 mm".',
+        ),
+        (
+            "length: 200 mm",
+            "name: a",
+            'segments[0].length: missing; write for example "length: 641 mm".',
+        ),
+        (
+            "200 mm",
+            "[200 mm]",
+            'segments[0].length: got a list of 1; write for example "641 mm".',
+        ),
+        (
+            "200 mm",
+            "1e999 mm",
+            'segments[0].length: got "1e999 mm"; must lie between 1 um and 1 km.',
+        ),
+        (
+            "60 GPa",
+            "60 gpa",
+            'segments[0].backbone.E: got "60 gpa"; "gpa" is not a known unit; '
+            'write for example "35 GPa".',
+        ),
+        ("0.3", "0.6", "segments[0].backbone.nu: got 0.6; must lie between -0.99 and 0.5."),
+        ("0.3", "-1", "segments[0].backbone.nu: got -1; must lie between -0.99 and 0.5."),
+        (
+            "0.3",
+            "0.3 mm",
+            'segments[0].backbone.nu: got "0.3 mm"; this is a plain number without a unit; '
+            "write for example 0.3.",
+        ),
+        (
+            "nu: 0.3",
+            "nu: 0.3, G: 20 GPa",
+            "segments[0].backbone: G and nu: both given; write exactly one of the two.",
+        ),
+        (
+            "nu: 0.3, ",
+            "",
+            "segments[0].backbone: G and nu: missing; write exactly one of the two.",
+        ),
+        (
+            "diameter: 2 mm",
+            "diameter: 2 mm, inner_diameter: 2 mm",
+            "segments[0].backbone.inner_diameter: got 2 mm; must be smaller than the diameter, "
+            "2 mm.",
+        ),
+        (
+            "count: 4",
+            "count: 0",
+            "segments[0].disks.count: got 0; must be a whole number from 1 to 100000.",
+        ),
+        (
+            "count: 4",
+            "count: 4.5",
+            "segments[0].disks.count: got 4.5; must be a whole number from 1 to 100000.",
+        ),
+        (
+            "count: 4",
+            "count: 100001",
+            "segments[0].disks.count: got 100001; must be a whole number from 1 to 100000.",
+        ),
+        (
+            "count: 4",
+            "count: yes",
+            'segments[0].disks.count: got "yes"; must be a whole number from 1 to 100000.',
+        ),
+        (
+            "count: 4, ",
+            "",
+            "segments[0].disks: count and positions: missing; write exactly one of the two.",
+        ),
+        (
+            "count: 4",
+            "positions: 50 40 200 mm",
+            "segments[0].disks.positions: got 40 mm after 50 mm; must increase from base to tip.",
+        ),
+        (
+            "count: 4",
+            "positions: 50 190 mm",
+            "segments[0].disks.positions: the last is 190 mm; must be the segment's length, "
+            "200 mm.",
+        ),
+        (
+            "count: 4",
+            "positions: []",
+            "segments[0].disks.positions: got 0 numbers; must have at least one, "
+            'for example "100 150 200 mm".',
+        ),
+        (
+            "12 mm",
+            "15 mm",
+            "segments[0].tendons.pitch_radius: got 15 mm, a hole outside its disk; "
+            "must be smaller than the disk's radius, 15 mm.",
+        ),
+        (
+            "12 mm",
+            "1 mm",
+            "segments[0].tendons.pitch_radius: got 1 mm, a hole inside its backbone; "
+            "must be larger than the backbone's radius, 1 mm.",
+        ),
+        (
+            "count: 3",
+            "count: 0",
+            "segments[0].tendons.count: got 0; must be a whole number from 1 to 1000.",
+        ),
+        (
+            "{count: 3, pitch_radius: 12 mm}",
+            "[]",
+            "segments[0].tendons: got an empty list; must have at least one.",
+        ),
+        (
+            "{count: 3, pitch_radius: 12 mm}",
+            "[{angle: 400 deg, pitch_radius: 12 mm}]",
+            'segments[0].tendons[0].angle: got "400 deg"; must lie between -360 deg and 360 deg.',
+        ),
+        (
+            "{count: 3, pitch_radius: 12 mm}",
+            "three",
+            'segments[0].tendons: got "three"; must be a set of fields: '
+            "count, pitch_radius, first_angle.",
+        ),
+        (
+            "thickness: 3 mm",
+            "thickness: 3 mm, clamped_length: 50 mm",
+            "segments[0].disks.clamped_length: got 50 mm; the disks clamp all of the 50 mm before "
+            "disk 2 of the segment, must leave some backbone free to bend.",
+        ),
+        (
+            "thickness: 3 mm",
+            "thickness: 3 mm, clamped: 1 mm",
+            "segments[0].disks.clamped: unknown field; did you mean clamped_length? Known here: "
+            "count, positions, mass, radius, thickness, clamped_length.",
+        ),
+        (
+            "diameter:",
+            "outer_diameter:",
+            "segments[0].backbone.diameter: missing; "
+            'write for example "diameter: 5 mm" (and 1 more).\n'
+            "  segments[0].backbone.outer_diameter: unknown field; did you mean diameter? "
+            "Known here: diameter, inner_diameter, E, G, nu, density.",
+        ),
+    ],
+)
+def test_a_wrong_field_is_named_with_what_it_got_and_may_be(refuse, old, new, message):
+    assert refuse(changed(old, new)) == message
+
+
+def test_all_problems_are_listed_at_once(refuse):
+    text = changed("200 mm", "641").replace("60 GPa", "60 kg").replace("3 g", "-3 g")
+    lines = refuse(text).splitlines()
+    assert len(lines) == 3
+    assert lines[0].startswith("segments[0].length: got 641") and lines[0].endswith("(and 2 more).")
+    assert lines[1].startswith('  segments[0].backbone.E: got "60 kg"')
+    assert lines[2].startswith('  segments[0].disks.mass: got "-3 g"')
+
+
+def test_a_very_wrong_file_gets_a_short_message(refuse):
+    lines = refuse("segments: [" + "{}, " * 90 + "]").splitlines()
+    assert len(lines) == 22 and lines[-1].endswith("more.")
+
+
+def test_outer_tendons_must_pass_the_inner_disks(load, refuse):
+    two = GOOD + "".join(GOOD.splitlines(keepends=True)[2:])
+    assert len(load(two).segments) == 2
+    bad = {"segments.1.disks.radius": "30 mm", "segments.1.tendons.pitch_radius": "20 mm"}
+    assert refuse(two, bad) == (
+        "segments[1].tendons.pitch_radius: got 20 mm, a hole outside the disks of segments[0], "
+        "which it passes; must be smaller than the disk's radius, 15 mm."
+    )
+    # clamps of two segments meet at the border
+    inner = {"segments.0.disks.clamped_length": "49 mm"}
+    load(two, {**inner, "segments.1.disks.clamped_length": "49 mm"})
+    narrow = {"segments.1.disks.count": 8, "segments.1.disks.clamped_length": "2 mm"}
+    assert "segments[1].disks.clamped_length: got 2 mm" in refuse(two, {**inner, **narrow})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "is empty; a robot file has at least 'segments'."),
+        ("# nothing\n", "is empty; a robot file has at least 'segments'."),
+        ("\ufeff", "is empty; a robot file has at least 'segments'."),
+        ("- 1\n- 2\n", "got a list of 2; must be fields such as 'segments: ...'."),
+        ("hello", "got \"hello\"; must be fields such as 'segments: ...'."),
+        ("segments:", "segments: got nothing; must be a list of segments, each after a '-'."),
+        ("segments:" + "\n - {}" * 101, "segments: got a list of 101; must have at most 100."),
+        ("segments: []", "segments: got an empty list; must have at least one."),
+        ("a: {b: 1", "not valid YAML"),
+        ("a: b: c", "line 1, column 5: not valid YAML"),
+        ("a: \x01", "not valid YAML"),
+        (b"a: 1\nb: \xff\xfe", "line 2: not UTF-8 text; save the file as UTF-8."),
+        (GOOD + "---\n" + GOOD, "a second document starts; give one robot a file."),
+        (changed("count: 4", "count: 4, count: 5"), 'the field "count" is given twice.'),
+        (changed("200 mm", "&a 200 mm"), "line 3: anchors and aliases (& and *) are not allowed"),
+        (changed("200 mm", "!!float 200"), "line 3: tags (!) are not allowed"),
+        ("a: !!python/object/apply:os.system [true]", "line 1: tags (!) are not allowed"),
+        ("? [a, b]\n: c", "a field's name must be plain text"),
+        ("a: " + "[" * 5000 + "]" * 5000, "nested deeper than 20 levels."),
+        ("a: " + "[" * 100_000, "nested deeper than 20 levels."),
+        ("a: 1\n" * 250_000, "is too large; a robot file has at most 1 MB."),
+    ],
+)
+def test_malformed_files(refuse, text, message):
+    got = refuse(text)
+    assert message in got
+    assert "\n" not in got
+
+
+def test_billion_laughs_is_refused_at_the_first_anchor(refuse):
+    laughs = "a0: &a0 [lol, lol]\n" + "".join(
+        f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 12)
+    )
+    assert refuse(laughs).startswith(", line 1: anchors and aliases")
+
+
+def test_the_slower_yaml_reader_serves_as_well(load, refuse, monkeypatch):
+    fast = load(GOOD)
+    monkeypatch.delattr(yaml, "CBaseLoader", raising=False)
+    assert load(GOOD) == fast
+    assert "line 1, column 5: not valid YAML" in refuse("a: b: c")
+    assert "anchors and aliases" in refuse(changed("200 mm", "&a 200 mm"))
+    assert "not valid YAML" in refuse("a: \x01")
+
+
+def test_yaml_guesses_do_not_happen(load):
+    robot = load("name: no\n" + changed("count: 4", "count: 010"))
+    assert robot.name == "no"
+    assert len(robot.disks.mass_kg) == 10
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        (
+            "amouri2018",
+            "amouri2018 is neither a file nor a built-in robot; did you mean amouri2019? "
+            "built in are amouri2019, rao2021.",
+        ),
+        (
+            "no/such.yaml",
+            "no/such.yaml is neither a file nor a built-in robot; "
+            "built in are amouri2019, rao2021.",
+        ),
+        ("", "is a folder"),
+        ("/dev/null", "/dev/null is a device or pipe"),
+        ("a\0b", '"a\\u0000b" is neither'),
+        ("a\nb", '"a\\nb" is neither'),
+        ("x" * 5000, "cannot be read"),
+    ],
+)
+def test_sources_that_are_no_robot(source, message):
+    with pytest.raises(InputError) as caught:
+        load_robot(source)
+    text = str(caught.value)
+    assert message in text
+    assert text.isprintable() and len(text) < 300
+
+
+@given(st.binary(max_size=200))
+@settings(max_examples=200, deadline=None)
+def test_any_bytes_are_refused_with_a_message(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("any") / "r.yaml"
+    path.write_bytes(data)
+    with pytest.raises(InputError):
+        load_robot(path)
+
+
+# --- overrides ------------------------------------------------------------------------
+
+
+def test_overrides_with_units_and_in_si(load):
+    for value in ("3 mm", "0.003", 0.003, "0.3 cm"):
+        robot = load_robot("amouri2019", {"segments.0.disks.clamped_length": value})
+        assert robot.disks.clamped_length_m.tolist() == [0.003] * 9
+        assert (
+            robot.hash
+            == load_robot("amouri2019").with_({"segments[0].disks.clamped_length": value}).hash
+        )
+
+
+def test_override_of_fields_absent_in_the_file(load):
+    paths = {
+        "segments.0.disks.clamped_length": "1 mm",
+        "segments.0.backbone.inner_diameter": "1 mm",
+        "segments.0.tendons.first_angle": "90 deg",
+        "gravity": "0 0 9.81",
+        "description": "added",
+        "name": "7",
+    }
+    robot = load(GOOD, paths)
+    assert load(GOOD).with_(paths) == robot
+    assert robot.segments[0].backbone.inner_diameter == 0.001
+    assert robot.tendons.angle_rad[0] == math.pi / 2
+    assert (robot.name, robot.description, robot.gravity) == ("7", "added", (0, 0, 9.81))
+
+
+def test_override_of_one_of_a_pair_removes_the_other():
+    robot = load_robot("amouri2019")
+    by_g = robot.with_({"segments.0.backbone.G": "13 GPa"})
+    assert (by_g.segments[0].backbone.nu, by_g.segments[0].backbone.shear_modulus) == (None, 13e9)
+    assert by_g.with_({"segments.0.backbone.nu": 0.3}) == robot
+    placed = robot.with_({"segments.0.disks.positions": "[100 mm, 0.641]"})
+    assert placed.disks.station_m.tolist() == [0.1, 0.641]
+    assert placed.with_({"segments.0.disks.count": "9"}) == robot
+    with pytest.raises(InputError, match="both given"):
+        robot.with_({"segments.0.backbone.G": 1e9, "segments.0.backbone.nu": 0.3})
+
+
+def test_overrides_of_whole_parts():
+    robot = load_robot("amouri2019")
+    two = "[{angle: 0 deg, pitch_radius: 20 mm}, {angle: 180 deg, pitch_radius: 0.025}]"
+    changed_robot = robot.with_({"segments.0.tendons": two})
+    assert changed_robot.tendons.hole_m == pytest.approx(np.array([[0.02, 0], [-0.025, 0]]))
+    assert changed_robot.with_({"segments.0.tendons.1.angle": "90 deg"}).tendons.hole_m[
+        1
+    ] == pytest.approx([0, 0.025])
+    assert robot.with_({"segments.0.tendons": {"count": 4, "pitch_radius": 0.02}}).tendons.hole_m[
+        1
+    ] == pytest.approx([0, 0.02])
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (
+            "segments.0.disks.clamp",
+            1,
+            "amouri2019: segments[0].disks.clamp: unknown field; did you mean clamped_length? "
+            "Known here: count, positions, mass, radius, thickness, clamped_length.",
+        ),
+        (
+            "segment.0.length",
+            1,
+            "amouri2019: segment: unknown field; did you mean segments? "
+            "Known here: name, description, gravity, segments.",
+        ),
+        (
+            "segments.3.length",
+            1,
+            "Override segments.3.length: there is no 3 in segments; write segments.0.",
+        ),
+        (
+            "segments.-1.length",
+            1,
+            "Override segments.-1.length: there is no -1 in segments; write segments.0.",
+        ),
+        (
+            "segments.0.length.mm",
+            1,
+            'Override segments.0.length.mm: segments.0.length is a value, there is no "mm" in it.',
+        ),
+        ("segments..length", 1, 'Override "segments..length": write it as "segments.0.length".'),
+        ("a\nb", 1, 'Override "a\\nb": write it as "segments.0.length".'),
+        ("", 1, 'Override nothing: write it as "segments.0.length".'),
+        (
+            "segments.0.length",
+            "5 kg",
+            'amouri2019: segments[0].length: got "5 kg"; "kg" is not a unit of length; '
+            'write for example "641 mm".',
+        ),
+        (
+            "segments.0.length",
+            float("nan"),
+            "amouri2019: segments[0].length: got nan m; must lie between 1 um and 1 km.",
+        ),
+        (
+            "segments.0.length",
+            -0.5,
+            "amouri2019: segments[0].length: got -0.5 m; must lie between 1 um and 1 km.",
+        ),
+        (
+            "segments.0.length",
+            True,
+            'amouri2019: segments[0].length: got True; write for example "641 mm".',
+        ),
+        (
+            "segments.0.length",
+            None,
+            'amouri2019: segments[0].length: missing; write for example "length: 641 mm".',
+        ),
+        (
+            "segments.0.tendons.first_angle",
+            120,
+            "amouri2019: segments[0].tendons.first_angle: got 120.0 rad; "
+            "must lie between -360 deg and 360 deg.",
+        ),
+        (
+            "gravity",
+            "0 -9.81",
+            'amouri2019: gravity: got 2 numbers; must have 3, for example "0 0 -9.80665 m/s^2".',
+        ),
+        (
+            "segments.0",
+            None,
+            "Override segments.0: an entry of a list cannot be removed.",
+        ),
+    ],
+)
+def test_wrong_overrides(path, value, message):
+    for make in (
+        lambda: load_robot("amouri2019", {path: value}),
+        lambda: load_robot("amouri2019").with_({path: value}),
+    ):
+        with pytest.raises(InputError) as caught:
+            make()
+        lines = str(caught.value).splitlines()
+        assert re.sub(r" \(and \d more\)", "", lines[0]) == message
+
+
+def test_caps_hold_over_all_segments():
+    segment = load_robot("amouri2019").model_dump(mode="json", exclude_none=True)["segments"][0]
+    segment["disks"]["count"] = 60_000
+    with pytest.raises(InputError, match="got 120000 disks in all; must be at most 100000"):
+        load_robot("amouri2019", {"segments": [segment, segment]})
+    segment["disks"]["count"], segment["tendons"]["count"] = 5, 600
+    with pytest.raises(InputError, match="got 1200 tendons in all; must be at most 1000"):
+        load_robot("amouri2019", {"segments": [segment, segment]})
+
+
+# --- warnings -------------------------------------------------------------------------
+
+
+def test_the_modulus_printed_in_the_study_is_doubted():
+    robot = load_robot("amouri2019", {"segments.0.backbone.E": "35 MPa"})
+    (warning,) = robot.warnings
+    assert warning == (
+        "segments[0].backbone.E = 35 MPa looks wrong: a pull of the robot's own weight (2 N) on "
+        "one tendon would wind the backbone 5.5 times around; with 35 GPa it would bend it by "
+        "2 degrees: is 35 GPa meant?"
+    )
+
+
+def test_an_upright_robot_of_that_modulus_buckles_too():
+    overrides = {"segments.0.backbone.E": "35 MPa", "gravity": "0 0 -9.81"}
+    warnings = load_robot("amouri2019", overrides).warnings
+    assert len(warnings) == 2
+    assert "the upright backbone buckles under its own weight" in warnings[1]
+    assert "segments[0].backbone.E = 35 MPa" in warnings[1] and "MPa, GPa" in warnings[1]
+
+
+@pytest.mark.parametrize("name", ["amouri2019", "rao2021"])
+@pytest.mark.parametrize("gravity", [0, 9.81, -9.81])
+def test_built_in_robots_are_not_doubted(name, gravity):
+    assert load_robot(name, {"gravity": [0, 0, gravity]}).warnings == ()
+    assert load_robot(name, {"gravity": [gravity, 0, 0]}).warnings == ()
+
+
+def robot_of(**fields):
+    return load_robot(
+        "amouri2019", {f"segments.0.{k.replace('__', '.')}": v for k, v in fields.items()}
+    )
+
+
+SOFT_BUT_REAL = {
+    "Nitinol 1 mm, r 5 mm": dict(
+        length="200 mm",
+        backbone__diameter="1 mm",
+        backbone__E="60 GPa",
+        backbone__density=6450,
+        disks__mass="1 g",
+        disks__radius="7 mm",
+        disks__thickness="2 mm",
+        tendons__pitch_radius="5 mm",
+    ),
+    "Nitinol 1 mm under heavy disks, r 10 mm": dict(
+        length="500 mm",
+        backbone__diameter="1 mm",
+        backbone__E="60 GPa",
+        backbone__density=6450,
+        disks__mass="10 g",
+        disks__radius="15 mm",
+        disks__thickness="4 mm",
+        tendons__pitch_radius="10 mm",
+    ),
+    "catheter": dict(
+        length="1 m",
+        backbone__diameter="0.4 mm",
+        backbone__E="60 GPa",
+        backbone__density=6450,
+        disks__count=50,
+        disks__mass="5 mg",
+        disks__radius="1.5 mm",
+        disks__thickness="0.5 mm",
+        tendons__pitch_radius="1 mm",
+    ),
+    "silicone": dict(
+        length="200 mm",
+        backbone__diameter="20 mm",
+        backbone__E="100 kPa",
+        backbone__density=1070,
+        backbone__nu=0.49,
+        disks__mass="5 g",
+        disks__radius="12 mm",
+        disks__thickness="5 mm",
+        tendons__pitch_radius="11 mm",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SOFT_BUT_REAL)
+def test_soft_but_real_robots_are_not_doubted(name):
+    assert robot_of(**SOFT_BUT_REAL[name]).warnings == ()
+
+
+@pytest.mark.parametrize("name", list(SOFT_BUT_REAL))
+def test_a_modulus_wrong_by_a_thousand_is_doubted_in_each(name):
+    robot = robot_of(**SOFT_BUT_REAL[name])
+    softer = robot.segments[0].backbone.E / 1000
+    (warning,) = robot.with_({"segments.0.backbone.E": softer}).warnings
+    assert warning.startswith("segments[0].backbone.E = ") and "wind the backbone" in warning
+
+
+def test_self_weight_buckling_finds_the_uniform_column():
+    """The exact critical length of a column under its own weight is (7.837 E I / q)^(1/3)."""
+    column = robot_of(backbone__E="1 GPa", disks__mass=0, tendons__pitch_radius="29 mm").with_(
+        {"gravity": "0 0 -9.81"}
+    )
+    q = float(column.mass_per_length[0]) * 9.81
+    critical = (7.837 * float(column.bending_stiffness[0]) / q) ** (1 / 3)
+    for factor, count in ((0.97, 0), (1.05, 1)):
+        found = column.with_({"segments.0.length": factor * critical}).warnings
+        assert len([w for w in found if "buckles" in w]) == count
+
+
+def test_buckling_of_a_column_split_into_segments_is_that_of_the_whole():
+    whole = load_robot("amouri2019", {"gravity": "0 0 -9.81", "segments.0.disks.mass": 0})
+    part = whole.model_dump(mode="json", exclude_none=True)["segments"][0]
+    part["length"] /= 2
+    halves = whole.with_({"segments": [part, part]})
+
+    def ratio(robot):
+        paths = {f"segments.{k}.backbone.E": "100 kPa" for k in range(len(robot.segments))}
+        (text,) = [w for w in robot.with_(paths).warnings if "buckles" in w]
+        return re.search(r"weight, (\S+) times", text).group(1)
+
+    assert ratio(whole) == ratio(halves)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        ("segments.0.disks.mass", "20 kg", ["disks.mass = 20 kg", "is the mass in g?"]),
+        ("segments.0.disks.mass", "20 mg", ["disks.mass = 0.02 g", "is the mass in kg?"]),
+        ("segments.0.backbone.density", "1.8 kg/m^3", ["density = 1.8 kg/m^3", "g/cm^3"]),
+        ("segments.0.backbone.density", "90000 kg/m^3", ["density = 90000 kg/m^3"]),
+        ("segments.0.length", "641 m", ["length = 641 m ", "(m, mm)"]),
+        ("segments.0.backbone.E", "3.5 TPa", ["E = 3500 GPa", "stiffer than diamond"]),
+        ("segments.0.backbone.diameter", "5 cm", ["diameter = 50 mm", "less than a degree"]),
+        ("segments.0.backbone.G", "13 MPa", ["G = 13 MPa", "E = 35 GPa", "nu ="]),
+        ("segments.0.disks.thickness", "80 mm", ["disks.thickness = 80 mm", "overlap"]),
+        ("gravity", "0 0 9810 m/s^2", ["gravity = 9810 m/s^2", "mm/s^2"]),
+    ],
+)
+def test_other_doubts_name_the_number(path, value, words):
+    text = "\n".join(load_robot("amouri2019", {path: value}).warnings)
+    for word in words:
+        assert word in text
+
+
+# --- identity, copies, speed ----------------------------------------------------------
+
+
+def test_hash_is_that_of_the_physics_only(load):
+    robot = load_robot("amouri2019")
+    # a fixed value: it must not change with Python's version or the platform
+    assert robot.hash == "5dfffc5e318180783a513699e998397e58cf37ce11233613eed1c7fa98a8e9d5"
+    same = {
+        "name": "other",
+        "description": "x",
+        "segments.0.name": "y",
+        "segments.0.length": "64.1 cm",
+        "gravity": [-0.0, 0.0, -0.0],
+        "segments.0.tendons": [
+            {"angle": t.angle, "pitch_radius": t.pitch_radius}
+            for t in robot.segments[0].tendon_list
+        ],
+        "segments.0.disks.positions": list(robot.segments[0].disk_positions),
+        "segments.0.backbone.G": robot.segments[0].backbone.shear_modulus,
+    }
+    assert robot.with_(same).hash == robot.hash
+    tree = yaml.safe_load(AMOURI)
+    for part in (tree, tree["segments"][0], tree["segments"][0]["backbone"]):
+        items = list(part.items())
+        part.clear()
+        part.update(reversed(items))
+    assert load(yaml.safe_dump(tree, sort_keys=False)).hash == robot.hash
+
+
+def test_every_physical_field_changes_the_hash():
+    robot = load_robot("amouri2019")
+    hashes = {robot.hash}
+    changes = {
+        "gravity": "0 0 1",
+        "segments.0.length": "642 mm",
+        "segments.0.backbone.diameter": "5.1 mm",
+        "segments.0.backbone.inner_diameter": "1 mm",
+        "segments.0.backbone.E": "36 GPa",
+        "segments.0.backbone.nu": 0.31,
+        "segments.0.backbone.density": 1801,
+        "segments.0.disks.count": 10,
+        "segments.0.disks.mass": "21 g",
+        "segments.0.disks.radius": "33 mm",
+        "segments.0.disks.thickness": "4 mm",
+        "segments.0.disks.clamped_length": "1 mm",
+        "segments.0.tendons.count": 4,
+        "segments.0.tendons.pitch_radius": "28 mm",
+        "segments.0.tendons.first_angle": "1 deg",
+    }
+    for path, value in changes.items():
+        hashes.add(robot.with_({path: value}).hash)
+    assert len(hashes) == len(changes) + 1
+
+
+def test_a_robot_is_immutable():
+    robot = load_robot("amouri2019")
+    with pytest.raises(ValueError, match="frozen"):
+        robot.name = "x"
+    with pytest.raises(ValueError, match="frozen"):
+        robot.segments[0].length = 1.0
+    for array in (robot.disks.station_m, robot.tendons.hole_m, robot.bending_stiffness):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+
+
+def test_core_is_built_once_and_copies_leave_it_behind(monkeypatch):
+    import bowstring._core
+
+    class Core:
+        def __init__(self, **arrays):
+            self.arrays = arrays
+
+        def __reduce__(self):
+            raise TypeError("cannot be pickled")
+
+    monkeypatch.setattr(bowstring._core, "Robot", Core, raising=False)
+    robot = load_robot("rao2021", {"gravity": "0 0 -9.81"})
+    assert robot.core is robot.core
+    arrays = robot.core.arrays
+    n, t, s = 20, 6, 2
+    shapes = {name: np.shape(array) for name, array in arrays.items()}
+    assert shapes == {
+        "station_m": (n,),
+        "clamped_length_m": (n,),
+        "disk_mass_kg": (n,),
+        "disk_segment": (n,),
+        "bending_stiffness": (s,),
+        "torsion_stiffness": (s,),
+        "axial_stiffness": (s,),
+        "shear_stiffness": (s,),
+        "mass_per_length": (s,),
+        "hole_m": (t, 2),
+        "end_disk": (t,),
+        "gravity": (3,),
+    }
+    assert arrays["gravity"].tolist() == [0, 0, -9.81]
+    for twin in (
+        pickle.loads(pickle.dumps(robot)),
+        copy.copy(robot),
+        copy.deepcopy(robot),
+        robot.with_({}),
+    ):
+        assert twin == robot and twin.hash == robot.hash
+        assert twin.core is not robot.core
+    assert robot.with_({"segments.0.length": 0.3}).disks.station_m[9] == 0.3
+
+
+def test_python_numbers_are_si():
+    tree = load_robot("rao2021").model_dump(mode="json", exclude_none=True)
+    assert Robot.model_validate(tree).hash == load_robot("rao2021").hash
+
+
+def test_common_units_do_not_load_pint():
+    code = (
+        "import sys; from bowstring.robot import load_robot; load_robot('amouri2019').warnings; "
+        f"load_robot({str(ROOT / 'examples' / 'my_robot.yaml')!r}).hash; "
+        "sys.exit('pint' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+# --- JSON Schema ----------------------------------------------------------------------
+
+
+def test_schema_is_valid_and_accepts_the_robots():
+    schema = robot_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    json.dumps(schema)
+    for path in (*BUILT_IN.glob("*.yaml"), ROOT / "examples" / "my_robot.yaml"):
+        jsonschema.validate(yaml.safe_load(path.read_text(encoding="utf-8")), schema)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("200 mm", "641"),
+        ("200 mm", "mm"),
+        ("0.3", "0.3 mm"),
+        ("count: 4", "count: 0"),
+        ("count: 4", "count: 4, colour: red"),
+        ("nu: 0.3", "nu: 0.3, G: 20 GPa"),
+        ("{count: 3, pitch_radius: 12 mm}", "[]"),
+        ("segments:", "gravity: 0 0 m/s^2\nsegments:"),
+    ],
+)
+def test_schema_refuses(old, new):
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(yaml.safe_load(changed(old, new)), robot_schema())
+
+
+def test_schema_examples_are_good_and_fields_described():
+    schema = robot_schema()
+    parts = {"": schema, **schema["$defs"]}
+    for name, part in parts.items():
+        assert part["description"] and "\n" not in part["description"]
+        for field, content in part["properties"].items():
+            if "$ref" in content or "oneOf" in content or field == "segments":
+                continue
+            assert content.get("description"), (name, field)
+            for example in content.get("examples", []):
+                jsonschema.validate(example, content)
