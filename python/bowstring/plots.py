@@ -255,7 +255,8 @@ def _configurations(study: Study) -> Figure:
             alpha=0.55,  # a disk is seen through
         )
         axes.add_collection3d(disks)
-        others, own = [], []
+        others: list[Array] = []
+        own: list[Array] = []
         for t, hole in enumerate(holes):
             last = int(robot.tendons.end_disk[t]) + 2
             path = centres[:last] + frames[:last] @ (hole * 1e3)

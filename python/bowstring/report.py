@@ -440,7 +440,7 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
         console.print(Text(f"Warning: {warning}", style="yellow"))
 
     errors = table(
-        "Tip error of constant curvature (CC) against statics; simulated, not registered",
+        "Tip error of constant curvature (CC) against statics; all simulated",
         "CC from",
         "mean mm",
         "max mm",

@@ -238,7 +238,7 @@ class Comparison:
     @property
     def rms(self) -> float:
         """Root mean square over points (never over coordinates), m."""
-        return math.sqrt(self._over_points(np.mean, self.error**2))
+        return float(np.sqrt(self._over_points(np.mean, self.error**2)))
 
     @property
     def mean_by_axis(self) -> Array:
@@ -598,7 +598,7 @@ def run(
 
 
 def _settings(
-    robot: Robot, tolerance: float, max_tension: float | None, points: int, theory: str
+    robot: Robot, tolerance: float, max_tension: float | None, points: int, theory: Theory
 ) -> Settings:
     if not (math.isfinite(tolerance) and 0.0 < tolerance < 1.0):
         raise InputError(
@@ -608,7 +608,7 @@ def _settings(
         raise InputError(f"the largest tension must be positive and finite, got {max_tension} N")
     if not 2 <= points <= 1000:
         raise InputError(f"the number of loads must be from 2 to 1000, got {points}")
-    if theory != "cosserat" and theory != "kirchhoff":
+    if theory not in ("cosserat", "kirchhoff"):
         raise InputError(f"theory must be cosserat or kirchhoff, got {theory!r:.60}")
     tendon = int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0])
     limit = max_tension

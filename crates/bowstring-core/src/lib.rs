@@ -7,7 +7,9 @@ pub mod linalg;
 pub mod load;
 mod module;
 pub mod real;
-pub mod robot;
 mod rod;
+pub mod robot;
+#[cfg(target_arch = "x86_64")]
+mod simd;
 pub mod statics;
 mod sweep;

@@ -34,14 +34,14 @@ fn downward<T: Real>(x: T, n: usize) -> [T; 8] {
     let (mut c6, mut c7) = (one, one);
     for i in (1..n).rev() {
         let k = 2.0 * i as f64;
-        c6 = one - x * c6 * T::splat(1.0 / ((k + 5.0) * (k + 6.0)));
-        c7 = one - x * c7 * T::splat(1.0 / ((k + 6.0) * (k + 7.0)));
+        c6 = (x * c6).mul_add(T::splat(-1.0 / ((k + 5.0) * (k + 6.0))), one);
+        c7 = (x * c7).mul_add(T::splat(-1.0 / ((k + 6.0) * (k + 7.0))), one);
     }
     let mut c = [one; 8];
     c[6] = c6 * T::splat(1.0 / FACTORIAL[6]);
     c[7] = c7 * T::splat(1.0 / FACTORIAL[7]);
     for k in (0..6).rev() {
-        c[k] = T::splat(1.0 / FACTORIAL[k]) - x * c[k + 2];
+        c[k] = (-x).mul_add(c[k + 2], T::splat(1.0 / FACTORIAL[k]));
     }
     c
 }
@@ -51,7 +51,8 @@ fn downward<T: Real>(x: T, n: usize) -> [T; 8] {
 fn stumpff_far<T: Real>(x: T) -> [T; 8] {
     let mut c = [T::zero(); 8];
     for (k, ck) in c.iter_mut().enumerate() {
-        *ck = x.map(|x| {
+        *ck = T::from_fn(|lane| {
+            let x = x.lane(lane);
             if x < LONG_SERIES {
                 return downward(x, 20)[k];
             }
@@ -143,6 +144,17 @@ impl<T: Real> ArcMap<T> {
         (w * c[2]).skew() + (w * c[3]).outer(w) + Mat3::scalar(c[1])
     }
 
+    /// Inverse of the left Jacobian; the arc must turn by less than a full turn.
+    #[inline(always)]
+    pub fn left_jacobian_inverse(&self) -> Mat3<T> {
+        let (w, c) = (self.w, &self.c);
+        let half = T::splat(0.5);
+        // I - [w]/2 + e [w]^2, with [w]^2 = w w' - x I
+        let e = (c[3] - c[4] - c[4]) * half / c[2];
+        let d = T::splat(1.0) - e * w.norm2();
+        (w * e).outer(w).add_diagonal([d; 3]) - (w * half).skew()
+    }
+
     /// Derivative of the end point with respect to `w`.
     #[inline(always)]
     pub fn end_jacobian(&self) -> Mat3<T> {
@@ -193,22 +205,26 @@ impl<T: Real> ArcMap<T> {
     #[inline(always)]
     fn first_derivatives(&self) -> [T; 3] {
         let c = &self.c;
-        let d = |k: usize| (c[k + 2] * T::splat(k as f64) - c[k + 1]) * T::splat(0.5);
-        [d(1), d(2), d(3)]
+        let mut d = [T::zero(); 3];
+        for k in 1..4 {
+            d[k - 1] = (c[k + 2] * T::splat(k as f64) - c[k + 1]) * T::splat(0.5);
+        }
+        d
     }
 
     /// `d^2 c_k / d x^2` for k = 1, 2, 3.
     #[inline(always)]
     fn second_derivatives(&self) -> [T; 3] {
         let c = &self.c;
-        // differentiate the formula above once more
-        let e = |k: usize| {
+        let mut e = [T::zero(); 3];
+        for k in 1..4 {
+            // the formula above, differentiated once more
             let kf = k as f64;
-            c[k + 4] * T::splat(0.25 * kf * (kf + 2.0))
+            e[k - 1] = c[k + 4] * T::splat(0.25 * kf * (kf + 2.0))
                 - c[k + 3] * T::splat(0.25 * (2.0 * kf + 1.0))
-                + c[k + 2] * T::splat(0.25)
-        };
-        [e(1), e(2), e(3)]
+                + c[k + 2] * T::splat(0.25);
+        }
+        e
     }
 }
 
@@ -269,6 +285,8 @@ mod tests {
                 v
             };
             let (j, q, h) = (arc.left_jacobian(), arc.end_jacobian(), arc.hessian(n, m));
+            let unit = j * arc.left_jacobian_inverse() - Mat3::identity();
+            assert!(unit.0.iter().flatten().all(|d| d.abs() < 1e-12));
             for i in 0..3 {
                 let de =
                     (ArcMap::new(w0 + e(i), l).end - ArcMap::new(w0 - e(i), l).end) * (0.5 / step);

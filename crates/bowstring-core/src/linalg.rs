@@ -1,6 +1,6 @@
 //! Vectors and matrices of three, over any [`Real`].
 //!
-//! Our own, because the same arithmetic runs on one robot and on SIMD lanes of
+//! No closures and no `array::map` here: they would not inline. Our own, because the same arithmetic runs on one robot and on SIMD lanes of
 //! robots, and must inline whole into code compiled for the processor found at run time.
 
 use crate::real::Real;
@@ -30,15 +30,26 @@ impl<T: Real> Vec3<T> {
     }
     #[inline(always)]
     pub fn dot(self, o: Self) -> T {
-        self.0[0] * o.0[0] + self.0[1] * o.0[1] + self.0[2] * o.0[2]
+        let (a, b) = (self.0, o.0);
+        a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
     }
     #[inline(always)]
     pub fn cross(self, o: Self) -> Self {
         let (a, b) = (self.0, o.0);
         Vec3([
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
+            a[1].mul_add(b[2], -(a[2] * b[1])),
+            a[2].mul_add(b[0], -(a[0] * b[2])),
+            a[0].mul_add(b[1], -(a[1] * b[0])),
+        ])
+    }
+    /// `self * s + o`
+    #[inline(always)]
+    pub fn scaled_add(self, s: T, o: Self) -> Self {
+        let (a, b) = (self.0, o.0);
+        Vec3([
+            a[0].mul_add(s, b[0]),
+            a[1].mul_add(s, b[1]),
+            a[2].mul_add(s, b[2]),
         ])
     }
     #[inline(always)]
@@ -57,7 +68,19 @@ impl<T: Real> Vec3<T> {
     /// `self * o^T`
     #[inline(always)]
     pub fn outer(self, o: Self) -> Mat3<T> {
-        Mat3(self.0.map(|a| o.0.map(|b| a * b)))
+        let [x, y, z] = self.0;
+        Mat3([(o * x).0, (o * y).0, (o * z).0])
+    }
+    /// `[self] * m`, the cross product with every column.
+    #[inline(always)]
+    pub fn cross_mat(self, m: Mat3<T>) -> Mat3<T> {
+        let [x, y, z] = self.0;
+        let [a, b, c] = m.rows();
+        Mat3([
+            c.scaled_add(y, -(b * z)).0,
+            a.scaled_add(z, -(c * x)).0,
+            b.scaled_add(x, -(a * y)).0,
+        ])
     }
     /// The cross-product matrix: `skew(a) * b = a x b`.
     #[inline(always)]
@@ -99,13 +122,41 @@ impl<T: Real> Mat3<T> {
         ])
     }
     #[inline(always)]
+    pub fn rows(self) -> [Vec3<T>; 3] {
+        let [a, b, c] = self.0;
+        [Vec3(a), Vec3(b), Vec3(c)]
+    }
+    #[inline(always)]
     pub fn column(self, j: usize) -> Vec3<T> {
         Vec3([self.0[0][j], self.0[1][j], self.0[2][j]])
     }
     /// `self^T * v`
     #[inline(always)]
     pub fn tr_mul(self, v: Vec3<T>) -> Vec3<T> {
-        Vec3(self.0[0]) * v.0[0] + Vec3(self.0[1]) * v.0[1] + Vec3(self.0[2]) * v.0[2]
+        let [x, y, z] = self.rows();
+        z.scaled_add(v.0[2], y.scaled_add(v.0[1], x * v.0[0]))
+    }
+    /// `self * o + m`
+    #[inline(always)]
+    pub fn mul_add(self, o: Self, m: Self) -> Self {
+        let [x, y, z] = o.rows();
+        let row = |r: [T; 3], m: [T; 3]| {
+            z.scaled_add(r[2], y.scaled_add(r[1], x.scaled_add(r[0], Vec3(m))))
+                .0
+        };
+        Mat3([
+            row(self.0[0], m.0[0]),
+            row(self.0[1], m.0[1]),
+            row(self.0[2], m.0[2]),
+        ])
+    }
+    /// Adds to the diagonal.
+    #[inline(always)]
+    pub fn add_diagonal(mut self, d: [T; 3]) -> Self {
+        for i in 0..3 {
+            self.0[i][i] += d[i];
+        }
+        self
     }
     /// `self^T * o`
     #[inline(always)]
@@ -120,7 +171,7 @@ impl<T: Real> Mat3<T> {
     /// The inverse by cofactors and the leading minors (all positive: positive definite).
     #[inline(always)]
     pub fn inverse_and_minors(self) -> (Self, [T; 3]) {
-        let [a, b, c] = self.0.map(Vec3);
+        let [a, b, c] = self.rows();
         let (bc, ca, ab) = (b.cross(c), c.cross(a), a.cross(b));
         let det = a.dot(bc);
         let r = T::splat(1.0) / det;
@@ -134,13 +185,13 @@ impl<T: Real> Mat3<T> {
 }
 
 macro_rules! elementwise {
-    ($type:ident, $trait:ident, $method:ident, $assign_trait:ident, $assign:ident, $f:expr) => {
+    ($type:ident, $element:ident, $trait:ident, $method:ident, $assign_trait:ident, $assign:ident, $op:tt) => {
         impl<T: Real> $trait for $type<T> {
             type Output = Self;
             #[inline(always)]
             fn $method(mut self, o: Self) -> Self {
                 for i in 0..3 {
-                    self.0[i] = $f(self.0[i], o.0[i]);
+                    self.0[i] = elementwise!(@ $element, self.0[i], o.0[i], $op);
                 }
                 self
             }
@@ -148,65 +199,71 @@ macro_rules! elementwise {
         impl<T: Real> $assign_trait for $type<T> {
             #[inline(always)]
             fn $assign(&mut self, o: Self) {
-                *self = $trait::$method(*self, o);
+                for i in 0..3 {
+                    self.0[i] = elementwise!(@ $element, self.0[i], o.0[i], $op);
+                }
             }
         }
     };
+    (@ Number, $a:expr, $b:expr, $op:tt) => { $a $op $b };
+    (@ Row, $a:expr, $b:expr, $op:tt) => { (Vec3($a) $op Vec3($b)).0 };
 }
-elementwise!(Vec3, Add, add, AddAssign, add_assign, |a: T, b: T| a + b);
-elementwise!(Vec3, Sub, sub, SubAssign, sub_assign, |a: T, b: T| a - b);
-elementwise!(Mat3, Add, add, AddAssign, add_assign, |a: [T; 3], b| (Vec3(
-    a
-)
-    + Vec3(b))
-.0);
-elementwise!(Mat3, Sub, sub, SubAssign, sub_assign, |a: [T; 3], b| (Vec3(
-    a
-)
-    - Vec3(b))
-.0);
+elementwise!(Vec3, Number, Add, add, AddAssign, add_assign, +);
+elementwise!(Vec3, Number, Sub, sub, SubAssign, sub_assign, -);
+elementwise!(Mat3, Row, Add, add, AddAssign, add_assign, +);
+elementwise!(Mat3, Row, Sub, sub, SubAssign, sub_assign, -);
 
 impl<T: Real> Neg for Vec3<T> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Vec3(self.0.map(|a| -a))
+        let [x, y, z] = self.0;
+        Vec3([-x, -y, -z])
     }
 }
 impl<T: Real> Neg for Mat3<T> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Mat3(self.0.map(|r| r.map(|a| -a)))
+        let [a, b, c] = self.rows();
+        Mat3([(-a).0, (-b).0, (-c).0])
     }
 }
 impl<T: Real> Mul<T> for Vec3<T> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, s: T) -> Self {
-        Vec3(self.0.map(|a| a * s))
+        let [x, y, z] = self.0;
+        Vec3([x * s, y * s, z * s])
     }
 }
 impl<T: Real> Mul<T> for Mat3<T> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, s: T) -> Self {
-        Mat3(self.0.map(|r| r.map(|a| a * s)))
+        let [a, b, c] = self.rows();
+        Mat3([(a * s).0, (b * s).0, (c * s).0])
     }
 }
 impl<T: Real> Mul<Vec3<T>> for Mat3<T> {
     type Output = Vec3<T>;
     #[inline(always)]
     fn mul(self, v: Vec3<T>) -> Vec3<T> {
-        Vec3(self.0.map(|r| Vec3(r).dot(v)))
+        let [a, b, c] = self.rows();
+        Vec3([a.dot(v), b.dot(v), c.dot(v)])
     }
 }
 impl<T: Real> Mul for Mat3<T> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, o: Self) -> Self {
-        let [x, y, z] = o.0.map(Vec3);
-        Mat3(self.0.map(|r| (x * r[0] + y * r[1] + z * r[2]).0))
+        let [x, y, z] = o.rows();
+        let mut out = self;
+        for i in 0..3 {
+            let r = self.0[i];
+            out.0[i] = z.scaled_add(r[2], y.scaled_add(r[1], x * r[0])).0;
+        }
+        out
     }
 }
 impl<T> Index<usize> for Vec3<T> {

@@ -2,8 +2,8 @@
 //!
 //! Unknown is the strain alone. The backbone is `A` constant-curvature arcs, two to an
 //! element: the fourth-order commutator-free form of the exponential of a linear strain
-//! (Blanes and Moan 2006). Let `rho0` and `S` be the end of those arcs, in the frame of the
-//! module's start. The contact force `N` moves the end on to
+//! (Blanes and Moan 2006). Let `rho0` and `S` be the end of those arcs. The contact force
+//! `N` moves the end on to
 //!
 //! `rho = rho0 + D N`
 //!
@@ -12,8 +12,9 @@
 //!
 //! `elastic(w) + N.D N / 2 + sum T |span(S, rho)| - f1 . rho - f2 . S e3 - f3 . e3`
 //!
-//! and `N = f1 - sum T span/|span|` makes it stationary in `rho`. All vectors of a module
-//! are in its start frame; derivatives perturb rotations from the left.
+//! and `N = f1 - sum T span/|span|` makes it stationary in `rho`. All vectors are in the frame
+//! of the module's start. Rotations are perturbed from the left, and an arc by the rotation
+//! `u` that it adds there: `exp(w + dw)` turns what follows by `u`, to first order.
 
 use crate::lie::ArcMap;
 use crate::linalg::{Mat3, Vec3};
@@ -23,22 +24,23 @@ use crate::robot::{Robot, Tendon};
 
 /// What a module is, whatever its load.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Constants {
-    /// Elastic length and the rigid lengths at start and end, m.
-    pub flexible: f64,
-    pub clamp: [f64; 2],
-    pub mass_per_length: f64,
-    pub first_tendon: usize,
-    /// Bending, bending, torsion over the length of an element, N m.
-    pub stiffness: [f64; 3],
+pub(crate) struct Constants<T> {
+    /// Elastic length and its inverse, m and 1/m.
+    pub flexible: T,
+    pub per_flexible: T,
+    /// Rigid lengths at start and end, m.
+    pub clamp: [T; 2],
+    /// rho A, kg/m.
+    pub mass_per_length: T,
+    /// Bending and torsion stiffness over the length of an element, N m.
+    pub stiffness: [T; 2],
     /// 1 / EA where the theory has extension.
-    axial_compliance: f64,
-    /// `D = d1 I + d2 t t' + d3 s s' + d4 |s|^2 I` with mean tangent `t`, change of tangent `s`.
-    d: [f64; 4],
-    continuous: bool,
+    axial_compliance: T,
+    /// `D = d0 I + d1 t t' + d2 s s' + d3 |s|^2 I`, `t` mean tangent, `s` change of tangent.
+    pub d: [T; 4],
 }
 
-impl Constants {
+impl Constants<f64> {
     pub fn new(robot: &Robot, k: usize, model: Model, elements: usize) -> Self {
         let m = robot.modules[k];
         let s = robot.section(k);
@@ -48,16 +50,16 @@ impl Constants {
             Theory::Kirchhoff => (0.0, 0.0),
         };
         let torsion = s.torsion * if model.twist { 1.0 } else { 1e6 };
-        // the quadratic strain that a force leaves in an element of length h gives way by
-        // h^3 |s_e x N|^2 / (1440 EI); an element turns the tangent by s / elements
+        // a force N bends an element by a quadratic strain that the arcs lack; it gives way by
+        // h^3 |s x N|^2 / (1440 EI), where s is the element's share of the change of tangent
         let bubble = h.powi(3) / (720.0 * s.bending * elements as f64);
         let length = m.flexible;
         Constants {
-            flexible: m.flexible,
+            flexible: length,
+            per_flexible: 1.0 / length,
             clamp: m.clamp,
             mass_per_length: s.mass_per_length,
-            first_tendon: m.first_tendon,
-            stiffness: [s.bending / h, s.bending / h, torsion / h],
+            stiffness: [s.bending / h, torsion / h],
             axial_compliance: axial,
             d: [
                 length * shear,
@@ -65,15 +67,39 @@ impl Constants {
                 length * (axial - shear) / 12.0 - bubble,
                 bubble,
             ],
-            continuous: model.tendon == TendonPath::Continuous,
         }
     }
 }
 
-/// Dead loads on a module in the base frame: see the potential above.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct DeadLoad<T> {
-    pub f: [Vec3<T>; 3],
+impl<T: Real> Constants<T> {
+    /// Modules side by side.
+    pub fn gather(of: impl Fn(usize) -> Constants<f64>) -> Self {
+        let pick = |f: &dyn Fn(&Constants<f64>) -> f64| T::from_fn(|i| f(&of(i)));
+        Constants {
+            flexible: pick(&|c| c.flexible),
+            per_flexible: pick(&|c| c.per_flexible),
+            clamp: [pick(&|c| c.clamp[0]), pick(&|c| c.clamp[1])],
+            mass_per_length: pick(&|c| c.mass_per_length),
+            stiffness: [pick(&|c| c.stiffness[0]), pick(&|c| c.stiffness[1])],
+            axial_compliance: pick(&|c| c.axial_compliance),
+            d: [0, 1, 2, 3].map(|q| pick(&|c| c.d[q])),
+        }
+    }
+
+    /// Stiffness of an element times a rotation vector, N m.
+    #[inline(always)]
+    fn moment(&self, w: Vec3<T>) -> Vec3<T> {
+        let [bending, torsion] = self.stiffness;
+        Vec3([w[0] * bending, w[1] * bending, w[2] * torsion])
+    }
+}
+
+/// The tendons of the robot and their tensions in one module: zero where they do not pass.
+#[derive(Clone, Copy)]
+pub(crate) struct Tendons<'a, T> {
+    pub tendons: &'a [Tendon],
+    pub tensions: &'a [T],
+    pub path: TendonPath,
 }
 
 /// State of a module at its present strain.
@@ -81,9 +107,6 @@ pub(crate) struct DeadLoad<T> {
 pub(crate) struct State<T, const A: usize> {
     /// Rotation vectors of the arcs: the unknown.
     pub w: [Vec3<T>; A],
-    /// Pose of the start disk in the base frame.
-    pub rotation: Mat3<T>,
-    pub position: Vec3<T>,
     pub arcs: [ArcMap<T>; A],
     /// Rotation from the module's start to the start of each arc.
     pub prefix: [Mat3<T>; A],
@@ -95,42 +118,44 @@ pub(crate) struct State<T, const A: usize> {
     pub rho: Vec3<T>,
     /// Contact force.
     pub n: Vec3<T>,
-    /// Dead loads in the start frame.
+    /// Dead loads on the end, the end's tangent and the start's tangent.
     pub f: [Vec3<T>; 3],
     /// Moment of the spans about the end of the flexible part.
-    pub span_torque: Vec3<T>,
+    span_torque: Vec3<T>,
+    /// Moment of the dead loads about the start.
+    pub load_moment: Vec3<T>,
+    /// Costate: moment from all beyond the end disk.
+    pub lambda: Vec3<T>,
     pub energy: T,
 }
 
 /// First derivatives at the present strain.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gradient<T, const A: usize> {
-    /// Rotation of the end by each arc's strain.
-    pub h: [Mat3<T>; A],
-    /// Motion of `rho0` by each arc's strain.
+    /// Change of each arc's rotation vector by the rotation that it adds.
+    pub to_strain: [Mat3<T>; A],
+    /// Motion of `rho0` by the rotation that each arc adds.
     pub r: [Mat3<T>; A],
-    /// Moment at the end that works on `h`, costate included, and force that works on `r`.
-    pub torque: Vec3<T>,
-    pub nu: Vec3<T>,
-    /// Costate: moment from all beyond the end disk.
-    pub lambda: Vec3<T>,
+    /// Moment at the end, costate included, and force on `rho0`.
+    torque: Vec3<T>,
+    nu: Vec3<T>,
     /// Moment imbalance of each arc.
     pub g: [Vec3<T>; A],
 }
 
-/// Second derivatives in strain `u` and start rotation `x`, the modules beyond left out.
+/// Second derivatives in arc rotations `u` and start rotation `x`, at constant costate.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Hessian<T, const A: usize> {
     /// Lower blocks only.
     pub uu: [[Mat3<T>; A]; A],
     pub xu: [Mat3<T>; A],
     pub xx: Mat3<T>,
-    pub response: Response<T, A>,
 }
 
-/// How the end of a module answers: `d rho = m (j du + dj) + d_hat (df - k' h du)`.
+/// How the end of a module answers: `d rho = m (sum j u + dj) + d_hat (df - k' sum u)`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Response<T, const A: usize> {
-    /// Motion of the end by each arc's strain at constant contact force.
+    /// Motion of the end by the rotation that each arc adds, at constant contact force.
     pub j: [Mat3<T>; A],
     pub m: Mat3<T>,
     pub d_hat: Mat3<T>,
@@ -138,27 +163,14 @@ pub(crate) struct Response<T, const A: usize> {
     pub k: Mat3<T>,
 }
 
-impl<T: Real, const A: usize> Gradient<T, A> {
-    pub fn empty() -> Self {
-        let (zero, matrix) = (Vec3::zero(), Mat3::zero());
-        Gradient {
-            h: [matrix; A],
-            r: [matrix; A],
-            torque: zero,
-            nu: zero,
-            lambda: zero,
-            g: [zero; A],
-        }
-    }
-}
+/// Rounds for `rho` and `N`; two are usual.
+const MAX_ROUNDS: usize = 12;
 
 impl<T: Real, const A: usize> State<T, A> {
     pub fn straight() -> Self {
         let zero = Vec3::zero();
         State {
             w: [zero; A],
-            rotation: Mat3::identity(),
-            position: zero,
             arcs: [ArcMap::new(zero, T::zero()); A],
             prefix: [Mat3::identity(); A],
             tail: [zero; A],
@@ -168,107 +180,365 @@ impl<T: Real, const A: usize> State<T, A> {
             n: zero,
             f: [zero; 3],
             span_torque: zero,
+            load_moment: zero,
+            lambda: zero,
             energy: T::zero(),
         }
     }
 
-    /// Forward: geometry, contact force and energy from the strain and the start pose.
+    /// First half of the forward pass: the shape that the strain gives.
     #[inline(always)]
-    pub fn evaluate(
-        &mut self,
-        c: &Constants,
-        load: &DeadLoad<T>,
-        tendons: &[Tendon],
-        tensions: &[T],
-    ) {
-        let active = c.first_tendon..tendons.len();
-        let (tendons, tensions) = (&tendons[active.clone()], &tensions[active]);
-        let half = T::splat(0.5);
-        let stretch = self.stretch(c, tensions);
-        let arc_length = T::splat(c.flexible / A as f64) * stretch;
-        let mut elastic = T::zero();
-        (self.s, self.rho0) = (Mat3::identity(), Vec3::zero());
+    pub fn shape(&mut self, c: &Constants<T>, t: &Tendons<T>) {
+        let arc_length = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
         for i in 0..A {
             let arc = ArcMap::new(self.w[i], arc_length);
-            self.prefix[i] = self.s;
-            self.rho0 += self.s * arc.end;
+            if i == 0 {
+                self.prefix[0] = Mat3::identity();
+                self.rho0 = arc.end;
+                self.s = arc.rotation;
+            } else {
+                self.prefix[i] = self.s;
+                self.rho0 += self.s * arc.end;
+                self.s = self.s * arc.rotation;
+            }
             self.tail[i] = self.rho0;
-            self.s = self.s * arc.rotation;
             self.arcs[i] = arc;
         }
         for i in 0..A {
             self.tail[i] = self.rho0 - self.tail[i];
         }
-        for i in (0..A).step_by(2) {
-            let (a, b) = (self.w[i], self.w[i + 1]);
-            let sum = scaled(a + b, c.stiffness).dot(a + b);
-            let difference = scaled(a - b, c.stiffness).dot(a - b);
-            elastic += half * sum + T::splat(0.375) * difference;
-        }
-        for i in 0..3 {
-            self.f[i] = self.rotation.tr_mul(load.f[i]);
-        }
-        let t = self.s.column(2);
+    }
+
+    /// Second half: contact force, end and energy under the dead loads in `f`.
+    #[inline(always)]
+    pub fn balance(&mut self, c: &Constants<T>, t: &Tendons<T>) {
+        let half = T::splat(0.5);
+        let tangent = self.s.column(2);
         let compliance = self.compliance(c);
         let mut cable = T::zero();
         self.span_torque = Vec3::zero();
-        if c.continuous {
-            self.n = self.f[0];
-            self.rho = self.rho0 + compliance * self.n;
-            for i in (0..A).step_by(2) {
-                for (tendon, &tension) in tendons.iter().zip(tensions) {
-                    let path = ParallelPath::new(c, A, tendon, stretch, self.w[i], self.w[i + 1]);
-                    cable += tension * path.length;
+        match t.path {
+            TendonPath::Continuous => {
+                self.n = self.f[0];
+                self.rho = self.rho0 + compliance * self.n;
+                let stretch = c.stretch(t);
+                for i in (0..A).step_by(2) {
+                    for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                        let path =
+                            ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
+                        cable += tension * path.length;
+                    }
                 }
             }
-        } else {
-            // rho and N together; the compliance is small, so this settles at once
-            self.rho = self.rho0 + compliance * self.n;
-            for round in 0..MAX_ROUNDS {
-                let mut g = Mat3::zero();
-                let mut pull = Vec3::zero();
-                cable = T::zero();
-                self.span_torque = Vec3::zero();
-                for (tendon, &tension) in tendons.iter().zip(tensions) {
-                    let span = Span::new(c, tendon, &self.s, self.rho);
-                    let m = span.direction * tension;
-                    pull += m;
-                    cable += tension * span.length;
-                    self.span_torque += span.arm.cross(m);
-                    g += span.stiffness(tension);
+            TendonPath::Straight => {
+                // rho and N together; the compliance is small, so this settles at once
+                self.rho = self.rho0 + compliance * self.n;
+                for round in 1..=MAX_ROUNDS {
+                    let mut g = Mat3::zero();
+                    let mut pull = Vec3::zero();
+                    let mut torque = Vec3::zero();
+                    cable = T::zero();
+                    for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                        let span = Span::new(c, tendon, &self.s, self.rho);
+                        let force = span.direction * tension;
+                        pull += force;
+                        cable = tension.mul_add(span.length, cable);
+                        torque += span.arm.cross(force);
+                        g += span.stiffness(tension);
+                    }
+                    self.span_torque = torque;
+                    self.n = self.f[0] - pull;
+                    let miss = self.rho0 + compliance * self.n - self.rho;
+                    let size = (miss.max_abs() * c.per_flexible).largest();
+                    // a NaN passes on to the energy, where it is seen
+                    if !(size > 1e-13) || round == MAX_ROUNDS {
+                        break;
+                    }
+                    let unit = [T::splat(1.0); 3];
+                    self.rho += (compliance * g).add_diagonal(unit).inverse() * miss;
                 }
-                self.n = self.f[0] - pull;
-                let miss = self.rho0 + compliance * self.n - self.rho;
-                let size = miss.max_abs().largest();
-                // a NaN passes on to the energy, where it is seen
-                if !(size > 1e-15 * c.flexible) || round + 1 == MAX_ROUNDS {
-                    break;
-                }
-                self.rho += (Mat3::identity() + compliance * g).inverse() * miss;
             }
+        }
+        let mut elastic = T::zero();
+        for i in (0..A).step_by(2) {
+            let (sum, difference) = (self.w[i] + self.w[i + 1], self.w[i] - self.w[i + 1]);
+            elastic += sum.dot(c.moment(sum)) * half
+                + difference.dot(c.moment(difference)) * T::splat(0.375);
         }
         self.energy = elastic + half * self.n.dot(self.rho - self.rho0) + cable
             - self.f[0].dot(self.rho)
-            - self.f[1].dot(t)
+            - self.f[1].dot(tangent)
             - self.f[2][2];
+        self.load_moment =
+            self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) + Vec3::ez().cross(self.f[2]);
     }
 
-    /// A point of the backbone at a fraction of the way to the end disk, in the start frame.
-    pub fn point(&self, c: &Constants, fraction: f64) -> Vec3<T> {
+    /// From the start disk to the end disk.
+    #[inline(always)]
+    pub fn offset(&self, c: &Constants<T>) -> Vec3<T> {
+        let mut offset = self.rho + self.s.column(2) * c.clamp[1];
+        offset.0[2] += c.clamp[0];
+        offset
+    }
+
+    /// Length of a tendon in this module.
+    pub fn tendon_length(&self, c: &Constants<T>, t: &Tendons<T>, tendon: &Tendon) -> T {
+        match t.path {
+            TendonPath::Straight => Span::new(c, tendon, &self.s, self.rho).length,
+            TendonPath::Continuous => {
+                let mut length = c.clamp[0] + c.clamp[1];
+                for i in (0..A).step_by(2) {
+                    let (a, b) = (self.w[i], self.w[i + 1]);
+                    length += ParallelPath::new::<A>(c, tendon, c.stretch(t), a, b).length;
+                }
+                // dead loads stretch the backbone, and the tendon with it
+                let along = self.rho0 * (T::splat(1.0) / self.rho0.norm());
+                length + along.dot(self.rho - self.rho0)
+            }
+        }
+    }
+
+    /// Mean tangent, and change of the tangent from start to end.
+    #[inline(always)]
+    fn tangents(&self, c: &Constants<T>) -> (Vec3<T>, Vec3<T>) {
+        (self.rho0 * c.per_flexible, self.s.column(2) - Vec3::ez())
+    }
+
+    #[inline(always)]
+    pub fn compliance(&self, c: &Constants<T>) -> Mat3<T> {
+        let (mean, change) = self.tangents(c);
+        let [d0, d1, d2, d3] = c.d;
+        let diagonal = d3.mul_add(change.norm2(), d0);
+        ((mean * d1).outer(mean) + (change * d2).outer(change)).add_diagonal([diagonal; 3])
+    }
+
+    /// Force on `rho0` and on the end tangent by the compliance at constant `N`.
+    #[inline(always)]
+    pub fn compliance_forces(&self, c: &Constants<T>) -> (Vec3<T>, Vec3<T>) {
+        let (mean, change) = self.tangents(c);
+        let [_, d1, d2, d3] = c.d;
+        let n = self.n;
+        (
+            n * (d1 * mean.dot(n) * c.per_flexible),
+            n * (d2 * change.dot(n)) + change * (d3 * n.norm2()),
+        )
+    }
+
+    /// Moment imbalance of each arc, from the costate in `lambda`.
+    #[inline(always)]
+    pub fn gradient(&self, c: &Constants<T>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
+        let tangent = self.s.column(2);
+        let (on_end, on_tangent) = self.compliance_forces(c);
+        out.torque = self.span_torque - tangent.cross(self.f[1] + on_tangent) + self.lambda;
+        out.nu = self.n + on_end;
+        let elastic = self.elastic_gradient(c, t);
+        for i in 0..A {
+            let arc = &self.arcs[i];
+            let (q, inverse) = (arc.end_jacobian(), arc.left_jacobian_inverse());
+            let tail = self.tail[i].skew();
+            if i == 0 {
+                out.to_strain[0] = inverse;
+                out.r[0] = q * inverse - tail;
+            } else {
+                let p = &self.prefix[i];
+                out.to_strain[i] = inverse * p.transpose();
+                out.r[i] = *p * (q * out.to_strain[i]) - tail;
+            }
+            out.g[i] = out.to_strain[i].tr_mul(elastic[i]) + out.torque - out.r[i].tr_mul(out.nu);
+        }
+    }
+
+    /// Elastic moments and those of continuous tendons, by each arc's rotation vector.
+    #[inline(always)]
+    fn elastic_gradient(&self, c: &Constants<T>, t: &Tendons<T>) -> [Vec3<T>; A] {
+        let mut g = self.bending_moments(c);
+        if t.path == TendonPath::Continuous {
+            let stretch = c.stretch(t);
+            for i in (0..A).step_by(2) {
+                for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                    let path = ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
+                    for (j, v) in path.gradient().into_iter().enumerate() {
+                        g[i + j] += v * tension;
+                    }
+                }
+            }
+        }
+        g
+    }
+
+    /// Elastic moments by each arc's rotation vector.
+    #[inline(always)]
+    pub fn bending_moments(&self, c: &Constants<T>) -> [Vec3<T>; A] {
+        let mut g = [Vec3::zero(); A];
+        for i in (0..A).step_by(2) {
+            let (sum, difference) = (
+                self.w[i] + self.w[i + 1],
+                (self.w[i] - self.w[i + 1]) * T::splat(0.75),
+            );
+            g[i] = c.moment(sum + difference);
+            g[i + 1] = c.moment(sum - difference);
+        }
+        g
+    }
+
+    /// Second derivatives, and how the end answers.
+    #[inline(always)]
+    pub fn hessian(
+        &self,
+        c: &Constants<T>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        out: &mut Hessian<T, A>,
+    ) -> Response<T, A> {
+        let half = T::splat(0.5);
+        let one = T::splat(1.0);
+        let tangent = self.s.column(2);
+        let (mean, change) = self.tangents(c);
+        let [_, d1, d2, d3] = c.d;
+        let n = self.n;
+        let (_, on_tangent) = self.compliance_forces(c);
+
+        // stiffness of the spans: translation g, rotation e, and between them k
+        let (mut g, mut k, mut e) = (Mat3::zero(), Mat3::zero(), Mat3::zero());
+        if t.path == TendonPath::Straight {
+            for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                let span = Span::new(c, tendon, &self.s, self.rho);
+                let (arm, direction) = (span.arm, span.direction);
+                let stiffness = tension * span.per_length;
+                let across = arm.cross(direction);
+                g += span.stiffness(tension);
+                k += (arm * stiffness).skew() - (across * stiffness).outer(direction);
+                let lever = direction * (tension * half) - arm * (stiffness * half);
+                let d = stiffness * arm.norm2() - tension * direction.dot(arm);
+                e += (lever.outer(arm) + arm.outer(lever) - (across * stiffness).outer(across))
+                    .add_diagonal([d; 3]);
+            }
+        }
+        // dead loads and compliance act on the end tangent
+        let f2 = self.f[1] + on_tangent;
+        let turn = n.cross(tangent);
+        let bubble = d3 * n.norm2();
+        let pulled = tangent * bubble - f2;
+        e += (pulled.outer(tangent).symmetric_part() - (turn * d2).outer(turn))
+            .add_diagonal([f2.dot(tangent) - bubble; 3]);
+
+        let compliance = self.compliance(c);
+        let m = (compliance * g).add_diagonal([one; 3]).inverse();
+        let d_hat = (m * compliance).symmetric_part();
+        let g_hat = (g * m).symmetric_part();
+        let x = (mean * (d1 * c.per_flexible))
+            .outer(n)
+            .add_diagonal([one + d1 * mean.dot(n) * c.per_flexible; 3]);
+        // motion of the end with its tangent, which a rotation u turns by u x tangent
+        let by_tangent = ((change * d2).outer(n) + (n * (d3 + d3)).outer(change))
+            .add_diagonal([d2 * change.dot(n); 3]);
+        let y = tangent.cross_mat(by_tangent.transpose()).transpose();
+        let mut j = [Mat3::zero(); A];
+        for i in 0..A {
+            j[i] = x.mul_add(grad.r[i], y);
+        }
+        let km = k * m;
+        let kd = k * d_hat;
+        let core = e - kd * k.transpose();
+
+        let nu = -grad.nu;
+        let half_torque = (grad.torque * half).skew();
+        let rank1 = d1 * c.per_flexible * c.per_flexible;
+        let [bending, torsion] = c.stiffness;
+        let (b, t3) = (bending * T::splat(1.75), torsion * T::splat(1.75));
+        let own = [b, b, t3];
+        let (b, t3) = (bending * T::splat(0.25), torsion * T::splat(0.25));
+        let beside = [b, b, t3];
+        let f1 = self.f[0];
+        let on_x = -(self.f[1].cross_mat(tangent.skew())) - (self.lambda * half).skew();
+        let mut kmj = [Mat3::zero(); A];
+        for i in 0..A {
+            kmj[i] = km * j[i];
+        }
+        for i in 0..A {
+            let pulled = g_hat * j[i];
+            let rn = grad.r[i].tr_mul(n);
+            for b in i..A {
+                let mut block =
+                    j[b].transpose().mul_add(pulled, core) + kmj[i] + kmj[b].transpose();
+                block -= (grad.r[b].tr_mul(n) * rank1).outer(rn);
+                if b > i {
+                    block -= (nu.cross_mat(grad.r[b]) + half_torque).transpose();
+                    if i % 2 == 0 && b == i + 1 {
+                        let between = self.coupling(c, t, i).add_diagonal(beside);
+                        block += grad.to_strain[b].tr_mat(between * grad.to_strain[i]);
+                    }
+                } else {
+                    let tail = self.tail[i];
+                    let p = &self.prefix[i];
+                    let local = self.arcs[i]
+                        .hessian(p.tr_mul(nu), p.tr_mul(grad.torque + tail.cross(nu)))
+                        .add_diagonal(own)
+                        + self.continuous_block(c, t, i);
+                    block += grad.to_strain[i].tr_mat(local * grad.to_strain[i]);
+                    block += nu
+                        .outer(tail)
+                        .symmetric_part()
+                        .add_diagonal([-nu.dot(tail); 3]);
+                }
+                out.uu[b][i] = block;
+            }
+            let moved = m.mul_add(j[i], -kd.transpose());
+            out.xu[i] = f1.cross_mat(moved) + on_x;
+        }
+        let mut xx = f1.cross_mat(f1.cross_mat(d_hat).transpose());
+        xx = -xx;
+        for (f, v) in self.f.iter().zip([self.rho, tangent, Vec3::ez()]) {
+            xx += (-f.outer(v).symmetric_part()).add_diagonal([f.dot(v); 3]);
+        }
+        out.xx = xx;
+        Response { j, m, d_hat, k }
+    }
+
+    /// Continuous tendons: second derivative by one arc's rotation vector.
+    #[inline(always)]
+    fn continuous_block(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> Mat3<T> {
+        self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)]
+    }
+
+    /// Continuous tendons: second derivative between the two arcs of an element.
+    #[inline(always)]
+    fn coupling(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> Mat3<T> {
+        self.continuous_blocks(c, t, i)[1]
+    }
+
+    #[inline(always)]
+    fn continuous_blocks(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
+        let mut blocks = [Mat3::zero(); 3];
+        if t.path == TendonPath::Continuous {
+            for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                let path =
+                    ParallelPath::new::<A>(c, tendon, c.stretch(t), self.w[i], self.w[i + 1]);
+                for (block, h) in blocks.iter_mut().zip(path.hessian()) {
+                    *block += h * tension;
+                }
+            }
+        }
+        blocks
+    }
+}
+
+impl<const A: usize> State<f64, A> {
+    /// A point of the backbone at a fraction of the way to the end disk.
+    pub fn point(&self, c: &Constants<f64>, fraction: f64) -> Vec3 {
         let [start, end] = c.clamp;
         let along = fraction * (start + c.flexible + end) - start;
         let at = along / c.flexible * A as f64;
         if at <= 0.0 {
-            return Vec3::splat([0.0, 0.0, along + start]);
+            return Vec3([0.0, 0.0, along + start]);
         }
-        let clamped = Vec3::splat([0.0, 0.0, start]);
-        let yielded = (self.rho - self.rho0) * T::splat((at / A as f64).min(1.0));
+        let clamped = Vec3([0.0, 0.0, start]);
         if at >= A as f64 {
-            let beyond = T::splat(along - c.flexible);
-            return clamped + self.rho + self.s.column(2) * beyond;
+            return clamped + self.rho + self.s.column(2) * (along - c.flexible);
         }
+        let yielded = (self.rho - self.rho0) * (at / A as f64);
         let i = at as usize;
-        let part = T::splat(at - i as f64);
+        let part = at - i as f64;
         let arc = ArcMap::new(self.w[i] * part, self.arcs[i].length() * part);
         let mut from = Vec3::zero();
         for j in 0..i {
@@ -276,238 +546,44 @@ impl<T: Real, const A: usize> State<T, A> {
         }
         clamped + from + self.prefix[i] * arc.end + yielded
     }
+}
 
-    /// Pose of the end disk in the base frame.
-    #[inline(always)]
-    pub fn end_pose(&self, c: &Constants) -> (Mat3<T>, Vec3<T>) {
-        (
-            self.rotation * self.s,
-            self.position + self.rotation * self.offset(c),
-        )
-    }
-
-    /// From the start disk to the end disk.
-    #[inline(always)]
-    fn offset(&self, c: &Constants) -> Vec3<T> {
-        let [start, end] = c.clamp.map(T::splat);
-        let mut offset = self.rho + self.s.column(2) * end;
-        offset.0[2] += start;
-        offset
-    }
-
+impl<T: Real> Constants<T> {
     /// Extension of the backbone by tendons that run along it.
     #[inline(always)]
-    pub fn stretch(&self, c: &Constants, tensions: &[T]) -> T {
-        let one = T::splat(1.0);
-        if !c.continuous {
-            return one;
+    fn stretch(&self, t: &Tendons<T>) -> T {
+        let mut stretch = T::splat(1.0);
+        if t.path == TendonPath::Continuous {
+            for &tension in t.tensions {
+                stretch -= tension * self.axial_compliance;
+            }
         }
-        let mut sum = T::zero();
-        for &t in tensions {
-            sum += t;
-        }
-        one - sum * T::splat(c.axial_compliance)
+        stretch
     }
+}
 
-    #[inline(always)]
-    fn tangents(&self, c: &Constants) -> (Vec3<T>, Vec3<T>) {
-        let mean = self.rho0 * T::splat(1.0 / c.flexible);
-        (mean, self.s.column(2) - Vec3::ez())
-    }
-
-    #[inline(always)]
-    fn compliance(&self, c: &Constants) -> Mat3<T> {
-        let (mean, change) = self.tangents(c);
-        let d = c.d.map(T::splat);
-        Mat3::scalar(d[0] + d[3] * change.norm2())
-            + (mean * d[1]).outer(mean)
-            + (change * d[2]).outer(change)
-    }
-
-    /// Backward: moment imbalance, and the costate handed on to the module before.
-    ///
-    /// `lambda` is the costate in the frame of the end disk; returns it in that of the start.
-    #[inline(always)]
-    pub fn gradient(
-        &self,
-        c: &Constants,
-        tendons: &[Tendon],
-        tensions: &[T],
-        lambda: Vec3<T>,
-        out: &mut Gradient<T, A>,
-    ) -> Vec3<T> {
-        let t = self.s.column(2);
-        let (mean, change) = self.tangents(c);
-        let n = self.n;
-        let d = c.d.map(T::splat);
-        let nu = n + n * (d[1] * mean.dot(n) * T::splat(1.0 / c.flexible));
-        let mu = n * (d[2] * change.dot(n)) + change * (d[3] * n.norm2());
-        out.lambda = self.s * lambda;
-        out.torque = self.span_torque - t.cross(self.f[1] + mu) + out.lambda;
-        out.nu = nu;
-        for i in 0..A {
-            out.h[i] = self.prefix[i] * self.arcs[i].left_jacobian();
-            out.r[i] =
-                self.prefix[i] * self.arcs[i].end_jacobian() - self.tail[i].skew() * out.h[i];
-            out.g[i] = out.h[i].tr_mul(out.torque) - out.r[i].tr_mul(nu);
-        }
-        for i in (0..A).step_by(2) {
-            let (sum, difference) = (
-                self.w[i] + self.w[i + 1],
-                (self.w[i] - self.w[i + 1]) * T::splat(0.75),
-            );
-            out.g[i] += scaled(sum + difference, c.stiffness);
-            out.g[i + 1] += scaled(sum - difference, c.stiffness);
-            if c.continuous {
-                let stretch = self.stretch(c, &tensions[c.first_tendon..]);
-                for k in c.first_tendon..tendons.len() {
-                    let path =
-                        ParallelPath::new(c, A, &tendons[k], stretch, self.w[i], self.w[i + 1]);
-                    for (j, g) in path.gradient().into_iter().enumerate() {
-                        out.g[i + j] += g * tensions[k];
-                    }
-                }
-            }
-        }
-        out.lambda - self.rho.cross(self.f[0]) - t.cross(self.f[1]) - Vec3::ez().cross(self.f[2])
-    }
-
-    /// Second derivatives at constant costate.
-    #[inline(always)]
-    pub fn hessian(
-        &self,
-        c: &Constants,
-        tendons: &[Tendon],
-        tensions: &[T],
-        grad: &Gradient<T, A>,
-    ) -> Hessian<T, A> {
-        let half = T::splat(0.5);
-        let t = self.s.column(2);
-        let (mean, change) = self.tangents(c);
-        let d = c.d.map(T::splat);
-        let n = self.n;
-        let (mean_n, change_n, n2) = (mean.dot(n), change.dot(n), n.norm2());
-        let mu = n * (d[2] * change_n) + change * (d[3] * n2);
-
-        // stiffness of the spans: translation g, rotation e, and between them k
-        let (mut g, mut k, mut e) = (Mat3::zero(), Mat3::zero(), Mat3::zero());
-        if !c.continuous {
-            for i in c.first_tendon..tendons.len() {
-                let span = Span::new(c, &tendons[i], &self.s, self.rho);
-                let (arm, direction) = (span.arm, span.direction);
-                let tension = tensions[i];
-                let stiffness = tension / span.length;
-                let across = arm.cross(direction);
-                g += span.stiffness(tension);
-                k += (arm.skew() - across.outer(direction)) * stiffness;
-                let m = direction * tension;
-                e += (arm * (-stiffness)).outer(arm) - (across * stiffness).outer(across)
-                    + (m.outer(arm)).symmetric_part()
-                    + Mat3::scalar(stiffness * arm.norm2() - m.dot(arm));
-            }
-        }
-        // dead loads and compliance act on the end tangent
-        let f2 = self.f[1] + mu;
-        e += Mat3::scalar(f2.dot(t)) - f2.outer(t).symmetric_part();
-        let turn = n.cross(t);
-        e -= (turn * d[2]).outer(turn);
-        e -= (Mat3::scalar(t.norm2()) - t.outer(t)) * (d[3] * n2);
-
-        let compliance = self.compliance(c);
-        let m = (Mat3::identity() + compliance * g).inverse();
-        let d_hat = (m * compliance).symmetric_part();
-        let g_hat = (g * m).symmetric_part();
-        let h_inv = T::splat(1.0 / c.flexible);
-        let x =
-            Mat3::scalar(T::splat(1.0) + d[1] * mean_n * h_inv) + (mean * (d[1] * h_inv)).outer(n);
-        // motion of the end by its tangent: s (s.N) d3 + |s|^2 N d4, s turned by -[t]
-        let y = -((Mat3::scalar(d[2] * change_n)
-            + (change * d[2]).outer(n)
-            + (n * (T::splat(2.0) * d[3])).outer(change))
-            * t.skew());
-        let mut j = [Mat3::zero(); A];
-        for i in 0..A {
-            j[i] = x * grad.r[i] + y * grad.h[i];
-        }
-        let km = k * m;
-        let core = e - k * d_hat * k.transpose();
-
-        let mut uu = [[Mat3::zero(); A]; A];
-        let mut xu = [Mat3::zero(); A];
-        let f1 = self.f[0].skew();
-        let lambda = (grad.lambda * half).skew();
-        let on_h = -(self.f[1].skew() * t.skew()) - lambda - f1 * d_hat * k.transpose();
-        let on_j = f1 * m;
-        let rank1 = d[1] * h_inv * h_inv;
-        let nu = -grad.nu;
-        let nu_skew = nu.skew();
-        let torque_skew = (grad.torque * half).skew();
-        for i in 0..A {
-            let (hi, ji) = (grad.h[i], j[i]);
-            let along_h = core * hi + km * ji;
-            let along_j = g_hat * ji + km.tr_mat(hi);
-            let rn = grad.r[i].tr_mul(n);
-            for b in i..A {
-                let mut block = grad.h[b].tr_mat(along_h) + j[b].tr_mat(along_j);
-                block -= (grad.r[b].tr_mul(n) * rank1).outer(rn);
-                if b > i {
-                    // rows of the later arc: transpose of -h_i' ([nu] r_b + [lambda] h_b)
-                    block +=
-                        (nu_skew * grad.r[b] + torque_skew * grad.h[b]).tr_mat(hi) * T::splat(-1.0);
-                } else {
-                    let y = self.tail[i];
-                    let p = self.prefix[i];
-                    block +=
-                        self.arcs[i].hessian(p.tr_mul(nu), p.tr_mul(grad.torque + y.cross(nu)));
-                    let tail = nu.outer(y).symmetric_part() - Mat3::scalar(nu.dot(y));
-                    block += hi.tr_mat(tail * hi);
-                }
-                uu[b][i] = block;
-            }
-            xu[i] = on_h * hi + on_j * ji;
-        }
-        for i in (0..A).step_by(2) {
-            for q in 0..3 {
-                let s = c.stiffness[q];
-                uu[i][i].0[q][q] += T::splat(1.75 * s);
-                uu[i + 1][i + 1].0[q][q] += T::splat(1.75 * s);
-                uu[i + 1][i].0[q][q] += T::splat(0.25 * s);
-            }
-            if c.continuous {
-                let stretch = self.stretch(c, &tensions[c.first_tendon..]);
-                for k in c.first_tendon..tendons.len() {
-                    let path =
-                        ParallelPath::new(c, A, &tendons[k], stretch, self.w[i], self.w[i + 1]);
-                    let [aa, ba, bb] = path.hessian();
-                    uu[i][i] += aa * tensions[k];
-                    uu[i + 1][i] += ba * tensions[k];
-                    uu[i + 1][i + 1] += bb * tensions[k];
-                }
-            }
-        }
-        let mut xx = f1 * d_hat * f1;
-        for (f, v) in self.f.iter().zip([self.rho, t, Vec3::ez()]) {
-            xx += Mat3::scalar(f.dot(v)) - f.outer(v).symmetric_part();
-        }
-        Hessian {
-            uu,
-            xu,
-            xx,
-            response: Response { j, m, d_hat, k },
+impl<T: Real, const A: usize> Gradient<T, A> {
+    pub fn empty() -> Self {
+        let (zero, matrix) = (Vec3::zero(), Mat3::zero());
+        Gradient {
+            to_strain: [matrix; A],
+            r: [matrix; A],
+            torque: zero,
+            nu: zero,
+            g: [zero; A],
         }
     }
 }
 
-/// Rounds for `rho` and `N`; two are usual.
-const MAX_ROUNDS: usize = 12;
-
-#[inline(always)]
-fn scaled<T: Real>(v: Vec3<T>, s: [f64; 3]) -> Vec3<T> {
-    Vec3([
-        v[0] * T::splat(s[0]),
-        v[1] * T::splat(s[1]),
-        v[2] * T::splat(s[2]),
-    ])
+impl<T: Real, const A: usize> Hessian<T, A> {
+    pub fn empty() -> Self {
+        let zero = Mat3::zero();
+        Hessian {
+            uu: [[zero; A]; A],
+            xu: [zero; A],
+            xx: zero,
+        }
+    }
 }
 
 /// A straight piece of tendon between two neighbouring holes.
@@ -515,73 +591,81 @@ pub(crate) struct Span<T> {
     /// From the end of the flexible backbone to the end hole.
     pub arm: Vec3<T>,
     pub length: T,
+    pub per_length: T,
     pub direction: Vec3<T>,
 }
 
 impl<T: Real> Span<T> {
     #[inline(always)]
-    pub fn new(c: &Constants, tendon: &Tendon, s: &Mat3<T>, rho: Vec3<T>) -> Self {
-        let [x, y] = tendon.hole.map(T::splat);
-        let [start, end] = c.clamp.map(T::splat);
-        let arm = s.column(0) * x + s.column(1) * y + s.column(2) * end;
+    pub fn new(c: &Constants<T>, tendon: &Tendon, s: &Mat3<T>, rho: Vec3<T>) -> Self {
+        let (x, y) = (T::splat(tendon.hole[0]), T::splat(tendon.hole[1]));
+        let [start, end] = c.clamp;
+        let arm = s
+            .column(2)
+            .scaled_add(end, s.column(1).scaled_add(y, s.column(0) * x));
         let v = rho + arm - Vec3([x, y, -start]);
         let length = v.norm();
+        let per_length = T::splat(1.0) / length;
         Span {
             arm,
             length,
-            direction: v * (T::splat(1.0) / length),
+            per_length,
+            direction: v * per_length,
         }
     }
 
     /// Geometric stiffness: `T / length (I - d d')`.
     #[inline(always)]
     fn stiffness(&self, tension: T) -> Mat3<T> {
-        let s = tension / self.length;
-        Mat3::scalar(s) - (self.direction * s).outer(self.direction)
+        let s = tension * self.per_length;
+        (self.direction * -s)
+            .outer(self.direction)
+            .add_diagonal([s; 3])
     }
 }
 
 /// A tendon along a curve parallel to one element, by two Gauss points.
-pub(crate) struct ParallelPath<T> {
-    pub length: T,
+struct ParallelPath<T> {
+    length: T,
     hole: Vec3<T>,
     /// Unit tangent and speed at each Gauss point.
     points: [(Vec3<T>, T); 2],
     /// Length that a point stands for.
-    weight: f64,
+    weight: T,
     /// Derivative of a Gauss point's curvature by the nearer and the farther arc.
-    near: f64,
-    far: f64,
+    near: T,
+    far: T,
 }
 
 impl<T: Real> ParallelPath<T> {
     #[inline(always)]
-    pub fn new(
-        c: &Constants,
-        arcs: usize,
+    fn new<const A: usize>(
+        c: &Constants<T>,
         tendon: &Tendon,
         stretch: T,
         a: Vec3<T>,
         b: Vec3<T>,
     ) -> Self {
-        let h = c.flexible * 2.0 / arcs as f64;
+        let elements = A as f64 / 2.0;
         let slope = 3f64.sqrt() / 2.0;
-        let (near, far) = ((1.0 + slope) / h, (1.0 - slope) / h);
+        let per_length = c.per_flexible * T::splat(elements);
+        let near = per_length * T::splat(1.0 + slope);
+        let far = per_length * T::splat(1.0 - slope);
+        let weight = c.flexible * T::splat(0.5 / elements);
         let hole = Vec3::splat([tendon.hole[0], tendon.hole[1], 0.0]);
         let mut length = T::zero();
         let points = [(a, b), (b, a)].map(|(first, other)| {
-            let curvature = first * T::splat(near) + other * T::splat(far);
-            let mut q = curvature.cross(hole);
+            let mut q = (first * near + other * far).cross(hole);
             q.0[2] += stretch;
             let speed = q.norm();
-            length += speed * T::splat(h / 2.0);
+            length += speed * weight;
             (q * (T::splat(1.0) / speed), speed)
         });
         ParallelPath {
             length,
             hole,
             points,
-            weight: h / 2.0,
+            weight,
             near,
             far,
         }
@@ -591,10 +675,7 @@ impl<T: Real> ParallelPath<T> {
     #[inline(always)]
     fn gradient(&self) -> [Vec3<T>; 2] {
         let [p, q] = self.points.map(|(d, _)| self.hole.cross(d));
-        let (near, far) = (
-            T::splat(self.near * self.weight),
-            T::splat(self.far * self.weight),
-        );
+        let (near, far) = (self.near * self.weight, self.far * self.weight);
         [p * near + q * far, p * far + q * near]
     }
 
@@ -604,11 +685,13 @@ impl<T: Real> ParallelPath<T> {
         let b = self.hole;
         let [p, q] = self.points.map(|(d, speed)| {
             let across = b.cross(d);
-            (Mat3::scalar(b.norm2()) - b.outer(b) - across.outer(across))
-                * (T::splat(self.weight) / speed)
+            (Mat3::scalar(b.norm2()) - b.outer(b) - across.outer(across)) * (self.weight / speed)
         });
         let (n, f) = (self.near, self.far);
-        let [nn, nf, ff] = [n * n, n * f, f * f].map(T::splat);
-        [p * nn + q * ff, (p + q) * nf, p * ff + q * nn]
+        [
+            p * (n * n) + q * (f * f),
+            (p + q) * (n * f),
+            p * (f * f) + q * (n * n),
+        ]
     }
 }

@@ -1,8 +1,11 @@
-//! The scalar of the mechanics: one `f64`, or several robots side by side in SIMD lanes.
+//! The scalar of the mechanics: one `f64`, or several numbers side by side in SIMD lanes.
+//!
+//! A solve puts modules side by side, a batch puts robots side by side; [`Layout`] names the
+//! two kinds of number that this takes. The mechanics is written once, over [`Real`].
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// What the mechanics needs of a number; implemented by `f64` and by [`Lanes`].
+/// What the mechanics needs of a number.
 pub trait Real:
     Copy
     + Add<Output = Self>
@@ -13,26 +16,54 @@ pub trait Real:
     + AddAssign
     + SubAssign
 {
+    /// How many numbers lie side by side.
+    const LANES: usize;
     /// The same number in every lane.
     fn splat(x: f64) -> Self;
+    /// Lane by lane.
+    fn from_fn(f: impl FnMut(usize) -> f64) -> Self;
+    /// One lane.
+    fn lane(&self, i: usize) -> f64;
+    fn set_lane(&mut self, i: usize, x: f64);
     fn sqrt(self) -> Self;
     fn abs(self) -> Self;
+    /// The larger of two; NaN if either is NaN.
     fn max(self, other: Self) -> Self;
-    /// The largest lane; NaN if any lane is NaN.
-    fn largest(self) -> f64;
-    /// Applies a scalar function lane by lane: for rare paths only.
-    fn map(self, f: impl Fn(f64) -> f64) -> Self;
+    /// `self * a + b`, fused where the processor can.
+    fn mul_add(self, a: Self, b: Self) -> Self;
 
     #[inline(always)]
     fn zero() -> Self {
         Self::splat(0.0)
     }
+    /// The largest lane; NaN if any lane is NaN.
+    #[inline(always)]
+    fn largest(self) -> f64 {
+        let mut m = self.lane(0);
+        for i in 1..Self::LANES {
+            m = Real::max(m, self.lane(i));
+        }
+        m
+    }
 }
 
 impl Real for f64 {
+    const LANES: usize = 1;
     #[inline(always)]
     fn splat(x: f64) -> Self {
         x
+    }
+    #[inline(always)]
+    fn from_fn(mut f: impl FnMut(usize) -> f64) -> Self {
+        f(0)
+    }
+    #[inline(always)]
+    fn lane(&self, _: usize) -> f64 {
+        *self
+    }
+    #[inline(always)]
+    fn set_lane(&mut self, _: usize, x: f64) {
+        *self = x;
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -52,101 +83,36 @@ impl Real for f64 {
         }
     }
     #[inline(always)]
-    fn largest(self) -> f64 {
-        self
-    }
-    #[inline(always)]
-    fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        f(self)
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        self * a + b
     }
 }
 
-/// `N` numbers that go through the same arithmetic together.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[repr(align(64))]
-pub struct Lanes<const N: usize>(pub [f64; N]);
-
-macro_rules! lanes_operator {
-    ($trait:ident, $method:ident, $op:tt) => {
-        impl<const N: usize> $trait for Lanes<N> {
-            type Output = Self;
-            #[inline(always)]
-            fn $method(mut self, other: Self) -> Self {
-                for i in 0..N {
-                    self.0[i] = self.0[i] $op other.0[i];
-                }
-                self
-            }
-        }
-    };
-}
-lanes_operator!(Add, add, +);
-lanes_operator!(Sub, sub, -);
-lanes_operator!(Mul, mul, *);
-lanes_operator!(Div, div, /);
-
-impl<const N: usize> Neg for Lanes<N> {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(mut self) -> Self {
-        for x in &mut self.0 {
-            *x = -*x;
-        }
-        self
-    }
-}
-impl<const N: usize> AddAssign for Lanes<N> {
-    #[inline(always)]
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
-}
-impl<const N: usize> SubAssign for Lanes<N> {
-    #[inline(always)]
-    fn sub_assign(&mut self, other: Self) {
-        *self = *self - other;
-    }
+/// Which numbers lie side by side.
+pub trait Layout {
+    /// Number for what modules do by themselves: `WIDTH` modules side by side.
+    type Module: Real;
+    /// Number for what goes from module to module.
+    type Chain: Real;
+    const WIDTH: usize;
+    fn get(m: &Self::Module, i: usize) -> Self::Chain;
+    fn put(m: &mut Self::Module, i: usize, c: Self::Chain);
 }
 
-impl<const N: usize> Real for Lanes<N> {
+/// One robot, one module after the other: any processor.
+#[derive(Clone, Copy, Debug)]
+pub struct Scalar;
+
+impl Layout for Scalar {
+    type Module = f64;
+    type Chain = f64;
+    const WIDTH: usize = 1;
     #[inline(always)]
-    fn splat(x: f64) -> Self {
-        Lanes([x; N])
+    fn get(m: &f64, _: usize) -> f64 {
+        *m
     }
     #[inline(always)]
-    fn sqrt(mut self) -> Self {
-        for x in &mut self.0 {
-            *x = x.sqrt();
-        }
-        self
-    }
-    #[inline(always)]
-    fn abs(mut self) -> Self {
-        for x in &mut self.0 {
-            *x = x.abs();
-        }
-        self
-    }
-    #[inline(always)]
-    fn max(mut self, other: Self) -> Self {
-        for i in 0..N {
-            self.0[i] = Real::max(self.0[i], other.0[i]);
-        }
-        self
-    }
-    #[inline(always)]
-    fn largest(self) -> f64 {
-        let mut m = self.0[0];
-        for i in 1..N {
-            m = Real::max(m, self.0[i]);
-        }
-        m
-    }
-    #[inline(always)]
-    fn map(mut self, f: impl Fn(f64) -> f64) -> Self {
-        for x in &mut self.0 {
-            *x = f(*x);
-        }
-        self
+    fn put(m: &mut f64, _: usize, c: f64) {
+        *m = c;
     }
 }

@@ -1,6 +1,5 @@
 //! The robot as the mechanics sees it: checked once, immutable afterwards.
 
-use crate::linalg::Vec3;
 use std::fmt;
 
 /// Why a robot or a load was refused: one sentence.
@@ -202,9 +201,6 @@ impl Robot {
     }
     pub(crate) fn section(&self, module: usize) -> &Section {
         &self.spec.sections[self.modules[module].segment]
-    }
-    pub(crate) fn gravity(&self) -> Vec3 {
-        Vec3(self.spec.gravity)
     }
     /// The measure of moments: bending stiffness over length, N m; the softest segment's.
     pub fn moment_scale(&self) -> f64 {

@@ -1,92 +1,141 @@
 //! The whole robot as a chain of modules: the passes that every solver is made of.
+//!
+//! What modules do by themselves runs in lanes (`L::Module`); what goes from one to the next,
+//! rotations, costate and elimination, runs along the chain (`L::Chain`).
 
 use crate::linalg::{Mat3, Vec3};
 use crate::load::{Load, Model, TendonPath};
-use crate::module::{Constants, DeadLoad, Gradient, ParallelPath, Span, State};
-use crate::real::Real;
+use crate::module::{Constants, Gradient, Hessian, Span, State, Tendons};
+use crate::real::{Layout, Real};
 use crate::robot::{Robot, Tendon};
 use crate::sweep::{Eliminated, Value};
 
 /// A robot under load, with its scratch memory: no pass allocates.
 #[derive(Clone)]
-pub(crate) struct Rod<T, const A: usize> {
-    pub constants: Vec<Constants>,
-    pub states: Vec<State<T, A>>,
-    pub gradients: Vec<Gradient<T, A>>,
-    pub eliminated: Vec<Eliminated<T, A>>,
-    pub tendons: Vec<Tendon>,
-    pub tensions: Vec<T>,
-    pub continuous: bool,
-    dead: Vec<DeadLoad<T>>,
+pub(crate) struct Rod<L: Layout, const A: usize> {
+    /// By groups of `L::WIDTH` modules; the last may hold idle ones.
+    pub constants: Vec<Constants<L::Module>>,
+    pub states: Vec<State<L::Module, A>>,
+    pub gradients: Vec<Gradient<L::Module, A>>,
+    pub hessians: Vec<Hessian<L::Module, A>>,
+    step: Vec<[Vec3<L::Module>; A]>,
+    saved: Vec<[Vec3<L::Module>; A]>,
+    /// Tension of every tendon in every group, zero where it does not pass.
+    tensions: Vec<L::Module>,
+    /// By modules.
+    pub eliminated: Vec<Eliminated<L::Chain, A>>,
+    dead: Vec<[Vec3<L::Chain>; 3]>,
+    /// Of the disks, base included.
+    pub rotations: Vec<Mat3<L::Chain>>,
+    modules: Vec<Constants<f64>>,
     masses: Vec<f64>,
-    tip_moment: Vec3<T>,
-    step: Vec<[Vec3<T>; A]>,
-    saved: Vec<[Vec3<T>; A]>,
+    first_tendon: Vec<usize>,
+    tendons: Vec<Tendon>,
+    path: TendonPath,
+    tip_moment: Vec3<L::Chain>,
 }
 
 /// What the step promises.
 pub(crate) struct Step<T> {
     /// Directional derivative of the energy.
     pub slope: T,
-    /// Largest change of an arc's rotation vector, rad.
+    /// Largest rotation that an arc adds, rad.
     pub largest: T,
 }
 
-impl<T: Real, const A: usize> Rod<T, A> {
+#[inline(always)]
+fn get<L: Layout>(v: &Vec3<L::Module>, i: usize) -> Vec3<L::Chain> {
+    Vec3([L::get(&v.0[0], i), L::get(&v.0[1], i), L::get(&v.0[2], i)])
+}
+
+#[inline(always)]
+fn get_mat<L: Layout>(m: &Mat3<L::Module>, i: usize) -> Mat3<L::Chain> {
+    let mut out = Mat3::zero();
+    for (row, from) in out.0.iter_mut().zip(&m.0) {
+        for (x, y) in row.iter_mut().zip(from) {
+            *x = L::get(y, i);
+        }
+    }
+    out
+}
+
+#[inline(always)]
+fn put<L: Layout>(v: &mut Vec3<L::Module>, i: usize, c: Vec3<L::Chain>) {
+    for q in 0..3 {
+        L::put(&mut v.0[q], i, c.0[q]);
+    }
+}
+
+impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn new(robot: &Robot, model: Model) -> Self {
         let n = robot.module_count();
+        let groups = n.div_ceil(L::WIDTH);
+        let modules: Vec<_> = (0..n)
+            .map(|k| Constants::new(robot, k, model, A / 2))
+            .collect();
         let zero = [Vec3::zero(); A];
-        let state = State::straight();
         Rod {
-            constants: (0..n)
-                .map(|k| Constants::new(robot, k, model, A / 2))
+            constants: (0..groups)
+                .map(|g| {
+                    Constants::gather(|i| {
+                        // robots side by side share their modules; idle modules repeat the last
+                        let i = if L::WIDTH == 1 { 0 } else { i };
+                        modules[(g * L::WIDTH + i).min(n - 1)]
+                    })
+                })
                 .collect(),
-            states: vec![state; n],
-            gradients: vec![Gradient::empty(); n],
+            states: vec![State::straight(); groups],
+            gradients: vec![Gradient::empty(); groups],
+            hessians: vec![Hessian::empty(); groups],
+            step: vec![zero; groups],
+            saved: vec![zero; groups],
+            tensions: vec![L::Module::zero(); groups * robot.tendon_count()],
             eliminated: vec![Eliminated::empty(); n],
-            tendons: robot.spec().tendons.clone(),
-            tensions: vec![T::zero(); robot.tendon_count()],
-            continuous: model.tendon == TendonPath::Continuous,
-            dead: vec![
-                DeadLoad {
-                    f: [Vec3::zero(); 3]
-                };
-                n
-            ],
+            dead: vec![[Vec3::zero(); 3]; n],
+            rotations: vec![Mat3::identity(); n + 1],
             masses: robot.spec().disks.iter().map(|d| d.mass).collect(),
+            first_tendon: robot.modules.iter().map(|m| m.first_tendon).collect(),
+            tendons: robot.spec().tendons.clone(),
+            path: model.tendon,
             tip_moment: Vec3::zero(),
-            step: vec![zero; n],
-            saved: vec![zero; n],
+            modules,
         }
     }
 
-    /// Sets dead loads and tensions, read lane by lane.
+    /// Sets dead loads and tensions.
     #[inline(always)]
     pub fn set_load(
         &mut self,
-        tension: impl Fn(usize) -> T,
-        gravity: Vec3<T>,
-        tip_force: Vec3<T>,
-        tip_moment: Vec3<T>,
+        tension: impl Fn(usize) -> L::Chain,
+        gravity: Vec3<L::Chain>,
+        tip_force: Vec3<L::Chain>,
+        tip_moment: Vec3<L::Chain>,
     ) {
-        for (i, t) in self.tensions.iter_mut().enumerate() {
-            *t = tension(i);
+        let count = self.tendons.len();
+        for i in 0..count {
+            let t = tension(i);
+            for (k, first) in self.first_tendon.iter().enumerate() {
+                if i >= *first {
+                    let place = &mut self.tensions[k / L::WIDTH * count + i];
+                    L::put(place, k % L::WIDTH, t);
+                }
+            }
         }
         self.tip_moment = tip_moment;
+        let splat = L::Chain::splat;
         let mut force = tip_force;
-        for k in (0..self.dead.len()).rev() {
-            let c = &self.constants[k];
+        for (k, c) in self.modules.iter().enumerate().rev() {
             let (h, [start, end]) = (c.flexible, c.clamp);
-            let weight = gravity * T::splat(c.mass_per_length);
-            force += gravity * T::splat(self.masses[k]);
+            let weight = gravity * splat(c.mass_per_length);
+            force += gravity * splat(self.masses[k]);
             // the flexible part's weight by Hermite's rule: half at each end, and a couple
-            self.dead[k].f = [
-                force + weight * T::splat(h / 2.0 + end),
-                force * T::splat(end) + weight * T::splat(end * end / 2.0 - h * h / 12.0),
-                force * T::splat(start)
-                    + weight * T::splat(start * (start / 2.0 + h + end) + h * h / 12.0),
+            self.dead[k] = [
+                force + weight * splat(h / 2.0 + end),
+                force * splat(end) + weight * splat(end * end / 2.0 - h * h / 12.0),
+                force * splat(start)
+                    + weight * splat(start * (start / 2.0 + h + end) + h * h / 12.0),
             ];
-            force += weight * T::splat(h + start + end);
+            force += weight * splat(h + start + end);
         }
     }
 
@@ -101,97 +150,179 @@ impl<T: Real, const A: usize> Rod<T, A> {
         }
     }
 
-    /// Forward pass: poses and forces; returns the potential energy (tip moment left out).
     #[inline(always)]
-    pub fn evaluate(&mut self) -> T {
-        let (mut rotation, mut position) = (Mat3::identity(), Vec3::zero());
-        let mut energy = T::zero();
-        for ((state, c), load) in self.states.iter_mut().zip(&self.constants).zip(&self.dead) {
-            (state.rotation, state.position) = (rotation, position);
-            state.evaluate(c, load, &self.tendons, &self.tensions);
-            (rotation, position) = state.end_pose(c);
-            energy += state.energy;
+    pub fn tendons(&self, group: usize) -> Tendons<'_, L::Module> {
+        let count = self.tendons.len();
+        Tendons {
+            tendons: &self.tendons,
+            tensions: &self.tensions[group * count..(group + 1) * count],
+            path: self.path,
+        }
+    }
+
+    /// Forward pass: shapes and forces; returns the potential energy (tip moment left out).
+    #[inline(always)]
+    pub fn evaluate(&mut self) -> L::Chain {
+        let count = self.tendons.len();
+        let tendons = |g: usize| Tendons {
+            tendons: &self.tendons,
+            tensions: &self.tensions[g * count..(g + 1) * count],
+            path: self.path,
+        };
+        for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
+            state.shape(c, &tendons(g));
+        }
+        let mut rotation = Mat3::identity();
+        for k in 0..self.dead.len() {
+            let (state, i) = (&mut self.states[k / L::WIDTH], k % L::WIDTH);
+            for (f, dead) in state.f.iter_mut().zip(&self.dead[k]) {
+                put::<L>(f, i, rotation.tr_mul(*dead));
+            }
+            rotation = rotation * get_mat::<L>(&state.s, i);
+            self.rotations[k + 1] = rotation;
+        }
+        let mut energy = L::Chain::zero();
+        for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
+            state.balance(c, &tendons(g));
+            for i in 0..L::WIDTH.min(self.dead.len() - g * L::WIDTH) {
+                energy += L::get(&state.energy, i);
+            }
         }
         energy
     }
 
     /// Backward pass: gradient by the exact costate; returns the largest moment imbalance, N m.
     #[inline(always)]
-    pub fn gradient(&mut self) -> T {
-        let n = self.states.len();
-        let (tip, _) = self.tip();
-        let mut lambda = -tip.tr_mul(self.tip_moment);
-        let mut residual = T::zero();
+    pub fn gradient(&mut self) -> L::Chain {
+        let n = self.dead.len();
+        let mut lambda = -self.rotations[n].tr_mul(self.tip_moment);
         for k in (0..n).rev() {
-            let out = &mut self.gradients[k];
-            lambda = self.states[k].gradient(
-                &self.constants[k],
-                &self.tendons,
-                &self.tensions,
-                lambda,
-                out,
-            );
-            for g in &out.g {
-                residual = residual.max(g.max_abs());
+            let (state, i) = (&mut self.states[k / L::WIDTH], k % L::WIDTH);
+            lambda = get_mat::<L>(&state.s, i) * lambda;
+            put::<L>(&mut state.lambda, i, lambda);
+            lambda -= get::<L>(&state.load_moment, i);
+        }
+        let mut residual = L::Module::zero();
+        for g in 0..self.states.len() {
+            let t = Tendons {
+                tendons: &self.tendons,
+                tensions: &self.tensions[g * self.tendons.len()..(g + 1) * self.tendons.len()],
+                path: self.path,
+            };
+            let out = &mut self.gradients[g];
+            self.states[g].gradient(&self.constants[g], &t, out);
+            for v in &out.g {
+                residual = residual.max(v.max_abs());
             }
         }
-        residual
+        let mut largest = L::get(&residual, 0);
+        for i in 1..L::WIDTH {
+            largest = largest.max(L::get(&residual, i));
+        }
+        largest
     }
 
-    /// Backward pass: eliminates every strain; returns the least pivot, positive at a minimum.
+    /// Second derivatives of all modules at the present gradient.
     #[inline(always)]
-    pub fn eliminate<const SYMMETRIC: bool>(&mut self, shift: T) -> T {
-        let n = self.states.len();
+    pub fn linearise(&mut self) {
+        for g in 0..self.states.len() {
+            let t = Tendons {
+                tendons: &self.tendons,
+                tensions: &self.tensions[g * self.tendons.len()..(g + 1) * self.tendons.len()],
+                path: self.path,
+            };
+            self.states[g].hessian(
+                &self.constants[g],
+                &t,
+                &self.gradients[g],
+                &mut self.hessians[g],
+            );
+        }
+    }
+
+    /// Backward pass: eliminates every arc; returns the least pivot, positive at a minimum.
+    #[inline(always)]
+    pub fn eliminate<const SYMMETRIC: bool>(&mut self, shift: L::Chain) -> L::Chain {
+        let n = self.dead.len();
         // in its log chart a rotation sees a dead moment as a skew stiffness
-        let (tip, _) = self.tip();
+        let moment = self.rotations[n].tr_mul(self.tip_moment);
         let mut value = Value {
-            matrix: (tip.tr_mul(self.tip_moment) * T::splat(-0.5)).skew(),
-            least_pivot: T::splat(f64::INFINITY),
+            matrix: (moment * L::Chain::splat(-0.5)).skew(),
+            least_pivot: L::Chain::splat(f64::INFINITY),
         };
         for k in (0..n).rev() {
-            let (state, gradient) = (&self.states[k], &self.gradients[k]);
-            let hessian =
-                state.hessian(&self.constants[k], &self.tendons, &self.tensions, gradient);
-            self.eliminated[k]
-                .eliminate::<SYMMETRIC>(hessian, gradient, &state.s, shift, &mut value);
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let all = &self.hessians[g];
+            let mut hessian = Hessian::empty();
+            for a in 0..A {
+                for b in a..A {
+                    hessian.uu[b][a] = get_mat::<L>(&all.uu[b][a], i);
+                }
+                hessian.xu[a] = get_mat::<L>(&all.xu[a], i);
+            }
+            hessian.xx = get_mat::<L>(&all.xx, i);
+            let s = get_mat::<L>(&self.states[g].s, i);
+            self.eliminated[k].eliminate::<SYMMETRIC>(hessian, &s, shift, &mut value);
         }
         value.least_pivot
     }
 
     /// The Newton step from the present gradient and elimination.
     #[inline(always)]
-    pub fn newton_step<const SYMMETRIC: bool>(&mut self) -> Step<T> {
-        let n = self.states.len();
+    pub fn newton_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
+        let n = self.dead.len();
         let mut p = Vec3::zero();
         for k in (0..n).rev() {
-            let gradient = &self.gradients[k];
-            let (answer, start) = self.eliminated[k].backward::<SYMMETRIC>(
-                &gradient.h,
-                gradient.g,
-                self.states[k].s * p,
-            );
-            self.step[k] = answer;
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            p = get_mat::<L>(&self.states[g].s, i) * p;
+            let mut rhs = [Vec3::zero(); A];
+            for a in 0..A {
+                rhs[a] = get::<L>(&self.gradients[g].g[a], i);
+            }
+            let (answer, start) = self.eliminated[k].backward::<SYMMETRIC>(rhs, p);
+            for a in 0..A {
+                put::<L>(&mut self.step[g][a], i, answer[a]);
+            }
             p = start;
         }
         let mut x = Vec3::zero();
-        let (mut slope, mut largest) = (T::zero(), T::zero());
+        let (mut slope, mut largest) = (L::Chain::zero(), L::Chain::zero());
         for k in 0..n {
-            let gradient = &self.gradients[k];
-            let (u, end) = self.eliminated[k].forward(&gradient.h, &self.step[k], x);
-            self.step[k] = u;
-            x = self.states[k].s.tr_mul(end);
-            for i in 0..A {
-                slope += gradient.g[i].dot(u[i]);
-                largest = largest.max(u[i].max_abs());
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let mut answer = [Vec3::zero(); A];
+            for a in 0..A {
+                answer[a] = get::<L>(&self.step[g][a], i);
+            }
+            let (u, end) = self.eliminated[k].forward(&answer, x);
+            x = get_mat::<L>(&self.states[g].s, i).tr_mul(end);
+            for a in 0..A {
+                put::<L>(&mut self.step[g][a], i, u[a]);
+                slope += get::<L>(&self.gradients[g].g[a], i).dot(u[a]);
+                largest = largest.max(u[a].max_abs());
+            }
+        }
+        for (step, gradient) in self.step.iter_mut().zip(&self.gradients) {
+            for a in 0..A {
+                step[a] = gradient.to_strain[a] * step[a];
             }
         }
         Step { slope, largest }
     }
 
+    /// Sum of the tensions, N: times a length, the size of the cables' energy.
+    pub fn tension_scale(&self) -> L::Chain {
+        let mut sum = L::Chain::zero();
+        // all tendons pass the first module
+        for t in &self.tensions[..self.tendons.len()] {
+            sum += L::get(t, 0);
+        }
+        sum
+    }
+
     /// Takes the step as the next right-hand side: inverse iteration.
-    pub fn direction_to_gradient(&mut self, scale: T) {
+    pub fn step_to_gradient(&mut self, scale: f64) {
         for (gradient, step) in self.gradients.iter_mut().zip(&self.step) {
-            gradient.g = step.map(|v| v * scale);
+            gradient.g = step.map(|v| v * L::Module::splat(scale));
         }
     }
 
@@ -203,90 +334,92 @@ impl<T: Real, const A: usize> Rod<T, A> {
 
     /// Moves from the saved strain by a fraction of the step.
     #[inline(always)]
-    pub fn advance(&mut self, fraction: T) {
+    pub fn advance(&mut self, fraction: L::Module) {
         for ((state, saved), step) in self.states.iter_mut().zip(&self.saved).zip(&self.step) {
             for i in 0..A {
-                state.w[i] = saved[i] + step[i] * fraction;
+                state.w[i] = step[i].scaled_add(fraction, saved[i]);
             }
         }
     }
 
-    /// Adds the step to the strain.
-    #[inline(always)]
-    pub fn advance_fully(&mut self) {
-        for (state, step) in self.states.iter_mut().zip(&self.step) {
-            for i in 0..A {
-                state.w[i] += step[i];
-            }
-        }
-    }
-
-    /// Pose of the tip in the base frame.
-    #[inline(always)]
-    pub fn tip(&self) -> (Mat3<T>, Vec3<T>) {
-        let last = self.states.len() - 1;
-        self.states[last].end_pose(&self.constants[last])
-    }
-
-    /// Pose of disk `k`.
-    pub fn disk(&self, k: usize) -> (Mat3<T>, Vec3<T>) {
-        self.states[k].end_pose(&self.constants[k])
+    /// Length of a tendon in module `k`.
+    fn module_tendon_length(&self, k: usize, tendon: usize) -> L::Chain {
+        let g = k / L::WIDTH;
+        let (state, c) = (&self.states[g], &self.constants[g]);
+        let length = state.tendon_length(c, &self.tendons(g), &self.tendons[tendon]);
+        L::get(&length, k % L::WIDTH)
     }
 
     /// Length of a tendon from the base hole to its end disk's hole, m.
-    pub fn tendon_length(&self, i: usize) -> T {
-        let mut length = T::zero();
+    pub fn tendon_length(&self, i: usize) -> L::Chain {
+        let mut length = L::Chain::zero();
         for k in 0..=self.tendons[i].end_disk {
-            let (c, state) = (&self.constants[k], &self.states[k]);
-            if self.continuous {
-                length += state.parallel_length(c, &self.tendons[i], &self.tensions);
-            } else {
-                length += Span::new(c, &self.tendons[i], &state.s, state.rho).length;
-            }
+            length += self.module_tendon_length(k, i);
         }
         length
     }
-}
 
-impl<T: Real, const A: usize> State<T, A> {
-    /// Length of a continuous tendon in this module.
-    fn parallel_length(&self, c: &Constants, tendon: &Tendon, tensions: &[T]) -> T {
-        let stretch = self.stretch(c, &tensions[c.first_tendon..]);
-        let mut length = T::splat(c.clamp[0] + c.clamp[1]);
-        for i in (0..A).step_by(2) {
-            length += ParallelPath::new(c, A, tendon, stretch, self.w[i], self.w[i + 1]).length;
+    /// Positions of the disks, in order.
+    #[inline(always)]
+    pub fn positions(&self, mut visit: impl FnMut(usize, Vec3<L::Chain>)) {
+        let mut position = Vec3::zero();
+        for k in 0..self.dead.len() {
+            let g = k / L::WIDTH;
+            let offset = self.states[g].offset(&self.constants[g]);
+            position += self.rotations[k] * get::<L>(&offset, k % L::WIDTH);
+            visit(k, position);
         }
-        // dead loads stretch the backbone, and the tendon with it
-        let along = self.rho0 * (T::splat(1.0) / self.rho0.norm());
-        length + along.dot(self.rho - self.rho0)
+    }
+
+    pub fn module_count(&self) -> usize {
+        self.dead.len()
+    }
+
+    /// Strain of module `k` in one lane of the chain.
+    pub fn strain(&self, k: usize, lane: usize) -> [Vec3; A] {
+        let w = &self.states[k / L::WIDTH].w;
+        w.map(|v| Vec3(get::<L>(&v, k % L::WIDTH).0.map(|x| x.lane(lane))))
+    }
+
+    pub fn set_strain(&mut self, k: usize, w: [Vec3; A]) {
+        let state = &mut self.states[k / L::WIDTH];
+        for (place, v) in state.w.iter_mut().zip(w) {
+            put::<L>(place, k % L::WIDTH, Vec3::splat(v.0));
+        }
     }
 }
 
-impl<const A: usize> Rod<f64, A> {
+impl<L: Layout, const A: usize> Rod<L, A> {
     /// Sets a load that was checked before.
     pub fn load(&mut self, load: &Load) {
         self.set_load(
-            |i| load.tensions[i],
-            Vec3(load.gravity),
-            Vec3(load.tip_force),
-            Vec3(load.tip_moment),
+            |i| L::Chain::splat(load.tensions[i]),
+            Vec3::splat(load.gravity),
+            Vec3::splat(load.tip_force),
+            Vec3::splat(load.tip_moment),
         );
     }
 
-    /// Whether a loaded span points backward: its two disks would have to pass through each other.
+    /// The first module in which a loaded span points backward: its two disks would have to
+    /// pass through each other. For one robot.
+    #[inline(always)]
     pub fn disks_collide(&self) -> Option<usize> {
-        if self.continuous {
+        if self.path == TendonPath::Continuous {
             return None;
         }
-        (0..self.states.len()).find(|&k| {
-            let (c, state) = (&self.constants[k], &self.states[k]);
-            (c.first_tendon..self.tendons.len()).any(|i| {
-                self.tensions[i] > 0.0 && {
-                    let span = Span::new(c, &self.tendons[i], &state.s, state.rho);
-                    let mid = state.s.column(2) + Vec3::ez();
-                    !(span.direction.dot(mid) > 0.0)
+        for (g, (c, state)) in self.constants.iter().zip(&self.states).enumerate() {
+            let mean = state.s.column(2) + Vec3::ez();
+            let t = self.tendons(g);
+            for (tendon, tension) in t.tendons.iter().zip(t.tensions) {
+                let span = Span::new(c, tendon, &state.s, state.rho);
+                let forward = span.direction.dot(mean);
+                for i in 0..L::WIDTH.min(self.dead.len() - g * L::WIDTH) {
+                    if tension.lane(i) > 0.0 && !(forward.lane(i) > 0.0) {
+                        return Some(g * L::WIDTH + i);
+                    }
                 }
-            })
-        })
+            }
+        }
+        None
     }
 }

@@ -2,6 +2,8 @@
 
 use crate::linalg::{Mat3, Vec3};
 use crate::load::{Load, Model};
+use crate::module::Constants;
+use crate::real::{Layout, Real, Scalar};
 use crate::robot::{InputError, Robot};
 use crate::rod::Rod;
 
@@ -85,38 +87,147 @@ pub struct Pose {
 /// ```
 #[derive(Clone)]
 pub struct Solver<const A: usize> {
-    pub(crate) robot: Robot,
-    pub(crate) rod: Rod<f64, A>,
-    moment_scale: f64,
-    /// Diagonal shift worth a tenth of an arc's bending stiffness.
-    shift_unit: f64,
-    /// Strain of the two points before, for extrapolation along a sweep.
-    before: Vec<[Vec3; A]>,
-    points_before: usize,
+    robot: Robot,
+    model: Model,
+    engine: Engine<A>,
+    settings: Settings,
+    load: OwnedLoad,
+    /// Strain of the points before, latest first, for extrapolation along a sweep.
+    history: [Vec<[Vec3; A]>; 3],
+    known: usize,
 }
 
-/// How one attempt at the full load ended.
+/// The last load, kept for what is asked after the solve.
+#[derive(Clone, Debug, Default)]
+struct OwnedLoad {
+    tensions: Vec<f64>,
+    gravity: [f64; 3],
+    tip_force: [f64; 3],
+    tip_moment: [f64; 3],
+}
+
+impl OwnedLoad {
+    fn set(&mut self, load: &Load) {
+        self.tensions.clear();
+        self.tensions.extend_from_slice(load.tensions);
+        (self.gravity, self.tip_force, self.tip_moment) =
+            (load.gravity, load.tip_force, load.tip_moment);
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Settings {
+    /// Measure of moments, N m.
+    pub moment_scale: f64,
+    /// Diagonal shift worth a tenth of an arc's bending stiffness, N m.
+    pub shift_unit: f64,
+    /// Measure of length, m.
+    pub length: f64,
+}
+
+impl Settings {
+    pub fn new(robot: &Robot, model: Model, elements: usize) -> Self {
+        let stiffness = (0..robot.module_count())
+            .map(|k| Constants::new(robot, k, model, elements).stiffness[0])
+            .fold(0.0, f64::max);
+        Settings {
+            moment_scale: robot.moment_scale(),
+            shift_unit: 0.1 * stiffness,
+            length: robot.length(),
+        }
+    }
+}
+
+/// The rod, laid out for the processor.
+#[derive(Clone)]
+enum Engine<const A: usize> {
+    Scalar(Box<Rod<Scalar, A>>),
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Box<Rod<crate::simd::Modules<crate::simd::F64x4>, A>>),
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Box<Rod<crate::simd::Modules<crate::simd::F64x8>, A>>),
+}
+
+/// The same code for whichever rod the engine holds.
+macro_rules! with_rod {
+    ($engine:expr, $rod:ident => $code:expr) => {
+        match $engine {
+            Engine::Scalar($rod) => $code,
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx2($rod) => $code,
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx512($rod) => $code,
+        }
+    };
+}
+
+impl<const A: usize> Engine<A> {
+    fn new(robot: &Robot, model: Model) -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if crate::simd::has_avx512() {
+                return Engine::Avx512(Box::new(Rod::new(robot, model)));
+            }
+            if crate::simd::has_avx2() {
+                return Engine::Avx2(Box::new(Rod::new(robot, model)));
+            }
+        }
+        Engine::Scalar(Box::new(Rod::new(robot, model)))
+    }
+
+    fn newton(&mut self, settings: &Settings, outcome: &mut Outcome) -> Attempt {
+        match self {
+            Engine::Scalar(rod) => newton(rod, settings, outcome),
+            // SAFETY: the engine was chosen by what the processor has
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx2(rod) => unsafe { newton_avx2(rod, settings, outcome) },
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx512(rod) => unsafe { newton_avx512(rod, settings, outcome) },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn newton_avx2<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    settings: &Settings,
+    outcome: &mut Outcome,
+) -> Attempt {
+    newton(rod, settings, outcome)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+fn newton_avx512<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    settings: &Settings,
+    outcome: &mut Outcome,
+) -> Attempt {
+    newton(rod, settings, outcome)
+}
+
+/// How one attempt at a load ended.
 enum Attempt {
-    Converged { stable: Option<bool> },
+    Converged {
+        stable: Option<bool>,
+        collision: Option<usize>,
+    },
     Saddle,
     Stuck,
 }
 
 impl<const A: usize> Solver<A> {
     pub fn new(robot: &Robot, model: Model) -> Self {
-        let rod = Rod::new(robot, model);
-        let stiffest = rod
-            .constants
-            .iter()
-            .map(|c| c.stiffness[0])
-            .fold(0.0, f64::max);
+        let straight = vec![[Vec3::zero(); A]; robot.module_count()];
         Solver {
-            before: vec![[Vec3::zero(); A]; robot.module_count()],
-            points_before: 0,
+            engine: Engine::new(robot, model),
+            settings: Settings::new(robot, model, A / 2),
             robot: robot.clone(),
-            rod,
-            moment_scale: robot.moment_scale(),
-            shift_unit: 0.1 * stiffest,
+            model,
+            load: OwnedLoad::default(),
+            history: [straight.clone(), straight.clone(), straight],
+            known: 0,
         }
     }
 
@@ -128,42 +239,68 @@ impl<const A: usize> Solver<A> {
     /// Equilibrium from the straight backbone.
     pub fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
         load.check(&self.robot)?;
-        self.rod.load(load);
-        self.rod.make_straight();
-        self.points_before = 0;
-        Ok(self.equilibrium(load))
+        let outcome = self.solve_from_straight(load);
+        self.known = 0;
+        self.remember(&outcome);
+        Ok(outcome)
     }
 
-    /// Equilibrium from the last one: for loads that follow each other closely.
+    /// Equilibrium from the ones before: for loads that follow each other closely.
     ///
-    /// Of two points before, the strain is extrapolated. Falls back to a start from straight.
+    /// Extrapolates the strain of up to three points before; falls back to a start from
+    /// straight.
     pub fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError> {
         load.check(&self.robot)?;
-        self.rod.load(load);
-        if self.points_before == 0 {
-            self.rod.make_straight();
+        if self.known == 0 {
+            return self.solve(load);
         }
-        for (state, before) in self.rod.states.iter_mut().zip(&mut self.before) {
-            let present = state.w;
-            if self.points_before > 1 {
+        self.load.set(load);
+        with_rod!(&mut self.engine, rod => {
+            rod.load(load);
+            for k in 0..rod.module_count() {
+                let [a, b, c] = [0, 1, 2].map(|i| self.history[i][k]);
+                let mut w = a;
                 for i in 0..A {
-                    state.w[i] = present[i] * 2.0 - before[i];
+                    w[i] = match self.known {
+                        1 => a[i],
+                        2 => a[i] * 2.0 - b[i],
+                        _ => (a[i] - b[i]) * 3.0 + c[i],
+                    };
                 }
+                rod.set_strain(k, w);
             }
-            *before = present;
-        }
+        });
         let mut outcome = self.equilibrium(load);
-        if outcome.status != Status::Converged && self.points_before > 0 {
-            self.rod.load(load);
-            self.rod.make_straight();
-            outcome = self.equilibrium(load);
+        if outcome.status != Status::Converged {
+            outcome = self.solve_from_straight(load);
+            self.known = 0;
         }
-        self.points_before = if outcome.status == Status::Converged {
-            self.points_before + 1
-        } else {
-            0
-        };
+        self.remember(&outcome);
         Ok(outcome)
+    }
+
+    fn solve_from_straight(&mut self, load: &Load) -> Outcome {
+        self.load.set(load);
+        with_rod!(&mut self.engine, rod => {
+            rod.load(load);
+            rod.make_straight();
+        });
+        self.equilibrium(load)
+    }
+
+    fn remember(&mut self, outcome: &Outcome) {
+        if outcome.status != Status::Converged {
+            self.known = 0;
+            return;
+        }
+        self.history.rotate_right(1);
+        let latest = &mut self.history[0];
+        with_rod!(&self.engine, rod => {
+            for (k, w) in latest.iter_mut().enumerate() {
+                *w = rod.strain(k, 0);
+            }
+        });
+        self.known = (self.known + 1).min(3);
     }
 
     fn equilibrium(&mut self, load: &Load) -> Outcome {
@@ -176,14 +313,14 @@ impl<const A: usize> Solver<A> {
             fraction: 1.0,
             collision: None,
         };
-        let mut attempt = self.newton(&mut outcome);
+        let mut attempt = self.engine.newton(&self.settings, &mut outcome);
         if matches!(attempt, Attempt::Stuck) {
             attempt = self.continuation(load, &mut outcome);
         }
         match attempt {
-            Attempt::Converged { stable } => {
+            Attempt::Converged { stable, collision } => {
                 outcome.stable = stable;
-                outcome.collision = self.rod.disks_collide();
+                outcome.collision = collision;
                 outcome.status = if outcome.collision.is_some() {
                     Status::NoEquilibrium
                 } else {
@@ -199,170 +336,61 @@ impl<const A: usize> Solver<A> {
         outcome
     }
 
-    fn newton(&mut self, outcome: &mut Outcome) -> Attempt {
-        if self.rod.has_tip_moment() {
-            self.newton_on_residual(outcome)
-        } else {
-            self.newton_on_energy(outcome)
-        }
-    }
-
-    /// Minimises the energy: a diagonal shift until all pivots are positive, and backtracking.
-    fn newton_on_energy(&mut self, outcome: &mut Outcome) -> Attempt {
-        let rod = &mut self.rod;
-        let mut energy = rod.evaluate();
-        let mut shift = 0.0;
-        let mut escapes = 0;
-        // rounding of the energy, which is a small difference of large terms
-        let noise = 1e-14 * (rod.tensions.iter().sum::<f64>() * self.robot.length() + energy.abs());
-        // the last elimination still tells the inertia if the step after it was short
-        let mut minimum_nearby = false;
-        if !energy.is_finite() {
-            return Attempt::Stuck;
-        }
-        loop {
-            outcome.residual = rod.gradient() / self.moment_scale;
-            if outcome.residual <= TOLERANCE {
-                if minimum_nearby || rod.eliminate::<true>(0.0) > 0.0 {
-                    return Attempt::Converged { stable: Some(true) };
-                }
-                if escapes == MAX_ESCAPES {
-                    return Attempt::Saddle;
-                }
-                escapes += 1;
-                outcome.left_unstable = true;
-                energy = leave_saddle(rod, self.shift_unit, escapes);
-            }
-            if outcome.iterations == MAX_ITERATIONS || !outcome.residual.is_finite() {
-                return Attempt::Stuck;
-            }
-            outcome.iterations += 1;
-            if outcome.residual <= TOLERANCE {
-                continue; // left a saddle: the gradient is that of the new place
-            }
-            let mut pivot = rod.eliminate::<true>(shift);
-            while !(pivot > 0.0) {
-                shift = if shift == 0.0 {
-                    self.shift_unit
-                } else {
-                    shift * 4.0
-                };
-                if shift > 1e9 * self.shift_unit {
-                    return Attempt::Stuck;
-                }
-                pivot = rod.eliminate::<true>(shift);
-            }
-            let step = rod.newton_step::<true>();
-            minimum_nearby = shift == 0.0 && step.largest < 1e-4 && pivot > 0.01 * self.shift_unit;
-            rod.save();
-            let mut fraction = (MAX_STEP / step.largest).min(1.0);
-            loop {
-                rod.advance(fraction);
-                let trial = rod.evaluate();
-                if trial <= energy + 1e-4 * fraction * step.slope + noise {
-                    energy = trial;
-                    break;
-                }
-                fraction *= 0.5;
-                if fraction < 1e-12 {
-                    return Attempt::Stuck;
-                }
-            }
-            shift = if fraction == 1.0 && shift <= self.shift_unit {
-                0.0
-            } else {
-                shift * 0.25
-            };
-        }
-    }
-
-    /// Newton's method where there is no energy: a step is accepted if the residual falls.
-    fn newton_on_residual(&mut self, outcome: &mut Outcome) -> Attempt {
-        let rod = &mut self.rod;
-        rod.evaluate();
-        let mut residual = rod.gradient() / self.moment_scale;
-        for _ in 0..MAX_RESIDUAL_STEPS {
-            outcome.residual = residual;
-            if residual <= TOLERANCE {
-                return Attempt::Converged { stable: None };
-            }
-            if !residual.is_finite() {
-                break;
-            }
-            outcome.iterations += 1;
-            rod.eliminate::<false>(0.0);
-            let step = rod.newton_step::<false>();
-            rod.save();
-            let mut fraction = (MAX_STEP / step.largest).min(1.0);
-            loop {
-                rod.advance(fraction);
-                rod.evaluate();
-                let trial = rod.gradient() / self.moment_scale;
-                // a short first step may turn the whole chain: let it grow a little
-                if trial
-                    <= residual
-                        * if fraction == 1.0 {
-                            2.0
-                        } else {
-                            1.0 - 1e-3 * fraction
-                        }
-                {
-                    residual = trial;
-                    break;
-                }
-                fraction *= 0.5;
-                if !(fraction > 1e-3) {
-                    return Attempt::Stuck;
-                }
-            }
-        }
-        Attempt::Stuck
-    }
-
     /// Raises the load from zero by steps that adapt; tells how far it came.
     fn continuation(&mut self, load: &Load, outcome: &mut Outcome) -> Attempt {
         let mut tensions = load.tensions.to_vec();
-        self.rod.make_straight();
+        let mut start = vec![[Vec3::zero(); A]; self.robot.module_count()];
         let (mut reached, mut increment) = (0.0, 0.25);
         loop {
             let fraction = f64::min(reached + increment, 1.0);
             for (t, full) in tensions.iter_mut().zip(load.tensions) {
                 *t = full * fraction;
             }
-            self.rod.load(&Load {
+            let part_load = Load {
                 tensions: &tensions,
                 gravity: load.gravity.map(|g| g * fraction),
                 tip_force: load.tip_force.map(|f| f * fraction),
                 tip_moment: load.tip_moment.map(|m| m * fraction),
+            };
+            with_rod!(&mut self.engine, rod => {
+                rod.load(&part_load);
+                rod.make_straight();
+                for (k, w) in start.iter().enumerate() {
+                    rod.set_strain(k, *w);
+                }
             });
-            let start: Vec<_> = self.rod.states.iter().map(|s| s.w).collect();
             let mut part = Outcome {
                 iterations: 0,
                 ..*outcome
             };
-            let attempt = self.newton(&mut part);
+            let attempt = self.engine.newton(&self.settings, &mut part);
             outcome.iterations += part.iterations;
             outcome.residual = part.residual;
             outcome.left_unstable |= part.left_unstable;
-            match attempt {
-                Attempt::Converged { .. } if fraction == 1.0 => {
-                    outcome.fraction = 1.0;
-                    return attempt;
+            let sound = matches!(
+                attempt,
+                Attempt::Converged {
+                    collision: None,
+                    ..
                 }
-                Attempt::Converged { .. } if self.rod.disks_collide().is_none() => {
-                    reached = fraction;
-                    increment *= 1.5;
-                }
-                _ => {
-                    for (state, w) in self.rod.states.iter_mut().zip(&start) {
-                        state.w = *w;
-                        state.n = Vec3::zero();
+            );
+            if sound && fraction == 1.0 {
+                outcome.fraction = 1.0;
+                return attempt;
+            }
+            if sound {
+                with_rod!(&self.engine, rod => {
+                    for (k, w) in start.iter_mut().enumerate() {
+                        *w = rod.strain(k, 0);
                     }
-                    increment *= 0.3;
-                    if increment < 1e-3 {
-                        outcome.fraction = reached;
-                        return Attempt::Stuck;
-                    }
+                });
+                reached = fraction;
+                increment *= 1.5;
+            } else {
+                increment *= 0.3;
+                if increment < 1e-3 {
+                    outcome.fraction = reached;
+                    return Attempt::Stuck;
                 }
             }
         }
@@ -370,63 +398,250 @@ impl<const A: usize> Solver<A> {
 
     /// Pose of the tip, which is the last disk.
     pub fn tip(&self) -> Pose {
-        self.disk(self.robot.module_count() - 1)
+        let mut tip = Pose {
+            rotation: Mat3::identity(),
+            position: Vec3::zero(),
+        };
+        self.disks(|_, pose| tip = pose);
+        tip
+    }
+
+    /// Poses of the disks, from base to tip.
+    pub fn disks(&self, mut visit: impl FnMut(usize, Pose)) {
+        with_rod!(&self.engine, rod => rod.positions(|k, p| {
+            visit(k, Pose {
+                rotation: Mat3(rod.rotations[k + 1].0.map(|row| row.map(|x| x.lane(0)))),
+                position: Vec3(p.0.map(|x| x.lane(0))),
+            });
+        }));
     }
 
     /// Pose of a disk.
     pub fn disk(&self, k: usize) -> Pose {
-        let (rotation, position) = self.rod.disk(k);
-        Pose { rotation, position }
+        let mut disk = None;
+        self.disks(|i, pose| {
+            if i == k {
+                disk = Some(pose);
+            }
+        });
+        disk.expect("a disk of this robot")
     }
 
     /// Length of a tendon from the base hole to the hole of its end disk, m.
     pub fn tendon_length(&self, i: usize) -> f64 {
-        self.rod.tendon_length(i)
+        with_rod!(&self.engine, rod => rod.tendon_length(i).lane(0))
     }
 
     /// Points of the backbone, `per_module` in each module, base and tip included, m.
     pub fn centerline(&self, per_module: usize) -> Vec<Vec3> {
+        let rod = self.scalar();
         let mut points = vec![Vec3::zero()];
-        for (state, c) in self.rod.states.iter().zip(&self.rod.constants) {
+        let mut from = Vec3::zero();
+        rod.positions(|k, position| {
+            let (state, c) = (&rod.states[k], &rod.constants[k]);
             for j in 1..per_module {
                 let local = state.point(c, j as f64 / per_module as f64);
-                points.push(state.position + state.rotation * local);
+                points.push(from + rod.rotations[k] * local);
             }
-            points.push(state.end_pose(c).1);
-        }
+            points.push(position);
+            from = position;
+        });
         points
+    }
+
+    /// The present state in plain numbers, evaluated.
+    pub(crate) fn scalar(&self) -> Box<Rod<Scalar, A>> {
+        let mut rod = Box::new(Rod::<Scalar, A>::new(&self.robot, self.model));
+        rod.load(&Load {
+            tensions: &self.load.tensions,
+            gravity: self.load.gravity,
+            tip_force: self.load.tip_force,
+            tip_moment: self.load.tip_moment,
+        });
+        with_rod!(&self.engine, present => {
+            for k in 0..present.module_count() {
+                rod.set_strain(k, present.strain(k, 0));
+            }
+        });
+        rod.evaluate();
+        rod
     }
 }
 
-/// Largest change of an arc's rotation vector in one step, rad.
+/// Largest rotation that an arc may add in one step, rad.
 const MAX_STEP: f64 = 1.0;
 /// Attempts at leaving unstable equilibria.
 const MAX_ESCAPES: usize = 4;
 /// Newton steps on the residual for one load.
 const MAX_RESIDUAL_STEPS: usize = 40;
 
+#[inline(always)]
+fn converged<L: Layout, const A: usize>(rod: &Rod<L, A>, stable: Option<bool>) -> Attempt {
+    Attempt::Converged {
+        stable,
+        collision: rod.disks_collide(),
+    }
+}
+
+#[inline(always)]
+fn newton<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    settings: &Settings,
+    outcome: &mut Outcome,
+) -> Attempt {
+    if rod.has_tip_moment() {
+        newton_on_residual(rod, settings, outcome)
+    } else {
+        newton_on_energy(rod, settings, outcome)
+    }
+}
+
+/// Minimises the energy: a diagonal shift until all pivots are positive, and backtracking.
+#[inline(always)]
+fn newton_on_energy<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    settings: &Settings,
+    outcome: &mut Outcome,
+) -> Attempt {
+    let unit = settings.shift_unit;
+    let mut energy = rod.evaluate().lane(0);
+    if !energy.is_finite() {
+        return Attempt::Stuck;
+    }
+    let mut shift = 0.0;
+    let mut escapes = 0;
+    // rounding of the energy, which is a small difference of large terms
+    let noise = 1e-14 * (rod.tension_scale().lane(0) * settings.length + energy.abs());
+    // the last elimination still tells the inertia if the step after it was short
+    let mut minimum_nearby = false;
+    loop {
+        outcome.residual = rod.gradient().lane(0) / settings.moment_scale;
+        if outcome.residual <= TOLERANCE {
+            if !minimum_nearby {
+                rod.linearise();
+                minimum_nearby = rod.eliminate::<true>(L::Chain::zero()).lane(0) > 0.0;
+            }
+            if minimum_nearby {
+                return converged(rod, Some(true));
+            }
+            if escapes == MAX_ESCAPES {
+                return Attempt::Saddle;
+            }
+            escapes += 1;
+            outcome.left_unstable = true;
+            energy = leave_saddle(rod, unit, escapes);
+            outcome.residual = rod.gradient().lane(0) / settings.moment_scale;
+        }
+        if outcome.iterations == MAX_ITERATIONS || !outcome.residual.is_finite() {
+            return Attempt::Stuck;
+        }
+        outcome.iterations += 1;
+        rod.linearise();
+        let mut pivot = rod.eliminate::<true>(L::Chain::splat(shift)).lane(0);
+        while !(pivot > 0.0) {
+            shift = if shift == 0.0 { unit } else { shift * 4.0 };
+            if shift > 1e9 * unit {
+                return Attempt::Stuck;
+            }
+            pivot = rod.eliminate::<true>(L::Chain::splat(shift)).lane(0);
+        }
+        let step = rod.newton_step::<true>();
+        let (slope, largest) = (step.slope.lane(0), step.largest.lane(0));
+        minimum_nearby = shift == 0.0 && largest < 1e-4 && pivot > 0.01 * unit;
+        rod.save();
+        let mut fraction = (MAX_STEP / largest).min(1.0);
+        loop {
+            rod.advance(L::Module::splat(fraction));
+            let trial = rod.evaluate().lane(0);
+            if trial <= energy + 1e-4 * fraction * slope + noise {
+                energy = trial;
+                break;
+            }
+            fraction *= 0.5;
+            if fraction < 1e-12 {
+                return Attempt::Stuck;
+            }
+        }
+        shift = if fraction == 1.0 && shift <= unit {
+            0.0
+        } else {
+            shift * 0.25
+        };
+    }
+}
+
+/// Newton's method where there is no energy: a step is accepted if the residual falls.
+#[inline(always)]
+fn newton_on_residual<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    settings: &Settings,
+    outcome: &mut Outcome,
+) -> Attempt {
+    rod.evaluate();
+    let mut residual = rod.gradient().lane(0) / settings.moment_scale;
+    for _ in 0..MAX_RESIDUAL_STEPS {
+        outcome.residual = residual;
+        if residual <= TOLERANCE {
+            return converged(rod, None);
+        }
+        if !residual.is_finite() {
+            break;
+        }
+        outcome.iterations += 1;
+        rod.linearise();
+        rod.eliminate::<false>(L::Chain::zero());
+        let largest = rod.newton_step::<false>().largest.lane(0);
+        rod.save();
+        let mut fraction = (MAX_STEP / largest).min(1.0);
+        loop {
+            rod.advance(L::Module::splat(fraction));
+            rod.evaluate();
+            let trial = rod.gradient().lane(0) / settings.moment_scale;
+            // a full step may turn the whole chain: let the residual grow a little
+            let most = if fraction == 1.0 {
+                2.0
+            } else {
+                1.0 - 1e-3 * fraction
+            };
+            if trial <= residual * most {
+                residual = trial;
+                break;
+            }
+            fraction *= 0.5;
+            if !(fraction > 1e-3) {
+                return Attempt::Stuck;
+            }
+        }
+    }
+    Attempt::Stuck
+}
+
 /// Moves off an unstable equilibrium along a falling direction; returns the energy there.
 ///
 /// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start finds the lowest
 /// mode, so that the same load always takes the same branch.
-fn leave_saddle<const A: usize>(rod: &mut Rod<f64, A>, shift_unit: f64, attempt: usize) -> f64 {
-    let mut shift = shift_unit;
-    while !(rod.eliminate::<true>(shift) > 0.0) && shift < 1e9 * shift_unit {
+#[cold]
+#[inline(always)]
+fn leave_saddle<L: Layout, const A: usize>(rod: &mut Rod<L, A>, unit: f64, attempt: usize) -> f64 {
+    let mut shift = unit;
+    while !(rod.eliminate::<true>(L::Chain::splat(shift)).lane(0) > 0.0) && shift < 1e9 * unit {
         shift *= 1.5;
     }
-    for (k, gradient) in rod.gradients.iter_mut().enumerate() {
-        for (i, g) in gradient.g.iter_mut().enumerate() {
-            let phase = (k * A + i) as f64;
-            *g = Vec3([0.3 + 0.01 * phase.cos(), -1.0, 0.02 * phase.sin()]);
+    for (g, gradient) in rod.gradients.iter_mut().enumerate() {
+        for (i, v) in gradient.g.iter_mut().enumerate() {
+            let phase = (g * A + i) as f64;
+            *v = Vec3::splat([0.3 + 0.01 * phase.cos(), -1.0, 0.02 * phase.sin()]);
         }
     }
     for _ in 0..8 {
-        let step = rod.newton_step::<true>();
-        rod.direction_to_gradient(1.0 / step.largest);
+        let largest = rod.newton_step::<true>().largest.lane(0);
+        rod.step_to_gradient(1.0 / largest);
     }
-    let largest = rod.newton_step::<true>().largest;
+    let largest = rod.newton_step::<true>().largest.lane(0);
     rod.save();
-    let modules = rod.states.len() as f64;
-    rod.advance(0.2 * attempt as f64 / (largest * modules.sqrt()));
-    rod.evaluate()
+    let modules = rod.module_count() as f64;
+    rod.advance(L::Module::splat(
+        0.2 * attempt as f64 / (largest * modules.sqrt()),
+    ));
+    rod.evaluate().lane(0)
 }

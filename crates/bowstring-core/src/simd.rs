@@ -1,0 +1,248 @@
+//! SIMD numbers of x86-64 and the layouts made of them.
+//!
+//! Only code that runs behind a check of the processor may make these numbers: see
+//! `Solver::new` and `batch`. Everything inlines into functions compiled for the features.
+
+use crate::real::{Layout, Real};
+use core::arch::x86_64::*;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+/// Whether the processor has what [`F64x4`] and [`Fused`] need.
+pub fn has_avx2() -> bool {
+    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+}
+
+/// Whether the processor has what [`F64x8`] needs.
+pub fn has_avx512() -> bool {
+    has_avx2()
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512dq")
+}
+
+/// A scalar whose `mul_add` is one instruction.
+#[derive(Clone, Copy, Debug)]
+#[repr(transparent)]
+pub struct Fused(f64);
+
+/// Four numbers: AVX2 and FMA.
+#[derive(Clone, Copy, Debug)]
+#[repr(transparent)]
+pub struct F64x4(__m256d);
+
+/// Eight numbers: AVX-512.
+#[derive(Clone, Copy, Debug)]
+#[repr(transparent)]
+pub struct F64x8(__m512d);
+
+macro_rules! operator {
+    ($type:ident, $trait:ident, $method:ident, $a:ident, $b:ident => $value:expr) => {
+        impl $trait for $type {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, o: Self) -> Self {
+                let ($a, $b) = (self.0, o.0);
+                $type($value)
+            }
+        }
+    };
+}
+macro_rules! assignments {
+    ($type:ident) => {
+        impl AddAssign for $type {
+            #[inline(always)]
+            fn add_assign(&mut self, o: Self) {
+                *self = *self + o;
+            }
+        }
+        impl SubAssign for $type {
+            #[inline(always)]
+            fn sub_assign(&mut self, o: Self) {
+                *self = *self - o;
+            }
+        }
+    };
+}
+
+operator!(Fused, Add, add, a, b => a + b);
+operator!(Fused, Sub, sub, a, b => a - b);
+operator!(Fused, Mul, mul, a, b => a * b);
+operator!(Fused, Div, div, a, b => a / b);
+assignments!(Fused);
+impl Neg for Fused {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Fused(-self.0)
+    }
+}
+
+impl Real for Fused {
+    const LANES: usize = 1;
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        Fused(x)
+    }
+    #[inline(always)]
+    fn from_fn(mut f: impl FnMut(usize) -> f64) -> Self {
+        Fused(f(0))
+    }
+    #[inline(always)]
+    fn lane(&self, _: usize) -> f64 {
+        self.0
+    }
+    #[inline(always)]
+    fn set_lane(&mut self, _: usize, x: f64) {
+        self.0 = x;
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Fused(self.0.sqrt())
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Fused(self.0.abs())
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        Fused(Real::max(self.0, o.0))
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        Fused(self.0.mul_add(a.0, b.0))
+    }
+}
+
+/// The intrinsics are safe to call here because these types exist only where the processor
+/// has them; reading a lane goes through the array that a vector is.
+macro_rules! vector {
+    ($type:ident, $n:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident,
+     $set:ident, $load:ident, $sqrt:ident, $a:ident, $b:ident => $max:expr, $abs:expr) => {
+        operator!($type, Add, add, a, b => unsafe { $add(a, b) });
+        operator!($type, Sub, sub, a, b => unsafe { $sub(a, b) });
+        operator!($type, Mul, mul, a, b => unsafe { $mul(a, b) });
+        operator!($type, Div, div, a, b => unsafe { $div(a, b) });
+        assignments!($type);
+        impl Neg for $type {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                $type(unsafe { $sub($set(-0.0), self.0) })
+            }
+        }
+        impl Real for $type {
+            const LANES: usize = $n;
+            #[inline(always)]
+            fn splat(x: f64) -> Self {
+                $type(unsafe { $set(x) })
+            }
+            #[inline(always)]
+            fn from_fn(mut f: impl FnMut(usize) -> f64) -> Self {
+                let mut lanes = [0.0; $n];
+                for (i, x) in lanes.iter_mut().enumerate() {
+                    *x = f(i);
+                }
+                $type(unsafe { $load(lanes.as_ptr()) })
+            }
+            #[inline(always)]
+            fn lane(&self, i: usize) -> f64 {
+                debug_assert!(i < $n);
+                unsafe { *(self as *const Self as *const f64).add(i % $n) }
+            }
+            #[inline(always)]
+            fn set_lane(&mut self, i: usize, x: f64) {
+                debug_assert!(i < $n);
+                unsafe { *(self as *mut Self as *mut f64).add(i % $n) = x }
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                $type(unsafe { $sqrt(self.0) })
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                let $a = self.0;
+                $type(unsafe { $abs })
+            }
+            #[inline(always)]
+            fn max(self, o: Self) -> Self {
+                let ($a, $b) = (self.0, o.0);
+                $type(unsafe { $max })
+            }
+            #[inline(always)]
+            fn mul_add(self, a: Self, b: Self) -> Self {
+                $type(unsafe { $fma(self.0, a.0, b.0) })
+            }
+        }
+    };
+}
+
+vector!(
+    F64x4,
+    4,
+    _mm256_add_pd,
+    _mm256_sub_pd,
+    _mm256_mul_pd,
+    _mm256_div_pd,
+    _mm256_fmadd_pd,
+    _mm256_set1_pd,
+    _mm256_loadu_pd,
+    _mm256_sqrt_pd,
+    // the instruction returns its second operand if either is NaN
+    a, b => _mm256_blendv_pd(_mm256_max_pd(a, b), a, _mm256_cmp_pd::<_CMP_UNORD_Q>(a, a)),
+    _mm256_andnot_pd(_mm256_set1_pd(-0.0), a)
+);
+
+vector!(
+    F64x8,
+    8,
+    _mm512_add_pd,
+    _mm512_sub_pd,
+    _mm512_mul_pd,
+    _mm512_div_pd,
+    _mm512_fmadd_pd,
+    _mm512_set1_pd,
+    _mm512_loadu_pd,
+    _mm512_sqrt_pd,
+    a, b => _mm512_mask_blend_pd(
+        _mm512_cmp_pd_mask::<_CMP_UNORD_Q>(a, a),
+        _mm512_max_pd(a, b),
+        a
+    ),
+    _mm512_abs_pd(a)
+);
+
+/// One robot, its modules side by side.
+#[derive(Clone, Copy, Debug)]
+pub struct Modules<M>(core::marker::PhantomData<M>);
+
+impl<M: Real> Layout for Modules<M> {
+    type Module = M;
+    type Chain = Fused;
+    const WIDTH: usize = M::LANES;
+    #[inline(always)]
+    fn get(m: &M, i: usize) -> Fused {
+        Fused(m.lane(i))
+    }
+    #[inline(always)]
+    fn put(m: &mut M, i: usize, c: Fused) {
+        m.set_lane(i, c.0);
+    }
+}
+
+/// Several robots side by side.
+#[derive(Clone, Copy, Debug)]
+pub struct Robots<M>(core::marker::PhantomData<M>);
+
+impl<M: Real> Layout for Robots<M> {
+    type Module = M;
+    type Chain = M;
+    const WIDTH: usize = 1;
+    #[inline(always)]
+    fn get(m: &M, _: usize) -> M {
+        *m
+    }
+    #[inline(always)]
+    fn put(m: &mut M, _: usize, c: M) {
+        *m = c;
+    }
+}

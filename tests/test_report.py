@@ -1,0 +1,303 @@
+"""The study on disk and in the terminal."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from bowstring import plots, report, study
+from bowstring.errors import InputError
+from bowstring.robot import load_robot
+
+
+@pytest.fixture(scope="module")
+def paper() -> study.Study:
+    return study.run(load_robot("amouri2019"), points=5)
+
+
+@pytest.fixture(scope="module")
+def written(paper: study.Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return report.write(paper, tmp_path_factory.mktemp("study") / "out")
+
+
+@pytest.fixture
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Moving folders about needs no drawing."""
+    monkeypatch.setattr(plots, "draw", lambda study: iter(()))
+    monkeypatch.setattr(report, "_html", lambda study, content, drawn: "<p>a report</p>")
+
+
+class Page(HTMLParser):
+    """Checks that elements nest, and collects what a page refers to."""
+
+    VOID = frozenset({"meta", "br", "link", "img", "input", "hr"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.ids: list[str] = []
+        self.tags: list[str] = []
+        self.references: list[str] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in self.VOID:
+            self.open.append(tag)
+        self.tags.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value or "")
+            if name in ("src", "href", "xlink:href", "srcset", "data", "action"):
+                self.references.append(value or "")
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        if tag not in self.VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open and self.open[-1] == tag, f"</{tag}> closes {self.open[-3:]}"
+        self.open.pop()
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+
+
+def read(path: Path) -> Page:
+    page = Page()
+    page.feed(path.read_text(encoding="utf-8"))
+    page.close()
+    return page
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()
+    }
+
+
+# -- the page ----------------------------------------------------------------------------------
+
+
+def test_the_page_is_whole_and_needs_nothing_else(written: Path) -> None:
+    page = read(written / "report.html")
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids))
+    assert all(r.startswith("#") and r[1:] in page.ids for r in page.references)
+    text = (written / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r"@import|url\((?!#)|<script|<link", text)
+    # the only addresses are names of XML namespaces
+    assert all(a.startswith("http://www.w3.org/") for a in re.findall(r"https?://[^\"' <]+", text))
+
+
+def test_the_page_tells_a_reader_everything(written: Path, paper: study.Study) -> None:
+    page = read(written / "report.html")
+    text = " ".join(" ".join(page.text).split())
+    assert page.tags.count("h1") == 1
+    assert page.tags.count("caption") == page.tags.count("table")
+    assert page.tags.count("figcaption") == len(study.FIGURES)
+    for sentence in paper.verdict.text:
+        assert sentence in text
+    assert "published mean" in text
+    assert "simulated" in text and "not registered" in text
+    assert "Effects interact and can cancel" in text
+    assert paper.robot.hash in text
+    source = (written / "report.html").read_text(encoding="utf-8")
+    assert "prefers-color-scheme: dark" in source and "width=device-width" in source
+    assert source.count('role="img"') == len(study.FIGURES)
+
+
+def test_every_colour_follows_the_theme(written: Path) -> None:
+    source = (written / "report.html").read_text(encoding="utf-8")
+    drawings = re.findall(r"<svg.*?</svg>", source, flags=re.DOTALL)
+    assert len(drawings) == len(study.FIGURES)
+    for drawing in drawings:
+        assert re.findall(r"(?:fill|stroke): #[0-9a-f]{3,6}", drawing) == []
+        assert "var(--ink" in drawing
+
+
+def test_names_from_a_robot_file_are_escaped(tmp_path: Path) -> None:
+    robot = load_robot("amouri2019").with_(
+        {"name": "a<b>&c", "description": "<script>alert(1)</script>"}
+    )
+    folder = report.write(study.run(robot, points=3), tmp_path / "out")
+    page = read(folder / "report.html")
+    assert page.open == [] and "script" not in page.tags
+    assert "Is constant curvature good enough for a<b>&c?" in "".join(page.text)
+
+
+# -- files -------------------------------------------------------------------------------------
+
+
+def test_the_folder_holds_what_the_study_lists(written: Path) -> None:
+    content = json.loads((written / "study.json").read_text(encoding="utf-8"))
+    assert set(contents(written)) == set(content["files"])
+    assert len(content["figures"]) == 7
+    for figure in content["figures"]:
+        assert (written / figure["png"]).read_bytes().startswith(b"\x89PNG")
+        assert (written / figure["pdf"]).read_bytes().startswith(b"%PDF")
+
+
+def test_study_json_is_the_study(written: Path, paper: study.Study) -> None:
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is not JSON")
+
+    text = (written / "study.json").read_text(encoding="utf-8")
+    content = json.loads(text, parse_constant=refuse)
+    content.pop("files")
+    assert content == paper.to_dict()
+    assert content["provenance"]["schema_version"] == study.SCHEMA_VERSION
+
+
+def test_tables_have_units_and_numbers(written: Path, paper: study.Study) -> None:
+    plain = {"name", "against", "n", "status", "disk", "effect", "case", "problem"}
+    unit = re.compile(r"_(mm|N|deg|percent|n)$")  # n: a count
+    names = set()
+    for path in (written / "tables").glob("*.csv"):
+        with path.open(newline="", encoding="utf-8") as file:
+            header, *rows = list(csv.reader(file))
+        names.add(path.stem)
+        assert all(c in plain or unit.search(c) for c in header), path.stem
+        assert rows and all(len(r) == len(header) for r in rows)
+        assert not any(cell.lower() in ("nan", "inf", "-inf") for r in rows for cell in r)
+    assert {"geometric_sweep", "statics", "comparisons", "errors", "budget"} <= names
+
+    with (written / "tables" / "statics.csv").open(newline="", encoding="utf-8") as file:
+        last = list(csv.DictReader(file))[-1]
+    assert float(last["tension_N"]) == 80.0
+    assert float(last["tip_x_mm"]) == pytest.approx(paper.statics.tip_position[-1, 0] * 1e3)
+    length = paper.statics.tendon_lengths[-1, 0] * 1e3
+    assert float(last["tendon_1_length_mm"]) == pytest.approx(length)
+
+
+def test_the_same_study_writes_the_same_bytes(
+    written: Path, paper: study.Study, tmp_path: Path
+) -> None:
+    assert contents(report.write(paper, tmp_path / "again")) == contents(written)
+
+
+# -- the folder is replaced whole or not at all ------------------------------------------------
+
+
+@pytest.mark.usefixtures("without_figures")
+def test_a_former_study_is_replaced_whole(paper: study.Study, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "study.json").write_text(json.dumps({"files": ["study.json", "old.csv"]}))
+    (out / "old.csv").write_text("of a former version")
+    assert report.write(paper, out) == out
+    assert not (out / "old.csv").exists()
+    assert (out / "report.html").exists()
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.usefixtures("without_figures")
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_a_failure_leaves_the_old_folder(
+    paper: study.Study,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    error: type[BaseException],
+) -> None:
+    out = report.write(paper, tmp_path / "out")
+    before = contents(out)
+
+    def fail(*_: object) -> str:
+        raise error
+
+    monkeypatch.setattr(report, "_html", fail)
+    with pytest.raises(error):
+        report.write(paper, out)
+    assert contents(out) == before
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.usefixtures("without_figures")
+def test_a_failed_move_puts_the_old_folder_back(
+    paper: study.Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = report.write(paper, tmp_path / "out")
+    before = contents(out)
+    rename = os.rename
+
+    def fail(source: Path, target: Path) -> None:
+        if source.name == "new":
+            raise OSError("the disk is gone")
+        rename(source, target)
+
+    monkeypatch.setattr(os, "rename", fail)
+    with pytest.raises(OSError, match="the disk is gone"):
+        report.write(paper, out)
+    assert contents(out) == before
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.usefixtures("without_figures")
+def test_files_of_others_are_never_touched(paper: study.Study, tmp_path: Path) -> None:
+    thesis = tmp_path / "thesis"
+    thesis.mkdir()
+    (thesis / "chapter1.tex").write_text("years of work")
+    with pytest.raises(InputError, match="no study of Bowstring"):
+        report.write(paper, thesis)
+
+    out = report.write(paper, tmp_path / "out")
+    (out / "my_notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"my_notes\.txt"):
+        report.write(paper, out)
+
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(InputError, match="it is a file"):
+        report.write(paper, file)
+    with pytest.raises(InputError, match="is a file"):
+        report.write(paper, file / "below")
+
+    assert (thesis / "chapter1.tex").read_text() == "years of work"
+    assert (out / "my_notes.txt").read_text() == "mine"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "out", "thesis"]
+
+
+@pytest.mark.usefixtures("without_figures")
+def test_an_empty_folder_and_missing_parents_are_fine(paper: study.Study, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    report.write(paper, tmp_path / "empty")
+    report.write(paper, tmp_path / "a" / "b" / "c")
+    assert (tmp_path / "a" / "b" / "c" / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [
+        ("amouri2019", "amouri2019"),
+        ("../../etc", "etc"),
+        ("my robot / v2", "my_robot_v2"),
+        ("..", "robot"),
+    ],
+)
+def test_the_default_folder_stays_where_it_belongs(name: str, folder: str) -> None:
+    robot = load_robot("amouri2019").with_({"name": name})
+    assert report.default_folder(robot) == Path("bowstring-study") / folder
+
+
+# -- the terminal ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("width", [80, 140])
+def test_the_terminal_shows_table_verdict_and_path(
+    paper: study.Study, tmp_path: Path, width: int
+) -> None:
+    out = io.StringIO()
+    report.print_study(paper, Console(file=out, width=width), tmp_path)
+    text = out.getvalue()
+    assert str(tmp_path / "report.html") in text
+    assert "lengths, chords" in text and "force, mean arm" in text
+    assert "Verdict at 1 % of length" in text
+    assert all(len(line) <= width for line in text.splitlines() if str(tmp_path) not in line)
