@@ -13,7 +13,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot import Robot, load_robot
 
 MM = 1e-3
-EI = 1.073786552  # of the study's robot, N m^2
+EI = 35e9 * math.pi / 64 * 0.005**4  # of the study's robot, N m^2
 
 
 @pytest.fixture(scope="module")
@@ -298,9 +298,9 @@ def test_the_contract(paper: study.Study) -> None:
     assert {"robot", "length_m", "comparisons", "verdict", "budget", "figures"} <= set(got)
     assert got["robot"] == "amouri2019"
     assert got["length_m"] == pytest.approx(0.641)
-    fields = ["name", "against", "n", "mean_mm", "max_mm", "rms_mm", "mean_percent", "mean_by_axis_mm"]
+    fields = ["name", "against", "n", "mean_mm", "max_mm", "rms_mm", "mean_percent"]
     for c in got["comparisons"]:
-        assert list(c) == fields
+        assert list(c) == [*fields, "mean_by_axis_mm"]
         assert len(c["mean_by_axis_mm"]) == 3
     assert got["data"] == "simulated" and got["registered"] is False
     assert got["provenance"]["robot_hash"] == paper.robot.hash

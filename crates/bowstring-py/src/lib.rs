@@ -15,7 +15,8 @@ mod _core {
         arc_fit_jacobian, arc_from_tensions, arc_lengths, arc_lengths_jacobian, arc_nearest,
         arc_part, arc_pose, arc_pose_jacobian, arc_through,
     };
-    use super::rod::{Robot, Solution};
+    #[pymodule_export]
+    use crate::rod::{Robot, Solution};
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {
