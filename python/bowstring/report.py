@@ -436,8 +436,6 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
             f"{settings.max_tension:g} N",
         )
     )
-    for warning in robot.warnings:
-        console.print(Text(f"Warning: {warning}", style="yellow"))
 
     errors = table(
         "Tip error of constant curvature (CC) against statics; all simulated",
