@@ -294,7 +294,10 @@ class Case:
 
 @dataclass(frozen=True)
 class BudgetRow:
-    """One effect: added alone to the plainest physics, removed alone from the fullest."""
+    """One effect: added alone to the plainest physics, removed alone from the fullest.
+
+    And, since both are far from the sweep that the verdict is about, changed alone in that sweep.
+    """
 
     effect: str
     label: str
@@ -302,12 +305,15 @@ class BudgetRow:
     full: Case
     """The fullest physics in which the effect acts (of alternatives, with this one)."""
     removed: Case
+    in_sweep: Case
+    """The main sweep with only this effect changed: removed if it acts there, else added."""
+    acts_in_sweep: bool
 
     def worth(self, meaning: str) -> float:
         """What the effect adds to the mean error when all others act too, m; may be negative."""
         return _mean(self.full.error(meaning) - self.removed.error(meaning))
 
-    def to_dict(self, plainest: Case) -> dict[str, Any]:
+    def to_dict(self, plainest: Case, sweep: Case) -> dict[str, Any]:
         """The row in mm and percent."""
         return {
             "effect": self.effect,
@@ -315,6 +321,10 @@ class BudgetRow:
             "added": self.added.to_dict(plainest),
             "full": self.full.to_dict(),
             "removed": self.removed.to_dict(self.full),
+            "in_sweep": {
+                "how": "removed" if self.acts_in_sweep else "added",
+                **self.in_sweep.to_dict(sweep),
+            },
         }
 
 
@@ -324,6 +334,8 @@ class Budget:
 
     plainest: Case
     fullest: Case
+    sweep: Case
+    """The physics of the main sweep."""
     rows: tuple[BudgetRow, ...]
     plainest_is: str
     fullest_is: str
@@ -334,7 +346,8 @@ class Budget:
         return {
             "plainest": {"is": self.plainest_is, **self.plainest.to_dict()},
             "fullest": {"is": self.fullest_is, **self.fullest.to_dict()},
-            "rows": [row.to_dict(self.plainest) for row in self.rows],
+            "sweep": self.sweep.to_dict(),
+            "rows": [row.to_dict(self.plainest, self.sweep) for row in self.rows],
             "notes": list(self.notes),
         }
 
@@ -686,7 +699,7 @@ class _Model:
             self._variants[key] = self.robot.with_(changes) if changes else self.robot
         return self._variants[key]
 
-    def solve(self, physics: Physics, tension: Array) -> rod.Sweep:
+    def solve(self, physics: Physics, tension: Array, disks: bool = False) -> rod.Sweep:
         """Equilibria of this physics along the sweep."""
         return rod.sweep(
             self.variant(physics),
@@ -696,6 +709,7 @@ class _Model:
             tip_force=physics.tip_force,
             tendon=physics.tendon,
             twist=physics.twist,
+            disks=disks,
         )
 
     def constant_curvature(self, name: str, tension: Array, lengths: Array) -> Array:
@@ -807,13 +821,13 @@ def _backbone(arcs: arc.RobotArcs, per_segment: int = 24) -> Array:
 def _statics(model: _Model) -> Statics:
     robot, settings = model.robot, model.settings
     tension = np.linspace(0.0, settings.max_tension, settings.points)
-    sweep = model.solve(model.main, tension)
+    sweep = model.solve(model.main, tension, disks=True)
     if not np.any(sweep.converged):
         raise NoSolutionError(
-            f"none of the {len(tension)} loads from 0 to {tension[-1]:g} N has a stable "
-            f"equilibrium that the solver could find (status: {sweep.status[0]}); "
-            "check the robot's stiffness, its gravity and the largest tension"
+            f"no load from 0 to {tension[-1]:g} N has a stable equilibrium that the solver could "
+            f"find ({sweep.message(0).rstrip('.')}); check stiffness, gravity and largest tension"
         )
+    assert sweep.disk_positions is not None
     straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
     r = float(robot.tendons.pitch_radius_m[settings.tendon])
     return Statics(
@@ -889,6 +903,20 @@ def _without(physics: Physics, effect: _Effect) -> Physics:
     return replace(physics, **{name: getattr(plain, name) for name in effect.on})
 
 
+def _acts(model: _Model, effect: _Effect) -> bool:
+    """Whether the main sweep has the effect (of gravity: exactly this one)."""
+    if effect.key == "clamps":
+        return any(s.disks.clamped_length for s in model.robot.segments)
+    return all(getattr(model.main, name) == value for name, value in effect.on.items())
+
+
+def _changed(model: _Model, effect: _Effect) -> Physics:
+    """The physics of the main sweep with only this effect changed."""
+    if _acts(model, effect):
+        return _without(model.main, effect)
+    return replace(model.main, **effect.on)
+
+
 def _budget(model: _Model, tension: Array, tell: Callable[[float], None]) -> Budget:
     effects = _effects(model)
     plain = Physics()
@@ -920,6 +948,8 @@ def _budget(model: _Model, tension: Array, tell: Callable[[float], None]) -> Bud
                 added=case(replace(plain, **effect.on)),
                 full=case(whole),
                 removed=case(_without(whole, effect)),
+                in_sweep=case(_changed(model, effect)),
+                acts_in_sweep=_acts(model, effect),
             )
         )
         tell((i + 1) / len(effects))
@@ -933,6 +963,7 @@ def _budget(model: _Model, tension: Array, tell: Callable[[float], None]) -> Bud
     return Budget(
         plainest=case(plain),
         fullest=case(full),
+        sweep=case(model.main),
         rows=tuple(rows),
         plainest_is="continuous tendon, no clamps, no shear or extension, no twist, no gravity, no "
         "tip force, E as in the file",
@@ -943,6 +974,8 @@ def _budget(model: _Model, tension: Array, tell: Callable[[float], None]) -> Bud
             "adds up to the whole, and one effect can lower the error that another one makes.",
             "'From force' always uses the file's own E and length, as a user would, also where "
             "the physics is stiffer, softer or clamped.",
+            "'In this sweep' changes the effect alone in the physics of the main sweep: taken out "
+            "if it acts there, added if not (gravity takes the place of the file's).",
             "'Removed' takes the effect out of the fullest physics. The alternatives (gravity in "
             "the other orientations, E 10 % higher) are compared with a fullest physics that has "
             "them in place of its own.",
@@ -975,7 +1008,7 @@ def _verdict(model: _Model, comparisons: dict[str, Comparison], budget: Budget) 
         text=(
             *(m.text for m in meanings),
             *_on_corrections(comparisons),
-            *_on_left_out(model, budget),
+            *_on_left_out(budget),
         ),
     )
 
@@ -1127,30 +1160,23 @@ def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
     return [f"Corrected in closed form: {' and '.join(parts)}."]
 
 
-def _on_left_out(model: _Model, budget: Budget) -> list[str]:
+def _on_left_out(budget: Budget) -> list[str]:
     """Which effect that the main sweep lacks would cost most."""
-    acting = {"straight_spans", "torsion"}
-    if model.main.theory == "cosserat":
-        acting.add("shear_extension")
-    if any(s.disks.clamped_length for s in model.robot.segments):
-        acting.add("clamps")
     out = []
     for meaning, words in zip(_MEANINGS, ("from lengths", "from force"), strict=True):
         rows = [
-            (row.added.comparisons[meaning].mean, row)
+            (row.in_sweep.comparisons[meaning].mean, row)
             for row in budget.rows
-            if row.effect not in acting
-            and not (row.effect.startswith("gravity") and any(model.robot.gravity))
-            and math.isfinite(row.added.comparisons[meaning].mean)
+            if not row.acts_in_sweep and math.isfinite(row.in_sweep.comparisons[meaning].mean)
         ]
         if rows:
             mean, row = max(rows, key=lambda pair: pair[0])
-            out.append(f"{words} {row.label}, with a mean error of {_mm(mean)}")
+            out.append(f"{words}, {row.label} (mean error {_mm(mean)})")
     if not out:
         return []
     return [
-        "This sweep leaves effects out that a real robot has. Of those in the budget, each added "
-        f"alone to the plainest physics, the costliest are: {'; '.join(out)}."
+        "A real robot has effects that this sweep leaves out. Of those in the budget, each added "
+        f"alone to this sweep, the costliest is {'; '.join(out)}."
     ]
 
 
