@@ -1171,12 +1171,12 @@ def _on_left_out(budget: Budget) -> list[str]:
         ]
         if rows:
             mean, row = max(rows, key=lambda pair: pair[0])
-            out.append(f"{words}, {row.label} (mean error {_mm(mean)})")
+            out.append(f"{words} a mean error of {_mm(mean)} ({row.label})")
     if not out:
         return []
     return [
         "A real robot has effects that this sweep leaves out. Of those in the budget, each added "
-        f"alone to this sweep, the costliest is {'; '.join(out)}."
+        f"alone to this sweep, the costliest makes {' and '.join(out)}."
     ]
 
 
