@@ -281,6 +281,22 @@ def test_the_load_range_follows_the_linear_law(stiffness: str, tension: float) -
     assert study.run(robot, points=2).settings.max_tension == tension
 
 
+def test_a_load_that_winds_the_robot_up_is_named() -> None:
+    soft = load_robot("amouri2019").with_({"segments.0.backbone.E": "35 MPa"})
+    with pytest.raises(InputError, match=r"80 N winds amouri2019 up by 220 turns"):
+        study.run(soft, max_tension=80.0)
+
+
+def test_loads_beyond_any_arc_count_in_no_mean() -> None:
+    got = study.run(load_robot("amouri2019"), max_tension=900.0)
+    lengths = got.comparison("cc_from_lengths")
+    assert 0 < lengths.n < 17
+    assert any(f"over the other {lengths.n}" in note for note in got.notes)
+    (gap,) = got.verdict.meanings[0].undecided
+    assert 300.0 < gap[0] < 400.0 and gap[1] == 900.0
+    assert not got.verdict.meanings[0].holds_throughout
+
+
 def test_no_equilibrium_at_all_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     class Failed:
         status = ("max_iterations",) * 17

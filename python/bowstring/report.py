@@ -464,6 +464,10 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
             *(_number(v) for v in d["mean_by_axis_mm"]),
         )
     console.print(errors)
+    for c in study.comparisons:
+        if c.n < len(study.statics.tension):
+            note = f"{_short(COMPARISONS[c.name])}: {c.n} of {len(study.statics.tension)} loads"
+            console.print(Text(note, style="dim"))
 
     plainest, fullest = study.budget.plainest, study.budget.fullest
 

@@ -606,7 +606,7 @@ def run(
         budget=budget,
         verdict=verdict,
         claim=_claim(model, comparisons),
-        notes=_notes(model, statics),
+        notes=_notes(model, statics, comparisons),
     )
 
 
@@ -786,7 +786,15 @@ def _geometric_sweep(model: _Model) -> GeometricSweep:
     robot, settings = model.robot, model.settings
     tension = np.linspace(0.0, settings.max_tension, settings.points)
     arcs = arc.robot_from_tensions(robot, model.tensions(tension))
-    lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+    try:
+        lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+    except BowstringError:
+        turns = settings.max_tension * sum(_linear_bend(robot, settings.tendon)) / math.tau
+        raise InputError(
+            f"by the linear law {settings.max_tension:g} N winds {robot.name} up by "
+            f"{_figures(turns)} turns, tighter than its tendons' distance from the backbone lets "
+            "them; check its stiffness or give a smaller largest tension"
+        ) from None
     # Eq. 5 proper: from the lengths. It needs three tendons a segment and lengths that some arc
     # has; a robot without them keeps the arcs the lengths came from, which are the same ones.
     with suppress(InputError):
@@ -1090,7 +1098,7 @@ def _shares(
 
 
 def _in_words(model: _Model, m: Meaning, limit: float) -> str:
-    percent = f"{model.settings.tolerance * 100:.3g} % of length ({limit * 1e3:.3g} mm)"
+    percent = f"{model.settings.tolerance * 100:.3g} % of length ({_mm(limit)})"
     top = f"{model.settings.max_tension:.4g} N"
     source = {
         "cc_from_lengths": "From tendon lengths (Eq. 5)",
@@ -1102,8 +1110,8 @@ def _in_words(model: _Model, m: Meaning, limit: float) -> str:
             "each segment and lengths that an arc can have."
         )
     largest = (
-        f"{_mm(m.max_error)} ({m.max_error / model.length * 100:.2g} % of length) "
-        f"at {m.max_at:.3g} N"
+        f"{_mm(m.max_error)} ({_percent(m.max_error / model.length)} of length) "
+        f"at {_figures(m.max_at)} N"
     )
     if m.holds_throughout:
         words = f"{source}, constant curvature holds to {percent} over the whole sweep to {top}"
@@ -1112,10 +1120,10 @@ def _in_words(model: _Model, m: Meaning, limit: float) -> str:
     elif m.holds_to is None or m.holds_to == 0.0:
         words = f"{source}, constant curvature is off by more than {percent} from the first load"
     else:
-        words = f"{source}, constant curvature holds to {percent} up to {m.holds_to:.3g} N"
+        words = f"{source}, constant curvature holds to {percent} up to {_figures(m.holds_to)} N"
     words += f"; its largest error is {largest}."
     if m.fails:
-        ranges = _listed([f"{a:.3g} to {b:.3g} N" for a, b in m.fails])
+        ranges = _listed([f"{_figures(a)} to {_figures(b)} N" for a, b in m.fails])
         words += f" It does not hold from {ranges}."
     if m.undecided:
         ranges = _listed([_range(a, b) for a, b in m.undecided])
@@ -1130,13 +1138,11 @@ def _blame(m: Meaning) -> str:
         return " Here the two agree."
     if worst.share <= 0.0:
         return (
-            f" No effect of this sweep is to blame alone at {m.blamed_at:.3g} N: removing any one "
+            f" No effect of this sweep is to blame alone at {_figures(m.blamed_at)} N: removing any one "
             "of them leaves the error as large or larger."
         )
     verb = "What ends it" if m.fails else "Most of that"
-    rest = (
-        f"without that alone the error at {m.blamed_at:.3g} N would be {_mm(worst.error_without)}"
-    )
+    rest = f"without that alone the error at {_figures(m.blamed_at)} N would be {_mm(worst.error_without)}"
     words = f" {verb}: {worst.label}; {rest}."
     rivals = [s.label for s in m.shares[1:] if s.share > 0.5 * worst.share]
     if rivals:
@@ -1190,7 +1196,7 @@ def _claim(model: _Model, comparisons: dict[str, Comparison]) -> PublishedClaim 
         "Amouri 2019 prints, for constant curvature against its finite-element run, a mean error "
         "smaller than 4.95 mm (0.77 % of length), and speaks of errors along each axis. This is "
         f"the study's published mean; ours, from force and against statics, is {_mm(ours.mean)} "
-        f"({ours.mean / model.length * 100:.2g} %; {_mm(x)} in x, {_mm(z)} in z). How the study "
+        f"({_percent(ours.mean / model.length)}; {_mm(x)} in x, {_mm(z)} in z). How the study "
         "turned force into cable length is our reading of its section 4.1 (the linear law). No "
         "measured data of the study are available, so nothing here is its measurement."
     )
@@ -1199,7 +1205,7 @@ def _claim(model: _Model, comparisons: dict[str, Comparison]) -> PublishedClaim 
     return PublishedClaim(4.95, 0.77, ours.name, text)
 
 
-def _notes(model: _Model, statics: Statics) -> tuple[str, ...]:
+def _notes(model: _Model, statics: Statics, comparisons: dict[str, Comparison]) -> tuple[str, ...]:
     robot, settings = model.robot, model.settings
     out = [
         "All data are simulated: constant curvature is compared with the statics of this program, "
@@ -1226,6 +1232,13 @@ def _notes(model: _Model, statics: Statics) -> tuple[str, ...]:
             f"solver found (first at {statics.tension[failed[0]]:.4g} N: "
             f"{statics.status[failed[0]]}); they count in no mean."
         )
+    for name, comparison in comparisons.items():
+        missing = int(statics.converged.sum()) - comparison.n
+        if missing:
+            out.append(
+                f"Constant curvature {COMPARISONS[name]} has no arc at {missing} of the loads that "
+                f"statics solved; its numbers are over the other {comparison.n}."
+            )
     return tuple(out)
 
 
@@ -1252,6 +1265,11 @@ def _zero(value: float) -> float:
     return 0.0 if abs(value) < 1e-12 else value
 
 
+def _figures(value: float, digits: int = 3) -> str:
+    """A few significant digits, large numbers without an exponent."""
+    return f"{value:.0f}" if abs(value) >= 10.0**digits else f"{value:.{digits}g}"
+
+
 def _mm(metres: float) -> str:
     """Three significant digits of mm, nothing finer than a micrometre."""
     mm = metres * 1e3
@@ -1259,11 +1277,15 @@ def _mm(metres: float) -> str:
         return "no number"
     if abs(mm) < 1e-3:
         return "under 0.001 mm"
-    return f"{mm:.3g} mm" if abs(mm) >= 0.1 else f"{mm:.3f} mm"
+    return f"{_figures(mm)} mm" if abs(mm) >= 0.1 else f"{mm:.3f} mm"
+
+
+def _percent(share: float) -> str:
+    return f"{_figures(share * 100.0, 2)} %"
 
 
 def _range(a: float, b: float) -> str:
-    return f"{a:.3g} N" if a == b else f"{a:.3g} to {b:.3g} N"
+    return f"{_figures(a)} N" if a == b else f"{_figures(a)} to {_figures(b)} N"
 
 
 def _listed(parts: Sequence[str]) -> str:
