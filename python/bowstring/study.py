@@ -1133,16 +1133,16 @@ def _in_words(model: _Model, m: Meaning, limit: float) -> str:
 
 
 def _blame(m: Meaning) -> str:
-    worst = m.ended_by
+    worst, where = m.ended_by, f"at {_figures(m.blamed_at)} N"
     if worst is None:
         return " Here the two agree."
     if worst.share <= 0.0:
         return (
-            f" No effect of this sweep is to blame alone at {_figures(m.blamed_at)} N: removing any one "
+            f" No effect of this sweep is to blame alone {where}: removing any one "
             "of them leaves the error as large or larger."
         )
     verb = "What ends it" if m.fails else "Most of that"
-    rest = f"without that alone the error at {_figures(m.blamed_at)} N would be {_mm(worst.error_without)}"
+    rest = f"without that alone the error {where} would be {_mm(worst.error_without)}"
     words = f" {verb}: {worst.label}; {rest}."
     rivals = [s.label for s in m.shares[1:] if s.share > 0.5 * worst.share]
     if rivals:
