@@ -288,7 +288,10 @@ def _fit_box(axes: Any, points: Array) -> None:
     for axis, centre, extent in zip("xyz", middle, size, strict=True):
         getattr(axes, f"set_{axis}lim")(centre - 0.52 * extent, centre + 0.52 * extent)
         getattr(axes, f"{axis}axis").set_pane_color((0.0, 0.0, 0.0, 0.0))
-        axes.locator_params(axis=axis, nbins=2 if extent < 0.4 * size.max() else 5)
+        if extent < 0.4 * size.max() and low["xyz".index(axis)] < 0.0:
+            getattr(axes, f"set_{axis}ticks")([0.0])  # no room for more
+        else:
+            axes.locator_params(axis=axis, nbins=5)
     axes.set_box_aspect(tuple(size), zoom=0.8)
 
 
