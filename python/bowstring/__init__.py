@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import errors
+    from bowstring import arc, errors
     from bowstring._core import __version__
     from bowstring.robot import Robot, load_robot, robot_names, robot_schema
     from bowstring.rod import Solution, Sweep, solve, solve_batch, sweep

@@ -223,7 +223,7 @@ def _tip_against_pull(study: Study) -> Figure:
 
 def _configurations(study: Study) -> Figure:
     from matplotlib.figure import Figure
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     figure = Figure(figsize=(_WIDTH, 4.8))
     axes: Any = figure.add_axes((0.02, 0.0, 0.9, 0.9), projection="3d")
@@ -255,14 +255,11 @@ def _configurations(study: Study) -> Figure:
             alpha=0.55,  # a disk is seen through
         )
         axes.add_collection3d(disks)
-        others: list[Array] = []
-        own: list[Array] = []
         for t, hole in enumerate(holes):
             last = int(robot.tendons.end_disk[t]) + 2
             path = centres[:last] + frames[:last] @ (hole * 1e3)
-            (own if t == pulled else others).append(path)
-        axes.add_collection3d(Line3DCollection(others, colors=_LIGHT["blue"], linewidths=0.8))
-        axes.add_collection3d(Line3DCollection(own, colors=_LIGHT["red"], linewidths=1.2))
+            colour, width = ("red", 1.2) if t == pulled else ("blue", 0.8)
+            axes.plot(*path.T, color=_LIGHT[colour], linewidth=width)
         backbone = g.backbone[i] * 1e3
         axes.plot(*backbone.T, color=_LIGHT["ink"], linewidth=2.0)
         points += rings
@@ -288,7 +285,10 @@ def _fit_box(axes: Any, points: Array) -> None:
     for axis, centre, extent in zip("xyz", middle, size, strict=True):
         getattr(axes, f"set_{axis}lim")(centre - 0.52 * extent, centre + 0.52 * extent)
         getattr(axes, f"{axis}axis").set_pane_color((0.0, 0.0, 0.0, 0.0))
-        axes.locator_params(axis=axis, nbins=2 if extent < 0.4 * size.max() else 5)
+        if extent < 0.4 * size.max() and low["xyz".index(axis)] < 0.0:
+            getattr(axes, f"set_{axis}ticks")([0.0])  # no room for more
+        else:
+            axes.locator_params(axis=axis, nbins=5)
     axes.set_box_aspect(tuple(size), zoom=0.8)
 
 

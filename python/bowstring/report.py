@@ -330,11 +330,17 @@ def _budget_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
         return cells
 
     b = study.budget
-    rows = [row("", "plainest", b.plainest, None), row("", "fullest", b.fullest, None)]
+    rows = [
+        row("", "plainest", b.plainest, None),
+        row("", "fullest", b.fullest, None),
+        row("", "this sweep", b.sweep, None),
+    ]
     for r in b.rows:
         rows.append(row(r.effect, "added to plainest", r.added, b.plainest))
         rows.append(row(r.effect, "fullest with it", r.full, None))
         rows.append(row(r.effect, "removed from fullest", r.removed, r.full))
+        how = "removed from this sweep" if r.acts_in_sweep else "added to this sweep"
+        rows.append(row(r.effect, how, r.in_sweep, b.sweep))
     return header, list(rows)
 
 
@@ -436,8 +442,6 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
             f"{settings.max_tension:g} N",
         )
     )
-    for warning in robot.warnings:
-        console.print(Text(f"Warning: {warning}", style="yellow"))
 
     errors = table(
         "Tip error of constant curvature (CC) against statics; all simulated",
@@ -458,6 +462,10 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
             *(_number(v) for v in d["mean_by_axis_mm"]),
         )
     console.print(errors)
+    for c in study.comparisons:
+        if c.n < len(study.statics.tension):
+            note = f"{_short(COMPARISONS[c.name])}: {c.n} of {len(study.statics.tension)} loads"
+            console.print(Text(note, style="dim"))
 
     plainest, fullest = study.budget.plainest, study.budget.fullest
 

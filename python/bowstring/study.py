@@ -294,7 +294,10 @@ class Case:
 
 @dataclass(frozen=True)
 class BudgetRow:
-    """One effect: added alone to the plainest physics, removed alone from the fullest."""
+    """One effect: added alone to the plainest physics, removed alone from the fullest.
+
+    And, since both are far from the sweep that the verdict is about, changed alone in that sweep.
+    """
 
     effect: str
     label: str
@@ -302,12 +305,15 @@ class BudgetRow:
     full: Case
     """The fullest physics in which the effect acts (of alternatives, with this one)."""
     removed: Case
+    in_sweep: Case
+    """The main sweep with only this effect changed: removed if it acts there, else added."""
+    acts_in_sweep: bool
 
     def worth(self, meaning: str) -> float:
         """What the effect adds to the mean error when all others act too, m; may be negative."""
         return _mean(self.full.error(meaning) - self.removed.error(meaning))
 
-    def to_dict(self, plainest: Case) -> dict[str, Any]:
+    def to_dict(self, plainest: Case, sweep: Case) -> dict[str, Any]:
         """The row in mm and percent."""
         return {
             "effect": self.effect,
@@ -315,6 +321,10 @@ class BudgetRow:
             "added": self.added.to_dict(plainest),
             "full": self.full.to_dict(),
             "removed": self.removed.to_dict(self.full),
+            "in_sweep": {
+                "how": "removed" if self.acts_in_sweep else "added",
+                **self.in_sweep.to_dict(sweep),
+            },
         }
 
 
@@ -324,6 +334,8 @@ class Budget:
 
     plainest: Case
     fullest: Case
+    sweep: Case
+    """The physics of the main sweep."""
     rows: tuple[BudgetRow, ...]
     plainest_is: str
     fullest_is: str
@@ -334,7 +346,8 @@ class Budget:
         return {
             "plainest": {"is": self.plainest_is, **self.plainest.to_dict()},
             "fullest": {"is": self.fullest_is, **self.fullest.to_dict()},
-            "rows": [row.to_dict(self.plainest) for row in self.rows],
+            "sweep": self.sweep.to_dict(),
+            "rows": [row.to_dict(self.plainest, self.sweep) for row in self.rows],
             "notes": list(self.notes),
         }
 
@@ -593,7 +606,7 @@ def run(
         budget=budget,
         verdict=verdict,
         claim=_claim(model, comparisons),
-        notes=_notes(model, statics),
+        notes=_notes(model, statics, comparisons),
     )
 
 
@@ -686,7 +699,7 @@ class _Model:
             self._variants[key] = self.robot.with_(changes) if changes else self.robot
         return self._variants[key]
 
-    def solve(self, physics: Physics, tension: Array) -> rod.Sweep:
+    def solve(self, physics: Physics, tension: Array, disks: bool = False) -> rod.Sweep:
         """Equilibria of this physics along the sweep."""
         return rod.sweep(
             self.variant(physics),
@@ -696,6 +709,7 @@ class _Model:
             tip_force=physics.tip_force,
             tendon=physics.tendon,
             twist=physics.twist,
+            disks=disks,
         )
 
     def constant_curvature(self, name: str, tension: Array, lengths: Array) -> Array:
@@ -772,7 +786,15 @@ def _geometric_sweep(model: _Model) -> GeometricSweep:
     robot, settings = model.robot, model.settings
     tension = np.linspace(0.0, settings.max_tension, settings.points)
     arcs = arc.robot_from_tensions(robot, model.tensions(tension))
-    lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+    try:
+        lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+    except BowstringError:
+        turns = settings.max_tension * sum(_linear_bend(robot, settings.tendon)) / math.tau
+        raise InputError(
+            f"by the linear law {settings.max_tension:g} N winds {robot.name} up by "
+            f"{_figures(turns)} turns, tighter than its tendons' distance from the backbone lets "
+            "them; check its stiffness or give a smaller largest tension"
+        ) from None
     # Eq. 5 proper: from the lengths. It needs three tendons a segment and lengths that some arc
     # has; a robot without them keeps the arcs the lengths came from, which are the same ones.
     with suppress(InputError):
@@ -807,13 +829,13 @@ def _backbone(arcs: arc.RobotArcs, per_segment: int = 24) -> Array:
 def _statics(model: _Model) -> Statics:
     robot, settings = model.robot, model.settings
     tension = np.linspace(0.0, settings.max_tension, settings.points)
-    sweep = model.solve(model.main, tension)
+    sweep = model.solve(model.main, tension, disks=True)
     if not np.any(sweep.converged):
         raise NoSolutionError(
-            f"none of the {len(tension)} loads from 0 to {tension[-1]:g} N has a stable "
-            f"equilibrium that the solver could find (status: {sweep.status[0]}); "
-            "check the robot's stiffness, its gravity and the largest tension"
+            f"no load from 0 to {tension[-1]:g} N has a stable equilibrium that the solver could "
+            f"find ({sweep.message(0).rstrip('.')}); check stiffness, gravity and largest tension"
         )
+    assert sweep.disk_positions is not None
     straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
     r = float(robot.tendons.pitch_radius_m[settings.tendon])
     return Statics(
@@ -889,6 +911,20 @@ def _without(physics: Physics, effect: _Effect) -> Physics:
     return replace(physics, **{name: getattr(plain, name) for name in effect.on})
 
 
+def _acts(model: _Model, effect: _Effect) -> bool:
+    """Whether the main sweep has the effect (of gravity: exactly this one)."""
+    if effect.key == "clamps":
+        return any(s.disks.clamped_length for s in model.robot.segments)
+    return all(getattr(model.main, name) == value for name, value in effect.on.items())
+
+
+def _changed(model: _Model, effect: _Effect) -> Physics:
+    """The physics of the main sweep with only this effect changed."""
+    if _acts(model, effect):
+        return _without(model.main, effect)
+    return replace(model.main, **effect.on)
+
+
 def _budget(model: _Model, tension: Array, tell: Callable[[float], None]) -> Budget:
     effects = _effects(model)
     plain = Physics()
@@ -920,6 +956,8 @@ def _budget(model: _Model, tension: Array, tell: Callable[[float], None]) -> Bud
                 added=case(replace(plain, **effect.on)),
                 full=case(whole),
                 removed=case(_without(whole, effect)),
+                in_sweep=case(_changed(model, effect)),
+                acts_in_sweep=_acts(model, effect),
             )
         )
         tell((i + 1) / len(effects))
@@ -933,6 +971,7 @@ def _budget(model: _Model, tension: Array, tell: Callable[[float], None]) -> Bud
     return Budget(
         plainest=case(plain),
         fullest=case(full),
+        sweep=case(model.main),
         rows=tuple(rows),
         plainest_is="continuous tendon, no clamps, no shear or extension, no twist, no gravity, no "
         "tip force, E as in the file",
@@ -943,6 +982,8 @@ def _budget(model: _Model, tension: Array, tell: Callable[[float], None]) -> Bud
             "adds up to the whole, and one effect can lower the error that another one makes.",
             "'From force' always uses the file's own E and length, as a user would, also where "
             "the physics is stiffer, softer or clamped.",
+            "'In this sweep' changes the effect alone in the physics of the main sweep: taken out "
+            "if it acts there, added if not (gravity takes the place of the file's).",
             "'Removed' takes the effect out of the fullest physics. The alternatives (gravity in "
             "the other orientations, E 10 % higher) are compared with a fullest physics that has "
             "them in place of its own.",
@@ -975,7 +1016,7 @@ def _verdict(model: _Model, comparisons: dict[str, Comparison], budget: Budget) 
         text=(
             *(m.text for m in meanings),
             *_on_corrections(comparisons),
-            *_on_left_out(model, budget),
+            *_on_left_out(budget),
         ),
     )
 
@@ -1057,7 +1098,7 @@ def _shares(
 
 
 def _in_words(model: _Model, m: Meaning, limit: float) -> str:
-    percent = f"{model.settings.tolerance * 100:.3g} % of length ({limit * 1e3:.3g} mm)"
+    percent = f"{model.settings.tolerance * 100:.3g} % of length ({_mm(limit)})"
     top = f"{model.settings.max_tension:.4g} N"
     source = {
         "cc_from_lengths": "From tendon lengths (Eq. 5)",
@@ -1069,8 +1110,8 @@ def _in_words(model: _Model, m: Meaning, limit: float) -> str:
             "each segment and lengths that an arc can have."
         )
     largest = (
-        f"{_mm(m.max_error)} ({m.max_error / model.length * 100:.2g} % of length) "
-        f"at {m.max_at:.3g} N"
+        f"{_mm(m.max_error)} ({_percent(m.max_error / model.length)} of length) "
+        f"at {_figures(m.max_at)} N"
     )
     if m.holds_throughout:
         words = f"{source}, constant curvature holds to {percent} over the whole sweep to {top}"
@@ -1079,10 +1120,10 @@ def _in_words(model: _Model, m: Meaning, limit: float) -> str:
     elif m.holds_to is None or m.holds_to == 0.0:
         words = f"{source}, constant curvature is off by more than {percent} from the first load"
     else:
-        words = f"{source}, constant curvature holds to {percent} up to {m.holds_to:.3g} N"
+        words = f"{source}, constant curvature holds to {percent} up to {_figures(m.holds_to)} N"
     words += f"; its largest error is {largest}."
     if m.fails:
-        ranges = _listed([f"{a:.3g} to {b:.3g} N" for a, b in m.fails])
+        ranges = _listed([f"{_figures(a)} to {_figures(b)} N" for a, b in m.fails])
         words += f" It does not hold from {ranges}."
     if m.undecided:
         ranges = _listed([_range(a, b) for a, b in m.undecided])
@@ -1092,18 +1133,16 @@ def _in_words(model: _Model, m: Meaning, limit: float) -> str:
 
 
 def _blame(m: Meaning) -> str:
-    worst = m.ended_by
+    worst, where = m.ended_by, f"at {_figures(m.blamed_at)} N"
     if worst is None:
         return " Here the two agree."
     if worst.share <= 0.0:
         return (
-            f" No effect of this sweep is to blame alone at {m.blamed_at:.3g} N: removing any one "
+            f" No effect of this sweep is to blame alone {where}: removing any one "
             "of them leaves the error as large or larger."
         )
     verb = "What ends it" if m.fails else "Most of that"
-    rest = (
-        f"without that alone the error at {m.blamed_at:.3g} N would be {_mm(worst.error_without)}"
-    )
+    rest = f"without that alone the error {where} would be {_mm(worst.error_without)}"
     words = f" {verb}: {worst.label}; {rest}."
     rivals = [s.label for s in m.shares[1:] if s.share > 0.5 * worst.share]
     if rivals:
@@ -1127,30 +1166,23 @@ def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
     return [f"Corrected in closed form: {' and '.join(parts)}."]
 
 
-def _on_left_out(model: _Model, budget: Budget) -> list[str]:
+def _on_left_out(budget: Budget) -> list[str]:
     """Which effect that the main sweep lacks would cost most."""
-    acting = {"straight_spans", "torsion"}
-    if model.main.theory == "cosserat":
-        acting.add("shear_extension")
-    if any(s.disks.clamped_length for s in model.robot.segments):
-        acting.add("clamps")
     out = []
     for meaning, words in zip(_MEANINGS, ("from lengths", "from force"), strict=True):
         rows = [
-            (row.added.comparisons[meaning].mean, row)
+            (row.in_sweep.comparisons[meaning].mean, row)
             for row in budget.rows
-            if row.effect not in acting
-            and not (row.effect.startswith("gravity") and any(model.robot.gravity))
-            and math.isfinite(row.added.comparisons[meaning].mean)
+            if not row.acts_in_sweep and math.isfinite(row.in_sweep.comparisons[meaning].mean)
         ]
         if rows:
             mean, row = max(rows, key=lambda pair: pair[0])
-            out.append(f"{words} {row.label}, with a mean error of {_mm(mean)}")
+            out.append(f"{words} a mean error of {_mm(mean)} ({row.label})")
     if not out:
         return []
     return [
-        "This sweep leaves effects out that a real robot has. Of those in the budget, each added "
-        f"alone to the plainest physics, the costliest are: {'; '.join(out)}."
+        "A real robot has effects that this sweep leaves out. Of those in the budget, each added "
+        f"alone to this sweep, the costliest makes {' and '.join(out)}."
     ]
 
 
@@ -1164,7 +1196,7 @@ def _claim(model: _Model, comparisons: dict[str, Comparison]) -> PublishedClaim 
         "Amouri 2019 prints, for constant curvature against its finite-element run, a mean error "
         "smaller than 4.95 mm (0.77 % of length), and speaks of errors along each axis. This is "
         f"the study's published mean; ours, from force and against statics, is {_mm(ours.mean)} "
-        f"({ours.mean / model.length * 100:.2g} %; {_mm(x)} in x, {_mm(z)} in z). How the study "
+        f"({_percent(ours.mean / model.length)}; {_mm(x)} in x, {_mm(z)} in z). How the study "
         "turned force into cable length is our reading of its section 4.1 (the linear law). No "
         "measured data of the study are available, so nothing here is its measurement."
     )
@@ -1173,7 +1205,7 @@ def _claim(model: _Model, comparisons: dict[str, Comparison]) -> PublishedClaim 
     return PublishedClaim(4.95, 0.77, ours.name, text)
 
 
-def _notes(model: _Model, statics: Statics) -> tuple[str, ...]:
+def _notes(model: _Model, statics: Statics, comparisons: dict[str, Comparison]) -> tuple[str, ...]:
     robot, settings = model.robot, model.settings
     out = [
         "All data are simulated: constant curvature is compared with the statics of this program, "
@@ -1200,6 +1232,13 @@ def _notes(model: _Model, statics: Statics) -> tuple[str, ...]:
             f"solver found (first at {statics.tension[failed[0]]:.4g} N: "
             f"{statics.status[failed[0]]}); they count in no mean."
         )
+    for name, comparison in comparisons.items():
+        missing = int(statics.converged.sum()) - comparison.n
+        if missing:
+            out.append(
+                f"Constant curvature {COMPARISONS[name]} has no arc at {missing} of the loads that "
+                f"statics solved; its numbers are over the other {comparison.n}."
+            )
     return tuple(out)
 
 
@@ -1226,6 +1265,11 @@ def _zero(value: float) -> float:
     return 0.0 if abs(value) < 1e-12 else value
 
 
+def _figures(value: float, digits: int = 3) -> str:
+    """A few significant digits, large numbers without an exponent."""
+    return f"{value:.0f}" if abs(value) >= 10.0**digits else f"{value:.{digits}g}"
+
+
 def _mm(metres: float) -> str:
     """Three significant digits of mm, nothing finer than a micrometre."""
     mm = metres * 1e3
@@ -1233,11 +1277,15 @@ def _mm(metres: float) -> str:
         return "no number"
     if abs(mm) < 1e-3:
         return "under 0.001 mm"
-    return f"{mm:.3g} mm" if abs(mm) >= 0.1 else f"{mm:.3f} mm"
+    return f"{_figures(mm)} mm" if abs(mm) >= 0.1 else f"{mm:.3f} mm"
+
+
+def _percent(share: float) -> str:
+    return f"{_figures(share * 100.0, 2)} %"
 
 
 def _range(a: float, b: float) -> str:
-    return f"{a:.3g} N" if a == b else f"{a:.3g} to {b:.3g} N"
+    return f"{_figures(a)} N" if a == b else f"{_figures(a)} to {_figures(b)} N"
 
 
 def _listed(parts: Sequence[str]) -> str:

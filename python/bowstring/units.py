@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,6 +27,8 @@ _UNITS: Final[dict[str, dict[str, Decimal]]] = {
         "kg/m^3": {"kg/m^3": "1", "g/cm^3": "1e3"},
         "m/s^2": {"m/s^2": "1"},
         "rad": {"rad": "1", "deg": "0.01745329251994329576923690768488613"},
+        "N": {"N": "1", "mN": "1e-3", "kN": "1e3"},
+        "N*m": {"N*m": "1", "N*mm": "1e-3", "mN*m": "1e-3"},
     }.items()
 }
 _QUANTITY_NAMES: Final = {
@@ -35,7 +38,10 @@ _QUANTITY_NAMES: Final = {
     "kg/m^3": "density",
     "m/s^2": "acceleration",
     "rad": "angle",
+    "N": "force",
+    "N*m": "moment",
 }
+_MOMENTS: Final = {"Nm": "N*m", "Nmm": "N*mm", "mNm": "mN*m"}  # as people write them
 _SAME_UNIT: Final = str.maketrans({"²": "^2", "³": "^3", "µ": "u", "μ": "u", "°": "deg", "·": "*"})
 NUMBER: Final = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
 # Names with small whole powers only: what reaches pint cannot make it compute 9**9**9.
@@ -57,6 +63,7 @@ def _factor(unit: str, si: str) -> Decimal:
     if len(unit) > _MAX_WORD:
         raise ValueError(f"; {quote(unit)} is not a unit")
     plain = unit.translate(_SAME_UNIT).replace("**", "^").replace(" ", "")
+    plain = _MOMENTS.get(plain, plain)
     if plain in _UNITS[si]:
         return _UNITS[si][plain]
     if not si:
@@ -102,6 +109,29 @@ def _split(text: str) -> tuple[list[str], str]:
         if rest := word[match.end() :]:
             return numbers, " ".join((rest, *words[i + 1 :]))
     return numbers, ""
+
+
+def read_number(text: str, si: str) -> float:
+    """Read one number of the command line; without a unit it is SI.
+
+    ValueError continues the sentence 'got "...", '.
+    """
+    text = text.strip()
+    if re.fullmatch(NUMBER, text, re.ASCII):
+        values = [float(text)]
+    elif not re.match(NUMBER, text, re.ASCII):
+        raise ValueError("which is not a number")
+    elif re.match(rf"{NUMBER}\s+{NUMBER}", text, re.ASCII):
+        raise ValueError("which is more than one number")
+    else:
+        try:
+            values = _parse_quantities(text, si)
+        except ValueError as error:
+            why = str(error)
+            raise ValueError(why if why.startswith('"') else f"which {why}") from None
+    if not math.isfinite(values[0]):
+        raise ValueError("which is too large")
+    return values[0]
 
 
 @cache

@@ -9,13 +9,14 @@ mod rod;
 mod _core {
     use super::*;
 
-    use super::rod::{Robot, Solution};
     #[pymodule_export]
     use crate::arc::{
         arc_bend, arc_bend_jacobian, arc_curvature, arc_curvature_jacobian, arc_fit,
         arc_fit_jacobian, arc_from_tensions, arc_lengths, arc_lengths_jacobian, arc_nearest,
         arc_part, arc_pose, arc_pose_jacobian, arc_through,
     };
+    #[pymodule_export]
+    use crate::rod::{Robot, Solution};
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {

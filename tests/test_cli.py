@@ -1,0 +1,508 @@
+"""The command line: its contract (docs/cli.md), its exit codes, and what it says of bad input."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
+
+import bowstring as bs
+from bowstring import cli
+
+ROOT = Path(__file__).parents[1]
+
+
+class Shell:
+    """Runs a command in this process and keeps what it wrote."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self.capsys = capsys
+
+    def __call__(self, *arguments: str) -> tuple[int, str, str]:
+        code = cli.run(arguments)
+        return (code, *self.capsys.readouterr())
+
+    def json(self, *arguments: str, code: int = 0) -> Any:
+        """Stdout as JSON, which must be one line and all of it."""
+        got, out, err = self(*arguments, "--json")
+        assert got == code, err
+        assert out.count("\n") == 1
+        return json.loads(out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON
+
+    def error(self, *arguments: str) -> str:
+        """The sentence of a command that must refuse its input."""
+        code, out, err = self(*arguments)
+        assert (code, out) == (2, ""), (out, err)
+        assert err.startswith("Error: ") and err.count("\n") == 1, err
+        assert "Traceback" not in err
+        return err.removeprefix("Error: ").strip()
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)
+
+
+def process(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "bowstring", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        **options,
+    )
+
+
+# -- the contract ------------------------------------------------------------------------------
+
+
+def test_robots(shell: Shell) -> None:
+    found = shell.json("robots")
+    assert [robot["name"] for robot in found["robots"]] == bs.robot_names()
+    assert found["robots"][0]["length_m"] == 0.641
+    code, out, err = shell("robots")
+    assert code == 0 and "amouri2019" in out and not err
+
+
+def test_schema(shell: Shell) -> None:
+    for arguments in (["schema"], ["schema", "--json"]):
+        code, out, err = shell(*arguments)
+        assert code == 0 and not err
+        schema = json.loads(out)
+        Draft202012Validator.check_schema(schema)
+        assert schema == bs.robot_schema()
+
+
+def test_fk(shell: Shell) -> None:
+    found = shell.json("fk", "amouri2019", "--lengths", "612 mm,0.6555,65.55 cm")
+    (segment,) = found["segments"]
+    assert set(segment) == {"kappa_per_m", "phi_rad", "theta_rad", "length_m", "misfit_m"}
+    assert segment["theta_rad"] == pytest.approx(1.0, rel=1e-12)  # pull = theta r = 29 mm
+    assert segment["length_m"] == pytest.approx(0.641, rel=1e-12)
+    expected = bs.arc.robot_fk(bs.load_robot("amouri2019"), [0.612, 0.6555, 0.6555])
+    np.testing.assert_array_equal(found["tip"]["position_m"], expected.tip.position)
+    np.testing.assert_array_equal(found["tip"]["rotation"], expected.tip.rotation)
+
+
+def test_fk_of_several_segments(shell: Shell) -> None:
+    lengths = "0.19,0.205,0.205,0.395,0.4,0.4"
+    found = shell.json("fk", "rao2021", "--lengths", lengths)
+    assert [s["kappa_per_m"] for s in found["segments"]] == pytest.approx([5.0, 3.361345], rel=1e-6)
+    chord = shell.json("fk", "rao2021", "--lengths", lengths, "--chord")
+    assert chord["segments"] != found["segments"]
+
+
+@pytest.mark.parametrize("options", [[], ["--chord"]])
+def test_ik_inverts_fk(shell: Shell, options: list[str]) -> None:
+    tip = shell.json("fk", "amouri2019", "--lengths", "0.612,0.64,0.67", *options)["tip"]
+    point = ",".join(map(repr, tip["position_m"]))
+    found = shell.json("ik", "amouri2019", "--tip", point, "--free-length", *options)
+    assert found["tendon_lengths_m"] == pytest.approx([0.612, 0.64, 0.67], rel=1e-12)
+    assert found["miss_m"] == 0
+
+
+def test_ik_reports_its_miss(shell: Shell) -> None:
+    found = shell.json("ik", "amouri2019", "--tip", "100 mm,0,0.5")
+    assert found["segments"][0]["length_m"] == 0.641
+    distance = np.linalg.norm(np.subtract(found["tip"]["position_m"], [0.1, 0, 0.5]))
+    assert found["miss_m"] == pytest.approx(distance) and distance > 0.05
+    code, out, _ = shell("ik", "amouri2019", "--tip", "100 mm,0,0.5")
+    assert code == 0 and f"misses the point by {1e3 * distance:.3f} mm" in out
+
+
+def test_solve(shell: Shell) -> None:
+    found = shell.json("solve", "amouri2019", "--tension", "80,0,0")
+    assert found["status"] == "converged" and found["stable"] is True
+    assert found["theory"] == "cosserat"
+    assert found["residual"] < 1e-8 and found["iterations"] > 0
+    assert len(found["disks"]) == 9
+    assert found["disks"][-1] == found["tip"]
+    assert found["tensions_N"] == [80, 0, 0]
+    expected = bs.solve(bs.load_robot("amouri2019"), [80, 0, 0])
+    assert expected.tip is not None
+    np.testing.assert_array_equal(found["tip"]["position_m"], expected.tip.position)
+    np.testing.assert_array_equal(found["tip"]["rotation"], expected.tip.rotation)
+    np.testing.assert_array_equal(found["tendon_lengths_m"], expected.tendon_lengths)
+    # body to base: the tip looks towards +x, where tendon 1 is
+    assert found["tip"]["rotation"][0][2] > 0.9
+    assert found["provenance"]["robot_hash"] == bs.load_robot("amouri2019").hash
+
+
+def test_solve_loads_may_be_negative_and_carry_units(shell: Shell) -> None:
+    plain = shell.json(
+        *("solve", "amouri2019", "--theory", "kirchhoff", "--tension", "10,20,0"),
+        *("--gravity", "0,0,-9.81", "--tip-force", "-1,0.5,0", "--tip-moment", "-0.1,0,0.05"),
+    )
+    units = shell.json(
+        *("solve", "amouri2019", "--theory=kirchhoff", "--tension", "10 N,20000mN,0"),
+        *("--gravity=0,0,-981 cm/s^2", "--tip-force", "-1 N,0.5,0"),
+        *("--tip-moment", "-100 N mm,0,50 mN*m"),
+    )
+    assert plain["theory"] == "kirchhoff"
+    assert units["tip"]["position_m"] == pytest.approx(plain["tip"]["position_m"], rel=1e-9)
+    expected = bs.solve(
+        bs.load_robot("amouri2019"),
+        [10, 20, 0],
+        theory="kirchhoff",
+        gravity=(0, 0, -9.81),
+        tip_force=(-1, 0.5, 0),
+        tip_moment=(-0.1, 0, 0.05),
+    )
+    assert expected.tip is not None
+    np.testing.assert_array_equal(plain["tip"]["position_m"], expected.tip.position)
+
+
+def test_gravity_comes_from_the_file(shell: Shell) -> None:
+    flag = shell.json("solve", "amouri2019", "--tension", "20,0,0", "--gravity", "0,0,-9.81")
+    file = shell.json("solve", "amouri2019", "--tension", "20,0,0", "--set", "gravity=0 0 -9.81")
+    assert flag["tip"] == file["tip"]
+    off = shell.json(
+        *("solve", "amouri2019", "--tension", "20,0,0", "--set", "gravity=0 0 -9.81"),
+        *("--gravity", "0,0,0"),
+    )
+    assert off["tip"] != file["tip"]
+
+
+def test_set_is_repeatable(shell: Shell) -> None:
+    found = shell.json(
+        *("solve", "amouri2019", "--tension", "80,0,0"),
+        *("--set", "segments.0.disks.clamped_length=3 mm", "--set", "segments.0.disks.count=5"),
+    )
+    robot = bs.load_robot(
+        "amouri2019", {"segments.0.disks.clamped_length": 0.003, "segments.0.disks.count": 5}
+    )
+    assert len(found["disks"]) == 5
+    assert found["provenance"]["robot_hash"] == robot.hash
+
+
+def test_warnings_go_to_stderr_and_into_json(shell: Shell) -> None:
+    arguments = ["solve", "amouri2019", "--tension", "0,0,0"]
+    arguments += ["--set", "segments.0.backbone.E=35 MPa", "--json"]
+    code, out, err = shell(*arguments)
+    assert code == 0
+    assert err.startswith("Warning: segments[0].backbone.E = 35 MPa") and err.count("\n") == 1
+    (warning,) = json.loads(out)["warnings"]
+    assert err == f"Warning: {warning}\n"
+
+
+def test_tables_are_for_people(shell: Shell) -> None:
+    code, out, err = shell("solve", "amouri2019", "--tension", "80,0,0")
+    assert code == 0 and not err
+    assert "384.556" in out and "A stable equilibrium" in out
+    assert "-0.000" not in out
+    code, out, _ = shell("fk", "amouri2019", "--lengths", "0.612,0.6555,0.6555")
+    assert code == 0 and "57.296" in out
+
+
+def test_help_and_version(shell: Shell) -> None:
+    assert shell("--version") == (0, f"bowstring {bs.__version__}\n", "")
+    code, out, err = shell()
+    assert code == 0 and "solve" in out and not err
+    for command in ("robots", "schema", "fk", "ik", "solve", "study"):
+        code, out, err = shell(command, "--help")
+        assert code == 0 and "--json" in out and not err
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """One study of the built-in robot: its folder and its JSON."""
+    folder = tmp_path_factory.mktemp("study") / "report"
+    done = process("study", "--out", str(folder), "--json")
+    assert done.returncode == 0, done.stderr
+    assert not done.stderr and done.stdout.count("\n") == 1
+    return folder, json.loads(done.stdout, parse_constant=pytest.fail)
+
+
+def test_study(studied: tuple[Path, dict[str, Any]]) -> None:
+    folder, found = studied
+    assert found["robot"] == "amouri2019" and found["length_m"] == 0.641
+    assert {c["name"]: round(c["mean_mm"], 2) for c in found["comparisons"]} == {
+        "cc_from_lengths": 0.23,
+        "cc_from_force": 4.42,
+        "cc_from_lengths_chord": 0.0,
+        "cc_from_force_arm": 0.05,
+    }
+    for comparison in found["comparisons"]:
+        keys = "name against n mean_mm max_mm rms_mm mean_percent mean_by_axis_mm"
+        assert set(comparison) == set(keys.split())
+        assert comparison["against"] == "statics" and comparison["n"] == 17
+        assert len(comparison["mean_by_axis_mm"]) == 3
+    assert found["verdict"] and found["budget"]
+    assert Path(found["folder"]) == folder
+    for figure in found["figures"]:
+        assert (folder / figure["png"]).is_file() and (folder / figure["pdf"]).is_file()
+    assert (folder / "report.html").is_file() and (folder / "study.json").is_file()
+
+
+def test_study_of_an_own_robot(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Straight from a file, with every flag; the report lies where it says."""
+    monkeypatch.chdir(tmp_path)
+    code, out, err = shell(
+        *("study", str(ROOT / "examples" / "my_robot.yaml"), "--tolerance", "2 %"),
+        *("--max-tension", "5 N", "--points", "5", "--theory", "kirchhoff"),
+        *("--set", "segments.0.disks.clamped_length=2 mm"),
+    )
+    assert code == 0 and not err
+    assert "2 % of length" in out and "5 N" in out
+    report = Path(out.splitlines()[-1].removeprefix("Report: "))
+    assert report == tmp_path / "bowstring-study" / "my_robot" / "report.html"
+    assert report.is_file()
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (["--measurements", "data.csv"], "--measurements is not available yet"),
+        (["--tolerance", "0"], "tolerance"),
+        (["--tolerance", "150 %"], "tolerance"),
+        (["--tolerance", "nan"], "not a number"),
+        (["--tolerance", "6 mm"], "--tolerance"),
+        (["--max-tension", "-1"], "tension"),
+        (["--max-tension", "1,2"], "write one"),
+        (["--points", "1"], "from 2 to 1000"),
+        (["--points", "1e9"], "--points"),
+        (["--out", ""], "no study of Bowstring"),
+        (["--out", "mine"], "no study of Bowstring"),
+        (["--out", "mine/notes.txt"], "is a file"),
+    ],
+)
+def test_study_refuses(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: list[str], says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    mine = tmp_path / "mine" / "notes.txt"
+    mine.parent.mkdir()
+    mine.write_text("keep me")
+    assert says in shell.error("study", *flags)
+    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [mine]
+
+
+def test_study_stopped_half_way_writes_nothing(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bowstring.plots.draw", stopped)
+    folder = tmp_path / "out"
+    code, out, err = shell("study", "--out", str(folder))
+    assert (code, out, err) == (130, "", "Stopped: nothing was written.\n")
+    assert not list(tmp_path.iterdir())
+
+
+# -- no solution -------------------------------------------------------------------------------
+
+
+def test_a_load_without_solution(shell: Shell) -> None:
+    """It says what was reached and what to try, and JSON holds no numbers of an unsolved pose."""
+    arguments = ["solve", "amouri2019", "--tension", "80,0,0"]
+    arguments += ["--set", "segments.0.backbone.E=35 MPa"]
+    code, out, err = shell(*arguments)
+    warning, error = err.splitlines()
+    assert code == 1 and not out
+    assert warning.startswith("Warning: ")
+    assert error.startswith("Error: ") and "of the load converged" in error
+    found = shell.json(*arguments, code=1)
+    assert found["status"] != "converged"
+    assert found["tip"] is found["disks"] is found["tendon_lengths_m"] is None
+
+
+def test_loads_beyond_all_bounds(shell: Shell) -> None:
+    for load in ("1e300,0,0", "1e308,1e308,1e308"):
+        code, out, err = shell("solve", "amouri2019", "--tension", load)
+        assert code in (1, 2) and not out and err.startswith("Error: ") and err.count("\n") == 1
+
+
+# -- bad input ---------------------------------------------------------------------------------
+
+SOLVE = ("solve", "amouri2019", "--tension", "1,2,3")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        # numbers
+        (["fk", "amouri2019", "--lengths", "nan,1,1"], 'got "nan", which is not a number'),
+        (["fk", "amouri2019", "--lengths", "inf,1,1"], 'got "inf", which is not a number'),
+        (["fk", "amouri2019", "--lengths", "1e999,1,1"], "too large"),
+        (["fk", "amouri2019", "--lengths", "0.6,,0.6"], "got nothing"),
+        (["fk", "amouri2019", "--lengths", ""], "got nothing"),
+        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6,"], "got nothing"),
+        (["fk", "amouri2019", "--lengths", "0.6 0.6 0.6"], "more than one number"),
+        (["fk", "amouri2019", "--lengths", "a,b,c"], 'got "a"'),
+        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 kg"], '"kg" is not a unit of length'),
+        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 furlongs_"], "is not a known unit"),
+        (["fk", "amouri2019", "--lengths", "0.6,0.6,0.6 " + "m" * 500], "is not a unit"),
+        (["fk", "amouri2019", "--lengths", "0,0.6,0.6"], "must be positive"),
+        (["fk", "amouri2019", "--lengths", "-0.6,0.6,0.6"], "must be positive"),
+        (["fk", "amouri2019", "--lengths", "0x1,1,1"], "0x1"),
+        (["fk", "amouri2019", "--lengths", "1_0,1,1"], "1_0"),
+        (["fk", "amouri2019", "--lengths", "٣,1,1"], "not a number"),
+        # counts
+        (["fk", "amouri2019", "--lengths", "0.6,0.6"], "2 numbers; amouri2019 has 3 tendons"),
+        (["fk", "rao2021", "--lengths", "0.2,0.2,0.2"], "rao2021 has 6 tendons"),
+        (["solve", "amouri2019", "--tension", "1"], "got 1 number;"),
+        ([*SOLVE, "--gravity", "9.81"], "--gravity: got 1 number"),
+        ([*SOLVE, "--tip-force", "1,2,3,4"], "--tip-force: got 4 numbers"),
+        ([*SOLVE, "--tip-moment", "1,2"], "--tip-moment: got 2 numbers"),
+        # values
+        (["solve", "amouri2019", "--tension", "nan,0,0"], "not a number"),
+        (["solve", "amouri2019", "--tension", "-1,0,0"], "a tendon cannot push"),
+        (["solve", "amouri2019", "--tension", "8 kg,0,0"], "not a unit of force"),
+        ([*SOLVE, "--gravity", "0,0,-inf"], 'got "-inf"'),
+        ([*SOLVE, "--theory", "timoshenko"], "is not one of 'cosserat', 'kirchhoff'"),
+        ([*SOLVE, "--elements", "3"], "must be 1, 2, 4 or 8"),
+        # geometry
+        (["fk", "amouri2019", "--lengths", "0.1,0.9,0.9"], "no arc has these tendon lengths"),
+        (["ik", "amouri2019", "--tip", "0,0,5"], "out of reach"),
+        (["ik", "amouri2019", "--tip", "0,0,-0.1", "--free-length"], "cannot be reached"),
+        (["ik", "rao2021", "--tip", "0,0,0.3"], "ik is for robots of one segment"),
+        # robots
+        (["solve", "amouri", "--tension", "1,2,3"], "did you mean amouri2019?"),
+        (["solve", "no/such.yaml", "--tension", "1,2,3"], "neither a file nor a built-in robot"),
+        (["solve", "", "--tension", "1,2,3"], ""),
+        (["solve", ".", "--tension", "1,2,3"], "folder"),
+        # overrides
+        ([*SOLVE, "--set", "segments.0.length"], "write for example --set"),
+        ([*SOLVE, "--set", "=3 mm"], "write for example --set"),
+        ([*SOLVE, "--set", "segments.0.length=-1 mm"], "segments[0].length"),
+        ([*SOLVE, "--set", "segments.0.length=1 kg"], "not a unit of length"),
+        ([*SOLVE, "--set", "segments.0.lenght=1 m"], "did you mean length?"),
+        ([*SOLVE, "--set", "segments.7.length=1 m"], "there is no"),
+        ([*SOLVE, "--set", "segments.0.tendons.pitch_radius=40 mm"], "outside its disk"),
+        # usage
+        (["fly"], "No such command 'fly'"),
+        (["fk", "amouri2019"], "Missing option '--lengths'"),
+        (["fk", "--lengths", "1,1,1"], "Missing argument 'ROBOT'"),
+        (["fk", "amouri2019", "--wings"], "--wings"),
+        (["fk", "amouri2019", "--lengths"], "requires an argument"),
+        ([*SOLVE, "--elements", "many"], "--elements"),
+        ([*SOLVE, "again"], "again"),
+    ],
+)
+@pytest.mark.parametrize("as_json", [False, True])
+def test_bad_input(shell: Shell, arguments: list[str], says: str, as_json: bool) -> None:
+    flags = ["--json"] if as_json else []
+    assert says in shell.error(arguments[0], *flags, *arguments[1:])
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "empty"),
+        (b"segments: [", "line"),
+        (b"segments: 3\n", "segments"),
+        (b"a: &a [x]\nb: [*a, *a]\n", ""),
+        (b"\xff\xfe\x00", "UTF-8"),
+        (b"#" * 2_000_000, "too large"),
+    ],
+)
+def test_bad_robot_file(shell: Shell, tmp_path: Path, content: bytes, says: str) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_bytes(content)
+    assert says in shell.error("solve", str(path), "--tension", "1,2,3")
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    command=st.sampled_from([["fk", "--lengths"], ["solve", "--tension"], ["ik", "--tip"]]),
+    text=st.text("0123456789.,-+eE nafi kgNm*/^%µ\n\0\u0663", max_size=40)
+    | st.lists(st.floats(), min_size=3, max_size=3).map(lambda v: ",".join(map(repr, v))),
+)
+def test_any_text_is_answered_or_refused(command: list[str], text: str) -> None:
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = cli.run([command[0], "amouri2019", f"{command[1]}={text}", "--json"])
+    assert code in (0, 1, 2), err.getvalue()
+    if code == 2:
+        assert not out.getvalue() and err.getvalue().count("\n") == 1
+    else:
+        json.loads(out.getvalue(), parse_constant=pytest.fail)
+
+
+# -- the process -------------------------------------------------------------------------------
+
+
+def test_process_keeps_stdout_pure() -> None:
+    done = process("solve", "amouri2019", "--tension", "80,0,0", "--json")
+    assert done.returncode == 0 and not done.stderr
+    assert json.loads(done.stdout)["status"] == "converged"
+    done = process("solve", "amouri2019", "--tension", "80,0", "--json")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("Error: ") and done.stderr.count("\n") == 1
+
+
+def test_solve_loads_no_heavy_library() -> None:
+    code = (
+        "import sys; from bowstring import cli;"
+        "code = cli.run(['solve', 'amouri2019', '--tension', '80,0,0', '--json']);"
+        "heavy = {'pandas', 'matplotlib', 'pint', 'rich', 'jinja2', 'scipy'} & set(sys.modules);"
+        "sys.exit(repr(heavy) if heavy else code)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX pipes")
+def test_a_reader_that_leaves_is_no_error() -> None:
+    command = [sys.executable, "-m", "bowstring", "schema"]
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_said() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "bowstring", "schema"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 74
+    assert done.stderr == "Error: stdout cannot be written: No space left on device.\n"
+
+
+def test_ascii_terminal(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    text = (ROOT / "python/bowstring/robots/amouri2019.yaml").read_text("utf-8")
+    path.write_text(text.replace("name: amouri2019", "name: τόξο"), "utf-8")
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = process("solve", str(path), "--tension", "80,0,0", env=environment)
+    assert done.returncode == 0 and not done.stderr and "????" in done.stdout
+
+
+def test_a_bug_is_not_called_bad_input(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(cli, "robot_names", broken)
+    code, out, err = shell("robots")
+    assert code == 70 and not out
+    assert "ZeroDivisionError" in err and err.endswith("report it with the lines above.\n")
+
+
+def test_stopped_by_the_user(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "robot_names", stopped)
+    assert shell("robots") == (130, "", "Stopped: nothing was written.\n")

@@ -1,0 +1,92 @@
+"""The examples that people read do what is written beside them."""
+
+from __future__ import annotations
+
+import doctest
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowstring import cli
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
+
+
+def blocks(language: str) -> list[object]:
+    """The fenced blocks of a language, each with its page and line as its name."""
+    found = []
+    for page in PAGES:
+        text = page.read_text("utf-8")
+        for match in re.finditer(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+            line = text[: match.start()].count("\n") + 1
+            found.append(pytest.param(match[1], id=f"{page.name}:{line}"))
+    return found
+
+
+@pytest.fixture(autouse=True)
+def beginner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty folder with the robot file that the README tells to copy."""
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    shutil.copy(ROOT / "examples" / "my_robot.yaml", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+
+
+@pytest.mark.parametrize("block", blocks("console"))
+def test_commands(block: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each `$ bowstring ...` ends well, and prints what is shown below it, if anything is."""
+    for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+        command, _, shown = part.partition("\n")
+        program, *arguments = shlex.split(command)
+        if command == "make study":  # the Makefile's line after the build
+            arguments = ["study", "amouri2019"]
+        elif program != "bowstring":
+            continue  # make test, pip, cp
+        code = cli.run(arguments)
+        out, err = capsys.readouterr()
+        assert code == 0, err
+        if shown.strip():
+            assert_same_text(out, shown)
+
+
+def assert_same_text(printed: str, shown: str) -> None:
+    """Equal words; numbers may differ in the last digit shown, as platforms do."""
+    printed, shown = (re.sub(r"\S+(?=/bowstring-study)", "", text) for text in (printed, shown))
+    words, expected = printed.split(), shown.split()
+    assert [NUMBER.sub("#", w) for w in words] == [NUMBER.sub("#", w) for w in expected]
+    numbers = [float(n) for w in words for n in NUMBER.findall(w)]
+    assert numbers == pytest.approx([float(n) for n in NUMBER.findall(shown)], rel=2e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize("block", blocks("python"))
+def test_python(block: str) -> None:
+    """A block with prompts is a doctest, any other is run."""
+    if ">>>" in block:
+        test = doctest.DocTestParser().get_doctest(block, {}, "page", None, None)
+        result = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test)
+        assert result.failed == 0
+    else:
+        exec(compile(block, "page", "exec"), {"__name__": "page"})
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links(page: Path) -> None:
+    """Every link and picture of a page leads to a file that is there."""
+    for target in re.findall(r"\]\(([^)#]+)", page.read_text("utf-8")):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize(
+    "example", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.name
+)
+def test_examples(example: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with np.printoptions():
+        exec(compile(example.read_text("utf-8"), str(example), "exec"), {"__name__": "__main__"})
+    assert capsys.readouterr().out
