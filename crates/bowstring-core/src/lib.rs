@@ -9,6 +9,7 @@ mod module;
 pub mod real;
 pub mod robot;
 mod rod;
+pub mod sensitivity;
 #[cfg(target_arch = "x86_64")]
 mod simd;
 pub mod statics;

@@ -5,7 +5,7 @@
 
 use crate::linalg::{Mat3, Vec3};
 use crate::load::{Load, Model, TendonPath};
-use crate::module::{Constants, Gradient, Hessian, Span, State, Tendons};
+use crate::module::{Constants, Gradient, Hessian, Response, Span, State, Tendons};
 use crate::real::{Layout, Real};
 use crate::robot::{Robot, Tendon};
 use crate::statics::Pose;
@@ -158,14 +158,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    #[inline(always)]
-    pub fn tendons(&self, group: usize) -> Tendons<'_, L::Module> {
-        let count = self.tendons.len();
-        Tendons {
-            tendons: &self.tendons,
-            tensions: &self.tensions[group * count..(group + 1) * count],
-            path: self.path,
-        }
+    pub fn tendon(&self, i: usize) -> &Tendon {
+        &self.tendons[i]
+    }
+
+    pub fn path(&self) -> TendonPath {
+        self.path
     }
 
     /// Forward pass: shapes and forces; returns the potential energy (tip moment left out).
@@ -234,20 +232,29 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// Second derivatives of all modules at the present gradient.
     #[inline(always)]
-    pub fn linearise(&mut self) {
+    pub fn linearise_only(&mut self) {
         for g in 0..self.states.len() {
-            let t = Tendons {
-                tendons: &self.tendons,
-                tensions: &self.tensions[g * self.tendons.len()..(g + 1) * self.tendons.len()],
-                path: self.path,
-            };
-            self.states[g].hessian(
-                &self.constants[g],
-                &t,
-                &self.gradients[g],
-                &mut self.hessians[g],
-            );
+            self.linearise_group(g);
         }
+    }
+
+    /// Second derivatives of all modules, and how their ends answer.
+    pub fn linearise(&mut self) -> Vec<Response<L::Module, A>> {
+        (0..self.states.len())
+            .map(|g| self.linearise_group(g))
+            .collect()
+    }
+
+    #[inline(always)]
+    fn linearise_group(&mut self, g: usize) -> Response<L::Module, A> {
+        let count = self.tendons.len();
+        let t = Tendons {
+            tendons: &self.tendons,
+            tensions: &self.tensions[g * count..(g + 1) * count],
+            path: self.path,
+        };
+        let out = &mut self.hessians[g];
+        self.states[g].hessian(&self.constants[g], &t, &self.gradients[g], out)
     }
 
     /// Backward pass: eliminates every arc; returns the least pivot, positive at a minimum.

@@ -6,6 +6,7 @@ use crate::module::Constants;
 use crate::real::{Layout, Real, Scalar};
 use crate::robot::{InputError, Robot};
 use crate::rod::Rod;
+use crate::sensitivity::{self, Jacobians};
 
 /// How a solve ended. Only [`Status::Converged`] comes with a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -454,6 +455,13 @@ impl Solver {
         points
     }
 
+    /// Derivatives of the last equilibrium; `None` for continuous tendons.
+    pub fn jacobians(&self) -> Option<Jacobians> {
+        let segments: Vec<_> = self.robot.spec().disks.iter().map(|d| d.segment).collect();
+        let mut engine = self.scalar();
+        with_scalar_rod!(&mut engine, rod => sensitivity::jacobians(rod, &segments))
+    }
+
     /// The present state in plain numbers, evaluated.
     fn scalar(&self) -> Engine {
         let mut engine = Engine::scalar(&self.robot, self.model, self.elements)
@@ -527,7 +535,7 @@ fn newton_on_energy<L: Layout, const A: usize>(
         outcome.residual = rod.gradient().lane(0) / settings.moment_scale;
         if outcome.residual <= TOLERANCE {
             if !minimum_nearby {
-                rod.linearise();
+                rod.linearise_only();
                 minimum_nearby = rod.eliminate::<true>(L::Chain::zero()).lane(0) > 0.0;
             }
             if minimum_nearby {
@@ -545,7 +553,7 @@ fn newton_on_energy<L: Layout, const A: usize>(
             return Attempt::Stuck;
         }
         outcome.iterations += 1;
-        rod.linearise();
+        rod.linearise_only();
         let mut pivot = rod.eliminate::<true>(L::Chain::splat(shift)).lane(0);
         while !(pivot > 0.0) {
             shift = if shift == 0.0 { unit } else { shift * 4.0 };
@@ -597,7 +605,7 @@ fn newton_on_residual<L: Layout, const A: usize>(
             break;
         }
         outcome.iterations += 1;
-        rod.linearise();
+        rod.linearise_only();
         rod.eliminate::<false>(L::Chain::zero());
         let largest = rod.newton_step::<false>().largest.lane(0);
         rod.save();

@@ -1,0 +1,205 @@
+//! Derivatives of an equilibrium: tip and tendon lengths by tensions, tip wrench and stiffness.
+//!
+//! The sweep of the Newton step with other right-hand sides: a parameter acts on a module as a
+//! change of the force on its end, of its end's place, and of the moments on its arcs.
+
+use crate::linalg::{Mat3, Vec3};
+use crate::load::TendonPath;
+use crate::module::{Response, Span};
+use crate::real::Scalar;
+use crate::rod::Rod;
+
+/// Derivatives by one parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Derivative {
+    /// Tip position, m.
+    pub position: Vec3,
+    /// Tip rotation as a rotation vector in the base frame, rad.
+    pub rotation: Vec3,
+    /// Tendon lengths from the base hole to the end disk's hole, m.
+    pub lengths: Vec<f64>,
+}
+
+/// Derivatives of an equilibrium with respect to its load and stiffness, each per unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Jacobians {
+    /// By each tension, 1/N.
+    pub tensions: Vec<Derivative>,
+    /// By the tip force along x, y and z of the base frame, 1/N.
+    pub tip_force: Vec<Derivative>,
+    /// By the tip moment about x, y and z of the base frame, 1/(N m).
+    pub tip_moment: Vec<Derivative>,
+    /// By the relative change of all stiffness of each segment's backbone (d/d ln E).
+    pub stiffness: Vec<Derivative>,
+}
+
+enum Parameter {
+    Tension(usize),
+    Force(usize),
+    Moment(usize),
+    Stiffness(usize),
+}
+
+/// What a parameter changes in a module at fixed strain.
+struct Source<const A: usize> {
+    /// Contact force.
+    force: Vec3,
+    /// Place of the end.
+    place: Vec3,
+    /// Moment imbalance of each arc.
+    moment: [Vec3; A],
+    /// Moment imbalance of the start.
+    start: Vec3,
+}
+
+/// Derivatives at the equilibrium that the rod holds, evaluated; `None` for continuous tendons.
+pub(crate) fn jacobians<const A: usize>(
+    rod: &mut Rod<Scalar, A>,
+    segments: &[usize],
+) -> Option<Jacobians> {
+    if rod.path() == TendonPath::Continuous {
+        return None;
+    }
+    rod.gradient();
+    let responses = rod.linearise();
+    if rod.has_tip_moment() {
+        rod.eliminate::<false>(0.0);
+        Some(all::<A, false>(rod, &responses, segments))
+    } else {
+        rod.eliminate::<true>(0.0);
+        Some(all::<A, true>(rod, &responses, segments))
+    }
+}
+
+fn all<const A: usize, const SYMMETRIC: bool>(
+    rod: &Rod<Scalar, A>,
+    responses: &[Response<f64, A>],
+    segments: &[usize],
+) -> Jacobians {
+    let by = |p: Parameter| derivative::<A, SYMMETRIC>(rod, responses, segments, &p);
+    let count = segments[segments.len() - 1] + 1;
+    Jacobians {
+        tensions: (0..rod.lengths.len())
+            .map(|i| by(Parameter::Tension(i)))
+            .collect(),
+        tip_force: (0..3).map(|i| by(Parameter::Force(i))).collect(),
+        tip_moment: (0..3).map(|i| by(Parameter::Moment(i))).collect(),
+        stiffness: (0..count).map(|i| by(Parameter::Stiffness(i))).collect(),
+    }
+}
+
+fn unit(i: usize) -> Vec3 {
+    let mut v = Vec3::zero();
+    v[i] = 1.0;
+    v
+}
+
+fn source<const A: usize>(
+    rod: &Rod<Scalar, A>,
+    response: &Response<f64, A>,
+    segments: &[usize],
+    k: usize,
+    parameter: &Parameter,
+) -> Source<A> {
+    let (state, c, gradient) = (&rod.states[k], &rod.constants[k], &rod.gradients[k]);
+    let tangent = state.s.column(2);
+    let zero = Vec3::zero();
+    let mut source = Source {
+        force: zero,
+        place: zero,
+        moment: [zero; A],
+        start: zero,
+    };
+    match *parameter {
+        Parameter::Tension(i) if k <= rod.tendon(i).end_disk => {
+            let span = Span::new(c, rod.tendon(i), &state.s, state.rho);
+            source.force = -span.direction;
+            source.moment = [span.arm.cross(span.direction); A];
+        }
+        Parameter::Force(i) => {
+            let f = rod.rotations[k].tr_mul(unit(i));
+            source.force = f;
+            source.moment = [-tangent.cross(f) * c.clamp[1]; A];
+            source.start = -state.offset(c).cross(f);
+        }
+        Parameter::Stiffness(segment) if segments[k] == segment => {
+            let (on_end, on_tangent) = state.compliance_forces(c);
+            let elastic = state.bending_moments(c);
+            for i in 0..A {
+                source.moment[i] = gradient.to_strain[i].tr_mul(elastic[i])
+                    + tangent.cross(on_tangent)
+                    + gradient.r[i].tr_mul(on_end);
+            }
+            source.place = -(state.compliance(c) * state.n);
+        }
+        _ => {}
+    }
+    // what force and place do to arcs and start through the response of the end
+    let Response {
+        j,
+        m,
+        d_hat,
+        g_hat,
+        k: coupling,
+    } = response;
+    let (force, place) = (source.force, source.place);
+    for i in 0..A {
+        source.moment[i] += *coupling * (*d_hat * force + *m * place)
+            + j[i].tr_mul(*g_hat * place - m.tr_mul(force));
+    }
+    source.start += state.f[0].cross(*d_hat * force + *m * place);
+    source
+}
+
+fn derivative<const A: usize, const SYMMETRIC: bool>(
+    rod: &Rod<Scalar, A>,
+    responses: &[Response<f64, A>],
+    segments: &[usize],
+    parameter: &Parameter,
+) -> Derivative {
+    let n = rod.module_count();
+    let sources: Vec<_> = (0..n)
+        .map(|k| source(rod, &responses[k], segments, k, parameter))
+        .collect();
+    let mut p = match *parameter {
+        Parameter::Moment(i) => -rod.rotations[n].tr_mul(unit(i)),
+        _ => Vec3::zero(),
+    };
+    let mut answers = vec![[Vec3::zero(); A]; n];
+    for k in (0..n).rev() {
+        let at_start = rod.states[k].s * p;
+        let (answer, start) = rod.eliminated[k].backward::<SYMMETRIC>(sources[k].moment, at_start);
+        answers[k] = answer;
+        p = start + sources[k].start;
+    }
+    let mut x = Vec3::zero();
+    let mut position = Vec3::zero();
+    let mut lengths = vec![0.0; rod.lengths.len()];
+    for k in 0..n {
+        let (state, c, response) = (&rod.states[k], &rod.constants[k], &responses[k]);
+        let (u, end) = rod.eliminated[k].forward(&answers[k], x);
+        let mut turn = Vec3::zero();
+        let mut moved = sources[k].place;
+        for i in 0..A {
+            turn += u[i];
+            moved += response.j[i] * u[i];
+        }
+        let force = sources[k].force + state.f[0].cross(x) - response.k.tr_mul(turn);
+        let rho = response.m * moved + response.d_hat * force;
+        let offset = x.cross(state.offset(c)) + rho + turn.cross(state.s.column(2)) * c.clamp[1];
+        position += rod.rotations[k] * offset;
+        for (i, length) in lengths.iter_mut().enumerate() {
+            if k <= rod.tendon(i).end_disk {
+                let span = Span::new(c, rod.tendon(i), &state.s, state.rho);
+                *length += span.direction.dot(rho + turn.cross(span.arm));
+            }
+        }
+        x = state.s.tr_mul(end);
+    }
+    let tip: Mat3 = rod.rotations[n];
+    Derivative {
+        position,
+        rotation: tip * x,
+        lengths,
+    }
+}
