@@ -4,6 +4,7 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
+use bowstring_core::batch::{solve_batch, Loads, Settings};
 use bowstring_core::load::{Load, Model, Theory};
 use bowstring_core::statics::{Solver, Status};
 use common::study_robot;
@@ -52,6 +53,24 @@ fn statics(c: &mut Criterion) {
             })
         });
     }
+    // one core, lanes and all: 4096 loads a call
+    let tensions: Vec<f64> = (0..4096)
+        .flat_map(|i| [(i * 7 % 81) as f64, (i * 3 % 31) as f64, (i % 17) as f64])
+        .collect();
+    let loads = Loads {
+        count: 4096,
+        tensions: &tensions,
+        gravity: &[0.0, 0.0, -9.81],
+        tip_force: &[0.0, 1.0, 0.0],
+        tip_moment: &[0.0; 3],
+    };
+    let settings = Settings {
+        model: model(Theory::Kirchhoff),
+        elements: 1,
+    };
+    c.bench_function("batch4096_kirchhoff", |b| {
+        b.iter(|| solve_batch(&robot, &settings, &loads, 1, false).unwrap())
+    });
     for disks in [9, 450] {
         let mut solver =
             Solver::new(&study_robot(disks, 0.0), model(Theory::Kirchhoff), 1).unwrap();

@@ -1,5 +1,7 @@
 //! Many loads in one call: in order, each from the one before, or independent over all cores.
 
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::SideBySide;
 use crate::load::{Load, Model};
 use crate::robot::{InputError, Robot};
 use crate::statics::{Outcome, Pose, Solver, Status};
@@ -116,7 +118,9 @@ pub fn sweep(
     loads.check(robot)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     for mut chunk in solutions.chunks(robot, loads.count.max(1)) {
-        chunk.fill(&mut solver, loads, warm);
+        for i in 0..chunk.outcomes.len() {
+            chunk.solve(i, &mut solver, loads, warm);
+        }
     }
     Ok(solutions)
 }
@@ -136,15 +140,26 @@ pub fn solve_batch(
     loads.check(robot)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     let chunks = solutions.chunks(robot, CHUNK);
-    let solver = || settings.solver(robot).expect("checked above");
-    for_each_chunk(chunks, threads, solver, |solver, chunk| {
-        chunk.fill(solver, loads, false)
+    let scratch = || Scratch {
+        solver: settings.solver(robot).expect("checked above"),
+        #[cfg(target_arch = "x86_64")]
+        lanes: SideBySide::new(robot, settings.model, settings.elements),
+    };
+    for_each_chunk(chunks, threads, scratch, |scratch, chunk| {
+        chunk.fill(scratch, loads)
     });
     Ok(solutions)
 }
 
-/// Loads that one thread takes at a time.
-const CHUNK: usize = 32;
+/// What a thread needs to solve a chunk.
+struct Scratch {
+    solver: Solver,
+    #[cfg(target_arch = "x86_64")]
+    lanes: Option<SideBySide>,
+}
+
+/// Loads that one thread takes at a time: whole sets of lanes.
+const CHUNK: usize = 64;
 
 #[cfg(feature = "threads")]
 fn for_each_chunk<S: Send>(
@@ -298,32 +313,71 @@ impl<'a> Chunk<'a> {
         )
     }
 
-    /// Solves the rows in order.
-    fn fill(&mut self, solver: &mut Solver, loads: &Loads, warm: bool) {
-        for i in 0..self.outcomes.len() {
-            let load = loads.row(self.first + i, self.tendons);
-            let outcome = if warm {
-                solver.solve_next(&load)
-            } else {
-                solver.solve(&load)
+    /// Solves every row from straight: side by side where that can be, else one by one.
+    fn fill(&mut self, scratch: &mut Scratch, loads: &Loads) {
+        let rows = self.outcomes.len();
+        #[cfg(target_arch = "x86_64")]
+        if let Some(lanes) = &mut scratch.lanes {
+            let width = lanes.width();
+            for start in (0..rows).step_by(width) {
+                let set = start..(start + width).min(rows);
+                let row = |lane: usize| {
+                    let i = (start + lane).min(set.end - 1);
+                    loads.row(self.first + i, self.tendons)
+                };
+                let side_by_side: [Load; 8] = std::array::from_fn(row);
+                let outcomes = lanes.solve(&side_by_side[..set.len()]);
+                for i in set {
+                    match outcomes[i - start] {
+                        Some(outcome) => {
+                            self.outcomes[i] = outcome;
+                            let lane = i - start;
+                            self.write(
+                                i,
+                                |k| lanes.disk(k, lane),
+                                |j| lanes.tendon_length(j, lane),
+                            );
+                        }
+                        None => self.solve(i, &mut scratch.solver, loads, false),
+                    }
+                }
             }
-            .expect("all rows were checked");
-            self.outcomes[i] = outcome;
-            if outcome.status == Status::Converged {
-                self.write(i, solver);
-            }
+            return;
+        }
+        for i in 0..rows {
+            self.solve(i, &mut scratch.solver, loads, false);
         }
     }
 
-    fn write(&mut self, i: usize, solver: &Solver) {
-        let tip = solver.disk(self.modules - 1);
+    /// Solves one row.
+    fn solve(&mut self, i: usize, solver: &mut Solver, loads: &Loads, warm: bool) {
+        let load = loads.row(self.first + i, self.tendons);
+        let outcome = if warm {
+            solver.solve_next(&load)
+        } else {
+            solver.solve(&load)
+        }
+        .expect("all rows were checked");
+        self.outcomes[i] = outcome;
+        if outcome.status == Status::Converged {
+            self.write(i, |k| solver.disk(k), |j| solver.tendon_length(j));
+        }
+    }
+
+    fn write(
+        &mut self,
+        i: usize,
+        disk: impl Fn(usize) -> Pose,
+        tendon_length: impl Fn(usize) -> f64,
+    ) {
+        let tip = disk(self.modules - 1);
         write_pose(&tip, i, self.tip_position, self.tip_rotation);
         for j in 0..self.tendons {
-            self.tendon_length[i * self.tendons + j] = solver.tendon_length(j);
+            self.tendon_length[i * self.tendons + j] = tendon_length(j);
         }
         for k in 0..self.disks {
             let at = i * self.disks + k;
-            write_pose(&solver.disk(k), at, self.disk_position, self.disk_rotation);
+            write_pose(&disk(k), at, self.disk_position, self.disk_rotation);
         }
     }
 }

@@ -2,6 +2,8 @@
 
 pub mod arc;
 pub mod batch;
+#[cfg(target_arch = "x86_64")]
+mod lanes;
 pub mod lie;
 pub mod linalg;
 pub mod load;

@@ -31,6 +31,8 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     /// Of the disks, and the lengths of the tendons, m: as of the last `finish`.
     pub positions: Vec<Vec3<L::Chain>>,
     pub lengths: Vec<L::Chain>,
+    /// Of the loaded spans of a module, the least cosine to its mean tangent (about).
+    forward: Vec<L::Chain>,
     modules: Vec<Constants<f64>>,
     masses: Vec<f64>,
     first_tendon: Vec<usize>,
@@ -99,6 +101,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             rotations: vec![Mat3::identity(); n + 1],
             positions: vec![Vec3::zero(); n],
             lengths: vec![L::Chain::zero(); robot.tendon_count()],
+            forward: vec![L::Chain::splat(1.0); n],
             masses: robot.spec().disks.iter().map(|d| d.mass).collect(),
             first_tendon: robot.modules.iter().map(|m| m.first_tendon).collect(),
             tendons: robot.spec().tendons.clone(),
@@ -326,14 +329,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         Step { slope, largest }
     }
 
-    /// Size of the terms that the energy is a small difference of, N m.
-    pub fn energy_scale(&self, length: f64) -> f64 {
-        let mut force = 0.0;
+    /// Size of the terms that the energy of one robot is a small difference of, N m.
+    #[inline(always)]
+    pub fn energy_scale(&self, length: f64, robot: usize) -> f64 {
         // all tendons pass the first module, all dead loads pull on it
+        let mut force = self.dead[0][0].norm().lane(robot);
         for t in &self.tensions[..self.tendons.len()] {
-            force += t.lane(0);
+            force += L::get(t, 0).lane(robot);
         }
-        force += self.dead[0][0].norm().lane(0);
         force * length
     }
 
@@ -360,15 +363,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Places the disks, measures the tendons; returns the first module in which a loaded
-    /// span points backward (in the first lane of the chain): its two disks would have to pass
-    /// through each other.
+    /// Places the disks, measures the tendons and how far their spans point forward.
     #[inline(always)]
-    pub fn finish(&mut self) -> Option<usize> {
+    pub fn finish(&mut self) {
         let count = self.tendons.len();
         let n = self.dead.len();
         let mut position = Vec3::zero();
-        let mut collision = None;
         for length in &mut self.lengths {
             *length = L::Chain::zero();
         }
@@ -385,6 +385,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 let k = g * L::WIDTH + i;
                 position += self.rotations[k] * get::<L>(&offset, i);
                 self.positions[k] = position;
+                self.forward[k] = L::Chain::splat(1.0);
             }
             for (j, tendon) in self.tendons.iter().enumerate() {
                 let (length, forward) = match self.path {
@@ -402,16 +403,23 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                         break;
                     }
                     self.lengths[j] += L::get(&length, i);
-                    if t.tensions[j].lane(i) > 0.0
-                        && !(forward.lane(i) > 0.0)
-                        && collision.is_none()
-                    {
-                        collision = Some(k);
+                    let (pull, forward) = (L::get(&t.tensions[j], i), L::get(&forward, i));
+                    for robot in 0..L::Chain::LANES {
+                        let least = self.forward[k].lane(robot);
+                        // a NaN counts as backward
+                        if pull.lane(robot) > 0.0 && !(forward.lane(robot) >= least) {
+                            self.forward[k].set_lane(robot, forward.lane(robot));
+                        }
                     }
                 }
             }
         }
-        collision
+    }
+
+    /// The first module of a robot in which a loaded span points backward: its two disks would
+    /// have to pass through each other. As of the last `finish`.
+    pub fn collision(&self, robot: usize) -> Option<usize> {
+        self.forward.iter().position(|f| !(f.lane(robot) > 0.0))
     }
 
     pub fn module_count(&self) -> usize {

@@ -486,7 +486,7 @@ impl Solver {
 }
 
 /// Largest rotation that an arc may add in one step, rad.
-const MAX_STEP: f64 = 1.0;
+pub(crate) const MAX_STEP: f64 = 1.0;
 /// Attempts at leaving unstable equilibria.
 const MAX_ESCAPES: usize = 4;
 /// Newton steps on the residual for one load.
@@ -494,9 +494,10 @@ const MAX_RESIDUAL_STEPS: usize = 40;
 
 #[inline(always)]
 fn converged<L: Layout, const A: usize>(rod: &mut Rod<L, A>, stable: Option<bool>) -> Attempt {
+    rod.finish();
     Attempt::Converged {
         stable,
-        collision: rod.finish(),
+        collision: rod.collision(0),
     }
 }
 
@@ -528,7 +529,7 @@ fn newton_on_energy<L: Layout, const A: usize>(
     let mut shift = 0.0;
     let mut escapes = 0;
     // rounding of the energy, which is a small difference of large terms
-    let noise = 1e-14 * (rod.energy_scale(settings.length) + energy.abs());
+    let noise = 1e-14 * (rod.energy_scale(settings.length, 0) + energy.abs());
     // the last elimination still tells the inertia if the step after it was short
     let mut minimum_nearby = false;
     loop {

@@ -1,0 +1,167 @@
+//! Several loads of one robot side by side in SIMD lanes.
+//!
+//! Takes plain Newton steps only, those that `statics` takes where nothing goes wrong: all
+//! pivots positive, no step too long, the energy falling. A load that needs more is left to it.
+
+use crate::linalg::Vec3;
+use crate::load::{Load, Model};
+use crate::real::Real;
+use crate::robot::Robot;
+use crate::rod::Rod;
+use crate::simd::{has_avx2, has_avx512, F64x4, F64x8, Robots};
+use crate::statics::{Outcome, Pose, Settings, Status, MAX_STEP, TOLERANCE};
+
+/// Newton steps after which a load is left to the careful solver.
+const MAX_PLAIN_STEPS: usize = 10;
+
+pub(crate) struct SideBySide {
+    rod: Wide,
+    settings: Settings,
+}
+
+enum Wide {
+    Avx2(Box<Rod<Robots<F64x4>, 2>>),
+    Avx512(Box<Rod<Robots<F64x8>, 2>>),
+}
+
+impl SideBySide {
+    /// For one element in a module, where the processor has lanes.
+    pub fn new(robot: &Robot, model: Model, elements: usize) -> Option<Self> {
+        let rod = match elements {
+            1 if has_avx512() => Wide::Avx512(Box::new(Rod::new(robot, model))),
+            1 if has_avx2() => Wide::Avx2(Box::new(Rod::new(robot, model))),
+            _ => return None,
+        };
+        Some(SideBySide {
+            rod,
+            settings: Settings::new(robot, model, elements),
+        })
+    }
+
+    /// How many loads fit side by side.
+    pub fn width(&self) -> usize {
+        match self.rod {
+            Wide::Avx2(_) => F64x4::LANES,
+            Wide::Avx512(_) => F64x8::LANES,
+        }
+    }
+
+    /// Solves up to `width` loads from straight; `None` for those left to the careful solver.
+    pub fn solve(&mut self, loads: &[Load]) -> [Option<Outcome>; 8] {
+        // SAFETY: the lanes were chosen by what the processor has
+        match &mut self.rod {
+            Wide::Avx2(rod) => unsafe { solve_avx2(rod, &self.settings, loads) },
+            Wide::Avx512(rod) => unsafe { solve_avx512(rod, &self.settings, loads) },
+        }
+    }
+
+    /// Pose of a disk under one of the loads.
+    pub fn disk(&self, k: usize, lane: usize) -> Pose {
+        match &self.rod {
+            Wide::Avx2(rod) => rod.disk(k, lane),
+            Wide::Avx512(rod) => rod.disk(k, lane),
+        }
+    }
+
+    /// Length of a tendon under one of the loads, m.
+    pub fn tendon_length(&self, i: usize, lane: usize) -> f64 {
+        match &self.rod {
+            Wide::Avx2(rod) => rod.lengths[i].lane(lane),
+            Wide::Avx512(rod) => rod.lengths[i].lane(lane),
+        }
+    }
+}
+
+#[target_feature(enable = "avx2,fma")]
+fn solve_avx2(
+    rod: &mut Rod<Robots<F64x4>, 2>,
+    settings: &Settings,
+    loads: &[Load],
+) -> [Option<Outcome>; 8] {
+    solve(rod, settings, loads)
+}
+
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+fn solve_avx512(
+    rod: &mut Rod<Robots<F64x8>, 2>,
+    settings: &Settings,
+    loads: &[Load],
+) -> [Option<Outcome>; 8] {
+    solve(rod, settings, loads)
+}
+
+#[inline(always)]
+fn solve<M: Real>(
+    rod: &mut Rod<Robots<M>, 2>,
+    settings: &Settings,
+    loads: &[Load],
+) -> [Option<Outcome>; 8] {
+    // idle lanes repeat the last load
+    let of = |lane: usize| &loads[lane.min(loads.len() - 1)];
+    let vector = |pick: fn(&Load) -> [f64; 3]| {
+        let mut v = Vec3::zero();
+        for (q, x) in v.0.iter_mut().enumerate() {
+            *x = M::from_fn(|lane| pick(of(lane))[q]);
+        }
+        v
+    };
+    rod.set_load(
+        |i| M::from_fn(|lane| of(lane).tensions[i]),
+        vector(|l| l.gravity),
+        vector(|l| l.tip_force),
+        Vec3::zero(),
+    );
+    rod.make_straight();
+    let mut energy = rod.evaluate();
+    // a tip moment has no energy to fall
+    let mut plain = [false; 8];
+    let mut noise = M::zero();
+    for lane in 0..M::LANES {
+        plain[lane] = of(lane).tip_moment == [0.0; 3];
+        let scale = rod.energy_scale(settings.length, lane) + energy.lane(lane).abs();
+        noise.set_lane(lane, 1e-14 * scale);
+    }
+    let mut minimum_nearby = [false; 8];
+    let mut iterations = [0; 8];
+    let mut outcomes = [None; 8];
+    for round in 0..=MAX_PLAIN_STEPS {
+        let residual = rod.gradient() * M::splat(1.0 / settings.moment_scale);
+        let ready = |lane: usize| residual.lane(lane) <= TOLERANCE && minimum_nearby[lane];
+        if round == MAX_PLAIN_STEPS || (0..M::LANES).all(|lane| ready(lane) || !plain[lane]) {
+            rod.finish();
+            for lane in 0..loads.len() {
+                if plain[lane] && ready(lane) && rod.collision(lane).is_none() {
+                    outcomes[lane] = Some(Outcome {
+                        status: Status::Converged,
+                        stable: Some(true),
+                        iterations: iterations[lane],
+                        residual: residual.lane(lane),
+                        left_unstable: false,
+                        fraction: 1.0,
+                        collision: None,
+                    });
+                }
+            }
+            break;
+        }
+        rod.linearise_only();
+        let pivot = rod.eliminate::<true>(M::zero());
+        let step = rod.newton_step::<true>();
+        rod.save();
+        rod.advance(M::splat(1.0));
+        let trial = rod.evaluate();
+        let bound = energy + step.slope * M::splat(1e-4) + noise;
+        for lane in 0..M::LANES {
+            if !(residual.lane(lane) <= TOLERANCE) {
+                iterations[lane] = round + 1;
+            }
+            plain[lane] &= pivot.lane(lane) > 0.0
+                && step.largest.lane(lane) <= MAX_STEP
+                && trial.lane(lane) <= bound.lane(lane);
+            minimum_nearby[lane] =
+                step.largest.lane(lane) < 1e-4 && pivot.lane(lane) > 0.01 * settings.shift_unit;
+        }
+        energy = trial;
+    }
+    outcomes
+}
