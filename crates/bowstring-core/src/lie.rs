@@ -267,7 +267,7 @@ mod tests {
                 assert!((log(&r) - w).norm() < 1e-14 + 1e-13 * w.norm());
             }
         }
-        let half_turn = Vec3([0.0, 3.141, 0.0]);
+        let half_turn = Vec3([0.0, 3.13, 0.0]);
         assert!((log(&exp(half_turn)) - half_turn).norm() < 1e-12);
     }
 

@@ -189,6 +189,7 @@ macro_rules! elementwise {
         impl<T: Real> $trait for $type<T> {
             type Output = Self;
             #[inline(always)]
+            #[allow(clippy::assign_op_pattern)] // rows have no operator of their own
             fn $method(mut self, o: Self) -> Self {
                 for i in 0..3 {
                     self.0[i] = elementwise!(@ $element, self.0[i], o.0[i], $op);
@@ -198,10 +199,8 @@ macro_rules! elementwise {
         }
         impl<T: Real> $assign_trait for $type<T> {
             #[inline(always)]
-            fn $assign(&mut self, o: Self) {
-                for i in 0..3 {
-                    self.0[i] = elementwise!(@ $element, self.0[i], o.0[i], $op);
-                }
+                fn $assign(&mut self, o: Self) {
+                *self = $trait::$method(*self, o);
             }
         }
     };
