@@ -14,7 +14,7 @@ build: $(VENV)/.built
 $(VENV)/.tools: requirements/dev.lock
 	@echo "== setting up $(VENV) (once)"
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10) and "Bowstring needs Python 3.10 or newer")'
-	@command -v cargo >/dev/null || { echo "Bowstring needs a Rust toolchain (1.88 or newer)" >&2; exit 1; }
+	@command -v cargo >/dev/null || { echo "Bowstring needs a Rust toolchain (1.89 or newer)" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --progress-bar on -q -r requirements/dev.lock
 	@touch $@

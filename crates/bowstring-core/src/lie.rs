@@ -7,6 +7,15 @@
 use crate::linalg::{Mat3, Vec3};
 use crate::real::Real;
 
+/// Position and orientation in the base frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Maps body to base.
+    pub rotation: Mat3,
+    /// m
+    pub position: Vec3,
+}
+
 const FACTORIAL: [f64; 8] = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0, 720.0, 5040.0];
 
 /// Below this `x` eight terms of the series are exact to rounding.

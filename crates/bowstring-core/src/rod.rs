@@ -3,12 +3,12 @@
 //! What modules do by themselves runs in lanes (`L::Module`); what goes from one to the next,
 //! rotations, costate and elimination, runs along the chain (`L::Chain`).
 
+use crate::lie::Pose;
 use crate::linalg::{Mat3, Vec3};
 use crate::load::{Load, Model, TendonPath};
 use crate::module::{Constants, Gradient, Hessian, Response, Span, State, Tendons};
 use crate::real::{Layout, Real};
 use crate::robot::{Robot, Tendon};
-use crate::statics::Pose;
 use crate::sweep::{Eliminated, Value};
 
 /// A robot under load, with its scratch memory: no pass allocates.
@@ -47,6 +47,22 @@ pub(crate) struct Step<T> {
     pub slope: T,
     /// Largest rotation that an arc adds, rad.
     pub largest: T,
+}
+
+/// The tendons in one group of modules.
+#[inline(always)]
+fn in_group<'a, M>(
+    tendons: &'a [Tendon],
+    tensions: &'a [M],
+    path: TendonPath,
+    group: usize,
+) -> Tendons<'a, M> {
+    let count = tendons.len();
+    Tendons {
+        tendons,
+        tensions: &tensions[group * count..(group + 1) * count],
+        path,
+    }
 }
 
 #[inline(always)]
@@ -172,14 +188,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Forward pass: shapes and forces; returns the potential energy (tip moment left out).
     #[inline(always)]
     pub fn evaluate(&mut self) -> L::Chain {
-        let count = self.tendons.len();
-        let tendons = |g: usize| Tendons {
-            tendons: &self.tendons,
-            tensions: &self.tensions[g * count..(g + 1) * count],
-            path: self.path,
-        };
+        let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path);
         for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
-            state.shape(c, &tendons(g));
+            state.shape(c, &in_group(tendons, tensions, path, g));
         }
         let mut rotation = Mat3::identity();
         for k in 0..self.dead.len() {
@@ -194,7 +205,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
         let mut energy = L::Chain::zero();
         for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
-            state.balance(c, &tendons(g));
+            state.balance(c, &in_group(tendons, tensions, path, g));
             for i in 0..L::WIDTH.min(self.dead.len() - g * L::WIDTH) {
                 energy += L::get(&state.energy, i);
             }
@@ -215,11 +226,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
         let mut residual = L::Module::zero();
         for g in 0..self.states.len() {
-            let t = Tendons {
-                tendons: &self.tendons,
-                tensions: &self.tensions[g * self.tendons.len()..(g + 1) * self.tendons.len()],
-                path: self.path,
-            };
+            let t = in_group(&self.tendons, &self.tensions, self.path, g);
             let out = &mut self.gradients[g];
             self.states[g].gradient(&self.constants[g], &t, out);
             for v in &out.g {
@@ -250,12 +257,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     #[inline(always)]
     fn linearise_group(&mut self, g: usize) -> Response<L::Module, A> {
-        let count = self.tendons.len();
-        let t = Tendons {
-            tendons: &self.tendons,
-            tensions: &self.tensions[g * count..(g + 1) * count],
-            path: self.path,
-        };
+        let t = in_group(&self.tendons, &self.tensions, self.path, g);
         let out = &mut self.hessians[g];
         self.states[g].hessian(&self.constants[g], &t, &self.gradients[g], out)
     }
@@ -366,18 +368,13 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Places the disks, measures the tendons and how far their spans point forward.
     #[inline(always)]
     pub fn finish(&mut self) {
-        let count = self.tendons.len();
         let n = self.dead.len();
         let mut position = Vec3::zero();
         for length in &mut self.lengths {
             *length = L::Chain::zero();
         }
         for (g, (c, state)) in self.constants.iter().zip(&self.states).enumerate() {
-            let t = Tendons {
-                tendons: &self.tendons,
-                tensions: &self.tensions[g * count..(g + 1) * count],
-                path: self.path,
-            };
+            let t = in_group(&self.tendons, &self.tensions, self.path, g);
             let here = L::WIDTH.min(n - g * L::WIDTH);
             let offset = state.offset(c);
             let mean = state.s.column(2) + Vec3::ez();

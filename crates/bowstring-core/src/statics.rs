@@ -1,6 +1,7 @@
 //! Static equilibrium: Newton's method on the strain, globalised, with an honest status.
 
-use crate::linalg::{Mat3, Vec3};
+pub use crate::lie::Pose;
+use crate::linalg::Vec3;
 use crate::load::{Load, Model};
 use crate::module::Constants;
 use crate::real::{Layout, Real, Scalar};
@@ -54,15 +55,6 @@ pub struct Outcome {
     pub fraction: f64,
     /// Module in which two disks collide.
     pub collision: Option<usize>,
-}
-
-/// Position and orientation in the base frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    /// Maps body to base.
-    pub rotation: Mat3,
-    /// m
-    pub position: Vec3,
 }
 
 /// A robot, its physics, and scratch memory for one solve after another.
