@@ -526,12 +526,30 @@ fn newton_on_energy<L: Layout, const A: usize>(
     let mut minimum_nearby = false;
     loop {
         outcome.residual = rod.gradient().lane(0) / settings.moment_scale;
-        if outcome.residual <= TOLERANCE {
-            if !minimum_nearby {
-                rod.linearise_only();
-                minimum_nearby = rod.eliminate::<true>(L::Chain::zero()).lane(0) > 0.0;
+        let settled = outcome.residual <= TOLERANCE;
+        if settled && minimum_nearby {
+            return converged(rod, Some(true));
+        }
+        if !settled {
+            if outcome.iterations == MAX_ITERATIONS || !outcome.residual.is_finite() {
+                return Attempt::Stuck;
             }
-            if minimum_nearby {
+            outcome.iterations += 1;
+        }
+        rod.linearise_only();
+        let pivot = loop {
+            let added = if settled { 0.0 } else { shift };
+            let pivot = rod.eliminate::<true>(L::Chain::splat(added)).lane(0);
+            if pivot > 0.0 || settled {
+                break pivot;
+            }
+            shift = if shift == 0.0 { unit } else { shift * 4.0 };
+            if shift > 1e9 * unit {
+                return Attempt::Stuck;
+            }
+        };
+        if settled {
+            if pivot > 0.0 {
                 return converged(rod, Some(true));
             }
             if escapes == MAX_ESCAPES {
@@ -540,20 +558,7 @@ fn newton_on_energy<L: Layout, const A: usize>(
             escapes += 1;
             outcome.left_unstable = true;
             energy = leave_saddle(rod, unit, escapes);
-            outcome.residual = rod.gradient().lane(0) / settings.moment_scale;
-        }
-        if outcome.iterations == MAX_ITERATIONS || !outcome.residual.is_finite() {
-            return Attempt::Stuck;
-        }
-        outcome.iterations += 1;
-        rod.linearise_only();
-        let mut pivot = rod.eliminate::<true>(L::Chain::splat(shift)).lane(0);
-        while !(pivot > 0.0) {
-            shift = if shift == 0.0 { unit } else { shift * 4.0 };
-            if shift > 1e9 * unit {
-                return Attempt::Stuck;
-            }
-            pivot = rod.eliminate::<true>(L::Chain::splat(shift)).lane(0);
+            continue;
         }
         let step = rod.newton_step::<true>();
         let (slope, largest) = (step.slope.lane(0), step.largest.lane(0));
@@ -643,15 +648,92 @@ fn leave_saddle<L: Layout, const A: usize>(rod: &mut Rod<L, A>, unit: f64, attem
             *v = Vec3::splat([0.3 + 0.01 * phase.cos(), -1.0, 0.02 * phase.sin()]);
         }
     }
-    for _ in 0..8 {
-        let largest = rod.newton_step::<true>().largest.lane(0);
-        rod.step_to_gradient(1.0 / largest);
+    let mut largest = 1.0;
+    for round in 0..9 {
+        if round > 0 {
+            rod.step_to_gradient(1.0 / largest);
+        }
+        largest = rod.newton_step::<true>().largest.lane(0);
     }
-    let largest = rod.newton_step::<true>().largest.lane(0);
     rod.save();
     let modules = rod.module_count() as f64;
     rod.advance(L::Module::splat(
         0.2 * attempt as f64 / (largest * modules.sqrt()),
     ));
     rod.evaluate().lane(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Disk, RobotSpec, Section, Tendon};
+
+    fn robot() -> Robot {
+        let section = |bending: f64| Section {
+            bending,
+            torsion: 0.8 * bending,
+            axial: 7e5,
+            shear: 2.6e5,
+            mass_per_length: 0.035,
+        };
+        let disks = (0..11).map(|k| Disk {
+            station: 0.06 * (k + 1) as f64,
+            clamped_length: 0.002,
+            mass: 0.02,
+            segment: usize::from(k > 5),
+        });
+        let tendons = (0..5).map(|i| Tendon {
+            hole: [0.02 * (i as f64).cos(), 0.02 * (i as f64).sin()],
+            end_disk: if i < 2 { 5 } else { 10 },
+        });
+        Robot::new(RobotSpec {
+            sections: vec![section(1.1), section(0.7)],
+            disks: disks.collect(),
+            tendons: tendons.collect(),
+            gravity: [0.0, 0.0, -9.81],
+        })
+        .unwrap()
+    }
+
+    /// Every engine that this processor can run gives the same answer.
+    #[test]
+    fn engines_agree() {
+        let robot = robot();
+        let model = Model::default();
+        let mut engines = vec![Engine::scalar(&robot, model, 1).unwrap()];
+        #[cfg(target_arch = "x86_64")]
+        {
+            if crate::simd::has_avx2() {
+                engines.push(Engine::Avx2(Box::new(Rod::new(&robot, model))));
+            }
+            if crate::simd::has_avx512() {
+                engines.push(Engine::Avx512(Box::new(Rod::new(&robot, model))));
+            }
+        }
+        for (tip_force, tip_moment) in [([0.3, -0.2, 0.1], [0.0; 3]), ([0.0; 3], [0.05, 0.1, 0.1])]
+        {
+            let load = Load {
+                tensions: &[5.0, 20.0, 10.0, 0.0, 15.0],
+                gravity: [0.0, 0.0, -9.81],
+                tip_force,
+                tip_moment,
+            };
+            let mut solver = Solver::new(&robot, model, 1).unwrap();
+            let mut first = None;
+            for engine in &engines {
+                solver.engine = engine.clone();
+                let outcome = solver.solve(&load).unwrap();
+                assert_eq!(outcome.status, Status::Converged);
+                let answer = (
+                    solver.tip().position,
+                    solver.tendon_length(1),
+                    outcome.iterations,
+                );
+                let (tip, length, iterations) = *first.get_or_insert(answer);
+                assert!((answer.0 - tip).norm() < 1e-11);
+                assert!((answer.1 - length).abs() < 1e-11);
+                assert_eq!(answer.2, iterations);
+            }
+        }
+    }
 }
