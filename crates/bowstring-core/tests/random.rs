@@ -66,6 +66,7 @@ impl Case {
         let diameter = draw.decades(0.3e-3, 8e-3);
         let young = draw.decades(1e9, 210e9);
         let density = draw.within(1000.0, 8000.0);
+        let slenderness = draw.decades(40.0, 200.0);
         let poisson = draw.within(0.2, 0.45);
         let (mut sections, mut disks, mut tendons) = (vec![], vec![], vec![]);
         let (mut station, mut tensions, mut softest) = (0.0, vec![], f64::INFINITY);
@@ -83,12 +84,14 @@ impl Case {
                 shear: shear * area,
                 mass_per_length: density * area,
             });
-            let length = d * draw.decades(40.0, 200.0);
+            let length = d * slenderness * draw.within(0.7, 1.0);
             let count = draw.count(2, 20);
             // half of it also goes off the next segment's first module
             let clamp = f64::min(length / count as f64 * draw.within(0.0, 0.4), d * 2.0);
             // the weight of all disks, held across, bends the segment by up to a third or so
-            let mass = draw.within(0.0, 1.0) * young * inertia / (length * length) / 9.81
+            let mass = draw.within(0.0, 1.0) * young * inertia
+                / (length * length)
+                / 9.81
                 / (count * segments * segments) as f64;
             for k in 1..=count {
                 disks.push(Disk {
@@ -104,15 +107,19 @@ impl Case {
             let pitch = length * draw.within(0.02, 0.1);
             let holes = draw.count(3, 6);
             for i in 0..holes {
-                let angle =
-                    first + std::f64::consts::TAU * (i as f64 + draw.within(-0.3, 0.3)) / holes as f64;
+                let angle = first
+                    + std::f64::consts::TAU * (i as f64 + draw.within(-0.3, 0.3)) / holes as f64;
                 let r = pitch * draw.within(0.7, 1.0);
                 tendons.push(Tendon {
                     hole: [r * angle.cos(), r * angle.sin()],
                     end_disk: disks.len() - 1,
                 });
                 // the linear law: theta = T r L / EI
-                let theta = if draw.often(0.5) { draw.within(0.0, 1.5) } else { 0.0 };
+                let theta = if draw.often(0.5) {
+                    draw.within(0.0, 1.5)
+                } else {
+                    0.0
+                };
                 tensions.push(theta * young * inertia / (pitch * length));
             }
         }
@@ -127,13 +134,21 @@ impl Case {
             tensions,
             tip_force: draw.direction() * if draw.often(0.7) { force } else { 0.0 },
             tip_moment: Vec3([0.0; 3]),
-            theory: if draw.often(0.5) { Theory::Cosserat } else { Theory::Kirchhoff },
+            theory: if draw.often(0.5) {
+                Theory::Cosserat
+            } else {
+                Theory::Kirchhoff
+            },
             tendon: TendonPath::Straight,
         }
     }
 
     fn model(&self) -> Model {
-        Model { theory: self.theory, tendon: self.tendon, twist: true }
+        Model {
+            theory: self.theory,
+            tendon: self.tendon,
+            twist: true,
+        }
     }
 
     fn at<'a>(&self, fraction: f64, tensions: &'a mut Vec<f64>) -> Load<'a> {
@@ -172,13 +187,14 @@ impl Case {
     fn gap(&self, robot: &Robot, solver: &Solver) -> f64 {
         let spec = robot.spec();
         let gravity = Vec3(spec.gravity);
-        let base = Pose { rotation: Mat3::identity(), position: Vec3([0.0; 3]) };
+        let base = Pose {
+            rotation: Mat3::identity(),
+            position: Vec3([0.0; 3]),
+        };
         let poses: Vec<_> = std::iter::once(base)
             .chain((0..spec.disks.len()).map(|k| solver.disk(k)))
             .collect();
-        let hole = |t: &Tendon, k: usize| {
-            poses[k].rotation * Vec3([t.hole[0], t.hole[1], 0.0])
-        };
+        let hole = |t: &Tendon, k: usize| poses[k].rotation * Vec3([t.hole[0], t.hole[1], 0.0]);
         // of the backbone beyond the disk, about the disk
         let (mut force, mut moment) = (self.tip_force, self.tip_moment);
         let mut worst: f64 = 0.0;
@@ -200,11 +216,20 @@ impl Case {
                 force += pull;
                 moment += arm.cross(pull);
             }
-            let before = if k == 0 { (0.0, 0.0) } else {
-                (spec.disks[k - 1].station, spec.disks[k - 1].clamped_length / 2.0)
+            let before = if k == 0 {
+                (0.0, 0.0)
+            } else {
+                (
+                    spec.disks[k - 1].station,
+                    spec.disks[k - 1].clamped_length / 2.0,
+                )
             };
             let pitch = disk.station - before.0;
-            let mut section = Station { pose: end, force, moment };
+            let mut section = Station {
+                pose: end,
+                force,
+                moment,
+            };
             let s = &spec.sections[disk.segment];
             let stiff = |section: &mut Station, length: f64| section.rigid(s, gravity, length);
             stiff(&mut section, disk.clamped_length / 2.0);
@@ -257,7 +282,10 @@ impl Station {
             }
             let along = *r * v;
             Station {
-                pose: Pose { rotation: *r * u.skew(), position: along },
+                pose: Pose {
+                    rotation: *r * u.skew(),
+                    position: along,
+                },
                 force: -(gravity * s.mass_per_length),
                 moment: -along.cross(x.force),
             }
@@ -286,14 +314,16 @@ impl Station {
 #[test]
 fn realistic_robots_converge_from_straight() {
     let (mut kept, mut drawn, mut converged, mut elsewhere, mut fine) = (0, 0, 0, 0, 0);
-    let (mut worst, mut worst_fine) = (0.0f64, 0.0f64);
+    let mut worst_fine = 0.0f64;
     let mut gaps = vec![];
     let mut tensions = vec![];
     while kept < 10_000 {
         let case = Case::realistic(&mut Draw::new(1, drawn));
         drawn += 1;
         let robot = Robot::new(case.spec.clone()).unwrap();
-        let Some(path_tip) = case.forward_path(&robot) else { continue };
+        let Some(path_tip) = case.forward_path(&robot) else {
+            continue;
+        };
         kept += 1;
         let mut solver = Solver::new(&robot, case.model(), 1).unwrap();
         let load = case.at(1.0, &mut tensions);
@@ -303,28 +333,43 @@ fn realistic_robots_converge_from_straight() {
             continue;
         }
         converged += 1;
-        assert!(outcome.residual <= TOLERANCE && outcome.stable == Some(true), "{outcome:?}");
+        assert!(
+            outcome.residual <= TOLERANCE && outcome.stable == Some(true),
+            "{outcome:?}"
+        );
         if !((solver.tip().position - path_tip).norm() < 1e-6 * robot.length()) {
             elsewhere += 1;
         }
         let gap = case.gap(&robot, &solver);
-        worst = worst.max(gap);
         gaps.push(gap);
         // finer elements tell the method's own error from a false answer
-        if kept % 50 == 0 {
+        if gap > 1e-3 || kept % 50 == 0 {
             let mut solver = Solver::new(&robot, case.model(), 8).unwrap();
-            if solver.solve(&load).unwrap().status == Status::Converged {
-                fine += 1;
-                worst_fine = worst_fine.max(case.gap(&robot, &solver));
+            let outcome = solver.solve(&load).unwrap();
+            assert_eq!(
+                outcome.status,
+                Status::Converged,
+                "draw {}: {outcome:?}",
+                drawn - 1
+            );
+            let gap_fine = case.gap(&robot, &solver);
+            if gap_fine > 1e-6 && gap_fine > gap / 300.0 {
+                println!(
+                    "draw {}: gap {gap:.1e}, with 8 elements {gap_fine:.1e}",
+                    drawn - 1
+                );
             }
+            fine += 1;
+            worst_fine = worst_fine.max(gap_fine);
         }
     }
     gaps.sort_by(f64::total_cmp);
     println!(
         "{drawn} drawn, {kept} with a path, {converged} converged, {elsewhere} of them on another \
-         branch; gap: median {:.1e}, 99 % {:.1e}, worst {worst:.1e}; {fine} with 8 elements, worst {worst_fine:.1e}",
+         branch; gap: median {:.1e}, 99 % {:.1e}, worst {:.1e}; {fine} with 8 elements, worst {worst_fine:.1e}",
         gaps[gaps.len() / 2],
-        gaps[gaps.len() * 99 / 100]
+        gaps[gaps.len() * 99 / 100],
+        gaps[gaps.len() - 1]
     );
     assert!(converged * 1000 >= kept * 995);
 }
@@ -386,7 +431,10 @@ fn hostile(draw: &mut Draw) -> Case {
                     12 => spec.tendons[i].hole = [value, extreme(draw)],
                     13 => spec.tendons[i].hole = [0.0; 2],
                     14 => case.tensions[i] = value,
-                    _ => case.tensions.iter_mut().for_each(|t| *t *= draw.decades(1.0, 1e9)),
+                    _ => case
+                        .tensions
+                        .iter_mut()
+                        .for_each(|t| *t *= draw.decades(1.0, 1e9)),
                 }
             }
         }
@@ -398,18 +446,25 @@ fn hostile(draw: &mut Draw) -> Case {
         if last > 0 {
             case.spec.disks[last].station = case.spec.disks[last - 1].station + gap;
         }
-        case.spec.disks.iter_mut().for_each(|d| d.clamped_length = 0.0);
+        case.spec
+            .disks
+            .iter_mut()
+            .for_each(|d| d.clamped_length = 0.0);
     }
     case
 }
 
 fn one_sentence(message: &str) {
-    assert!(!message.is_empty() && !message.contains('\n') && !message.contains(". "), "{message}");
+    assert!(
+        !message.is_empty() && !message.contains('\n') && !message.contains(". "),
+        "{message}"
+    );
 }
 
 #[test]
 fn hostile_robots_do_no_harm() {
     let (mut refused, mut converged, mut failed, mut wild_jacobians) = (0, 0, 0, 0);
+    let mut total = Duration::ZERO;
     let mut slowest = (Duration::ZERO, 0, String::new());
     for number in 0..10_000 {
         let case = hostile(&mut Draw::new(2, number));
@@ -438,8 +493,16 @@ fn hostile_robots_do_no_harm() {
             }
         };
         let taken = start.elapsed();
+        total += taken;
+        if taken > Duration::from_millis(300) {
+            println!("draw {number}: {taken:?} {outcome:?}");
+        }
         if taken > slowest.0 {
-            slowest = (taken, number, format!("{outcome:?}, {} disks", robot.module_count()));
+            slowest = (
+                taken,
+                number,
+                format!("{outcome:?}, {} disks", robot.module_count()),
+            );
         }
         if outcome.status != Status::Converged {
             failed += 1;
@@ -451,7 +514,11 @@ fn hostile_robots_do_no_harm() {
         for k in 0..robot.module_count() {
             let pose = solver.disk(k);
             finite &= pose.position.norm().is_finite();
-            finite &= pose.rotation.rows().iter().all(|r| (r.norm() - 1.0).abs() < 1e-6);
+            finite &= pose
+                .rotation
+                .rows()
+                .iter()
+                .all(|r| (r.norm() - 1.0).abs() < 1e-6);
         }
         finite &= solver.centerline(3).iter().all(|p| p.norm().is_finite());
         assert!(finite, "draw {number}: {outcome:?} {case:?}");
@@ -461,7 +528,7 @@ fn hostile_robots_do_no_harm() {
     }
     println!(
         "{refused} refused, {converged} converged ({wild_jacobians} without finite derivatives), \
-         {failed} without an answer; slowest {slowest:?}"
+         {failed} without an answer; {total:?} in all, slowest {slowest:?}"
     );
     assert!(slowest.0 < Duration::from_secs(1), "{slowest:?}");
 }
