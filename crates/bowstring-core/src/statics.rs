@@ -407,7 +407,8 @@ impl Solver {
                 increment *= 1.5;
             } else {
                 increment *= 0.3;
-                if increment < 1e-3 {
+                // a load that is past hope must not take long to say so
+                if increment < 1e-3 || outcome.iterations > MAX_CONTINUATION {
                     outcome.fraction = reached;
                     return Attempt::Stuck;
                 }
@@ -477,6 +478,10 @@ impl Solver {
     }
 }
 
+/// Newton steps in all after which continuation does not try smaller increments.
+const MAX_CONTINUATION: usize = 3 * MAX_ITERATIONS;
+/// Times that a step is halved: what does not help at a millionth is lost in rounding.
+const MAX_HALVINGS: usize = 20;
 /// Largest rotation that an arc may add in one step, rad.
 pub(crate) const MAX_STEP: f64 = 1.0;
 /// Attempts at leaving unstable equilibria.
@@ -565,6 +570,7 @@ fn newton_on_energy<L: Layout, const A: usize>(
         minimum_nearby = shift == 0.0 && largest < 1e-4 && pivot > 0.01 * unit;
         rod.save();
         let mut fraction = (MAX_STEP / largest).min(1.0);
+        let mut halvings = 0;
         loop {
             rod.advance(L::Module::splat(fraction));
             let trial = rod.evaluate().lane(0);
@@ -573,7 +579,8 @@ fn newton_on_energy<L: Layout, const A: usize>(
                 break;
             }
             fraction *= 0.5;
-            if fraction < 1e-12 {
+            halvings += 1;
+            if halvings > MAX_HALVINGS {
                 return Attempt::Stuck;
             }
         }
