@@ -531,5 +531,6 @@ fn hostile_robots_do_no_harm() {
         "{refused} refused, {converged} converged ({wild_jacobians} without finite derivatives), \
          {failed} without an answer; {total:?} in all, slowest {slowest:?}"
     );
-    assert!(slowest.0 < Duration::from_secs(1), "{slowest:?}");
+    // half a second where the machine is idle
+    assert!(slowest.0 < Duration::from_secs(5), "{slowest:?}");
 }
