@@ -587,7 +587,7 @@ def jacobians(solution: Solution) -> Jacobians:
     >>> robot = bs.load_robot("amouri2019")
     >>> by = bs.jacobians(bs.solve(robot, [40, 0, 0]))
     >>> (1e3 * by.tip_position_by_tension[:, 0]).round(2)
-    array([ 5.03, -0.  , -2.61])
+    array([ 5.03,  0.  , -2.55])
     """
     solution.raise_for_status()
     if solution.tendon == "continuous":
