@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -262,6 +263,22 @@ def test_a_robot_that_buckles_says_so_and_the_study_goes_on() -> None:
             known = np.isfinite(case.tip_position).all(axis=1)
             assert (case.problem is None) == known.all()
     json.dumps(got.to_dict(), allow_nan=False)
+
+
+def test_a_cause_is_named_only_if_the_error_falls_without_it() -> None:
+    """In the example's own sweep, clamps and gravity cancel in part: no effect ends the error."""
+    got = study.run(load_robot(Path(__file__).parents[1] / "examples" / "my_robot.yaml"))
+    lengths, force = got.verdict.meanings
+    assert abs(lengths.shares[0].share) < 0.1 and lengths.ended_by is None
+    assert "No single effect" in lengths.text and "Most of that" not in lengths.text
+    assert force.ended_by is not None and "What ends it" in force.text
+
+
+def test_a_correction_that_does_harm_is_not_called_better() -> None:
+    clamped = {"segments.0.disks.clamped_length": "3 mm"}
+    got = study.run(load_robot("amouri2019").with_(clamped))
+    (words,) = [t for t in got.verdict.text if t.startswith("Corrections in closed form")]
+    assert "from lengths: better" in words and "from force: worse" in words
 
 
 def test_two_tendons_have_a_force_law_but_no_arc_from_lengths() -> None:

@@ -12,15 +12,17 @@ if TYPE_CHECKING:
     from bowstring import arc, errors
     from bowstring._core import __version__
     from bowstring.robot import Robot, load_robot, robot_names, robot_schema
-    from bowstring.rod import Solution, Sweep, solve, solve_batch, sweep
+    from bowstring.rod import Jacobians, Solution, Sweep, jacobians, solve, solve_batch, sweep
 
 __all__ = [
+    "Jacobians",
     "Robot",
     "Solution",
     "Sweep",
     "__version__",
     "arc",
     "errors",
+    "jacobians",
     "load_robot",
     "robot_names",
     "robot_schema",
@@ -35,8 +37,10 @@ _HOME = {
     "load_robot": "robot",
     "robot_names": "robot",
     "robot_schema": "robot",
+    "Jacobians": "rod",
     "Solution": "rod",
     "Sweep": "rod",
+    "jacobians": "rod",
     "solve": "rod",
     "solve_batch": "rod",
     "sweep": "rod",

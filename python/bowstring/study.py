@@ -68,6 +68,7 @@ _MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
 _ROUND: Final = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 _FINE_POINTS: Final = 401  # of the sweep that the verdict searches; crossings are bisected
 _BISECTIONS: Final = 40
+_WORTH_NAMING: Final = 0.1  # share of the error below which no effect is called its cause
 _MAX_BEND: Final = math.radians(80.0)
 _MAX_SIDEWAYS: Final = 0.13  # of the length: what 1 N across the tip of the study's robot does
 
@@ -387,8 +388,9 @@ class Meaning:
 
     @property
     def ended_by(self) -> Share | None:
-        """The effect with the largest share, if there is one."""
-        return self.shares[0] if self.shares else None
+        """The effect with the largest share, if that is large enough to be called the cause."""
+        largest = self.shares[:1]
+        return largest[0] if largest and largest[0].share >= _WORTH_NAMING else None
 
 
 @dataclass(frozen=True)
@@ -1133,15 +1135,24 @@ def _in_words(model: _Model, m: Meaning, limit: float) -> str:
 
 
 def _blame(m: Meaning) -> str:
-    worst, where = m.ended_by, f"at {_figures(m.blamed_at)} N"
-    if worst is None:
+    where = f"at {_figures(m.blamed_at)} N"
+    if not m.shares:
         return " Here the two agree."
+    worst = m.shares[0]
     if worst.share <= 0.0:
         return (
             f" No effect of this sweep is to blame alone {where}: removing any one "
             "of them leaves the error as large or larger."
         )
-    verb = "What ends it" if m.fails else "Most of that"
+    if worst.share < _WORTH_NAMING:
+        return (
+            f" No single effect of this sweep explains it {where}: without {worst.label}, which "
+            f"has the largest share, the error would still be {_mm(worst.error_without)}."
+        )
+    if m.fails:
+        verb = "What ends it"
+    else:
+        verb = "Most of that" if worst.share > 0.5 else "The largest part of that"
     rest = f"without that alone the error {where} would be {_mm(worst.error_without)}"
     words = f" {verb}: {worst.label}; {rest}."
     rivals = [s.label for s in m.shares[1:] if s.share > 0.5 * worst.share]
@@ -1153,17 +1164,20 @@ def _blame(m: Meaning) -> str:
 def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
     chord, arm = comparisons["cc_from_lengths_chord"], comparisons["cc_from_force_arm"]
     plain, force = comparisons["cc_from_lengths"], comparisons["cc_from_force"]
-    parts = [
-        f"{what} takes the mean error {source} from {_mm(before.mean)} to {_mm(after.mean)}"
-        for what, source, before, after in (
-            ("chords instead of arcs", "from lengths", plain, chord),
-            ("the mean lever arm", "from force", force, arm),
-        )
-        if math.isfinite(after.mean)
-    ]
-    if not parts:
-        return []
-    return [f"Corrected in closed form: {' and '.join(parts)}."]
+    parts = []
+    for what, source, before, after in (
+        ("chords instead of arcs", "from lengths", plain, chord),
+        ("the mean lever arm", "from force", force, arm),
+    ):
+        was, now = _mm(before.mean), _mm(after.mean)
+        if not math.isfinite(after.mean):
+            continue
+        if was == now:
+            parts.append(f"{what}, {source}: the mean error stays at {now}")
+        else:
+            change = "better" if after.mean < before.mean else "worse"
+            parts.append(f"{what}, {source}: {change}, mean error {now} instead of {was}")
+    return [f"Corrections in closed form: {'; '.join(parts)}."] if parts else []
 
 
 def _on_left_out(budget: Budget) -> list[str]:

@@ -3,6 +3,7 @@
 use bowstring_core::batch::{self, write_pose, Loads, Settings, Solutions};
 use bowstring_core::load::{Load, Model, TendonPath, Theory};
 use bowstring_core::robot::{Disk, InputError, RobotSpec, Section, Tendon};
+use bowstring_core::sensitivity::Derivative;
 use bowstring_core::statics::Solver;
 use bowstring_core::statics::{Outcome, Status};
 use numpy::{
@@ -439,6 +440,52 @@ impl Solution {
             .map_err(input_error)?;
         let flat: Vec<f64> = points.iter().flat_map(|p| p.0).collect();
         flat.into_pyarray(py).reshape([points.len(), 3]).map(Some)
+    }
+
+    /// Derivatives by tension, tip force, tip moment and stiffness, each as arrays of position,
+    /// rotation and lengths with a column for each parameter; `None` if there are none (not
+    /// converged, or continuous tendons). Solved anew, as `centerline`.
+    fn jacobians<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        if self.answer.is_none() {
+            return Ok(None);
+        }
+        let robot = &self.robot.get().inner;
+        let found = py
+            .detach(|| {
+                let mut solver = self.settings.solver(robot)?;
+                solver.solve(&self.load.borrow())?;
+                Ok(solver.jacobians())
+            })
+            .map_err(input_error)?;
+        let Some(found) = found else {
+            return Ok(None);
+        };
+        let out = PyDict::new(py);
+        for (parameter, columns) in [
+            ("tension", &found.tensions),
+            ("tip_force", &found.tip_force),
+            ("tip_moment", &found.tip_moment),
+            ("stiffness", &found.stiffness),
+        ] {
+            let table = |rows: usize, entry: &dyn Fn(&Derivative, usize) -> f64| {
+                let entries = (0..rows).flat_map(|i| columns.iter().map(move |d| entry(d, i)));
+                PyArray1::from_iter(py, entries).reshape([rows, columns.len()])
+            };
+            let tendons = robot.tendon_count();
+            out.set_item(
+                format!("tip_position_by_{parameter}"),
+                table(3, &|d, i| d.position[i])?,
+            )?;
+            out.set_item(
+                format!("tip_rotation_by_{parameter}"),
+                table(3, &|d, i| d.rotation[i])?,
+            )?;
+            out.set_item(
+                format!("lengths_by_{parameter}"),
+                table(tendons, &|d, i| d.lengths[i])?,
+            )?;
+        }
+        Ok(Some(out))
     }
 }
 
