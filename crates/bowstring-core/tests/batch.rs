@@ -21,6 +21,13 @@ fn tensions(n: usize) -> Vec<f64> {
     (0..3 * n).map(|i| (i * i * 7 % 61) as f64).collect()
 }
 
+fn assert_close(a: &[f64], b: &[f64]) {
+    assert_eq!(a.len(), b.len());
+    for (x, y) in a.iter().zip(b) {
+        assert!((x - y).abs() < 1e-10, "{x} {y}");
+    }
+}
+
 #[test]
 fn batch_equals_one_by_one_for_any_number_of_threads() {
     let robot = study_robot(9, 0.003);
@@ -36,12 +43,17 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
         let many = solve_batch(&robot, &settings, &loads, 3, true).unwrap();
         let cold = sweep(&robot, &settings, &loads, false, true).unwrap();
         assert_eq!(one.outcomes.len(), n);
-        for other in [&many, &cold] {
-            assert_eq!(one.outcomes, other.outcomes);
-            assert_eq!(one.disk_position, other.disk_position);
-            assert_eq!(one.disk_rotation, other.disk_rotation);
-            assert_eq!(one.tendon_length, other.tendon_length);
+        assert_eq!(one.outcomes, many.outcomes);
+        assert_eq!(one.disk_position, many.disk_position);
+        assert_eq!(one.disk_rotation, many.disk_rotation);
+        assert_eq!(one.tendon_length, many.tendon_length);
+        // side by side in lanes, only the rounding differs
+        for (a, b) in one.outcomes.iter().zip(&cold.outcomes) {
+            assert_eq!((a.status, a.iterations), (b.status, b.iterations));
         }
+        assert_close(&one.disk_position, &cold.disk_position);
+        assert_close(&one.disk_rotation, &cold.disk_rotation);
+        assert_close(&one.tendon_length, &cold.tendon_length);
         let mut solver = Solver::new(&robot, Model::default(), 1).unwrap();
         for i in (0..n).filter(|_| elements == 1) {
             let load = Load {
@@ -50,14 +62,14 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
                 tip_force: [force[3 * i], force[3 * i + 1], force[3 * i + 2]],
                 tip_moment: [0.0; 3],
             };
-            assert_eq!(solver.solve(&load).unwrap(), one.outcomes[i]);
-            assert_eq!(solver.tip().position.0, one.tip_position[3 * i..][..3]);
+            assert_eq!(solver.solve(&load).unwrap(), cold.outcomes[i]);
+            assert_eq!(solver.tip().position.0, cold.tip_position[3 * i..][..3]);
             let last = 3 * (9 * i + 8);
             assert_eq!(
                 one.disk_position[last..][..3],
                 one.tip_position[3 * i..][..3]
             );
-            assert_eq!(solver.tendon_length(2), one.tendon_length[3 * i + 2]);
+            assert_eq!(solver.tendon_length(2), cold.tendon_length[3 * i + 2]);
         }
     }
 }
