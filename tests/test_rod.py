@@ -725,3 +725,14 @@ def test_examples_in_the_documentation():
 
     result = doctest.testmod(rod)
     assert result.attempted >= 6 and result.failed == 0
+
+
+def test_message_doubts_a_coarse_mesh() -> None:
+    robot = bs.load_robot("amouri2019").with_({"segments.0.disks.count": 3})
+    strong = bs.solve(robot, [200, 0, 0])
+    assert strong.converged
+    assert "elements=4" in strong.message
+    fine = bs.solve(robot, [200, 0, 0], elements=8)
+    assert fine.message == "A stable equilibrium."
+    assert np.linalg.norm(strong.tip.position - fine.tip.position) > 1e-4 * robot.length
+    assert bs.solve(bs.load_robot("amouri2019"), [80, 0, 0]).message == "A stable equilibrium."
