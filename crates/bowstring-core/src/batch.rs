@@ -171,7 +171,9 @@ fn for_each_chunk<S: Send>(
     use rayon::prelude::*;
     if threads != 1 && chunks.len() > 1 {
         // a pool of its own: the global one would not survive a fork of the process
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.min(chunks.len()))
+            .build();
         if let Ok(pool) = pool {
             return pool.install(|| {
                 chunks
@@ -360,7 +362,11 @@ impl<'a> Chunk<'a> {
         .expect("all rows were checked");
         self.outcomes[i] = outcome;
         if outcome.status == Status::Converged {
-            self.write(i, |k| solver.disk(k), |j| solver.tendon_length(j));
+            self.write(
+                i,
+                |k| solver.disk(k).expect("it converged"),
+                |j| solver.tendon_length(j).expect("it converged"),
+            );
         }
     }
 

@@ -9,7 +9,7 @@ use crate::real::Real;
 use crate::robot::Robot;
 use crate::rod::Rod;
 use crate::simd::{has_avx2, has_avx512, F64x4, F64x8, Robots};
-use crate::statics::{Outcome, Pose, Settings, Status, MAX_STEP, TOLERANCE};
+use crate::statics::{is_minimum_nearby, Outcome, Pose, Settings, Status, MAX_STEP, TOLERANCE};
 
 /// Newton steps after which a load is left to the careful solver.
 const MAX_PLAIN_STEPS: usize = 10;
@@ -116,10 +116,12 @@ fn solve<M: Real>(
     // a tip moment has no energy to fall
     let mut plain = [false; 8];
     let mut noise = M::zero();
+    let mut stiffening = [0.0; 8];
     for lane in 0..M::LANES {
         plain[lane] = of(lane).tip_moment == [0.0; 3];
-        let scale = rod.energy_scale(settings.length, lane) + energy.lane(lane).abs();
-        noise.set_lane(lane, 1e-14 * scale);
+        let scale = rod.energy_scale(settings.length, lane);
+        stiffening[lane] = scale / rod.module_count() as f64;
+        noise.set_lane(lane, 1e-14 * (scale + energy.lane(lane).abs()));
     }
     let mut minimum_nearby = [false; 8];
     let mut iterations = [0; 8];
@@ -148,7 +150,8 @@ fn solve<M: Real>(
         let pivot = rod.eliminate::<true>(M::zero());
         let step = rod.newton_step::<true>();
         rod.save();
-        rod.advance(M::splat(1.0));
+        // a lane that is left to the careful solver stays where it is
+        rod.advance(M::from_fn(|lane| f64::from(plain[lane])));
         let trial = rod.evaluate();
         let bound = energy + step.slope * M::splat(1e-4) + noise;
         for lane in 0..M::LANES {
@@ -158,8 +161,12 @@ fn solve<M: Real>(
             plain[lane] &= pivot.lane(lane) > 0.0
                 && step.largest.lane(lane) <= MAX_STEP
                 && trial.lane(lane) <= bound.lane(lane);
-            minimum_nearby[lane] =
-                step.largest.lane(lane) < 1e-4 && pivot.lane(lane) > 0.01 * settings.shift_unit;
+            minimum_nearby[lane] = is_minimum_nearby(
+                step.largest.lane(lane),
+                pivot.lane(lane),
+                settings.shift_unit,
+                stiffening[lane],
+            );
         }
         energy = trial;
     }

@@ -1,6 +1,7 @@
 //! Vectors and matrices of three, over any [`Real`].
 //!
-//! No closures and no `array::map` here: they would not inline. Our own, because the same arithmetic runs on one robot and on SIMD lanes of
+//! No closures and no
+//! `array::map` here, for they would not inline. Our own, because the same arithmetic runs on one robot and on SIMD lanes of
 //! robots, and must inline whole into code compiled for the processor found at run time.
 
 use crate::real::Real;

@@ -8,7 +8,8 @@
 //! `rho = rho0 + D N`
 //!
 //! where the compliance `D` holds shear, extension and the quadratic part of the strain
-//! that the arcs leave out. With dead loads `f` and tensions `T` the potential is
+//! that the arcs leave out. (It averages shear and extension over the module, and takes `N`
+//! constant: more elements refine bending and torsion alone.) With dead loads `f` and tensions `T` the potential is
 //!
 //! `elastic(w) + N.D N / 2 + sum T |span(S, rho)| - f1 . rho - f2 . S e3 - f3 . e3`
 //!
@@ -127,6 +128,8 @@ pub(crate) struct State<T, const A: usize> {
     pub load_moment: Vec3<T>,
     /// Costate: moment from all beyond the end disk.
     pub lambda: Vec3<T>,
+    /// What `rho = rho0 + D N` still lacks, m.
+    pub miss: T,
     pub energy: T,
 }
 
@@ -185,6 +188,7 @@ impl<T: Real, const A: usize> State<T, A> {
             span_torque: zero,
             load_moment: zero,
             lambda: zero,
+            miss: T::zero(),
             energy: T::zero(),
         }
     }
@@ -253,7 +257,8 @@ impl<T: Real, const A: usize> State<T, A> {
                     self.n = self.f[0] - pull;
                     let miss = self.rho0 + compliance * self.n - self.rho;
                     // a NaN passes on to the energy, where it is seen
-                    let size = (miss.max_abs() * c.per_flexible).largest_number();
+                    self.miss = miss.max_abs();
+                    let size = (self.miss * c.per_flexible).largest_number();
                     if !(size > 1e-13) || round == MAX_ROUNDS {
                         break;
                     }
@@ -591,7 +596,7 @@ impl<const A: usize> State<f64, A> {
 impl<T: Real> Constants<T> {
     /// Extension of the backbone by tendons that run along it.
     #[inline(always)]
-    fn stretch(&self, t: &Tendons<T>) -> T {
+    pub fn stretch(&self, t: &Tendons<T>) -> T {
         let mut stretch = T::splat(1.0);
         if t.path == TendonPath::Continuous {
             for &tension in t.tensions {

@@ -118,7 +118,8 @@ impl Robot {
                     d.station
                 ));
             }
-            if d.segment >= spec.sections.len() || d.segment < segment || d.segment > segment + 1 {
+            let next = if i == 0 { 0 } else { segment + 1 };
+            if d.segment >= spec.sections.len() || d.segment < segment || d.segment > next {
                 return fail(format!(
                     "disk {i} belongs to segment {}, disks must be listed segment by segment",
                     d.segment
@@ -180,7 +181,11 @@ impl Robot {
                 spec.gravity
             ));
         }
-        Ok(Robot { spec, modules })
+        let robot = Robot { spec, modules };
+        if !robot.moment_scale().is_normal() {
+            return fail("bending stiffness over length is beyond what numbers hold".into());
+        }
+        Ok(robot)
     }
 
     /// The description that the robot was made from.

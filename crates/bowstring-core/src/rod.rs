@@ -11,7 +11,7 @@ use crate::real::{Layout, Real};
 use crate::robot::{Robot, Tendon};
 use crate::sweep::{Eliminated, Value};
 
-/// A robot under load, with its scratch memory: no pass allocates.
+/// A robot under load, with its scratch memory: no pass of a solve allocates.
 #[derive(Clone)]
 pub(crate) struct Rod<L: Layout, const A: usize> {
     /// By groups of `L::WIDTH` modules; the last may hold idle ones.
@@ -20,7 +20,8 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub gradients: Vec<Gradient<L::Module, A>>,
     pub hessians: Vec<Hessian<L::Module, A>>,
     step: Vec<[Vec3<L::Module>; A]>,
-    saved: Vec<[Vec3<L::Module>; A]>,
+    /// Strain and contact force to go back to: the force is where the next balance starts.
+    saved: Vec<([Vec3<L::Module>; A], Vec3<L::Module>)>,
     /// Tension of every tendon in every group, zero where it does not pass.
     tensions: Vec<L::Module>,
     /// By modules.
@@ -31,7 +32,7 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     /// Of the disks, and the lengths of the tendons, m: as of the last `finish`.
     pub positions: Vec<Vec3<L::Chain>>,
     pub lengths: Vec<L::Chain>,
-    /// Of the loaded spans of a module, the least cosine to its mean tangent (about).
+    /// How far a module's chord and its loaded spans point forward, the least of them.
     forward: Vec<L::Chain>,
     modules: Vec<Constants<f64>>,
     masses: Vec<f64>,
@@ -110,7 +111,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             gradients: vec![Gradient::empty(); groups],
             hessians: vec![Hessian::empty(); groups],
             step: vec![zero; groups],
-            saved: vec![zero; groups],
+            saved: vec![(zero, Vec3::zero()); groups],
             tensions: vec![L::Module::zero(); groups * robot.tendon_count()],
             eliminated: vec![Eliminated::empty(); n],
             dead: vec![[Vec3::zero(); 4]; n],
@@ -232,6 +233,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             for v in &out.g {
                 residual = residual.max(v.max_abs());
             }
+            // what the end still misses, times its force: an imbalance as well
+            let state = &self.states[g];
+            residual = residual.max(state.miss * state.n.max_abs());
         }
         let mut largest = L::get(&residual, 0);
         for i in 1..L::WIDTH {
@@ -349,9 +353,18 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
+    /// Sets the right-hand side of the next step, arc by arc from base to tip.
+    pub fn set_gradient(&mut self, value: impl Fn(usize) -> Vec3) {
+        for k in 0..self.dead.len() {
+            for (a, g) in self.gradients[k / L::WIDTH].g.iter_mut().enumerate() {
+                put::<L>(g, k % L::WIDTH, Vec3::splat(value(k * A + a).0));
+            }
+        }
+    }
+
     pub fn save(&mut self) {
         for (saved, state) in self.saved.iter_mut().zip(&self.states) {
-            *saved = state.w;
+            *saved = (state.w, state.n);
         }
     }
 
@@ -360,8 +373,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn advance(&mut self, fraction: L::Module) {
         for ((state, saved), step) in self.states.iter_mut().zip(&self.saved).zip(&self.step) {
             for i in 0..A {
-                state.w[i] = step[i].scaled_add(fraction, saved[i]);
+                state.w[i] = step[i].scaled_add(fraction, saved.0[i]);
             }
+            state.n = saved.1;
         }
     }
 
@@ -378,11 +392,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let here = L::WIDTH.min(n - g * L::WIDTH);
             let offset = state.offset(c);
             let mean = state.s.column(2) + Vec3::ez();
+            let chord = state.rho.dot(mean) * c.per_flexible;
             for i in 0..here {
                 let k = g * L::WIDTH + i;
                 position += self.rotations[k] * get::<L>(&offset, i);
                 self.positions[k] = position;
-                self.forward[k] = L::Chain::splat(1.0);
+                self.forward[k] = L::get(&chord, i);
             }
             for (j, tendon) in self.tendons.iter().enumerate() {
                 let (length, forward) = match self.path {
@@ -390,9 +405,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                         let span = Span::new(c, tendon, &state.s, state.rho);
                         (span.length, span.direction.dot(mean))
                     }
-                    TendonPath::Continuous => {
-                        (state.parallel_length(c, &t, tendon), L::Module::splat(1.0))
-                    }
+                    TendonPath::Continuous => (state.parallel_length(c, &t, tendon), c.stretch(&t)),
                 };
                 for i in 0..here {
                     let k = g * L::WIDTH + i;

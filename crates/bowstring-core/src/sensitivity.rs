@@ -52,7 +52,8 @@ struct Source<const A: usize> {
     start: Vec3,
 }
 
-/// Derivatives at the equilibrium that the rod holds, evaluated; `None` for continuous tendons.
+/// Derivatives at the equilibrium that the rod holds, evaluated; `None` for continuous tendons
+/// and where they are not finite.
 pub(crate) fn jacobians<const A: usize>(
     rod: &mut Rod<Scalar, A>,
     segments: &[usize],
@@ -62,12 +63,30 @@ pub(crate) fn jacobians<const A: usize>(
     }
     rod.gradient();
     let responses = rod.linearise();
-    if rod.has_tip_moment() {
+    let jacobians = if rod.has_tip_moment() {
         rod.eliminate::<false>(0.0);
-        Some(all::<A, false>(rod, &responses, segments))
+        all::<A, false>(rod, &responses, segments)
     } else {
         rod.eliminate::<true>(0.0);
-        Some(all::<A, true>(rod, &responses, segments))
+        all::<A, true>(rod, &responses, segments)
+    };
+    jacobians.is_finite().then_some(jacobians)
+}
+
+impl Jacobians {
+    fn is_finite(&self) -> bool {
+        [
+            &self.tensions,
+            &self.tip_force,
+            &self.tip_moment,
+            &self.stiffness,
+        ]
+        .into_iter()
+        .flatten()
+        .all(|d| {
+            let numbers = d.position.0.iter().chain(&d.rotation.0).chain(&d.lengths);
+            numbers.copied().all(f64::is_finite)
+        })
     }
 }
 

@@ -18,7 +18,8 @@ pub enum Status {
     MaxIterations,
     /// An equilibrium was found, but no stable one.
     Unstable,
-    /// The load closes the gap between two disks: the model has no equilibrium there.
+    /// An equilibrium was found only with two disks passed through each other: the load closes
+    /// the gap between them.
     NoEquilibrium,
 }
 
@@ -73,7 +74,7 @@ pub struct Outcome {
 /// let load = Load { tensions: &[40.0], gravity: [0.0; 3], tip_force: [0.0; 3], tip_moment: [0.0; 3] };
 /// let outcome = solver.solve(&load)?;
 /// assert_eq!(outcome.status, Status::Converged);
-/// assert!((solver.tip().position[0] - 0.2164).abs() < 1e-3);
+/// assert!((solver.tip().unwrap().position[0] - 0.2164).abs() < 1e-3);
 /// # Ok::<(), InputError>(())
 /// ```
 #[derive(Clone)]
@@ -87,6 +88,8 @@ pub struct Solver {
     /// Strain of the points before, latest first, for extrapolation along a sweep.
     history: [Vec<Vec3>; 3],
     known: usize,
+    /// Whether the last solve converged: only then are there numbers to give.
+    settled: bool,
 }
 
 /// The last load, kept for what is asked after the solve.
@@ -248,6 +251,18 @@ enum Attempt {
     Stuck,
 }
 
+impl Attempt {
+    fn is_sound(&self) -> bool {
+        matches!(
+            self,
+            Attempt::Converged {
+                collision: None,
+                ..
+            }
+        )
+    }
+}
+
 impl Solver {
     /// A solver with 1, 2, 4 or 8 elements of fourth order in a module; 1 is the default of
     /// all outputs.
@@ -263,6 +278,7 @@ impl Solver {
             load: OwnedLoad::default(),
             history: [straight.clone(), straight.clone(), straight],
             known: 0,
+            settled: false,
         })
     }
 
@@ -291,15 +307,18 @@ impl Solver {
         }
         self.load.set(load);
         let [a, b, c] = &self.history;
+        let ahead = |i: usize| match self.known {
+            1 => a[i],
+            2 => a[i] * 2.0 - b[i],
+            _ => (a[i] - b[i]) * 3.0 + c[i],
+        };
+        // loads that jump are not to be extrapolated
+        let close = (0..a.len()).all(|i| (ahead(i) - a[i]).max_abs() < MAX_EXTRAPOLATION);
         with_rod!(&mut self.engine, rod => {
             rod.load(load);
-            rod.set_strains(|i| match self.known {
-                1 => a[i],
-                2 => a[i] * 2.0 - b[i],
-                _ => (a[i] - b[i]) * 3.0 + c[i],
-            });
+            rod.set_strains(|i| if close { ahead(i) } else { a[i] });
         });
-        let mut outcome = self.equilibrium(load);
+        let mut outcome = self.equilibrium(load, false);
         if outcome.status != Status::Converged {
             outcome = self.solve_from_straight(load);
             self.known = 0;
@@ -314,7 +333,7 @@ impl Solver {
             rod.load(load);
             rod.make_straight();
         });
-        self.equilibrium(load)
+        self.equilibrium(load, true)
     }
 
     fn remember(&mut self, outcome: &Outcome) {
@@ -328,7 +347,8 @@ impl Solver {
         self.known = (self.known + 1).min(3);
     }
 
-    fn equilibrium(&mut self, load: &Load) -> Outcome {
+    /// From the strain that the engine holds; with `patience` also by continuation.
+    fn equilibrium(&mut self, load: &Load, patience: bool) -> Outcome {
         let mut outcome = Outcome {
             status: Status::MaxIterations,
             stable: None,
@@ -339,18 +359,27 @@ impl Solver {
             collision: None,
         };
         let mut attempt = self.engine.newton(&self.settings, &mut outcome);
-        if matches!(attempt, Attempt::Stuck) {
-            attempt = self.continuation(load, &mut outcome);
+        if patience && !attempt.is_sound() {
+            // what continuation cannot mend keeps its first verdict
+            let first = outcome;
+            let continued = self.continuation(load, &mut outcome);
+            if continued.is_sound() {
+                attempt = continued;
+            } else if !matches!(attempt, Attempt::Stuck) {
+                outcome.residual = first.residual;
+            }
         }
         match attempt {
-            Attempt::Converged { stable, collision } => {
+            Attempt::Converged {
+                stable,
+                collision: None,
+            } => {
                 outcome.stable = stable;
+                outcome.status = Status::Converged;
+            }
+            Attempt::Converged { collision, .. } => {
                 outcome.collision = collision;
-                outcome.status = if outcome.collision.is_some() {
-                    Status::NoEquilibrium
-                } else {
-                    Status::Converged
-                };
+                outcome.status = Status::NoEquilibrium;
             }
             Attempt::Saddle => {
                 outcome.stable = Some(false);
@@ -358,6 +387,7 @@ impl Solver {
             }
             Attempt::Stuck => outcome.status = Status::MaxIterations,
         }
+        self.settled = outcome.status == Status::Converged;
         outcome
     }
 
@@ -390,13 +420,7 @@ impl Solver {
             outcome.iterations += part.iterations;
             outcome.residual = part.residual;
             outcome.left_unstable |= part.left_unstable;
-            let sound = matches!(
-                attempt,
-                Attempt::Converged {
-                    collision: None,
-                    ..
-                }
-            );
+            let sound = attempt.is_sound();
             if sound && fraction == 1.0 {
                 outcome.fraction = 1.0;
                 return attempt;
@@ -407,32 +431,38 @@ impl Solver {
                 increment *= 1.5;
             } else {
                 increment *= 0.3;
-                // a load that is past hope must not take long to say so
-                if increment < 1e-3 || outcome.iterations > MAX_CONTINUATION {
-                    outcome.fraction = reached;
-                    return Attempt::Stuck;
-                }
+            }
+            // a load that is past hope must not take long to say so
+            if increment < 1e-3 || outcome.iterations > MAX_CONTINUATION {
+                outcome.fraction = reached;
+                return Attempt::Stuck;
             }
         }
     }
 
-    /// Pose of the tip, which is the last disk.
-    pub fn tip(&self) -> Pose {
+    /// Pose of the tip, which is the last disk; `None`, as all that follow, unless the last
+    /// solve converged.
+    pub fn tip(&self) -> Option<Pose> {
         self.disk(self.robot.module_count() - 1)
     }
 
     /// Pose of a disk, counted from the base.
-    pub fn disk(&self, k: usize) -> Pose {
-        with_rod!(&self.engine, rod => rod.disk(k, 0))
+    pub fn disk(&self, k: usize) -> Option<Pose> {
+        self.settled
+            .then(|| with_rod!(&self.engine, rod => rod.disk(k, 0)))
     }
 
     /// Length of a tendon from the base hole to the hole of its end disk, m.
-    pub fn tendon_length(&self, i: usize) -> f64 {
-        with_rod!(&self.engine, rod => rod.lengths[i].lane(0))
+    pub fn tendon_length(&self, i: usize) -> Option<f64> {
+        self.settled
+            .then(|| with_rod!(&self.engine, rod => rod.lengths[i].lane(0)))
     }
 
     /// Points of the backbone, `per_module` in each module, base and tip included, m.
-    pub fn centerline(&self, per_module: usize) -> Vec<Vec3> {
+    pub fn centerline(&self, per_module: usize) -> Option<Vec<Vec3>> {
+        if !self.settled {
+            return None;
+        }
         let mut points = vec![Vec3::zero()];
         let mut from = Vec3::zero();
         with_scalar_rod!(self.scalar(), rod => {
@@ -445,11 +475,15 @@ impl Solver {
                 points.push(from);
             }
         });
-        points
+        Some(points)
     }
 
-    /// Derivatives of the last equilibrium; `None` for continuous tendons.
+    /// Derivatives of the last equilibrium; `None` for continuous tendons, and where the
+    /// equilibrium is so near to losing stability that they are not finite.
     pub fn jacobians(&self) -> Option<Jacobians> {
+        if !self.settled {
+            return None;
+        }
         let segments: Vec<_> = self.robot.spec().disks.iter().map(|d| d.segment).collect();
         let mut engine = self.scalar();
         with_scalar_rod!(&mut engine, rod => sensitivity::jacobians(rod, &segments))
@@ -482,6 +516,10 @@ impl Solver {
 const MAX_CONTINUATION: usize = 3 * MAX_ITERATIONS;
 /// Times that a step is halved: what does not help at a millionth is lost in rounding.
 const MAX_HALVINGS: usize = 20;
+/// Largest change of an arc's rotation vector by extrapolation, rad.
+const MAX_EXTRAPOLATION: f64 = 0.3;
+/// Times that the shift is quadrupled in search of a minimum.
+const MAX_SHIFTS: usize = 40;
 /// Largest rotation that an arc may add in one step, rad.
 pub(crate) const MAX_STEP: f64 = 1.0;
 /// Attempts at leaving unstable equilibria.
@@ -527,6 +565,7 @@ fn newton_on_energy<L: Layout, const A: usize>(
     let mut escapes = 0;
     // rounding of the energy, which is a small difference of large terms
     let noise = 1e-14 * (rod.energy_scale(settings.length, 0) + energy.abs());
+    let stiffening = rod.energy_scale(settings.length, 0) / rod.module_count() as f64;
     // the last elimination still tells the inertia if the step after it was short
     let mut minimum_nearby = false;
     loop {
@@ -542,6 +581,7 @@ fn newton_on_energy<L: Layout, const A: usize>(
             outcome.iterations += 1;
         }
         rod.linearise_only();
+        let mut shifts = 0;
         let pivot = loop {
             let added = if settled { 0.0 } else { shift };
             let pivot = rod.eliminate::<true>(L::Chain::splat(added)).lane(0);
@@ -549,12 +589,17 @@ fn newton_on_energy<L: Layout, const A: usize>(
                 break pivot;
             }
             shift = if shift == 0.0 { unit } else { shift * 4.0 };
-            if shift > 1e9 * unit {
+            shifts += 1;
+            if shifts > MAX_SHIFTS {
                 return Attempt::Stuck;
             }
         };
         if settled {
-            if pivot > 0.0 {
+            if pivot.is_nan() {
+                return Attempt::Stuck;
+            }
+            // a pivot that is lost in rounding is no proof of a minimum
+            if pivot > 1e-12 * unit {
                 return converged(rod, Some(true));
             }
             if escapes == MAX_ESCAPES {
@@ -562,12 +607,15 @@ fn newton_on_energy<L: Layout, const A: usize>(
             }
             escapes += 1;
             outcome.left_unstable = true;
-            energy = leave_saddle(rod, unit, escapes);
+            energy = leave_saddle(rod, unit, escapes, energy);
             continue;
         }
         let step = rod.newton_step::<true>();
         let (slope, largest) = (step.slope.lane(0), step.largest.lane(0));
-        minimum_nearby = shift == 0.0 && largest < 1e-4 && pivot > 0.01 * unit;
+        if !largest.is_finite() {
+            return Attempt::Stuck;
+        }
+        minimum_nearby = shift == 0.0 && is_minimum_nearby(largest, pivot, unit, stiffening);
         rod.save();
         let mut fraction = (MAX_STEP / largest).min(1.0);
         let mut halvings = 0;
@@ -601,18 +649,21 @@ fn newton_on_residual<L: Layout, const A: usize>(
 ) -> Attempt {
     rod.evaluate();
     let mut residual = rod.gradient().lane(0) / settings.moment_scale;
-    for _ in 0..MAX_RESIDUAL_STEPS {
+    for step in 0..=MAX_RESIDUAL_STEPS {
         outcome.residual = residual;
         if residual <= TOLERANCE {
             return converged(rod, None);
         }
-        if !residual.is_finite() {
+        if !residual.is_finite() || step == MAX_RESIDUAL_STEPS {
             break;
         }
         outcome.iterations += 1;
         rod.linearise_only();
         rod.eliminate::<false>(L::Chain::zero());
         let largest = rod.newton_step::<false>().largest.lane(0);
+        if !largest.is_finite() {
+            break;
+        }
         rod.save();
         let mut fraction = (MAX_STEP / largest).min(1.0);
         loop {
@@ -638,23 +689,36 @@ fn newton_on_residual<L: Layout, const A: usize>(
     Attempt::Stuck
 }
 
-/// Moves off an unstable equilibrium along a falling direction; returns the energy there.
-///
-/// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start finds the lowest
-/// mode, so that the same load always takes the same branch.
-#[cold]
+/// Whether an elimination before a step still tells that the place after it is a minimum: the
+/// step must be short, and what it changes of the second derivatives small beside the pivots.
 #[inline(always)]
-fn leave_saddle<L: Layout, const A: usize>(rod: &mut Rod<L, A>, unit: f64, attempt: usize) -> f64 {
-    let mut shift = unit;
-    while !(rod.eliminate::<true>(L::Chain::splat(shift)).lane(0) > 0.0) && shift < 1e9 * unit {
-        shift *= 1.5;
-    }
-    for (g, gradient) in rod.gradients.iter_mut().enumerate() {
-        for (i, v) in gradient.g.iter_mut().enumerate() {
-            let phase = (g * A + i) as f64;
-            *v = Vec3::splat([0.3 + 0.01 * phase.cos(), -1.0, 0.02 * phase.sin()]);
+pub(crate) fn is_minimum_nearby(largest: f64, pivot: f64, unit: f64, stiffening: f64) -> bool {
+    largest < 1e-4 && pivot > 0.01 * unit && largest * stiffening < 0.1 * pivot
+}
+
+/// Moves off an unstable equilibrium, to the side where the energy is lower; returns it.
+///
+/// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start looks for the
+/// lowest mode, so that the same load always takes the same branch.
+#[cold]
+#[inline(always)] // to be compiled for the features of its caller
+fn leave_saddle<L: Layout, const A: usize>(
+    rod: &mut Rod<L, A>,
+    unit: f64,
+    attempt: usize,
+    energy: f64,
+) -> f64 {
+    let mut shift = 1e-6 * unit;
+    for _ in 0..MAX_SHIFTS {
+        if rod.eliminate::<true>(L::Chain::splat(shift)).lane(0) > 0.0 {
+            break;
         }
+        shift *= 2.0;
     }
+    rod.set_gradient(|i| {
+        let phase = i as f64;
+        Vec3([0.3 + 0.01 * phase.cos(), -1.0, 0.02 * phase.sin()])
+    });
     let mut largest = 1.0;
     for round in 0..9 {
         if round > 0 {
@@ -664,10 +728,17 @@ fn leave_saddle<L: Layout, const A: usize>(rod: &mut Rod<L, A>, unit: f64, attem
     }
     rod.save();
     let modules = rod.module_count() as f64;
-    rod.advance(L::Module::splat(
-        0.2 * attempt as f64 / (largest * modules.sqrt()),
-    ));
-    rod.evaluate().lane(0)
+    let mut amount = 0.2 * attempt as f64 / (largest * modules.sqrt());
+    let mut least = energy;
+    for _ in 0..2 {
+        rod.advance(L::Module::splat(amount));
+        least = rod.evaluate().lane(0);
+        if least < energy {
+            break;
+        }
+        amount = -amount;
+    }
+    least
 }
 
 #[cfg(test)]
@@ -732,8 +803,8 @@ mod tests {
                 let outcome = solver.solve(&load).unwrap();
                 assert_eq!(outcome.status, Status::Converged);
                 let answer = (
-                    solver.tip().position,
-                    solver.tendon_length(1),
+                    solver.tip().unwrap().position,
+                    solver.tendon_length(1).unwrap(),
                     outcome.iterations,
                 );
                 let (tip, length, iterations) = *first.get_or_insert(answer);
@@ -742,5 +813,36 @@ mod tests {
                 assert_eq!(answer.2, iterations);
             }
         }
+    }
+
+    /// Nothing is given that a solve did not converge to.
+    #[test]
+    fn no_numbers_without_convergence() {
+        let robot = robot();
+        let mut solver = Solver::new(&robot, Model::default(), 1).unwrap();
+        let nothing = |solver: &Solver| {
+            solver.tip().is_none()
+                && solver.disk(0).is_none()
+                && solver.tendon_length(0).is_none()
+                && solver.centerline(4).is_none()
+                && solver.jacobians().is_none()
+        };
+        assert!(nothing(&solver));
+        let load = |tensions: &'static [f64; 5]| Load {
+            tensions,
+            gravity: [0.0; 3],
+            tip_force: [0.0; 3],
+            tip_moment: [0.0; 3],
+        };
+        solver.solve(&load(&[1.0, 2.0, 3.0, 0.0, 1.0])).unwrap();
+        assert!(solver.tip().is_some() && solver.jacobians().is_some());
+        let far = solver.solve(&load(&[0.0, 0.0, 1e5, 0.0, 0.0])).unwrap();
+        assert_ne!(far.status, Status::Converged);
+        assert!(far.stable != Some(true) && far.fraction < 1.0);
+        assert!(nothing(&solver));
+        let near = solver
+            .solve_next(&load(&[1.0, 2.0, 3.0, 0.0, 1.0]))
+            .unwrap();
+        assert_eq!(near.status, Status::Converged);
     }
 }

@@ -34,11 +34,11 @@ fn answer(
     };
     let outcome = solver.solve(&load).unwrap();
     assert_eq!(outcome.status, Status::Converged);
-    let tip = solver.tip();
+    let tip = solver.tip().unwrap();
     (
         tip.rotation,
         tip.position,
-        (0..3).map(|i| solver.tendon_length(i)).collect(),
+        (0..3).map(|i| solver.tendon_length(i).unwrap()).collect(),
     )
 }
 

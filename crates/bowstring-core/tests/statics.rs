@@ -40,7 +40,7 @@ fn tip(elements: usize, n: usize, clamp: f64, theory: Theory, load: &Load) -> [f
     let outcome = solver.solve(load).unwrap();
     assert_eq!(outcome.status, Status::Converged, "{outcome:?}");
     assert_eq!(outcome.stable, Some(true));
-    solver.tip().position.0.map(|x| x * 1e3)
+    solver.tip().unwrap().position.0.map(|x| x * 1e3)
 }
 
 fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -127,7 +127,7 @@ fn continuous_tendon_is_the_limit_of_many_disks() {
     )
     .unwrap();
     solver.solve(&load).unwrap();
-    let own = distance(solver.tip().position.0.map(|x| x * 1e3), closed);
+    let own = distance(solver.tip().unwrap().position.0.map(|x| x * 1e3), closed);
     println!("continuous: {own:.7} mm");
     assert!(own < 1e-5);
     let errors =

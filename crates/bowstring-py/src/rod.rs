@@ -289,13 +289,18 @@ impl Answer {
         let n = robot.module_count();
         let (mut disk_position, mut disk_rotation) = (vec![0.0; 3 * n], vec![0.0; 9 * n]);
         for k in 0..n {
-            write_pose(&solver.disk(k), k, &mut disk_position, &mut disk_rotation);
+            write_pose(
+                &solver.disk(k).expect("it converged"),
+                k,
+                &mut disk_position,
+                &mut disk_rotation,
+            );
         }
         Answer {
             disk_position,
             disk_rotation,
             tendon_length: (0..robot.tendon_count())
-                .map(|i| solver.tendon_length(i))
+                .filter_map(|i| solver.tendon_length(i))
                 .collect(),
         }
     }
@@ -438,6 +443,9 @@ impl Solution {
                 Ok(solver.centerline(points_per_module))
             })
             .map_err(input_error)?;
+        let Some(points) = points else {
+            return Ok(None);
+        };
         let flat: Vec<f64> = points.iter().flat_map(|p| p.0).collect();
         flat.into_pyarray(py).reshape([points.len(), 3]).map(Some)
     }
