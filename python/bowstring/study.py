@@ -1191,20 +1191,22 @@ def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
 def _on_left_out(budget: Budget) -> list[str]:
     """Which effect that the main sweep lacks would cost most."""
     out = []
-    partly: dict[str, None] = {}
+    partly = []
     for meaning, words in zip(_MEANINGS, ("from lengths", "from force"), strict=True):
         needed = np.isfinite(budget.sweep.error(meaning))
-        rows = []
+        rows, missing = [], []
         for row in budget.rows:
             if row.acts_in_sweep:
                 continue
             if not needed.any() or np.any(needed & ~np.isfinite(row.in_sweep.error(meaning))):
-                partly[row.label] = None
+                missing.append(row.label)
             else:
                 rows.append((row.in_sweep.comparisons[meaning].mean, row))
         if rows:
             mean, row = max(rows, key=lambda pair: pair[0])
             out.append(f"{words} a mean error of {_mm(mean)} ({row.label})")
+        if missing:
+            partly.append(f"{words}: {'; '.join(missing)}")
     if not out:
         return []
     text = (
@@ -1214,7 +1216,7 @@ def _on_left_out(budget: Budget) -> list[str]:
     if partly:
         text += (
             " Not compared, because they have numbers at some of the loads only or at none: "
-            f"{_listed(list(partly))}."
+            f"{' / '.join(partly)}."
         )
     return [text]
 
