@@ -817,10 +817,12 @@ BAD = {
     "coordinates must be one of": lambda: arc.jacobian_pose(1, 0, 1, coordinates="polar"),
     "correction must be one of": lambda: arc.robot_fk(one_segment(), [0.6] * 3, "arc"),
     "law must be one of": lambda: robot_arcs(one_segment(), [0.6] * 3, "cubic"),
-    "tendon 2 must be positive": lambda: arc.robot_fk(one_segment(), [0.6, 0.6, -1]),
-    "segment 0: no arc": lambda: arc.robot_fk(one_segment(), [0.3, 0.6, 0.6]),
+    "tendon 3 must be positive": lambda: arc.robot_fk(one_segment(), [0.6, 0.6, -1]),
+    "segment 1: these tendon lengths would need more": lambda: arc.robot_fk(
+        one_segment(), [0.3, 0.6, 0.6]
+    ),
     "tension of tendon 0 must": lambda: robot_arcs(one_segment(), [np.nan, 0.6, 1]),
-    "segment 1: tendon 3 is shorter": lambda: arc.robot_fk(
+    "segment 2: tendon 4 is shorter": lambda: arc.robot_fk(
         two_segments(), [0.2, 0.2, 0.2, 0.1, 0.4, 0.4]
     ),
     "the inverse is for one segment": lambda: arc.robot_ik(two_segments(), [0, 0, 0.3]),

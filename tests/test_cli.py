@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -367,7 +368,7 @@ SOLVE = ("solve", "amouri2019", "--tension", "1,2,3")
         ([*SOLVE, "--theory", "timoshenko"], "is not one of 'cosserat', 'kirchhoff'"),
         ([*SOLVE, "--elements", "3"], "must be 1, 2, 4 or 8"),
         # geometry
-        (["fk", "amouri2019", "--lengths", "0.1,0.9,0.9"], "no arc has these tendon lengths"),
+        (["fk", "amouri2019", "--lengths", "0.1,0.9,0.9"], "more than a full turn"),
         (["ik", "amouri2019", "--tip", "0,0,5"], "out of reach"),
         (["ik", "amouri2019", "--tip", "0,0,-0.1", "--free-length"], "cannot be reached"),
         (["ik", "rao2021", "--tip", "0,0,0.3"], "ik is for robots of one segment"),
@@ -506,3 +507,43 @@ def test_stopped_by_the_user(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr(cli, "robot_names", stopped)
     assert shell("robots") == (130, "", "Stopped: nothing was written.\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["fk", "amouri2019", "--lengths", "0.4,0.76,0.76"], ("--lengths: segment 1: ", "turn")),
+        (
+            ["solve", "amouri2019", "--tension", "10 mm,0,0"],
+            ('--tension: got "10 mm", but "mm" is not a unit of force; write',),
+        ),
+        (["solve", "amouri2019", "--tension", "1,0,0", "--elements", "3"], ("--elements: got 3",)),
+        (["study", "--tolerance", "0"], ("--tolerance: got 0",)),
+        (["study", "--max-tension", "-5"], ("--max-tension: got -5 N",)),
+        (["study", "--points", "1"], ("--points: got 1",)),
+    ],
+)
+def test_errors_name_their_flag(
+    arguments: list[str], parts: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(arguments) == cli.BAD_INPUT
+    err = capsys.readouterr().err
+    assert all(part in err for part in parts), err
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no SIGTERM")
+def test_a_request_to_end_is_like_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that a study leaves no temporary folder behind."""
+
+    def ended(arguments: object) -> int:
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+        return 7
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(cli, "run", ended)
+    try:
+        with pytest.raises(SystemExit, match="7"):
+            cli.main()
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -459,8 +459,9 @@ def test_positions_forms(load):
         (
             "thickness: 3 mm",
             "thickness: 3 mm, clamped_length: 50 mm",
-            "segments[0].disks.clamped_length: got 50 mm; the disks clamp all of the 50 mm before "
-            "disk 2 of the segment, must leave some backbone free to bend.",
+            "segments[0].disks.clamped_length: got 50 mm; the disks would clamp all of the "
+            "50 mm before disk 2 of the segment; write a smaller length, "
+            "so that some backbone is free to bend.",
         ),
         (
             "thickness: 3 mm",

@@ -369,3 +369,20 @@ def test_progress_runs_from_zero_to_one() -> None:
     study.run(load_robot("amouri2019"), progress=lambda what, share: seen.append(share))
     assert seen[0] == 0.0 and seen[-1] == 1.0
     assert seen == sorted(seen)
+
+
+def test_the_verdict_compares_only_effects_with_all_loads(paper):
+    """A mean over one load is not the costliest effect."""
+    from dataclasses import replace
+
+    costly = next(row for row in paper.budget.rows if row.effect == "E_minus_10")
+    compared = dict(costly.in_sweep.comparisons)
+    for name, c in compared.items():
+        difference = np.full_like(c.difference, np.nan)
+        difference[1] = 1.0
+        compared[name] = replace(c, difference=difference)
+    broken = replace(costly, in_sweep=replace(costly.in_sweep, comparisons=compared))
+    rows = tuple(broken if row is costly else row for row in paper.budget.rows)
+    (text,) = study._on_left_out(replace(paper.budget, rows=rows))
+    assert "1000 mm" not in text
+    assert text.endswith("from lengths: E 10 % lower / from force: E 10 % lower.")

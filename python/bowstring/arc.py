@@ -27,6 +27,7 @@ References
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
@@ -352,9 +353,9 @@ def _fit(
     tendons = _array("lengths", lengths, len(hole))
     if length is None:
         shape, (rows,) = _broadcast({}, [tendons])
-        return shape, *_core.arc_fit(rows, hole, shares, None)
+        return shape, *_arc_fit(rows, hole, shares, None)
     shape, (held, rows) = _broadcast({"length": length}, [tendons])
-    return shape, *_core.arc_fit(rows, hole, shares, held)
+    return shape, *_arc_fit(rows, hole, shares, held)
 
 
 def from_lengths(
@@ -838,7 +839,7 @@ class _Segment:
             return np.empty(0)
         if abs(self.places[-1] - 1.0) > 1e-9:
             raise InputError(
-                f"segment {self.index}: the chord correction needs a disk at the segment's end"
+                f"segment {self.index + 1}: the chord correction needs a disk at the segment's end"
             )
         return _shares(np.diff(self.places, prepend=0.0))
 
@@ -866,12 +867,24 @@ def _segments(robot: _Robot) -> list[_Segment]:
     return out
 
 
+def _arc_fit(rows: Array, hole: Array, shares: Array, held: Array | None) -> tuple[Array, Array]:
+    try:
+        return _core.arc_fit(rows, hole, shares, held)
+    except BowstringError as error:
+        if turn := re.search(r"bend it by (\S+) rad, more than a full turn", str(error)):
+            raise type(error)(
+                "these tendon lengths would need more than a full turn "
+                f"({float(turn[1]):.4g} rad), which is not computed"
+            ) from None
+        raise
+
+
 def _robot_holes(robot: _Robot) -> Array:
     return np.ascontiguousarray(robot.tendons.hole_m, dtype=np.float64)
 
 
 def _named(segment: _Segment, error: BowstringError) -> BowstringError:
-    return type(error)(f"segment {segment.index}: {error}")
+    return type(error)(f"segment {segment.index + 1}: {error}")
 
 
 def _assemble(
@@ -908,7 +921,7 @@ def _robot_fit(
         wrong = rest[~((rest[:, t] > 0) & np.isfinite(rest[:, t])), t]
         if wrong.size:
             raise InputError(
-                f"the length of tendon {t} must be positive and finite, got {wrong[0]} m"
+                f"the length of tendon {t + 1} must be positive and finite, got {wrong[0]} m"
             )
     segments = _segments(robot)
     rest = rest.copy()
@@ -919,11 +932,11 @@ def _robot_fit(
         if np.any(own <= 0):
             t = int(segment.own[np.argmax(np.any(own <= 0, axis=0))])
             raise InputError(
-                f"segment {segment.index}: tendon {t} is shorter than the bent segments before "
-                "it, so nothing is left of it for its own"
+                f"segment {segment.index + 1}: tendon {t + 1} is shorter than the bent segments "
+                "before it, so nothing is left of it for its own"
             )
         try:
-            arcs, misfit = _core.arc_fit(own, hole[segment.own], shares, None)
+            arcs, misfit = _arc_fit(own, hole[segment.own], shares, None)
             further = np.setdiff1d(segment.passing, segment.own)
             if further.size:
                 rest[:, further] -= _core.arc_lengths(arcs, hole[further], shares)

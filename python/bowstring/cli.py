@@ -9,6 +9,7 @@ import io
 import json
 import math
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -134,7 +135,10 @@ def fk(
     """Constant curvature forward: tendon lengths to arcs and tip."""
     model = _load(robot, overrides)
     values = _per_tendon("--lengths", lengths, "m", model, above_zero=True)
-    arcs = arc.robot_fk(model, values, "chord" if chord else None)
+    try:
+        arcs = arc.robot_fk(model, values, "chord" if chord else None)
+    except InputError as error:
+        raise InputError(f"--lengths: {error}") from None
     segments = _segments(arcs)
     for segment, misfit in zip(segments, arcs.misfit, strict=True):
         segment["misfit_m"] = float(misfit)
@@ -233,6 +237,8 @@ def solve(
 
     model = _load(robot, overrides)
     tensions = _per_tendon("--tension", tension, "N", model)
+    if elements not in (1, 2, 4, 8):
+        raise InputError(f"--elements: got {elements}; must be 1, 2, 4 or 8.")
     weight = _vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
     force = _vector("--tip-force", tip_force, "N")
     moment = _vector("--tip-moment", tip_moment, "N*m")
@@ -299,7 +305,15 @@ def study(
     if measurements is not None:
         raise InputError("--measurements is not available yet: this version compares simulations.")
     share = _share("--tolerance", tolerance)
+    if not 0 < share < 1:
+        raise InputError(
+            f"--tolerance: got {quote(tolerance)}; must lie between 0 and 1, or 0 % and 100 %."
+        )
     limit = None if max_tension is None else _number("--max-tension", max_tension, "N")
+    if limit is not None and limit <= 0:
+        raise InputError(f"--max-tension: got {limit:g} N; must be positive.")
+    if not 2 <= points <= 1000:
+        raise InputError(f"--points: got {points}; must be from 2 to 1000.")
     model = _load(robot, overrides)
 
     from bowstring import report
@@ -459,7 +473,7 @@ def _provenance(robot: Robot, **settings: Any) -> dict[str, Any]:
         "robot": robot.name,
         "warnings": robot.warnings,
         "provenance": {
-            "bowstring": __version__,
+            "bowstring_version": __version__,
             "schema_version": JSON_SCHEMA_VERSION,
             "robot_hash": robot.hash,
             "settings": settings,
@@ -522,7 +536,7 @@ def _tip_line(position: Any, rotation: Any) -> str:
     x, y, z = (_fixed(1e3 * float(value), 3) for value in position)
     # not acos, which loses half the digits near the straight pose
     bend = math.atan2(math.hypot(rotation[0][2], rotation[1][2]), rotation[2][2])
-    return f"tip  x {x}  y {y}  z {z} mm, bent by {_fixed(math.degrees(bend), 2)} deg"
+    return f"tip  x {x}  y {y}  z {z} mm, tip turned by {_fixed(math.degrees(bend), 2)} deg"
 
 
 def _tendon_table(robot: Robot, lengths: Any, tensions: Sequence[float] | None = None) -> Table:
@@ -611,4 +625,6 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a name in Greek on an ASCII terminal
+    # as Ctrl-C, so that a study takes its temporary folder away
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.exit(run(sys.argv[1:]))

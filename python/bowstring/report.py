@@ -22,7 +22,7 @@ import numpy as np
 
 from bowstring.errors import InputError
 from bowstring.robot import Robot
-from bowstring.study import COMPARISONS, FIGURES, Case, Study
+from bowstring.study import COMPARISONS, FIGURES, BudgetRow, Case, Study
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -469,8 +469,17 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
 
     plainest, fullest = study.budget.plainest, study.budget.fullest
 
+    loads = len(study.statics.tension)
+
+    def counted(text: str, n: int) -> str:
+        return f"{text} ({n} of {loads})" if 0 < n < loads else text
+
     def means(case: Case) -> list[str]:
-        return [_number(c.mean * 1e3, 2) for c in case.comparisons.values()]
+        return [counted(_number(c.mean * 1e3, 2), c.n) for c in case.comparisons.values()]
+
+    def worth(row: BudgetRow, name: str) -> str:
+        common = np.isfinite(row.full.error(name)) & np.isfinite(row.removed.error(name))
+        return counted(_signed(row.worth(name) * 1e3), int(common.sum()))
 
     budget = table(
         "Error budget: mean tip error (mm) with an effect added alone to the\n"
@@ -482,11 +491,16 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
         "in fullest:\nforce",
     )
     budget.add_row("(plainest; fullest)", *means(plainest), *means(fullest))
+    partial = any(" of " in cell for cell in (*means(plainest), *means(fullest)))
     for row in study.budget.rows:
-        worth = [_signed(row.worth(name) * 1e3) for name in fullest.comparisons]
+        worths = [worth(row, name) for name in fullest.comparisons]
         mark = " *" if row.added.problem or row.removed.problem or row.full.problem else ""
-        budget.add_row(_short(row.label) + mark, *means(row.added), *worth)
+        budget.add_row(_short(row.label) + mark, *means(row.added), *worths)
+        partial = partial or any(" of " in cell for cell in (*means(row.added), *worths))
     console.print(budget)
+    if partial:
+        note = f"(n of {loads}): over these loads only, not comparable with the other numbers"
+        console.print(Text(note, style="dim"))
     problems = [
         f"* {_short(row.label)}: {problem}"
         for row in study.budget.rows

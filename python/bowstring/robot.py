@@ -608,9 +608,10 @@ def _clamp_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
             i = int(full[0])
             yield (
                 f"segments[{k}].disks.clamped_length: "
-                f"got {number_with_unit(s.disks.clamped_length, 'm')}; the disks clamp all of the "
+                f"got {number_with_unit(s.disks.clamped_length, 'm')}; the disks would clamp "
+                "all of the "
                 f"{number_with_unit(float(spacing[i]), 'm')} before disk {i + 1} of the "
-                "segment, must leave some backbone free to bend"
+                "segment; write a smaller length, so that some backbone is free to bend"
             )
 
 
@@ -850,8 +851,8 @@ def _sentences(error: Any) -> list[str]:
     if kind == "extra_forbidden":
         known = list(_PARTS[names[:-1]].model_fields)
         near = _nearest(names[-1], known)
-        hint = f"did you mean {near}? " if near else ""
-        return [f"{path}: unknown field; {hint}Known here: {', '.join(known)}"]
+        hint = f"; did you mean {near}?" if near else "."
+        return [f"{path}: unknown field{hint} Known here: {', '.join(known)}"]
     if kind == "too_short" and given:
         return []  # its entries are wrong, and reported
     if kind == "too_short":

@@ -394,7 +394,8 @@ def solve(
     twist : bool
         Whether the backbone can twist.
     elements : {1, 2, 4, 8}
-        Elements of fourth order between two disks.
+        Elements of fourth order between two disks. They refine bending and torsion; shear and
+        extension stay averaged over a module.
 
     Returns
     -------
@@ -694,14 +695,15 @@ def _message(
             )
         case "unstable":
             return (
-                "Only an unstable equilibrium was found, and every way off it led back. Add a "
-                "small load to one side, or approach this load by a sweep."
+                "Only an unstable equilibrium was found, and four attempts to leave it led back. "
+                "Add a small load to one side, or approach this load by a sweep."
             )
         case _:
             reached = "none of the load" if fraction == 0 else f"{100 * fraction:.3g} % of the load"
+            left = f" (residual {residual:.2g})" if np.isfinite(residual) else ""
             return (
-                f"No equilibrium was found: {reached} converged, then {iterations} iterations "
-                f"left a residual of {residual:.2g}. Check Young's modulus (GPa, not MPa?) and the "
-                "loads; if they are meant, approach them by a sweep in small steps, or set "
-                "elements to 2 or more."
+                f"No equilibrium was found: {reached} converged, then the solver gave up after "
+                f"{iterations} iterations{left}. A pulled tendon or the compressed backbone "
+                "between two disks is probably at its limit (buckling between disks). Lower the "
+                "load, or check Young's modulus (GPa, not MPa?)."
             )

@@ -1071,7 +1071,16 @@ def _meaning(model: _Model, name: str, case: Case, tension: Array, limit: float)
         shares=shares,
         text="",
     )
-    return replace(meaning, text=_in_words(model, meaning, limit))
+    solved = np.all(np.isfinite(case.tip_position), axis=-1)
+    reasons = (
+        (~known & ~solved, "no stable equilibrium was found"),
+        (~known & solved, "constant curvature has no arc there"),
+    )
+    without = []
+    for where, why in reasons:
+        if ranges := [_range(float(tension[i]), float(tension[j])) for i, j in _runs(where)]:
+            without.append(f"{_listed(ranges)} ({why})")
+    return replace(meaning, text=_in_words(model, meaning, limit, without))
 
 
 def _shares(
@@ -1099,7 +1108,7 @@ def _shares(
     return tuple(sorted(out, key=lambda s: -s.share))
 
 
-def _in_words(model: _Model, m: Meaning, limit: float) -> str:
+def _in_words(model: _Model, m: Meaning, limit: float, without: Sequence[str]) -> str:
     percent = f"{model.settings.tolerance * 100:.3g} % of length ({_mm(limit)})"
     top = f"{model.settings.max_tension:.4g} N"
     source = {
@@ -1128,8 +1137,7 @@ def _in_words(model: _Model, m: Meaning, limit: float) -> str:
         ranges = _listed([f"{_figures(a)} to {_figures(b)} N" for a, b in m.fails])
         words += f" It does not hold from {ranges}."
     if m.undecided:
-        ranges = _listed([_range(a, b) for a, b in m.undecided])
-        words += f" No comparison is possible at {ranges} (no stable equilibrium, or no arc)."
+        words += f" No comparison is possible at {_listed(without)}."
     words += _blame(m)
     return words
 
@@ -1183,21 +1191,34 @@ def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
 def _on_left_out(budget: Budget) -> list[str]:
     """Which effect that the main sweep lacks would cost most."""
     out = []
+    partly = []
     for meaning, words in zip(_MEANINGS, ("from lengths", "from force"), strict=True):
-        rows = [
-            (row.in_sweep.comparisons[meaning].mean, row)
-            for row in budget.rows
-            if not row.acts_in_sweep and math.isfinite(row.in_sweep.comparisons[meaning].mean)
-        ]
+        needed = np.isfinite(budget.sweep.error(meaning))
+        rows, missing = [], []
+        for row in budget.rows:
+            if row.acts_in_sweep:
+                continue
+            if not needed.any() or np.any(needed & ~np.isfinite(row.in_sweep.error(meaning))):
+                missing.append(row.label)
+            else:
+                rows.append((row.in_sweep.comparisons[meaning].mean, row))
         if rows:
             mean, row = max(rows, key=lambda pair: pair[0])
             out.append(f"{words} a mean error of {_mm(mean)} ({row.label})")
+        if missing:
+            partly.append(f"{words}: {'; '.join(missing)}")
     if not out:
         return []
-    return [
+    text = (
         "A real robot has effects that this sweep leaves out. Of those in the budget, each added "
         f"alone to this sweep, the costliest makes {' and '.join(out)}."
-    ]
+    )
+    if partly:
+        text += (
+            " Not compared, because they have numbers at some of the loads only or at none: "
+            f"{' / '.join(partly)}."
+        )
+    return [text]
 
 
 def _claim(model: _Model, comparisons: dict[str, Comparison]) -> PublishedClaim | None:

@@ -128,7 +128,7 @@ def read_number(text: str, si: str) -> float:
             values = _parse_quantities(text, si)
         except ValueError as error:
             why = str(error)
-            raise ValueError(why if why.startswith('"') else f"which {why}") from None
+            raise ValueError(re.sub("^; ", "but ", why).removeprefix(", ")) from None
     if not math.isfinite(values[0]):
         raise ValueError("which is too large")
     return values[0]
