@@ -21,7 +21,8 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub hessians: Vec<Hessian<L::Module, A>>,
     step: Vec<[Vec3<L::Module>; A]>,
     /// Strain and contact force to go back to: the force is where the next balance starts.
-    saved: Vec<([Vec3<L::Module>; A], Vec3<L::Module>)>,
+    saved: Vec<[Vec3<L::Module>; A]>,
+    saved_force: Vec<Vec3<L::Module>>,
     /// Tension of every tendon in every group, zero where it does not pass.
     tensions: Vec<L::Module>,
     /// By modules.
@@ -111,7 +112,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             gradients: vec![Gradient::empty(); groups],
             hessians: vec![Hessian::empty(); groups],
             step: vec![zero; groups],
-            saved: vec![(zero, Vec3::zero()); groups],
+            saved: vec![zero; groups],
+            saved_force: vec![Vec3::zero(); groups],
             tensions: vec![L::Module::zero(); groups * robot.tendon_count()],
             eliminated: vec![Eliminated::empty(); n],
             dead: vec![[Vec3::zero(); 4]; n],
@@ -363,19 +365,20 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     pub fn save(&mut self) {
-        for (saved, state) in self.saved.iter_mut().zip(&self.states) {
-            *saved = (state.w, state.n);
+        for (g, state) in self.states.iter().enumerate() {
+            self.saved[g] = state.w;
+            self.saved_force[g] = state.n;
         }
     }
 
     /// Moves from the saved strain by a fraction of the step.
     #[inline(always)]
     pub fn advance(&mut self, fraction: L::Module) {
-        for ((state, saved), step) in self.states.iter_mut().zip(&self.saved).zip(&self.step) {
+        for (g, state) in self.states.iter_mut().enumerate() {
             for i in 0..A {
-                state.w[i] = step[i].scaled_add(fraction, saved.0[i]);
+                state.w[i] = self.step[g][i].scaled_add(fraction, self.saved[g][i]);
             }
-            state.n = saved.1;
+            state.n = self.saved_force[g];
         }
     }
 
