@@ -1,4 +1,5 @@
-"""`make bench`: every solver on the same robot and loads, one table; then our own figures.
+"""`make bench`: every solver on the same robot and loads, one table for statics and one for a
+motion, each with our own figures.
 
 Each solver runs in a process of its own, one after the other, on one thread (only Bowstring's batch
 row uses all cores); one that is not installed, fails or takes too long gets a row that says so.
@@ -11,6 +12,9 @@ import os
 import platform
 import subprocess
 from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from math import dist, isnan, nan
 from pathlib import Path
 
@@ -18,6 +22,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from benchmarks import ramp
 from benchmarks.cases import LOADED, PULLS, Case, Result
 
 ROOT = Path(__file__).parent.parent
@@ -28,6 +33,7 @@ PEERS = {
     "PyElastica": "pyelastica_rod",
     "soromox": "soromox_rod",
 }
+RAMP_PEERS = {"Exudyn": "exudyn_ramp", "MuJoCo": "mujoco_ramp"}
 LEVELS_MM = (30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 TIME_LIMIT_S = 600
 ONE_THREAD = {
@@ -83,11 +89,11 @@ def results_of(report: dict, case: Case, solved: bool = True) -> list[Result]:
     return [r for r in results if (r.tip_mm is not None) == solved]
 
 
-def best(results: list[Result], case: Case) -> list[Result]:
+def best(results: list, error: Callable[..., float]) -> list:
     """The fastest setting at each level of tip error, coarse to fine."""
-    chosen: list[Result] = []
+    chosen: list = []
     for level in LEVELS_MM:
-        reaching = [r for r in results if error_mm(r, case) <= level]
+        reaching = [r for r in results if error(r) <= level]
         fastest = min(reaching, key=lambda r: r.time_ms, default=None)
         if fastest and fastest not in chosen:
             chosen.append(fastest)
@@ -108,7 +114,7 @@ def comparison(reports: dict[str, dict]) -> Table:
                 table.add_row(solver, escape(report["failed"]))
                 continue
             results = results_of(report, case)
-            for r in results if solver == OURS else best(results, case):
+            for r in results if solver == OURS else best(results, partial(error_mm, case=case)):
                 values = (r.time_ms, error_mm(r, case), r.time_ms / ours)
                 table.add_row(solver, r.setting, *map(readable, values))
             if not results:
@@ -116,6 +122,82 @@ def comparison(reports: dict[str, dict]) -> Table:
                 table.add_row(solver, escape(f"no answer: {notes[0]}"))
         table.add_section()
     return table
+
+
+@dataclass
+class Moved:
+    """A setting of the ramp that came to its end."""
+
+    setting: str
+    time_ms: float
+    error_mm: float
+
+    @property
+    def real_time_factor(self) -> float:
+        return 1e3 * ramp.DURATION_S / self.time_ms
+
+
+def against_converged(reports: dict[str, dict]) -> None:
+    """In the reports of the ramp, the tips of every setting become an error."""
+    converged = reports[OURS].get("converged_mm")
+    for report in reports.values():
+        for result in report.get("results", []):
+            tips = result.pop("tips_mm")
+            known = tips is not None and converged is not None
+            result["error_mm"] = ramp.error_mm(tips, converged) if known else None
+
+
+def moved(report: dict) -> list[Moved]:
+    return [
+        Moved(r["setting"], r["time_ms"], r["error_mm"])
+        for r in report.get("results", [])
+        if r["error_mm"] is not None
+    ]
+
+
+def ramp_comparison(reports: dict[str, dict]) -> Table:
+    table = Table(
+        title="Motion of amouri2019: tendon 1 from 0 to 80 N in 1 s, held for 1 s",
+        title_justify="left",
+    )
+    for column in ("solver", "setting"):
+        table.add_column(column)
+    for column in ("time, ms", "x real time", "tip error, mm", "time / ours at no larger error"):
+        table.add_column(column, justify="right")
+    for solver, report in reports.items():
+        if "failed" in report:
+            table.add_row(solver, escape(report["failed"]))
+            continue
+        results = moved(report)
+        for r in results if solver == OURS else best(results, lambda r: r.error_mm):
+            ratio = "" if solver == OURS else readable(r.time_ms / our_time(reports, r.error_mm))
+            values = (r.time_ms, r.real_time_factor, r.error_mm)
+            table.add_row(solver, r.setting, *map(readable, values), ratio)
+        if not results:
+            notes = [r["note"] for r in report["results"]] or ["not run"]
+            table.add_row(solver, escape(f"no answer: {notes[0]}"))
+        table.add_section()
+    return table
+
+
+def our_time(reports: dict[str, dict], error: float) -> float:
+    """Time in ms of our fastest whole call with at most this tip error; nan if none."""
+    times = [r.time_ms for r in moved(reports[OURS]) if r.error_mm <= error]
+    return min(times, default=nan)
+
+
+def published(report: dict) -> str:
+    """Our converged run beside the published figures."""
+    if "converged_mm" not in report:
+        return "No converged run of ours: no tip errors."
+    pairs = [
+        f"{report['converged_mm'][round(time / ramp.OUTPUT_S)][0]:.3f} ({x:g}) mm at {time:g} s"
+        for time, x in ramp.PUBLISHED_X_MM.items()
+    ]
+    return (
+        "Tip error: largest over the motion at 100 Hz, from our run at dt 0.1 ms, elements=4,\n"
+        f"without numerical damping.\nIts tip x (published): {', '.join(pairs)}."
+    )
 
 
 def cpu_name() -> str:
@@ -152,26 +234,30 @@ def times_exudyn(reports: dict, setting: str, equal_error: bool) -> float:
     return min(ratios)
 
 
-def figures(reports: dict) -> Table:
-    """What the project asks of itself beside what was measured; nan is "not measured"."""
-    core = defaultdict(lambda: nan, core_us())
-    python = defaultdict(lambda: nan, reports[OURS].get("figures", {}))
-    table = Table(
-        title="Bowstring: asked and measured (three tendons, gravity and a tip force on)",
-        title_justify="left",
-    )
-    for column in ("figure", "asked", "measured", ""):
-        table.add_column(column, justify="right" if column in ("asked", "measured") else "left")
+class Figures:
+    """A table of what the project asks of itself beside what was measured; nan is "not"."""
 
-    def row(name: str, sign: str, asked: float, value: float, unit: str = "") -> None:
+    def __init__(self, title: str) -> None:
+        self.table = Table(title=title, title_justify="left")
+        for column in ("figure", "asked", "measured", ""):
+            right = column in ("asked", "measured")
+            self.table.add_column(column, justify="right" if right else "left")
+
+    def row(self, name: str, sign: str, asked: float, value: float, unit: str = "") -> None:
         if isnan(asked):
-            table.add_row(name, "", f"{readable(value)} {unit}")
+            self.table.add_row(name, "", f"{readable(value)} {unit}")
             return
         met = value >= asked if sign == ">=" else value <= asked
         verdict = "" if isnan(value) else "[green]met[/green]" if met else "[red]missed[/red]"
         measured = "not measured" if isnan(value) else f"{readable(value)} {unit}"
-        table.add_row(name, f"{sign} {readable(asked)} {unit}", measured, verdict)
+        self.table.add_row(name, f"{sign} {readable(asked)} {unit}", measured, verdict)
 
+
+def figures(reports: dict) -> Table:
+    core = defaultdict(lambda: nan, core_us())
+    python = defaultdict(lambda: nan, reports[OURS].get("figures", {}))
+    figures = Figures("Bowstring: asked and measured (three tendons, gravity and a tip force on)")
+    row = figures.row
     row("core, Kirchhoff, cold", "<=", 15, core["cold_kirchhoff"], "us")
     row("core, Kirchhoff, warm sweep of 17", "<=", 10, core["warm17_kirchhoff"] / 17, "us/point")
     for way in ("cold", "warm17"):
@@ -189,29 +275,72 @@ def figures(reports: dict) -> Table:
         row(f"Exudyn at no larger tip error / ours ({setting})", ">=", 500, ratio)
         ratio = times_exudyn(reports, setting, equal_error=False)
         row(f"Exudyn at its fastest, at any error / ours ({setting})", "", nan, ratio)
-    return table
+    return figures.table
+
+
+def ramp_figures(reports: dict) -> Table:
+    """Of the motion; what is asked is judged on `Run.wall_s`, the motion alone."""
+    figures = Figures("Bowstring: asked and measured (motion)")
+    errors = {r.setting: r.error_mm for r in moved(reports[OURS])}
+    times = reports[OURS].get("figures", {})
+    for limit, asked in ((0.1, 150), (0.3, 400)):
+        reaching = [name for name in times if errors.get(name, nan) < limit]
+        name = min(reaching, key=lambda name: times[name]["motion"], default="none")
+        measured = defaultdict(lambda: nan, times.get(name, {}))
+        speed = {way: 1e3 * ramp.DURATION_S / measured[way] for way in ("motion", "call")}
+        fast = f"tip error < {limit:g} mm ({name})"
+        figures.row(f"{fast}", ">=", asked, speed["motion"], "x real time")
+        figures.row(f"{fast}, whole Python call", "", nan, speed["call"], "x real time")
+        writing = measured["call_with_file"] - measured["call"]
+        figures.row(f"writing all fields / motion ({name})", "<=", 1, writing / measured["motion"])
+        peers = [r.time_ms for r in moved(reports["Exudyn"]) if r.error_mm <= limit]
+        ratio = min(peers, default=nan) / measured["call"]
+        figures.row(f"Exudyn / our whole call, tip error < {limit:g} mm", "", nan, ratio)
+    core = defaultdict(lambda: nan, core_us())
+    figures.row("core, one step of 2 ms", "", nan, core["step_9"], "us")
+    figures.row("core, one step, 450 disks / 9 disks", "", nan, core["step_450"] / core["step_9"])
+    return figures.table
+
+
+def run_all(modules: dict[str, str]) -> dict[str, dict]:
+    reports = {}
+    for solver, module in modules.items():
+        with Console(stderr=True).status(f"running {solver}"):
+            reports[solver] = run_solver(".venv" if solver == OURS else ".venv-peers", module)
+    return reports
+
+
+def print_versions(console: Console, reports: dict[str, dict], notes: str) -> None:
+    versions = ", ".join(f"{k} {v['version']}" for k, v in reports.items() if "version" in v)
+    console.print(f"{cpu_name()}; Python {platform.python_version()}; {versions}.\n{notes}")
 
 
 def main() -> None:
     console = Console(width=max(Console().width, 120))
-    reports = {}
-    for solver, module in {OURS: "ours", **{k: f"peers.{v}" for k, v in PEERS.items()}}.items():
-        with Console(stderr=True).status(f"running {solver}"):
-            reports[solver] = run_solver(".venv" if solver == OURS else ".venv-peers", module)
+    fastest = f"A peer's rows are its fastest setting at each level of tip error: {LEVELS_MM} mm."
 
+    reports = run_all({OURS: "ours", **{k: f"peers.{v}" for k, v in PEERS.items()}})
     console.print(comparison(reports))
-    versions = ", ".join(f"{k} {v['version']}" for k, v in reports.items() if "version" in v)
-    console.print(
-        f"{cpu_name()}; Python {platform.python_version()}; {versions}.\n"
+    print_versions(
+        console,
+        reports,
         "One thread, except the batch; every solve from straight, except the warm sweep.\n"
-        f"A peer's rows are its fastest setting at each level of tip error: {LEVELS_MM} mm."
+        + fastest,
     )
     console.print(figures(reports))
+
+    motions = run_all({OURS: "ours_ramp", **{k: f"peers.{v}" for k, v in RAMP_PEERS.items()}})
+    against_converged(motions)
+    console.print(ramp_comparison(motions))
+    print_versions(console, motions, f"One thread. {published(motions[OURS])}\n{fastest}")
+    console.print(ramp_figures(motions))
 
     file = ROOT / "target" / "bench.json"
     file.parent.mkdir(exist_ok=True)
     file.write_text(
-        json.dumps({"cpu": cpu_name(), "core_us": core_us(), "solvers": reports}, indent=1)
+        json.dumps(
+            {"cpu": cpu_name(), "core_us": core_us(), "solvers": reports, "ramp": motions}, indent=1
+        )
     )
     console.print(f"All cases and settings: {file.relative_to(ROOT)}")
 

@@ -20,50 +20,9 @@ from jsonschema import Draft202012Validator
 
 import bowstring as bs
 from bowstring import cli
+from shell import Shell, process
 
 ROOT = Path(__file__).parents[1]
-
-
-class Shell:
-    """Runs a command in this process and keeps what it wrote."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
-        self.capsys = capsys
-
-    def __call__(self, *arguments: str) -> tuple[int, str, str]:
-        code = cli.run(arguments)
-        return (code, *self.capsys.readouterr())
-
-    def json(self, *arguments: str, code: int = 0) -> Any:
-        """Stdout as JSON, which must be one line and all of it."""
-        got, out, err = self(*arguments, "--json")
-        assert got == code, err
-        assert out.count("\n") == 1
-        return json.loads(out, parse_constant=pytest.fail)  # NaN and Infinity are not JSON
-
-    def error(self, *arguments: str) -> str:
-        """The sentence of a command that must refuse its input."""
-        code, out, err = self(*arguments)
-        assert (code, out) == (2, ""), (out, err)
-        assert err.startswith("Error: ") and err.count("\n") == 1, err
-        assert "Traceback" not in err
-        return err.removeprefix("Error: ").strip()
-
-
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
-
-
-def process(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "bowstring", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        **options,
-    )
 
 
 # -- the contract ------------------------------------------------------------------------------
@@ -229,16 +188,21 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
 def test_study(studied: tuple[Path, dict[str, Any]]) -> None:
     folder, found = studied
     assert found["robot"] == "amouri2019" and found["length_m"] == 0.641
-    assert {c["name"]: round(c["mean_mm"], 2) for c in found["comparisons"]} == {
-        "cc_from_lengths": 0.23,
-        "cc_from_force": 4.42,
-        "cc_from_lengths_chord": 0.0,
-        "cc_from_force_arm": 0.05,
-    }
+    means = [(c["against"], c["name"], round(c["mean_mm"], 2)) for c in found["comparisons"]]
+    assert means == [
+        ("statics", "cc_from_lengths", 0.23),
+        ("statics", "cc_from_force", 4.42),
+        ("statics", "cc_from_lengths_chord", 0.0),
+        ("statics", "cc_from_force_arm", 0.05),
+        ("dynamics", "cc_from_lengths", 0.28),
+        ("dynamics", "cc_from_force", 4.35),
+        ("dynamics", "cc_from_lengths_chord", 0.13),
+        ("dynamics", "cc_from_force_arm", 0.46),
+    ]
     for comparison in found["comparisons"]:
         keys = "name against n mean_mm max_mm rms_mm mean_percent mean_by_axis_mm"
         assert set(comparison) == set(keys.split())
-        assert comparison["against"] == "statics" and comparison["n"] == 17
+        assert comparison["n"] == 17
         assert len(comparison["mean_by_axis_mm"]) == 3
     assert found["verdict"] and found["budget"]
     assert Path(found["folder"]) == folder
@@ -255,6 +219,7 @@ def test_study_of_an_own_robot(
     code, out, err = shell(
         *("study", str(ROOT / "examples" / "my_robot.yaml"), "--tolerance", "2 %"),
         *("--max-tension", "5 N", "--points", "5", "--theory", "kirchhoff"),
+        *("--rise", "900 ms", "--modal-damping", "2 %"),
         *("--set", "segments.0.disks.clamped_length=2 mm"),
     )
     assert code == 0 and not err
@@ -276,6 +241,10 @@ def test_study_of_an_own_robot(
         (["--max-tension", "1,2"], "write one"),
         (["--points", "1"], "from 2 to 1000"),
         (["--points", "1e9"], "--points"),
+        (["--rise", "0"], "--rise: got 0 s; must be positive"),
+        (["--rise", "5 mm"], '--rise: got "5 mm", but "mm" is not a unit of time'),
+        (["--rise", "0.1"], "must be from 0.11 to 87.7 s"),
+        (["--modal-damping", "120 %"], "--modal-damping"),
         (["--out", ""], "no study of Bowstring"),
         (["--out", "mine"], "no study of Bowstring"),
         (["--out", "mine/notes.txt"], "is a file"),

@@ -140,7 +140,7 @@ def test_names_from_a_robot_file_are_escaped(tmp_path: Path) -> None:
 def test_the_folder_holds_what_the_study_lists(written: Path) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     assert set(contents(written)) == set(content["files"])
-    assert len(content["figures"]) == 7
+    assert len(content["figures"]) == len(study.FIGURES) == 8
     for figure in content["figures"]:
         assert (written / figure["png"]).read_bytes().startswith(b"\x89PNG")
         assert (written / figure["pdf"]).read_bytes().startswith(b"%PDF")
@@ -159,7 +159,7 @@ def test_study_json_is_the_study(written: Path, paper: study.Study) -> None:
 
 def test_tables_have_units_and_numbers(written: Path, paper: study.Study) -> None:
     plain = {"name", "against", "n", "status", "disk", "effect", "case", "problem"}
-    unit = re.compile(r"_(mm|N|deg|percent|n)$")  # n: a count
+    unit = re.compile(r"_(mm|N|s|MPa|deg|percent|n)$")  # n: a count
     names = set()
     for path in (written / "tables").glob("*.csv"):
         with path.open(newline="", encoding="utf-8") as file:
@@ -168,7 +168,7 @@ def test_tables_have_units_and_numbers(written: Path, paper: study.Study) -> Non
         assert all(c in plain or unit.search(c) for c in header), path.stem
         assert rows and all(len(r) == len(header) for r in rows)
         assert not any(cell.lower() in ("nan", "inf", "-inf") for r in rows for cell in r)
-    assert {"geometric_sweep", "statics", "comparisons", "errors", "budget"} <= names
+    assert {"geometric_sweep", "statics", "dynamics", "comparisons", "errors", "budget"} <= names
 
     with (written / "tables" / "statics.csv").open(newline="", encoding="utf-8") as file:
         last = list(csv.DictReader(file))[-1]
@@ -176,6 +176,46 @@ def test_tables_have_units_and_numbers(written: Path, paper: study.Study) -> Non
     assert float(last["tip_x_mm"]) == pytest.approx(paper.statics.tip_position[-1, 0] * 1e3)
     length = paper.statics.tendon_lengths[-1, 0] * 1e3
     assert float(last["tendon_1_length_mm"]) == pytest.approx(length)
+    assert float(last["von_mises_max_MPa"]) == pytest.approx(
+        paper.statics.surface.von_mises[-1] / 1e6
+    )
+    with (written / "tables" / "errors.csv").open(newline="", encoding="utf-8") as file:
+        errors = {(r["name"], r["against"], r["tension_N"]): r for r in csv.DictReader(file)}
+    assert len(errors) == len(paper.comparisons) * 5
+    ours = paper.comparison("cc_from_force", "dynamics").error[-1] * 1e3
+    row = errors["cc_from_force", "dynamics", "80"]
+    assert float(row["error_mm"]) == pytest.approx(ours)
+
+
+def test_dynamics_is_shown(written: Path, paper: study.Study) -> None:
+    assert paper.dynamics is not None
+    text = " ".join(" ".join(read(written / "report.html").text).split())
+    for sentence in paper.dynamics_text:
+        assert sentence in text
+    assert "overshoots by 2.89 mm" in text
+    with (written / "tables" / "dynamics.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(paper.dynamics.time)
+    assert float(rows[-1]["time_s"]) == pytest.approx(paper.dynamics.time[-1])
+    assert float(rows[-1]["tension_N"]) == 80.0
+    assert float(rows[-1]["tip_x_mm"]) == pytest.approx(
+        paper.dynamics.tip_position[-1, 0] * 1e3, rel=1e-8
+    )
+
+
+def test_a_study_without_dynamics_says_why(tmp_path: Path) -> None:
+    light = {"segments.0.disks.mass": "0 g", "segments.0.backbone.density": "0 kg/m^3"}
+    found = study.run(load_robot("amouri2019").with_(light), points=3)
+    folder = report.write(found, tmp_path / "out")
+    page = " ".join(" ".join(read(folder / "report.html").text).split())
+    assert "Dynamics is left out: amouri2019 has no mass" in page
+    assert not (folder / "tables" / "dynamics.csv").exists()
+    assert not (folder / "figures" / "fig05_over_time.png").exists()
+    assert (folder / "figures" / "fig05_tip_against_force.png").exists()
+    out = io.StringIO()
+    report.print_study(found, Console(file=out, width=80))
+    assert "Dynamics is left out" in out.getvalue()
+    assert "vs dynamics" not in out.getvalue()
 
 
 def test_the_same_study_writes_the_same_bytes(
@@ -234,7 +274,7 @@ def test_a_failed_move_puts_the_old_folder_back(
         rename(source, target)
 
     monkeypatch.setattr(os, "rename", fail)
-    with pytest.raises(OSError, match="the disk is gone"):
+    with pytest.raises(InputError, match="the disk is gone"):
         report.write(paper, out)
     assert contents(out) == before
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
@@ -300,4 +340,6 @@ def test_the_terminal_shows_table_verdict_and_path(
     assert str(tmp_path / "report.html") in text
     assert "lengths, chords" in text and "force, mean arm" in text
     assert "Verdict at 1 % of length" in text
+    assert "vs statics" in text and "vs dynamics" in text
+    assert "overshoots" in text
     assert all(len(line) <= width for line in text.splitlines() if str(tmp_path) not in line)

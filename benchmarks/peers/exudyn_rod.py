@@ -12,8 +12,10 @@ Limits: the static solver scales loads but no spring force, hence a Python call 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +33,7 @@ from benchmarks.cases import (  # noqa: E402
     GA,
     GJ,
     LENGTH,
+    TENDON_ANGLES,
     Case,
     Solve,
     holes,
@@ -46,16 +49,34 @@ def model_axes(vector: tuple[float, float, float]) -> list[float]:
     return [vector[2], vector[0], vector[1]]
 
 
-def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Solve:
+class Rod(NamedTuple):
+    """A model and the numbers of its items; the spans of each tendon from base to tip."""
+
+    system: exudyn.MainSystem
+    nodes: list
+    beams: list
+    disks: list
+    spans: list[list]
+
+
+def rod(
+    elements: int,
+    disk_mass: float,
+    disk_inertia: tuple[float, float, float] = (TINY, TINY, TINY),
+    rotary_inertia: tuple[float, float, float] = (TINY, TINY, TINY),
+    node: Callable = item.NodeRigidBodyRotVecLG,
+    tendons: int = len(TENDON_ANGLES),
+) -> Rod:
+    """Inertias along and across the axis, in kg m^2, and of the backbone by length, in kg m."""
     system = exudyn.SystemContainer().AddSystem()
     section = exudyn.BeamSection()
     section.stiffnessMatrix = np.diag([EA, GA, GA, GJ, EI, EI])
     section.massPerLength = DENSITY * AREA
-    section.inertia = TINY * np.eye(3)
+    section.inertia = np.diag(rotary_inertia)
 
     h = LENGTH / DISKS / elements
     nodes = [
-        system.AddNode(item.NodeRigidBodyRotVecLG(referenceCoordinates=[h * k, 0, 0, 0, 0, 0]))
+        system.AddNode(node(referenceCoordinates=[h * k, 0, 0, 0, 0, 0]))
         for k in range(DISKS * elements + 1)
     ]
     beams = [
@@ -67,7 +88,7 @@ def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Sol
     ground = system.AddObject(item.ObjectGround())
     disks = [
         system.AddObject(
-            item.ObjectRigidBody(mass=case.disk_mass, inertia=3 * [TINY] + 3 * [0], nodeNumber=node)
+            item.ObjectRigidBody(mass=disk_mass, inertia=[*disk_inertia, 0, 0, 0], nodeNumber=node)
         )
         for node in nodes[elements::elements]
     ]
@@ -78,15 +99,29 @@ def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Sol
     system.AddObject(item.GenericJoint(markerNumbers=clamp))
 
     spans = []
-    for (x, y), tension in zip(holes(), case.tensions, strict=True):
+    for x, y in holes()[:tendons]:
         points = [
             system.AddMarker(
                 item.MarkerBodyPosition(bodyNumber=body, localPosition=model_axes((x, y, 0)))
             )
             for body in (ground, *disks)
         ]
-        for ends in pairwise(points):
-            spans.append((system.AddObject(item.SpringDamper(markerNumbers=list(ends))), tension))
+        spans.append(
+            [
+                system.AddObject(item.SpringDamper(markerNumbers=list(ends)))
+                for ends in pairwise(points)
+            ]
+        )
+    return Rod(system, nodes, beams, disks, spans)
+
+
+def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Solve:
+    system, nodes, beams, disks, spans = rod(elements, case.disk_mass)
+    pulled = [
+        (span, tension)
+        for tendon, tension in zip(spans, case.tensions, strict=True)
+        for span in tendon
+    ]
 
     if any(case.gravity):
         for body in (*disks, *beams):
@@ -101,7 +136,7 @@ def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Sol
         system.AddLoad(load)
 
     def pull(mbs, load_factor: float) -> bool:
-        for span, tension in spans:
+        for span, tension in pulled:
             mbs.SetObjectParameter(span, "force", tension * load_factor)
         return True
 

@@ -11,6 +11,7 @@ Limits: no shear and no stretch (0.07 mm at 80 N); time grows faster than the sq
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 import mujoco
@@ -22,6 +23,7 @@ from benchmarks.cases import (
     EI,
     GJ,
     LENGTH,
+    TENDON_ANGLES,
     Case,
     Solve,
     holes,
@@ -32,46 +34,65 @@ from benchmarks.cases import (
 STEP_S = 10.0  # long beside every period of the chain, so that inertia plays no part
 
 
-def chain(links: int, case: Case) -> mujoco.MjModel:
-    """`links` joints per module; joint i at (i + 1/2) h, so that stations i h lie within a body."""
+Inertial = Callable[[int], tuple[float, float, float]]
+"""Mass of link i = 1, 2, ... with its disk, and moments of inertia across and along its axis."""
+
+
+def chain(
+    links: int,
+    inertial: Inertial,
+    step_s: float,
+    spring_time_s: float,
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    tendons: int = len(TENDON_ANGLES),
+) -> mujoco.MjModel:
+    """`links` joints per module; joint i at (i - 1/2) h, so that stations i h lie within a body.
+    The damping of a hinge over its stiffness is `spring_time_s`."""
     h = LENGTH / DISKS / links
     hinges = "".join(
-        f'<joint type="hinge" axis="{axis}" stiffness="{k / h}" damping="{k / h * STEP_S}"/>'
+        f'<joint type="hinge" axis="{axis}" stiffness="{k / h}" damping="{k / h * spring_time_s}"/>'
         for axis, k in (("1 0 0", EI), ("0 1 0", EI), ("0 0 1", GJ))
     )
 
     def sites(disk: int, z: float) -> str:
         return "".join(
-            f'<site name="hole{t}_{disk}" pos="{x} {y} {z}"/>' for t, (x, y) in enumerate(holes())
+            f'<site name="hole{t}_{disk}" pos="{x} {y} {z}"/>'
+            for t, (x, y) in enumerate(holes()[:tendons])
         )
 
     bodies = ""
     for i in range(1, DISKS * links + 1):
         disk, rest = divmod(i, links)
-        mass = DENSITY * AREA * h + (0 if rest else case.disk_mass)
+        mass, across, along = inertial(i)
         bodies += f'<body name="link{i}" pos="0 0 {h if i > 1 else h / 2}">{hinges}'
-        bodies += f'<inertial pos="0 0 {h / 2}" mass="{mass}" diaginertia="1e-6 1e-6 1e-6"/>'
+        bodies += f'<inertial pos="0 0 {h / 2}" mass="{mass}" '
+        bodies += f'diaginertia="{across} {across} {along}"/>'
         bodies += "" if rest else sites(disk, h / 2)
     bodies += "</body>" * (DISKS * links)
 
-    tendons = "".join(
+    cables = "".join(
         f'<spatial name="tendon{t}">'
         + "".join(f'<site site="hole{t}_{disk}"/>' for disk in range(DISKS + 1))
         + "</spatial>"
-        for t in range(len(case.tensions))
+        for t in range(tendons)
     )
-    motors = "".join(f'<motor tendon="tendon{t}" gear="-1"/>' for t in range(len(case.tensions)))
-    gravity = " ".join(map(str, case.gravity))
+    motors = "".join(f'<motor tendon="tendon{t}" gear="-1"/>' for t in range(tendons))
+    down = " ".join(map(str, gravity))
     return mujoco.MjModel.from_xml_string(
-        f'<mujoco><option timestep="{STEP_S}" integrator="implicitfast" gravity="{gravity}">'
+        f'<mujoco><option timestep="{step_s}" integrator="implicitfast" gravity="{down}">'
         '<flag contact="disable" constraint="disable"/></option>'
         f"<worldbody>{sites(0, 0.0)}{bodies}</worldbody>"
-        f"<tendon>{tendons}</tendon><actuator>{motors}</actuator></mujoco>"
+        f"<tendon>{cables}</tendon><actuator>{motors}</actuator></mujoco>"
     )
 
 
 def prepare(links: int, steps: int, case: Case) -> Solve:
-    model = chain(links, case)
+    backbone = DENSITY * AREA * LENGTH / DISKS / links
+
+    def inertial(i: int) -> tuple[float, float, float]:
+        return backbone + (0 if i % links else case.disk_mass), 1e-6, 1e-6
+
+    model = chain(links, inertial, STEP_S, STEP_S, case.gravity)
     data = mujoco.MjData(model)
     tip = model.body(f"link{DISKS * links}").id  # its centre of mass is the tip
 

@@ -9,23 +9,29 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import arc, errors
+    from bowstring import arc, dynamics, errors
     from bowstring._core import __version__
+    from bowstring.dynamics import Modes, Run, modes, simulate
     from bowstring.robot import Robot, load_robot, robot_names, robot_schema
     from bowstring.rod import Jacobians, Solution, Sweep, jacobians, solve, solve_batch, sweep
 
 __all__ = [
     "Jacobians",
+    "Modes",
     "Robot",
+    "Run",
     "Solution",
     "Sweep",
     "__version__",
     "arc",
+    "dynamics",
     "errors",
     "jacobians",
     "load_robot",
+    "modes",
     "robot_names",
     "robot_schema",
+    "simulate",
     "solve",
     "solve_batch",
     "sweep",
@@ -33,6 +39,10 @@ __all__ = [
 
 _HOME = {
     "__version__": "_core",
+    "Modes": "dynamics",
+    "Run": "dynamics",
+    "modes": "dynamics",
+    "simulate": "dynamics",
     "Robot": "robot",
     "load_robot": "robot",
     "robot_names": "robot",
@@ -45,7 +55,7 @@ _HOME = {
     "solve_batch": "rod",
     "sweep": "rod",
 }
-_MODULES = {"arc", "errors"}
+_MODULES = {"arc", "dynamics", "errors"}
 
 
 def __getattr__(name: str) -> Any:

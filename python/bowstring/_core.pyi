@@ -1,5 +1,6 @@
 """The compiled core; `bowstring.rod` and `bowstring.arc` are its public face."""
 
+from collections.abc import Sequence
 from typing import Any, Literal, final
 
 import numpy as np
@@ -41,12 +42,14 @@ class Robot:
         station_m: Floats,
         clamped_length_m: Floats,
         disk_mass_kg: Floats,
+        disk_inertia: Floats,
         disk_segment: Ints,
         bending_stiffness: Floats,
         torsion_stiffness: Floats,
         axial_stiffness: Floats,
         shear_stiffness: Floats,
         mass_per_length: Floats,
+        rotary_inertia: Floats,
         hole_m: Floats,
         end_disk: Ints,
         gravity: Floats,
@@ -92,6 +95,52 @@ class Robot:
         threads: int,
         disks: bool,
     ) -> dict[str, Any]: ...
+
+@final
+class Simulator:
+    def __new__(
+        cls,
+        robot: Robot,
+        theory: str,
+        tendon: str,
+        twist: bool,
+        elements: int,
+        gravity: Sequence[float] | None,
+        mass_damping: float,
+        material_damping: float,
+        spectral_radius: float,
+        step: float | None,
+        tolerance: float,
+        longest_step: float,
+    ) -> Simulator: ...
+    def rest(self, tensions: Floats, tip_force: Floats, tip_moment: Floats) -> str: ...
+    def hold(self, forces: Floats, increments: int) -> bool: ...
+    def release(self) -> None: ...
+    def jump(self, tensions: Floats, tip_force: Floats, tip_moment: Floats) -> None: ...
+    def run(
+        self,
+        duration: Floats,
+        tensions: Floats,
+        tip_force: Floats,
+        tip_moment: Floats,
+        record: NDArray[np.bool_],
+        points: int,
+    ) -> dict[str, Any]: ...
+    @property
+    def next_step(self) -> float: ...
+    @property
+    def time(self) -> float: ...
+
+def flexibility(
+    robot: Robot,
+    tensions: Floats,
+    theory: str,
+    gravity: Sequence[float] | None,
+    tip_force: Floats,
+    tendon: str,
+    twist: bool,
+    elements: int,
+) -> tuple[str, bool | None, Floats | None, Floats | None, int]: ...
 
 @final
 class Solution:

@@ -23,11 +23,14 @@ import typer
 from bowstring import __version__, arc
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot import Robot, load_robot, robot_names, robot_schema
-from bowstring.units import quote, read_number
+from bowstring.units import quote, read_number, rounded
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+
+    from bowstring.dynamics import Run
+    from bowstring.dynamics import Table as TimeTable
 
 BAD_INPUT: Final = 2
 NO_SOLUTION: Final = 1
@@ -37,6 +40,10 @@ PIPE_CLOSED: Final = 141  # as a shell reports SIGPIPE
 BUG: Final = 70  # EX_SOFTWARE
 
 JSON_SCHEMA_VERSION: Final = 1
+TIP_INTERVAL: Final = 0.01  # s, of the tip in the JSON of simulate, if --every is not longer
+LONGEST_RUN: Final = 10_000.0  # s
+SHORTEST_STEP: Final = 1e-6  # s
+MOST_OUTPUTS: Final = 1_000_000
 
 app = typer.Typer(
     add_completion=False,
@@ -63,6 +70,21 @@ Chord = Annotated[
     bool, typer.Option("--chord", help="Tendons straight from disk to disk, not parallel curves.")
 ]
 Theory = Annotated[Literal["cosserat", "kirchhoff"], typer.Option(help="Rod theory.")]
+
+
+Gravity = Annotated[
+    str | None, typer.Option(metavar="x,y,z", help="Gravity, instead of the file's.")
+]
+Elements = Annotated[
+    int, typer.Option(metavar="1|2|4|8", help="Elements of fourth order between two disks.")
+]
+TipForce = Annotated[
+    str, typer.Option(metavar="x,y,z", help="Dead force at the tip, base axes, all the time.")
+]
+
+
+class _Stopped(Exception):
+    """Ctrl-C where something is kept; the text says what."""
 
 
 # -- commands ----------------------------------------------------------------------------------
@@ -217,18 +239,14 @@ def solve(
     robot: RobotSource,
     tension: Annotated[str, typer.Option(metavar="T1,T2,...", help="Tendon tensions.")],
     theory: Theory = "cosserat",
-    gravity: Annotated[
-        str | None, typer.Option(metavar="x,y,z", help="Gravity, instead of the file's.")
-    ] = None,
+    gravity: Gravity = None,
     tip_force: Annotated[
         str, typer.Option(metavar="x,y,z", help="Dead force at the tip, base axes.")
     ] = "0,0,0",
     tip_moment: Annotated[
         str, typer.Option(metavar="x,y,z", help="Dead moment at the tip, base axes.")
     ] = "0,0,0",
-    elements: Annotated[
-        int, typer.Option(metavar="1|2|4|8", help="Elements of fourth order between two disks.")
-    ] = 1,
+    elements: Elements = 1,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -237,8 +255,7 @@ def solve(
 
     model = _load(robot, overrides)
     tensions = _per_tendon("--tension", tension, "N", model)
-    if elements not in (1, 2, 4, 8):
-        raise InputError(f"--elements: got {elements}; must be 1, 2, 4 or 8.")
+    _check_elements(elements)
     weight = _vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
     force = _vector("--tip-force", tip_force, "N")
     moment = _vector("--tip-moment", tip_moment, "N*m")
@@ -298,10 +315,17 @@ def study(
     ] = None,
     points: Annotated[int, typer.Option(metavar="N", help="Loads of the sweep.")] = 17,
     theory: Theory = "cosserat",
+    rise: Annotated[
+        str | None,
+        typer.Option(metavar="s", help="Rise of the tension in dynamics; chosen if not given."),
+    ] = None,
+    modal_damping: Annotated[
+        str, typer.Option(help='Damping in dynamics, a share of critical: 0.05 or "5 %".')
+    ] = "5 %",
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare constant curvature with statics; write a report."""
+    """Compare constant curvature with statics and dynamics; write a report."""
     if measurements is not None:
         raise InputError("--measurements is not available yet: this version compares simulations.")
     share = _share("--tolerance", tolerance)
@@ -314,6 +338,15 @@ def study(
         raise InputError(f"--max-tension: got {limit:g} N; must be positive.")
     if not 2 <= points <= 1000:
         raise InputError(f"--points: got {points}; must be from 2 to 1000.")
+    seconds = None if rise is None else _number("--rise", rise, "s")
+    if seconds is not None and seconds <= 0:
+        raise InputError(f"--rise: got {seconds:g} s; must be positive.")
+    damping = _share("--modal-damping", modal_damping)
+    if not 0 <= damping < 1:
+        raise InputError(
+            f"--modal-damping: got {quote(modal_damping)}; must lie from 0 to below 1, or 0 % to "
+            "below 100 %."
+        )
     model = _load(robot, overrides)
 
     from bowstring import report
@@ -327,6 +360,8 @@ def study(
             max_tension=limit,
             points=points,
             theory=theory,
+            rise=seconds,
+            modal_damping=damping,
             progress=lambda what, done: tell(what, 0.5 * done),
         )
         folder = report.write(
@@ -335,6 +370,241 @@ def study(
     if as_json:
         return _write_json({**found.to_dict(), "folder": folder})
     _write_rich(lambda console: report.print_study(found, console, folder))
+
+
+@app.command()
+def simulate(
+    robot: RobotSource,
+    tension: Annotated[
+        str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions after the rise.")
+    ] = None,
+    rise: Annotated[
+        str | None,
+        typer.Option(metavar="s", help="Time of the rise; 0 is a jump.  [default: 1]"),
+    ] = None,
+    hold: Annotated[
+        str | None, typer.Option(metavar="s", help="Time after the rise.  [default: 1]")
+    ] = None,
+    before: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="T1,T2,...",
+            help="Tensions of the equilibrium at the start, from where they rise or, with "
+            "--rise 0, are released.  [default: none]",
+        ),
+    ] = None,
+    table: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="CSV of tensions over time, columns t_s, tension_1_N, ...; instead of --tension, "
+            "--rise and --hold.",
+        ),
+    ] = None,
+    theory: Theory = "cosserat",
+    gravity: Gravity = None,
+    tip_force: TipForce = "0,0,0",
+    tip_moment: Annotated[
+        str, typer.Option(metavar="x,y,z", help="Dead moment at the tip, base axes, all the time.")
+    ] = "0,0,0",
+    mass_damping: Annotated[
+        str, typer.Option(metavar="1/s", help="Damping force per mass and velocity.")
+    ] = "0",
+    material_damping: Annotated[
+        str, typer.Option(metavar="s", help="Kelvin-Voigt: stress of strain rate over strain.")
+    ] = "0",
+    modal_damping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RATIO", help='Of the slowest modes, 0.01 or "1 %"; instead of these two.'
+        ),
+    ] = None,
+    spectral_radius: Annotated[
+        float, typer.Option(metavar="0...1", help="Numerical damping: 1 is none, 0 most.")
+    ] = 0.8,
+    dt: Annotated[
+        str | None, typer.Option(metavar="s", help="Fixed step.  [default: steps adapt]")
+    ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(metavar="m", help="Error of one step.  [default: 2e-6 of the length]"),
+    ] = None,
+    every: Annotated[
+        str, typer.Option(metavar="s", help="Time between two outputs of all fields.")
+    ] = "0.01",
+    elements: Elements = 1,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="NetCDF file of all fields, run.nc.")
+    ] = None,
+    vtk: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of a series for ParaView.")
+    ] = None,
+    animation: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Moving picture, .gif or .mp4.")
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Dynamics: tensions over time to the robot's motion, from rest in equilibrium."""
+    model = _load(robot, overrides)
+    tensions, duration = _tensions_over_time(model, tension, rise, hold, before, table)
+    start = None if before is None else _per_tendon("--from", before, "N", model)
+    _check_elements(elements)
+    mass = _not_negative("--mass-damping", mass_damping, "1/s")
+    material = _not_negative("--material-damping", material_damping, "s")
+    if modal_damping is not None and (mass or material):
+        raise InputError(
+            "--modal-damping is instead of --mass-damping and --material-damping; give either."
+        )
+    if dt is not None and tolerance is not None:
+        raise InputError("--tolerance is for steps that adapt and --dt fixes them; give either.")
+    if not 0 <= spectral_radius <= 1:
+        raise InputError(f"--spectral-radius: got {spectral_radius:g}; must be from 0 to 1.")
+    fixed = None if dt is None else _positive("--dt", dt, "s")
+    if fixed is not None and fixed < SHORTEST_STEP:
+        raise InputError(
+            f"--dt: got {fixed:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps drown in "
+            "rounding."
+        )
+    interval = _positive("--every", every, "s")
+    if duration / interval > MOST_OUTPUTS:
+        raise InputError(
+            f"--every: {every} gives {duration / interval:.3g} outputs; up to {MOST_OUTPUTS} are "
+            "possible."
+        )
+    settings: dict[str, Any] = {
+        "tip_force": _vector("--tip-force", tip_force, "N"),
+        "tip_moment": _vector("--tip-moment", tip_moment, "N*m"),
+        "initial_tensions": start,
+        "theory": theory,
+        "gravity": None if gravity is None else _vector("--gravity", gravity, "m/s^2"),
+        "elements": elements,
+        "mass_damping": mass,
+        "material_damping": material,
+        "modal_damping": _ratio("--modal-damping", modal_damping),
+        "spectral_radius": spectral_radius,
+        "dt": fixed,
+        "tolerance": None if tolerance is None else _positive("--tolerance", tolerance, "m"),
+        "every": interval,
+    }
+    targets = _Targets(out, vtk, animation, duration)
+
+    from bowstring import dynamics
+
+    if vtk is None and animation is None:
+        settings["points"] = dynamics.DEFAULT_POINTS if out else 0  # nobody looks at fields
+    share = 0.5 if vtk or animation else 1.0
+    with _progress() as tell:
+        try:
+            run = dynamics.simulate(
+                model,
+                tensions,
+                duration,
+                out=targets.out,
+                progress=lambda done: tell("motion", share * done),
+                **settings,
+            )
+        except dynamics.RunInterrupted as stopped:
+            run = stopped.run
+        except NoSolutionError as error:
+            if as_json:
+                nothing = dynamics.Run(model, settings)
+                why = {"status": "no_equilibrium", "message": str(error)}
+                _write_json(
+                    {**_run_json(nothing, interval), **why, "files": targets.write(nothing)}
+                )
+            raise
+        try:
+            files = targets.write(run, lambda what, done: tell(what, share + (1 - share) * done))
+        except KeyboardInterrupt:
+            kept = f"the run is in {targets.out}" if targets.out else "nothing is kept"
+            raise _Stopped(f"the motion was done and {kept}; pictures are not.") from None
+    if as_json:
+        _write_json({**_run_json(run, interval), "files": files})
+    else:
+        _write_tables(*_run_tables(run, files))
+    if run.status == "interrupted":
+        kept = f"; {files['run']} holds the run up to there" if files["run"] else ""
+        raise _Stopped(f"at {run.end:.6g} s of {duration:g} s{kept}.")
+    run.raise_for_status()
+
+
+@app.command()
+def modes(
+    robot: RobotSource,
+    tension: Annotated[
+        str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions.  [default: none]")
+    ] = None,
+    count: Annotated[int, typer.Option(metavar="N", help="How many, the slowest.")] = 6,
+    theory: Theory = "cosserat",
+    gravity: Gravity = None,
+    tip_force: TipForce = "0,0,0",
+    elements: Elements = 1,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of pictures of the shapes.")
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Natural frequencies and mode shapes about an equilibrium."""
+    model = _load(robot, overrides)
+    tensions = (
+        [0.0] * _tendon_count(model)
+        if tension is None
+        else _per_tendon("--tension", tension, "N", model)
+    )
+    _check_elements(elements)
+    if not 1 <= count <= 1000:
+        raise InputError(f"--count: got {count}; must be from 1 to 1000.")
+    weight = _vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
+    force = _vector("--tip-force", tip_force, "N")
+
+    from bowstring import dynamics
+
+    if out is not None:
+        from bowstring import report
+
+        out = report.check_folder(out, "modes")
+    provenance = _provenance(
+        model,
+        tensions_N=tensions,
+        count=count,
+        theory=theory,
+        gravity_m_per_s2=weight,
+        tip_force_N=force,
+        elements=elements,
+    )
+    try:
+        found = dynamics.modes(
+            model,
+            tensions,
+            count=count,
+            tip_force=force,
+            theory=theory,
+            gravity=weight,
+            elements=elements,
+        )
+    except NoSolutionError:
+        if as_json:
+            nothing = {"status": "no_equilibrium", "tensions_N": tensions, "modes": [], "disks": []}
+            _write_json({**nothing, **provenance})
+        raise
+    content = _plain({**found.to_dict(), **provenance})
+    folder = None
+    if out is not None:
+        with _progress() as tell:
+            folder = report.write_modes(found, content, out, progress=tell)
+    if as_json:
+        return _write_json({**content, "folder": folder})
+    listed = _table(">mode", ">frequency Hz", "kind")
+    for i, (frequency, kind) in enumerate(zip(found.frequency_hz, found.kind, strict=True), 1):
+        listed.add_row(str(i), f"{frequency:.5g}", kind)
+    _write_tables(
+        f"{model.name}, {theory}: {_count(len(found), 'mode')} about the equilibrium",
+        listed,
+        *([f"Pictures: {folder}"] if folder else []),
+    )
 
 
 # -- reading flags -----------------------------------------------------------------------------
@@ -349,6 +619,14 @@ _EXAMPLES: Final = {
     "--tip-moment": "0,0.1,0",
     "--tolerance": '"1 %"',
     "--max-tension": "80",
+    "--from": "40,0,0",
+    "--rise": '"500 ms"',
+    "--hold": '"2 s"',
+    "--dt": '"1 ms"',
+    "--every": '"10 ms"',
+    "--mass-damping": "0.5",
+    "--material-damping": '"1 ms"',
+    "--modal-damping": '"1 %"',
 }
 
 
@@ -375,9 +653,15 @@ def _numbers(flag: str, text: str, si: str) -> list[float]:
         except ValueError as error:
             raise InputError(
                 f"{flag}: got {quote(item.strip())}, {error}; write for example "
-                f"{flag} {_EXAMPLES[flag]}."
+                f"{flag} {_example(flag, si)}."
             ) from None
     return values
+
+
+def _example(flag: str, si: str) -> str:
+    if (flag, si) == ("--tolerance", "m"):  # of simulate; that of the study is a share
+        return '"1 um"'
+    return _EXAMPLES[flag]
 
 
 def _number(flag: str, text: str, si: str) -> float:
@@ -392,6 +676,32 @@ def _share(flag: str, text: str) -> float:
     percent = text.strip().endswith("%")
     value = _number(flag, text.strip().rstrip("%") if percent else text, "")
     return value / 100.0 if percent else value
+
+
+def _positive(flag: str, text: str, si: str) -> float:
+    value = _number(flag, text, si)
+    if value <= 0:
+        raise InputError(f"{flag}: got {value:g} {si}; must be positive.")
+    return value
+
+
+def _not_negative(flag: str, text: str, si: str) -> float:
+    value = _number(flag, text, si)
+    if value < 0:
+        raise InputError(f"{flag}: got {value:g} {si}; must be 0 or more.")
+    return value
+
+
+def _ratio(flag: str, text: str | None) -> float | None:
+    value = None if text is None else _share(flag, text)
+    if value is not None and not 0 <= value <= 1:
+        raise InputError(f"{flag}: got {quote(text)}; must be from 0 to 1, or 0 % to 100 %.")
+    return value
+
+
+def _check_elements(elements: int) -> None:
+    if elements not in (1, 2, 4, 8):
+        raise InputError(f"--elements: got {elements}; must be 1, 2, 4 or 8.")
 
 
 def _vector(flag: str, text: str, si: str) -> list[float]:
@@ -419,6 +729,47 @@ def _per_tendon(
             rule = "positive" if above_zero else "0 or more, a tendon cannot push"
             raise InputError(f"{flag}: got {value:g} {si} for tendon {i}; must be {rule}.")
     return values
+
+
+def _tensions_over_time(
+    robot: Robot,
+    tension: str | None,
+    rise: str | None,
+    hold: str | None,
+    before: str | None,
+    table: Path | None,
+) -> tuple[TimeTable, float]:
+    """What the flags of `simulate` say of tensions, and the duration."""
+    from bowstring.dynamics import Table
+
+    if table is not None:
+        from bowstring.timetable import read_tensions
+
+        for flag, given in (("--tension", tension), ("--rise", rise), ("--hold", hold)):
+            if given is not None:
+                raise InputError(f"--table says it all: leave {flag} out, or --table.")
+        over_time = _of("--table", lambda path: read_tensions(path, robot), table)
+        duration = float(over_time.times[-1])
+        if duration > LONGEST_RUN:
+            raise InputError(
+                f"--table: it takes {duration:g} s; a run of up to {LONGEST_RUN:g} s is possible."
+            )
+        return over_time, duration
+    if tension is None:
+        raise InputError("tensions are missing: give --tension T1,T2,... or --table FILE.")
+    end = _per_tendon("--tension", tension, "N", robot)
+    start = [0.0] * len(end) if before is None else _per_tendon("--from", before, "N", robot)
+    rising = _not_negative("--rise", "1" if rise is None else rise, "s")
+    holding = _not_negative("--hold", "1" if hold is None else hold, "s")
+    duration = float(f"{rising + holding:.12g}")  # 0.1 + 0.2 is 0.3
+    if duration == 0:
+        raise InputError("--rise and --hold are both 0 s: there is no time to simulate.")
+    if duration > LONGEST_RUN:
+        flag = "--rise" if rising > holding else "--hold"
+        raise InputError(
+            f"{flag}: the run takes {duration:g} s; up to {LONGEST_RUN:g} s are possible."
+        )
+    return Table([0.0, rising], [start, end]), duration
 
 
 def _tendon_count(robot: Robot) -> int:
@@ -497,6 +848,113 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
 
 def _frame(position: Any, rotation: Any) -> dict[str, Any]:
     return {"position_m": position, "rotation": rotation}
+
+
+class _Targets:
+    """Files that a run is written to, each checked before the work begins."""
+
+    def __init__(
+        self, out: Path | None, vtk: Path | None, animation: Path | None, duration: float
+    ) -> None:
+        self.out, self.vtk, self.animation = out, vtk, animation
+        if out is not None:
+            from bowstring.runfile import check_file
+
+            self.out = _of("--out", check_file, out)
+        if vtk is not None:
+            from bowstring.vtk import check_folder
+
+            self.vtk = _of("--vtk", check_folder, vtk)
+        if animation is not None:
+            from bowstring.animation import check_length, check_picture
+
+            self.animation = _of("--animation", check_picture, animation)
+            _of("--animation", check_length, duration)
+        if self.out is not None and self.out == self.animation:
+            raise InputError(f"--out and --animation are the same file, {self.out}.")
+        for flag, file in (("--out", self.out), ("--animation", self.animation)):
+            if self.vtk is not None and file is not None and self.vtk in file.parents:
+                raise InputError(
+                    f"{flag}: {file} lies in the folder of --vtk, which is for the series alone; "
+                    "name another place."
+                )
+
+    def write(
+        self, run: Run, tell: Callable[[str, float], None] = lambda what, done: None
+    ) -> dict[str, Path | None]:
+        """Write what is not yet, unless the user has stopped the run; say what there is."""
+        files: dict[str, Path | None] = {"run": run.path, "vtk": None, "animation": None}
+        if run.status == "interrupted" or len(run.time) == 0:
+            return files
+        if self.vtk is None and self.animation is None:
+            return files
+        share = 0.5 if self.vtk and self.animation else 0.0
+        data = run.dataset
+        if self.vtk is not None:
+            from bowstring.vtk import write_vtk
+
+            files["vtk"] = write_vtk(
+                run.robot, data, self.vtk, progress=lambda what, done: tell(what, share * done)
+            )
+        if self.animation is not None and len(run.time) > 1:
+            from bowstring.animation import animate
+
+            files["animation"] = animate(
+                run.robot,
+                data,
+                self.animation,
+                progress=lambda what, done: tell(what, share + (1 - share) * done),
+            )
+        return files
+
+
+def _of(flag: str, check: Callable[[Any], Any], value: Any) -> Any:
+    """The result of a check, whose errors name the flag."""
+    try:
+        return check(value)
+    except InputError as error:
+        raise InputError(f"{flag}: {error}") from None
+
+
+def _run_json(run: Run, every: float) -> dict[str, Any]:
+    interval = max(TIP_INTERVAL, every)
+    count = int(run.end / interval + 1e-9)
+    times = np.round(np.arange(count + 1) * interval, 12)
+    if run.end - times[-1] > 1e-9 * run.end:
+        times = np.append(times, run.end)
+    else:
+        times[-1] = run.end
+    moved = len(run.time) > 0
+    return {
+        "status": run.status,
+        "t_s": times if moved else [],
+        "tip_position_m": run.tip_at(times) if moved else [],
+        "steps": run.steps,
+        "real_time_factor": run.real_time_factor if moved else None,
+        "message": run.message,
+        **_provenance(run.robot, **run.settings),
+    }
+
+
+def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str]:
+    yield (
+        f"{run.robot.name}, {run.settings['theory']}: {run.status}, {run.end:.6g} s in "
+        f"{_count(run.steps, 'step')}, about {rounded(run.real_time_factor)} times real time"
+    )
+    if len(run.time) == 0:
+        return
+    table = _table("", ">time s", ">tip x mm", ">y mm", ">z mm")
+    moved = np.linalg.norm(run.tip_position - run.tip_position[:1], axis=1)
+    moments = [("start", 0), ("farthest from the start", int(moved.argmax())), ("end", -1)]
+    for name, i in moments:
+        table.add_row(
+            name, f"{run.time[i]:.6g}", *(_fixed(1e3 * value, 3) for value in run.tip_position[i])
+        )
+    yield table
+    labels = {"run": "Run", "vtk": "VTK series", "animation": "Animation"}
+    lines = [f"{labels[name]}: {file}" for name, file in files.items() if file is not None]
+    if lines:
+        yield "\n".join(lines)
 
 
 def _segments(arcs: arc.RobotArcs) -> list[dict[str, float]]:
@@ -607,6 +1065,9 @@ def run(arguments: Sequence[str]) -> int:
         sentence = sentence.replace("Value error, ", "")
         _say("Error", f"{sentence}; see {command} --help.")
         return BAD_INPUT
+    except _Stopped as stopped:
+        _say("Stopped", str(stopped))
+        return STOPPED
     except KeyboardInterrupt:
         code = STOPPED
     except BaseException as error:  # a panic of the core is no Exception

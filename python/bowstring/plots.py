@@ -18,13 +18,18 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.study import Case, Study
+from bowstring.comparison import Case, known_max
+from bowstring.robot import Robot
+from bowstring.study import Study
+from bowstring.words import in_mm
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["draw", "figure_style", "svg"]
+    from bowstring.dynamics import Modes
+
+__all__ = ["draw", "draw_modes", "figure_style", "svg"]
 
 Array = NDArray[np.float64]
 
@@ -100,8 +105,9 @@ def draw(study: Study) -> Iterator[tuple[str, Figure]]:
     figure : matplotlib.figure.Figure
         Draw and save within `figure_style`.
     """
-    for stem, drawing in _DRAWINGS.items():
-        figure = drawing(study)
+    for shown in study.figures:
+        stem = shown.stem
+        figure = _DRAWINGS[stem](study)
         if figure.get_layout_engine() is not None:
             figure.draw_without_rendering()
             figure.set_layout_engine("none")  # laid out once, not in each file format again
@@ -137,6 +143,24 @@ def svg(stem: str, figure: Figure) -> str:
     return re.sub(r'<svg [^>]*viewBox="([^"]*)"[^>]*>', r'<svg viewBox="\1">', text, count=1)
 
 
+def draw_modes(modes: Modes) -> Iterator[tuple[str, Figure]]:
+    """Draw mode shapes one by one, from the side and from the front.
+
+    Parameters
+    ----------
+    modes : Modes
+
+    Yields
+    ------
+    stem : str
+        File name without ending, ``mode_01`` and so on.
+    figure : matplotlib.figure.Figure
+        Draw and save within `figure_style`.
+    """
+    for k in range(len(modes)):
+        yield f"mode_{k + 1:0{max(2, len(str(len(modes))))}d}", _mode(modes, k)
+
+
 # -- the figures -------------------------------------------------------------------------------
 
 
@@ -163,42 +187,108 @@ _AXES: Final = (("x", "blue", "o"), ("y", "green", "^"), ("z", "red", "s"))
 
 
 def _tip_against_force(study: Study) -> Figure:
-    figure, (axes,) = _subplots(1, 3.2)
-    statics, force = study.statics, study.comparison("cc_from_force")
+    figure, (tip, moved, stress, strain) = _subplots(
+        4, 8.0, sharex=True, height_ratios=(3, 2, 2, 2)
+    )
+    s, force = study.statics, study.comparison("cc_from_force")
+    motion = study.dynamics
+    rising = motion.rising if motion else slice(0)
+    still: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "none"}
+
+    def draw_on(
+        axes: Axes, name: str, look: tuple[str, str, str], static: Array, over: Array
+    ) -> None:
+        """A line of dynamics and the markers of statics, or these joined where it is alone."""
+        colour, marker, line = _LIGHT[look[0]], look[1], look[2]
+        both: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
+        if motion:
+            axes.plot(motion.tension[rising], over[rising], color=colour, linestyle=line)
+            axes.plot(s.tension, static, color=colour, marker=marker, **still)
+            axes.plot([], [], label=name, markerfacecolor="none", **both)
+        else:
+            axes.plot(s.tension, static, label=name, **both)
+
+    none = np.zeros((0, 3))
     for k, (name, colour, marker) in enumerate(_AXES):
-        colour = _LIGHT[colour]
-        axes.plot(
-            statics.tension,
-            statics.tip_position[:, k] * 1e3,
-            color=colour,
-            marker=marker,
-            label=name,
-        )
-        axes.plot(
-            statics.tension,
+        over = (motion.tip_position if motion else none)[:, k] * 1e3
+        draw_on(tip, name, (colour, marker, "-"), s.tip_position[:, k] * 1e3, over)
+        tip.plot(
+            s.tension,
             force.tip_position[:, k] * 1e3,
-            color=colour,
+            color=_LIGHT[colour],
             linestyle="none",
             marker="x",
             markersize=6,
         )
-    axes.plot([], [], color=_LIGHT["ink"], linestyle="none", marker="x", label="CC from force")
-    axes.set(xlabel=_force_label(study), ylabel="tip coordinate (mm)")
-    _legend_above(axes, 4)
+    tip.plot([], [], color=_LIGHT["ink"], linestyle="none", marker="x", label="CC from force")
+    tip.set(ylabel="tip coordinate (mm)")
+    _legend_above(tip, 4)
+    how = "lines: dynamics, markers: statics" if motion else "statics"
+    tip.set_title(f"simulated; {how}", fontsize=8.5, loc="right", pad=22)
+
+    straight = s.tip_position[0] if s.converged[0] else np.array([0.0, 0.0, study.length])
+    away = np.linalg.norm(s.tip_position - straight, axis=-1) * 1e3
+    over = motion.displacement * 1e3 if motion else none
+    draw_on(moved, "", ("ink", "o", "-"), away, over)
+    moved.set(ylabel="displacement\nof the tip (mm)")
+
+    at, run = s.surface, motion.surface if motion else s.surface
+    von_mises, normal = ("blue", "o", "-"), ("red", "x", "--")
+    draw_on(stress, "von Mises", von_mises, at.von_mises / 1e6, run.von_mises / 1e6)
+    draw_on(stress, "along the backbone", normal, at.normal_stress / 1e6, run.normal_stress / 1e6)
+    stress.set(ylabel="largest stress\n(MPa)")
+    stress.legend(loc="upper left")
+    draw_on(strain, "", ("purple", "d", "-"), at.strain * 100, run.strain * 100)
+    strain.set(ylabel="largest strain\n(%)", xlabel=_force_label(study))
+    return figure
+
+
+def _over_time(study: Study) -> Figure:
+    motion = study.dynamics
+    assert motion is not None
+    figure, (pull, tip, apart) = _subplots(3, 6.4, sharex=True, height_ratios=(2, 4, 2))
+    time = motion.time
+    pull.plot(time, motion.tension, color=_LIGHT["ink"])
+    pull.set(ylabel=f"tension of\ntendon {study.settings.tendon + 1} (N)")
+    pull.set_title("simulated", fontsize=8.5, loc="right")
+    for k, (name, colour, _) in enumerate(_AXES):
+        tip.plot(time, motion.tip_position[:, k] * 1e3, color=_LIGHT[colour], label=name)
+        tip.plot(time, motion.static_tip[:, k] * 1e3, color=_LIGHT[colour], linestyle="--", lw=1.0)
+    tip.plot([], [], color=_LIGHT["ink"], linestyle="--", lw=1.0, label="statics")
+    tip.set(ylabel="tip coordinate (mm)")
+    _legend_above(tip, 4)
+    apart.plot(time, motion.difference * 1e3, color=_LIGHT["purple"])
+    apart.set(ylabel="dynamics from\nstatics (mm)", xlabel="time (s)")
+    apart.set_ylim(0.0, 1.3 * max(known_max(motion.difference) * 1e3, _TINY))
+    if motion.peak is not None:
+        when, size = motion.peak
+        for axes in (tip, apart):
+            axes.axvline(when, color=_LIGHT["amber"], linestyle=":", linewidth=1.2)
+        left = when > 0.5 * time[-1]
+        apart.annotate(
+            f"overshoot {in_mm(size)}",
+            (when, 0.98),
+            xycoords=("data", "axes fraction"),
+            xytext=(-4 if left else 4, 0),
+            textcoords="offset points",
+            ha="right" if left else "left",
+            va="top",
+            fontsize=8.5,
+        )
     return figure
 
 
 def _pull_against_force(study: Study) -> Figure:
     figure, (axes, below) = _subplots(2, 4.0, sharex=True, height_ratios=(2, 1))
     s = study.statics
-    axes.plot(s.tension, s.pull * 1e3, color=_LIGHT["blue"], marker="o", label="physics")
+    axes.plot(s.tension, s.pull * 1e3, color=_LIGHT["blue"], marker="o", label="statics")
     axes.plot(
         s.tension, s.linear_pull * 1e3, color=_LIGHT["red"], linestyle="--", label="linear law"
     )
     axes.set(ylabel="pull (mm)")
     _legend_above(axes, 2)
     below.plot(s.tension, (s.linear_pull - s.pull) * 1e3, color=_LIGHT["purple"], marker="d")
-    below.set(xlabel=_force_label(study), ylabel="linear law\nminus physics (mm)")
+    below.set(xlabel=_force_label(study), ylabel="linear law\nminus statics (mm)")
     return figure
 
 
@@ -305,7 +395,7 @@ def _overlay(study: Study) -> Figure:
     force = path(study.comparison("cc_from_force").tip_position)
 
     def draw_on(axes: Axes) -> None:
-        axes.plot(*physics, label="physics", color=_LIGHT["ink"], marker="o", markersize=3.5)
+        axes.plot(*physics, label="statics", color=_LIGHT["ink"], marker="o", markersize=3.5)
         blue: dict[str, Any] = {"linestyle": "none", "color": _LIGHT["blue"], "marker": "s"}
         axes.plot(*lengths, label="CC from lengths", markerfacecolor="none", markersize=8, **blue)
         red: dict[str, Any] = {"linestyle": "--", "color": _LIGHT["red"], "marker": "x"}
@@ -362,7 +452,7 @@ def _errors(study: Study) -> Figure:
             )
         else:
             title += f"; tolerance {limit:.3g} mm is above"
-        axes.set(ylabel="CC minus physics (mm)")
+        axes.set(ylabel="CC minus statics (mm)")
         axes.set_title(title)
         axes.legend(loc="best", ncols=2)
     panels[-1].set(xlabel=_force_label(study))
@@ -435,6 +525,99 @@ def _error_budget(study: Study) -> Figure:
     return figure
 
 
+_SWAY: Final = 0.12  # largest displacement of a mode as drawn, of the length
+_TURN: Final = {"bending": 0.6, "torsion": 1.2, "axial": 0.6}  # rad; largest rotation as drawn
+
+
+def _mode(modes: Modes, k: int) -> Figure:
+    from matplotlib.figure import Figure
+
+    robot = modes.robot
+    shift, turn = modes.displacement[k], modes.rotation[k]
+    size = float(np.linalg.norm(shift, axis=1).max())
+    spin = float(np.linalg.norm(turn, axis=1).max())
+    scale = min(
+        _SWAY * robot.length / size if size > 0 else math.inf,
+        _TURN[modes.kind[k]] / spin if spin > 0 else math.inf,
+    )
+    rest = _shape(robot, modes.position, modes.orientation)
+    moved = _shape(
+        robot,
+        modes.position + scale * shift,
+        modes.orientation @ _rotations(scale * turn),
+    )
+    if modes.kind[k] == "torsion":
+        drawn = f"drawn with {math.degrees(scale * spin):.0f} deg at the largest rotation"
+    else:
+        drawn = f"drawn with {1e3 * scale * size:.3g} mm at the largest displacement"
+
+    figure = Figure(figsize=(_WIDTH, 4.6), layout="constrained")
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    for axes, across, title in zip(panels, (0, 1), ("side", "front"), strict=True):
+        for lines, colour, dash, label in (
+            (rest, "muted", "--", "equilibrium"),
+            (moved, "blue", "-", "mode shape"),
+        ):
+            style: dict[str, Any] = {"color": _LIGHT[colour], "linestyle": dash}
+            for path, width in lines:
+                axes.plot(path[:, across] * 1e3, path[:, 2] * 1e3, linewidth=width, **style)
+            axes.plot([], [], label=label, **style)
+        axes.set(aspect="equal", xlabel=f"{'xy'[across]} (mm)")
+        axes.set_title(title)
+        axes.locator_params(axis="x", nbins=4)
+    low, high = panels[0].get_xlim()
+    room = max(0.0, 0.5 * (400.0 * robot.length - (high - low)))  # a straight robot is narrow
+    panels[0].set(ylabel="z (mm)", xlim=(low - room, high + room))
+    figure.suptitle(
+        f"Mode {k + 1}: {modes.frequency_hz[k]:.5g} Hz, {modes.kind[k]}\n{drawn}",
+        fontsize=9.5,
+        x=0.02,
+        ha="left",
+    )
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
+    return figure
+
+
+def _shape(robot: Robot, position: Array, frames: Array) -> list[tuple[Array, float]]:
+    """Lines of a robot with their widths, m: backbone, rims of the disks, tendons."""
+    position = np.concatenate([np.zeros((1, 3)), position])
+    frames = np.concatenate([np.eye(3)[None], frames])
+    # a cubic between two disks, along their axes
+    s = np.linspace(0.0, 1.0, 9)[:, None]
+    backbone = []
+    for i in range(len(position) - 1):
+        a, b = position[i], position[i + 1]
+        chord = float(np.linalg.norm(b - a))
+        u, v = chord * frames[i, :, 2], chord * frames[i + 1, :, 2]
+        backbone.append(
+            (1 - s) ** 2 * (a * (1 + 2 * s) + u * s) + s**2 * (b * (3 - 2 * s) - v * (1 - s))
+        )
+    lines: list[tuple[Array, float]] = [(np.concatenate(backbone), 2.0)]
+    psi = np.linspace(0.0, math.tau, 33)
+    circle = np.stack([np.cos(psi), np.sin(psi), np.zeros_like(psi)], axis=-1)
+    every = max(1, len(position) // 60)
+    for i in range(len(position) - 1, 0, -every):
+        radius = float(robot.disks.radius_m[i - 1])
+        lines.append((position[i] + radius * circle @ frames[i].T, 0.8))
+    holes = np.column_stack([robot.tendons.hole_m, np.zeros(len(robot.tendons.hole_m))])
+    for hole, end in zip(holes, robot.tendons.end_disk, strict=True):
+        last = int(end) + 2
+        lines.append((position[:last] + frames[:last] @ hole, 0.8))
+    return lines
+
+
+def _rotations(vectors: Array) -> Array:
+    """Rotation matrices (N, 3, 3) of rotation vectors (N, 3), Rodrigues."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    x, y, z = vectors.T
+    none = np.zeros_like(x)
+    cross = np.stack([none, -z, y, z, none, -x, -y, x, none], axis=1).reshape(-1, 3, 3)
+    # sinc(t / pi) is sin(t) / t
+    once, twice = np.sinc(angle / math.pi), 0.5 * np.sinc(angle / math.tau) ** 2
+    result: Array = np.eye(3) + once * cross + twice * cross @ cross
+    return result
+
+
 def _mean_of(case: Case, name: str) -> float:
     return case.comparisons[name].mean
 
@@ -445,6 +628,7 @@ def _force_label(study: Study) -> str:
 
 _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig05_tip_against_force": _tip_against_force,
+    "fig05_over_time": _over_time,
     "pull_against_force": _pull_against_force,
     "fig06_tip_against_pull": _tip_against_pull,
     "fig07_configurations": _configurations,

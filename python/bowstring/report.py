@@ -1,4 +1,4 @@
-"""The study on disk and in the terminal: report.html, figures, CSV tables, study.json.
+"""The study on disk and in the terminal: report.html, figures, CSV tables, study.json; modes.
 
 A folder is written beside its place under a hidden name and moved in whole when it is complete, so
 a reader finds the old study or the new one, never a mixture. A folder that this module did not
@@ -10,32 +10,34 @@ from __future__ import annotations
 import csv
 import json
 import math
-import os
 import re
-import shutil
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from bowstring.budget import BudgetRow
+from bowstring.comparison import COMPARISONS, Case
 from bowstring.errors import InputError
+from bowstring.files import write_whole
 from bowstring.robot import Robot
-from bowstring.study import COMPARISONS, FIGURES, BudgetRow, Case, Study
+from bowstring.study import Study
+from bowstring.words import number, signed
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from rich.console import Console
 
-__all__ = ["check_folder", "default_folder", "print_study", "write"]
+    from bowstring.dynamics import Modes
+
+__all__ = ["check_folder", "default_folder", "print_study", "write", "write_modes"]
 
 Progress = Callable[[str, float], None]
 Cell = str | float | int | None
 
 _DPI: Final = 160
 _AXES: Final = ("x", "y", "z")
-_DASH: Final = "\N{EN DASH}"
-_MINUS: Final = "\N{MINUS SIGN}"
 
 
 # -- where it goes -----------------------------------------------------------------------------
@@ -57,13 +59,15 @@ def default_folder(robot: Robot) -> Path:
     return Path("bowstring-study") / name
 
 
-def check_folder(out: str | Path) -> Path:
+def check_folder(out: str | Path, what: str = "study") -> Path:
     """Say before any work whether a study may be written to a folder.
 
     Parameters
     ----------
     out : str or Path
         The folder; it need not exist.
+    what : str
+        ``"study"`` or ``"modes"``; its JSON file lists the files that may be replaced.
 
     Returns
     -------
@@ -79,27 +83,27 @@ def check_folder(out: str | Path) -> Path:
     folder = Path(out).resolve()
     if not folder.exists():
         if folder.parent.exists() and not folder.parent.is_dir():
-            raise InputError(f"cannot write the study to {folder}: {folder.parent} is a file")
+            raise InputError(f"cannot write the {what} to {folder}: {folder.parent} is a file")
         return folder
     if not folder.is_dir():
-        raise InputError(f"cannot write the study to {folder}: it is a file; name a folder")
+        raise InputError(f"cannot write the {what} to {folder}: it is a file; name a folder")
     present = {
         p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_symlink() or p.is_file()
     }
     if not present:
         return folder
     try:
-        former = json.loads((folder / "study.json").read_text(encoding="utf-8"))
+        former = json.loads((folder / f"{what}.json").read_text(encoding="utf-8"))
         files = set(former["files"])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(
-            f"cannot write the study to {folder}: it holds files but no study of Bowstring, and "
+            f"cannot write the {what} to {folder}: it holds files but no {what} of Bowstring, and "
             "nothing of yours is replaced; name a new or an empty folder"
         ) from None
     foreign = sorted(present - files)
     if foreign:
         raise InputError(
-            f"cannot replace the study in {folder}: it also holds {foreign[0]}, which the study "
+            f"cannot replace the {what} in {folder}: it also holds {foreign[0]}, which Bowstring "
             "did not write; move that away or name another folder"
         )
     return folder
@@ -129,33 +133,53 @@ def write(study: Study, out: str | Path | None = None, *, progress: Progress | N
     """
     tell = progress or (lambda what, share: None)
     folder = check_folder(default_folder(study.robot) if out is None else out)
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        # beside its place, so that the move is within one file system
-        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    except OSError as error:
-        raise InputError(f"cannot write the study to {folder}: {error.strerror}") from None
-    try:
-        new = work / "new"
-        new.mkdir()
-        _fill(study, new, tell)
-        _move_in(new, folder, work / "old")
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
+    write_whole(folder, "study", lambda new: _fill(study, new, tell))
     tell("done", 1.0)
     return folder
 
 
-def _move_in(new: Path, folder: Path, old: Path) -> None:
-    if not folder.exists():
-        os.rename(new, folder)
-        return
-    os.rename(folder, old)
-    try:
-        os.rename(new, folder)
-    except BaseException:
-        os.rename(old, folder)
-        raise
+def write_modes(
+    modes: Modes, content: dict[str, Any], out: str | Path, *, progress: Progress | None = None
+) -> Path:
+    """Write pictures of mode shapes.
+
+    Parameters
+    ----------
+    modes : Modes
+    content : dict
+        Plain values for ``modes.json``, as ``bowstring modes --json`` prints.
+    out : str or Path
+        Folder; former modes in it are replaced whole, after success.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Path
+        The folder, absolute: modes.json and each mode as PNG, PDF and SVG.
+
+    Raises
+    ------
+    InputError
+        If the folder may not be written (see `check_folder`).
+    """
+    from bowstring import plots
+
+    tell = progress or (lambda what, share: None)
+    folder = check_folder(out, "modes")
+
+    def fill(new: Path) -> None:
+        with plots.figure_style():
+            for i, (stem, figure) in enumerate(plots.draw_modes(modes)):
+                tell("pictures", i / len(modes))
+                _save(figure, new / stem)
+                figure.savefig(new / f"{stem}.svg", metadata={"Date": None, "Creator": "Bowstring"})
+        files = sorted([*(p.name for p in new.iterdir()), "modes.json"])
+        _write_json(new / "modes.json", {**content, "files": files})
+
+    write_whole(folder, "modes", fill)
+    tell("done", 1.0)
+    return folder
 
 
 def _fill(study: Study, folder: Path, tell: Progress) -> None:
@@ -171,11 +195,8 @@ def _fill(study: Study, folder: Path, tell: Progress) -> None:
     drawn: dict[str, str] = {}
     with plots.figure_style():
         for i, (stem, figure) in enumerate(plots.draw(study)):
-            tell("figures", i / len(FIGURES))
-            figure.savefig(figures / f"{stem}.png", dpi=_DPI)
-            figure.savefig(
-                figures / f"{stem}.pdf", metadata={"CreationDate": None, "Creator": "Bowstring"}
-            )
+            tell("figures", i / len(study.figures))
+            _save(figure, figures / stem)
             drawn[stem] = plots.svg(stem, figure)
 
     tell("report", 0.95)
@@ -183,8 +204,17 @@ def _fill(study: Study, folder: Path, tell: Progress) -> None:
     (folder / "report.html").write_text(_html(study, content, drawn), encoding="utf-8")
     written = [p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()]
     content["files"] = sorted([*written, "study.json"])
+    _write_json(folder / "study.json", content)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    figure.savefig(f"{path}.png", dpi=_DPI)
+    figure.savefig(f"{path}.pdf", metadata={"CreationDate": None, "Creator": "Bowstring"})
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
     text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
-    (folder / "study.json").write_text(text + "\n", encoding="utf-8")
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 # -- tables ------------------------------------------------------------------------------------
@@ -237,16 +267,23 @@ def _tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]
     )
 
     s = study.statics
+    surface = list(s.surface.to_dict())
     yield (
         "statics",
-        ["tension_N", "status", *tip, *tendons, "pull_mm", "linear_law_pull_mm"],
+        ["tension_N", "status", *tip, *tendons, "pull_mm", "linear_law_pull_mm", *surface],
         [
             [tension, status, *rest]
             for tension, status, rest in zip(
                 s.tension.tolist(),
                 s.status,
-                (
-                    1e3 * np.column_stack([s.tip_position, s.tendon_lengths, s.pull, s.linear_pull])
+                np.column_stack(
+                    [
+                        s.tip_position * 1e3,
+                        s.tendon_lengths * 1e3,
+                        s.pull * 1e3,
+                        s.linear_pull * 1e3,
+                        *s.surface.to_dict().values(),
+                    ]
                 ).tolist(),
                 strict=True,
             )
@@ -261,6 +298,32 @@ def _tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]
             for disk, point in enumerate(disks)
         ],
     )
+
+    motion = study.dynamics
+    if motion is not None:
+        yield (
+            "dynamics",
+            [
+                "time_s",
+                "tension_N",
+                *tip,
+                *(f"statics_{p}" for p in tip),
+                "difference_mm",
+                "tip_displacement_mm",
+                *surface,
+            ],
+            np.column_stack(
+                [
+                    motion.time,
+                    motion.tension,
+                    motion.tip_position * 1e3,
+                    motion.static_tip * 1e3,
+                    motion.difference * 1e3,
+                    motion.displacement * 1e3,
+                    *motion.surface.to_dict().values(),
+                ]
+            ).tolist(),
+        )
 
     axis_means = [f"mean_{axis}_mm" for axis in _AXES]
     yield (
@@ -282,9 +345,17 @@ def _tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]
     )
     yield (
         "errors",
-        ["name", "tension_N", *tip, *(f"d{p}" for p in position), "error_mm", "error_percent"],
         [
-            [c.name, *row]
+            "name",
+            "against",
+            "tension_N",
+            *tip,
+            *(f"d{p}" for p in position),
+            "error_mm",
+            "error_percent",
+        ],
+        [
+            [c.name, c.against, *row]
             for c in study.comparisons
             for row in np.column_stack(
                 [
@@ -344,24 +415,7 @@ def _budget_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
     return header, list(rows)
 
 
-# -- numbers for people ------------------------------------------------------------------------
-
-
-def _number(value: float | None, digits: int = 3) -> str:
-    """Fixed digits after the point; a dash where there is no number."""
-    if value is None or not math.isfinite(value):
-        return _DASH
-    if 1e-6 < abs(value) < 0.5 * 10.0**-digits:  # below is rounding of exact zeros
-        return f"< {10.0**-digits:.{digits}f}"
-    return _signed(value, digits).removeprefix("+")
-
-
-def _signed(value: float | None, digits: int = 2) -> str:
-    """As `_number`, but with its sign, for changes."""
-    if value is None or not math.isfinite(value):
-        return _DASH
-    text = f"{value:+.{digits}f}"
-    return text[1:] if float(text) == 0.0 else text.replace("-", _MINUS)
+# -- the page ----------------------------------------------------------------------------------
 
 
 def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
@@ -375,8 +429,8 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = _number
-    environment.filters["signed"] = _signed
+    environment.filters["number"] = number
+    environment.filters["signed"] = signed
     from bowstring.plots import COLOURS
 
     page = environment.get_template("report.html.j2").render(
@@ -385,7 +439,7 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
         comparisons=[(COMPARISONS[c["name"]], c) for c in content["comparisons"]],
         sweep=_sweep_rows(study),
         # drawn by this program, ids and text escaped by matplotlib
-        figures=[(f, Markup(drawn[f.stem])) for f in FIGURES],
+        figures=[(f, Markup(drawn[f.stem])) for f in study.figures],
         tables=[name for name, _, _ in _tables(study)],
         colours=COLOURS,
         provenance=content["provenance"],
@@ -444,7 +498,7 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
     )
 
     errors = table(
-        "Tip error of constant curvature (CC) against statics; all simulated",
+        "Tip error of constant curvature (CC); all simulated",
         "CC from",
         "mean mm",
         "max mm",
@@ -454,18 +508,28 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
         "y mm",
         "z mm",
     )
-    for c in study.comparisons:
-        d = c.to_dict()
-        errors.add_row(
-            _short(COMPARISONS[c.name]).removeprefix("from "),
-            *(_number(d[k]) for k in ("mean_mm", "max_mm", "rms_mm", "mean_percent")),
-            *(_number(v) for v in d["mean_by_axis_mm"]),
-        )
+    for physics in ("statics", "dynamics"):
+        for i, c in enumerate(study.against(physics)):
+            if i == 0:
+                errors.add_row(Text(f"vs {physics}", style="italic"))
+            d = c.to_dict()
+            errors.add_row(
+                _short(COMPARISONS[c.name]).removeprefix("from "),
+                *(number(d[k]) for k in ("mean_mm", "max_mm", "rms_mm", "mean_percent")),
+                *(number(v) for v in d["mean_by_axis_mm"]),
+            )
     console.print(errors)
     for c in study.comparisons:
         if c.n < len(study.statics.tension):
-            note = f"{_short(COMPARISONS[c.name])}: {c.n} of {len(study.statics.tension)} loads"
+            note = (
+                f"{_short(COMPARISONS[c.name])}, against {c.against}: {c.n} of "
+                f"{len(study.statics.tension)} loads"
+            )
             console.print(Text(note, style="dim"))
+    console.print(Text("Dynamics", style="bold"))
+    for sentence in study.dynamics_text:
+        console.print(Padding(Text(sentence), (0, 0, 0, 2)))
+    console.print()
 
     plainest, fullest = study.budget.plainest, study.budget.fullest
 
@@ -475,11 +539,11 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
         return f"{text} ({n} of {loads})" if 0 < n < loads else text
 
     def means(case: Case) -> list[str]:
-        return [counted(_number(c.mean * 1e3, 2), c.n) for c in case.comparisons.values()]
+        return [counted(number(c.mean * 1e3, 2), c.n) for c in case.comparisons.values()]
 
     def worth(row: BudgetRow, name: str) -> str:
         common = np.isfinite(row.full.error(name)) & np.isfinite(row.removed.error(name))
-        return counted(_signed(row.worth(name) * 1e3), int(common.sum()))
+        return counted(signed(row.worth(name) * 1e3), int(common.sum()))
 
     budget = table(
         "Error budget: mean tip error (mm) with an effect added alone to the\n"

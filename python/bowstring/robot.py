@@ -278,11 +278,15 @@ class Segment(_Part):
 
 @dataclass(frozen=True)
 class RobotDisks:
-    """All disks from base to tip (N of them, the base excluded), in SI."""
+    """All disks from base to tip (N of them, the base excluded), in SI.
+
+    ``inertia_kg_m2`` (N, 2) are the moments of inertia about a diameter and about the axis.
+    """
 
     station_m: Floats
     clamped_length_m: Floats
     mass_kg: Floats
+    inertia_kg_m2: Floats
     radius_m: Floats
     thickness_m: Floats
     segment: Ints
@@ -405,12 +409,15 @@ class Robot(_Part):
             values = np.array([getattr(s.disks, field) for s in self.segments], dtype=float)
             return _frozen(values[index])
 
+        mass, radius, thickness = each("mass"), each("radius"), each("thickness")
+        across = mass * (3.0 * radius**2 + thickness**2) / 12.0
         return RobotDisks(
             station_m=_frozen(stations),
             clamped_length_m=each("clamped_length"),
-            mass_kg=each("mass"),
-            radius_m=each("radius"),
-            thickness_m=each("thickness"),
+            mass_kg=mass,
+            inertia_kg_m2=_frozen(np.stack([across, mass * radius**2 / 2.0], axis=1)),
+            radius_m=radius,
+            thickness_m=thickness,
             segment=_frozen(index, np.int64),
         )
 
@@ -459,6 +466,11 @@ class Robot(_Part):
     def mass_per_length(self) -> Floats:
         """Backbone mass by length of each segment in kg/m."""
         return _frozen([s.backbone.density * s.backbone.area for s in self.segments])
+
+    @cached_property
+    def rotary_inertia(self) -> Floats:
+        """Density times second moment of area of each segment's backbone, in kg m."""
+        return _frozen([s.backbone.density * s.backbone.second_moment for s in self.segments])
 
     @cached_property
     def hash(self) -> str:
@@ -510,12 +522,14 @@ class Robot(_Part):
             station_m=self.disks.station_m,
             clamped_length_m=self.disks.clamped_length_m,
             disk_mass_kg=self.disks.mass_kg,
+            disk_inertia=self.disks.inertia_kg_m2,
             disk_segment=self.disks.segment,
             bending_stiffness=self.bending_stiffness,
             torsion_stiffness=self.torsion_stiffness,
             axial_stiffness=self.axial_stiffness,
             shear_stiffness=self.shear_stiffness,
             mass_per_length=self.mass_per_length,
+            rotary_inertia=self.rotary_inertia,
             hole_m=self.tendons.hole_m,
             end_disk=self.tendons.end_disk,
             gravity=_frozen(self.gravity),

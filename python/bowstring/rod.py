@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
+    import xarray as xr
     from typing_extensions import Self
 
     from bowstring import _core
@@ -197,6 +198,42 @@ class Solution:
             raise InputError(
                 f"points_per_module is {points_per_module!r}, it must be a whole number from 1"
             ) from None
+
+    def fields(self, points: int = 5) -> xr.Dataset:
+        """Centreline, strain, internal forces and stress of the equilibrium, with units.
+
+        Parameters
+        ----------
+        points : int
+            Stations along the flexible part of each module, both ends among them.
+
+        Returns
+        -------
+        xarray.Dataset
+            As of a run (`bowstring.fields`), with one time.
+
+        Raises
+        ------
+        NoSolutionError
+            If the solution did not converge.
+        """
+        from bowstring import dynamics
+        from bowstring import fields as labelled
+
+        self.raise_for_status()
+        load: dict[str, Any] = {
+            "tip_force": self.tip_force,
+            "tip_moment": self.tip_moment,
+            "gravity": self.gravity.tolist(),
+            "theory": self.theory,
+            "tendon": self.tendon,
+            "twist": self.twist,
+            "elements": self.elements,
+        }
+        frames = dynamics.at_rest(self.robot, self.tensions, points=points, **load)
+        settings = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in load.items()}
+        settings["tensions_N"] = self.tensions.tolist()
+        return labelled.to_dataset(self.robot, frames, settings, status=self.status)
 
     def raise_for_status(self) -> Self:
         """Return self if converged, else raise.

@@ -29,6 +29,8 @@ _UNITS: Final[dict[str, dict[str, Decimal]]] = {
         "rad": {"rad": "1", "deg": "0.01745329251994329576923690768488613"},
         "N": {"N": "1", "mN": "1e-3", "kN": "1e3"},
         "N*m": {"N*m": "1", "N*mm": "1e-3", "mN*m": "1e-3"},
+        "s": {"s": "1", "ms": "1e-3", "us": "1e-6", "min": "60"},
+        "1/s": {"1/s": "1", "s^-1": "1"},
     }.items()
 }
 _QUANTITY_NAMES: Final = {
@@ -40,8 +42,11 @@ _QUANTITY_NAMES: Final = {
     "rad": "angle",
     "N": "force",
     "N*m": "moment",
+    "s": "time",
+    "1/s": "rate",
 }
-_MOMENTS: Final = {"Nm": "N*m", "Nmm": "N*mm", "mNm": "mN*m"}  # as people write them
+# as people write them, or as they stand behind a number
+_OTHER_FORMS: Final = {"Nm": "N*m", "Nmm": "N*mm", "mNm": "mN*m", "/s": "1/s"}
 _SAME_UNIT: Final = str.maketrans({"²": "^2", "³": "^3", "µ": "u", "μ": "u", "°": "deg", "·": "*"})
 NUMBER: Final = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?"
 # Names with small whole powers only: what reaches pint cannot make it compute 9**9**9.
@@ -63,7 +68,7 @@ def _factor(unit: str, si: str) -> Decimal:
     if len(unit) > _MAX_WORD:
         raise ValueError(f"; {quote(unit)} is not a unit")
     plain = unit.translate(_SAME_UNIT).replace("**", "^").replace(" ", "")
-    plain = _MOMENTS.get(plain, plain)
+    plain = _OTHER_FORMS.get(plain, plain)
     if plain in _UNITS[si]:
         return _UNITS[si][plain]
     if not si:
@@ -117,6 +122,8 @@ def read_number(text: str, si: str) -> float:
     ValueError continues the sentence 'got "...", '.
     """
     text = text.strip()
+    if si == "1/s":
+        text = re.sub(r"\s+1/", " /", text)  # "0.5 1/s" is one number
     if re.fullmatch(NUMBER, text, re.ASCII):
         values = [float(text)]
     elif not re.match(NUMBER, text, re.ASCII):

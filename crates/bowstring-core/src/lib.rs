@@ -2,12 +2,15 @@
 
 pub mod arc;
 pub mod batch;
+pub mod dynamics;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 pub mod lie;
 pub mod linalg;
 pub mod load;
+pub mod modes;
 mod module;
+mod motion;
 pub mod real;
 pub mod robot;
 mod rod;

@@ -54,6 +54,47 @@ pub struct Load<'a> {
     pub tip_moment: [f64; 3],
 }
 
+/// A [`Load`] that owns its tensions.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OwnedLoad {
+    pub tensions: Vec<f64>,
+    pub gravity: [f64; 3],
+    pub tip_force: [f64; 3],
+    pub tip_moment: [f64; 3],
+}
+
+impl OwnedLoad {
+    /// Takes on a load; allocates nothing if it held as many tensions.
+    pub fn set(&mut self, load: &Load) {
+        self.tensions.clear();
+        self.tensions.extend_from_slice(load.tensions);
+        (self.gravity, self.tip_force, self.tip_moment) =
+            (load.gravity, load.tip_force, load.tip_moment);
+    }
+
+    /// The same as a [`Load`].
+    pub fn borrow(&self) -> Load<'_> {
+        Load {
+            tensions: &self.tensions,
+            gravity: self.gravity,
+            tip_force: self.tip_force,
+            tip_moment: self.tip_moment,
+        }
+    }
+
+    /// Takes on a load a share of the way from one to another, gravity aside.
+    pub(crate) fn between(&mut self, from: &Self, to: &Self, share: f64) {
+        let mix = |a: f64, b: f64| a + share * (b - a);
+        for i in 0..self.tensions.len() {
+            self.tensions[i] = mix(from.tensions[i], to.tensions[i]);
+        }
+        for i in 0..3 {
+            self.tip_force[i] = mix(from.tip_force[i], to.tip_force[i]);
+            self.tip_moment[i] = mix(from.tip_moment[i], to.tip_moment[i]);
+        }
+    }
+}
+
 impl Load<'_> {
     /// Checks numbers and their count against the robot.
     pub fn check(&self, robot: &Robot) -> Result<(), InputError> {

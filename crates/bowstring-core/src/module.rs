@@ -89,7 +89,7 @@ impl<T: Real> Constants<T> {
 
     /// Stiffness of an element times a rotation vector, N m.
     #[inline(always)]
-    fn moment(&self, w: Vec3<T>) -> Vec3<T> {
+    pub fn moment(&self, w: Vec3<T>) -> Vec3<T> {
         let [bending, torsion] = self.stiffness;
         Vec3([w[0] * bending, w[1] * bending, w[2] * torsion])
     }
@@ -111,19 +111,20 @@ pub(crate) struct State<T, const A: usize> {
     pub arcs: [ArcMap<T>; A],
     /// Rotation from the module's start to the start of each arc.
     pub prefix: [Mat3<T>; A],
-    /// From the end of each arc to the end of the module.
-    tail: [Vec3<T>; A],
+    /// From the end of each arc to the end of the flexible part, without compliance.
+    pub tail: [Vec3<T>; A],
     /// Relative rotation and end of the flexible part, without and with compliance.
     pub s: Mat3<T>,
     pub rho0: Vec3<T>,
     pub rho: Vec3<T>,
-    /// Contact force.
+    /// Contact force, and the force of tendons and loads on the end that it stands against.
     pub n: Vec3<T>,
+    pub end_force: Vec3<T>,
     /// Dead loads on the end, the end's tangent and the start's tangent, and the weight of an
     /// element, which is on every node between two elements.
     pub f: [Vec3<T>; 4],
     /// Moment of the spans about the end of the flexible part.
-    span_torque: Vec3<T>,
+    pub span_torque: Vec3<T>,
     /// Moment of the dead loads about the start.
     pub load_moment: Vec3<T>,
     /// Costate: moment from all beyond the end disk.
@@ -184,6 +185,7 @@ impl<T: Real, const A: usize> State<T, A> {
             rho0: zero,
             rho: zero,
             n: zero,
+            end_force: zero,
             f: [zero; 4],
             span_torque: zero,
             load_moment: zero,
@@ -219,7 +221,6 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Second half: contact force, end and energy under the dead loads in `f`.
     #[inline(always)]
     pub fn balance(&mut self, c: &Constants<T>, t: &Tendons<T>) {
-        let half = T::splat(0.5);
         let tangent = self.s.column(2);
         let compliance = self.compliance(c);
         let mut cable = T::zero();
@@ -241,19 +242,8 @@ impl<T: Real, const A: usize> State<T, A> {
                 // rho and N together; the compliance is small, so this settles at once
                 self.rho = self.rho0 + compliance * self.n;
                 for round in 1..=MAX_ROUNDS {
-                    let mut g = Mat3::zero();
-                    let mut pull = Vec3::zero();
-                    let mut torque = Vec3::zero();
-                    cable = T::zero();
-                    for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
-                        let span = Span::new(c, tendon, &self.s, self.rho);
-                        let force = span.direction * tension;
-                        pull += force;
-                        cable = tension.mul_add(span.length, cable);
-                        torque += span.arm.cross(force);
-                        g += span.stiffness(tension);
-                    }
-                    self.span_torque = torque;
+                    let (pull, g);
+                    (cable, pull, self.span_torque, g) = self.spans(c, t);
                     self.n = self.f[0] - pull;
                     let miss = self.rho0 + compliance * self.n - self.rho;
                     // a NaN passes on to the energy, where it is seen
@@ -267,13 +257,8 @@ impl<T: Real, const A: usize> State<T, A> {
                 }
             }
         }
-        let mut elastic = T::zero();
-        for i in (0..A).step_by(2) {
-            let (sum, difference) = (self.w[i] + self.w[i + 1], self.w[i] - self.w[i + 1]);
-            elastic += sum.dot(c.moment(sum)) * half
-                + difference.dot(c.moment(difference)) * T::splat(0.375);
-        }
-        self.energy = elastic + half * self.n.dot(self.rho - self.rho0) + cable
+        self.end_force = self.n;
+        self.energy = self.elastic_energy(c) + cable
             - self.f[0].dot(self.rho)
             - self.f[1].dot(tangent)
             - self.f[2][2];
@@ -284,6 +269,36 @@ impl<T: Real, const A: usize> State<T, A> {
             self.energy -= self.f[3].dot(place);
             self.load_moment += place.cross(self.f[3]);
         }
+    }
+
+    /// Of all straight spans: tension times length, force and moment on the end, and
+    /// stiffness against the motion of the end.
+    #[inline(always)]
+    pub fn spans(&self, c: &Constants<T>, t: &Tendons<T>) -> (T, Vec3<T>, Vec3<T>, Mat3<T>) {
+        let (mut cable, mut stiffness) = (T::zero(), Mat3::zero());
+        let (mut pull, mut torque) = (Vec3::zero(), Vec3::zero());
+        for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+            let span = Span::new(c, tendon, &self.s, self.rho);
+            let force = span.direction * tension;
+            pull += force;
+            cable = tension.mul_add(span.length, cable);
+            torque += span.arm.cross(force);
+            stiffness += span.stiffness(tension);
+        }
+        (cable, pull, torque, stiffness)
+    }
+
+    /// Energy of the backbone.
+    #[inline(always)]
+    pub fn elastic_energy(&self, c: &Constants<T>) -> T {
+        let half = T::splat(0.5);
+        let mut elastic = half * self.n.dot(self.rho - self.rho0);
+        for i in (0..A).step_by(2) {
+            let (sum, difference) = (self.w[i] + self.w[i + 1], self.w[i] - self.w[i + 1]);
+            elastic += sum.dot(c.moment(sum)) * half
+                + difference.dot(c.moment(difference)) * T::splat(0.375);
+        }
+        elastic
     }
 
     /// From a node between two elements to the end.
@@ -345,7 +360,7 @@ impl<T: Real, const A: usize> State<T, A> {
         let tangent = self.s.column(2);
         let (on_end, on_tangent) = self.compliance_forces(c);
         out.torque = self.span_torque - tangent.cross(self.f[1] + on_tangent) + self.lambda;
-        out.nu = self.n + on_end;
+        out.nu = self.end_force + on_end;
         let elastic = self.elastic_gradient(c, t);
         for i in 0..A {
             let arc = &self.arcs[i];
@@ -370,7 +385,7 @@ impl<T: Real, const A: usize> State<T, A> {
     /// Elastic moments and those of continuous tendons, by each arc's rotation vector.
     #[inline(always)]
     fn elastic_gradient(&self, c: &Constants<T>, t: &Tendons<T>) -> [Vec3<T>; A] {
-        let mut g = self.bending_moments(c);
+        let mut g = c.bending_moments(&self.w);
         if t.path == TendonPath::Continuous {
             let stretch = c.stretch(t);
             for i in (0..A).step_by(2) {
@@ -385,24 +400,10 @@ impl<T: Real, const A: usize> State<T, A> {
         g
     }
 
-    /// Elastic moments by each arc's rotation vector.
+    /// Second derivatives, and how the end answers. `CONDENSED`: the end gives way to the
+    /// contact force; if not, all is at constant contact force.
     #[inline(always)]
-    pub fn bending_moments(&self, c: &Constants<T>) -> [Vec3<T>; A] {
-        let mut g = [Vec3::zero(); A];
-        for i in (0..A).step_by(2) {
-            let (sum, difference) = (
-                self.w[i] + self.w[i + 1],
-                (self.w[i] - self.w[i + 1]) * T::splat(0.75),
-            );
-            g[i] = c.moment(sum + difference);
-            g[i + 1] = c.moment(sum - difference);
-        }
-        g
-    }
-
-    /// Second derivatives, and how the end answers.
-    #[inline(always)]
-    pub fn hessian(
+    pub fn hessian<const CONDENSED: bool>(
         &self,
         c: &Constants<T>,
         t: &Tendons<T>,
@@ -441,10 +442,13 @@ impl<T: Real, const A: usize> State<T, A> {
         e += (pulled.outer(tangent).symmetric_part() - (turn * d2).outer(turn))
             .add_diagonal([f2.dot(tangent) - bubble; 3]);
 
-        let compliance = self.compliance(c);
-        let m = (compliance * g).add_diagonal([one; 3]).inverse();
-        let d_hat = (m * compliance).symmetric_part();
-        let g_hat = (g * m).symmetric_part();
+        let (mut m, mut d_hat, mut g_hat) = (Mat3::identity(), Mat3::zero(), g);
+        if CONDENSED {
+            let compliance = self.compliance(c);
+            m = (compliance * g).add_diagonal([one; 3]).inverse();
+            d_hat = (m * compliance).symmetric_part();
+            g_hat = (g * m).symmetric_part();
+        }
         let x = (mean * (d1 * c.per_flexible))
             .outer(n)
             .add_diagonal([one + d1 * mean.dot(n) * c.per_flexible; 3]);
@@ -456,9 +460,12 @@ impl<T: Real, const A: usize> State<T, A> {
         for i in 0..A {
             j[i] = x.mul_add(grad.r[i], y);
         }
-        let km = k * m;
-        let kd = k * d_hat;
-        let core = e - kd * k.transpose();
+        let (mut km, mut kd, mut core) = (k, Mat3::zero(), e);
+        if CONDENSED {
+            km = k * m;
+            kd = k * d_hat;
+            core -= kd * k.transpose();
+        }
 
         let nu = -grad.nu;
         let half_torque = (grad.torque * half).skew();
@@ -502,7 +509,10 @@ impl<T: Real, const A: usize> State<T, A> {
                 }
                 out.uu[b][i] = block;
             }
-            let moved = m.mul_add(j[i], -kd.transpose());
+            let mut moved = j[i];
+            if CONDENSED {
+                moved = m.mul_add(j[i], -kd.transpose());
+            }
             out.xu[i] = f1.cross_mat(moved) + on_x;
         }
         let weight = self.f[3];
@@ -521,8 +531,10 @@ impl<T: Real, const A: usize> State<T, A> {
                 out.xu[i] += weight.cross_mat(grad.r[i] + beyond.skew());
             }
         }
-        let mut xx = f1.cross_mat(f1.cross_mat(d_hat).transpose());
-        xx = -xx;
+        let mut xx = Mat3::zero();
+        if CONDENSED {
+            xx -= f1.cross_mat(f1.cross_mat(d_hat).transpose());
+        }
         for (f, v) in self.f.iter().zip([self.rho, tangent, Vec3::ez()]) {
             xx += (-f.outer(v).symmetric_part()).add_diagonal([f.dot(v); 3]);
         }
@@ -573,27 +585,54 @@ impl<const A: usize> State<f64, A> {
     pub fn point(&self, c: &Constants<f64>, fraction: f64) -> Vec3 {
         let [start, end] = c.clamp;
         let along = fraction * (start + c.flexible + end) - start;
-        let at = along / c.flexible * A as f64;
-        if at <= 0.0 {
-            return Vec3([0.0, 0.0, along + start]);
-        }
-        let clamped = Vec3([0.0, 0.0, start]);
-        if at >= A as f64 {
-            return clamped + self.rho + self.s.column(2) * (along - c.flexible);
-        }
-        let yielded = (self.rho - self.rho0) * (at / A as f64);
-        let i = at as usize;
+        let (place, turn) = self.section(along / c.flexible);
+        // beyond the flexible part the clamps go straight on
+        let on = along - along.clamp(0.0, c.flexible);
+        Vec3([0.0, 0.0, start]) + place + turn.column(2) * on
+    }
+
+    /// Place and orientation of a section at a fraction of the flexible part, from its start.
+    pub fn section(&self, fraction: f64) -> (Vec3, Mat3) {
+        let fraction = fraction.clamp(0.0, 1.0);
+        let at = fraction * A as f64;
+        let i = (at as usize).min(A - 1);
         let part = at - i as f64;
         let arc = ArcMap::new(self.w[i] * part, self.arcs[i].length() * part);
         let mut from = Vec3::zero();
         for j in 0..i {
             from += self.prefix[j] * self.arcs[j].end;
         }
-        clamped + from + self.prefix[i] * arc.end + yielded
+        let place = from + self.prefix[i] * arc.end + (self.rho - self.rho0) * fraction;
+        (place, self.prefix[i] * arc.rotation)
     }
 }
 
 impl<T: Real> Constants<T> {
+    /// Elastic moments by each arc's rotation vector.
+    #[inline(always)]
+    pub fn bending_moments<const A: usize>(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
+        let mut g = [Vec3::zero(); A];
+        for i in (0..A).step_by(2) {
+            let (sum, difference) = (w[i] + w[i + 1], (w[i] - w[i + 1]) * T::splat(0.75));
+            g[i] = self.moment(sum + difference);
+            g[i + 1] = self.moment(sum - difference);
+        }
+        g
+    }
+
+    /// Energy of the extension that tendons along the backbone take, beside that by the contact
+    /// force, which alone lengthens it by `longer`.
+    #[inline(always)]
+    pub fn stretch_energy(&self, t: &Tendons<T>, longer: T) -> T {
+        let mut force = T::zero();
+        if t.path == TendonPath::Continuous {
+            for &tension in t.tensions {
+                force += tension;
+            }
+        }
+        force * (self.flexible * self.axial_compliance * force * T::splat(0.5) - longer)
+    }
+
     /// Extension of the backbone by tendons that run along it.
     #[inline(always)]
     pub fn stretch(&self, t: &Tendons<T>) -> T {

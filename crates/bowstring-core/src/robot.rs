@@ -26,6 +26,8 @@ pub struct Section {
     pub shear: f64,
     /// rho A, kg/m.
     pub mass_per_length: f64,
+    /// rho I about a diameter, kg m; twice as much about the axis. Dynamics alone uses it.
+    pub rotary_inertia: f64,
 }
 
 /// A spacer disk.
@@ -37,6 +39,8 @@ pub struct Disk {
     pub clamped_length: f64,
     /// kg
     pub mass: f64,
+    /// About a diameter and about the axis, kg m^2. Dynamics alone uses it.
+    pub inertia: [f64; 2],
     /// Segment that the backbone before this disk belongs to.
     pub segment: usize,
 }
@@ -102,11 +106,15 @@ impl Robot {
                     ));
                 }
             }
-            if !(s.mass_per_length.is_finite() && s.mass_per_length >= 0.0) {
-                return fail(format!(
-                    "segment {i}: mass per length is {}, it must not be negative",
-                    s.mass_per_length
-                ));
+            for (name, value) in [
+                ("mass per length", s.mass_per_length),
+                ("rotary inertia", s.rotary_inertia),
+            ] {
+                if !(value.is_finite() && value >= 0.0) {
+                    return fail(format!(
+                        "segment {i}: {name} is {value}, it must not be negative"
+                    ));
+                }
             }
         }
         let mut modules = Vec::with_capacity(spec.disks.len());
@@ -135,6 +143,15 @@ impl Robot {
                 return fail(format!(
                     "disk {i}: mass is {} kg, it must not be negative",
                     d.mass
+                ));
+            }
+            let [across, along] = d.inertia;
+            // a body's principal moments of inertia obey the triangle inequality
+            let possible = along >= 0.0 && across * (2.0 + 1e-12) >= along;
+            if !(across.is_finite() && possible) {
+                return fail(format!(
+                    "disk {i}: moments of inertia are {across} kg m^2 about a diameter and \
+                     {along} about the axis, no body has these"
                 ));
             }
             let clamp = [clamp_before, d.clamped_length / 2.0];
@@ -203,6 +220,15 @@ impl Robot {
     /// Length of the straight backbone, m.
     pub fn length(&self) -> f64 {
         self.spec.disks[self.spec.disks.len() - 1].station
+    }
+    /// Of disks and backbone, kg.
+    pub fn mass(&self) -> f64 {
+        let (mut mass, mut from) = (0.0, 0.0);
+        for (k, disk) in self.spec.disks.iter().enumerate() {
+            mass += disk.mass + self.section(k).mass_per_length * (disk.station - from);
+            from = disk.station;
+        }
+        mass
     }
     pub(crate) fn section(&self, module: usize) -> &Section {
         &self.spec.sections[self.modules[module].segment]

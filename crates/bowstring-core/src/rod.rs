@@ -9,7 +9,7 @@ use crate::load::{Load, Model, TendonPath};
 use crate::module::{Constants, Gradient, Hessian, Response, Span, State, Tendons};
 use crate::real::{Layout, Real};
 use crate::robot::{Robot, Tendon};
-use crate::sweep::{Eliminated, Value};
+use crate::sweep::{Blocks, Eliminated};
 
 /// A robot under load, with its scratch memory: no pass of a solve allocates.
 #[derive(Clone)]
@@ -24,9 +24,9 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     saved: Vec<[Vec3<L::Module>; A]>,
     saved_force: Vec<Vec3<L::Module>>,
     /// Tension of every tendon in every group, zero where it does not pass.
-    tensions: Vec<L::Module>,
+    pub tensions: Vec<L::Module>,
     /// By modules.
-    pub eliminated: Vec<Eliminated<L::Chain, A>>,
+    pub eliminated: Vec<Eliminated<L::Chain, A, 1>>,
     dead: Vec<[Vec3<L::Chain>; 4]>,
     /// Of the disks, base included.
     pub rotations: Vec<Mat3<L::Chain>>,
@@ -35,12 +35,12 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub lengths: Vec<L::Chain>,
     /// How far a module's chord and its loaded spans point forward, the least of them.
     forward: Vec<L::Chain>,
-    modules: Vec<Constants<f64>>,
+    pub modules: Vec<Constants<f64>>,
     masses: Vec<f64>,
     first_tendon: Vec<usize>,
-    tendons: Vec<Tendon>,
-    path: TendonPath,
-    tip_moment: Vec3<L::Chain>,
+    pub tendons: Vec<Tendon>,
+    pub path: TendonPath,
+    pub tip_moment: Vec3<L::Chain>,
 }
 
 /// What the step promises.
@@ -53,7 +53,7 @@ pub(crate) struct Step<T> {
 
 /// The tendons in one group of modules.
 #[inline(always)]
-fn in_group<'a, M>(
+pub(crate) fn in_group<'a, M>(
     tendons: &'a [Tendon],
     tensions: &'a [M],
     path: TendonPath,
@@ -68,12 +68,12 @@ fn in_group<'a, M>(
 }
 
 #[inline(always)]
-fn get<L: Layout>(v: &Vec3<L::Module>, i: usize) -> Vec3<L::Chain> {
+pub(crate) fn get<L: Layout>(v: &Vec3<L::Module>, i: usize) -> Vec3<L::Chain> {
     Vec3([L::get(&v.0[0], i), L::get(&v.0[1], i), L::get(&v.0[2], i)])
 }
 
 #[inline(always)]
-fn get_mat<L: Layout>(m: &Mat3<L::Module>, i: usize) -> Mat3<L::Chain> {
+pub(crate) fn get_mat<L: Layout>(m: &Mat3<L::Module>, i: usize) -> Mat3<L::Chain> {
     let mut out = Mat3::zero();
     for (row, from) in out.0.iter_mut().zip(&m.0) {
         for (x, y) in row.iter_mut().zip(from) {
@@ -84,7 +84,7 @@ fn get_mat<L: Layout>(m: &Mat3<L::Module>, i: usize) -> Mat3<L::Chain> {
 }
 
 #[inline(always)]
-fn put<L: Layout>(v: &mut Vec3<L::Module>, i: usize, c: Vec3<L::Chain>) {
+pub(crate) fn put<L: Layout>(v: &mut Vec3<L::Module>, i: usize, c: Vec3<L::Chain>) {
     for q in 0..3 {
         L::put(&mut v.0[q], i, c.0[q]);
     }
@@ -130,15 +130,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Sets dead loads and tensions.
+    /// Sets the tensions alone.
     #[inline(always)]
-    pub fn set_load(
-        &mut self,
-        tension: impl Fn(usize) -> L::Chain,
-        gravity: Vec3<L::Chain>,
-        tip_force: Vec3<L::Chain>,
-        tip_moment: Vec3<L::Chain>,
-    ) {
+    pub fn set_tensions(&mut self, tension: impl Fn(usize) -> L::Chain) {
         let count = self.tendons.len();
         for i in 0..count {
             let t = tension(i);
@@ -149,6 +143,18 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 }
             }
         }
+    }
+
+    /// Sets dead loads and tensions.
+    #[inline(always)]
+    pub fn set_load(
+        &mut self,
+        tension: impl Fn(usize) -> L::Chain,
+        gravity: Vec3<L::Chain>,
+        tip_force: Vec3<L::Chain>,
+        tip_moment: Vec3<L::Chain>,
+    ) {
+        self.set_tensions(tension);
         self.tip_moment = tip_moment;
         let splat = L::Chain::splat;
         let mut force = tip_force;
@@ -166,6 +172,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 weight * splat(element),
             ];
             force += weight * splat(h + start + end);
+        }
+    }
+
+    /// Makes the ends of all modules give way a little more, by this share of their bending,
+    /// so that compliance can be inverted.
+    pub fn make_yielding(&mut self, share: f64) {
+        for c in &mut self.constants {
+            c.d[0] += c.d[3] * L::Module::splat(share);
         }
     }
 
@@ -265,7 +279,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     fn linearise_group(&mut self, g: usize) -> Response<L::Module, A> {
         let t = in_group(&self.tendons, &self.tensions, self.path, g);
         let out = &mut self.hessians[g];
-        self.states[g].hessian(&self.constants[g], &t, &self.gradients[g], out)
+        self.states[g].hessian::<true>(&self.constants[g], &t, &self.gradients[g], out)
     }
 
     /// Backward pass: eliminates every arc; returns the least pivot, positive at a minimum.
@@ -274,25 +288,31 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let n = self.dead.len();
         // in its log chart a rotation sees a dead moment as a skew stiffness
         let moment = self.rotations[n].tr_mul(self.tip_moment);
-        let mut value = Value {
-            matrix: (moment * L::Chain::splat(-0.5)).skew(),
-            least_pivot: L::Chain::splat(f64::INFINITY),
-        };
+        let mut value = (moment * L::Chain::splat(-0.5)).skew();
+        let mut least_pivot = L::Chain::splat(f64::INFINITY);
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let all = &self.hessians[g];
-            let mut hessian = Hessian::empty();
+            let s = get_mat::<L>(&self.states[g].s, i);
+            // of the disk at the end, in the frame of the start
+            let p = s * value * s.transpose();
+            let mut blocks = Blocks::empty();
             for a in 0..A {
                 for b in a..A {
-                    hessian.uu[b][a] = get_mat::<L>(&all.uu[b][a], i);
+                    blocks.uu[b][a] = get_mat::<L>(&all.uu[b][a], i) + p;
+                    if !SYMMETRIC && b > a {
+                        blocks.uu[a][b] = get_mat::<L>(&all.uu[b][a], i).transpose() + p;
+                    }
                 }
-                hessian.xu[a] = get_mat::<L>(&all.xu[a], i);
+                blocks.uu[a][a] = blocks.uu[a][a].add_diagonal([shift; 3]);
+                let xu = get_mat::<L>(&all.xu[a], i);
+                blocks.xu[a][0] = xu + p;
+                blocks.ux[a][0] = xu.transpose() + p;
             }
-            hessian.xx = get_mat::<L>(&all.xx, i);
-            let s = get_mat::<L>(&self.states[g].s, i);
-            self.eliminated[k].eliminate::<SYMMETRIC>(hessian, &s, shift, &mut value);
+            blocks.xx[0][0] = get_mat::<L>(&all.xx, i) + p;
+            [[value]] = self.eliminated[k].eliminate::<SYMMETRIC>(blocks, &mut least_pivot);
         }
-        value.least_pivot
+        least_pivot
     }
 
     /// The Newton step from the present gradient and elimination.
@@ -303,15 +323,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             p = get_mat::<L>(&self.states[g].s, i) * p;
-            let mut rhs = [Vec3::zero(); A];
+            let mut answer = [Vec3::zero(); A];
             for a in 0..A {
-                rhs[a] = get::<L>(&self.gradients[g].g[a], i);
+                answer[a] = get::<L>(&self.gradients[g].g[a], i) + p;
             }
-            let (answer, start) = self.eliminated[k].backward::<SYMMETRIC>(rhs, p);
+            let mut start = [p];
+            self.eliminated[k].backward::<SYMMETRIC>(&mut answer, &mut start);
             for a in 0..A {
                 put::<L>(&mut self.step[g][a], i, answer[a]);
             }
-            p = start;
+            [p] = start;
         }
         let mut x = Vec3::zero();
         let (mut slope, mut largest) = (L::Chain::zero(), L::Chain::zero());
@@ -321,7 +342,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             for a in 0..A {
                 answer[a] = get::<L>(&self.step[g][a], i);
             }
-            let (u, end) = self.eliminated[k].forward(&answer, x);
+            let u = self.eliminated[k].forward(&answer, &[x]);
+            let mut end = x;
+            for a in 0..A {
+                end += u[a];
+            }
             x = get_mat::<L>(&self.states[g].s, i).tr_mul(end);
             for a in 0..A {
                 put::<L>(&mut self.step[g][a], i, u[a]);
@@ -461,6 +486,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 let w = get::<L>(v, k % L::WIDTH);
                 visit(k * A + a, Vec3([w[0].lane(0), w[1].lane(0), w[2].lane(0)]));
             }
+        }
+    }
+
+    /// Contact force of every module, in the frame of its start.
+    pub fn contact_forces(&self, mut visit: impl FnMut(usize, Vec3)) {
+        for k in 0..self.dead.len() {
+            let n = get::<L>(&self.states[k / L::WIDTH].n, k % L::WIDTH);
+            visit(k, Vec3([n[0].lane(0), n[1].lane(0), n[2].lane(0)]));
         }
     }
 

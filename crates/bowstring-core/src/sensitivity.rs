@@ -143,7 +143,7 @@ fn source<const A: usize>(
         }
         Parameter::Stiffness(segment) if segments[k] == segment => {
             let (on_end, on_tangent) = state.compliance_forces(c);
-            let elastic = state.bending_moments(c);
+            let elastic = c.bending_moments(&state.w);
             for i in 0..A {
                 source.moment[i] = gradient.to_strain[i].tr_mul(elastic[i])
                     + tangent.cross(on_tangent)
@@ -187,16 +187,17 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
     let mut answers = vec![[Vec3::zero(); A]; n];
     for k in (0..n).rev() {
         let at_start = rod.states[k].s * p;
-        let (answer, start) = rod.eliminated[k].backward::<SYMMETRIC>(sources[k].moment, at_start);
-        answers[k] = answer;
-        p = start + sources[k].start;
+        let mut start = [at_start];
+        answers[k] = sources[k].moment.map(|m| m + at_start);
+        rod.eliminated[k].backward::<SYMMETRIC>(&mut answers[k], &mut start);
+        p = start[0] + sources[k].start;
     }
     let mut x = Vec3::zero();
     let mut position = Vec3::zero();
     let mut lengths = vec![0.0; rod.lengths.len()];
     for k in 0..n {
         let (state, c, response) = (&rod.states[k], &rod.constants[k], &responses[k]);
-        let (u, end) = rod.eliminated[k].forward(&answers[k], x);
+        let u = rod.eliminated[k].forward(&answers[k], &[x]);
         let mut turn = Vec3::zero();
         let mut moved = sources[k].place;
         for i in 0..A {
@@ -213,7 +214,7 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
                 *length += span.direction.dot(rho + turn.cross(span.arm));
             }
         }
-        x = state.s.tr_mul(end);
+        x = state.s.tr_mul(x + turn);
     }
     let tip: Mat3 = rod.rotations[n];
     Derivative {

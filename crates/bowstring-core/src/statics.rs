@@ -2,7 +2,7 @@
 
 pub use crate::lie::Pose;
 use crate::linalg::Vec3;
-use crate::load::{Load, Model};
+use crate::load::{Load, Model, OwnedLoad};
 use crate::module::Constants;
 use crate::real::{Layout, Real, Scalar};
 use crate::robot::{InputError, Robot};
@@ -62,8 +62,8 @@ pub struct Outcome {
 ///
 /// ```
 /// use bowstring_core::{load::{Load, Model}, robot::*, statics::{Solver, Status}};
-/// let section = Section { bending: 1.07, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035 };
-/// let disks = (1..=9).map(|k| Disk { station: 0.641 * k as f64 / 9.0, clamped_length: 0.0, mass: 0.02, segment: 0 });
+/// let section = Section { bending: 1.07, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035, rotary_inertia: 5.5e-8 };
+/// let disks = (1..=9).map(|k| Disk { station: 0.641 * k as f64 / 9.0, clamped_length: 0.0, mass: 0.02, inertia: [5.1e-6, 1.02e-5], segment: 0 });
 /// let robot = Robot::new(RobotSpec {
 ///     sections: vec![section],
 ///     disks: disks.collect(),
@@ -84,30 +84,13 @@ pub struct Solver {
     elements: usize,
     engine: Engine,
     settings: Settings,
+    /// The last load, kept for what is asked after the solve.
     load: OwnedLoad,
     /// Strain of the points before, latest first, for extrapolation along a sweep.
     history: [Vec<Vec3>; 3],
     known: usize,
     /// Whether the last solve converged: only then are there numbers to give.
     settled: bool,
-}
-
-/// The last load, kept for what is asked after the solve.
-#[derive(Clone, Debug, Default)]
-struct OwnedLoad {
-    tensions: Vec<f64>,
-    gravity: [f64; 3],
-    tip_force: [f64; 3],
-    tip_moment: [f64; 3],
-}
-
-impl OwnedLoad {
-    fn set(&mut self, load: &Load) {
-        self.tensions.clear();
-        self.tensions.extend_from_slice(load.tensions);
-        (self.gravity, self.tip_force, self.tip_moment) =
-            (load.gravity, load.tip_force, load.tip_moment);
-    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -280,6 +263,14 @@ impl Solver {
             known: 0,
             settled: false,
         })
+    }
+
+    /// Strain of every arc and contact force of every module, as they stand.
+    pub(crate) fn strain_and_force(&self, strain: &mut [Vec3], force: &mut [Vec3]) {
+        with_rod!(&self.engine, rod => {
+            rod.strains(|i, w| strain[i] = w);
+            rod.contact_forces(|k, n| force[k] = n);
+        });
     }
 
     /// The robot that is solved.
@@ -494,12 +485,7 @@ impl Solver {
         let mut engine = Engine::scalar(&self.robot, self.model, self.elements)
             .expect("elements were checked when the solver was made");
         with_scalar_rod!(&mut engine, rod => {
-            rod.load(&Load {
-                tensions: &self.load.tensions,
-                gravity: self.load.gravity,
-                tip_force: self.load.tip_force,
-                tip_moment: self.load.tip_moment,
-            });
+            rod.load(&self.load.borrow());
             with_rod!(&self.engine, present => {
                 let mut strains = vec![Vec3::zero(); self.history[0].len()];
                 present.strains(|i, w| strains[i] = w);
@@ -753,11 +739,13 @@ mod tests {
             axial: 7e5,
             shear: 2.6e5,
             mass_per_length: 0.035,
+            rotary_inertia: 5.5e-8,
         };
         let disks = (0..11).map(|k| Disk {
             station: 0.06 * (k + 1) as f64,
             clamped_length: 0.002,
             mass: 0.02,
+            inertia: [5.1e-6, 1.0e-5],
             segment: usize::from(k > 5),
         });
         let tendons = (0..5).map(|i| Tendon {

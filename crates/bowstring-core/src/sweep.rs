@@ -1,98 +1,87 @@
 //! One Newton step: block elimination backward over the modules, substitution forward.
 //!
-//! The recursion of optimal control. State is the rotation `x` of a disk, control the
-//! rotations `u` that the arcs of the module after it add (both left perturbations, in the
-//! disk's own frame): dead loads couple modules through rotation alone, so the state has
-//! three numbers and the cost grows with the number of modules. The gradient comes from the
-//! exact costate, so the linear term `p` starts from zero at the tip and the step is Newton's.
+//! The recursion of optimal control. State is the motion of a disk, control the rotations `u`
+//! that the arcs of the module after it add (all left perturbations, in the disk's own
+//! frame). Dead loads couple modules through rotation alone, so the state of statics is one
+//! block of three; inertia couples them through translation as well, so that of dynamics is
+//! two. The cost grows with the number of modules. The gradient comes from the exact costate,
+//! so the linear term `p` starts from zero at the tip and the step is Newton's.
 //!
 //! A dead moment at the tip has no potential: it adds a skew part to the state matrix, and
 //! the elimination then keeps both triangles (`SYMMETRIC = false`).
 
 use crate::linalg::{Mat3, Vec3};
-use crate::module::Hessian;
 use crate::real::Real;
 
-/// An eliminated module: its arcs answer its start's rotation by `u = -(k + gain x)`.
+/// Second variation of a module and all beyond it: arcs, state of the start disk, and between.
+pub(crate) struct Blocks<T, const A: usize, const S: usize> {
+    /// Lower blocks; all of them where it is not symmetric.
+    pub uu: [[Mat3<T>; A]; A],
+    /// Rows of state, columns of arcs; and the other way round.
+    pub xu: [[Mat3<T>; S]; A],
+    pub ux: [[Mat3<T>; S]; A],
+    pub xx: [[Mat3<T>; S]; S],
+}
+
+/// An eliminated module: its arcs answer its start's motion by `u = -(k + gain x)`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Eliminated<T, const A: usize> {
+pub(crate) struct Eliminated<T, const A: usize, const S: usize> {
     /// Inverse diagonal blocks and the blocks beside them.
     inverse: [Mat3<T>; A],
     lower: [[Mat3<T>; A]; A],
     upper: [[Mat3<T>; A]; A],
-    gain: [Mat3<T>; A],
-    xu: [Mat3<T>; A],
+    gain: [[Mat3<T>; S]; A],
+    xu: [[Mat3<T>; S]; A],
 }
 
-/// Value of a disk's rotation by all beyond it, `x . matrix x / 2`, and the least pivot so far.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Value<T> {
-    pub matrix: Mat3<T>,
-    /// Not positive when what is beyond is not at a minimum; N m.
-    pub least_pivot: T,
+impl<T: Real, const A: usize, const S: usize> Blocks<T, A, S> {
+    #[inline(always)]
+    pub fn empty() -> Self {
+        let zero = Mat3::zero();
+        Blocks {
+            uu: [[zero; A]; A],
+            xu: [[zero; S]; A],
+            ux: [[zero; S]; A],
+            xx: [[zero; S]; S],
+        }
+    }
 }
 
-impl<T: Real, const A: usize> Eliminated<T, A> {
+impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
     pub fn empty() -> Self {
         let zero = Mat3::zero();
         Eliminated {
             inverse: [zero; A],
             lower: [[zero; A]; A],
             upper: [[zero; A]; A],
-            gain: [zero; A],
-            xu: [zero; A],
+            gain: [[zero; S]; A],
+            xu: [[zero; S]; A],
         }
     }
 
-    /// Eliminates the module's arcs; `value` is that of its end disk, in its own frame, and
-    /// becomes that of its start. `shift` is added to the diagonal; `s` is the rotation
-    /// over the module.
+    /// Eliminates the module's arcs; returns what is left for the state. `least_pivot` falls
+    /// to the least pivot, which is not positive when the module and all beyond it are not at
+    /// a minimum.
     #[inline(always)]
     pub fn eliminate<const SYMMETRIC: bool>(
         &mut self,
-        mut hessian: Hessian<T, A>,
-        s: &Mat3<T>,
-        shift: T,
-        value: &mut Value<T>,
-    ) {
-        let p = *s * value.matrix * s.transpose();
-        let uu = &mut hessian.uu;
-        let xu = &mut self.xu;
-        *xu = hessian.xu;
-        let mut ux = [Mat3::zero(); A];
-        for i in 0..A {
-            ux[i] = xu[i].transpose();
-        }
-        if SYMMETRIC {
-            for i in 0..A {
-                for b in i..A {
-                    uu[b][i] += p;
-                }
-            }
-        } else {
-            for i in 0..A {
-                for b in i + 1..A {
-                    uu[i][b] = uu[b][i].transpose();
-                }
-            }
-            for row in uu.iter_mut() {
-                for block in row {
-                    *block += p;
-                }
-            }
-        }
-        for i in 0..A {
-            uu[i][i] = uu[i][i].add_diagonal([shift; 3]);
-            xu[i] += p;
-            ux[i] += p;
-        }
+        blocks: Blocks<T, A, S>,
+        least_pivot: &mut T,
+    ) -> [[Mat3<T>; S]; S] {
+        let Blocks {
+            mut uu,
+            xu,
+            mut ux,
+            mut xx,
+        } = blocks;
+        self.xu = xu;
         for i in 0..A {
             let (inverse, [m1, m2, m3]) = uu[i][i].inverse_and_minors();
             self.inverse[i] = inverse;
             // leading minors as pivots; where one is not positive the least is not either
             let per = T::splat(1.0) / m1.abs();
             let least = min(min(m1, m2 * per), m3 * per * per);
-            value.least_pivot = min(value.least_pivot, least);
+            *least_pivot = min(*least_pivot, least);
             for b in i + 1..A {
                 let l = uu[b][i] * inverse;
                 self.lower[b][i] = l;
@@ -109,34 +98,46 @@ impl<T: Real, const A: usize> Eliminated<T, A> {
         }
         for i in 0..A {
             for b in i + 1..A {
-                let update = self.lower[b][i] * ux[i];
-                ux[b] -= update;
+                for q in 0..S {
+                    let update = self.lower[b][i] * ux[i][q];
+                    ux[b][q] -= update;
+                }
             }
         }
-        let mut matrix = hessian.xx + p;
         for i in (0..A).rev() {
-            if SYMMETRIC {
-                ux[i] = self.inverse[i] * ux[i];
-                for b in i + 1..A {
-                    let update = self.lower[b][i].tr_mat(ux[b]);
-                    ux[i] -= update;
+            for q in 0..S {
+                if SYMMETRIC {
+                    ux[i][q] = self.inverse[i] * ux[i][q];
+                    for b in i + 1..A {
+                        let update = self.lower[b][i].tr_mat(ux[b][q]);
+                        ux[i][q] -= update;
+                    }
+                } else {
+                    for b in i + 1..A {
+                        let update = uu[i][b] * ux[b][q];
+                        ux[i][q] -= update;
+                    }
+                    ux[i][q] = self.inverse[i] * ux[i][q];
                 }
-            } else {
-                for b in i + 1..A {
-                    let update = uu[i][b] * ux[b];
-                    ux[i] -= update;
+                for p in 0..S {
+                    if !SYMMETRIC || p >= q {
+                        xx[p][q] -= xu[i][p] * ux[i][q];
+                    }
                 }
-                ux[i] = self.inverse[i] * ux[i];
             }
-            matrix -= xu[i] * ux[i];
         }
         self.gain = ux;
         if SYMMETRIC {
-            value.matrix = matrix.symmetric_part();
+            for q in 0..S {
+                xx[q][q] = xx[q][q].symmetric_part();
+                for p in q + 1..S {
+                    xx[q][p] = xx[p][q].transpose();
+                }
+            }
         } else {
-            self.upper = *uu;
-            value.matrix = matrix;
+            self.upper = uu;
         }
+        xx
     }
 
     /// Solves for the module's arcs alone.
@@ -165,35 +166,29 @@ impl<T: Real, const A: usize> Eliminated<T, A> {
         }
     }
 
-    /// Backward substitution: the arcs' own answer `k` to the right-hand side `g`, and the
-    /// linear term `p` taken from the module's end (in the start's frame) to its start.
+    /// Backward substitution: turns the right-hand side `g` of the arcs into their own answer
+    /// `k`, and takes their part off the linear term `p` of the state.
     #[inline(always)]
-    pub fn backward<const SYMMETRIC: bool>(
-        &self,
-        mut g: [Vec3<T>; A],
-        mut p: Vec3<T>,
-    ) -> ([Vec3<T>; A], Vec3<T>) {
-        for gi in &mut g {
-            *gi += p;
-        }
-        self.solve::<SYMMETRIC>(&mut g);
+    pub fn backward<const SYMMETRIC: bool>(&self, g: &mut [Vec3<T>; A], p: &mut [Vec3<T>; S]) {
+        self.solve::<SYMMETRIC>(g);
         for i in 0..A {
-            p -= self.xu[i] * g[i];
+            for q in 0..S {
+                p[q] -= self.xu[i][q] * g[i];
+            }
         }
-        (g, p)
     }
 
-    /// Forward substitution: arcs, and rotation of the end disk in the start's frame, from
-    /// the rotation of the start disk.
+    /// Forward substitution: arcs from their own answer and the motion of the start disk.
     #[inline(always)]
-    pub fn forward(&self, k: &[Vec3<T>; A], x: Vec3<T>) -> ([Vec3<T>; A], Vec3<T>) {
+    pub fn forward(&self, k: &[Vec3<T>; A], x: &[Vec3<T>; S]) -> [Vec3<T>; A] {
         let mut u = *k;
-        let mut end = x;
         for i in 0..A {
-            u[i] = -(k[i] + self.gain[i] * x);
-            end += u[i];
+            for q in 0..S {
+                u[i] += self.gain[i][q] * x[q];
+            }
+            u[i] = -u[i];
         }
-        (u, end)
+        u
     }
 }
 

@@ -83,6 +83,7 @@ impl Case {
                 axial: young * area,
                 shear: shear * area,
                 mass_per_length: density * area,
+                rotary_inertia: density * inertia,
             });
             let length = d * slenderness * draw.within(0.7, 1.0);
             let count = draw.count(2, 20);
@@ -98,6 +99,7 @@ impl Case {
                     station: station + length * k as f64 / count as f64,
                     clamped_length: clamp,
                     mass,
+                    inertia: [mass * d * d, mass * d * d],
                     segment,
                 });
             }

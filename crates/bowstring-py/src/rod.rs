@@ -1,7 +1,7 @@
 //! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one answer.
 
 use bowstring_core::batch::{self, write_pose, Loads, Settings, Solutions};
-use bowstring_core::load::{Load, Model, TendonPath, Theory};
+use bowstring_core::load::{Model, OwnedLoad, TendonPath, Theory};
 use bowstring_core::robot::{Disk, InputError, RobotSpec, Section, Tendon};
 use bowstring_core::sensitivity::Derivative;
 use bowstring_core::statics::Solver;
@@ -17,36 +17,39 @@ mod raised {
     pyo3::import_exception!(bowstring.errors, InputError);
 }
 
-fn refused(sentence: impl Into<String>) -> PyErr {
+pub(crate) fn refused(sentence: impl Into<String>) -> PyErr {
     raised::InputError::new_err(sentence.into())
 }
 
-fn input_error(e: InputError) -> PyErr {
+pub(crate) fn input_error(e: InputError) -> PyErr {
     refused(e.0)
 }
 
 /// A robot in the core, checked and immutable.
 #[pyclass(frozen, module = "bowstring._core")]
 pub struct Robot {
-    inner: bowstring_core::robot::Robot,
+    pub(crate) inner: bowstring_core::robot::Robot,
 }
 
 #[pymethods]
 impl Robot {
     #[new]
-    #[pyo3(signature = (station_m, clamped_length_m, disk_mass_kg, disk_segment, bending_stiffness,
-        torsion_stiffness, axial_stiffness, shear_stiffness, mass_per_length, hole_m, end_disk, gravity))]
+    #[pyo3(signature = (station_m, clamped_length_m, disk_mass_kg, disk_inertia,
+        disk_segment, bending_stiffness, torsion_stiffness, axial_stiffness, shear_stiffness,
+        mass_per_length, rotary_inertia, hole_m, end_disk, gravity))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         station_m: PyReadonlyArray1<f64>,
         clamped_length_m: PyReadonlyArray1<f64>,
         disk_mass_kg: PyReadonlyArray1<f64>,
+        disk_inertia: PyReadonlyArray2<f64>,
         disk_segment: PyReadonlyArray1<i64>,
         bending_stiffness: PyReadonlyArray1<f64>,
         torsion_stiffness: PyReadonlyArray1<f64>,
         axial_stiffness: PyReadonlyArray1<f64>,
         shear_stiffness: PyReadonlyArray1<f64>,
         mass_per_length: PyReadonlyArray1<f64>,
+        rotary_inertia: PyReadonlyArray1<f64>,
         hole_m: PyReadonlyArray2<f64>,
         end_disk: PyReadonlyArray1<i64>,
         gravity: PyReadonlyArray1<f64>,
@@ -61,6 +64,7 @@ impl Robot {
             ("axial_stiffness", axial_stiffness.len(), segments),
             ("shear_stiffness", shear_stiffness.len(), segments),
             ("mass_per_length", mass_per_length.len(), segments),
+            ("rotary_inertia", rotary_inertia.len(), segments),
             ("gravity", gravity.len(), 3),
         ] {
             if len != expected {
@@ -69,11 +73,15 @@ impl Robot {
                 )));
             }
         }
-        if hole_m.shape() != [tendons, 2] {
-            return Err(refused(format!(
-                "hole_m has shape {:?}, it must have [{tendons}, 2]",
-                hole_m.shape()
-            )));
+        for (name, shape, rows) in [
+            ("hole_m", hole_m.shape(), tendons),
+            ("disk_inertia", disk_inertia.shape(), disks),
+        ] {
+            if shape != [rows, 2] {
+                return Err(refused(format!(
+                    "{name} has shape {shape:?}, it must have [{rows}, 2]"
+                )));
+            }
         }
         // an index below zero becomes a huge one, which the core refuses
         let index = |i: i64| usize::try_from(i).unwrap_or(usize::MAX);
@@ -81,7 +89,8 @@ impl Robot {
         let (station, segment) = (station_m.as_array(), disk_segment.as_array());
         let (bending, torsion) = (bending_stiffness.as_array(), torsion_stiffness.as_array());
         let (axial, shear) = (axial_stiffness.as_array(), shear_stiffness.as_array());
-        let (line, hole) = (mass_per_length.as_array(), hole_m.as_array());
+        let (line, rotary) = (mass_per_length.as_array(), rotary_inertia.as_array());
+        let (hole, inertia) = (hole_m.as_array(), disk_inertia.as_array());
         let (end, g) = (end_disk.as_array(), gravity.as_array());
         let spec = RobotSpec {
             sections: (0..segments)
@@ -91,6 +100,7 @@ impl Robot {
                     axial: axial[i],
                     shear: shear[i],
                     mass_per_length: line[i],
+                    rotary_inertia: rotary[i],
                 })
                 .collect(),
             disks: (0..disks)
@@ -98,6 +108,7 @@ impl Robot {
                     station: station[i],
                     clamped_length: clamped[i],
                     mass: mass[i],
+                    inertia: [inertia[[i, 0]], inertia[[i, 1]]],
                     segment: index(segment[i]),
                 })
                 .collect(),
@@ -141,7 +152,7 @@ impl Robot {
     ) -> PyResult<Solution> {
         let robot = &slf.get().inner;
         let settings = settings(theory, tendon, twist, elements)?;
-        let load = OwnLoad {
+        let load = OwnedLoad {
             tensions: numbers(tensions, "tensions", "N", robot.tendon_count())?,
             gravity: match gravity {
                 Some(g) => three(g, "gravity", "m/s^2")?,
@@ -272,7 +283,7 @@ impl Robot {
 pub struct Solution {
     robot: Py<Robot>,
     settings: Settings,
-    load: OwnLoad,
+    load: OwnedLoad,
     outcome: Outcome,
     answer: Option<Answer>,
 }
@@ -497,25 +508,6 @@ impl Solution {
     }
 }
 
-/// A load that owns its tensions.
-struct OwnLoad {
-    tensions: Vec<f64>,
-    gravity: [f64; 3],
-    tip_force: [f64; 3],
-    tip_moment: [f64; 3],
-}
-
-impl OwnLoad {
-    fn borrow(&self) -> Load<'_> {
-        Load {
-            tensions: &self.tensions,
-            gravity: self.gravity,
-            tip_force: self.tip_force,
-            tip_moment: self.tip_moment,
-        }
-    }
-}
-
 /// Copies of the arrays: nobody can change them while the interpreter lock is released.
 struct OwnLoads {
     count: usize,
@@ -577,7 +569,12 @@ impl OwnLoads {
 }
 
 fn settings(theory: &str, tendon: &str, twist: bool, elements: usize) -> PyResult<Settings> {
-    let model = Model {
+    let model = model(theory, tendon, twist)?;
+    Ok(Settings { model, elements })
+}
+
+pub(crate) fn model(theory: &str, tendon: &str, twist: bool) -> PyResult<Model> {
+    Ok(Model {
         theory: match theory {
             "cosserat" => Theory::Cosserat,
             "kirchhoff" => Theory::Kirchhoff,
@@ -597,12 +594,16 @@ fn settings(theory: &str, tendon: &str, twist: bool, elements: usize) -> PyResul
             }
         },
         twist,
-    };
-    Ok(Settings { model, elements })
+    })
 }
 
 /// A sequence of `count` numbers: an array, a list, a tuple or what NumPy makes an array of.
-fn numbers(value: &Bound<'_, PyAny>, name: &str, unit: &str, count: usize) -> PyResult<Vec<f64>> {
+pub(crate) fn numbers(
+    value: &Bound<'_, PyAny>,
+    name: &str,
+    unit: &str,
+    count: usize,
+) -> PyResult<Vec<f64>> {
     let found = if let Ok(array) = value.extract::<PyReadonlyArray1<f64>>() {
         Some(array.as_array().iter().copied().collect())
     } else if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
@@ -626,7 +627,7 @@ fn numbers(value: &Bound<'_, PyAny>, name: &str, unit: &str, count: usize) -> Py
     }
 }
 
-fn three(value: &Bound<'_, PyAny>, name: &str, unit: &str) -> PyResult<[f64; 3]> {
+pub(crate) fn three(value: &Bound<'_, PyAny>, name: &str, unit: &str) -> PyResult<[f64; 3]> {
     if let Ok(v) = value.extract::<(f64, f64, f64)>() {
         return Ok([v.0, v.1, v.2]);
     }

@@ -16,15 +16,20 @@ pub fn section(diameter: f64, young: f64, poisson: f64, density: f64) -> Section
         axial: young * area,
         shear: shear * area,
         mass_per_length: density * area,
+        rotary_inertia: density * inertia,
     }
 }
 
 /// Amouri 2019, Table 1, with `n` disks of the same total mass and 35 GPa.
 pub fn study_robot(n: usize, clamped_length: f64) -> Robot {
+    let mass = 0.02 * 9.0 / n as f64;
+    let (radius, thickness) = (0.032f64, 0.003f64);
+    let across = mass * (3.0 * radius.powi(2) + thickness.powi(2)) / 12.0;
     let disks = (1..=n).map(|k| Disk {
         station: LENGTH * k as f64 / n as f64,
         clamped_length,
-        mass: 0.02 * 9.0 / n as f64,
+        mass,
+        inertia: [across, mass * radius.powi(2) / 2.0],
         segment: 0,
     });
     let tendons = [0.0f64, 120.0, 240.0].map(|a| Tendon {

@@ -1,0 +1,636 @@
+//! Nonlinear dynamics: an implicit march in time, with an honest status.
+
+use crate::linalg::Vec3;
+use crate::load::{Load, Model, OwnedLoad};
+use crate::motion::Motion;
+pub use crate::motion::{Damping, Energies, Fields};
+use crate::real::{Layout, Scalar};
+use crate::robot::{InputError, Robot};
+use crate::statics::{self, Outcome, Solver, Status};
+
+/// Largest moment imbalance over (bending stiffness / length) at which a step counts as solved:
+/// with numerical damping, and without it, where errors of energy add up.
+pub const TOLERANCE: [f64; 2] = [1e-6, 1e-7];
+/// Newton iterations of a step before it is cut.
+const MAX_ITERATIONS: usize = 12;
+/// Residual over the one before at which Newton's matrix is too old.
+const SLOW: f64 = 0.03;
+/// Shortest step that a cut may reach, over the step asked for.
+const MOST_CUTS: f64 = 1e-6;
+/// Rounding of a step's forces, over the bending stiffness / length, that still leaves a motion.
+const MOST_NOISE: f64 = 1e-4;
+/// Steps, repeated ones too, in one stretch of time: enough for minutes of a stiff robot.
+const MOST_STEPS: usize = 2_000_000;
+/// Energy that may appear from nowhere before a step is done again without numerical damping,
+/// whose scheme conserves it; and before a step is cut. Of the largest energy so far.
+const GROWTH: [f64; 2] = [1e-3, 5e-2];
+
+/// How long a step is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Step {
+    /// At most this long, s.
+    Fixed(f64),
+    /// Such that a disk's position errs by about this much in a step, m; a step after a jump of
+    /// the load is a twentieth of the longest, for nothing is known of it.
+    Adaptive { tolerance: f64, longest: f64 },
+}
+
+/// What stays the same over a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// m/s^2
+    pub gravity: [f64; 3],
+    pub damping: Damping,
+    /// Numerical damping: what a step leaves of the fastest oscillation, 0 to 1 (none).
+    pub spectral_radius: f64,
+    pub step: Step,
+}
+
+/// Why a run stopped before its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The shortest step did not converge.
+    StepFailed,
+    /// Two disks met.
+    Collision,
+}
+
+/// What a stretch of time took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Count {
+    pub steps: usize,
+    pub iterations: usize,
+    /// Steps done again: shorter, or without numerical damping.
+    pub repeated: usize,
+}
+
+/// A moving robot.
+///
+/// ```
+/// use bowstring_core::{dynamics::*, load::{Load, Model}, robot::*};
+/// let section = Section { bending: 1.07, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035, rotary_inertia: 5.5e-8 };
+/// let disks = (1..=9).map(|k| Disk { station: 0.641 * k as f64 / 9.0, clamped_length: 0.0, mass: 0.02, inertia: [5.1e-6, 1.02e-5], segment: 0 });
+/// let robot = Robot::new(RobotSpec {
+///     sections: vec![section],
+///     disks: disks.collect(),
+///     tendons: vec![Tendon { hole: [0.029, 0.0], end_disk: 8 }],
+///     gravity: [0.0; 3],
+/// })?;
+/// let mut simulator = Simulator::new(&robot, Model::default(), 1, Settings {
+///     gravity: [0.0; 3],
+///     damping: Damping { mass: 0.5, material: 0.0 },
+///     spectral_radius: 1.0,
+///     step: Step::Fixed(2e-3),
+/// })?;
+/// let pull = |tension: &'static [f64]| Load { tensions: tension, gravity: [0.0; 3], tip_force: [0.0; 3], tip_moment: [0.0; 3] };
+/// simulator.rest(&pull(&[0.0]))?;
+/// // 0 to 40 N in half a second
+/// let (stop, _) = simulator.advance(0.5, &pull(&[40.0]))?;
+/// assert_eq!(stop, None);
+/// assert!((simulator.tip().0[0] - 0.19836).abs() < 1e-3);
+/// # Ok::<(), InputError>(())
+/// ```
+pub struct Simulator {
+    robot: Robot,
+    model: Model,
+    elements: usize,
+    settings: Settings,
+    engine: Engine,
+    time: f64,
+    /// Whether there is a state to move on from.
+    ready: bool,
+    march: March,
+}
+
+/// The course of one stretch of time.
+struct March {
+    step: Step,
+    spectral_radius: f64,
+    tolerance: f64,
+    at_rest_tolerance: f64,
+    /// Step below which rounding would drown the motion, s.
+    shortest: f64,
+    from: OwnedLoad,
+    to: OwnedLoad,
+    between: OwnedLoad,
+    /// Step to try next, s.
+    next: f64,
+    /// Least energy left, and the largest energy, since the last jump of the load; J.
+    left: f64,
+    size: f64,
+    count: Count,
+    /// Whether the last equilibrium was a minimum of the energy.
+    stable: bool,
+    /// How much of the stretch was done, s.
+    elapsed: f64,
+}
+
+/// The rod, by elements in a module and laid out for the processor, as in statics.
+enum Engine {
+    One(Box<Motion<Scalar, 2>>),
+    Two(Box<Motion<Scalar, 4>>),
+    Four(Box<Motion<Scalar, 8>>),
+    Eight(Box<Motion<Scalar, 16>>),
+    #[cfg(target_arch = "x86_64")]
+    Avx2(Box<Motion<crate::simd::Modules<crate::simd::F64x4>, 2>>),
+    #[cfg(target_arch = "x86_64")]
+    Avx512(Box<Motion<crate::simd::Modules<crate::simd::F64x8>, 2>>),
+}
+
+macro_rules! with_motion {
+    ($engine:expr, $motion:ident => $code:expr) => {
+        match $engine {
+            Engine::One($motion) => $code,
+            Engine::Two($motion) => $code,
+            Engine::Four($motion) => $code,
+            Engine::Eight($motion) => $code,
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx2($motion) => $code,
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx512($motion) => $code,
+        }
+    };
+}
+
+impl Engine {
+    fn new(
+        robot: &Robot,
+        model: Model,
+        elements: usize,
+        settings: &Settings,
+    ) -> Result<Self, InputError> {
+        let (g, d) = (settings.gravity, settings.damping);
+        #[cfg(target_arch = "x86_64")]
+        if elements == 1 {
+            if crate::simd::has_avx512() {
+                return Ok(Engine::Avx512(Box::new(Motion::new(robot, model, g, d))));
+            }
+            if crate::simd::has_avx2() {
+                return Ok(Engine::Avx2(Box::new(Motion::new(robot, model, g, d))));
+            }
+        }
+        Ok(match elements {
+            1 => Engine::One(Box::new(Motion::new(robot, model, g, d))),
+            2 => Engine::Two(Box::new(Motion::new(robot, model, g, d))),
+            4 => Engine::Four(Box::new(Motion::new(robot, model, g, d))),
+            8 => Engine::Eight(Box::new(Motion::new(robot, model, g, d))),
+            n => {
+                return Err(InputError(format!(
+                    "elements is {n}, it must be 1, 2, 4 or 8"
+                )))
+            }
+        })
+    }
+
+    /// Marches through `task`, seconds; or to equilibrium.
+    fn run(&mut self, march: &mut March, task: Task) -> Option<Stop> {
+        match self {
+            Engine::One(motion) => run(motion, march, task),
+            Engine::Two(motion) => run(motion, march, task),
+            Engine::Four(motion) => run(motion, march, task),
+            Engine::Eight(motion) => run(motion, march, task),
+            // SAFETY: the engine was chosen by what the processor has
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx2(motion) => unsafe { run_avx2(motion, march, task) },
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx512(motion) => unsafe { run_avx512(motion, march, task) },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn run_avx2<L: Layout, const A: usize>(
+    motion: &mut Motion<L, A>,
+    march: &mut March,
+    task: Task,
+) -> Option<Stop> {
+    run(motion, march, task)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+fn run_avx512<L: Layout, const A: usize>(
+    motion: &mut Motion<L, A>,
+    march: &mut March,
+    task: Task,
+) -> Option<Stop> {
+    run(motion, march, task)
+}
+
+/// What to march through.
+#[derive(Clone, Copy)]
+enum Task {
+    /// To the equilibrium under `to`.
+    Settle,
+    /// This long, s.
+    Advance(f64),
+}
+
+/// Newton's method on one step, one call of every pass in it.
+#[inline(always)]
+fn solve<L: Layout, const A: usize>(
+    motion: &mut Motion<L, A>,
+    march: &mut March,
+    tolerance: f64,
+    least: usize,
+) -> bool {
+    let (mut iteration, mut best, mut last) = (0, f64::INFINITY, f64::INFINITY);
+    loop {
+        let residual = motion.residual();
+        if residual <= tolerance && iteration >= least {
+            return true;
+        }
+        best = f64::min(best, residual);
+        // a NaN ends it as well
+        let best_of_all = f64::max(best, tolerance);
+        if iteration == MAX_ITERATIONS || !(residual < 1e6 * best_of_all) {
+            return false;
+        }
+        motion.improve(residual > SLOW * last);
+        last = residual;
+        iteration += 1;
+        march.count.iterations += 1;
+    }
+}
+
+#[inline(always)]
+fn run<L: Layout, const A: usize>(
+    motion: &mut Motion<L, A>,
+    march: &mut March,
+    task: Task,
+) -> Option<Stop> {
+    let duration = match task {
+        Task::Settle => f64::INFINITY,
+        Task::Advance(duration) => duration,
+    };
+    let settling = duration.is_infinite();
+    let nominal = match march.step {
+        Step::Fixed(step) => step,
+        Step::Adaptive { longest, .. } => longest,
+    };
+    march.elapsed = 0.0;
+    while march.elapsed < duration * (1.0 - 1e-12) {
+        if march.count.steps + march.count.repeated > MOST_STEPS {
+            return Some(Stop::StepFailed);
+        }
+        let remaining = duration - march.elapsed;
+        let step = remaining / (remaining / march.next - 1e-4).ceil().max(1.0);
+        let mut fraction = 1.0;
+        if settling {
+            motion.begin_at_rest();
+        } else {
+            motion.begin(step, march.spectral_radius);
+            fraction = (march.elapsed + motion.balance_time() * step) / duration;
+        }
+        march.between.between(&march.from, &march.to, fraction);
+        motion.set_load(&march.between.borrow());
+        let at_rest = march.at_rest_tolerance;
+        let tolerance = if settling { at_rest } else { march.tolerance };
+        let noise = motion.noise(&march.between.tensions);
+        // at rest Newton's matrix tells whether the equilibrium is stable
+        let tolerance = f64::max(tolerance, noise);
+        let mut sound = solve(motion, march, tolerance, usize::from(settling));
+        if settling {
+            motion.commit_at_rest();
+            march.stable = motion.least_pivot > 0.0;
+            return (!sound).then_some(Stop::StepFailed);
+        }
+        let mut error = f64::INFINITY;
+        if sound {
+            motion.finish(&march.between.borrow());
+            error = motion.local_error();
+            let energies = motion.outlook();
+            let (left, size) = (energies.left(), f64::max(march.size, energies.size()));
+            let grown = left - march.left;
+            if !motion.is_fresh() && march.spectral_radius < 1.0 && grown > GROWTH[0] * size {
+                motion.restart();
+                march.count.repeated += 1;
+                continue;
+            }
+            // a NaN is not sound
+            sound = grown <= GROWTH[1] * size;
+        }
+        if !sound {
+            motion.stop_foreseeing();
+            march.next = step / 2.0;
+            march.count.repeated += 1;
+            if march.next < f64::max(nominal * MOST_CUTS, march.shortest) {
+                return Some(Stop::StepFailed);
+            }
+            continue;
+        }
+        if let Step::Adaptive { tolerance, .. } = march.step {
+            if error.is_finite() && error > 2.0 * tolerance && step > march.shortest {
+                let shorter = step * f64::max(0.9 * (tolerance / error).cbrt(), 0.2);
+                march.next = f64::max(shorter, march.shortest);
+                march.count.repeated += 1;
+                continue;
+            }
+        }
+        if !motion.is_apart() {
+            return Some(Stop::Collision);
+        }
+        motion.commit();
+        march.left = f64::min(march.left, motion.energies.left());
+        march.size = f64::max(march.size, motion.energies.size());
+        march.elapsed += step;
+        march.count.steps += 1;
+        march.next = match march.step {
+            // cut steps grow back
+            Step::Fixed(longest) => f64::min(2.0 * march.next, longest),
+            Step::Adaptive { tolerance, longest } => {
+                let growth = if error.is_finite() {
+                    (0.9 * (tolerance / error).cbrt()).clamp(0.5, 2.0)
+                } else {
+                    1.0
+                };
+                // steps of one length share Newton's matrix
+                let keep = (0.85..1.4).contains(&growth);
+                f64::min(if keep { step } else { step * growth }, longest)
+            }
+        };
+    }
+    None
+}
+
+impl Simulator {
+    /// A robot that waits for [`Simulator::rest`]; 1, 2, 4 or 8 elements in a module.
+    pub fn new(
+        robot: &Robot,
+        model: Model,
+        elements: usize,
+        settings: Settings,
+    ) -> Result<Self, InputError> {
+        let Settings {
+            gravity,
+            damping,
+            spectral_radius,
+            step,
+        } = settings;
+        for (name, unit, value) in [
+            ("mass damping", "1/s", damping.mass),
+            ("material damping", "s", damping.material),
+        ] {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(InputError(format!(
+                    "{name} is {value} {unit}, it must not be negative"
+                )));
+            }
+        }
+        if !(0.0..=1.0).contains(&spectral_radius) {
+            return Err(InputError(format!(
+                "spectral radius is {spectral_radius}, it must lie from 0 (damps fast oscillations at once) to 1 (damps nothing)"
+            )));
+        }
+        let lengths: &[(&str, f64)] = match &step {
+            Step::Fixed(step) => &[("time step", *step)],
+            Step::Adaptive { tolerance, longest } => {
+                &[("tolerance", *tolerance), ("longest time step", *longest)]
+            }
+        };
+        for (name, value) in lengths {
+            if !(value.is_normal() && *value > 0.0) {
+                return Err(InputError(format!(
+                    "{name} is {value}, it must be positive"
+                )));
+            }
+        }
+        if !gravity.iter().all(|g| g.is_finite()) {
+            return Err(InputError(format!(
+                "gravity is {gravity:?} m/s^2, it must be three finite numbers"
+            )));
+        }
+        // 2 / h^2 times mass times length is the largest force whose rounding is seen
+        let scale = robot.moment_scale();
+        let size = 8.0 * f64::EPSILON * robot.mass() * robot.length().powi(2);
+        let shortest = (size / (MOST_NOISE * scale)).sqrt();
+        if let Step::Fixed(step) = step {
+            if step < shortest {
+                return Err(InputError(format!(
+                    "time step is {step} s; below {shortest:.1e} s rounding would drown the motion of this robot"
+                )));
+            }
+        }
+        let forces = OwnedLoad {
+            tensions: vec![0.0; robot.tendon_count()],
+            ..OwnedLoad::default()
+        };
+        Ok(Simulator {
+            engine: Engine::new(robot, model, elements, &settings)?,
+            robot: robot.clone(),
+            model,
+            elements,
+            settings,
+            time: 0.0,
+            ready: false,
+            march: March {
+                step,
+                spectral_radius,
+                tolerance: TOLERANCE[usize::from(spectral_radius == 1.0)] * scale,
+                at_rest_tolerance: statics::TOLERANCE * scale,
+                shortest,
+                from: forces.clone(),
+                to: forces.clone(),
+                between: forces,
+                next: 0.0,
+                left: 0.0,
+                size: 0.0,
+                count: Count::default(),
+                stable: false,
+                elapsed: 0.0,
+            },
+        })
+    }
+
+    /// The robot that moves.
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Starts anew, at rest in the equilibrium of a load, at time zero; the load's gravity is
+    /// not used. Nothing but a converged outcome can be simulated from.
+    pub fn rest(&mut self, load: &Load) -> Result<Outcome, InputError> {
+        let load = Load {
+            gravity: self.settings.gravity,
+            ..*load
+        };
+        let mut solver = Solver::new(&self.robot, self.model, self.elements)?;
+        let mut outcome = solver.solve(&load)?;
+        let n = self.robot.module_count();
+        let mut strain = vec![Vec3::zero(); 2 * self.elements * n];
+        let mut force = vec![Vec3::zero(); n];
+        solver.strain_and_force(&mut strain, &mut force);
+        with_motion!(&mut self.engine, motion => motion.take_strain(|i| strain[i], |k| force[k]));
+        self.march.to.set(&load);
+        self.clear_disk_forces();
+        self.ready = outcome.status == Status::Converged && self.settle().is_none();
+        if outcome.status == Status::Converged && !self.ready {
+            outcome.status = Status::MaxIterations;
+        }
+        Ok(outcome)
+    }
+
+    /// Adds dead forces on the disks, N in the base frame, and goes to rest under them by
+    /// equal increments; they stay until they are taken off. Stops where there is no stable
+    /// equilibrium.
+    pub fn rest_with_disk_forces(
+        &mut self,
+        forces: &[[f64; 3]],
+        increments: usize,
+    ) -> Result<Option<Stop>, InputError> {
+        if forces.len() != self.robot.module_count() {
+            return Err(InputError(format!(
+                "{} disk forces were given, the robot has {} disks",
+                forces.len(),
+                self.robot.module_count()
+            )));
+        }
+        self.check_ready()?;
+        if !forces.iter().flatten().all(|f| f.is_finite()) {
+            return Err(InputError("disk forces must be finite numbers".into()));
+        }
+        let increments = increments.max(1);
+        for i in 1..=increments {
+            let share = i as f64 / increments as f64;
+            with_motion!(&mut self.engine, motion => {
+                for (k, f) in forces.iter().enumerate() {
+                    motion.set_disk_force(k, Vec3(*f) * share);
+                }
+            });
+            if let Some(stop) = self.settle() {
+                self.ready = false;
+                return Ok(Some(stop));
+            }
+        }
+        if !self.march.stable {
+            self.ready = false;
+            return Ok(Some(Stop::StepFailed));
+        }
+        Ok(None)
+    }
+
+    /// Takes all forces off the disks at once.
+    pub fn release_disk_forces(&mut self) {
+        self.clear_disk_forces();
+        with_motion!(&mut self.engine, motion => {
+            motion.restart();
+            motion.stop_foreseeing();
+        });
+        self.forget();
+    }
+
+    fn clear_disk_forces(&mut self) {
+        with_motion!(&mut self.engine, motion => {
+            for k in 0..self.robot.module_count() {
+                motion.set_disk_force(k, Vec3::zero());
+            }
+        });
+    }
+
+    fn check_ready(&self) -> Result<(), InputError> {
+        if self.ready {
+            return Ok(());
+        }
+        Err(InputError(
+            "the robot has no state to move from: bring it to rest first".into(),
+        ))
+    }
+
+    fn settle(&mut self) -> Option<Stop> {
+        self.march.from = self.march.to.clone();
+        let stop = self.engine.run(&mut self.march, Task::Settle);
+        self.time = 0.0;
+        self.march.count = Count::default();
+        self.forget();
+        stop
+    }
+
+    fn forget(&mut self) {
+        let energies = *self.energies();
+        self.march.left = energies.left();
+        self.march.size = energies.size();
+        self.march.next = match self.settings.step {
+            Step::Fixed(step) => step,
+            Step::Adaptive { longest, .. } => longest / 20.0,
+        };
+    }
+
+    /// Changes the load at once: a release, or a step of tension.
+    pub fn jump(&mut self, load: &Load) -> Result<(), InputError> {
+        load.check(&self.robot)?;
+        self.march.to.set(load);
+        with_motion!(&mut self.engine, motion => {
+            motion.restart();
+            motion.stop_foreseeing();
+        });
+        self.forget();
+        Ok(())
+    }
+
+    /// Moves on by `duration` seconds while the load goes in a straight line to the one given;
+    /// tells what stopped it before, and what it took.
+    pub fn advance(
+        &mut self,
+        duration: f64,
+        load: &Load,
+    ) -> Result<(Option<Stop>, Count), InputError> {
+        self.check_ready()?;
+        load.check(&self.robot)?;
+        if !(duration.is_finite() && duration >= 0.0) {
+            return Err(InputError(format!(
+                "duration is {duration} s, it must not be negative"
+            )));
+        }
+        std::mem::swap(&mut self.march.from, &mut self.march.to);
+        self.march.to.set(load);
+        self.march.count = Count::default();
+        let stop = self.engine.run(&mut self.march, Task::Advance(duration));
+        if stop.is_none() {
+            self.time += duration;
+        } else {
+            let march = &mut self.march;
+            let reached = if duration > 0.0 {
+                march.elapsed / duration
+            } else {
+                1.0
+            };
+            march.between.between(&march.from, &march.to, reached);
+            march.to = march.between.clone();
+            self.time += march.elapsed;
+        }
+        Ok((stop, self.march.count))
+    }
+
+    /// Time since the start, s.
+    pub fn time(&self) -> f64 {
+        self.time
+    }
+
+    /// Step to come, s.
+    pub fn next_step(&self) -> f64 {
+        self.march.next
+    }
+
+    /// Energies now.
+    pub fn energies(&self) -> &Energies {
+        with_motion!(&self.engine, motion => &motion.energies)
+    }
+
+    /// Position of the tip, m.
+    pub fn tip(&self) -> Vec3 {
+        with_motion!(&self.engine, motion => motion.disk(self.robot.module_count() - 1))
+    }
+
+    /// Linear momentum, kg m/s.
+    pub fn linear_momentum(&self) -> Vec3 {
+        with_motion!(&self.engine, motion => motion.linear_momentum())
+    }
+
+    /// Appends all fields of now, `points` to a module.
+    pub fn record(&mut self, points: usize, fields: &mut Fields) {
+        let time = self.time;
+        let tensions = &self.march.to.tensions;
+        with_motion!(&mut self.engine, motion => motion.record(time, tensions, points, fields));
+    }
+}

@@ -1,0 +1,1508 @@
+//! One implicit time step of the rod.
+//!
+//! All mass sits in points: disks, and the nodes between arcs, which carry the backbone by
+//! Simpson's rule. A disk turns as its three directors do, so that kinetic energy is
+//! quadratic in the velocities of points and directors `y`, with a constant mass matrix `M`,
+//! and only strain `q` is unknown: `y = y(q)`, `J = dy/dq`. The scheme is the first-order
+//! generalised-alpha method (Jansen, Whiting and Hulbert 2000) for `y` and its velocity, with
+//! the balance of forces taken at the strain between the ends of the step:
+//!
+//! `J(q_a)' (M acceleration_a - forces_a) + dV/dq(q_a) = 0`,  `q_a = (1 - a) q_n + a q_(n+1)`
+//!
+//! Acceleration and velocity at `a` are linear in `y(q_(n+1))`. Without numerical damping this
+//! is the energy-momentum form of the midpoint rule for a constrained system (Betsch and
+//! Steinmann 2001): energy holds to third order in the strain of one step, however stiff the
+//! rod and long the step.
+//!
+//! Newton's matrix takes `J` at `q_a` on both sides, which keeps it symmetric: inertia adds to
+//! the blocks of statics, and the sweep's state is rotation and translation of a disk. The
+//! contact force of a module is unknown beside its arcs, as shear and extension have inertia.
+
+use crate::lie::log;
+use crate::linalg::{Mat3, Vec3};
+use crate::load::{Load, Model, TendonPath, Theory};
+use crate::module::{Constants, Gradient, Hessian, Span, State};
+use crate::real::{Layout, Real, Scalar};
+use crate::robot::Robot;
+use crate::rod::{get, get_mat, in_group, put, Rod};
+use crate::sweep::{Blocks, Eliminated};
+
+/// The unknown of a module.
+#[derive(Clone, Copy)]
+struct Strain<T, const A: usize> {
+    w: [Vec3<T>; A],
+    n: Vec3<T>,
+}
+
+impl<T: Real, const A: usize> Strain<T, A> {
+    fn zero() -> Self {
+        Strain {
+            w: [Vec3::zero(); A],
+            n: Vec3::zero(),
+        }
+    }
+
+    /// `self * s + o`
+    #[inline(always)]
+    fn scaled_add(&self, s: T, o: &Self) -> Self {
+        let mut out = *o;
+        for a in 0..A {
+            out.w[a] = self.w[a].scaled_add(s, o.w[a]);
+        }
+        out.n = self.n.scaled_add(s, o.n);
+        out
+    }
+}
+
+/// Where all mass is, or how fast it moves: points from base to tip, the disk last in each
+/// module, and the directors of the disks.
+#[derive(Clone)]
+struct Mass<T> {
+    points: Vec<Vec3<T>>,
+    frames: Vec<Mat3<T>>,
+}
+
+impl<T: Real> Mass<T> {
+    fn zero(modules: usize, arcs: usize) -> Self {
+        Mass {
+            points: vec![Vec3::zero(); modules * arcs],
+            frames: vec![Mat3::zero(); modules],
+        }
+    }
+}
+
+/// Blocks of a module that inertia needs beside those of statics; `delta` is the yielding of
+/// the end to the contact force.
+#[derive(Clone, Copy)]
+struct Inertia<T, const A: usize> {
+    /// Forces on the nodes inside.
+    force: [Vec3<T>; A],
+    /// Imbalance of the contact force.
+    g_delta: Vec3<T>,
+    /// Motion of the end by the rotation that each arc adds.
+    j: [Mat3<T>; A],
+    delta_u: [Mat3<T>; A],
+    delta_delta: Mat3<T>,
+    /// Inverse compliance.
+    stiffness: Mat3<T>,
+    /// Rows of the start's translation.
+    tu: [Mat3<T>; A],
+    tx: Mat3<T>,
+    tt: T,
+    delta: Vec3<T>,
+    /// Step of the arcs.
+    u: [Vec3<T>; A],
+}
+
+impl<T: Real, const A: usize> Inertia<T, A> {
+    fn empty() -> Self {
+        let (zero, matrix) = (Vec3::zero(), Mat3::zero());
+        Inertia {
+            force: [zero; A],
+            g_delta: zero,
+            j: [matrix; A],
+            delta_u: [matrix; A],
+            delta_delta: matrix,
+            stiffness: matrix,
+            tu: [matrix; A],
+            tx: matrix,
+            tt: T::zero(),
+            delta: zero,
+            u: [zero; A],
+        }
+    }
+}
+
+/// The chain's part of an eliminated module.
+#[derive(Clone, Copy)]
+struct Joint<T, const A: usize> {
+    arcs: Eliminated<T, A, 2>,
+    /// Inverse pivot of `delta`, and what stands beside it.
+    inverse: Mat3<T>,
+    u: [Mat3<T>; A],
+    x: Mat3<T>,
+    t: Mat3<T>,
+    /// Answer of `delta` to the right-hand side.
+    answer: Vec3<T>,
+}
+
+/// Numerical damping as three weights.
+#[derive(Clone, Copy)]
+struct Scheme {
+    am: f64,
+    af: f64,
+    gamma: f64,
+}
+
+impl Scheme {
+    /// From the spectral radius at infinite frequency: 1 damps nothing, 0 all at once.
+    fn new(rho: f64) -> Self {
+        let am = 0.5 * (3.0 - rho) / (1.0 + rho);
+        let af = 1.0 / (1.0 + rho);
+        Scheme {
+            am,
+            af,
+            gamma: 0.5 + am - af,
+        }
+    }
+}
+
+/// Physical damping.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Damping {
+    /// Force per mass and velocity, on all mass and inertia, 1/s.
+    pub mass: f64,
+    /// Kelvin-Voigt: stress of the strain's rate over that of the strain, s.
+    pub material: f64,
+}
+
+/// Energies and work, J.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Energies {
+    pub kinetic: f64,
+    /// Of the backbone.
+    pub elastic: f64,
+    /// Zero with all mass at the base.
+    pub gravity: f64,
+    /// Done by tendons, tip load and forces on disks since the start.
+    pub work: f64,
+    /// Taken by physical damping since the start.
+    pub dissipated: f64,
+}
+
+impl Energies {
+    /// What is left of what was put in: constant but for numerical damping and error.
+    pub(crate) fn left(&self) -> f64 {
+        self.kinetic + self.elastic + self.gravity - self.work + self.dissipated
+    }
+
+    pub(crate) fn size(&self) -> f64 {
+        self.kinetic + self.elastic + self.gravity.abs()
+    }
+}
+
+pub(crate) struct Motion<L: Layout, const A: usize> {
+    /// At the strain where forces balance.
+    rod: Rod<L, A>,
+    /// At the end of the step.
+    next: Vec<State<L::Module, A>>,
+    /// Stiffness with the material damping of this step.
+    constants: Vec<Constants<L::Module>>,
+    inertia: Vec<Inertia<L::Module, A>>,
+    joints: Vec<Joint<L::Chain, A>>,
+    /// Strain of the steps before, latest first, and the lengths of these steps.
+    past: [Vec<Strain<L::Module, A>>; HISTORY],
+    durations: [f64; HISTORY - 1],
+    known: usize,
+    /// Rate of the strain as the scheme remembers it, and what the material's damping takes off.
+    rate: Vec<Strain<L::Module, A>>,
+    offset: Vec<Strain<L::Module, A>>,
+    /// kg by points; directors' share of the disks' inertia, kg m^2.
+    masses: Vec<f64>,
+    directors: Vec<[f64; 2]>,
+    lane_masses: Vec<[L::Module; A]>,
+    place: Mass<L::Chain>,
+    velocity: Mass<L::Chain>,
+    /// The scheme's memory of rate of place and acceleration.
+    drift: Mass<L::Chain>,
+    acceleration: Mass<L::Chain>,
+    /// Mean of every disk over the step before.
+    last_acceleration: Vec<Vec3<L::Chain>>,
+    next_place: Mass<L::Chain>,
+    next_velocity: Mass<L::Chain>,
+    /// Acceleration, damping included, is `factor (next_place - place) + bias`.
+    bias: Mass<L::Chain>,
+    /// Inertial and gravity forces on points and moments on disks, base frame.
+    force: Vec<Vec3<L::Chain>>,
+    moment: Vec<Vec3<L::Chain>>,
+    /// Those on points of the step before, which stand.
+    standing: Vec<Vec3<L::Chain>>,
+    gravity: Vec3<L::Chain>,
+    disk_force: Vec<Vec3<L::Chain>>,
+    tip_force: Vec3<L::Chain>,
+    lengths: Vec<f64>,
+    next_lengths: Vec<f64>,
+    pub energies: Energies,
+    next_energies: Energies,
+    /// Of all points, kg; and of the straight robot, m.
+    mass: f64,
+    length: f64,
+    /// Whether shear and extension are but a device.
+    rigid: bool,
+    scheme: Scheme,
+    damping: Damping,
+    duration: f64,
+    /// Inertia and damping that Newton's matrix was made for.
+    made_for: (f64, f64),
+    /// Of Newton's matrix as it was made last; not positive where the energy has no minimum.
+    pub least_pivot: f64,
+    /// Whether the scheme has no memory yet.
+    fresh: bool,
+    /// Rotation and translation of every disk by the last substitution, in its own frame.
+    answer: Vec<[Vec3<L::Chain>; 2]>,
+    /// How far chords and loaded spans point forward, the least of them.
+    forward: f64,
+}
+
+/// Steps that foresee the next.
+const HISTORY: usize = 4;
+/// Compliance of a Kirchhoff rod's module over that of its bending: small enough not to show,
+/// large enough to divide by.
+const NEARLY_RIGID: f64 = 1e-5;
+
+impl<L: Layout, const A: usize> Motion<L, A> {
+    pub fn new(robot: &Robot, model: Model, gravity: [f64; 3], damping: Damping) -> Self {
+        let mut rod = Rod::new(robot, model);
+        if model.theory == Theory::Kirchhoff {
+            rod.make_yielding(NEARLY_RIGID);
+        }
+        let (n, groups) = (robot.module_count(), rod.states.len());
+        let mut masses = vec![0.0; n * A];
+        let mut directors = vec![[0.0; 2]; n];
+        for k in 0..n {
+            let (module, section) = (robot.modules[k], robot.section(k));
+            let arc = module.flexible / A as f64;
+            // Simpson's rule over each pair of arcs; clamps go to their disk
+            let lump = section.mass_per_length * arc / 3.0;
+            for a in 0..A {
+                masses[k * A + a] += lump * if a % 2 == 0 { 4.0 } else { 2.0 };
+            }
+            masses[k * A + A - 1] -= lump;
+            let disk = &robot.spec().disks[k];
+            let held = module.flexible / 2.0 + module.clamp[1];
+            let [across, along] = disk.inertia;
+            let rotary = section.rotary_inertia * held;
+            directors[k][0] += along / 2.0 + rotary;
+            directors[k][1] += f64::max(across - along / 2.0, 0.0);
+            masses[k * A + A - 1] += disk.mass + section.mass_per_length * module.clamp[1];
+            if k > 0 {
+                let held = module.flexible / 2.0 + module.clamp[0];
+                directors[k - 1][0] += section.rotary_inertia * held;
+                masses[k * A - 1] += lump + section.mass_per_length * module.clamp[0];
+            }
+        }
+        let lane_masses = (0..groups)
+            .map(|g| {
+                let mut lanes = [L::Module::zero(); A];
+                for (a, lane) in lanes.iter_mut().enumerate() {
+                    *lane = L::Module::from_fn(|i| {
+                        let k = if L::WIDTH == 1 { g } else { g * L::WIDTH + i };
+                        if k < n {
+                            masses[k * A + a]
+                        } else {
+                            0.0
+                        }
+                    });
+                }
+                lanes
+            })
+            .collect();
+        let total = masses.iter().sum();
+        let mass = Mass::zero(n, A);
+        let strain = vec![Strain::zero(); groups];
+        let joint = Joint {
+            arcs: Eliminated::empty(),
+            inverse: Mat3::zero(),
+            u: [Mat3::zero(); A],
+            x: Mat3::zero(),
+            t: Mat3::zero(),
+            answer: Vec3::zero(),
+        };
+        Motion {
+            next: rod.states.clone(),
+            constants: rod.constants.clone(),
+            inertia: vec![Inertia::empty(); groups],
+            joints: vec![joint; n],
+            past: std::array::from_fn(|_| strain.clone()),
+            durations: [1.0; HISTORY - 1],
+            known: 0,
+            rate: strain.clone(),
+            offset: strain,
+            masses,
+            directors,
+            lane_masses,
+            place: mass.clone(),
+            velocity: mass.clone(),
+            drift: mass.clone(),
+            acceleration: mass.clone(),
+            last_acceleration: vec![Vec3::zero(); n],
+            next_place: mass.clone(),
+            next_velocity: mass.clone(),
+            bias: mass,
+            force: vec![Vec3::zero(); n * A],
+            standing: vec![Vec3::zero(); n * A],
+            moment: vec![Vec3::zero(); n],
+            gravity: Vec3::splat(gravity),
+            disk_force: vec![Vec3::zero(); n],
+            tip_force: Vec3::zero(),
+            lengths: vec![0.0; robot.tendon_count()],
+            next_lengths: vec![0.0; robot.tendon_count()],
+            energies: Energies::default(),
+            next_energies: Energies::default(),
+            mass: total,
+            length: robot.length(),
+            rigid: model.theory == Theory::Kirchhoff,
+            scheme: Scheme::new(1.0),
+            damping,
+            duration: 0.0,
+            made_for: (f64::NAN, f64::NAN),
+            least_pivot: f64::NAN,
+            fresh: true,
+            answer: vec![[Vec3::zero(); 2]; n],
+            forward: 1.0,
+            rod,
+        }
+    }
+
+    pub fn module_count(&self) -> usize {
+        self.directors.len()
+    }
+
+    /// Takes strain and contact force from an equilibrium.
+    pub fn take_strain(&mut self, strain: impl Fn(usize) -> Vec3, force: impl Fn(usize) -> Vec3) {
+        for k in 0..self.module_count() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let state = &mut self.next[g];
+            for a in 0..A {
+                put::<L>(&mut state.w[a], i, Vec3::splat(strain(k * A + a).0));
+            }
+            put::<L>(&mut state.n, i, Vec3::splat(force(k).0));
+        }
+    }
+
+    /// Sets tensions and tip load; gravity stays.
+    pub fn set_load(&mut self, load: &Load) {
+        self.rod.set_tensions(|i| L::Chain::splat(load.tensions[i]));
+        self.rod.tip_moment = Vec3::splat(load.tip_moment);
+        self.tip_force = Vec3::splat(load.tip_force);
+    }
+
+    /// Dead forces on the disks beside the loads, N, base frame.
+    pub fn set_disk_force(&mut self, disk: usize, force: Vec3) {
+        self.disk_force[disk] = Vec3::splat(force.0);
+    }
+
+    /// Prepares a search for the equilibrium at the present forces: a step without inertia.
+    pub fn begin_at_rest(&mut self) {
+        self.duration = f64::INFINITY;
+        self.scheme = Scheme {
+            am: 1.0,
+            af: 1.0,
+            gamma: 1.0,
+        };
+        self.stiffen();
+        // it tells of stability, so it must be that of these forces
+        self.made_for = (f64::NAN, f64::NAN);
+        self.offset.fill(Strain::zero());
+        for v in &mut self.bias.points {
+            *v = Vec3::zero();
+        }
+        for m in &mut self.bias.frames {
+            *m = Mat3::zero();
+        }
+    }
+
+    /// Takes the equilibrium that was found as the state at rest.
+    pub fn commit_at_rest(&mut self) {
+        self.remember_strain();
+        self.known = 1;
+        self.fresh = true;
+        self.measure();
+        self.energies = self.stored_energies();
+        std::mem::swap(&mut self.lengths, &mut self.next_lengths);
+        self.place = self.next_place.clone();
+        for mass in [&mut self.velocity, &mut self.drift, &mut self.acceleration] {
+            mass.points.fill(Vec3::zero());
+            mass.frames.fill(Mat3::zero());
+        }
+        self.rate.fill(Strain::zero());
+        self.stiffen();
+    }
+
+    /// Lets the next step go without the scheme's memory and its numerical damping.
+    pub fn restart(&mut self) {
+        self.fresh = true;
+    }
+
+    /// Starts the next step's search from the present strain: the past misleads.
+    pub fn stop_foreseeing(&mut self) {
+        self.known = self.known.min(1);
+    }
+
+    /// Whether the scheme has no memory.
+    pub fn is_fresh(&self) -> bool {
+        self.fresh
+    }
+
+    /// Whether no two disks have met, as of the step that was finished.
+    pub fn is_apart(&self) -> bool {
+        self.forward > 0.0
+    }
+
+    /// Position of a disk now.
+    pub fn disk(&self, k: usize) -> Vec3 {
+        plain(&self.place.points[k * A + A - 1])
+    }
+
+    /// Of all mass now, kg m/s.
+    pub fn linear_momentum(&self) -> Vec3 {
+        let mut sum = Vec3::zero();
+        for (v, mass) in self.velocity.points.iter().zip(&self.masses) {
+            sum += *v * L::Chain::splat(*mass);
+        }
+        plain(&sum)
+    }
+
+    /// Scales the stiffness by what material damping adds to it in this step.
+    #[inline(always)]
+    fn stiffen(&mut self) {
+        let factor = L::Module::splat(self.strain_factor());
+        for (c, elastic) in self.constants.iter_mut().zip(&self.rod.constants) {
+            c.stiffness = [elastic.stiffness[0] * factor, elastic.stiffness[1] * factor];
+        }
+    }
+
+    /// Prepares a step: loads are those at [`Motion::balance_time`].
+    #[inline(always)]
+    pub fn begin(&mut self, duration: f64, rho: f64) {
+        self.scheme = Scheme::new(if self.fresh { 1.0 } else { rho });
+        self.duration = duration;
+        let Scheme { am, af, gamma } = self.scheme;
+        let per = 1.0 / (gamma * duration);
+        let keep = 1.0 - am / gamma;
+        // acceleration + damping * rate
+        let (swift, slow) = (am * per / af, am * per / af + self.damping.mass);
+        let splat = L::Chain::splat;
+        let (on_drift, on_velocity, on_acceleration) =
+            (splat(slow * keep), splat(-swift), splat(keep));
+        for p in 0..self.bias.points.len() {
+            self.bias.points[p] = self.drift.points[p].scaled_add(
+                on_drift,
+                self.velocity.points[p]
+                    .scaled_add(on_velocity, self.acceleration.points[p] * on_acceleration),
+            );
+        }
+        for k in 0..self.bias.frames.len() {
+            self.bias.frames[k] = self.drift.frames[k] * on_drift
+                + self.velocity.frames[k] * on_velocity
+                + self.acceleration.frames[k] * on_acceleration;
+        }
+        // moment of w + tau rate, with rate = am per (w - w_n) / af + keep rate_n
+        let tau = self.damping.material;
+        if tau != 0.0 {
+            self.stiffen();
+            let by_start = L::Module::splat(tau * am * per / af);
+            let by_rate = L::Module::splat(-tau * keep);
+            for g in 0..self.offset.len() {
+                let start = self.past[0][g].scaled_add(by_start, &Strain::zero());
+                self.offset[g] = self.rate[g].scaled_add(by_rate, &start);
+                if self.rigid {
+                    self.offset[g].n = Vec3::zero();
+                }
+            }
+        }
+        self.predict();
+    }
+
+    /// Stiffness of this step over the elastic one.
+    #[inline(always)]
+    fn strain_factor(&self) -> f64 {
+        let Scheme { am, af, gamma } = self.scheme;
+        1.0 + self.damping.material * am / (gamma * self.duration * af)
+    }
+
+    /// The same for shear and extension, which a Kirchhoff rod has too little of to damp.
+    #[inline(always)]
+    fn force_factor(&self) -> f64 {
+        if self.rigid {
+            1.0
+        } else {
+            self.strain_factor()
+        }
+    }
+
+    /// Where in the step the contact forces are taken. Those of a Kirchhoff rod hold a
+    /// constraint: only where forces balance do they mean anything.
+    #[inline(always)]
+    fn force_share(&self) -> f64 {
+        if self.rigid {
+            1.0
+        } else {
+            self.scheme.af
+        }
+    }
+
+    /// Where in the step forces balance, as a fraction.
+    pub fn balance_time(&self) -> f64 {
+        self.scheme.af
+    }
+
+    /// Starts from the strain of the last steps, continued.
+    #[inline(always)]
+    fn predict(&mut self) {
+        // Lagrange's polynomial through the last steps
+        let mut at = [0.0; HISTORY];
+        for q in 1..HISTORY {
+            at[q] = at[q - 1] - self.durations[q - 1];
+        }
+        let mut weight = [0.0; HISTORY];
+        for q in 0..self.known {
+            weight[q] = 1.0;
+            for r in 0..self.known {
+                if r != q {
+                    weight[q] *= (self.duration - at[r]) / (at[q] - at[r]);
+                }
+            }
+        }
+        for g in 0..self.next.len() {
+            let mut strain = Strain::zero();
+            for q in 0..self.known {
+                strain = self.past[q][g].scaled_add(L::Module::splat(weight[q]), &strain);
+            }
+            self.next[g].w = strain.w;
+            self.next[g].n = strain.n;
+        }
+    }
+
+    /// Acceleration by distance in this step, 1/s^2; zero in a search for equilibrium.
+    #[inline(always)]
+    fn factor(&self) -> f64 {
+        let Scheme { am, af, gamma } = self.scheme;
+        let per = 1.0 / (gamma * self.duration);
+        (am * per / af + if per > 0.0 { self.damping.mass } else { 0.0 }) * am * per
+    }
+
+    /// Moment that rounding leaves of the forces of this step, N m.
+    pub fn noise(&self, tensions: &[f64]) -> f64 {
+        let pull: f64 = tensions.iter().sum();
+        let weight = self.gravity.norm().lane(0) * self.mass;
+        let inertia = self.factor() * self.mass * self.length;
+        let force = pull + weight + inertia + self.tip_force.norm().lane(0);
+        4.0 * f64::EPSILON * force * self.length
+    }
+
+    /// Forces at the present strain; returns the largest moment imbalance, N m.
+    #[inline(always)]
+    pub fn residual(&mut self) -> f64 {
+        let af = L::Module::splat(self.scheme.af);
+        let af_force = L::Module::splat(self.force_share());
+        for g in 0..self.next.len() {
+            let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
+            let c = &self.rod.constants[g];
+            let (now, next) = (&mut self.rod.states[g], &mut self.next[g]);
+            let start = &self.past[0][g];
+            for a in 0..A {
+                now.w[a] = (next.w[a] - start.w[a]).scaled_add(af, start.w[a]);
+            }
+            now.n = (next.n - start.n).scaled_add(af_force, start.n);
+            for state in [now, next] {
+                state.shape(c, &t);
+                state.rho = state.rho0 + state.compliance(c) * state.n;
+            }
+        }
+        self.place_mass();
+        self.forces();
+        self.imbalance()
+    }
+
+    /// Imbalance of arcs and contact forces under the present forces on all mass.
+    #[inline(always)]
+    fn imbalance(&mut self) -> f64 {
+        let n = self.module_count();
+        // loads on every module, from the tip, in the frame of its start
+        let mut total = self.tip_force;
+        let splat = L::Chain::splat;
+        for k in (0..n).rev() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let [start, end] = self.rod.modules[k].clamp;
+            let rotation = self.rod.rotations[k];
+            total += self.force[k * A + A - 1] + self.disk_force[k];
+            let state = &mut self.rod.states[g];
+            let here = rotation.tr_mul(total);
+            put::<L>(&mut state.f[0], i, here);
+            put::<L>(&mut state.f[1], i, here * splat(end));
+            for a in 0..A - 1 {
+                let force = self.force[k * A + a];
+                total += force;
+                put::<L>(&mut self.inertia[g].force[a], i, rotation.tr_mul(force));
+            }
+            put::<L>(&mut state.f[2], i, rotation.tr_mul(total) * splat(start));
+        }
+        for g in 0..self.next.len() {
+            let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
+            let c = &self.constants[g];
+            let state = &mut self.rod.states[g];
+            state.end_force = state.f[0];
+            state.span_torque = Vec3::zero();
+            if t.path == TendonPath::Straight {
+                let (_, pull, torque, _) = state.spans(c, &t);
+                state.end_force -= pull;
+                state.span_torque = torque;
+            }
+            let tangent = state.s.column(2);
+            state.load_moment = state.rho.cross(state.f[0])
+                + tangent.cross(state.f[1])
+                + Vec3::ez().cross(state.f[2]);
+            for a in 0..A - 1 {
+                let place = state.rho0 - state.tail[a];
+                state.load_moment += place.cross(self.inertia[g].force[a]);
+            }
+        }
+        let mut lambda = -self.rod.rotations[n].tr_mul(self.rod.tip_moment);
+        for k in (0..n).rev() {
+            let (state, i) = (&mut self.rod.states[k / L::WIDTH], k % L::WIDTH);
+            lambda -= self.rod.rotations[k + 1].tr_mul(self.moment[k]);
+            lambda = get_mat::<L>(&state.s, i) * lambda;
+            put::<L>(&mut state.lambda, i, lambda);
+            lambda -= get::<L>(&state.load_moment, i);
+        }
+        let stiffer = L::Module::splat(self.force_factor());
+        let mut largest = L::Module::zero();
+        for g in 0..self.next.len() {
+            let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
+            let c = &self.constants[g];
+            let (state, out) = (&self.rod.states[g], &mut self.rod.gradients[g]);
+            state.gradient(c, &t, out);
+            let inertia = &mut self.inertia[g];
+            let damped = self.rod.constants[g].bending_moments(&self.offset[g].w);
+            for i in 0..A {
+                out.g[i] -= out.to_strain[i].tr_mul(damped[i]);
+                for a in i..A - 1 {
+                    let force = inertia.force[a];
+                    out.g[i] -= out.r[i].tr_mul(force) - state.tail[a].cross(force);
+                }
+                largest = largest.max(out.g[i].max_abs());
+            }
+            inertia.g_delta = state.n * stiffer - self.offset[g].n - state.end_force;
+            largest = largest.max(inertia.g_delta.max_abs() * c.flexible);
+        }
+        // idle lanes repeat the last module without its loads
+        let mut worst = 0.0;
+        for i in 0..L::WIDTH.min(n) {
+            let value = L::get(&largest, i).largest();
+            worst = Real::max(worst, value);
+        }
+        worst
+    }
+
+    /// Rotations where forces balance, and all mass at the end of the step.
+    #[inline(always)]
+    fn place_mass(&mut self) {
+        let n = self.module_count();
+        let mut rotation = Mat3::identity();
+        let (mut frame, mut position) = (Mat3::identity(), Vec3::zero());
+        for k in 0..n {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let (now, next) = (&self.rod.states[g], &self.next[g]);
+            let [start, end] = self.rod.modules[k].clamp;
+            let ahead = frame.column(2) * L::Chain::splat(start);
+            let base = position + ahead;
+            for a in 0..A - 1 {
+                let inside = get::<L>(&next.rho0, i) - get::<L>(&next.tail[a], i);
+                self.next_place.points[k * A + a] = base + frame * inside;
+            }
+            position = base + frame * get::<L>(&next.rho, i);
+            frame = frame * get_mat::<L>(&next.s, i);
+            position += frame.column(2) * L::Chain::splat(end);
+            self.next_place.points[k * A + A - 1] = position;
+            self.next_place.frames[k] = frame;
+            rotation = rotation * get_mat::<L>(&now.s, i);
+            self.rod.rotations[k + 1] = rotation;
+        }
+    }
+
+    /// Gravity and inertia.
+    #[inline(always)]
+    fn forces(&mut self) {
+        let factor = L::Chain::splat(self.factor());
+        for p in 0..self.force.len() {
+            let moved = self.next_place.points[p] - self.place.points[p];
+            let acceleration = moved.scaled_add(factor, self.bias.points[p]);
+            self.force[p] = (self.gravity - acceleration) * L::Chain::splat(self.masses[p]);
+        }
+        for k in 0..self.moment.len() {
+            let [e1, e3] = self.directors[k].map(L::Chain::splat);
+            let moved = self.next_place.frames[k] - self.place.frames[k];
+            let mut acceleration = moved * factor + self.bias.frames[k];
+            for row in &mut acceleration.0 {
+                *row = [row[0] * e1, row[1] * e1, row[2] * e3];
+            }
+            // sum of director x acceleration
+            let q = acceleration * self.rod.rotations[k + 1].transpose();
+            self.moment[k] = Vec3([
+                q.0[1][2] - q.0[2][1],
+                q.0[2][0] - q.0[0][2],
+                q.0[0][1] - q.0[1][0],
+            ]);
+        }
+    }
+
+    /// One Newton step from the present residual. Newton's matrix of a step before is nearly
+    /// that of this one, and costs five times a residual: it is made anew where it is asked
+    /// for, or where the step or scheme differ.
+    #[inline(always)]
+    pub fn improve(&mut self, anew: bool) {
+        let (inertia, damping) = (self.factor() / self.scheme.af, self.strain_factor());
+        let near = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;
+        if anew || !near(self.made_for.0, inertia) || !near(self.made_for.1, damping) {
+            self.linearise();
+            self.made_for = (inertia, damping);
+        }
+        self.substitute();
+        let ahead = L::Module::splat(1.0 / self.scheme.af);
+        let force_ahead = L::Module::splat(1.0 / self.force_share());
+        for g in 0..self.next.len() {
+            let (next, inertia) = (&mut self.next[g], &self.inertia[g]);
+            let gradient: &Gradient<_, A> = &self.rod.gradients[g];
+            for a in 0..A {
+                let step = gradient.to_strain[a] * inertia.u[a];
+                next.w[a] = step.scaled_add(ahead, next.w[a]);
+            }
+            next.n = (inertia.stiffness * inertia.delta).scaled_add(force_ahead, next.n);
+        }
+    }
+
+    /// Second variation at the present strain, and its elimination from tip to base.
+    #[inline(always)]
+    fn linearise(&mut self) {
+        let n = self.module_count();
+        let stiff = self.factor() / self.scheme.af;
+        let stiffer = L::Module::splat(self.force_factor());
+        for g in 0..self.next.len() {
+            let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
+            let c = &self.constants[g];
+            let (state, gradient) = (&self.rod.states[g], &self.rod.gradients[g]);
+            let hessian = &mut self.rod.hessians[g];
+            let response = state.hessian::<false>(c, &t, gradient, hessian);
+            let inertia = &mut self.inertia[g];
+            let stiffness = state.compliance(c).inverse();
+            inertia.stiffness = stiffness;
+            inertia.delta_delta = response.g_hat + stiffness * stiffer;
+            for i in 0..A {
+                inertia.delta_u[i] = response.g_hat * response.j[i] + response.k.transpose();
+            }
+            inertia.j = response.j;
+            inertia.add_nodes(c, state, gradient, hessian, &self.lane_masses[g], stiff);
+        }
+        let splat = L::Chain::splat;
+        // of a disk and all beyond it, in its own frame
+        let mut value = [[Mat3::zero(); 2]; 2];
+        let mut least_pivot = splat(f64::INFINITY);
+        for k in (0..n).rev() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let [e1, e3] = self.directors[k];
+            let (across, along) = (splat(stiff * (e1 + e3)), splat(stiff * 2.0 * e1));
+            value[0][0] = value[0][0].add_diagonal([across, across, along]);
+            value[1][1] = value[1][1].add_diagonal([splat(stiff * self.masses[k * A + A - 1]); 3]);
+            let (state, hessian) = (&self.rod.states[g], &self.rod.hessians[g]);
+            let inertia = &self.inertia[g];
+            let s = get_mat::<L>(&state.s, i);
+            let back = s.transpose();
+            let [start, end] = self.rod.modules[k].clamp;
+            let mut rr = s * value[0][0] * back;
+            let mut tr = s * value[1][0] * back;
+            let tt = s * value[1][1] * back;
+            // from the disk to the end of the flexible part
+            let b = s.column(2) * splat(end);
+            let crossed = b.cross_mat(tr).transpose();
+            tr += b.cross_mat(tt).transpose();
+            rr += crossed + b.cross_mat(tr);
+            let mut o = get::<L>(&state.rho, i);
+            o.0[2] += splat(start);
+
+            let tr_x = tr + o.cross_mat(tt).transpose();
+            let rr_x = rr + o.cross_mat(tr).transpose();
+            let rt = tr.transpose();
+            let joint = &mut self.joints[k];
+            let mut blocks = Blocks::empty();
+            let (mut j, mut tr_u) = ([Mat3::zero(); A], [Mat3::zero(); A]);
+            for a in 0..A {
+                j[a] = get_mat::<L>(&inertia.j[a], i);
+                tr_u[a] = tt.mul_add(j[a], tr);
+                let rr_u = rt.mul_add(j[a], rr);
+                blocks.xu[a] = [
+                    get_mat::<L>(&hessian.xu[a], i) + rr_u + o.cross_mat(tr_u[a]),
+                    get_mat::<L>(&inertia.tu[a], i) + tr_u[a],
+                ];
+                joint.u[a] = get_mat::<L>(&inertia.delta_u[a], i) + tr_u[a];
+                // rows of the later arc, columns of the earlier
+                for b in a..A {
+                    let later = if b == a {
+                        j[a]
+                    } else {
+                        get_mat::<L>(&inertia.j[b], i)
+                    };
+                    blocks.uu[b][a] =
+                        get_mat::<L>(&hessian.uu[b][a], i) + rr_u + later.tr_mat(tr_u[a]);
+                }
+            }
+            let f1 = get::<L>(&state.f[0], i);
+            joint.x = tr_x - f1.skew();
+            joint.t = tt;
+            let inverse = (get_mat::<L>(&inertia.delta_delta, i) + tt).inverse();
+            joint.inverse = inverse;
+            let (by_x, by_t) = (inverse * joint.x, inverse * joint.t);
+            for a in 0..A {
+                let by_u = inverse * joint.u[a];
+                blocks.xu[a][0] -= joint.x.tr_mat(by_u);
+                blocks.xu[a][1] -= joint.t.tr_mat(by_u);
+                blocks.ux[a] = [blocks.xu[a][0].transpose(), blocks.xu[a][1].transpose()];
+                for b in a..A {
+                    let update = joint.u[b].tr_mat(by_u);
+                    blocks.uu[b][a] -= update;
+                }
+            }
+            blocks.xx[0][0] =
+                get_mat::<L>(&hessian.xx, i) + rr_x + o.cross_mat(tr_x) - joint.x.tr_mat(by_x);
+            blocks.xx[1][0] = get_mat::<L>(&inertia.tx, i) + tr_x - joint.t.tr_mat(by_x);
+            blocks.xx[1][1] = (tt - joint.t.tr_mat(by_t)).add_diagonal([L::get(&inertia.tt, i); 3]);
+            value = joint.arcs.eliminate::<true>(blocks, &mut least_pivot);
+        }
+        self.least_pivot = least_pivot.lane(0);
+    }
+
+    /// Answer of arcs, contact forces and disks to the present imbalance.
+    #[inline(always)]
+    fn substitute(&mut self) {
+        let n = self.module_count();
+        let splat = L::Chain::splat;
+        let mut p = [Vec3::zero(); 2];
+        for k in (0..n).rev() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let (state, inertia) = (&self.rod.states[g], &mut self.inertia[g]);
+            let joint = &mut self.joints[k];
+            let s = get_mat::<L>(&state.s, i);
+            let [start, end] = self.rod.modules[k].clamp;
+            let push = s * p[1];
+            let turn = s * p[0] + (s.column(2) * splat(end)).cross(push);
+            let mut o = get::<L>(&state.rho, i);
+            o.0[2] += splat(start);
+            let answer = joint.inverse * (get::<L>(&inertia.g_delta, i) + push);
+            joint.answer = answer;
+            let mut u = [Vec3::zero(); A];
+            for a in 0..A {
+                u[a] = get::<L>(&self.rod.gradients[g].g[a], i)
+                    + turn
+                    + get_mat::<L>(&inertia.j[a], i).tr_mul(push)
+                    - joint.u[a].tr_mul(answer);
+            }
+            p = [
+                turn + o.cross(push) - joint.x.tr_mul(answer),
+                push - joint.t.tr_mul(answer),
+            ];
+            joint.arcs.backward::<true>(&mut u, &mut p);
+            for a in 0..A {
+                put::<L>(&mut inertia.u[a], i, u[a]);
+            }
+        }
+        let mut x = [Vec3::zero(); 2];
+        for k in 0..n {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let (state, inertia) = (&self.rod.states[g], &mut self.inertia[g]);
+            let joint = &self.joints[k];
+            let mut answer = [Vec3::zero(); A];
+            for a in 0..A {
+                answer[a] = get::<L>(&inertia.u[a], i);
+            }
+            let u = joint.arcs.forward(&answer, &x);
+            let mut pulled = joint.x * x[0] + joint.t * x[1];
+            let [start, end] = self.rod.modules[k].clamp;
+            let s = get_mat::<L>(&state.s, i);
+            let mut o = get::<L>(&state.rho, i);
+            o.0[2] += splat(start);
+            let mut turn = x[0];
+            let mut moved = x[1] + x[0].cross(o);
+            for a in 0..A {
+                pulled += joint.u[a] * u[a];
+                turn += u[a];
+                moved += get_mat::<L>(&inertia.j[a], i) * u[a];
+                put::<L>(&mut inertia.u[a], i, u[a]);
+            }
+            let delta = -(joint.answer + joint.inverse * pulled);
+            put::<L>(&mut inertia.delta, i, delta);
+            moved += delta + turn.cross(s.column(2) * splat(end));
+            x = [s.tr_mul(turn), s.tr_mul(moved)];
+            self.answer[k] = x;
+        }
+    }
+
+    /// Velocities, lengths and energies at the end of the step.
+    #[inline(always)]
+    pub fn finish(&mut self, load: &Load) {
+        let Scheme { am, af, gamma } = self.scheme;
+        let per = 1.0 / (gamma * self.duration);
+        let splat = L::Chain::splat;
+        // rate = am per (next - now) + keep drift; velocity = (rate - (1 - af) velocity) / af
+        let keep = 1.0 - am / gamma;
+        let (a, b, c) = (
+            splat(am * per / af),
+            splat(keep / af),
+            splat(1.0 - 1.0 / af),
+        );
+        let (mut lost, mut half_kinetic) = (L::Chain::zero(), L::Chain::zero());
+        let mut push = L::Chain::zero();
+        for p in 0..self.force.len() {
+            let moved = self.next_place.points[p] - self.place.points[p];
+            let rate = moved.scaled_add(splat(am * per), self.drift.points[p] * splat(keep));
+            let mass = splat(self.masses[p]);
+            lost += rate.dot(moved) * mass;
+            let velocity = moved.scaled_add(
+                a,
+                self.drift.points[p].scaled_add(b, self.velocity.points[p] * c),
+            );
+            half_kinetic += velocity.norm2() * mass;
+            self.next_velocity.points[p] = velocity;
+            if p % A == A - 1 {
+                push += self.disk_force[p / A].dot(moved);
+            }
+        }
+        for k in 0..self.moment.len() {
+            let moved = self.next_place.frames[k] - self.place.frames[k];
+            let rate = moved * splat(am * per) + self.drift.frames[k] * splat(keep);
+            let velocity = moved * a + self.drift.frames[k] * b + self.velocity.frames[k] * c;
+            let [e1, e3] = self.directors[k].map(splat);
+            for q in 0..3 {
+                let (r, m, v) = (rate.0[q], moved.0[q], velocity.0[q]);
+                lost += (r[0] * m[0] + r[1] * m[1]) * e1 + r[2] * m[2] * e3;
+                half_kinetic += (v[0] * v[0] + v[1] * v[1]) * e1 + v[2] * v[2] * e3;
+            }
+            self.next_velocity.frames[k] = velocity;
+        }
+        let mut dissipated = self.damping.mass * lost.lane(0);
+        if self.damping.material != 0.0 {
+            dissipated += self.damping.material * self.strain_loss(am * per, keep);
+        }
+        self.measure();
+        let n = self.module_count();
+        let mut work = push.lane(0);
+        for (i, tension) in load.tensions.iter().enumerate() {
+            work -= tension * (self.next_lengths[i] - self.lengths[i]);
+        }
+        let tip = self.next_place.points[n * A - 1] - self.place.points[n * A - 1];
+        work += Vec3(load.tip_force).dot(plain(&tip));
+        if load.tip_moment != [0.0; 3] {
+            let turn = self.next_place.frames[n - 1] * self.place.frames[n - 1].transpose();
+            work += Vec3(load.tip_moment).dot(log(&plain_mat(&turn)));
+        }
+        self.next_energies = Energies {
+            kinetic: 0.5 * half_kinetic.lane(0),
+            work: self.energies.work + work,
+            dissipated: self.energies.dissipated + dissipated,
+            ..self.stored_energies()
+        };
+    }
+
+    /// Rate of the strain times its change, by stiffness, J/s.
+    #[inline(always)]
+    fn strain_loss(&self, by_change: f64, by_rate: f64) -> f64 {
+        let (by_change, by_rate) = (L::Module::splat(by_change), L::Module::splat(by_rate));
+        let mut total = 0.0;
+        for g in 0..self.next.len() {
+            let (c, next, start) = (&self.rod.constants[g], &self.next[g], &self.past[0][g]);
+            let now = Strain {
+                w: next.w,
+                n: next.n,
+            };
+            let change = start.scaled_add(L::Module::splat(-1.0), &now);
+            let kept = self.rate[g].scaled_add(by_rate, &Strain::zero());
+            let rate = change.scaled_add(by_change, &kept);
+            let moments = c.bending_moments(&rate.w);
+            let mut lost = L::Module::zero();
+            if !self.rigid {
+                lost = rate.n.dot(next.compliance(c) * change.n);
+            }
+            for a in 0..A {
+                lost += moments[a].dot(change.w[a]);
+            }
+            total += self.over_modules(g, &lost);
+        }
+        total
+    }
+
+    /// Sum over the modules of a group.
+    #[inline(always)]
+    fn over_modules(&self, g: usize, value: &L::Module) -> f64 {
+        let mut sum = 0.0;
+        for i in 0..L::WIDTH.min(self.module_count() - g * L::WIDTH) {
+            sum += L::get(value, i).lane(0);
+        }
+        sum
+    }
+
+    /// Lengths of the tendons at the end of the step.
+    #[inline(always)]
+    fn measure(&mut self) {
+        let n = self.module_count();
+        self.next_lengths.fill(0.0);
+        self.forward = f64::INFINITY;
+        for g in 0..self.next.len() {
+            let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
+            let (c, state) = (&self.rod.constants[g], &self.next[g]);
+            let mean = state.s.column(2) + Vec3::ez();
+            let chord = state.rho.dot(mean);
+            for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
+                // a NaN counts as backward
+                self.forward = -Real::max(-self.forward, -L::get(&chord, i).lane(0));
+            }
+            for (j, tendon) in t.tendons.iter().enumerate() {
+                let (length, forward) = match t.path {
+                    TendonPath::Straight => {
+                        let span = Span::new(c, tendon, &state.s, state.rho);
+                        // below a hundredth of the module's length its ends have met
+                        let gap = span.length * c.per_flexible - L::Module::splat(0.01);
+                        let forward = span.direction.dot(mean);
+                        (span.length, -(-gap).max(-forward))
+                    }
+                    TendonPath::Continuous => (state.parallel_length(c, &t, tendon), c.stretch(&t)),
+                };
+                for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
+                    if g * L::WIDTH + i > tendon.end_disk {
+                        break;
+                    }
+                    self.next_lengths[j] += L::get(&length, i).lane(0);
+                    if L::get(&t.tensions[j], i).lane(0) > 0.0 {
+                        self.forward = -Real::max(-self.forward, -L::get(&forward, i).lane(0));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Elastic and gravity energy at the end of the step.
+    #[inline(always)]
+    fn stored_energies(&self) -> Energies {
+        let mut elastic = 0.0;
+        for g in 0..self.next.len() {
+            let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
+            let c = &self.rod.constants[g];
+            let state = &self.next[g];
+            let along = state.rho0 * (L::Module::splat(1.0) / state.rho0.norm());
+            let longer = along.dot(state.rho - state.rho0);
+            let energy = state.elastic_energy(c) + c.stretch_energy(&t, longer);
+            elastic += self.over_modules(g, &energy);
+        }
+        let mut weight = Vec3::zero();
+        for (p, mass) in self.next_place.points.iter().zip(&self.masses) {
+            weight += *p * L::Chain::splat(*mass);
+        }
+        Energies {
+            elastic,
+            gravity: -self.gravity.dot(weight).lane(0),
+            ..Energies::default()
+        }
+    }
+
+    /// Energies at the end of the step that was finished.
+    pub fn outlook(&self) -> &Energies {
+        &self.next_energies
+    }
+
+    /// Largest estimated error of a disk's position in this step, m; infinite while unknown.
+    #[inline(always)]
+    pub fn local_error(&self) -> f64 {
+        if self.fresh || self.known < 2 {
+            return f64::INFINITY;
+        }
+        // h^3 y''' / 12, y''' from the change of acceleration since the last step
+        let h = self.duration;
+        let scale = h * h / 12.0 * (2.0 * h / (h + self.durations[0]));
+        let mut largest = 0.0;
+        for k in 0..self.module_count() {
+            let change = plain(&(self.mean_acceleration(k) - self.last_acceleration[k]));
+            largest = f64::max(largest, change.norm());
+        }
+        scale * largest
+    }
+
+    /// Of a disk over this step.
+    #[inline(always)]
+    fn mean_acceleration(&self, k: usize) -> Vec3<L::Chain> {
+        let p = k * A + A - 1;
+        let gained = self.next_velocity.points[p] - self.velocity.points[p];
+        gained * L::Chain::splat(1.0 / self.duration)
+    }
+
+    /// Takes the end of the step as the start of the next.
+    #[inline(always)]
+    pub fn commit(&mut self) {
+        let gamma = self.scheme.gamma;
+        let per = L::Chain::splat(1.0 / (gamma * self.duration));
+        let keep = L::Chain::splat(-(1.0 - gamma) / gamma);
+        let once = L::Chain::splat(1.0 / self.duration);
+        for k in 0..self.module_count() {
+            self.last_acceleration[k] = self.mean_acceleration(k);
+        }
+        for p in 0..self.force.len() {
+            let moved = self.next_place.points[p] - self.place.points[p];
+            let gained = self.next_velocity.points[p] - self.velocity.points[p];
+            if self.fresh {
+                self.drift.points[p] = self.next_velocity.points[p];
+                self.acceleration.points[p] = gained * once;
+            } else {
+                self.drift.points[p] = moved.scaled_add(per, self.drift.points[p] * keep);
+                self.acceleration.points[p] =
+                    gained.scaled_add(per, self.acceleration.points[p] * keep);
+            }
+        }
+        for k in 0..self.moment.len() {
+            let moved = self.next_place.frames[k] - self.place.frames[k];
+            let gained = self.next_velocity.frames[k] - self.velocity.frames[k];
+            if self.fresh {
+                self.drift.frames[k] = self.next_velocity.frames[k];
+                self.acceleration.frames[k] = gained * once;
+            } else {
+                self.drift.frames[k] = moved * per + self.drift.frames[k] * keep;
+                self.acceleration.frames[k] = gained * per + self.acceleration.frames[k] * keep;
+            }
+        }
+        if self.damping.material != 0.0 {
+            // a scheme without memory has no use for an old rate, which would never fade
+            let forgets = self.fresh || self.scheme.am == gamma;
+            let gamma = if forgets { 1.0 } else { gamma };
+            let per = L::Module::splat(1.0 / (gamma * self.duration));
+            let keep = L::Module::splat(-(1.0 - gamma) / gamma);
+            for g in 0..self.next.len() {
+                let now = Strain {
+                    w: self.next[g].w,
+                    n: self.next[g].n,
+                };
+                let change = self.past[0][g].scaled_add(L::Module::splat(-1.0), &now);
+                let kept = self.rate[g].scaled_add(keep, &Strain::zero());
+                self.rate[g] = change.scaled_add(per, &kept);
+            }
+        }
+        self.remember_strain();
+        self.known = (self.known + 1).min(HISTORY);
+        self.durations.rotate_right(1);
+        self.durations[0] = self.duration;
+        self.fresh = false;
+        std::mem::swap(&mut self.place, &mut self.next_place);
+        std::mem::swap(&mut self.velocity, &mut self.next_velocity);
+        std::mem::swap(&mut self.lengths, &mut self.next_lengths);
+        self.energies = self.next_energies;
+    }
+
+    #[inline(always)]
+    fn remember_strain(&mut self) {
+        self.standing.copy_from_slice(&self.force);
+        self.past.rotate_right(1);
+        for (past, state) in self.past[0].iter_mut().zip(&self.next) {
+            *past = Strain {
+                w: state.w,
+                n: state.n,
+            };
+        }
+    }
+}
+
+/// Fields at one time after the other, flat, SI, in the base frame unless said otherwise.
+///
+/// Points are those of [`Motion::record`], from base to tip, both ends of every module among
+/// them.
+#[derive(Clone, Debug, Default)]
+pub struct Fields {
+    /// By time.
+    pub time: Vec<f64>,
+    pub energies: Vec<Energies>,
+    /// By time and point: centreline, and section frames (body to base, by rows).
+    pub position: Vec<f64>,
+    pub rotation: Vec<f64>,
+    /// What the part beyond exerts on a section, in the section's own axes.
+    pub force: Vec<f64>,
+    pub moment: Vec<f64>,
+    /// By time and disk; angular velocity in base axes.
+    pub disk_position: Vec<f64>,
+    pub disk_rotation: Vec<f64>,
+    pub disk_velocity: Vec<f64>,
+    pub disk_angular_velocity: Vec<f64>,
+    /// By time and tendon.
+    pub tension: Vec<f64>,
+    pub tendon_length: Vec<f64>,
+    /// By time, disk at its end and tendon; NaN where the tendon does not pass.
+    pub span_length: Vec<f64>,
+}
+
+impl<L: Layout, const A: usize> Motion<L, A> {
+    /// Appends all fields of now: `points` along the flexible part of every module, both ends
+    /// among them. With none of them only what disks and tendons do, spans left out.
+    pub fn record(&mut self, time: f64, tensions: &[f64], points: usize, out: &mut Fields) {
+        let n = self.module_count();
+        out.time.push(time);
+        out.energies.push(self.energies);
+        out.tension.extend_from_slice(tensions);
+        out.tendon_length.extend_from_slice(&self.lengths);
+        let mut frame = Mat3::<f64>::identity();
+        let mut origin = Vec3::zero();
+        let mut here = Vec::with_capacity(tensions.len());
+        for k in 0..n {
+            if points == 0 {
+                frame = plain_mat(&self.place.frames[k]);
+                origin = plain(&self.place.points[k * A + A - 1]);
+                self.record_disk(k, origin, &frame, out);
+                continue;
+            }
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let c = &self.rod.modules[k];
+            let lane = |v: &Vec3<L::Module>| plain(&get::<L>(v, i));
+            let (strain, rate) = (&self.past[0][g], &self.rate[g]);
+            let mut state = State::<f64, A>::straight();
+            let mut damped = [Vec3::zero(); A];
+            let tau = self.damping.material;
+            for a in 0..A {
+                state.w[a] = lane(&strain.w[a]);
+                damped[a] = state.w[a] + lane(&rate.w[a]) * tau;
+            }
+            state.n = lane(&strain.n);
+            let mut force = state.n;
+            if !self.rigid {
+                force += lane(&rate.n) * tau;
+            }
+            here.clear();
+            here.extend((0..tensions.len()).map(|j| {
+                if k <= self.rod.tendons[j].end_disk {
+                    tensions[j]
+                } else {
+                    0.0
+                }
+            }));
+            let t = in_group(&self.rod.tendons, &here, self.rod.path, 0);
+            state.shape(c, &t);
+            state.rho = state.rho0 + state.compliance(c) * state.n;
+            // weight and inertia by length, in the frame of the start
+            let (mut load, mut mass) = (Vec3::zero(), 0.0);
+            for a in 0..A - 1 {
+                load += plain(&self.standing[k * A + a]);
+                mass += self.masses[k * A + a];
+            }
+            load = if mass > 0.0 {
+                frame.tr_mul(load) * (c.mass_per_length / mass)
+            } else {
+                Vec3::zero()
+            };
+            let tension = match self.rod.path {
+                TendonPath::Straight => 0.0,
+                TendonPath::Continuous => here.iter().sum(),
+            };
+            out.sections(
+                &state, c, &damped, force, tension, load, points, origin, &frame,
+            );
+            let end = state.offset(c);
+            origin += frame * end;
+            frame = frame * state.s;
+            for j in 0..tensions.len() {
+                out.span_length.push(if k <= self.rod.tendons[j].end_disk {
+                    match self.rod.path {
+                        TendonPath::Straight => {
+                            Span::new(c, &self.rod.tendons[j], &state.s, state.rho).length
+                        }
+                        TendonPath::Continuous => {
+                            state.parallel_length(c, &t, &self.rod.tendons[j])
+                        }
+                    }
+                } else {
+                    f64::NAN
+                });
+            }
+            self.record_disk(k, origin, &frame, out);
+        }
+    }
+
+    fn record_disk(&self, k: usize, position: Vec3, frame: &Mat3, out: &mut Fields) {
+        let velocity = plain(&self.velocity.points[k * A + A - 1]);
+        let turning = plain_mat(&self.velocity.frames[k]) * frame.transpose();
+        let q = turning.0;
+        let spin = [q[2][1] - q[1][2], q[0][2] - q[2][0], q[1][0] - q[0][1]];
+        out.disk_position.extend(position.0);
+        out.disk_rotation.extend(frame.0.iter().flatten());
+        out.disk_velocity.extend(velocity.0);
+        out.disk_angular_velocity.extend(spin.map(|x| 0.5 * x));
+    }
+}
+
+impl Fields {
+    /// The sections of one module, whose start is at `origin` and turned by `frame`. Mean
+    /// moment is the backbone's own; how it varies comes from the balance of the piece beyond.
+    #[allow(clippy::too_many_arguments)]
+    fn sections<const A: usize>(
+        &mut self,
+        state: &State<f64, A>,
+        c: &Constants<f64>,
+        strain: &[Vec3; A],
+        force: Vec3,
+        tension: f64,
+        load: Vec3,
+        points: usize,
+        origin: Vec3,
+        frame: &Mat3,
+    ) {
+        let elements = (A / 2) as f64;
+        // a third of an arc's load already sits in the disk at the end
+        let lumped = load * (c.flexible / elements / 6.0);
+        let force = force - lumped;
+        let (mut moment, mut centre) = (Vec3::zero(), Vec3::zero());
+        let gauss = 3f64.sqrt() / 6.0;
+        for element in 0..A / 2 {
+            for side in [-gauss, gauss] {
+                let xi = 0.5 + side;
+                let (a, b) = (strain[2 * element], strain[2 * element + 1]);
+                let curved = (a + b) + (b - a) * (3.0 * side);
+                let (place, turn) = state.section((element as f64 + xi) / elements);
+                moment += turn * c.moment(curved) * (0.5 / elements);
+                centre += place * (0.5 / elements);
+            }
+        }
+        let along = state.rho * c.per_flexible;
+        for p in 0..points {
+            let xi = p as f64 / (points - 1) as f64;
+            let (place, turn) = state.section(xi);
+            let left = c.flexible * (1.0 - xi);
+            let lever = 0.5 * left * left - c.flexible * c.flexible / 6.0;
+            let m = moment + (centre - place).cross(force) + along.cross(load) * lever;
+            let f = force + load * left;
+            let clamp = Vec3([0.0, 0.0, c.clamp[0]]);
+            self.position.extend((origin + *frame * (clamp + place)).0);
+            self.rotation.extend((*frame * turn).0.iter().flatten());
+            // tendons along the backbone carry their own part of what is beyond
+            let own = turn.tr_mul(f) - Vec3([0.0, 0.0, tension]);
+            self.force.extend(own.0);
+            self.moment.extend(turn.tr_mul(m).0);
+        }
+    }
+}
+
+impl<const A: usize> Motion<Scalar, A> {
+    /// Finds the equilibrium under the present forces from the strain at hand.
+    pub fn settle(&mut self) -> bool {
+        self.begin_at_rest();
+        for _ in 0..30 {
+            if self.residual() < 1e-10 * self.constants[0].stiffness[0] {
+                self.commit_at_rest();
+                return true;
+            }
+            self.improve(true);
+        }
+        false
+    }
+
+    /// How all mass answers forces at rest: displacement of every freedom by a unit force on
+    /// every other, m/N and so on, and the mass of every freedom. Freedoms are the translation
+    /// of points from base to tip, base frame, and after that of each disk its rotation, in
+    /// its own frame.
+    pub fn flexibility(&mut self) -> (Vec<f64>, Vec<f64>) {
+        let n = self.module_count();
+        let per = 3 * A + 3;
+        let size = n * per;
+        let mut masses = vec![0.0; size];
+        for k in 0..n {
+            let [e1, e3] = self.directors[k];
+            for a in 0..A {
+                masses[k * per + 3 * a..][..3].fill(self.masses[k * A + a]);
+            }
+            masses[k * per + 3 * A..][..3].copy_from_slice(&[e1 + e3, e1 + e3, 2.0 * e1]);
+        }
+        self.begin_at_rest();
+        self.residual();
+        self.linearise();
+        let mut matrix = vec![0.0; size * size];
+        let (force, moment) = (self.force.clone(), self.moment.clone());
+        let still: Vec<_> = self.rod.gradients.iter().map(|g| g.g).collect();
+        let still_delta: Vec<_> = self.inertia.iter().map(|i| i.g_delta).collect();
+        for column in 0..size {
+            let (k, within, axis) = (column / per, column % per / 3, column % 3);
+            let mut unit = Vec3::zero();
+            unit[axis] = 1.0;
+            self.force.copy_from_slice(&force);
+            self.moment.copy_from_slice(&moment);
+            if within < A {
+                self.force[k * A + within] += unit;
+            } else {
+                self.moment[k] += self.rod.rotations[k + 1] * unit;
+            }
+            self.imbalance();
+            for j in 0..n {
+                for a in 0..A {
+                    self.rod.gradients[j].g[a] -= still[j][a];
+                }
+                self.inertia[j].g_delta -= still_delta[j];
+            }
+            self.substitute();
+            let mut start = [Vec3::zero(); 2];
+            for j in 0..n {
+                let state = &self.rod.states[j];
+                let frame = self.rod.rotations[j];
+                let mut write = |within: usize, v: Vec3| {
+                    for q in 0..3 {
+                        matrix[(j * per + 3 * within + q) * size + column] = v[q];
+                    }
+                };
+                for a in 0..A - 1 {
+                    let mut place = state.rho0 - state.tail[a];
+                    place.0[2] += self.rod.modules[j].clamp[0];
+                    let mut moved = start[1] + start[0].cross(place);
+                    for i in 0..=a {
+                        let lever = self.rod.gradients[j].r[i] + state.tail[a].skew();
+                        moved += lever * self.inertia[j].u[i];
+                    }
+                    write(a, frame * moved);
+                }
+                start = self.answer[j];
+                write(A - 1, self.rod.rotations[j + 1] * start[1]);
+                write(A, start[0]);
+            }
+        }
+        self.force = force;
+        self.moment = moment;
+        (matrix, masses)
+    }
+}
+
+impl<T: Real, const A: usize> Inertia<T, A> {
+    /// Adds the inertia of the nodes inside to the blocks.
+    #[inline(always)]
+    fn add_nodes(
+        &mut self,
+        c: &Constants<T>,
+        state: &State<T, A>,
+        gradient: &Gradient<T, A>,
+        hessian: &mut Hessian<T, A>,
+        masses: &[T; A],
+        stiff: f64,
+    ) {
+        self.tu = [Mat3::zero(); A];
+        self.tx = Mat3::zero();
+        self.tt = T::zero();
+        for a in 0..A - 1 {
+            let m = masses[a] * T::splat(stiff);
+            let beyond = state.tail[a].skew();
+            let mut place = state.rho0 - state.tail[a];
+            place.0[2] += c.clamp[0];
+            for i in 0..=a {
+                let moved = (gradient.r[i] + beyond) * m;
+                for b in i..=a {
+                    hessian.uu[b][i] += (gradient.r[b] + beyond).tr_mat(moved);
+                }
+                hessian.xu[i] += place.cross_mat(moved);
+                self.tu[i] += moved;
+            }
+            hessian.xx += (place * -m)
+                .outer(place)
+                .add_diagonal([m * place.norm2(); 3]);
+            self.tx -= (place * m).skew();
+            self.tt += m;
+        }
+    }
+}
+
+fn plain<T: Real>(v: &Vec3<T>) -> Vec3 {
+    Vec3([v[0].lane(0), v[1].lane(0), v[2].lane(0)])
+}
+
+fn plain_mat<T: Real>(m: &Mat3<T>) -> Mat3 {
+    let mut out = Mat3::zero();
+    for r in 0..3 {
+        for c in 0..3 {
+            out.0[r][c] = m.0[r][c].lane(0);
+        }
+    }
+    out
+}

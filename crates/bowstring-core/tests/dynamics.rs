@@ -1,0 +1,521 @@
+//! Dynamics against independent engines, closed forms, convergence and balances.
+
+mod common;
+
+use bowstring_core::dynamics::{Count, Damping, Fields, Settings, Simulator, Step, Stop};
+use bowstring_core::linalg::Vec3;
+use bowstring_core::load::{Load, Model, TendonPath, Theory};
+use bowstring_core::robot::{Disk, Robot, RobotSpec};
+use bowstring_core::statics::{Solver, Status};
+use common::{pull, section, study_robot};
+
+fn settings(step: f64) -> Settings {
+    Settings {
+        gravity: [0.0; 3],
+        damping: Damping {
+            mass: 0.0,
+            material: 0.0,
+        },
+        spectral_radius: 1.0,
+        step: Step::Fixed(step),
+    }
+}
+
+fn kirchhoff() -> Model {
+    Model {
+        theory: Theory::Kirchhoff,
+        ..Model::default()
+    }
+}
+
+/// Moves on and asserts that nothing stopped it.
+fn go(simulator: &mut Simulator, duration: f64, load: &Load) -> Count {
+    let (stop, count) = simulator.advance(duration, load).unwrap();
+    assert_eq!(stop, None, "at {} s", simulator.time());
+    count
+}
+
+/// From rest under the first tension of tendon 1 to a sudden second one.
+fn release(robot: &Robot, model: Model, elements: usize, s: Settings, from: f64) -> Simulator {
+    let mut simulator = Simulator::new(robot, model, elements, s).unwrap();
+    let outcome = simulator.rest(&pull(&[from, 0.0, 0.0])).unwrap();
+    assert_eq!(outcome.status, Status::Converged);
+    simulator.jump(&pull(&[0.0; 3])).unwrap();
+    simulator
+}
+
+/// Tip over the ramp 0 to 80 N in 1 s and hold, at 100 Hz.
+fn ramp(model: Model, elements: usize, s: Settings) -> Vec<Vec3> {
+    let mut simulator = Simulator::new(&study_robot(9, 0.0), model, elements, s).unwrap();
+    simulator.rest(&pull(&[0.0; 3])).unwrap();
+    (1..=130)
+        .map(|i| {
+            let tension = 80.0 * f64::min(i as f64 / 100.0, 1.0);
+            go(&mut simulator, 0.01, &pull(&[tension, 0.0, 0.0]));
+            simulator.tip()
+        })
+        .collect()
+}
+
+/// Two independent engines, which agree within 0.16 mm; and our own converged run.
+#[test]
+fn ramp_meets_independent_engines_and_its_own_limit() {
+    let mut s = settings(1e-4);
+    s.damping.mass = 0.5;
+    let limit = ramp(Model::default(), 4, s);
+    for (step, elements, rho) in [(1e-3, 1, 1.0), (5e-4, 1, 0.8)] {
+        s.step = Step::Fixed(step);
+        s.spectral_radius = rho;
+        let tip = ramp(Model::default(), elements, s);
+        let peak = tip.iter().map(|p| p[0]).fold(0.0, f64::max);
+        for (found, published) in [
+            (tip[49][0], 0.198328),
+            (tip[99][0], 0.370456),
+            (peak, 0.4076),
+        ] {
+            assert!((found - published).abs() < 0.2e-3, "{found} {published}");
+        }
+        for i in [49, 99, 114] {
+            let off = (tip[i] - limit[i]).norm();
+            assert!(off < 0.02e-3, "{off} m off at output {i}");
+        }
+    }
+}
+
+/// The scheme is of second order in time, with numerical damping or without: release from 5 N
+/// of a robot whose fast oscillations are damped, so that its motion is smooth.
+#[test]
+fn steps_converge_with_second_order() {
+    for rho in [1.0, 0.6] {
+        let end = |steps: usize| {
+            let duration = 0.4;
+            let mut s = settings(duration / steps as f64);
+            s.spectral_radius = rho;
+            s.damping.material = 0.01;
+            let robot = study_robot(9, 0.0);
+            let mut simulator = release(&robot, Model::default(), 1, s, 5.0);
+            go(&mut simulator, duration, &pull(&[0.0; 3]));
+            simulator.tip()
+        };
+        let finest = end(12_800);
+        let errors: Vec<_> = [400, 800, 1600]
+            .map(|steps| (end(steps) - finest).norm())
+            .to_vec();
+        for pair in errors.windows(2) {
+            let order = (pair[0] / pair[1]).log2();
+            assert!(
+                (1.8..2.3).contains(&order),
+                "order {order} at {rho}: {errors:?}"
+            );
+        }
+    }
+}
+
+/// Modules of one element against four: fourth order in the module's length, as in statics.
+#[test]
+fn mesh_converges() {
+    let mut s = settings(1e-3);
+    s.damping.mass = 0.5;
+    for model in [Model::default(), kirchhoff()] {
+        let [one, two, four] = [1, 2, 4].map(|elements| ramp(model, elements, s)[114]);
+        assert!((one - four).norm() < 1e-5, "{:e}", (one - four).norm());
+        assert!((two - four).norm() < 2e-6, "{:e}", (two - four).norm());
+    }
+}
+
+/// No damping of any kind: 100 periods of the slowest mode at 1 ms.
+#[test]
+fn release_keeps_its_energy() {
+    let robot = study_robot(9, 0.0);
+    let mut simulator = release(&robot, Model::default(), 1, settings(1e-3), 40.0);
+    let start = simulator.energies().elastic;
+    let mut worst = 0.0f64;
+    for _ in 0..100 {
+        go(&mut simulator, 1.0 / 2.2804, &pull(&[0.0; 3]));
+        let e = simulator.energies();
+        assert_eq!(e.work, 0.0);
+        worst = worst.max(((e.kinetic + e.elastic) / start - 1.0).abs());
+    }
+    assert!(worst < 1e-3, "{worst}");
+}
+
+/// Any step is calm: with or without numerical damping, energy never grows.
+#[test]
+fn release_is_calm_at_any_step() {
+    let robot = study_robot(9, 0.0);
+    for model in [Model::default(), kirchhoff()] {
+        for rho in [1.0, 0.9, 0.6, 0.0] {
+            for step in [1e-4, 1e-3, 5e-3, 1e-2, 2e-2, 5e-2] {
+                let mut s = settings(step);
+                s.spectral_radius = rho;
+                let mut simulator = release(&robot, model, 1, s, 40.0);
+                let start = simulator.energies().elastic;
+                for _ in 0..20 {
+                    go(&mut simulator, f64::min(50.0 * step, 1.0), &pull(&[0.0; 3]));
+                    let e = simulator.energies();
+                    let left = (e.kinetic + e.elastic) / start;
+                    assert!(left < 1.01, "{left} at step {step}, radius {rho}");
+                }
+            }
+        }
+    }
+}
+
+/// Energy in is energy stored and taken: ramp, gravity, tip load, both dampings.
+#[test]
+fn energy_balances() {
+    let mut s = settings(1e-3);
+    s.gravity = [3.0, -4.0, -9.0];
+    s.damping = Damping {
+        mass: 0.7,
+        material: 1e-3,
+    };
+    let load = |tension: f64, force: f64| Load {
+        tip_force: [0.0, force, -force],
+        ..pull(Vec::leak(vec![tension, 0.0, 0.3 * tension]))
+    };
+    for model in [Model::default(), kirchhoff()] {
+        for path in [TendonPath::Straight, TendonPath::Continuous] {
+            let model = Model {
+                tendon: path,
+                ..model
+            };
+            let mut simulator = Simulator::new(&study_robot(9, 0.004), model, 1, s).unwrap();
+            simulator.rest(&load(5.0, 0.0)).unwrap();
+            let left = |s: &Simulator| {
+                let e = s.energies();
+                e.kinetic + e.elastic + e.gravity - e.work + e.dissipated
+            };
+            let start = left(&simulator);
+            for i in 1..=20 {
+                go(&mut simulator, 0.02, &load(5.0 + i as f64, 0.02 * i as f64));
+            }
+            let e = *simulator.energies();
+            assert!(e.work > 0.05 && e.dissipated > 1e-3, "{e:?}");
+            let error = (left(&simulator) - start).abs() / e.work;
+            // tendons along the backbone change its length at once
+            let most = if path == TendonPath::Straight {
+                1e-4
+            } else {
+                1e-3
+            };
+            assert!(error < most, "{path:?}: {error}");
+        }
+    }
+}
+
+/// Rate of momentum is the load less what the base holds, by the strain of the backbone at the
+/// base and the pull of its tendons.
+#[test]
+fn momentum_balances_with_the_base() {
+    let mut s = settings(2e-4);
+    s.damping.material = 2e-3;
+    s.gravity = [1.0, 2.0, -9.0];
+    let robot = study_robot(9, 0.0);
+    let mut simulator = Simulator::new(&robot, Model::default(), 4, s).unwrap();
+    let tensions = [20.0, 0.0, 5.0];
+    let load = Load {
+        tip_force: [0.0, 0.3, 0.1],
+        ..pull(&tensions)
+    };
+    simulator.rest(&load).unwrap();
+    let none = Load {
+        tip_force: [0.0; 3],
+        ..load
+    };
+    simulator.jump(&none).unwrap();
+    // a smooth stretch
+    go(&mut simulator, 0.2, &none);
+    let mass = 0.18 + s_mass();
+    let step = 2e-4;
+    let mut fields = Fields::default();
+    let mut momentum = vec![];
+    for _ in 0..5 {
+        simulator.record(2, &mut fields);
+        momentum.push(simulator.linear_momentum());
+        go(&mut simulator, step, &none);
+    }
+    let per_time = fields.force.len() / 5;
+    let holes = &robot.spec().tendons;
+    let base = |i: usize| {
+        let part = |v: &[f64], at: usize| Vec3([v[at], v[at + 1], v[at + 2]]);
+        let mut held = part(&fields.force, i * per_time);
+        // the first span pulls the first disk to the base
+        let disk = part(&fields.disk_position, i * 27);
+        let r = &fields.disk_rotation[i * 81..][..9];
+        for (tendon, tension) in holes.iter().zip(tensions) {
+            let [x, y] = tendon.hole;
+            let hole = disk
+                + Vec3([
+                    r[0] * x + r[1] * y,
+                    r[3] * x + r[4] * y,
+                    r[6] * x + r[7] * y,
+                ]);
+            let span = hole - Vec3([x, y, 0.0]);
+            held += span * (tension / span.norm());
+        }
+        Vec3(s.gravity) * mass - held
+    };
+    // central difference over the record before and after
+    let rate = (momentum[3] - momentum[1]) * (0.5 / step);
+    let force = base(2);
+    let off = (rate - force).norm() / (Vec3(s.gravity) * mass).norm();
+    assert!(rate.norm() > 0.02, "it moves: {rate:?}");
+    assert!(off < 1e-4, "{off}: {rate:?} {force:?}");
+}
+
+/// kg, of the backbone.
+fn s_mass() -> f64 {
+    section(0.005, 35e9, 0.3, 1800.0).mass_per_length * common::LENGTH
+}
+
+/// A robot at rest stays at rest, under every kind of load.
+#[test]
+fn equilibrium_stays() {
+    for clamp in [0.0, 0.006] {
+        let robot = study_robot(9, clamp);
+        for elements in [1, 2] {
+            for model in [Model::default(), kirchhoff()] {
+                let mut s = settings(5e-3);
+                s.gravity = [2.0, 1.0, -9.81];
+                let load = Load {
+                    tip_force: [0.2, -0.4, 0.1],
+                    tip_moment: [0.05, 0.0, 0.1],
+                    ..pull(&[30.0, 0.0, 10.0])
+                };
+                let mut simulator = Simulator::new(&robot, model, elements, s).unwrap();
+                simulator.rest(&load).unwrap();
+                let start = simulator.tip();
+                let mut solver = Solver::new(&robot, model, elements).unwrap();
+                let still = Load {
+                    gravity: s.gravity,
+                    ..load
+                };
+                solver.solve(&still).unwrap();
+                let apart = (solver.tip().unwrap().position - start).norm();
+                // gravity by Simpson's rule here, by Hermite's there; Kirchhoff's rod without
+                // the quadratic part of its strain in inertia
+                assert!(apart < 2e-6, "{model:?} {elements}: {apart:e}");
+                go(&mut simulator, 1.0, &load);
+                let moved = (simulator.tip() - start).norm();
+                assert!(moved < 1e-7, "{model:?} {elements} {clamp}: {moved:e}");
+            }
+        }
+    }
+}
+
+/// A silicone robot, heavy and soft, drops from a bend under its own weight.
+#[test]
+fn soft_robot_in_gravity_is_calm() {
+    let length = 0.2;
+    let disks = (1..=8).map(|k| Disk {
+        station: length * k as f64 / 8.0,
+        clamped_length: 0.002,
+        mass: 0.002,
+        inertia: [1e-7, 2e-7],
+        segment: 0,
+    });
+    let robot = Robot::new(RobotSpec {
+        sections: vec![section(0.02, 0.5e6, 0.49, 1100.0)],
+        disks: disks.collect(),
+        tendons: vec![],
+        gravity: [0.0; 3],
+    })
+    .unwrap();
+    let load = |force: f64| Load {
+        tensions: &[],
+        gravity: [0.0; 3],
+        tip_force: [force, 0.0, 0.0],
+        tip_moment: [0.0; 3],
+    };
+    for rho in [1.0, 0.8] {
+        for step in [5e-4, 2e-3, 1e-2] {
+            let mut s = settings(step);
+            s.gravity = [0.0, 2.0, 9.81];
+            s.spectral_radius = rho;
+            let mut simulator = Simulator::new(&robot, Model::default(), 1, s).unwrap();
+            let outcome = simulator.rest(&load(0.3)).unwrap();
+            assert_eq!(outcome.status, Status::Converged);
+            assert!(simulator.tip()[0] > 0.05);
+            simulator.jump(&load(0.0)).unwrap();
+            let energy = |s: &Simulator| {
+                let e = s.energies();
+                e.kinetic + e.elastic + e.gravity
+            };
+            let start = energy(&simulator);
+            for _ in 0..10 {
+                go(&mut simulator, 0.1, &load(0.0));
+                let size = simulator.energies().elastic + simulator.energies().kinetic;
+                assert!(energy(&simulator) < start + 0.02 * size, "{step} {rho}");
+            }
+        }
+    }
+}
+
+/// Damping of a mode: mass damping takes alpha/2, the material tau omega^2/2 of its rate.
+#[test]
+fn small_oscillations_decay_as_rayleigh_damping_says() {
+    let robot = study_robot(9, 0.0);
+    let omega = 2.0 * std::f64::consts::PI * 2.28023;
+    for (mass, material) in [(0.3, 0.0), (0.0, 2e-3)] {
+        let mut s = settings(1e-3);
+        s.damping = Damping { mass, material };
+        s.spectral_radius = 0.6;
+        let mut simulator = release(&robot, Model::default(), 1, s, 1.0);
+        let rate = mass / 2.0 + material * omega * omega / 2.0;
+        // after the fast modes are gone
+        go(&mut simulator, 1.0, &pull(&[0.0; 3]));
+        let energy = |s: &Simulator| s.energies().kinetic + s.energies().elastic;
+        let first = energy(&simulator);
+        let period = 1.0 / 2.28023;
+        go(&mut simulator, 20.0 * period, &pull(&[0.0; 3]));
+        let found = (first / energy(&simulator)).ln() / (2.0 * 20.0 * period);
+        assert!((found / rate - 1.0).abs() < 0.02, "{found} {rate}");
+    }
+}
+
+/// Turning the whole scene about the axis turns the motion.
+#[test]
+fn motion_does_not_care_for_the_direction() {
+    let motion = |angle: f64| {
+        let turned = move |v: [f64; 3]| {
+            let (s, c) = angle.sin_cos();
+            [c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]]
+        };
+        let robot = study_robot(9, 0.002);
+        let mut spec = robot.spec().clone();
+        for tendon in &mut spec.tendons {
+            let [x, y, _] = turned([tendon.hole[0], tendon.hole[1], 0.0]);
+            tendon.hole = [x, y];
+        }
+        let robot = Robot::new(spec).unwrap();
+        let mut s = settings(2e-3);
+        s.gravity = turned([4.0, 0.0, -8.0]);
+        let mut simulator = Simulator::new(&robot, Model::default(), 1, s).unwrap();
+        let load = Load {
+            tip_force: turned([0.1, 0.5, 0.0]),
+            tip_moment: turned([0.0, 0.1, 0.05]),
+            ..pull(&[20.0, 5.0, 0.0])
+        };
+        simulator.rest(&load).unwrap();
+        simulator
+            .jump(&Load {
+                tip_force: [0.0; 3],
+                ..load
+            })
+            .unwrap();
+        go(
+            &mut simulator,
+            0.3,
+            &Load {
+                tip_force: [0.0; 3],
+                ..load
+            },
+        );
+        (simulator.tip(), turned)
+    };
+    let (straight, _) = motion(0.0);
+    let (other, turned) = motion(2.1);
+    let expected = Vec3(turned(straight.0));
+    assert!((other - expected).norm() < 1e-7, "{other:?} {expected:?}");
+}
+
+/// Lanes and plain numbers move alike.
+#[test]
+fn elements_share_one_physics() {
+    let mut s = settings(2e-3);
+    s.damping.mass = 0.5;
+    let end = |elements| {
+        let robot = study_robot(13, 0.001);
+        let mut simulator = release(&robot, Model::default(), elements, s, 30.0);
+        go(&mut simulator, 0.1, &pull(&[0.0; 3]));
+        simulator.tip()
+    };
+    assert!((end(1) - end(2)).norm() < 2e-5);
+}
+
+/// Adaptive steps keep what they promise, and shorter tolerances cost more.
+#[test]
+fn adaptive_steps_obey_their_tolerance() {
+    let mut s = settings(1e-4);
+    s.damping.mass = 0.5;
+    let limit = ramp(Model::default(), 1, s);
+    let mut last = f64::INFINITY;
+    for tolerance in [1e-5, 1e-6, 1e-7] {
+        s.step = Step::Adaptive {
+            tolerance,
+            longest: 0.01,
+        };
+        s.spectral_radius = 0.8;
+        let tip = ramp(Model::default(), 1, s);
+        let worst = tip
+            .iter()
+            .zip(&limit)
+            .map(|(a, b)| (*a - *b).norm())
+            .fold(0.0, f64::max);
+        assert!(worst < 0.5 * last, "{worst} after {last}");
+        assert!(
+            worst < 600.0 * tolerance.powf(2.0 / 3.0) * 1e-2,
+            "{worst} at {tolerance}"
+        );
+        last = worst;
+    }
+}
+
+/// A load that closes the gap between disks stops the run, which says so and keeps its place.
+#[test]
+fn collision_stops_the_run() {
+    let robot = study_robot(2, 0.0);
+    let mut s = settings(1e-3);
+    s.damping.mass = 5.0;
+    let mut simulator = Simulator::new(&robot, Model::default(), 1, s).unwrap();
+    simulator.rest(&pull(&[0.0; 3])).unwrap();
+    let mut stopped = None;
+    for i in 1..400 {
+        let tension = 10.0 * i as f64;
+        let (stop, _) = simulator
+            .advance(0.01, &pull(&[tension, 0.0, 0.0]))
+            .unwrap();
+        if stop.is_some() {
+            stopped = stop;
+            break;
+        }
+    }
+    assert!(
+        matches!(stopped, Some(Stop::Collision | Stop::StepFailed)),
+        "{stopped:?}"
+    );
+    assert!(simulator.tip().0.iter().all(|x| x.is_finite()));
+}
+
+#[test]
+fn wrong_settings_are_refused() {
+    let robot = study_robot(3, 0.0);
+    let wrong: [fn(&mut Settings); 8] = [
+        |s| s.step = Step::Fixed(0.0),
+        |s| s.step = Step::Fixed(f64::NAN),
+        |s| {
+            s.step = Step::Adaptive {
+                tolerance: -1.0,
+                longest: 1.0,
+            }
+        },
+        |s| s.damping.mass = -1.0,
+        |s| s.damping.material = f64::INFINITY,
+        |s| s.spectral_radius = 1.5,
+        |s| s.spectral_radius = f64::NAN,
+        |s| s.gravity = [f64::NAN, 0.0, 0.0],
+    ];
+    for change in wrong {
+        let mut s = settings(1e-3);
+        change(&mut s);
+        assert!(Simulator::new(&robot, Model::default(), 1, s).is_err());
+    }
+    assert!(Simulator::new(&robot, Model::default(), 3, settings(1e-3)).is_err());
+    let mut simulator = Simulator::new(&robot, Model::default(), 1, settings(1e-3)).unwrap();
+    assert!(simulator.rest(&pull(&[1.0])).is_err());
+    simulator.rest(&pull(&[1.0, 0.0, 0.0])).unwrap();
+    assert!(simulator.advance(-1.0, &pull(&[0.0; 3])).is_err());
+    assert!(simulator.advance(f64::NAN, &pull(&[0.0; 3])).is_err());
+    assert!(simulator.advance(0.1, &pull(&[-1.0, 0.0, 0.0])).is_err());
+}

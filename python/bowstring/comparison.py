@@ -1,0 +1,313 @@
+"""Constant curvature beside physics: one set of physical assumptions, and the tip error in it.
+
+Constant curvature always belongs to the nominal robot of the file and is fed as its name says, with
+the lengths that this physics gives or with the force; the physics may differ from the nominal robot
+in what `Physics` lists.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring import arc, rod
+from bowstring.errors import BowstringError
+from bowstring.robot import Robot
+
+__all__ = [
+    "COMPARISONS",
+    "MEANINGS",
+    "Case",
+    "Comparison",
+    "Model",
+    "Physics",
+    "Theory",
+    "known_max",
+    "known_mean",
+]
+
+Array = NDArray[np.float64]
+Theory = Literal["cosserat", "kirchhoff"]
+
+COMPARISONS: Final = {
+    "cc_from_lengths": "from lengths (Eq. 5)",
+    "cc_from_force": "from force (linear law)",
+    "cc_from_lengths_chord": "from lengths, chords",
+    "cc_from_force_arm": "from force, mean arm",
+}
+"""Names of the comparisons and what people call them."""
+
+MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
+"""Those that budget and verdict are about: constant curvature uncorrected."""
+
+
+# -- what is computed --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Physics:
+    """One set of physical assumptions; the defaults are the plainest."""
+
+    tendon: Literal["straight", "continuous"] = "continuous"
+    theory: Theory = "kirchhoff"
+    twist: bool = False
+    clamped: Literal["none", "file", "budget"] = "none"
+    """Backbone held by the disks: none, as the file says, or as the budget assumes."""
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tip_force: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    stiffness: float = 1.0
+    """Factor on Young's modulus."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Tips of constant curvature against tips of physics."""
+
+    name: str
+    against: str
+    length: float
+    tip_position: Array
+    """(n, 3) by constant curvature, m; NaN where there is none."""
+    difference: Array
+    """(n, 3) constant curvature minus physics, m."""
+
+    @cached_property
+    def error(self) -> Array:
+        """Euclidean tip error (n,), m."""
+        return np.asarray(np.linalg.norm(self.difference, axis=-1))
+
+    @property
+    def n(self) -> int:
+        """Number of points that both sides have."""
+        return int(np.isfinite(self.error).sum())
+
+    def _over_points(self, statistic: Callable[[Array], Any], values: Array) -> Any:
+        return statistic(values[np.isfinite(self.error)]) if self.n else math.nan
+
+    @property
+    def mean(self) -> float:
+        """Mean error, m."""
+        return float(self._over_points(np.mean, self.error))
+
+    @property
+    def maximum(self) -> float:
+        """Largest error, m."""
+        return float(self._over_points(np.max, self.error))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square over points (never over coordinates), m."""
+        return float(np.sqrt(self._over_points(np.mean, self.error**2)))
+
+    @property
+    def mean_by_axis(self) -> Array:
+        """Mean absolute error along x, y and z, m."""
+        rows = np.abs(self.difference[np.isfinite(self.error)])
+        return np.asarray(rows.mean(axis=0) if len(rows) else np.full(3, math.nan))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The comparison in mm and percent."""
+        return {
+            "name": self.name,
+            "against": self.against,
+            "n": self.n,
+            "mean_mm": self.mean * 1e3,
+            "max_mm": self.maximum * 1e3,
+            "rms_mm": self.rms * 1e3,
+            "mean_percent": self.mean / self.length * 100.0,
+            "mean_by_axis_mm": (self.mean_by_axis * 1e3).tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class Case:
+    """One set of physics, and what it makes of constant curvature's error."""
+
+    physics: Physics
+    problem: str | None
+    """Why it has no numbers, or not at all loads."""
+    tip_position: Array
+    """(n, 3), m."""
+    comparisons: dict[str, Comparison]
+
+    def error(self, meaning: str) -> Array:
+        """Euclidean tip error (n,) of constant curvature in this physics, m."""
+        return self.comparisons[meaning].error
+
+    def to_dict(self, base: Case | None = None) -> dict[str, Any]:
+        """The case in mm and percent; with `base`, also the change from it at common points."""
+        out: dict[str, Any] = {"problem": self.problem}
+        for name, comparison in self.comparisons.items():
+            entry = comparison.to_dict()
+            out[name] = {k: entry[k] for k in ("n", "mean_mm", "max_mm", "mean_percent")}
+            if base is not None:
+                change = self.error(name) - base.error(name)
+                out[name]["change_of_mean_mm"] = known_mean(change) * 1e3
+                out[name]["change_of_mean_percent"] = known_mean(change) / comparison.length * 100.0
+        if base is not None:
+            moved = np.linalg.norm(self.tip_position - base.tip_position, axis=-1)
+            out["tip_moved_mean_mm"] = known_mean(moved) * 1e3
+            out["tip_moved_max_mm"] = known_max(moved) * 1e3
+        return out
+
+
+# -- computing it ------------------------------------------------------------------------------
+
+
+class Model:
+    """Robot, pulled tendon and theory, and what all parts of the study ask of them."""
+
+    def __init__(self, robot: Robot, tendon: int, theory: Theory) -> None:
+        self.robot = robot
+        self.tendon = tendon
+        """Index of the pulled tendon, from 0."""
+        self.length = robot.length
+        angle = float(robot.tendons.angle_rad[tendon])
+        self.towards = (math.cos(angle), math.sin(angle), 0.0)
+        """The way the pulled tendon bends the robot."""
+        self.across = (-math.sin(angle), math.cos(angle), 0.0)
+        self.main = Physics(
+            tendon="straight",
+            theory=theory,
+            twist=True,
+            clamped="file",
+            gravity=robot.gravity,
+        )
+        """The physics of the main sweep."""
+        self._variants: dict[tuple[str, float], Robot] = {}
+
+    def tensions(self, tension: Array) -> Array:
+        """Tensions of all tendons (n, T), N."""
+        out = np.zeros((len(tension), len(self.robot.tendons.segment)))
+        out[:, self.tendon] = tension
+        return out
+
+    @cached_property
+    def budget_clamps(self) -> list[float]:
+        """Clamped length that the budget assumes in each segment, m."""
+        return [s.disks.clamped_length or s.disks.thickness or 3e-3 for s in self.robot.segments]
+
+    def variant(self, physics: Physics) -> Robot:
+        """The robot with the clamps and the stiffness of this physics."""
+        key = (physics.clamped, physics.stiffness)
+        if key not in self._variants:
+            changes: dict[str, float] = {}
+            for k, segment in enumerate(self.robot.segments):
+                clamps = {
+                    "none": 0.0,
+                    "file": segment.disks.clamped_length,
+                    "budget": self.budget_clamps[k],
+                }[physics.clamped]
+                if clamps != segment.disks.clamped_length:
+                    changes[f"segments.{k}.disks.clamped_length"] = clamps
+                if physics.stiffness != 1.0:
+                    changes[f"segments.{k}.backbone.E"] = segment.backbone.E * physics.stiffness
+            self._variants[key] = self.robot.with_(changes) if changes else self.robot
+        return self._variants[key]
+
+    def solve(self, physics: Physics, tension: Array, disks: bool = False) -> rod.Sweep:
+        """Equilibria of this physics along the sweep."""
+        return rod.sweep(
+            self.variant(physics),
+            self.tensions(tension),
+            theory=physics.theory,
+            gravity=physics.gravity,
+            tip_force=physics.tip_force,
+            tendon=physics.tendon,
+            twist=physics.twist,
+            disks=disks,
+        )
+
+    def constant_curvature(self, name: str, tension: Array, lengths: Array) -> Array:
+        """Tips (n, 3) by constant curvature of the nominal robot, m; NaN where it has none."""
+        if name == "cc_from_force":
+            return self._rows(self.tensions(tension), self._from_force)
+        if name == "cc_from_force_arm":
+            return self._rows(self.tensions(tension), self._from_force_arm)
+        if name == "cc_from_lengths":
+            return self._rows(lengths, self._from_lengths)
+        return self._rows(lengths, self._from_lengths_chord)
+
+    def _from_force(self, tensions: Array) -> Array:
+        return arc.robot_from_tensions(self.robot, tensions, law="linear").tip.position
+
+    def _from_force_arm(self, tensions: Array) -> Array:
+        return arc.robot_from_tensions(self.robot, tensions, law="arm").tip.position
+
+    def _from_lengths(self, lengths: Array) -> Array:
+        return arc.robot_fk(self.robot, lengths).tip.position
+
+    def _from_lengths_chord(self, lengths: Array) -> Array:
+        return arc.robot_fk(self.robot, lengths, correction="chord").tip.position
+
+    @staticmethod
+    def _rows(values: Array, function: Callable[[Array], Array]) -> Array:
+        """The function at all rows at once, or one by one where some have no arc."""
+        out = np.full((len(values), 3), math.nan)
+        good = np.flatnonzero(np.all(np.isfinite(values), axis=-1))
+        try:
+            out[good] = function(values[good])
+        except BowstringError:
+            for i in good:
+                try:
+                    out[i] = function(values[i])
+                except BowstringError:
+                    continue
+        return out
+
+    def compare(
+        self,
+        tension: Array,
+        tip: Array,
+        lengths: Array,
+        names: Sequence[str],
+        against: str = "statics",
+    ) -> dict[str, Comparison]:
+        """Constant curvature against the tips and tendon lengths of some physics."""
+        out = {}
+        for name in names:
+            ours = self.constant_curvature(name, tension, lengths)
+            out[name] = Comparison(name, against, self.length, ours, ours - tip)
+        return out
+
+    def case(self, physics: Physics, tension: Array) -> Case:
+        """One set of physics beside constant curvature in its two meanings."""
+        try:
+            sweep = self.solve(physics, tension)
+        except BowstringError as error:
+            gap = np.full((len(tension), 3), math.nan)
+            lengths = np.full((len(tension), len(self.robot.tendons.segment)), math.nan)
+            return Case(physics, str(error), gap, self.compare(tension, gap, lengths, MEANINGS))
+        bad = np.flatnonzero(~np.asarray(sweep.converged))
+        problem = None
+        if len(bad) == len(tension):
+            problem = f"no stable equilibrium found at any load ({sweep.status[bad[0]]})"
+        elif len(bad):
+            problem = (
+                f"no stable equilibrium found at {len(bad)} of {len(tension)} loads "
+                f"({sweep.status[bad[0]]} at {tension[bad[0]]:.4g} N); means are over the others"
+            )
+        tip = sweep.tip_position
+        comparisons = self.compare(tension, tip, sweep.tendon_lengths, MEANINGS)
+        return Case(physics, problem, tip, comparisons)
+
+
+# -- means of what is known --------------------------------------------------------------------
+
+
+def known_mean(values: Array) -> float:
+    """Mean of the values that are finite; NaN if none is."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else math.nan
+
+
+def known_max(values: Array) -> float:
+    """Largest of the values that are finite; NaN if none is."""
+    known = values[np.isfinite(values)]
+    return float(known.max()) if known.size else math.nan

@@ -1,0 +1,478 @@
+"""The file of a run: NetCDF, written in chunks, whole at every moment.
+
+A run's file grows at its final place. It says ``status = "running"`` and ``complete_to_s`` until
+`RunFile.finish`; a process that is killed leaves a file that opens with any NetCDF reader and holds
+the run up to that time.
+
+The format is classic NetCDF with 64-bit offsets, written here byte by byte. All variables of one
+output time lie side by side, so a chunk is one write at the end of the file; then one write in the
+first page of the file says how many times there are, up to when, and the status. That order is what
+makes the file whole at every moment, and it is several times quicker than the NetCDF library, which
+writes variable by variable. A HDF5 file that is killed in a write may be lost.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import shutil
+import struct
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
+
+import numpy as np
+
+from bowstring import fields
+from bowstring.errors import InputError
+from bowstring.fields import FIELDS, Field, Frames, Section
+from bowstring.files import check_parent
+from bowstring.robot import Robot
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from typing_extensions import Self
+
+__all__ = ["RunFile", "check_file", "read_run"]
+
+_MAGIC: Final = b"CDF\x02"
+_CHAR, _INT, _DOUBLE = 2, 4, 6
+_DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
+_STATUS_BYTES: Final = 32
+_REASON_BYTES: Final = 1024
+_PAGE: Final = 4096
+_BLOCK: Final = (
+    10_000  # stations times times; more at once leave the cache and take 3 times as long
+)
+_LARGEST: Final = 2**31 - 4
+_OURS: Final = b"bowstring_version"
+
+
+def check_file(path: str | Path) -> Path:
+    """Say before any work whether a run may be written to a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Its folder must exist. A former run in its place will be replaced.
+
+    Returns
+    -------
+    Path
+        The same file, absolute, links resolved.
+
+    Raises
+    ------
+    InputError
+        If the folder does not exist, or something that is not a run is in its place.
+    """
+    file = Path(path).resolve()
+    why = f"cannot write the run to {file}"
+    try:
+        check_parent(file, why)
+        if file.is_dir():
+            raise InputError(f"{why}: it is a folder; name a file, for example {file / 'run.nc'}")
+        if file.exists():
+            if not file.is_file():
+                raise InputError(f"{why}: it is a device or pipe; name a file")
+            with file.open("rb") as former:
+                head = former.read(8192)
+            if not head.startswith(_MAGIC) or _OURS not in head:
+                raise InputError(
+                    f"{why}: it is not a run of Bowstring, and nothing of yours is replaced; "
+                    "name another file"
+                )
+    except OSError as error:
+        raise InputError(f"{why}: {error.strerror}") from None
+    return file
+
+
+class RunFile:
+    """A run's file while it is being written; made by `RunFile.open`.
+
+    As a context manager it finishes the file: ``"converged"``, ``"interrupted"`` after Ctrl-C, or
+    ``"failed"`` with the error's text.
+
+    Attributes
+    ----------
+    path : Path
+    complete_to : float
+        Time in s up to which the file holds the run; NaN before the first output time.
+    """
+
+    def __init__(self, path: Path, robot: Robot, settings: Mapping[str, Any]) -> None:
+        self.path = path
+        self.complete_to = float("nan")
+        self._robot = robot
+        self._settings = dict(settings)
+        self._attributes = fields.attributes(robot, settings)
+        self._file: BinaryIO | None = None
+        self._records = 0
+        self._closed = False
+
+    @classmethod
+    def open(
+        cls, path: str | Path, robot: Robot, settings: Mapping[str, Any], *, points: int = 0
+    ) -> Self:
+        """Start a file, before the work begins.
+
+        Parameters
+        ----------
+        path : str or Path
+            A former run there is replaced.
+        robot : Robot
+        settings : mapping
+            As for `bowstring.fields.to_dataset`; kept in the file.
+        points : int, optional
+            Expected number of values in the run: output times times stations. If given, the
+            drive must have room for them.
+
+        Returns
+        -------
+        RunFile
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written, see `check_file`, or the drive has no room.
+        """
+        run = cls(check_file(path), robot, settings)
+        header = _Header(run._attributes, {}, ())
+        try:
+            free = shutil.disk_usage(run.path.parent).free
+            need = 8 * 45 * points  # some 45 numbers a station and time
+            if need > free:
+                raise InputError(
+                    f"cannot write the run to {run.path}: it needs about {need / 1e9:.2g} GB and "
+                    f"the drive has {free / 1e9:.2g} GB free"
+                )
+            run._replace(header.bytes("running", ""))
+            run._open()
+        except OSError as error:
+            raise InputError(f"cannot write the run to {run.path}: {_why(error)}") from None
+        return run
+
+    def append(self, frames: Frames) -> None:
+        """Add output times and make them part of the file; costs least for 50 or more at once.
+
+        Parameters
+        ----------
+        frames : Frames
+            Later than all before, at the same stations.
+
+        Raises
+        ------
+        InputError
+            If the arrays do not fit, or the drive takes no more: then the file says
+            ``status = "failed"`` and holds the run up to the last whole chunk.
+        """
+        if self._closed:
+            raise InputError(f"the run in {self.path} is finished; nothing can be added")
+        fields.check_frames(self._robot, frames)
+        if len(frames.time) == 0:
+            return
+        if self._records == 0:
+            self._begin(frames)
+        elif frames.time[0] <= self.complete_to:
+            raise InputError(
+                f"output times must increase: got {frames.time[0]:g} s after {self.complete_to:g} s"
+            )
+        elif not np.array_equal(frames.station, self._station):
+            raise InputError("the stations of a run must be the same at all its times")
+        block = max(1, _BLOCK // len(frames.station))
+        for start in range(0, len(frames.time), block):
+            self._add(fields.times(frames, slice(start, start + block)))
+
+    def finish(self, status: str = "converged", reason: str = "") -> None:
+        """Say how the run ended and close the file; a second call does nothing.
+
+        Parameters
+        ----------
+        status : str
+            One word, as ``"converged"`` or ``"interrupted"``.
+        reason : str
+            A sentence for a run that did not reach its end.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._end(status, reason)
+        except OSError as error:
+            raise InputError(
+                f"cannot finish the run in {self.path}: {_why(error)}; {self._holds()}"
+            ) from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is None:
+            self.finish()
+        elif isinstance(error, KeyboardInterrupt):
+            self.finish("interrupted", "stopped by the user")
+        else:
+            self.finish("failed", str(error) or type(error).__name__)
+
+    # -- inside --------------------------------------------------------------------------------
+
+    def _begin(self, frames: Frames) -> None:
+        """What the first times fix: the stations, and the energy at the start."""
+        robot = self._robot
+        self._station = np.array(frames.station)
+        self._section: Section = fields.section(robot, frames, self._settings)
+        energy = frames.kinetic_energy + frames.elastic_energy + frames.gravity_energy
+        self._energy = float((energy - frames.work + frames.dissipated_energy)[0])
+        self._header = _Header(self._attributes, fields.coordinates(robot, frames), FIELDS)
+
+    def _add(self, frames: Frames) -> None:
+        values = fields.derive(self._robot, frames, self._section, self._energy)
+        table = np.empty((len(frames.time), self._header.record // 8))
+        table[:, 0] = frames.time
+        start = 1
+        for field in FIELDS:
+            block = values[field.name].reshape(len(table), -1)
+            table[:, start : start + block.shape[1]] = block
+            start += block.shape[1]
+        if sys.byteorder == "little":
+            table.byteswap(inplace=True)
+        head = (self._records + len(table), float(frames.time[-1]))
+        try:
+            if self._records == 0:
+                self._replace(self._header.bytes("running", "", *head) + table.tobytes())
+            else:
+                here = self._header.size + self._records * self._header.record
+                self._write(here, table.data.cast("B"))
+                self._write(4, self._header.head("running", "", *head))
+        except OSError as error:
+            self._give_up(error)
+        self._records, self.complete_to = head
+
+    def _replace(self, content: bytes) -> None:
+        """Put a new file in place, whole, and go on in it."""
+        handle, name = tempfile.mkstemp(prefix=f".{self.path.name}-", dir=self.path.parent)
+        try:
+            with os.fdopen(handle, "wb") as new:
+                new.write(content)
+            umask = os.umask(0)
+            os.umask(umask)
+            os.chmod(name, 0o666 & ~umask)
+            if self._file is not None:
+                self._file.close()
+                self._file = None
+            os.replace(name, self.path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(name)
+            raise
+
+    def _open(self) -> BinaryIO:
+        if self._file is None:
+            self._file = open(self.path, "r+b", buffering=0)  # noqa: SIM115
+        return self._file
+
+    def _write(self, offset: int, content: bytes | memoryview) -> None:
+        file = self._open()
+        file.seek(offset)
+        rest = memoryview(content)
+        while rest:
+            rest = rest[file.write(rest) :]
+
+    def _end(self, status: str, reason: str) -> None:
+        """Write the status where the file has it, whatever an interrupt left undone, and close."""
+        with contextlib.closing(self._open()) as file:
+            file.seek(0)
+            place = file.read(_PAGE).index(_name("status"))
+            self._write(place, _ending(status, reason))
+            os.fsync(file.fileno())
+
+    def _give_up(self, error: OSError) -> None:
+        """The drive takes no more: cut off what is not whole, and say so in the file too."""
+        self._closed = True
+        why = f"cannot go on writing the run to {self.path}: {_why(error)}"
+        with contextlib.suppress(OSError):
+            if self._records:
+                self._open().truncate(self._header.size + self._records * self._header.record)
+            self._end("failed", why)
+        raise InputError(f"{why}; {self._holds()}") from None
+
+    def _holds(self) -> str:
+        if self._records == 0:
+            return "the file holds no output time"
+        return f"the file holds the run up to {self.complete_to:.6g} s"
+
+
+def _why(error: OSError) -> str:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return "the drive is full"
+    if error.errno == errno.EFBIG:
+        return "the file is larger than is allowed here"
+    return error.strerror or str(error)
+
+
+def read_run(path: str | Path) -> xr.Dataset:
+    """Read the file of a run, also of one that was killed or still runs.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    xarray.Dataset
+        As from `bowstring.fields.to_dataset`, in memory. ``attrs["status"]`` says how the run
+        ended (``"running"`` if it was killed or goes on), ``attrs["complete_to_s"]`` up to when it
+        is there.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is not a run.
+    """
+    import xarray as xr
+
+    try:
+        with open(path, "rb") as file:
+            head = file.read(8192)
+    except OSError as error:
+        raise InputError(f"cannot read the run {path}: {error.strerror}") from None
+    if not head.startswith((b"CDF", b"\x89HDF")):
+        raise InputError(f"{path} is not a run of Bowstring; it is not a NetCDF file")
+    try:
+        data = xr.load_dataset(path, engine="netcdf4")
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"cannot read the run {path}: {error}") from None
+    if _OURS.decode() not in data.attrs:
+        raise InputError(f"{path} is a NetCDF file, but not a run of Bowstring")
+    if data.attrs["schema_version"] > fields.SCHEMA_VERSION:
+        raise InputError(
+            f"{path} was written by a newer Bowstring ({data.attrs['bowstring_version']}); update"
+        )
+    return data
+
+
+# -- the format --------------------------------------------------------------------------------
+# https://docs.unidata.ucar.edu/nug/current/file_format_specifications.html: big-endian, names and
+# values padded to 4 bytes; a header is magic, number of records, dimensions, attributes, variables.
+
+
+class _Header:
+    """Header and fixed variables of a file.
+
+    ``size`` is where the records begin, ``record`` the bytes of one, both 0 if there are none.
+    """
+
+    def __init__(
+        self,
+        attributes: Mapping[str, str | int],
+        coordinates: Mapping[str, tuple[str, Any, Mapping[str, str]]],
+        variables: Iterable[Field],
+    ) -> None:
+        sizes = {"time": 0, "letter": 1} if coordinates else {}  # 0: the one that grows
+        for dim, values, _ in coordinates.values():
+            sizes[dim] = len(values)
+        names = list(sizes)
+        where = ["arc_length module segment", "disk_arc_length"]
+        aside = {"station": where[0], "disk": where[1]}  # CF: coordinates that are not dimensions
+        fixed, rows = [], []
+        for name, (dim, values, attrs) in coordinates.items():
+            kind, dims = {"U": (_CHAR, [dim, "letter"]), "i": (_INT, [dim]), "f": (_DOUBLE, [dim])}[
+                values.dtype.kind
+            ]
+            raw = values.astype({_CHAR: "S1", _INT: ">i4", _DOUBLE: ">f8"}[kind]).tobytes()
+            fixed.append(_pad(raw))
+            encoding = {"_Encoding": "utf-8"} if kind == _CHAR else {}
+            rows.append((name, dims, kind, {**attrs, **encoding}))
+        grown = []
+        if coordinates:
+            rows.append(("time", ["time"], _DOUBLE, fields.TIME))
+            grown.append(8)
+        for field in variables:
+            dims = ["time", *field.dims]
+            attrs = fields.field_attributes(field)
+            beside = " ".join(aside[dim] for dim in dims if dim in aside)
+            if beside:
+                attrs["coordinates"] = beside
+            rows.append((field.name, dims, _DOUBLE, attrs))
+            grown.append(8 * int(np.prod([sizes[dim] for dim in field.dims])))
+        self.record = sum(grown)
+        if max(grown, default=0) > _LARGEST:
+            raise InputError("a run of so many stations does not fit its file; take fewer")
+        lengths = [len(raw) for raw in fixed] + grown
+
+        def table(begin: int) -> bytes:
+            out = struct.pack(">ii", _VARIABLES if rows else 0, len(rows))
+            for (name, dims, kind, attrs), length in zip(rows, lengths, strict=True):
+                out += _name(name) + struct.pack(">i", len(dims))
+                out += b"".join(struct.pack(">i", names.index(dim)) for dim in dims)
+                out += struct.pack(">ii", _ATTRIBUTES, len(attrs))
+                out += b"".join(_text(key, value) for key, value in attrs.items())
+                out += struct.pack(">iiq", kind, length, begin)
+                begin += length
+            return out
+
+        dimensions = struct.pack(">ii", _DIMENSIONS if names else 0, len(names))
+        for name, size in sizes.items():
+            dimensions += _name(name) + struct.pack(">i", size)
+        self._dimensions = dimensions
+        self._count = len(attributes) + 3
+        other = b"".join(
+            _text(key, value)
+            if isinstance(value, str)
+            else _name(key) + struct.pack(">iii", _INT, 1, value)
+            for key, value in attributes.items()
+        )
+        before = 4 + len(self.head("", "")) + len(other)
+        begin = before + len(table(0))
+        self._tail = other + table(begin) + b"".join(fixed)
+        self.size = begin + sum(map(len, fixed))
+
+    def head(
+        self, status: str, reason: str, records: int = 0, complete_to: float = float("nan")
+    ) -> bytes:
+        """What changes during a run: bytes from 4 on, of fixed length, within the first page."""
+        return (
+            struct.pack(">i", records)
+            + self._dimensions
+            + struct.pack(">ii", _ATTRIBUTES, self._count)
+            + _name("complete_to_s")
+            + struct.pack(">iid", _DOUBLE, 1, complete_to)
+            + _ending(status, reason)
+        )
+
+    def bytes(
+        self, status: str, reason: str, records: int = 0, complete_to: float = float("nan")
+    ) -> bytes:
+        """The file up to its records."""
+        return _MAGIC + self.head(status, reason, records, complete_to) + self._tail
+
+
+def _ending(status: str, reason: str) -> bytes:
+    """Of fixed length."""
+    return _text("status", status, _STATUS_BYTES) + _text("reason", reason, _REASON_BYTES)
+
+
+def _pad(raw: bytes) -> bytes:
+    return raw + bytes(-len(raw) % 4)
+
+
+def _name(name: str) -> bytes:
+    raw = name.encode()
+    return struct.pack(">i", len(raw)) + _pad(raw)
+
+
+def _text(name: str, value: str, room: int = 0) -> bytes:
+    """A text attribute; with ``room`` it has that length, filled with NUL, which readers drop."""
+    raw = value.encode()
+    if room:
+        raw = raw[:room].decode(errors="ignore").encode().ljust(room, b"\0")
+    return _name(name) + struct.pack(">ii", _CHAR, len(raw)) + _pad(raw)

@@ -1,0 +1,106 @@
+"""The error budget: each effect against reference cases, and one thing changed at a time."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from bowstring import study
+from bowstring.budget import BudgetRow
+from bowstring.comparison import Physics
+from bowstring.robot import load_robot
+
+MM = 1e-3
+
+
+def row(s: study.Study, effect: str) -> BudgetRow:
+    return next(r for r in s.budget.rows if r.effect == effect)
+
+
+def test_constant_curvature_is_exact_in_the_plainest_physics(paper: study.Study) -> None:
+    for c in paper.budget.plainest.comparisons.values():
+        assert c.maximum < 1e-9
+
+
+def test_straight_spans_are_most_of_the_sweep(paper: study.Study) -> None:
+    added = row(paper, "straight_spans").added.comparisons
+    assert added["cc_from_force"].mean / MM == pytest.approx(4.417, abs=5e-3)
+    assert added["cc_from_lengths"].mean / MM == pytest.approx(0.228, abs=5e-3)
+
+
+def test_every_effect_has_a_row(paper: study.Study) -> None:
+    assert [r.effect for r in paper.budget.rows] == [
+        "straight_spans",
+        "clamps",
+        "shear_extension",
+        "torsion",
+        "gravity_upright",
+        "gravity_hanging",
+        "gravity_horizontal",
+        "tip_force",
+        "E_minus_10",
+        "E_plus_10",
+    ]
+    labels = " ".join(r.label for r in paper.budget.rows)
+    assert "3 mm" in labels and "1 N" in labels
+    for r in paper.budget.rows:
+        assert r.added.problem is None and r.full.problem is None and r.removed.problem is None
+
+
+def test_the_budget_changes_one_thing_at_a_time(paper: study.Study) -> None:
+    def differences(a: Physics, b: Physics) -> int:
+        return sum(getattr(a, f) != getattr(b, f) for f in a.__dataclass_fields__)
+
+    for r in paper.budget.rows:
+        assert differences(r.added.physics, paper.budget.plainest.physics) == 1
+        assert differences(r.removed.physics, r.full.physics) == 1
+        assert differences(r.in_sweep.physics, paper.budget.sweep.physics) == 1
+        assert differences(r.full.physics, paper.budget.fullest.physics) <= 1
+
+
+def test_stiffness_off_matters_from_force_only(paper: study.Study) -> None:
+    for effect in ("E_minus_10", "E_plus_10"):
+        added = row(paper, effect).added.comparisons
+        assert added["cc_from_force"].mean / MM > 10.0
+        assert added["cc_from_lengths"].mean < 1e-9
+
+
+def test_torsion_is_worth_nothing_in_a_plane(paper: study.Study) -> None:
+    assert row(paper, "torsion").added.comparisons["cc_from_force"].mean < 1e-9
+
+
+def test_the_force_across_the_tip_leaves_the_plane(paper: study.Study) -> None:
+    case = row(paper, "tip_force").added
+    assert case.physics.tip_force == (0.0, 1.0, 0.0)
+    # less than the 80.9 mm of a backbone that may twist
+    assert 60.0 < case.tip_position[8, 1] / MM < 80.9
+    # the same in the main sweep, which may: the reference case
+    case = row(paper, "tip_force").in_sweep
+    assert case.tip_position[8] / MM == pytest.approx([213.273, 80.872, 583.929], abs=6e-3)
+
+
+def test_gravity_in_the_main_sweep_is_the_reference_case(paper: study.Study) -> None:
+    case = row(paper, "gravity_upright").in_sweep
+    assert case.tip_position[8] / MM == pytest.approx([238.999, 0.0, 578.113], abs=6e-3)
+
+
+def test_clamps_in_the_main_sweep(paper: study.Study) -> None:
+    clamps = row(paper, "clamps")
+    assert not clamps.acts_in_sweep
+    assert clamps.in_sweep.comparisons["cc_from_force"].mean / MM == pytest.approx(3.67, abs=5e-3)
+    spans = row(paper, "straight_spans")
+    assert spans.acts_in_sweep
+    assert spans.in_sweep.comparisons["cc_from_lengths"].mean / MM < 1e-2
+
+
+def test_a_robot_that_buckles_says_so_and_the_study_goes_on() -> None:
+    heavy = {f"segments.{k}.disks.mass": "50 g" for k in (0, 1)}
+    got = study.run(load_robot("rao2021").with_(heavy))
+    assert "tip" in got.budget.fullest_is
+    for r in got.budget.rows:
+        for case in (r.added, r.full, r.removed):
+            known = np.isfinite(case.tip_position).all(axis=1)
+            assert (case.problem is None) == known.all()
+    json.dumps(got.to_dict(), allow_nan=False)

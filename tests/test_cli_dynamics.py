@@ -1,0 +1,439 @@
+"""`bowstring simulate` and `bowstring modes`: their contract, their files, and bad input."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring import dynamics
+from bowstring.runfile import read_run
+from bowstring.timetable import read_tensions
+from shell import Shell, process
+
+SIMULATE = ("simulate", "amouri2019")
+PULLED = (*SIMULATE, "--tension", "80,0,0")
+SHORT = (*PULLED, "--rise", "0.1", "--hold", "0.1")
+SOUND = "status steps t_s tip_position_m real_time_factor message files robot warnings provenance"
+
+
+@pytest.fixture(scope="module")
+def robot() -> bs.Robot:
+    return bs.load_robot("amouri2019")
+
+
+# -- simulate ----------------------------------------------------------------------------------
+
+
+def test_simulate(shell: Shell, robot: bs.Robot) -> None:
+    found = shell.json(*PULLED, "--rise", "1", "--hold", "0.5", "--mass-damping", "0.5 1/s")
+    assert set(found) == set(SOUND.split())
+    assert found["status"] == "converged" and found["steps"] > 50
+    assert found["real_time_factor"] > 0
+    assert found["t_s"] == [k / 100 for k in range(151)]
+    expected = bs.simulate(robot, dynamics.ramp([80, 0, 0], 1.0), 1.5, mass_damping=0.5)
+    np.testing.assert_allclose(found["tip_position_m"], expected.tip_position, atol=1e-12)
+    settings = found["provenance"]["settings"]
+    assert settings["mass_damping_per_s"] == 0.5 and settings["theory"] == "cosserat"
+    assert settings["tensions_N"] == {"times_s": [0, 1], "values": [[0, 0, 0], [80, 0, 0]]}
+    assert found["provenance"]["robot_hash"] == robot.hash
+
+
+@pytest.mark.parametrize("flags", [["--dt", "20 ms"], ["--every", "2 ms"], ["--every", "3 ms"]])
+def test_times_are_every_hundredth_whatever_the_step(shell: Shell, flags: list[str]) -> None:
+    arguments = (*PULLED, "--rise", "1", "--hold", "0.105")
+    found = shell.json(*arguments, *flags)
+    assert found["t_s"] == [*(k / 100 for k in range(111)), 1.105]  # all as people write them
+    tip = np.array(found["tip_position_m"])
+    assert tip.shape == (112, 3)
+    np.testing.assert_allclose(tip[0], [0, 0, 0.641], atol=1e-12)
+    fine = np.array(shell.json(*arguments)["tip_position_m"])
+    assert np.linalg.norm(tip - fine, axis=1).max() < (5e-3 if "--dt" in flags else 1e-4)
+
+
+def test_rarer_output_is_not_interpolated(shell: Shell) -> None:
+    found = shell.json(*PULLED, "--rise", "0.1", "--hold", "0.1", "--every", "0.07")
+    assert found["t_s"] == [0, 0.07, 0.14, 0.2]
+    fine = np.array(shell.json(*PULLED, "--rise", "0.1", "--hold", "0.1")["tip_position_m"])
+    np.testing.assert_allclose(found["tip_position_m"], fine[[0, 7, 14, 20]], atol=1e-4)
+
+
+def test_release_from_an_equilibrium(shell: Shell, robot: bs.Robot) -> None:
+    flags = ["--from", "40,0,0", "--rise", "0", "--hold", "0.2"]
+    found = shell.json(*SIMULATE, "--tension", "0,0,0", *flags)
+    rest = bs.solve(robot, [40, 0, 0]).raise_for_status().tip
+    assert rest is not None
+    np.testing.assert_allclose(found["tip_position_m"][0], rest.position, atol=1e-9)
+    assert found["tip_position_m"][-1][0] < 0.5 * rest.position[0]  # it swings back
+    assert found["provenance"]["settings"]["initial_tensions_N"] == [40, 0, 0]
+
+
+def test_rise_from_tensions(shell: Shell) -> None:
+    """Without --rise 0 the tensions go from those at the start, without a jump."""
+    flags = ["--from", "80,0,0", "--rise", "0.2", "--hold", "0.1"]
+    tip = np.array(shell.json(*PULLED, *flags)["tip_position_m"])
+    np.testing.assert_allclose(tip, tip[:1].repeat(len(tip), axis=0), atol=1e-6)
+
+
+def test_table(shell: Shell, tmp_path: Path) -> None:
+    """The same motion as of the flags, with columns in any order and any unit."""
+    path = tmp_path / "pull.csv"
+    path.write_text(
+        "\ufeff# made by hand\ntension_3_N, tension_1_mN ,t_ms,tension_2_N\n"
+        "0,0,0,0\n\n0,80e3,100,0\n0,80000,200,0\n",
+        encoding="utf-8",
+    )
+    found = shell.json(*SIMULATE, "--table", str(path))
+    expected = shell.json(*SHORT)
+    assert found["t_s"] == expected["t_s"]
+    np.testing.assert_allclose(found["tip_position_m"], expected["tip_position_m"], atol=1e-6)
+
+
+def test_table_may_jump(tmp_path: Path, robot: bs.Robot) -> None:
+    path = tmp_path / "pull.csv"
+    path.write_text("t_s,tension_1_N,tension_2_N,tension_3_N\n0,5,0,0\n1,5,0,0\n1,8,0,0\n2,8,0,0\n")
+    table = read_tensions(path, robot)
+    assert table.at(1.0, before=True)[0] == 5 and table.at(1.0)[0] == 8
+
+
+def test_files(shell: Shell, tmp_path: Path, robot: bs.Robot) -> None:
+    """A person is told where they are; the file has the numbers of the JSON."""
+    out, vtk, gif = tmp_path / "run.nc", tmp_path / "series", tmp_path / "run.gif"
+    flags = ["--out", str(out), "--vtk", str(vtk), "--animation", str(gif)]
+    arguments = (*PULLED, "--rise", "0.05", "--hold", "0.05", *flags)
+    code, text, err = shell(*arguments)
+    assert code == 0 and not err
+    assert f"Run: {out}\nVTK series: {vtk / 'run.pvd'}\nAnimation: {gif}\n" in text
+    assert "amouri2019, cosserat: converged, 0.1 s in" in text
+    found = shell.json(*arguments)  # replaces them
+    assert found["files"] == {"run": str(out), "vtk": str(vtk / "run.pvd"), "animation": str(gif)}
+    data = read_run(out)
+    assert data.attrs["status"] == "converged" and data.attrs["robot_hash"] == robot.hash
+    tip = data["disk_position"].isel(disk=-1)
+    np.testing.assert_allclose(found["tip_position_m"], tip, atol=1e-12)
+    assert gif.read_bytes().startswith(b"GIF8")
+    assert len(list(vtk.glob("*.vtu"))) == 3 * 11
+
+
+def test_every_flag_has_its_effect(shell: Shell) -> None:
+    plain = shell.json(*SHORT)
+    for flags in (
+        ["--theory", "kirchhoff"],
+        ["--gravity", "0,0,-9.81"],
+        ["--tip-force", "0,0.1 N,0"],
+        ["--tip-moment", "0,0,10 N mm"],
+        ["--mass-damping", "5/s"],
+        ["--material-damping", "1 ms"],
+        ["--modal-damping", "5 %"],
+        ["--spectral-radius", "0.2"],
+        ["--dt", "5 ms"],
+        ["--tolerance", "0.1 mm"],
+        ["--elements", "2"],
+        ["--set", "segments.0.disks.mass=40 g"],
+    ):
+        other = shell.json(*SHORT, *flags)
+        assert other["t_s"] == plain["t_s"]
+        assert other["tip_position_m"] != plain["tip_position_m"], flags
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_a_run_that_stops_early(shell: Shell, tmp_path: Path, as_json: bool) -> None:
+    """It says what it reached, when it ended and why; so does its file."""
+    out = tmp_path / "run.nc"
+    arguments = [*SIMULATE, "--tension", "1e4,0,0", "--rise", "0.1", "--out", str(out)]
+    code, text, err = shell(*arguments, *(["--json"] if as_json else []))
+    assert code == 1
+    data = read_run(out)
+    assert data.attrs["status"] == "collision" and data.attrs["reason"]
+    end = float(data["time"][-1])
+    assert f"Error: amouri2019: stopped at {end:.6g} s: {data.attrs['reason']}\n" == err
+    if as_json:
+        found = json.loads(text)
+        assert found["status"] == "collision" and data.attrs["reason"] in found["message"]
+        assert found["t_s"][-1] == end and len(found["tip_position_m"]) == len(found["t_s"])
+    else:
+        assert f"collision, {end:.6g} s" in text
+
+
+def test_no_equilibrium_at_the_start(shell: Shell) -> None:
+    arguments = [*PULLED, "--gravity", "0,0,-98100"]
+    code, out, err = shell(*arguments)
+    assert (code, out) == (1, "") and "no equilibrium to start from" in err
+    found = shell.json(*arguments, code=1)
+    assert set(found) == set(SOUND.split())
+    assert found["status"] == "no_equilibrium" and found["message"] in err
+    assert found["t_s"] == found["tip_position_m"] == []
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        ([], "give --tension T1,T2,... or --table FILE"),
+        (["--tension", "80,0"], "--tension: got 2 numbers"),
+        (["--tension", "80,0,-1"], "a tendon cannot push"),
+        (["--tension", "80,0,0", "--from", "1"], "--from: got 1 number"),
+        (["--tension", "80,0,0", "--rise", "-1"], "--rise: got -1 s; must be 0 or more"),
+        (["--tension", "80,0,0", "--hold=-2 ms"], "--hold: got -0.002 s; must be 0 or more"),
+        (["--tension", "80,0,0", "--rise", "nan"], '--rise: got "nan"'),
+        (["--tension", "80,0,0", "--rise", "0", "--hold", "0"], "no time to simulate"),
+        (["--tension", "80,0,0", "--hold", "1e9"], "--hold: the run takes 1e+09 s; up to"),
+        (["--tension", "80,0,0", "--rise", "1e300"], "--rise: the run takes"),
+        (["--tension", "80,0,0", "--rise", "1 mm"], '--rise: got "1 mm", but "mm" is not a unit'),
+        (["--tension", "80,0,0", "--dt", "0"], "--dt: got 0 s; must be positive"),
+        (["--tension", "80,0,0", "--dt", "10 ns"], "--dt: got 1e-08 s; must be 1e-06 s or more"),
+        (["--tension", "80,0,0", "--dt", "1", "--tolerance", "1"], "give either"),
+        (["--tension", "80,0,0", "--tolerance", "0"], "--tolerance: got 0 m"),
+        (["--tension", "80,0,0", "--tolerance", "1 %"], 'for example --tolerance "1 um"'),
+        (["--tension", "80,0,0", "--every", "0"], "--every: got 0 s"),
+        (["--tension", "80,0,0", "--every", "1 us"], "--every: 1 us gives 2e+06 outputs"),
+        (["--tension", "80,0,0", "--mass-damping=-1"], "--mass-damping: got -1 1/s"),
+        (["--tension", "80,0,0", "--material-damping", "1/s"], "--material-damping: got"),
+        (["--tension", "80,0,0", "--modal-damping", "2"], "--modal-damping: got 2; must be"),
+        (
+            ["--tension", "80,0,0", "--modal-damping", "0.1", "--mass-damping", "1"],
+            "--modal-damping is instead of",
+        ),
+        (["--tension", "80,0,0", "--spectral-radius", "1.1"], "--spectral-radius: got 1.1"),
+        (["--tension", "80,0,0", "--spectral-radius", "nan"], "--spectral-radius: got nan"),
+        (["--tension", "80,0,0", "--elements", "5"], "--elements: got 5"),
+        (["--tension", "80,0,0", "--gravity", "9.81"], "--gravity: got 1 number"),
+        (["--tension", "80,0,0", "--theory", "beam"], "is not one of"),
+        # tables
+        (["--table", "none.csv"], "--table: none.csv: the table cannot be read: No such file"),
+        (["--table", "."], "--table: .: the table cannot be read: it is a folder"),
+        (["--table", "none.csv", "--tension", "80,0,0"], "leave --tension out"),
+        (["--table", "none.csv", "--rise", "1"], "leave --rise out"),
+        (["--table", "none.csv", "--hold", "1"], "leave --hold out"),
+        # files
+        (["--tension", "80,0,0", "--out", "no/run.nc"], "--out: cannot write the run"),
+        (["--tension", "80,0,0", "--out", "."], "it is a folder; name a file"),
+        (["--tension", "80,0,0", "--out", "mine/notes.txt"], "it is not a run of Bowstring"),
+        (["--tension", "80,0,0", "--vtk", "mine"], "--vtk: cannot write the VTK series"),
+        (["--tension", "80,0,0", "--animation", "run.png"], "must end in .gif or .mp4"),
+        (["--tension", "80,0,0", "--animation", "run.gif", "--hold", "1000"], "5000 are possible"),
+        (["--tension", "80,0,0", "--out", "a.gif", "--animation", "a.gif"], "the same file"),
+        (["--tension", "80,0,0", "--out", "e/a.nc", "--vtk", "e"], "lies in the folder of --vtk"),
+    ],
+)
+def test_bad_input_is_refused_before_the_work(
+    shell: Shell,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    flags: list[str],
+    says: str,
+) -> None:
+    def worked(*_: object, **__: object) -> None:
+        pytest.fail("the work has begun")
+
+    monkeypatch.setattr(dynamics, "simulate", worked)
+    monkeypatch.chdir(tmp_path)
+    mine = tmp_path / "mine" / "notes.txt"
+    mine.parent.mkdir()
+    mine.write_text("keep me")
+    (tmp_path / "e").mkdir()
+    assert says in shell.error(*SIMULATE, *flags)
+    assert says in shell.error(*SIMULATE, "--json", *flags)
+    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [mine]
+
+
+HEADER = "t_s,tension_1_N,tension_2_N,tension_3_N\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "the file is empty; write the header t_s,tension_1_N,tension_2_N,tension_3_N"),
+        (HEADER, "no row of numbers"),
+        (HEADER.replace("t_s,", "") + "0,0,0\n", "row 1: there is no column t_s"),
+        (HEADER.replace(",tension_3_N", "") + "0,0,0\n", "no column tension_3_N"),
+        (HEADER.replace("3_N", "4_N") + "0,0,0,0\n", "got tension_4_N; the robot has 3 tendons"),
+        (HEADER.replace("3_N", "2_mN") + "0,0,0,0\n", "tension_2_mN is there twice"),
+        (HEADER.replace("3_N", "3_kg") + "0,0,0,0\n", 'row 1: got tension_3_kg, but "kg"'),
+        (HEADER.replace("t_s", "time") + "0,0,0,0\n", '"time" is no column of a table'),
+        (HEADER.replace(",", ";") + "0;0;0;0\n", "row 1: columns are separated by commas"),
+        (HEADER + "0,0,0,0\n1,2,3\n", "row 3: it has 3 cells, the header has 4"),
+        (HEADER + "0,0,0,0\n1,2,x,0\n", 'row 3: got "x" for tension_2_N'),
+        (HEADER + "0,0,0,0\n1,2,,0\n", "row 3: got nothing for tension_2_N"),
+        (HEADER + "0,0,0,0\n1,nan,0,0\n", 'row 3: got "nan" for tension_1_N'),
+        (HEADER + "0,0,0,0\n1,0,-3,0\n", "row 3: the tension of tendon 2 is -3 N"),
+        (HEADER + "0,0,0,0\n2,0,0,0\n\n1,0,0,0\n", "row 5: the time is 1 s after 2 s"),
+        (HEADER + "0,0,0,0\n" + "1,0,0,0\n" * 3, "row 5: the time 1 s is there three times"),
+        (HEADER + "-1,0,0,0\n1,0,0,0\n", "row 2: the first time is -1 s"),
+        (HEADER + "0,0,0,0\n", "the last time is 0 s"),
+        (HEADER + "0,0,0,0\n99999,0,0,0\n", "it takes 99999 s"),
+        (HEADER + '0,0,0,"0\n', "unexpected end of data"),
+        ("\x00\x01", "bad.csv"),
+    ],
+)
+def test_bad_table(shell: Shell, tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    sentence = shell.error(*SIMULATE, "--table", str(path))
+    assert sentence.startswith("--table: ") and says in sentence
+
+
+def test_a_table_that_is_no_text(shell: Shell, tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_bytes(b"\xff\xfe\x00\x9c")
+    assert "is not text in UTF-8" in shell.error(*SIMULATE, "--table", str(path))
+
+
+# -- stopped by the user -----------------------------------------------------------------------
+
+LONG = (*PULLED, "--dt", "20 us", "--hold", "100")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+@pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", 130), ("SIGKILL", -9)])
+def test_a_killed_run_leaves_its_file(tmp_path: Path, number: str, code: int) -> None:
+    out = tmp_path / "run.nc"
+    with subprocess.Popen(
+        [sys.executable, "-m", "bowstring", *LONG, "--out", str(out), "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as child:
+        deadline = time.monotonic() + 60
+        while not (out.is_file() and out.stat().st_size > 3_000_000):  # more than one chunk
+            assert child.poll() is None and time.monotonic() < deadline
+            time.sleep(0.02)
+        child.send_signal(getattr(signal, number))
+        text, err = child.communicate(timeout=60)
+    assert child.returncode == code
+    data = read_run(out)
+    end = float(data["time"][-1])
+    assert 0 < end < 101 and data.attrs["complete_to_s"] == end
+    if number == "SIGKILL":
+        assert data.attrs["status"] == "running"
+        return
+    assert data.attrs["status"] == "interrupted"
+    assert err.startswith("Stopped: at ") and err.count("\n") == 1
+    assert err.endswith(f" s of 101 s; {out} holds the run up to there.\n")
+    found = json.loads(text)
+    assert found["status"] == "interrupted" and found["t_s"][-1] >= end - 1e-9
+
+
+def test_stopped_while_pictures_are_drawn(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bowstring.animation.animate", stopped)
+    out = tmp_path / "run.nc"
+    code, text, err = shell(*SHORT, "--out", str(out), "--animation", str(tmp_path / "run.gif"))
+    assert (code, text) == (130, "")
+    assert err == f"Stopped: the motion was done and the run is in {out}; pictures are not.\n"
+    assert read_run(out).attrs["status"] == "converged"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_simulate_keeps_stdout_pure() -> None:
+    done = process(*SHORT, "--json")
+    assert done.returncode == 0 and not done.stderr
+    assert json.loads(done.stdout)["status"] == "converged"
+
+
+def test_simulate_loads_no_heavy_library() -> None:
+    code = (
+        "import sys; from bowstring import cli;"
+        f"code = cli.run([*{SHORT!r}, '--json']);"
+        "heavy = {'pandas', 'matplotlib', 'xarray', 'pint', 'rich', 'scipy'} & set(sys.modules);"
+        "sys.exit(repr(heavy) if heavy else code)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+# -- modes -------------------------------------------------------------------------------------
+
+
+def test_modes(shell: Shell, robot: bs.Robot) -> None:
+    found = shell.json("modes", "amouri2019")
+    assert found["status"] == "converged" and len(found["modes"]) == 6
+    frequencies = [mode["frequency_hz"] for mode in found["modes"]]
+    assert frequencies == sorted(frequencies)
+    assert frequencies[0] == pytest.approx(2.2804, rel=1e-3)
+    assert {mode["kind"] for mode in found["modes"]} == {"bending", "torsion"}
+    assert np.shape(found["modes"][0]["displacement"]) == (9, 3)
+    assert len(found["disks"]) == 9 and found["tensions_N"] == [0, 0, 0]
+    assert found["provenance"]["robot_hash"] == robot.hash
+    code, text, err = shell("modes", "amouri2019")
+    assert code == 0 and not err and "2.2802   bending" in text
+
+
+def test_modes_flags(shell: Shell) -> None:
+    plain = shell.json("modes", "amouri2019", "--count", "3")["modes"]
+    assert len(plain) == 3
+    for flags in (
+        ["--tension", "40 N,0,0"],
+        ["--gravity", "0,0,-9.81"],
+        ["--tip-force", "0,0,1"],
+        ["--elements", "2"],
+        ["--theory", "kirchhoff"],
+        ["--set", "segments.0.disks.mass=40 g"],
+    ):
+        other = shell.json("modes", "amouri2019", "--count", "3", *flags)["modes"]
+        assert other[0]["frequency_hz"] != plain[0]["frequency_hz"], flags
+
+
+def test_mode_pictures(shell: Shell, tmp_path: Path) -> None:
+    """Each mode as PNG, PDF and SVG; a second run replaces them, a file of one's own is kept."""
+    folder = tmp_path / "modes"
+    arguments = ["modes", "amouri2019", "--tension", "20,0,0", "--out", str(folder)]
+    code, text, err = shell(*arguments, "--count", "5")
+    assert code == 0 and not err and text.endswith(f"Pictures: {folder}\n")
+    svg = (folder / "mode_05.svg").read_text()
+    assert "Mode 5: " in svg and " Hz, torsion" in svg and "deg at the largest rotation" in svg
+    assert "mm at the largest displacement" in (folder / "mode_01.svg").read_text()
+    found = shell.json(*arguments, "--count", "1")
+    assert found["folder"] == str(folder)
+    names = ["mode_01.pdf", "mode_01.png", "mode_01.svg", "modes.json"]
+    assert sorted(p.name for p in folder.iterdir()) == names
+    kept: dict[str, Any] = json.loads((folder / "modes.json").read_text())
+    assert kept.pop("files") == names
+    assert kept == {key: value for key, value in found.items() if key != "folder"}
+    (folder / "notes.txt").write_text("keep me")
+    assert "it also holds notes.txt" in shell.error(*arguments)
+
+
+def test_modes_without_equilibrium(shell: Shell) -> None:
+    arguments = ["modes", "amouri2019", "--gravity", "0,0,-98100"]
+    code, out, err = shell(*arguments)
+    assert (code, out) == (1, "") and "no stable equilibrium" in err
+    found = shell.json(*arguments, code=1)
+    assert found["status"] == "no_equilibrium" and found["modes"] == []
+
+
+@pytest.mark.parametrize(
+    ("flags", "says"),
+    [
+        (["--count", "0"], "--count: got 0; must be from 1 to 1000"),
+        (["--count", "1e9"], "--count"),
+        (["--tension", "1"], "--tension: got 1 number"),
+        (["--tension", "1,1,-1"], "a tendon cannot push"),
+        (["--elements", "3"], "--elements: got 3"),
+        (["--tip-force", "1"], "--tip-force: got 1 number"),
+        (["--gravity", "0,0,x"], '--gravity: got "x"'),
+        (["--out", "mine"], "no modes of Bowstring"),
+        (["--out", "mine/notes.txt"], "is a file"),
+    ],
+)
+def test_modes_refuses(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: list[str], says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    mine = tmp_path / "mine" / "notes.txt"
+    mine.parent.mkdir()
+    mine.write_text("keep me")
+    assert says in shell.error("modes", "amouri2019", *flags)
+    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [mine]

@@ -1,0 +1,501 @@
+"""Dynamics from Python: motion, fields, modes, loads over time, files, bad input."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring import dynamics
+from bowstring.dynamics import Table, modes, ramp, simulate, step
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.runfile import read_run
+
+ROBOT = bs.load_robot("amouri2019")
+DATA = Path(
+    os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data")
+).resolve()
+
+
+def pulled(newtons: float) -> list[float]:
+    return [newtons, 0.0, 0.0]
+
+
+# -- motion ----------------------------------------------------------------------------------
+
+
+def test_ramp_meets_independent_engines() -> None:
+    run = simulate(ROBOT, ramp(pulled(80), 1.0), 1.3, mass_damping=0.5, dt=1e-3)
+    assert run.converged and run.end == 1.3
+    x = run.tip_position[:, 0]
+    # two independent engines agree within 0.16 mm on these
+    assert x[50] == pytest.approx(0.198328, abs=0.2e-3)
+    assert x[100] == pytest.approx(0.370456, abs=0.2e-3)
+    assert x.max() == pytest.approx(0.4076, abs=0.2e-3)
+    assert run.time[x.argmax()] == pytest.approx(1.15, abs=0.011)
+
+
+def test_default_settings_are_near_the_limit() -> None:
+    run = simulate(ROBOT, ramp(pulled(80), 1.0), 2.0, mass_damping=0.5)
+    limit = simulate(
+        ROBOT, ramp(pulled(80), 1.0), 2.0, mass_damping=0.5, dt=2e-4, spectral_radius=1.0
+    )
+    error = np.linalg.norm(run.tip_position - limit.tip_position, axis=1)
+    assert error.max() < 0.3e-3
+
+
+def test_slow_ramp_is_statics() -> None:
+    run = simulate(ROBOT, ramp(pulled(80), 40.0), 40.0, modal_damping=0.05, every=0.5)
+    static = bs.sweep(ROBOT, run.dataset.tension.values)
+    off = np.linalg.norm(run.tip_position - static.tip_position, axis=1)
+    assert 1e-6 < off.max() < 0.5e-3
+
+
+@pytest.mark.parametrize("case", [1, 2])
+def test_release_of_another_groups_rod(case: int, tmp_path: Path) -> None:
+    """A steel rod let go from forces in its middle and at its tip, by a Cosserat solver of
+    another group. Its damping ratio is that of strain rate to strain: material damping."""
+    path = DATA / "sorosim-rods" / f"SpringSteel_dynamics_{case}.txt"
+    if not path.exists():
+        pytest.skip(f"needs the data of others, sorosim-rods, in {DATA}")
+    lines = [[float(x) for x in line.split()] for line in path.read_text().splitlines()]
+    to_base = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
+    gravity = to_base @ lines[0][-3:]
+    middle, tip = to_base @ lines[1][4:7], to_base @ lines[1][10:13]
+    recorded = np.array(lines[2:])
+    time, expected = recorded[:, 0], recorded[:, 10:13] @ to_base.T
+    file = tmp_path / "steel.yaml"
+    file.write_text(
+        """
+name: steel
+segments:
+  - length: 600 mm
+    backbone: {diameter: 1.6 mm, E: 200 GPa, nu: 0.33, density: 7870 kg/m^3}
+    disks: {count: 6, mass: 0 g, radius: 2 mm, thickness: 0 mm}
+    tendons: {count: 3, pitch_radius: 1.5 mm}
+"""
+    )
+    forces = np.zeros((6, 3))
+    forces[2], forces[5] = middle, tip
+    run = simulate(
+        bs.load_robot(file),
+        [0.0, 0.0, 0.0],
+        float(time[-1]),
+        initial_disk_forces=forces,
+        gravity=gravity.tolist(),
+        material_damping=lines[0][0],
+        dt=1e-3,
+        every=0.005,
+    )
+    error = np.linalg.norm(run.tip_position - expected, axis=1)
+    rms = math.sqrt((error**2).mean())
+    assert len(error) == 2001
+    assert rms < 1e-3 * 0.6, f"{1e3 * rms:.2f} mm"  # asked: 1 % of length
+    assert error[0] < 0.1e-3
+
+
+def test_energy_is_kept_without_damping() -> None:
+    run = simulate(ROBOT, pulled(0), 2.0, initial_tensions=pulled(40), spectral_radius=1.0, dt=1e-3)
+    data = run.dataset
+    assert abs(data.energy_balance).max() < 1e-3 * data.elastic_energy[0]
+    # and taken by numerical damping where it is asked for
+    damped = simulate(
+        ROBOT, pulled(0), 2.0, initial_tensions=pulled(40), spectral_radius=0.5, dt=5e-3
+    ).dataset
+    assert damped.energy_balance[-1] < -0.05 * damped.elastic_energy[0]
+
+
+@pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
+@pytest.mark.parametrize("dt", [1e-4, 5e-2])
+def test_release_never_fails(theory: Any, dt: float) -> None:
+    run = simulate(
+        ROBOT,
+        pulled(0),
+        min(1.0, 400 * dt),
+        initial_tensions=pulled(40),
+        spectral_radius=1.0,
+        dt=dt,
+        theory=theory,
+    )
+    assert run.converged
+    assert run.dataset.kinetic_energy.max() < 1.02 * run.dataset.elastic_energy[0]
+
+
+def test_segments_and_gravity_start_at_rest() -> None:
+    robot = bs.load_robot("rao2021")
+    still = [3.0, 0.0, 0.0, 0.0, 2.0, 0.0]
+    run = simulate(robot, still, 0.5, gravity=[0, 0, -9.81])
+    solution = bs.solve(robot, still, gravity=[0, 0, -9.81]).raise_for_status()
+    assert solution.tip is not None
+    assert np.linalg.norm(run.tip_position - solution.tip.position, axis=1).max() < 1e-6
+
+
+# -- fields ----------------------------------------------------------------------------------
+
+
+def test_static_stress_is_that_of_the_internal_wrench() -> None:
+    data = bs.solve(ROBOT, pulled(80)).fields()
+    diameter = 5e-3
+    area, inertia = math.pi * diameter**2 / 4, math.pi * diameter**4 / 64
+    moment, force = data.moment.values[0], data.force.values[0]
+    assert force[:, 2].max() < 0  # compression
+    bending = np.hypot(moment[:, 0], moment[:, 1]) * diameter / (2 * inertia)
+    sigma = bending + np.abs(force[:, 2]) / area
+    np.testing.assert_allclose(data.normal_stress.values[0], sigma, rtol=1e-9)
+    # von Mises by brute force around the surface
+    angle = np.linspace(0, 2 * np.pi, 200_001)
+    for i in (0, 7, 22, 44):
+        x, y = np.cos(angle) * diameter / 2, np.sin(angle) * diameter / 2
+        s = force[i, 2] / area + (moment[i, 0] * y - moment[i, 1] * x) / inertia
+        shear = 4 / (3 * area) * (force[i, 1] * np.cos(angle) - force[i, 0] * np.sin(angle))
+        t = moment[i, 2] * diameter / (4 * inertia) + shear
+        brute = np.sqrt(s**2 + 3 * t**2).max()
+        assert data.von_mises.values[0, i] == pytest.approx(brute, rel=1e-9)
+
+
+def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
+    """The part beyond the middle of a module pulls with 80 N along the span, at its distance."""
+    data = bs.solve(ROBOT, pulled(80), theory="kirchhoff", elements=4).fields(points=3)
+    solution = bs.solve(ROBOT, pulled(80), theory="kirchhoff", elements=4)
+    positions, rotations = solution.disk_positions, solution.disk_rotations
+    assert positions is not None and rotations is not None
+    hole = np.array([0.029, 0.0, 0.0])
+    before, after = positions[3] + rotations[3] @ hole, positions[4] + rotations[4] @ hole
+    pull = 80 * (before - after) / np.linalg.norm(before - after)  # on disk 5
+    for point in range(12, 15):
+        place = data.position.values[0, point]
+        moment = np.cross(after - place, pull)
+        own = data.rotation.values[0, point] @ data.moment.values[0, point]
+        np.testing.assert_allclose(own, moment, atol=2e-5 * np.linalg.norm(moment))
+        force = data.rotation.values[0, point] @ data.force.values[0, point]
+        np.testing.assert_allclose(force, pull, atol=1e-7)
+
+
+def test_fields_fit_the_weight_beyond() -> None:
+    """Hanging straight, every section carries what is below it."""
+    data = bs.solve(ROBOT, pulled(0), gravity=[0, 0, 9.81]).fields()
+    density = 1800 * math.pi * 2.5e-3**2
+    for s, module, force in zip(
+        data.arc_length.values, data.module.values, data.force.values[0], strict=True
+    ):
+        below = (10 - module) * 0.02 + density * (0.641 - s)
+        assert force[2] == pytest.approx(9.81 * below, rel=1e-9)
+
+
+def test_dataset_and_tip_agree() -> None:
+    run = simulate(ROBOT, ramp(pulled(20), 0.2), 0.35, every=0.02)
+    assert run.time[-1] == pytest.approx(0.35) and len(run.time) == 19
+    np.testing.assert_array_equal(run.dataset.disk_position.values[:, -1], run.tip_position)
+    np.testing.assert_allclose(run.dataset.position.values[:, -1], run.tip_position, atol=1e-9)
+    assert run.dataset.attrs["status"] == "converged"
+    between = run.tip_at(run.time[:-1] + 0.01)
+    fine = simulate(ROBOT, ramp(pulled(20), 0.2), 0.35, every=0.01)
+    np.testing.assert_allclose(between[:17], fine.tip_position[1:35:2], atol=2e-4)
+
+
+def test_file_holds_the_same_run(tmp_path: Path) -> None:
+    arguments: dict[str, Any] = {"mass_damping": 0.5, "dt": 2e-3}
+    kept = simulate(ROBOT, ramp(pulled(20), 0.2), 0.3, **arguments)
+    seen: list[float] = []
+    written = simulate(
+        ROBOT,
+        ramp(pulled(20), 0.2),
+        0.3,
+        out=tmp_path / "run.nc",
+        progress=seen.append,
+        **arguments,
+    )
+    assert written.frames is None and seen[-1] == pytest.approx(1.0)
+    data = read_run(tmp_path / "run.nc")
+    assert data.attrs["status"] == "converged"
+    for name in ("position", "moment", "von_mises", "energy_balance"):
+        np.testing.assert_allclose(data[name].values, kept.dataset[name].values, rtol=1e-12)
+
+
+def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
+    def stop(share: float) -> None:
+        if share > 0.4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(dynamics.RunInterrupted) as caught:
+        simulate(ROBOT, pulled(5), 5.0, out=tmp_path / "run.nc", progress=stop)
+    assert caught.value.run.status == "interrupted"
+    data = read_run(tmp_path / "run.nc")
+    assert data.attrs["status"] == "interrupted"
+    assert 1.9 < float(data.time[-1]) < 3.1 and float(data.time[-1]) == caught.value.run.end
+
+
+# -- loads over time -------------------------------------------------------------------------
+
+
+def test_function_table_and_ramp_are_one() -> None:
+    arguments: dict[str, Any] = {"dt": 2e-3, "mass_damping": 0.5}
+    by_ramp = simulate(ROBOT, ramp(pulled(30), 0.2), 0.3, **arguments)
+    by_table = simulate(ROBOT, Table([0, 0.2], [pulled(0), pulled(30)]), 0.3, **arguments)
+    asked: list[float] = []
+
+    def tension(t: float) -> list[float]:
+        asked.append(t)
+        return pulled(30 * min(t / 0.2, 1.0))
+
+    by_function = simulate(ROBOT, tension, 0.3, **arguments)
+    np.testing.assert_array_equal(by_ramp.tip_position, by_table.tip_position)
+    np.testing.assert_allclose(by_function.tip_position, by_ramp.tip_position, atol=1e-7)
+    # once before each step, beside the start
+    later = [t for t in asked if t > 0]
+    assert len(later) == by_function.steps == 150
+    assert (np.diff(later) > 0).all()
+
+
+def test_jump_inside_a_run() -> None:
+    run = simulate(ROBOT, step(pulled(10), 0.1), 0.3, dt=1e-3)
+    before = run.time <= 0.1
+    assert np.abs(run.tip_position[before, 0]).max() == 0.0
+    assert run.tip_position[-1, 0] > 0.02
+    later = simulate(ROBOT, step(pulled(10)), 0.2, dt=1e-3)
+    np.testing.assert_allclose(run.tip_position[10:], later.tip_position, atol=1e-7)
+
+
+def test_tip_load_over_time() -> None:
+    run = simulate(
+        ROBOT,
+        pulled(0),
+        2.0,
+        tip_force=Table([0, 1.0], [[0, 0, 0], [0.2, 0, 0]]),
+        modal_damping=0.3,
+    )
+    still = bs.solve(ROBOT, pulled(0), tip_force=[0.2, 0, 0]).tip
+    assert still is not None
+    np.testing.assert_allclose(run.tip_position[-1], still.position, atol=2e-4)
+
+
+def test_modal_damping_gives_its_ratio() -> None:
+    ratio = 0.02
+    run = simulate(ROBOT, pulled(0), 6.0, initial_tensions=pulled(2), modal_damping=ratio, dt=1e-3)
+    x = run.tip_position[:, 0]
+    peaks = [i for i in range(1, len(x) - 1) if x[i] > x[i - 1] and x[i] >= x[i + 1]]
+    first, last = peaks[2], peaks[-1]
+    cycles = round((run.time[last] - run.time[first]) * 2.28)
+    decrement = math.log(x[first] / x[last]) / cycles
+    assert decrement == pytest.approx(2 * math.pi * ratio, rel=0.03)
+
+
+# -- modes -----------------------------------------------------------------------------------
+
+
+def test_modes_of_the_straight_robot() -> None:
+    found = modes(ROBOT)
+    f = found.frequency_hz
+    assert f[[0, 2, 4]] == pytest.approx([2.2804, 14.250, 27.96], rel=1e-3)
+    assert f[[1, 3]] == pytest.approx(f[[0, 2]], rel=1e-9)  # any direction
+    assert found.kind[:5] == ["bending"] * 4 + ["torsion"]
+    refined = modes(ROBOT, elements=4)
+    assert f == pytest.approx(refined.frequency_hz, rel=1e-4)
+
+
+def test_modes_of_a_bare_rod_are_euler_bernoullis(tmp_path: Path) -> None:
+    file = tmp_path / "bare.yaml"
+    file.write_text(
+        """
+name: bare
+segments:
+  - length: 500 mm
+    backbone: {diameter: 2 mm, E: 70 GPa, nu: 0.3, density: 2700 kg/m^3}
+    disks: {count: 10, mass: 0 g, radius: 5 mm, thickness: 0 mm}
+    tendons: {count: 3, pitch_radius: 4 mm}
+"""
+    )
+    found = modes(bs.load_robot(file), theory="kirchhoff", elements=2, count=8)
+    bending = found.frequency_hz[np.array(found.kind) == "bending"]
+    radius = 1e-3
+    speed = math.sqrt(70e9 * radius**2 / 4 / 2700)
+    exact = np.array([1.875104, 4.694091, 7.854757]) ** 2 / (2 * math.pi * 0.5**2) * speed
+    # rotary inertia takes 1e-5 and more off
+    assert bending[[0, 2, 4]] == pytest.approx(exact, rel=2e-4)
+
+
+def test_modes_move_as_the_robot_does() -> None:
+    """A small free oscillation about a bent equilibrium has the rate of its mode."""
+    found = modes(ROBOT, pulled(40), count=4)
+    sideways = int(np.argmax(np.abs(found.displacement[:2, -1, 1])))
+    run = simulate(
+        ROBOT,
+        pulled(40),
+        4.0,
+        initial_tensions=pulled(40),
+        tip_force=[0.0, 0.0, 0.0],
+        initial_tip_force=[0.0, 0.002, 0.0],
+        dt=1e-3,
+        spectral_radius=0.9,
+    )
+    y = run.tip_position[:, 1]
+    sign = np.flatnonzero(np.diff(np.sign(y)) != 0)
+    crossing = [run.time[i] - y[i] * 0.01 / (y[i + 1] - y[i]) for i in sign]
+    rate = (len(crossing) - 1) / 2 / (crossing[-1] - crossing[0])
+    assert rate == pytest.approx(found.frequency_hz[sideways], rel=2e-3)
+
+
+def test_modes_need_mass_and_a_stable_equilibrium() -> None:
+    light = ROBOT.with_({"segments.0.disks.mass": 0.0, "segments.0.backbone.density": 0.0})
+    with pytest.raises(InputError, match="no mass"):
+        modes(light)
+    with pytest.raises(InputError, match="count"):
+        modes(ROBOT, count=0)
+
+
+# -- bad input -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("times", "values", "text"),
+    [
+        ([0, 1, 0.5], [[0], [1], [2]], "must not decrease"),
+        ([0, 0, 0], [[0], [1], [2]], "three times"),
+        ([0, float("nan")], [[0], [1]], "not finite in row 1"),
+        ([0, 1], [[0], [float("inf")]], "not finite in row 1"),
+        ([0, 1], [[0]], "2 times but 1 rows"),
+        ([], [], "shapes"),
+        (["a"], [[0]], "takes numbers"),
+    ],
+)
+def test_bad_tables(times: Any, values: Any, text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        Table(times, values)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"duration": -1.0}, "duration is -1 s"),
+        ({"duration": float("nan")}, "duration is nan s"),
+        ({"tensions": [1.0]}, "tensions has shape"),
+        ({"tensions": [1.0, -2.0, 0.0]}, "tendon 2 is -2 N"),
+        ({"tensions": Table([0], [[1.0, 2.0]])}, "2 columns"),
+        ({"tensions": "80 N"}, "tensions is '80 N'"),
+        ({"dt": 0.0}, "dt is 0 s"),
+        ({"dt": -1e-3}, "dt is -0.001 s"),
+        ({"dt": 1e-3, "tolerance": 1e-6}, "dt or tolerance"),
+        ({"every": 0.0}, "every is 0 s"),
+        ({"points": 1}, "points is 1"),
+        ({"mass_damping": -1.0}, "mass_damping is -1 1/s"),
+        ({"modal_damping": 0.1, "mass_damping": 1.0}, "not both"),
+        ({"spectral_radius": 2.0}, "spectral radius is 2"),
+        ({"elements": 3}, "elements is 3"),
+        ({"dt": 1e-9, "duration": 1e-6}, "rounding would drown"),
+        ({"duration": 1e12}, "more than 1000000 outputs"),
+        ({"tolerance": 0.0}, "tolerance is 0 m"),
+        ({"spectral_radius": None}, "spectral_radius is None"),
+        ({"initial_disk_forces": "x"}, "initial_disk_forces must be numbers"),
+        ({"theory": "timoshenko"}, "theory is"),
+        ({"tip_force": [1.0, 2.0]}, "tip_force has shape"),
+        ({"initial_tensions": [1.0]}, "initial_tensions has shape"),
+        ({"initial_disk_forces": [[0.0, 0.0, 0.0]]}, "initial_disk_forces"),
+        ({"out": "no/such/folder/run.nc"}, "does not exist"),
+    ],
+)
+def test_bad_arguments(changes: dict[str, Any], text: str) -> None:
+    arguments = {"tensions": pulled(5), "duration": 0.1, **changes}
+    with pytest.raises(InputError, match=text):
+        simulate(ROBOT, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("function", "text"),
+    [
+        (lambda t: pulled(float("nan")) if t > 0.05 else pulled(1), "nan.* at 0.0"),
+        (lambda t: pulled(-1) if t > 0.05 else pulled(1), "tendon 1 is -1 N at 0.0"),
+        (lambda t: [1.0], "returned shape"),
+        (lambda t: pulled(1 / (0.05 - t)) if t >= 0.05 else pulled(1), "failed at|tendon 1 is"),
+    ],
+)
+def test_bad_functions_stop_the_run_and_keep_it(function: Any, text: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=text):
+        simulate(ROBOT, function, 0.1, dt=1e-3, out=tmp_path / "run.nc")
+    if (tmp_path / "run.nc").exists():
+        data = read_run(tmp_path / "run.nc")
+        assert data.attrs["status"] == "failed"
+        assert data.sizes["time"] == 0 or float(data.time[-1]) <= 0.051
+
+
+def test_failed_run_says_when_and_why() -> None:
+    two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
+    run = simulate(two, ramp(pulled(4000), 4.0), 4.0, mass_damping=5.0)
+    assert run.status in ("collision", "step_failed")
+    assert 0 < run.end < 4.0 and f"{run.end:.6g} s" in run.message
+    assert np.isfinite(run.tip_position).all()
+    with pytest.raises(NoSolutionError, match="stopped at"):
+        run.raise_for_status()
+
+
+def test_function_beside_a_ramp_whose_end_no_output_meets() -> None:
+    """0.7 is not 70 times 0.01 in floating point."""
+    for rise in (0.35, 0.57, 0.7):
+        run = simulate(ROBOT, ramp(pulled(40), rise), 0.8, tip_force=lambda t: [0.0, 0.0, 0.0])
+        plain = simulate(ROBOT, ramp(pulled(40), rise), 0.8)
+        assert run.converged and len(run.time) == 81
+        np.testing.assert_allclose(run.tip_position, plain.tip_position, atol=3e-4)
+
+
+@pytest.mark.parametrize("dt", [1e-4, 2e-3])
+def test_tendons_along_the_backbone_move_as_well(dt: float) -> None:
+    arguments: dict[str, Any] = {"dt": dt, "tendon": "continuous", "spectral_radius": 1.0}
+    run = simulate(ROBOT, ramp(pulled(40), 0.1), 0.15, **arguments)
+    assert run.converged
+    data = run.dataset
+    assert abs(data.energy_balance).max() < 1e-4 * float(data.work.max())
+    still = bs.solve(ROBOT, pulled(40), tendon="continuous").fields()
+    straight = bs.solve(ROBOT, pulled(40)).fields()
+    # the backbone carries what the tendon pulls
+    np.testing.assert_allclose(still.force.values[0, :, 2], -40.0, rtol=1e-9)
+    assert float(still.von_mises_max[0]) == pytest.approx(
+        float(straight.von_mises_max[0]), rel=0.03
+    )
+
+
+def test_held_upside_down_is_not_an_equilibrium() -> None:
+    """Beyond its Euler load a straight robot is held by no force along it."""
+    forces = np.zeros((9, 3))
+    forces[-1] = [0.0, 0.0, -10.0]
+    with pytest.raises(NoSolutionError, match="no stable equilibrium"):
+        simulate(ROBOT, pulled(0), 0.1, initial_disk_forces=forces)
+
+
+def test_a_run_that_cannot_begin_spares_the_former_one(tmp_path: Path) -> None:
+    file = tmp_path / "run.nc"
+    simulate(ROBOT, pulled(5), 0.1, out=file)
+    before = file.read_bytes()
+    two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
+    with pytest.raises(NoSolutionError):
+        simulate(two, pulled(4000), 1.0, out=file)
+    assert file.read_bytes() == before
+
+
+def test_rare_outputs_do_not_make_long_steps() -> None:
+    rare = simulate(ROBOT, ramp(pulled(80), 0.1), 0.1, every=5.0)
+    often = simulate(ROBOT, ramp(pulled(80), 0.1), 0.1)
+    assert np.linalg.norm(rare.tip_position[-1] - often.tip_position[-1]) < 0.5e-3
+
+
+def test_times_outside_a_run_are_refused() -> None:
+    run = simulate(ROBOT, pulled(5), 0.1)
+    assert run.tip_at(0.05).shape == (1, 3)
+    with pytest.raises(InputError, match=r"from 0 to 0\.1 s"):
+        run.tip_at([0.05, 5.0])
+
+
+def test_modes_know_what_rounding_leaves() -> None:
+    found = modes(ROBOT, count=1000)
+    assert 20 < len(found) < 90 and found.frequency_hz[-1] < 1e7
+    with pytest.raises(NoSolutionError, match=r"neutral|no stable"):
+        modes(ROBOT, tip_force=[0.0, 0.0, -10.0])
+
+
+def test_no_equilibrium_to_start_from() -> None:
+    two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
+    with pytest.raises(NoSolutionError, match="no equilibrium to start from"):
+        simulate(two, pulled(4000), 1.0)

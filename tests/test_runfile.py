@@ -1,0 +1,310 @@
+"""The file of a run: whole at every moment, and the same as the dataset."""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+import os
+import resource
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from bowstring import fields, load_robot
+from bowstring.errors import InputError
+from bowstring.runfile import RunFile, check_file, read_run
+from made_frames import made_frames
+
+ROBOT = load_robot("amouri2019")
+SETTINGS = {"theory": "cosserat", "damping": None, "twist": True}
+
+
+def chunk(number, times=20, robot=ROBOT):
+    return made_frames(robot, 0.01 * np.arange(number * times, (number + 1) * times))
+
+
+@pytest.mark.parametrize(("name", "block"), [("amouri2019", 10_000), ("rao2021", 500)])
+def test_a_run_in_chunks_is_the_dataset(tmp_path, name, block, monkeypatch):
+    monkeypatch.setattr("bowstring.runfile._BLOCK", block)  # 500: long chunks are split
+    robot = load_robot(name)
+    path = tmp_path / "run.nc"
+    run = RunFile.open(path, robot, SETTINGS)
+    for size in (range(0, 7), range(7, 8), range(8, 8), range(8, 30)):
+        run.append(made_frames(robot, 0.01 * np.array(size, dtype=float)))
+    run.finish("stopped", "the smallest step failed")
+    run.finish("converged")  # too late: nothing changes
+    whole = fields.to_dataset(
+        robot,
+        made_frames(robot, 0.01 * np.arange(30)),
+        SETTINGS,
+        status="stopped",
+        reason="the smallest step failed",
+    )
+    xr.testing.assert_identical(read_run(path), whole)
+    # any reader of NetCDF
+    xr.testing.assert_identical(xr.load_dataset(path), whole)
+    xr.testing.assert_identical(xr.load_dataset(path, engine="scipy"), whole)
+    assert os.listdir(tmp_path) == ["run.nc"]
+
+
+def test_it_says_where_it_is(tmp_path):
+    path = tmp_path / "run.nc"
+    run = RunFile.open(path, ROBOT, SETTINGS)
+    empty = read_run(path)
+    assert empty.attrs["status"] == "running" and np.isnan(empty.attrs["complete_to_s"])
+    assert empty.attrs["robot_hash"] == ROBOT.hash and not empty.sizes
+    for i in range(3):
+        run.append(chunk(i))
+        now = read_run(path)
+        assert now.attrs["status"] == "running" and now.attrs["reason"] == ""
+        assert now.attrs["complete_to_s"] == run.complete_to == now.time[-1]
+        assert now.sizes["time"] == 20 * (i + 1)
+    run.finish()
+    assert read_run(path).attrs["status"] == "converged"
+    with pytest.raises(InputError, match="finished"):
+        run.append(chunk(3))
+
+
+def test_a_run_without_output_times(tmp_path):
+    with RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
+        run.append(made_frames(ROBOT, np.zeros(0)))
+    assert read_run(tmp_path / "run.nc").attrs["status"] == "converged"
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "reason"),
+    [
+        (KeyboardInterrupt(), "interrupted", "stopped by the user"),
+        (RuntimeError("tension 1 at 0.3 s is NaN — µ"), "failed", "tension 1 at 0.3 s is NaN — µ"),
+        (RuntimeError("ä" * 2000), "failed", "ä" * 512),
+    ],
+)
+def test_an_error_on_the_way_is_kept(tmp_path, error, status, reason):
+    path = tmp_path / "run.nc"
+    with pytest.raises(type(error)), RunFile.open(path, ROBOT, SETTINGS) as run:
+        run.append(chunk(0))
+        raise error
+    data = read_run(path)
+    assert (data.attrs["status"], data.attrs["reason"]) == (status, reason)
+    assert data.sizes["time"] == 20
+
+
+WRITER = """
+    import sys, time
+    import numpy as np
+    sys.path.insert(0, sys.argv[2])
+    from bowstring import load_robot
+    from bowstring.runfile import RunFile
+    from made_frames import made_frames
+    import dataclasses
+    robot = load_robot("amouri2019")
+    first = made_frames(robot, 0.01 * np.arange(40))
+    print("ready", flush=True)
+    run = RunFile.open(sys.argv[1], robot, {})
+    for i in range(1000):
+        run.append(dataclasses.replace(first, time=first.time + 0.4 * i))
+"""
+
+
+def test_a_killed_run_opens_and_says_where_it_ended(tmp_path):
+    """SIGKILL at moments from before the first chunk to long after."""
+    rng = np.random.default_rng(7)
+    waits = [0.0, 0.001, 0.003, *rng.uniform(0.0, 0.25, 9)]
+    ends = []
+    for k, wait in enumerate(waits):
+        path = tmp_path / f"run{k}.nc"
+        arguments = [sys.executable, "-c", textwrap.dedent(WRITER), path, Path(__file__).parent]
+        with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as child:
+            assert child.stdout is not None and child.stdout.readline() == "ready\n"
+            while not path.exists():
+                time.sleep(1e-4)
+            time.sleep(wait)
+            child.kill()
+        assert child.returncode == -signal.SIGKILL
+        data = xr.load_dataset(path)
+        assert data.attrs["status"] == "running"
+        end = data.attrs["complete_to_s"]
+        ends.append(end)
+        if np.isnan(end):
+            assert not data.sizes
+            continue
+        assert data.time[-1] == end and data.sizes["time"] % 40 == 0
+        np.testing.assert_allclose(data.time, 0.01 * np.arange(data.sizes["time"]), atol=1e-9)
+        # each chunk of the writer is the same but for its time
+        for name in ("position", "von_mises", "tension", "von_mises_max_place", "energy_balance"):
+            rows = data[name].values.reshape(-1, 40, *data[name].shape[1:])
+            assert np.array_equal(rows, np.broadcast_to(rows[0], rows.shape)), name
+    assert len(set(map(str, ends))) > 5
+
+
+def test_a_full_drive(tmp_path):
+    path = tmp_path / "run.nc"
+    run = RunFile.open(path, ROBOT, SETTINGS)
+    run.append(chunk(0))
+    file = run._open()
+
+    class Full:
+        """Takes half a chunk, then nothing at the end of the file; the header is in its place."""
+
+        half = True
+
+        def write(self, content):
+            if len(content) < 4096:
+                return file.write(content)
+            if self.half:
+                self.half = False
+                return file.write(content[: len(content) // 2])
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+        def __getattr__(self, name):
+            return getattr(file, name)
+
+    run._file = Full()
+    with pytest.raises(
+        InputError, match=r"the drive is full; the file holds the run up to 0\.19 s"
+    ):
+        run.append(chunk(1))
+    with pytest.raises(InputError, match="finished"):
+        run.append(chunk(1))
+    data = read_run(path)
+    assert data.attrs["status"] == "failed" and "the drive is full" in data.attrs["reason"]
+    assert data.attrs["complete_to_s"] == data.time[-1] == 0.19
+    expected = fields.to_dataset(ROBOT, chunk(0), SETTINGS)
+    xr.testing.assert_equal(data, expected)
+    assert file.closed
+
+
+LIMITED = """
+    import sys
+    sys.path.insert(0, sys.argv[2])
+    from bowstring.errors import InputError
+    from test_runfile import ROBOT, RunFile, chunk
+    import resource
+    run = RunFile.open(sys.argv[1], ROBOT, {})
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), resource.RLIM_INFINITY))
+    try:
+        for i in range(5):
+            run.append(chunk(i))
+    except InputError as error:
+        print(error)
+"""
+
+
+@pytest.mark.parametrize(("limit", "times"), [(1_000_000, 60), (100_000, 0)])
+def test_a_limit_of_the_system(tmp_path, limit, times):
+    """The kernel refuses in the middle of a chunk, also of the first."""
+    path = tmp_path / "run.nc"
+    folder = Path(__file__).parent
+    arguments = [sys.executable, "-c", textwrap.dedent(LIMITED), path, folder, str(limit)]
+    done = subprocess.run(arguments, capture_output=True, text=True, check=True)
+    assert "larger than is allowed" in done.stdout
+    data = read_run(path)
+    assert data.attrs["status"] == "failed" and data.sizes.get("time", 0) == times
+    assert os.listdir(tmp_path) == ["run.nc"]
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != limit
+
+
+def test_no_room_is_said_before_the_work(tmp_path):
+    with pytest.raises(InputError, match=r"needs about 3\.6e\+06 GB and the drive has"):
+        RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS, points=10**13)
+    assert os.listdir(tmp_path) == []
+
+
+def test_where_it_may_be_written(tmp_path):
+    with pytest.raises(InputError, match=r"the folder .*/no does not exist"):
+        RunFile.open(tmp_path / "no" / "run.nc", ROBOT, SETTINGS)
+    (tmp_path / "text").write_text("mine")
+    with pytest.raises(InputError, match="/text is a file"):
+        check_file(tmp_path / "text" / "run.nc")
+    with pytest.raises(InputError, match="nothing of yours is replaced"):
+        check_file(tmp_path / "text")
+    with pytest.raises(InputError, match="it is a folder; name a file"):
+        check_file(tmp_path)
+    xr.Dataset({"a": 1}).to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(InputError, match="nothing of yours is replaced"):
+        check_file(tmp_path / "other.nc")
+    # a former run is
+    for end in ("first", "second"):
+        with RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
+            run.finish(end)
+    assert read_run(tmp_path / "run.nc").attrs["status"] == "second"
+
+
+def test_chunks_that_do_not_follow(tmp_path):
+    with RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
+        run.append(chunk(1))
+        with pytest.raises(InputError, match=r"must increase: got 0 s after 0\.39 s"):
+            run.append(chunk(0))
+        moved = dataclasses.replace(chunk(2), station=chunk(2).station + 1e-3)
+        with pytest.raises(InputError, match="stations of a run must be the same"):
+            run.append(moved)
+        with pytest.raises(InputError, match="has shape"):
+            run.append(chunk(2, robot=load_robot("rao2021")))
+        run.append(chunk(2))
+    assert read_run(tmp_path / "run.nc").sizes["time"] == 40
+
+
+def test_what_is_not_a_run(tmp_path):
+    with pytest.raises(InputError, match="No such file"):
+        read_run(tmp_path / "no.nc")
+    (tmp_path / "text.nc").write_text("a run?")
+    with pytest.raises(InputError, match="not a NetCDF file"):
+        read_run(tmp_path / "text.nc")
+    (tmp_path / "cut.nc").write_bytes(b"CDF\x02\x00\x00")
+    with pytest.raises(InputError, match="cannot read the run"):
+        read_run(tmp_path / "cut.nc")
+    xr.Dataset({"a": 1}).to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(InputError, match="not a run of Bowstring"):
+        read_run(tmp_path / "other.nc")
+
+
+def test_it_is_quick(tmp_path):
+    """A loose bound for slow machines: simulating 100 output times takes 2 to 6 ms."""
+    run = RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS)
+    spent = []
+    for i in range(10):
+        frames = chunk(i, 100)
+        start = time.perf_counter()
+        run.append(frames)
+        spent.append(time.perf_counter() - start)
+    run.finish()
+    assert min(spent) < 0.02
+
+
+@pytest.mark.parametrize("step", ["_replace", "_write", "_open"])
+@pytest.mark.parametrize("call", [1, 2, 3])
+@pytest.mark.parametrize("after", [False, True])
+def test_ctrl_c_within_a_write(tmp_path, monkeypatch, step, call, after):
+    """Before or after a step of writing: the file holds whole chunks and says why it ended."""
+    path = tmp_path / "run.nc"
+    calls = 0
+    original = getattr(RunFile, step)
+
+    def interrupted(self, *arguments):
+        nonlocal calls
+        calls += 1
+        if calls == call and not after:
+            raise KeyboardInterrupt
+        result = original(self, *arguments)
+        if calls == call and after:
+            raise KeyboardInterrupt
+        return result
+
+    with pytest.raises(KeyboardInterrupt), RunFile.open(path, ROBOT, SETTINGS) as run:
+        with monkeypatch.context() as patch:
+            patch.setattr(RunFile, step, interrupted)
+            for i in range(3):
+                run.append(chunk(i))
+        raise KeyboardInterrupt  # where there are fewer calls
+    data = read_run(path)
+    assert data.attrs["status"] == "interrupted"
+    if data.sizes:
+        assert data.sizes["time"] % 20 == 0 and data.time[-1] == data.attrs["complete_to_s"]
+        np.testing.assert_allclose(data.time, 0.01 * np.arange(data.sizes["time"]))

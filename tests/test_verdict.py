@@ -1,0 +1,89 @@
+"""The verdict: crossings against an independent sweep, and words that say no more than numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowstring import arc, rod, study, verdict
+from bowstring.robot import load_robot
+
+MM = 1e-3
+EI = 35e9 * math.pi / 64 * 0.005**4  # of the study's robot, N m^2
+
+
+def test_first_crossing_against_an_independent_sweep(paper: study.Study) -> None:
+    robot = paper.robot
+    tension = np.arange(50.0, 65.0, 0.01)
+    sweep = rod.sweep(robot, np.column_stack([tension, 0 * tension, 0 * tension]))
+    tip = arc.pose(tension * 0.029 / EI, 0.0, robot.length).position
+    error = np.linalg.norm(tip - sweep.tip_position, axis=1)
+    crossing = float(tension[np.argmax(error > 0.01 * robot.length)])
+
+    lengths, force = paper.verdict.meanings
+    assert lengths.holds_throughout and lengths.fails == ()
+    assert force.holds_to == pytest.approx(crossing, abs=0.011)
+    assert force.fails == ((force.holds_to, 80.0),)
+    assert force.ended_by is not None and force.ended_by.effect == "straight_spans"
+    assert f"up to {force.holds_to:.3g} N" in force.text
+
+
+def test_clamps_in_the_main_sweep_rise_and_fall() -> None:
+    robot = load_robot("amouri2019").with_({"segments.0.disks.clamped_length": "3 mm"})
+    got = study.run(robot)
+    force = got.comparison("cc_from_force")
+    assert force.mean / MM == pytest.approx(3.67, abs=5e-3)
+    at = dict(zip(got.statics.tension.round(), force.error / MM, strict=True))
+    assert [at[40.0], at[50.0], at[60.0], at[80.0]] == pytest.approx([4.9, 5.0, 4.8, 3.4], abs=0.05)
+    assert got.verdict.meanings[1].holds_throughout
+
+    # a tolerance that is crossed on the way up and again on the way down
+    tight = study.run(robot, tolerance=4.6 * MM / got.length).verdict.meanings[1]
+    ((start, end),) = tight.fails
+    assert 30.0 < start < 40.0 and 60.0 < end < 80.0
+    assert tight.holds_to == start
+
+
+def test_gravity_across_ends_it_at_the_first_load() -> None:
+    got = study.run(load_robot("amouri2019").with_({"gravity": "-9.81 0 0 m/s^2"}))
+    for m in got.verdict.meanings:
+        assert m.holds_to is None
+        assert m.fails[0][0] == 0.0
+    force = got.verdict.meanings[1]
+    assert force.ended_by is not None and force.ended_by.effect == "gravity"
+    assert any("gravity (-9.81, 0, 0)" in note for note in got.notes)
+
+
+def test_a_cause_is_named_only_if_the_error_falls_without_it() -> None:
+    """In the example's own sweep, clamps and gravity cancel in part: no effect ends the error."""
+    got = study.run(load_robot(Path(__file__).parents[1] / "examples" / "my_robot.yaml"))
+    lengths, force = got.verdict.meanings
+    assert abs(lengths.shares[0].share) < 0.1 and lengths.ended_by is None
+    assert "No single effect" in lengths.text and "Most of that" not in lengths.text
+    assert force.ended_by is not None and "What ends it" in force.text
+
+
+def test_a_correction_that_does_harm_is_not_called_better() -> None:
+    clamped = {"segments.0.disks.clamped_length": "3 mm"}
+    got = study.run(load_robot("amouri2019").with_(clamped))
+    (words,) = [t for t in got.verdict.text if t.startswith("Corrections in closed form")]
+    assert "from lengths: better" in words and "from force: worse" in words
+
+
+def test_the_verdict_compares_only_effects_with_all_loads(paper: study.Study) -> None:
+    """A mean over one load is not the costliest effect."""
+    costly = next(row for row in paper.budget.rows if row.effect == "E_minus_10")
+    compared = dict(costly.in_sweep.comparisons)
+    for name, c in compared.items():
+        difference = np.full_like(c.difference, np.nan)
+        difference[1] = 1.0
+        compared[name] = replace(c, difference=difference)
+    broken = replace(costly, in_sweep=replace(costly.in_sweep, comparisons=compared))
+    rows = tuple(broken if row is costly else row for row in paper.budget.rows)
+    (text,) = verdict._on_left_out(replace(paper.budget, rows=rows))
+    assert "1000 mm" not in text
+    assert text.endswith("from lengths: E 10 % lower / from force: E 10 % lower.")

@@ -1,0 +1,67 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from bowstring import words
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.012345, "0.0123"), (12.345, "12.3"), (999.4, "999"), (999.6, "1000"), (123456.0, "123456")],
+)
+def test_significant_digits_without_exponent(value: float, text: str) -> None:
+    assert words.significant(value) == text
+
+
+@pytest.mark.parametrize(
+    ("metres", "text"),
+    [
+        (0.0, "under 0.001 mm"),
+        (2.27e-5, "0.023 mm"),
+        (4.423e-3, "4.42 mm"),
+        (1.2345, "1234 mm"),
+        (math.nan, "no number"),
+    ],
+)
+def test_lengths(metres: float, text: str) -> None:
+    assert words.in_mm(metres) == text
+
+
+def test_shares_ranges_and_lists() -> None:
+    assert words.in_percent(0.00691) == "0.69 %"
+    assert words.in_newtons(0.0, 57.3456) == "0 to 57.3 N"
+    assert words.in_newtons(80.0, 80.0) == "80 N"
+    assert words.listed(["a"]) == "a"
+    assert words.listed(["a", "b", "c"]) == "a, b and c"
+
+
+@pytest.mark.parametrize(
+    ("value", "round_"), [(80.0, 80.0), (99.0, 80.0), (0.0089, 0.008), (1.3, 1.2), (1000.0, 1000.0)]
+)
+def test_the_round_number_below(value: float, round_: float) -> None:
+    assert words.round_down(value) == round_
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (4.4228, "4.423"),
+        (-1.5, "\N{MINUS SIGN}1.500"),
+        (0.0002, "< 0.001"),
+        (1e-9, "0.000"),
+        (None, "\N{EN DASH}"),
+        (math.inf, "\N{EN DASH}"),
+    ],
+)
+def test_table_cells(value: float | None, text: str) -> None:
+    assert words.number(value) == text
+
+
+def test_changes_have_a_sign_unless_they_are_zero() -> None:
+    assert words.signed(1.234) == "+1.23"
+    assert words.signed(-1.234) == "\N{MINUS SIGN}1.23"
+    assert words.signed(-0.001) == "0.00"
