@@ -47,6 +47,7 @@ def figures() -> dict[str, dict[str, float]]:
     clock, as other work can only add to it."""
 
     def clock(call) -> float:
+        file.unlink(missing_ok=True)
         start = time.perf_counter()
         call()
         return time.perf_counter() - start

@@ -136,10 +136,7 @@ def test_maximum_in_all_special_cases(sigma, tau, case):
     if case == "flat":  # nearly the same all around
         s[0] *= 1e-9
         t[0] *= 1e-9
-    value, c, w = fields.von_mises(
-        tuple(s[:, None]),
-        tuple(t[:, None]),  # type: ignore[arg-type]
-    )
+    value, c, w = fields.von_mises(s[:, None], t[:, None])
 
     def at(psi):
         normal = s[0] + s[1] * np.cos(psi) + s[2] * np.sin(psi)

@@ -141,6 +141,7 @@ def flexibility(
     twist: bool,
     elements: int,
 ) -> tuple[str, bool | None, Floats | None, Floats | None, int]: ...
+def von_mises(sigma: Floats, tau: Floats) -> Floats: ...
 
 @final
 class Solution:

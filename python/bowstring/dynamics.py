@@ -442,28 +442,33 @@ def simulate(
 
     def take(result: dict[str, Any]) -> None:
         if len(result["time"]):
+            tip = result["disk_position"][:, -1], result["disk_velocity"][:, -1]
+            tips.append((result["time"], *tip))
             if points:
                 frames = _frames(result, stations)
                 if file is not None:
                     file.append(frames)
                 else:
                     keep.append(frames)
-            tip = result["disk_position"][:, -1], result["disk_velocity"][:, -1]
-            tips.append((result["time"], *tip))
         run.steps += result["steps"]
         run.iterations += result["iterations"]
         run.repeated += result["repeated"]
 
     def finish(status: Status, reason: str = "") -> None:
         run.status, run.reason = status, reason
-        if tips:
-            run.time, run.tip_position, run.tip_velocity = (
-                np.concatenate(parts) for parts in zip(*tips, strict=True)
-            )
         if keep:
             run.frames = _joined(keep)
         if file is not None:
             file.finish(status, reason)
+        if tips:
+            time, position, velocity = (np.concatenate(parts) for parts in zip(*tips, strict=True))
+            # an interrupt may have fallen between two of these places: go by what is kept
+            if file is not None:
+                time = time[time <= file.complete_to]
+            elif run.frames is not None:
+                time = time[time <= run.frames.time[-1]]
+            run.time = time
+            run.tip_position, run.tip_velocity = position[: len(time)], velocity[: len(time)]
 
     try:
         begun = clock.perf_counter()

@@ -266,9 +266,7 @@ def check_frames(robot: Robot, frames: Frames) -> None:
         raise InputError("time of the frames must be finite and increase")
 
 
-def surface_stress(
-    sec: Section, force: Floats, moment: Floats
-) -> tuple[tuple[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]:
+def surface_stress(sec: Section, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
     """Normal and shear stress around the surface of every section.
 
     Parameters
@@ -280,81 +278,35 @@ def surface_stress(
 
     Returns
     -------
-    sigma, tau : tuples of 3 ndarrays (..., P)
+    sigma, tau : ndarray (3, ..., P)
         Coefficients a, b, c in Pa: at the angle psi from x towards y the stress is
         ``a + b cos(psi) + c sin(psi)``; sigma along the tangent, positive in tension, tau on the
         section in the direction of growing psi. Transverse shear follows the parabolic law.
     """
     fx, fy, fz = np.ascontiguousarray(np.moveaxis(force, -1, 0))
     mx, my, mz = np.ascontiguousarray(np.moveaxis(moment, -1, 0))
-    sigma = (fz / sec.area, -my / sec.modulus, mx / sec.modulus)
-    tau = (mz / (2.0 * sec.modulus), fy * sec.shear, -fx * sec.shear)
+    sigma = np.stack([fz / sec.area, -my / sec.modulus, mx / sec.modulus])
+    tau = np.stack([mz / (2.0 * sec.modulus), fy * sec.shear, -fx * sec.shear])
     return sigma, tau
 
 
-def von_mises(
-    sigma: tuple[Floats, Floats, Floats], tau: tuple[Floats, Floats, Floats]
-) -> tuple[Floats, Floats, Floats]:
+def von_mises(sigma: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
     """Maximum of sqrt(sigma^2 + 3 tau^2) around each section.
 
     Parameters
     ----------
-    sigma, tau : tuples of 3 ndarrays
+    sigma, tau : ndarray (3, ...)
         As from `surface_stress`.
 
     Returns
     -------
-    value, cosine, sine : ndarray
+    value, cosine, sine : ndarray (...)
         The maximum in Pa, exact to 1e-12 of it, and the angle at which it is.
     """
-    (s0, s1, s2), (t0, t1, t2) = sigma, tau
-    # With u = (cos, sin) the square is u.Q u + 2 b.u + const. In the axes of Q, with values
-    # q1 >= q2, the maximum lies in the quadrant of b, and is the only stationary point there.
-    t1_3, t2_3 = 3.0 * t1, 3.0 * t2
-    half = 0.5 * (s1 * s1 + t1_3 * t1 - s2 * s2 - t2_3 * t2)
-    cross = s1 * s2 + t1_3 * t2
-    b_x = s0 * s1 + t0 * t1_3
-    b_y = s0 * s2 + t0 * t2_3
-    gap = np.sqrt(half * half + cross * cross)
-    # axis of q1: the longer of two equal forms
-    reach = gap + np.abs(half)
-    turned = half < 0.0
-    e_x = np.where(turned, cross, reach)
-    e_y = np.where(turned, reach, cross)
-    norm = np.sqrt(e_x * e_x + e_y * e_y)
-    isotropic = norm == 0.0
-    norm[isotropic] = 1.0
-    e_x[isotropic] = 1.0
-    e_x /= norm
-    e_y /= norm
-    gap *= 2.0
-    b_1 = b_x * e_x + b_y * e_y
-    b_2 = b_y * e_x - b_x * e_y
-    sign_1, sign_2 = np.copysign(1.0, b_1), np.copysign(1.0, b_2)
-    np.abs(b_1, out=b_1)
-    np.abs(b_2, out=b_2)
-    # half the slope, c (b_2 - gap s) - b_1 s, falls from b_2 to -b_1 over the quadrant
-    c = s = np.full(np.shape(b_1), math.sqrt(0.5))
-    width = math.pi / 4.0
-    for _ in range(10):
-        width /= 2.0
-        side = np.copysign(math.sin(width), c * (b_2 - gap * s) - b_1 * s)
-        c, s = math.cos(width) * c - side * s, math.cos(width) * s + side * c
-    for _ in range(3):  # Newton; flat maxima, where it is slow, need it least
-        slope = c * (b_2 - gap * s) - b_1 * s
-        bend = gap * (c * c - s * s) + b_1 * c + b_2 * s
-        step = slope / np.where(bend > 0.0, bend, np.inf)
-        np.clip(step, -width, width, out=step)
-        c, s = c - step * s, s + step * c
-        norm = 1.0 / np.sqrt(c * c + s * s)
-        c *= norm
-        s *= norm
-    c *= sign_1
-    s *= sign_2
-    cosine, sine = c * e_x - s * e_y, c * e_y + s * e_x
-    normal = s0 + s1 * cosine + s2 * sine
-    shear = t0 + t1 * cosine + t2 * sine
-    return np.sqrt(normal * normal + 3.0 * shear * shear), cosine, sine
+    from bowstring import _core
+
+    found = _core.von_mises(sigma.reshape(3, -1), tau.reshape(3, -1)).reshape(sigma.shape)
+    return found[0], found[1], found[2]
 
 
 def derive(

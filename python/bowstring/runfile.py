@@ -18,7 +18,6 @@ import errno
 import os
 import shutil
 import struct
-import sys
 import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -45,9 +44,7 @@ _DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
 _STATUS_BYTES: Final = 32
 _REASON_BYTES: Final = 1024
 _PAGE: Final = 4096
-_BLOCK: Final = (
-    10_000  # stations times times; more at once leave the cache and take 3 times as long
-)
+_BLOCK: Final = 4000  # stations times times; more at once leave the cache
 _LARGEST: Final = 2**31 - 4
 _OURS: Final = b"bowstring_version"
 
@@ -236,22 +233,20 @@ class RunFile:
 
     def _add(self, frames: Frames) -> None:
         values = fields.derive(self._robot, frames, self._section, self._energy)
-        table = np.empty((len(frames.time), self._header.record // 8))
+        table = np.empty((len(frames.time), self._header.record // 8), dtype=">f8")
         table[:, 0] = frames.time
         start = 1
         for field in FIELDS:
             block = values[field.name].reshape(len(table), -1)
             table[:, start : start + block.shape[1]] = block
             start += block.shape[1]
-        if sys.byteorder == "little":
-            table.byteswap(inplace=True)
         head = (self._records + len(table), float(frames.time[-1]))
         try:
             if self._records == 0:
                 self._replace(self._header.bytes("running", "", *head) + table.tobytes())
             else:
                 here = self._header.size + self._records * self._header.record
-                self._write(here, table.data.cast("B"))
+                self._write(here, table.view(np.uint8).data.cast("B"))
                 self._write(4, self._header.head("running", "", *head))
         except OSError as error:
             self._give_up(error)
@@ -291,9 +286,10 @@ class RunFile:
         """Write the status where the file has it, whatever an interrupt left undone, and close."""
         with contextlib.closing(self._open()) as file:
             file.seek(0)
-            place = file.read(_PAGE).index(_name("status"))
-            self._write(place, _ending(status, reason))
-            os.fsync(file.fileno())
+            page = file.read(_PAGE)
+            self._write(page.index(_name("status")), _ending(status, reason))
+            place = page.index(_name("complete_to_s")) + len(_name("complete_to_s")) + 8
+            (self.complete_to,) = struct.unpack_from(">d", page, place)
 
     def _give_up(self, error: OSError) -> None:
         """The drive takes no more: cut off what is not whole, and say so in the file too."""
@@ -409,17 +405,15 @@ class _Header:
             raise InputError("a run of so many stations does not fit its file; take fewer")
         lengths = [len(raw) for raw in fixed] + grown
 
-        def table(begin: int) -> bytes:
-            out = struct.pack(">ii", _VARIABLES if rows else 0, len(rows))
-            for (name, dims, kind, attrs), length in zip(rows, lengths, strict=True):
-                out += _name(name) + struct.pack(">i", len(dims))
-                out += b"".join(struct.pack(">i", names.index(dim)) for dim in dims)
-                out += struct.pack(">ii", _ATTRIBUTES, len(attrs))
-                out += b"".join(_text(key, value) for key, value in attrs.items())
-                out += struct.pack(">iiq", kind, length, begin)
-                begin += length
-            return out
-
+        table = [struct.pack(">ii", _VARIABLES if rows else 0, len(rows))]
+        for name, dims, kind, attrs in rows:
+            table.append(
+                _name(name)
+                + struct.pack(f">{1 + len(dims)}i", len(dims), *map(names.index, dims))
+                + struct.pack(">ii", _ATTRIBUTES, len(attrs))
+                + b"".join(_text(key, value) for key, value in attrs.items())
+                + struct.pack(">i", kind)
+            )
         dimensions = struct.pack(">ii", _DIMENSIONS if names else 0, len(names))
         for name, size in sizes.items():
             dimensions += _name(name) + struct.pack(">i", size)
@@ -432,9 +426,12 @@ class _Header:
             for key, value in attributes.items()
         )
         before = 4 + len(self.head("", "")) + len(other)
-        begin = before + len(table(0))
-        self._tail = other + table(begin) + b"".join(fixed)
+        begin = before + sum(map(len, table)) + struct.calcsize(">iq") * len(rows)
         self.size = begin + sum(map(len, fixed))
+        for i, length in enumerate(lengths, start=1):
+            table[i] += struct.pack(">iq", length, begin)
+            begin += length
+        self._tail = b"".join([other, *table, *fixed])
 
     def head(
         self, status: str, reason: str, records: int = 0, complete_to: float = float("nan")

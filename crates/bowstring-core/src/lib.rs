@@ -18,4 +18,5 @@ pub mod sensitivity;
 #[cfg(target_arch = "x86_64")]
 mod simd;
 pub mod statics;
+pub mod stress;
 mod sweep;

@@ -17,7 +17,7 @@ mod _core {
         arc_part, arc_pose, arc_pose_jacobian, arc_through,
     };
     #[pymodule_export]
-    use crate::dynamics::{flexibility, Simulator};
+    use crate::dynamics::{flexibility, von_mises, Simulator};
     #[pymodule_export]
     use crate::rod::{Robot, Solution};
 
