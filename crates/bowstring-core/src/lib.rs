@@ -2,7 +2,10 @@
 
 pub mod arc;
 pub mod batch;
+mod complementarity;
+pub mod drive;
 pub mod dynamics;
+mod engine;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 pub mod lie;

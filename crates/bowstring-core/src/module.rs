@@ -659,6 +659,19 @@ impl<T: Real, const A: usize> Gradient<T, A> {
     }
 }
 
+impl<T: Real, const A: usize> Response<T, A> {
+    pub fn empty() -> Self {
+        let matrix = Mat3::zero();
+        Response {
+            j: [matrix; A],
+            m: matrix,
+            d_hat: matrix,
+            g_hat: matrix,
+            k: matrix,
+        }
+    }
+}
+
 impl<T: Real, const A: usize> Hessian<T, A> {
     pub fn empty() -> Self {
         let zero = Mat3::zero();
@@ -671,6 +684,7 @@ impl<T: Real, const A: usize> Hessian<T, A> {
 }
 
 /// A straight piece of tendon between two neighbouring holes.
+#[derive(Clone)]
 pub(crate) struct Span<T> {
     /// From the end of the flexible backbone to the end hole.
     pub arm: Vec3<T>,

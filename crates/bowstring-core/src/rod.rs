@@ -19,10 +19,22 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub states: Vec<State<L::Module, A>>,
     pub gradients: Vec<Gradient<L::Module, A>>,
     pub hessians: Vec<Hessian<L::Module, A>>,
+    /// How the ends of modules answer, as of the last `linearise`.
+    pub responses: Vec<Response<L::Module, A>>,
+    /// Answers to right-hand sides, see `respond`.
+    pub columns: Vec<Column<L, A>>,
+    /// By groups and tendons, as of the last `measure_spans`.
+    spans: Vec<Span<L::Module>>,
+    /// By modules and tendons, as of the last `measure_spans`: length, and angle of the tendon
+    /// at the hole where the span begins; zero where the tendon does not pass.
+    pub span_lengths: Vec<f64>,
+    pub angles: Vec<f64>,
     step: Vec<[Vec3<L::Module>; A]>,
     /// Strain and contact force to go back to: the force is where the next balance starts.
     saved: Vec<[Vec3<L::Module>; A]>,
     saved_force: Vec<Vec3<L::Module>>,
+    /// Scratch of `respond`: force on the ends, and imbalance or rotation of the starts.
+    asked: Vec<[Vec3<L::Module>; 2]>,
     /// Tension of every tendon in every group, zero where it does not pass.
     pub tensions: Vec<L::Module>,
     /// By modules.
@@ -41,6 +53,31 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub tendons: Vec<Tendon>,
     pub path: TendonPath,
     pub tip_moment: Vec3<L::Chain>,
+}
+
+/// An answer of the rod.
+#[derive(Clone)]
+pub(crate) struct Column<L: Layout, const A: usize> {
+    /// Rotation that every arc adds, by groups.
+    u: Vec<[Vec3<L::Module>; A]>,
+    /// Change of every span's length, by modules and tendons.
+    pub rates: Vec<f64>,
+}
+
+impl<L: Layout, const A: usize> Default for Column<L, A> {
+    fn default() -> Self {
+        Column {
+            u: vec![],
+            rates: vec![],
+        }
+    }
+}
+
+/// A right-hand side: more tension in one tendon, N in its span of every module.
+#[derive(Clone, Copy)]
+pub(crate) struct Source<'a> {
+    pub tendon: usize,
+    pub tension: &'a [f64],
 }
 
 /// What the step promises.
@@ -90,6 +127,22 @@ pub(crate) fn put<L: Layout>(v: &mut Vec3<L::Module>, i: usize, c: Vec3<L::Chain
     }
 }
 
+/// A number for every module of a group; zero in idle lanes.
+#[inline(always)]
+fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) -> L::Module {
+    if L::WIDTH == 1 {
+        return L::Module::splat(of(g));
+    }
+    L::Module::from_fn(|i| {
+        let k = g * L::WIDTH + i;
+        if k < n {
+            of(k)
+        } else {
+            0.0
+        }
+    })
+}
+
 impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn new(robot: &Robot, model: Model) -> Self {
         let n = robot.module_count();
@@ -111,9 +164,15 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             states: vec![State::straight(); groups],
             gradients: vec![Gradient::empty(); groups],
             hessians: vec![Hessian::empty(); groups],
+            responses: vec![Response::empty(); groups],
+            columns: vec![],
+            spans: vec![],
+            span_lengths: vec![0.0; n * robot.tendon_count()],
+            angles: vec![0.0; n * robot.tendon_count()],
             step: vec![zero; groups],
             saved: vec![zero; groups],
             saved_force: vec![Vec3::zero(); groups],
+            asked: vec![[Vec3::zero(); 2]; groups],
             tensions: vec![L::Module::zero(); groups * robot.tendon_count()],
             eliminated: vec![Eliminated::empty(); n],
             dead: vec![[Vec3::zero(); 4]; n],
@@ -269,10 +328,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Second derivatives of all modules, and how their ends answer.
-    pub fn linearise(&mut self) -> Vec<Response<L::Module, A>> {
-        (0..self.states.len())
-            .map(|g| self.linearise_group(g))
-            .collect()
+    #[inline(always)]
+    pub fn linearise(&mut self) {
+        for g in 0..self.states.len() {
+            self.responses[g] = self.linearise_group(g);
+        }
     }
 
     #[inline(always)]
@@ -360,6 +420,180 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
         }
         Step { slope, largest }
+    }
+
+    /// Lengths of all spans, and where asked the angles of the tendons at the holes.
+    #[inline(always)]
+    pub fn measure_spans(&mut self, angles: bool) {
+        let (n, count) = (self.dead.len(), self.tendons.len());
+        let zero = Vec3::zero();
+        self.spans.resize_with(self.states.len() * count, || Span {
+            arm: zero,
+            length: L::Module::zero(),
+            per_length: L::Module::zero(),
+            direction: zero,
+        });
+        for (g, (state, c)) in self.states.iter().zip(&self.constants).enumerate() {
+            for (j, tendon) in self.tendons.iter().enumerate() {
+                let span = Span::new(c, tendon, &state.s, state.rho);
+                for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
+                    let k = g * L::WIDTH + i;
+                    if k > tendon.end_disk {
+                        break;
+                    }
+                    self.span_lengths[k * count + j] = L::get(&span.length, i).lane(0);
+                }
+                self.spans[g * count + j] = span;
+            }
+        }
+        if !angles {
+            return;
+        }
+        for j in 0..count {
+            // before the base hole it is parallel to z
+            let mut before = Vec3::<L::Chain>::ez();
+            for k in 0..=self.tendons[j].end_disk {
+                let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+                let after = get::<L>(&self.spans[g * count + j].direction, i);
+                let (sine, cosine) = (before.cross(after).norm().lane(0), before.dot(after));
+                self.angles[k * count + j] = sine.atan2(cosine.lane(0));
+                before = get_mat::<L>(&self.states[g].s, i).tr_mul(after);
+            }
+        }
+    }
+
+    /// Answer of the rod to a right-hand side, by the present elimination and measured spans: to
+    /// its own gradient, or to a change of tension.
+    #[inline(always)]
+    pub fn respond(&mut self, symmetric: bool, column: usize, source: Option<Source>) {
+        let (n, count) = (self.dead.len(), self.tendons.len());
+        let groups = self.states.len();
+        while self.columns.len() <= column {
+            self.columns.push(Column {
+                u: vec![[Vec3::zero(); A]; groups],
+                rates: vec![0.0; n * count],
+            });
+        }
+        // force on the end of every module and imbalance of its start
+        let mut answer_of = std::mem::take(&mut self.columns[column]);
+        for g in 0..groups {
+            let (state, response) = (&self.states[g], &self.responses[g]);
+            let (mut force, mut start) = (Vec3::zero(), Vec3::zero());
+            match source {
+                None => answer_of.u[g] = self.gradients[g].g,
+                Some(Source { tendon, tension }) => {
+                    let w = lanes::<L>(n, g, |k| tension[k]);
+                    let span = &self.spans[g * count + tendon];
+                    force = -(span.direction * w);
+                    let torque = span.arm.cross(span.direction) * w;
+                    let moved = response.d_hat * force;
+                    let turned = torque + response.k * moved;
+                    let on_end = response.m.tr_mul(force);
+                    for a in 0..A {
+                        answer_of.u[g][a] = turned - response.j[a].tr_mul(on_end);
+                    }
+                    start = state.f[0].cross(moved);
+                }
+            }
+            self.asked[g] = [force, start];
+        }
+        let mut p = Vec3::zero();
+        for k in (0..n).rev() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            p = get_mat::<L>(&self.states[g].s, i) * p;
+            let mut answer = [Vec3::zero(); A];
+            for a in 0..A {
+                answer[a] = get::<L>(&answer_of.u[g][a], i) + p;
+            }
+            let mut start = [p];
+            if symmetric {
+                self.eliminated[k].backward::<true>(&mut answer, &mut start);
+            } else {
+                self.eliminated[k].backward::<false>(&mut answer, &mut start);
+            }
+            for a in 0..A {
+                put::<L>(&mut answer_of.u[g][a], i, answer[a]);
+            }
+            p = start[0] + get::<L>(&self.asked[g][1], i);
+        }
+        let mut x = Vec3::zero();
+        for k in 0..n {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let mut answer = [Vec3::zero(); A];
+            for a in 0..A {
+                answer[a] = get::<L>(&answer_of.u[g][a], i);
+            }
+            let u = self.eliminated[k].forward(&answer, &[x]);
+            put::<L>(&mut self.asked[g][1], i, x);
+            let mut end = x;
+            for a in 0..A {
+                end += u[a];
+                put::<L>(&mut answer_of.u[g][a], i, u[a]);
+            }
+            x = get_mat::<L>(&self.states[g].s, i).tr_mul(end);
+        }
+        for g in 0..groups {
+            let (state, response) = (&self.states[g], &self.responses[g]);
+            let [force, x] = self.asked[g];
+            let (mut turn, mut moved) = (Vec3::zero(), Vec3::zero());
+            for a in 0..A {
+                turn += answer_of.u[g][a];
+                moved += response.j[a] * answer_of.u[g][a];
+            }
+            let force = force + state.f[0].cross(x) - response.k.tr_mul(turn);
+            let rho = response.m * moved + response.d_hat * force;
+            for (j, tendon) in self.tendons.iter().enumerate() {
+                let span = &self.spans[g * count + j];
+                let rate = span.direction.dot(rho + turn.cross(span.arm));
+                for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
+                    let k = g * L::WIDTH + i;
+                    if k > tendon.end_disk {
+                        break;
+                    }
+                    answer_of.rates[k * count + j] = L::get(&rate, i).lane(0);
+                }
+            }
+        }
+        self.columns[column] = answer_of;
+    }
+
+    /// Takes a sum of answers as the step; returns the largest rotation that an arc adds, rad.
+    #[inline(always)]
+    pub fn combine(&mut self, coefficients: &[f64]) -> f64 {
+        let mut largest = L::Module::zero();
+        for (g, gradient) in self.gradients.iter().enumerate() {
+            for a in 0..A {
+                let mut u = Vec3::zero();
+                for (column, factor) in self.columns.iter().zip(coefficients) {
+                    u = column.u[g][a].scaled_add(L::Module::splat(*factor), u);
+                }
+                largest = largest.max(u.max_abs());
+                self.step[g][a] = gradient.to_strain[a] * u;
+            }
+        }
+        largest.largest()
+    }
+
+    /// Negative eigenvalues of the second variation that was eliminated last.
+    pub fn negative_pivots(&self) -> usize {
+        self.eliminated.iter().map(|e| e.negative_pivots()).sum()
+    }
+
+    /// Sets the tension of every span, by module and tendon.
+    pub fn set_span_tensions(&mut self, tension: impl Fn(usize, usize) -> f64) {
+        let count = self.tendons.len();
+        for (i, tendon) in self.tendons.iter().enumerate() {
+            for k in 0..=tendon.end_disk {
+                let place = &mut self.tensions[k / L::WIDTH * count + i];
+                L::put(place, k % L::WIDTH, L::Chain::splat(tension(k, i)));
+            }
+        }
+    }
+
+    /// Tension of a span, N; zero where the tendon does not pass.
+    pub fn span_tension(&self, k: usize, i: usize) -> f64 {
+        let place = &self.tensions[k / L::WIDTH * self.tendons.len() + i];
+        L::get(place, k % L::WIDTH).lane(0)
     }
 
     /// Size of the terms that the energy of one robot is a small difference of, N m.

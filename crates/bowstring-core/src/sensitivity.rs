@@ -62,7 +62,8 @@ pub(crate) fn jacobians<const A: usize>(
         return None;
     }
     rod.gradient();
-    let responses = rod.linearise();
+    rod.linearise();
+    let responses = rod.responses.clone();
     let jacobians = if rod.has_tip_moment() {
         rod.eliminate::<false>(0.0);
         all::<A, false>(rod, &responses, segments)

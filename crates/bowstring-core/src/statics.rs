@@ -1,13 +1,12 @@
 //! Static equilibrium: Newton's method on the strain, globalised, with an honest status.
 
 pub use crate::lie::Pose;
+use crate::engine::{self, Passes, Plain};
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, OwnedLoad};
 use crate::module::Constants;
-use crate::real::{Layout, Real, Scalar};
 use crate::robot::{InputError, Robot};
-use crate::rod::Rod;
-use crate::sensitivity::{self, Jacobians};
+use crate::sensitivity::Jacobians;
 
 /// How a solve ended. Only [`Status::Converged`] comes with a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,7 +81,7 @@ pub struct Solver {
     robot: Robot,
     model: Model,
     elements: usize,
-    engine: Engine,
+    pub(crate) engine: Box<dyn Passes>,
     settings: Settings,
     /// The last load, kept for what is asked after the solve.
     load: OwnedLoad,
@@ -116,114 +115,6 @@ impl Settings {
     }
 }
 
-/// The rod, by elements in a module and laid out for the processor.
-///
-/// Lanes are for the default of one element alone: finer rods serve to check it.
-#[derive(Clone)]
-enum Engine {
-    One(Box<Rod<Scalar, 2>>),
-    Two(Box<Rod<Scalar, 4>>),
-    Four(Box<Rod<Scalar, 8>>),
-    Eight(Box<Rod<Scalar, 16>>),
-    #[cfg(target_arch = "x86_64")]
-    Avx2(Box<Rod<crate::simd::Modules<crate::simd::F64x4>, 2>>),
-    #[cfg(target_arch = "x86_64")]
-    Avx512(Box<Rod<crate::simd::Modules<crate::simd::F64x8>, 2>>),
-}
-
-/// The same code for whichever rod the engine holds.
-macro_rules! with_rod {
-    ($engine:expr, $rod:ident => $code:expr) => {
-        match $engine {
-            Engine::One($rod) => $code,
-            Engine::Two($rod) => $code,
-            Engine::Four($rod) => $code,
-            Engine::Eight($rod) => $code,
-            #[cfg(target_arch = "x86_64")]
-            Engine::Avx2($rod) => $code,
-            #[cfg(target_arch = "x86_64")]
-            Engine::Avx512($rod) => $code,
-        }
-    };
-}
-
-/// The same code for whichever rod in plain numbers the engine holds.
-macro_rules! with_scalar_rod {
-    ($engine:expr, $rod:ident => $code:expr) => {
-        match $engine {
-            Engine::One($rod) => $code,
-            Engine::Two($rod) => $code,
-            Engine::Four($rod) => $code,
-            Engine::Eight($rod) => $code,
-            #[cfg(target_arch = "x86_64")]
-            _ => unreachable!("an engine in plain numbers"),
-        }
-    };
-}
-
-impl Engine {
-    fn new(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
-        #[cfg(target_arch = "x86_64")]
-        if elements == 1 {
-            if crate::simd::has_avx512() {
-                return Ok(Engine::Avx512(Box::new(Rod::new(robot, model))));
-            }
-            if crate::simd::has_avx2() {
-                return Ok(Engine::Avx2(Box::new(Rod::new(robot, model))));
-            }
-        }
-        Self::scalar(robot, model, elements)
-    }
-
-    fn scalar(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
-        Ok(match elements {
-            1 => Engine::One(Box::new(Rod::new(robot, model))),
-            2 => Engine::Two(Box::new(Rod::new(robot, model))),
-            4 => Engine::Four(Box::new(Rod::new(robot, model))),
-            8 => Engine::Eight(Box::new(Rod::new(robot, model))),
-            n => {
-                return Err(InputError(format!(
-                    "elements is {n}, it must be 1, 2, 4 or 8"
-                )))
-            }
-        })
-    }
-
-    fn newton(&mut self, settings: &Settings, outcome: &mut Outcome) -> Attempt {
-        match self {
-            Engine::One(rod) => newton(rod, settings, outcome),
-            Engine::Two(rod) => newton(rod, settings, outcome),
-            Engine::Four(rod) => newton(rod, settings, outcome),
-            Engine::Eight(rod) => newton(rod, settings, outcome),
-            // SAFETY: the engine was chosen by what the processor has
-            #[cfg(target_arch = "x86_64")]
-            Engine::Avx2(rod) => unsafe { newton_avx2(rod, settings, outcome) },
-            #[cfg(target_arch = "x86_64")]
-            Engine::Avx512(rod) => unsafe { newton_avx512(rod, settings, outcome) },
-        }
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn newton_avx2<L: Layout, const A: usize>(
-    rod: &mut Rod<L, A>,
-    settings: &Settings,
-    outcome: &mut Outcome,
-) -> Attempt {
-    newton(rod, settings, outcome)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
-fn newton_avx512<L: Layout, const A: usize>(
-    rod: &mut Rod<L, A>,
-    settings: &Settings,
-    outcome: &mut Outcome,
-) -> Attempt {
-    newton(rod, settings, outcome)
-}
-
 /// How one attempt at a load ended.
 enum Attempt {
     Converged {
@@ -250,7 +141,7 @@ impl Solver {
     /// A solver with 1, 2, 4 or 8 elements of fourth order in a module; 1 is the default of
     /// all outputs.
     pub fn new(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
-        let engine = Engine::new(robot, model, elements)?;
+        let engine = engine::quickest(robot, model, elements)?;
         let straight = vec![Vec3::zero(); 2 * elements * robot.module_count()];
         Ok(Solver {
             engine,
@@ -267,10 +158,23 @@ impl Solver {
 
     /// Strain of every arc and contact force of every module, as they stand.
     pub(crate) fn strain_and_force(&self, strain: &mut [Vec3], force: &mut [Vec3]) {
-        with_rod!(&self.engine, rod => {
-            rod.strains(|i, w| strain[i] = w);
-            rod.contact_forces(|k, n| force[k] = n);
-        });
+        self.engine.strains(&mut |i, w| strain[i] = w);
+        self.engine.contact_forces(&mut |k, n| force[k] = n);
+    }
+
+    pub(crate) fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Takes the equilibrium that the engine was brought to as the last solve's; returns the
+    /// module in which two disks collide.
+    pub(crate) fn settle(&mut self, load: &Load) -> Option<usize> {
+        self.engine.finish();
+        self.load.set(load);
+        self.known = 0;
+        let collision = self.engine.collision();
+        self.settled = collision.is_none();
+        collision
     }
 
     /// The robot that is solved.
@@ -305,10 +209,9 @@ impl Solver {
         };
         // loads that jump are not to be extrapolated
         let close = (0..a.len()).all(|i| (ahead(i) - a[i]).max_abs() < MAX_EXTRAPOLATION);
-        with_rod!(&mut self.engine, rod => {
-            rod.load(load);
-            rod.set_strains(|i| if close { ahead(i) } else { a[i] });
-        });
+        self.engine.load(load);
+        self.engine
+            .set_strains(&|i| if close { ahead(i) } else { a[i] });
         let mut outcome = self.equilibrium(load, false);
         if outcome.status != Status::Converged {
             outcome = self.solve_from_straight(load);
@@ -320,10 +223,8 @@ impl Solver {
 
     fn solve_from_straight(&mut self, load: &Load) -> Outcome {
         self.load.set(load);
-        with_rod!(&mut self.engine, rod => {
-            rod.load(load);
-            rod.make_straight();
-        });
+        self.engine.load(load);
+        self.engine.make_straight();
         self.equilibrium(load, true)
     }
 
@@ -334,7 +235,7 @@ impl Solver {
         }
         self.history.rotate_right(1);
         let latest = &mut self.history[0];
-        with_rod!(&self.engine, rod => rod.strains(|i, w| latest[i] = w));
+        self.engine.strains(&mut |i, w| latest[i] = w);
         self.known = (self.known + 1).min(3);
     }
 
@@ -349,7 +250,7 @@ impl Solver {
             fraction: 1.0,
             collision: None,
         };
-        let mut attempt = self.engine.newton(&self.settings, &mut outcome);
+        let mut attempt = newton(&mut *self.engine, &self.settings, &mut outcome);
         if patience && !attempt.is_sound() {
             // what continuation cannot mend keeps its first verdict
             let first = outcome;
@@ -398,16 +299,14 @@ impl Solver {
                 tip_force: load.tip_force.map(|f| f * fraction),
                 tip_moment: load.tip_moment.map(|m| m * fraction),
             };
-            with_rod!(&mut self.engine, rod => {
-                rod.load(&part_load);
-                rod.make_straight();
-                rod.set_strains(|i| start[i]);
-            });
+            self.engine.load(&part_load);
+            self.engine.make_straight();
+            self.engine.set_strains(&|i| start[i]);
             let mut part = Outcome {
                 iterations: 0,
                 ..*outcome
             };
-            let attempt = self.engine.newton(&self.settings, &mut part);
+            let attempt = newton(&mut *self.engine, &self.settings, &mut part);
             outcome.iterations += part.iterations;
             outcome.residual = part.residual;
             outcome.left_unstable |= part.left_unstable;
@@ -417,7 +316,7 @@ impl Solver {
                 return attempt;
             }
             if sound {
-                with_rod!(&self.engine, rod => rod.strains(|i, w| start[i] = w));
+                self.engine.strains(&mut |i, w| start[i] = w);
                 reached = fraction;
                 increment *= 1.5;
             } else {
@@ -439,34 +338,17 @@ impl Solver {
 
     /// Pose of a disk, counted from the base.
     pub fn disk(&self, k: usize) -> Option<Pose> {
-        self.settled
-            .then(|| with_rod!(&self.engine, rod => rod.disk(k, 0)))
+        self.settled.then(|| self.engine.disk(k))
     }
 
     /// Length of a tendon from the base hole to the hole of its end disk, m.
     pub fn tendon_length(&self, i: usize) -> Option<f64> {
-        self.settled
-            .then(|| with_rod!(&self.engine, rod => rod.lengths[i].lane(0)))
+        self.settled.then(|| self.engine.length(i))
     }
 
     /// Points of the backbone, `per_module` in each module, base and tip included, m.
     pub fn centerline(&self, per_module: usize) -> Option<Vec<Vec3>> {
-        if !self.settled {
-            return None;
-        }
-        let mut points = vec![Vec3::zero()];
-        let mut from = Vec3::zero();
-        with_scalar_rod!(self.scalar(), rod => {
-            for (k, (state, c)) in rod.states.iter().zip(&rod.constants).enumerate() {
-                for j in 1..per_module {
-                    let local = state.point(c, j as f64 / per_module as f64);
-                    points.push(from + rod.rotations[k] * local);
-                }
-                from = rod.positions[k];
-                points.push(from);
-            }
-        });
-        Some(points)
+        self.settled.then(|| self.plain().centerline(per_module))
     }
 
     /// Derivatives of the last equilibrium; `None` for continuous tendons, and where the
@@ -476,25 +358,15 @@ impl Solver {
             return None;
         }
         let segments: Vec<_> = self.robot.spec().disks.iter().map(|d| d.segment).collect();
-        let mut engine = self.scalar();
-        with_scalar_rod!(&mut engine, rod => sensitivity::jacobians(rod, &segments))
+        self.plain().jacobians(&segments)
     }
 
     /// The present state in plain numbers, evaluated.
-    fn scalar(&self) -> Engine {
-        let mut engine = Engine::scalar(&self.robot, self.model, self.elements)
+    fn plain(&self) -> Plain {
+        let mut plain = Plain::new(&self.robot, self.model, self.elements)
             .expect("elements were checked when the solver was made");
-        with_scalar_rod!(&mut engine, rod => {
-            rod.load(&self.load.borrow());
-            with_rod!(&self.engine, present => {
-                let mut strains = vec![Vec3::zero(); self.history[0].len()];
-                present.strains(|i, w| strains[i] = w);
-                rod.set_strains(|i| strains[i]);
-            });
-            rod.evaluate();
-            rod.finish();
-        });
-        engine
+        plain.take(&self.load.borrow(), &*self.engine, self.history[0].len());
+        plain
     }
 }
 
@@ -513,18 +385,16 @@ const MAX_ESCAPES: usize = 4;
 /// Newton steps on the residual for one load.
 const MAX_RESIDUAL_STEPS: usize = 40;
 
-#[inline(always)]
-fn converged<L: Layout, const A: usize>(rod: &mut Rod<L, A>, stable: Option<bool>) -> Attempt {
+fn converged(rod: &mut dyn Passes, stable: Option<bool>) -> Attempt {
     rod.finish();
     Attempt::Converged {
         stable,
-        collision: rod.collision(0),
+        collision: rod.collision(),
     }
 }
 
-#[inline(always)]
-fn newton<L: Layout, const A: usize>(
-    rod: &mut Rod<L, A>,
+fn newton(
+    rod: &mut dyn Passes,
     settings: &Settings,
     outcome: &mut Outcome,
 ) -> Attempt {
@@ -536,26 +406,25 @@ fn newton<L: Layout, const A: usize>(
 }
 
 /// Minimises the energy: a diagonal shift until all pivots are positive, and backtracking.
-#[inline(always)]
-fn newton_on_energy<L: Layout, const A: usize>(
-    rod: &mut Rod<L, A>,
+fn newton_on_energy(
+    rod: &mut dyn Passes,
     settings: &Settings,
     outcome: &mut Outcome,
 ) -> Attempt {
     let unit = settings.shift_unit;
-    let mut energy = rod.evaluate().lane(0);
+    let mut energy = rod.evaluate();
     if !energy.is_finite() {
         return Attempt::Stuck;
     }
     let mut shift = 0.0;
     let mut escapes = 0;
     // rounding of the energy, which is a small difference of large terms
-    let noise = 1e-14 * (rod.energy_scale(settings.length, 0) + energy.abs());
-    let stiffening = rod.energy_scale(settings.length, 0) / rod.module_count() as f64;
+    let noise = 1e-14 * (rod.energy_scale(settings.length) + energy.abs());
+    let stiffening = rod.energy_scale(settings.length) / rod.module_count() as f64;
     // the last elimination still tells the inertia if the step after it was short
     let mut minimum_nearby = false;
     loop {
-        outcome.residual = rod.gradient().lane(0) / settings.moment_scale;
+        outcome.residual = rod.gradient() / settings.moment_scale;
         let settled = outcome.residual <= TOLERANCE;
         if settled && minimum_nearby {
             return converged(rod, Some(true));
@@ -566,11 +435,11 @@ fn newton_on_energy<L: Layout, const A: usize>(
             }
             outcome.iterations += 1;
         }
-        rod.linearise_only();
+        rod.linearise();
         let mut shifts = 0;
         let pivot = loop {
             let added = if settled { 0.0 } else { shift };
-            let pivot = rod.eliminate::<true>(L::Chain::splat(added)).lane(0);
+            let pivot = rod.eliminate(true, added);
             if pivot > 0.0 || settled {
                 break pivot;
             }
@@ -596,8 +465,8 @@ fn newton_on_energy<L: Layout, const A: usize>(
             energy = leave_saddle(rod, unit, escapes, energy);
             continue;
         }
-        let step = rod.newton_step::<true>();
-        let (slope, largest) = (step.slope.lane(0), step.largest.lane(0));
+        let step = rod.newton_step(true);
+        let (slope, largest) = (step.slope, step.largest);
         if !largest.is_finite() {
             return Attempt::Stuck;
         }
@@ -606,8 +475,8 @@ fn newton_on_energy<L: Layout, const A: usize>(
         let mut fraction = (MAX_STEP / largest).min(1.0);
         let mut halvings = 0;
         loop {
-            rod.advance(L::Module::splat(fraction));
-            let trial = rod.evaluate().lane(0);
+            rod.advance(fraction);
+            let trial = rod.evaluate();
             if trial <= energy + 1e-4 * fraction * slope + noise {
                 energy = trial;
                 break;
@@ -627,14 +496,13 @@ fn newton_on_energy<L: Layout, const A: usize>(
 }
 
 /// Newton's method where there is no energy: a step is accepted if the residual falls.
-#[inline(always)]
-fn newton_on_residual<L: Layout, const A: usize>(
-    rod: &mut Rod<L, A>,
+fn newton_on_residual(
+    rod: &mut dyn Passes,
     settings: &Settings,
     outcome: &mut Outcome,
 ) -> Attempt {
     rod.evaluate();
-    let mut residual = rod.gradient().lane(0) / settings.moment_scale;
+    let mut residual = rod.gradient() / settings.moment_scale;
     for step in 0..=MAX_RESIDUAL_STEPS {
         outcome.residual = residual;
         if residual <= TOLERANCE {
@@ -644,18 +512,18 @@ fn newton_on_residual<L: Layout, const A: usize>(
             break;
         }
         outcome.iterations += 1;
-        rod.linearise_only();
-        rod.eliminate::<false>(L::Chain::zero());
-        let largest = rod.newton_step::<false>().largest.lane(0);
+        rod.linearise();
+        rod.eliminate(false, 0.0);
+        let largest = rod.newton_step(false).largest;
         if !largest.is_finite() {
             break;
         }
         rod.save();
         let mut fraction = (MAX_STEP / largest).min(1.0);
         loop {
-            rod.advance(L::Module::splat(fraction));
+            rod.advance(fraction);
             rod.evaluate();
-            let trial = rod.gradient().lane(0) / settings.moment_scale;
+            let trial = rod.gradient() / settings.moment_scale;
             // a full step may turn the whole chain: let the residual grow a little
             let most = if fraction == 1.0 {
                 2.0
@@ -687,21 +555,20 @@ pub(crate) fn is_minimum_nearby(largest: f64, pivot: f64, unit: f64, stiffening:
 /// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start looks for the
 /// lowest mode, so that the same load always takes the same branch.
 #[cold]
-#[inline(always)] // to be compiled for the features of its caller
-fn leave_saddle<L: Layout, const A: usize>(
-    rod: &mut Rod<L, A>,
+fn leave_saddle(
+    rod: &mut dyn Passes,
     unit: f64,
     attempt: usize,
     energy: f64,
 ) -> f64 {
     let mut shift = 1e-6 * unit;
     for _ in 0..MAX_SHIFTS {
-        if rod.eliminate::<true>(L::Chain::splat(shift)).lane(0) > 0.0 {
+        if rod.eliminate(true, shift) > 0.0 {
             break;
         }
         shift *= 2.0;
     }
-    rod.set_gradient(|i| {
+    rod.set_gradient(&|i| {
         let phase = i as f64;
         Vec3([0.3 + 0.01 * phase.cos(), -1.0, 0.02 * phase.sin()])
     });
@@ -710,15 +577,15 @@ fn leave_saddle<L: Layout, const A: usize>(
         if round > 0 {
             rod.step_to_gradient(1.0 / largest);
         }
-        largest = rod.newton_step::<true>().largest.lane(0);
+        largest = rod.newton_step(true).largest;
     }
     rod.save();
     let modules = rod.module_count() as f64;
     let mut amount = 0.2 * attempt as f64 / (largest * modules.sqrt());
     let mut least = energy;
     for _ in 0..2 {
-        rod.advance(L::Module::splat(amount));
-        least = rod.evaluate().lane(0);
+        rod.advance(amount);
+        least = rod.evaluate();
         if least < energy {
             break;
         }
@@ -766,14 +633,14 @@ mod tests {
     fn engines_agree() {
         let robot = robot();
         let model = Model::default();
-        let mut engines = vec![Engine::scalar(&robot, model, 1).unwrap()];
+        let mut engines = vec![Plain::new(&robot, model, 1).unwrap().boxed()];
         #[cfg(target_arch = "x86_64")]
         {
             if crate::simd::has_avx2() {
-                engines.push(Engine::Avx2(Box::new(Rod::new(&robot, model))));
+                engines.push(engine::avx2(&robot, model));
             }
             if crate::simd::has_avx512() {
-                engines.push(Engine::Avx512(Box::new(Rod::new(&robot, model))));
+                engines.push(engine::avx512(&robot, model));
             }
         }
         for (tip_force, tip_moment) in [([0.3, -0.2, 0.1], [0.0; 3]), ([0.0; 3], [0.05, 0.1, 0.1])]

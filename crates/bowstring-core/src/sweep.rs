@@ -140,6 +140,17 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         xx
     }
 
+    /// Negative eigenvalues of the arcs' pivots.
+    pub fn negative_pivots(&self) -> usize {
+        let of = |inverse: &Mat3<T>| {
+            let (_, minors) = inverse.inverse_and_minors();
+            let signs = minors.map(|m| m.lane(0) < 0.0);
+            let before = [false, signs[0], signs[1]];
+            (0..3).filter(|&i| before[i] != signs[i]).count()
+        };
+        self.inverse.iter().map(of).sum()
+    }
+
     /// Solves for the module's arcs alone.
     #[inline(always)]
     fn solve<const SYMMETRIC: bool>(&self, v: &mut [Vec3<T>; A]) {

@@ -1,0 +1,926 @@
+//! How the robot is really driven: tendons pulled by a tension or by a length, that stretch, hang
+//! slack and rub at their holes.
+//!
+//! Unknown beside the strain are the tension of each tendon before its base hole, `T`, and at
+//! each hole `h` the drop `y` of its logarithm, so that span `k` carries
+//!
+//! `T_k = T exp(-(y_0 + ... + y_k))`
+//!
+//! For a tendon that is pulled by a length `p` from home, with `l` the length of a span, `a` its
+//! own compliance and `c` that of all before the base hole,
+//!
+//! `slack = home - p - sum (l_k - a_k T_k) + c T >= 0,  T >= 0,  slack T = 0`
+//!
+//! At a hole the tendon slips by `v`, positive towards the base, which is the loss of
+//! `sum (l_k - a_k T_k)` beyond it since the step before. Coulomb's law for a rope on a bend
+//! `beta` (Euler, Eytelwein) is `|y| <= mu beta`, with `y = mu beta` where `v > 0`, `y = -mu beta`
+//! where `v < 0`, and `v = 0` between. A step of the path is implicit.
+//!
+//! Newton's method on all of it: the rod's own elimination answers each unknown tension and each
+//! hole that sticks, and what is left is a small complementarity problem. How the bend changes
+//! the friction is not in Newton's matrix, which stays symmetric; it is taken from the present
+//! bend, and converges with a factor of about `mu` times the bend.
+
+use crate::complementarity::Complementarity;
+use crate::engine::Passes;
+use crate::linalg::Vec3;
+use crate::load::{Load, Model, TendonPath, Theory};
+use crate::robot::{InputError, Robot};
+use crate::rod::Source;
+use crate::statics::{Solver, Status, MAX_STEP, TOLERANCE};
+
+/// What lies between a motor and the robot's end of a tendon, and how the tendon rubs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// E A of the tendon, N; infinite if it does not stretch.
+    pub stiffness: f64,
+    /// Length of tendon before the base hole, m.
+    pub free_length: f64,
+    /// Of the transmission, m/N.
+    pub compliance: f64,
+    /// Coulomb's coefficient at every hole but the anchor.
+    pub friction: f64,
+    /// Tension in the home pose, where the pull is zero, N.
+    pub pretension: f64,
+}
+
+impl Default for Line {
+    /// Does not stretch, does not rub.
+    fn default() -> Self {
+        Line {
+            stiffness: f64::INFINITY,
+            free_length: 0.0,
+            compliance: 0.0,
+            friction: 0.0,
+            pretension: 0.0,
+        }
+    }
+}
+
+/// What a motor does to its tendon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Command {
+    /// Before the base hole, N.
+    Tension(f64),
+    /// Length taken in since home, m; negative if it is paid out.
+    Pull(f64),
+}
+
+/// Where a path has come to: all that friction remembers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// Before the base hole, N.
+    pub tensions: Vec<f64>,
+    /// By modules and tendons: drop of the logarithm of tension at the hole where the span
+    /// begins, and length of the span less its stretch, m.
+    pub drops: Vec<f64>,
+    pub spans: Vec<f64>,
+    /// Strain of the backbone, where the next step starts from.
+    strain: Vec<Vec3>,
+    slip: Vec<Slip>,
+    commands: Vec<Command>,
+    load: [[f64; 3]; 3],
+}
+
+/// What a tendon does at a hole.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Slip {
+    Towards,
+    Away,
+    #[default]
+    Sticks,
+}
+
+/// What a step found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveOutcome {
+    pub status: Status,
+    /// Whether it is a minimum of the energy under the given pulls and tensions; `None` under a
+    /// tip moment or friction, which have no potential.
+    pub stable: Option<bool>,
+    pub iterations: usize,
+    /// Largest moment imbalance over (bending stiffness / length).
+    pub residual: f64,
+    /// Largest length that a pulled tendon lacks, m.
+    pub length_residual: f64,
+    /// Whether the tensions are the smallest of many that hold the same pose.
+    pub undetermined: bool,
+    /// Without equilibrium: tendons that pull against each other, and the nearest pulls that
+    /// have one, m.
+    pub fighting: Vec<usize>,
+    pub nearest: Option<Vec<f64>>,
+}
+
+/// A robot that is driven through its tendons.
+#[derive(Clone)]
+pub struct Drive {
+    solver: Solver,
+    lines: Vec<Line>,
+    modules: usize,
+    /// By modules and tendons: own compliance of a span, m/N.
+    stretch: Vec<f64>,
+    /// Of all before the base hole, m/N.
+    before: Vec<f64>,
+    /// Length less stretch at home, m.
+    home: Vec<f64>,
+    virgin: History,
+    now: History,
+    /// Length that is free of tension at zero pull, m.
+    slack: Vec<f64>,
+    /// Compliance that makes tensions unique where the rod does not, m/N.
+    ridge: f64,
+    rubs: bool,
+    scratch: Scratch,
+}
+
+#[derive(Clone, Default)]
+struct Scratch {
+    complementarity: Complementarity,
+    /// Unknowns in the order of the columns.
+    unknowns: Vec<Unknown>,
+    /// Tension by modules that goes with a unit of each unknown.
+    profile: Vec<f64>,
+    coefficients: Vec<f64>,
+    lengths: Vec<f64>,
+}
+
+#[derive(Clone, Copy)]
+enum Unknown {
+    Tension(usize),
+    Drop { tendon: usize, hole: usize },
+}
+
+/// Length, as a share of the robot's, to which pulls are met.
+const LENGTH_TOLERANCE: f64 = 2e-15;
+/// The same where rounding allows no better.
+const LOOSE: f64 = 1e-12;
+const MAX_STEPS: usize = 80;
+/// Increments of the way to a load after which it is given up.
+const MAX_INCREMENTS: usize = 60;
+
+impl Drive {
+    /// As for [`Solver::new`], with one line for each tendon.
+    pub fn new(
+        robot: &Robot,
+        model: Model,
+        elements: usize,
+        lines: &[Line],
+    ) -> Result<Self, InputError> {
+        let fail = |what: String| Err(InputError(what));
+        let (n, m) = (robot.module_count(), robot.tendon_count());
+        if lines.len() != m {
+            return fail(format!(
+                "{} lines were given, the robot has {m} tendons",
+                lines.len()
+            ));
+        }
+        if model.tendon == TendonPath::Continuous {
+            return fail(
+                "pulls, slack and friction need straight spans; a continuous tendon has none"
+                    .into(),
+            );
+        }
+        for (i, line) in lines.iter().enumerate() {
+            let place = i + 1;
+            if !(line.stiffness > 0.0) {
+                return fail(format!(
+                    "stiffness of tendon {place} is {} N, it must be positive",
+                    line.stiffness
+                ));
+            }
+            for (name, value) in [
+                ("free length", line.free_length),
+                ("compliance of the transmission", line.compliance),
+                ("friction coefficient", line.friction),
+                ("pretension", line.pretension),
+            ] {
+                if !(value >= 0.0 && value.is_finite()) {
+                    return fail(format!(
+                        "{name} of tendon {place} is {value}, it must not be negative"
+                    ));
+                }
+            }
+        }
+        let solver = Solver::new(robot, model, elements)?;
+        let mut stretch = vec![0.0; n * m];
+        let mut start = 0.0;
+        for (k, disk) in robot.spec().disks.iter().enumerate() {
+            for (i, line) in lines.iter().enumerate() {
+                if k <= robot.spec().tendons[i].end_disk {
+                    stretch[k * m + i] = (disk.station - start) / line.stiffness;
+                }
+            }
+            start = disk.station;
+        }
+        let before = lines
+            .iter()
+            .map(|line| line.compliance + line.free_length / line.stiffness);
+        // pulls answer tensions by about this; far below it, tensions are not told apart
+        let widest = robot
+            .spec()
+            .tendons
+            .iter()
+            .map(|t| t.hole[0].hypot(t.hole[1]))
+            .fold(0.0, f64::max);
+        let ridge = match model.theory {
+            Theory::Kirchhoff => 1e-11 * widest * widest / robot.moment_scale(),
+            Theory::Cosserat => 0.0,
+        };
+        let mut drive = Drive {
+            solver,
+            modules: n,
+            stretch,
+            before: before.collect(),
+            home: vec![0.0; m],
+            virgin: History::default(),
+            now: History::default(),
+            slack: vec![0.0; m],
+            ridge,
+            rubs: lines.iter().any(|line| line.friction > 0.0),
+            scratch: Scratch::default(),
+            lines: lines.to_vec(),
+        };
+        drive.go_home(elements)?;
+        Ok(drive)
+    }
+
+    /// Finds the home pose: pretension alone, no load, no friction yet.
+    fn go_home(&mut self, elements: usize) -> Result<(), InputError> {
+        let (n, m) = (self.modules, self.lines.len());
+        let tensions: Vec<_> = self.lines.iter().map(|line| line.pretension).collect();
+        let load = Load {
+            tensions: &tensions,
+            gravity: [0.0; 3],
+            tip_force: [0.0; 3],
+            tip_moment: [0.0; 3],
+        };
+        let outcome = self.solver.solve(&load)?;
+        if outcome.status != Status::Converged {
+            return Err(InputError(format!(
+                "there is no home pose: under the pretension alone the robot has no stable \
+                 equilibrium ({})",
+                outcome.status.word()
+            )));
+        }
+        self.solver.engine.measure_spans(false);
+        let mut strain = vec![Vec3::zero(); 2 * elements * n];
+        self.solver.engine.strains(&mut |i, w| strain[i] = w);
+        let lengths = self.solver.engine.span_lengths();
+        let mut spans = vec![0.0; n * m];
+        for (k, span) in spans.iter_mut().enumerate() {
+            *span = lengths[k] - self.stretch[k] * tensions[k % m];
+        }
+        for i in 0..m {
+            let routed: f64 = (0..n).map(|k| spans[k * m + i]).sum();
+            self.home[i] = routed - (self.before[i] + self.ridge) * tensions[i];
+        }
+        self.virgin = History {
+            commands: tensions.iter().map(|t| Command::Tension(*t)).collect(),
+            tensions,
+            drops: vec![0.0; n * m],
+            spans,
+            strain,
+            slip: vec![Slip::Sticks; n * m],
+            load: [[0.0; 3]; 3],
+        };
+        self.now = self.virgin.clone();
+        Ok(())
+    }
+
+    /// The robot that is driven.
+    pub fn robot(&self) -> &Robot {
+        self.solver.robot()
+    }
+
+    /// The solver, for poses and lengths of the last step.
+    pub fn solver(&self) -> &Solver {
+        &self.solver
+    }
+
+    /// What friction remembers of the path so far.
+    pub fn history(&self) -> &History {
+        &self.now
+    }
+
+    /// Forgets the path: back to the home pose.
+    pub fn reset(&mut self) {
+        self.now = self.virgin.clone();
+    }
+
+    /// Goes on from where another path has come to; its commands and loads are those that the
+    /// next step starts from.
+    pub fn resume(
+        &mut self,
+        tensions: &[f64],
+        drops: &[f64],
+        spans: &[f64],
+        commands: &[Command],
+        load: &Load,
+    ) -> Result<(), InputError> {
+        let (n, m) = (self.modules, self.lines.len());
+        let numbers = tensions.iter().chain(drops).chain(spans);
+        if tensions.len() != m
+            || commands.len() != m
+            || drops.len() != n * m
+            || spans.len() != n * m
+            || !numbers.into_iter().all(|v| v.is_finite())
+            || tensions.iter().any(|t| *t < 0.0)
+        {
+            return Err(InputError(
+                "the history does not belong to this robot".into(),
+            ));
+        }
+        self.reset();
+        // the pose is an equilibrium of the history's own tensions: found from it again
+        self.now.tensions.copy_from_slice(tensions);
+        self.now.drops.copy_from_slice(drops);
+        self.now.spans.copy_from_slice(spans);
+        self.now.commands.copy_from_slice(commands);
+        self.now.load = [load.gravity, load.tip_force, load.tip_moment];
+        Ok(())
+    }
+
+    /// Length that each tendon hangs by, m; zero where it pulls.
+    pub fn slack(&self) -> &[f64] {
+        &self.slack
+    }
+
+    /// Length that each tendon has been taken in since home, m.
+    pub fn pull(&self, i: usize) -> f64 {
+        match self.now.commands[i] {
+            Command::Pull(p) => p,
+            Command::Tension(t) => self.home[i] - self.routed(i) + (self.before[i] + self.ridge) * t,
+        }
+    }
+
+    /// Tension of a span, N.
+    pub fn span_tension(&self, k: usize, i: usize) -> f64 {
+        self.solver.engine.span_tension(k, i)
+    }
+
+    /// Length less stretch of all spans of a tendon.
+    fn routed(&self, i: usize) -> f64 {
+        let m = self.lines.len();
+        (0..self.modules).map(|k| self.now.spans[k * m + i]).sum()
+    }
+
+    /// Equilibrium under commands and load, one step on the path from the last.
+    ///
+    /// # Errors
+    /// If a number does not fit the robot.
+    pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<DriveOutcome, InputError> {
+        self.check(commands, load)?;
+        let old = self.now.clone();
+        let mut outcome = self.way(&old, commands, load);
+        if outcome.status != Status::Converged {
+            self.now = old;
+            self.explain(&mut outcome, commands, load);
+        }
+        Ok(outcome)
+    }
+
+    fn check(&self, commands: &[Command], load: &Load) -> Result<(), InputError> {
+        if commands.len() != self.lines.len() {
+            return Err(InputError(format!(
+                "{} commands were given, the robot has {} tendons",
+                commands.len(),
+                self.lines.len()
+            )));
+        }
+        let mut tensions = Vec::with_capacity(commands.len());
+        for (i, command) in commands.iter().enumerate() {
+            tensions.push(match *command {
+                Command::Tension(t) => t,
+                Command::Pull(p) => {
+                    if !(p.is_finite() && p < self.home[i]) {
+                        return Err(InputError(format!(
+                            "pull of tendon {} is {p} m, it must be less than the tendon's \
+                             length, {} m",
+                            i + 1,
+                            self.home[i]
+                        )));
+                    }
+                    0.0
+                }
+            });
+        }
+        Load {
+            tensions: &tensions,
+            ..*load
+        }
+        .check(self.robot())
+    }
+
+    /// Straight to the load, or along a line of increments where that fails.
+    fn way(&mut self, old: &History, commands: &[Command], load: &Load) -> DriveOutcome {
+        let mut outcome = self.newton(old, commands, load);
+        if outcome.status == Status::Converged {
+            return outcome;
+        }
+        let (mut reached, mut increment) = (0.0, 0.5);
+        let mut from = old.clone();
+        let first = outcome.clone();
+        let mut part_commands = commands.to_vec();
+        for _ in 0..MAX_INCREMENTS {
+            let share = f64::min(reached + increment, 1.0);
+            let mix = |a: f64, b: f64| if share == 1.0 { b } else { a + share * (b - a) };
+            for (i, to) in commands.iter().enumerate() {
+                // a motor that changes its manner starts from what the tendon has
+                part_commands[i] = match (*to, old.commands[i]) {
+                    (Command::Tension(b), Command::Tension(a)) => Command::Tension(mix(a, b)),
+                    (Command::Tension(b), _) => Command::Tension(mix(old.tensions[i], b)),
+                    (Command::Pull(b), Command::Pull(a)) => Command::Pull(mix(a, b)),
+                    (Command::Pull(b), Command::Tension(_)) => {
+                        let m = self.lines.len();
+                        let spans = (0..self.modules).map(|k| old.spans[k * m + i]);
+                        let a = self.home[i] - spans.sum::<f64>()
+                            + (self.before[i] + self.ridge) * old.tensions[i];
+                        Command::Pull(mix(a, b))
+                    }
+                };
+            }
+            let three = |q: usize, to: [f64; 3]| [0, 1, 2].map(|x| mix(old.load[q][x], to[x]));
+            let part = Load {
+                tensions: load.tensions,
+                gravity: three(0, load.gravity),
+                tip_force: three(1, load.tip_force),
+                tip_moment: three(2, load.tip_moment),
+            };
+            let found = self.newton(&from, &part_commands, &part);
+            outcome.iterations += found.iterations;
+            if found.status == Status::Converged {
+                if share == 1.0 {
+                    return DriveOutcome {
+                        iterations: outcome.iterations,
+                        ..found
+                    };
+                }
+                from = self.now.clone();
+                reached = share;
+                increment *= 1.5;
+            } else {
+                increment *= 0.4;
+                if increment < 1e-3 {
+                    break;
+                }
+            }
+        }
+        DriveOutcome {
+            iterations: outcome.iterations,
+            ..first
+        }
+    }
+
+    /// Without an answer: which tendons fight, and the nearest pulls that have one.
+    fn explain(&mut self, outcome: &mut DriveOutcome, commands: &[Command], load: &Load) {
+        if !commands.iter().any(|c| matches!(c, Command::Pull(_))) || self.scratch_is_soft() {
+            return;
+        }
+        let kept = (self.before.clone(), self.now.clone());
+        let scale = self.answer_scale();
+        let mut best: Option<(Vec<usize>, Vec<f64>, f64)> = None;
+        // least squares of what pulls lack: compliance that all tendons share, less and less
+        for share in [0.1, 1e-2, 1e-3] {
+            for (i, c) in self.before.iter_mut().enumerate() {
+                *c = kept.0[i] + share * scale;
+            }
+            let from = self.virgin.clone();
+            let found = self.way(&from, commands, load);
+            if found.status != Status::Converged {
+                break;
+            }
+            let mut pulls = vec![];
+            let (mut most, mut fighting) = (0.0, vec![]);
+            for (i, command) in commands.iter().enumerate() {
+                let lacks = share * scale * self.now.tensions[i];
+                pulls.push(match command {
+                    Command::Pull(p) => {
+                        if lacks > 0.0 {
+                            fighting.push(i);
+                        }
+                        most = f64::max(most, lacks);
+                        p - lacks
+                    }
+                    Command::Tension(_) => f64::NAN,
+                });
+            }
+            best = Some((fighting, pulls, most));
+        }
+        (self.before, self.now) = kept;
+        if let Some((fighting, nearest, most)) = best {
+            if most > 1e-6 * self.robot().length() {
+                outcome.status = Status::NoEquilibrium;
+                outcome.fighting = fighting;
+                outcome.nearest = Some(nearest);
+            }
+        }
+    }
+
+    /// Pull by tension of the straight robot, about.
+    fn answer_scale(&self) -> f64 {
+        let tendons = &self.robot().spec().tendons;
+        let widest = tendons
+            .iter()
+            .map(|t| t.hole[0].hypot(t.hole[1]))
+            .fold(0.0, f64::max);
+        widest * widest / self.robot().moment_scale()
+    }
+
+    fn scratch_is_soft(&self) -> bool {
+        false
+    }
+
+    /// One implicit step from `old`; leaves the answer in `self.now`.
+    fn newton(&mut self, old: &History, commands: &[Command], load: &Load) -> DriveOutcome {
+        let mut outcome = DriveOutcome {
+            status: Status::MaxIterations,
+            stable: None,
+            iterations: 0,
+            residual: f64::INFINITY,
+            length_residual: f64::INFINITY,
+            undetermined: false,
+            fighting: vec![],
+            nearest: None,
+        };
+        self.start(old, commands, load);
+        let symmetric = load.tip_moment == [0.0; 3];
+        let scale = self.robot().moment_scale();
+        let unit = self.solver.settings().shift_unit;
+        let length = self.robot().length();
+        let (mut last, mut shift) = (f64::INFINITY, 0.0);
+        for step in 0..=MAX_STEPS {
+            if !self.solver.engine.evaluate().is_finite() {
+                return outcome;
+            }
+            self.solver.engine.measure_spans(self.rubs);
+            let mut settled = true;
+            if self.rubs {
+                settled = self.slide(old, commands, step);
+                self.apply();
+                self.solver.engine.evaluate();
+            }
+            self.measure(commands);
+            let residual = self.solver.engine.gradient() / scale;
+            let lacks = self.length_residual(commands) / length;
+            (outcome.residual, outcome.length_residual) = (residual, lacks * length);
+            let stalls = lacks <= LOOSE && lacks > 0.5 * last;
+            last = lacks;
+            settled &= residual <= TOLERANCE && (lacks <= LENGTH_TOLERANCE || stalls);
+            if !residual.is_finite() || (step == MAX_STEPS && !settled) {
+                return outcome;
+            }
+            let engine = &mut *self.solver.engine;
+            engine.linearise();
+            let pivot = engine.eliminate(symmetric, if settled { 0.0 } else { shift });
+            self.gather(old, commands, symmetric);
+            let solved = self.scratch.complementarity.solve();
+            if symmetric && !(pivot > 0.0) {
+                // what the pulls hold does not count
+                let held = self.scratch.complementarity.negative_eigenvalues();
+                let negative = self.solver.engine.negative_pivots();
+                if negative > held {
+                    if settled {
+                        outcome.status = Status::Unstable;
+                        outcome.stable = Some(false);
+                        return outcome;
+                    }
+                    shift = if shift == 0.0 { unit } else { 4.0 * shift };
+                    if shift > 1e12 * unit {
+                        return outcome;
+                    }
+                    continue;
+                }
+            }
+            if settled {
+                outcome.stable = (symmetric && !self.rubs).then_some(true);
+                return self.finish(outcome, commands, load);
+            }
+            if !solved {
+                return outcome;
+            }
+            shift *= 0.25;
+            if shift < 1e-3 * unit {
+                shift = 0.0;
+            }
+            if !self.advance() {
+                return outcome;
+            }
+            outcome.iterations += 1;
+        }
+        outcome
+    }
+
+    /// Takes on a load, from the pose and tensions of the step before.
+    fn start(&mut self, old: &History, commands: &[Command], load: &Load) {
+        self.now.clone_from(old);
+        self.now.load = [load.gravity, load.tip_force, load.tip_moment];
+        self.now.commands.copy_from_slice(commands);
+        for (i, command) in commands.iter().enumerate() {
+            if let Command::Tension(t) = command {
+                self.now.tensions[i] = *t;
+            }
+        }
+        let engine = &mut *self.solver.engine;
+        engine.load(&Load {
+            tensions: &self.now.tensions,
+            ..*load
+        });
+        engine.make_straight();
+        engine.set_strains(&|i| old.strain[i]);
+        self.apply();
+    }
+
+    /// Tensions of all spans by those before the base holes and the drops.
+    fn apply(&mut self) {
+        let m = self.lines.len();
+        let now = &self.now;
+        if !self.rubs {
+            self.solver
+                .engine
+                .set_span_tensions(&|_, i| now.tensions[i]);
+            return;
+        }
+        self.scratch.profile.resize(self.modules * m, 0.0);
+        for i in 0..m {
+            let mut drop = 0.0;
+            for k in 0..self.modules {
+                drop += now.drops[k * m + i];
+                self.scratch.profile[k * m + i] = now.tensions[i] * (-drop).exp();
+            }
+        }
+        let profile = &self.scratch.profile;
+        self.solver
+            .engine
+            .set_span_tensions(&|k, i| profile[k * m + i]);
+    }
+
+    /// Lengths less stretch, and slack, at the present pose.
+    fn measure(&mut self, commands: &[Command]) {
+        let m = self.lines.len();
+        let engine = &*self.solver.engine;
+        for (k, span) in self.now.spans.iter_mut().enumerate() {
+            let stretch = self.stretch[k] * engine.span_tension(k / m, k % m);
+            *span = engine.span_lengths()[k] - stretch;
+        }
+        for i in 0..m {
+            self.slack[i] = match commands[i] {
+                Command::Tension(_) => 0.0,
+                Command::Pull(p) => {
+                    let give = (self.before[i] + self.ridge) * self.now.tensions[i];
+                    self.home[i] - p - self.routed(i) + give
+                }
+            };
+        }
+    }
+
+    /// Largest length by which a tendon is too short, or hangs while it pulls.
+    fn length_residual(&self, commands: &[Command]) -> f64 {
+        let mut most: f64 = 0.0;
+        for (i, command) in commands.iter().enumerate() {
+            if let Command::Pull(_) = command {
+                let s = self.slack[i];
+                let miss = if self.now.tensions[i] > 0.0 { s.abs() } else { -s };
+                most = most.max(miss);
+            }
+        }
+        most
+    }
+
+    /// Friction at the present bend: who slips, who sticks, and the drops of those that slip.
+    /// False while that still changes.
+    fn slide(&mut self, old: &History, commands: &[Command], step: usize) -> bool {
+        let (n, m) = (self.modules, self.lines.len());
+        let length = self.robot().length();
+        let engine = &*self.solver.engine;
+        let mut settled = true;
+        for i in 0..m {
+            let line = self.lines[i];
+            let end = self.robot().spec().tendons[i].end_disk;
+            if line.friction == 0.0 {
+                continue;
+            }
+            // an inextensible line tells its base hole's slip; without one the drop stays
+            let told = match (commands[i], old.commands[i]) {
+                (Command::Pull(to), Command::Pull(from)) if self.before[i] == 0.0 => Some(to - from),
+                _ => None,
+            };
+            let mut slipped = 0.0;
+            for k in (0..n).rev() {
+                let at = k * m + i;
+                if k > end {
+                    continue;
+                }
+                let stretch = self.stretch[at] * engine.span_tension(k, i);
+                slipped -= engine.span_lengths()[at] - stretch - old.spans[at];
+                let bound = line.friction * engine.angles()[at];
+                let (before, slip) = (self.now.drops[at], self.now.slip[at]);
+                let hangs = self.now.tensions[i] == 0.0;
+                let slack = 1e-12 * length;
+                let mut next = match slip {
+                    Slip::Sticks if before > bound => Slip::Towards,
+                    Slip::Sticks if before < -bound => Slip::Away,
+                    Slip::Towards if slipped < -slack => Slip::Sticks,
+                    Slip::Away if slipped > slack => Slip::Sticks,
+                    _ => slip,
+                };
+                if step == 0 && next == Slip::Sticks && slip == Slip::Sticks {
+                    next = Slip::Sticks;
+                }
+                let mut drop = match next {
+                    Slip::Towards => bound,
+                    Slip::Away => -bound,
+                    Slip::Sticks => before.clamp(-bound, bound),
+                };
+                if k == 0 {
+                    if let Some(change) = told {
+                        (next, drop) = if change > 0.0 {
+                            (Slip::Towards, bound)
+                        } else if change < 0.0 {
+                            (Slip::Away, -bound)
+                        } else {
+                            (Slip::Towards, old.drops[at].clamp(-bound, bound))
+                        };
+                    }
+                }
+                if hangs {
+                    (next, drop) = (Slip::Towards, bound);
+                }
+                // the bend still moves, or a hole has changed its mind
+                settled &= next == slip && (next == Slip::Sticks || (drop - before).abs() <= 1e-13);
+                (self.now.slip[at], self.now.drops[at]) = (next, drop);
+            }
+        }
+        settled
+    }
+
+    /// Columns of the unknown tensions and drops, and the complementarity problem between them.
+    fn gather(&mut self, old: &History, commands: &[Command], symmetric: bool) {
+        let (n, m) = (self.modules, self.lines.len());
+        let scratch = &mut self.scratch;
+        scratch.unknowns.clear();
+        for (i, command) in commands.iter().enumerate() {
+            if let Command::Pull(_) = command {
+                scratch.unknowns.push(Unknown::Tension(i));
+            }
+        }
+        if self.rubs {
+            for (i, tension) in self.now.tensions.iter().enumerate() {
+                let end = self.solver.robot().spec().tendons[i].end_disk;
+                for hole in 0..=end {
+                    let sticks = self.now.slip[hole * m + i] == Slip::Sticks;
+                    if sticks && *tension > 0.0 && self.lines[i].friction > 0.0 {
+                        scratch.unknowns.push(Unknown::Drop { tendon: i, hole });
+                    }
+                }
+            }
+        }
+        let engine = &mut *self.solver.engine;
+        engine.respond(symmetric, 0, None);
+        let size = scratch.unknowns.len();
+        scratch.complementarity.resize(size);
+        // tension by modules of a unit of each unknown
+        scratch.profile.clear();
+        scratch.profile.resize(size * n, 0.0);
+        for (c, unknown) in scratch.unknowns.iter().enumerate() {
+            let part = &mut scratch.profile[c * n..(c + 1) * n];
+            let tendon = match *unknown {
+                Unknown::Tension(i) => {
+                    let mut drop = 0.0;
+                    for (k, t) in part.iter_mut().enumerate() {
+                        drop += self.now.drops[k * m + i];
+                        *t = if drop == 0.0 { 1.0 } else { (-drop).exp() };
+                    }
+                    i
+                }
+                Unknown::Drop { tendon, hole } => {
+                    for k in hole..n {
+                        part[k] = -engine.span_tension(k, tendon);
+                    }
+                    tendon
+                }
+            };
+            let source = Source {
+                tendon,
+                tension: part,
+            };
+            engine.respond(symmetric, c + 1, Some(source));
+        }
+        // each row: the change of a tendon's length less stretch from a hole on
+        for (r, row) in scratch.unknowns.iter().enumerate() {
+            let (tendon, hole, bounded) = match *row {
+                Unknown::Tension(i) => (i, 0, true),
+                Unknown::Drop { tendon, hole } => (tendon, hole, false),
+            };
+            let beyond = |rates: &[f64]| -> f64 { (hole..n).map(|k| rates[k * m + tendon]).sum() };
+            let mut q = -beyond(engine.rates(0));
+            q += match *row {
+                Unknown::Tension(i) => self.slack[i],
+                Unknown::Drop { .. } => -(hole..n)
+                    .map(|k| self.now.spans[k * m + tendon] - old.spans[k * m + tendon])
+                    .sum::<f64>(),
+            };
+            for (c, column) in scratch.unknowns.iter().enumerate() {
+                let mut entry = -beyond(engine.rates(c + 1));
+                let (by, own) = match *column {
+                    Unknown::Tension(i) => (i, bounded),
+                    Unknown::Drop { tendon, .. } => (tendon, false),
+                };
+                if by == tendon {
+                    let part = &scratch.profile[c * n..(c + 1) * n];
+                    for k in hole..n {
+                        entry += self.stretch[k * m + tendon] * part[k];
+                    }
+                    if own {
+                        entry += self.before[tendon] + self.ridge;
+                    }
+                }
+                scratch.complementarity.matrix[r * size + c] = entry;
+                if let Unknown::Tension(i) = *column {
+                    // tensions as they will be, drops by their change
+                    q -= entry * self.now.tensions[i];
+                }
+            }
+            scratch.complementarity.q[r] = q;
+            scratch.complementarity.bounded[r] = bounded;
+        }
+    }
+
+    /// Moves strain, tensions and drops by the step that was found; false if it is no number.
+    fn advance(&mut self) -> bool {
+        let m = self.lines.len();
+        let scratch = &mut self.scratch;
+        scratch.coefficients.clear();
+        scratch.coefficients.push(1.0);
+        for (unknown, z) in scratch.unknowns.iter().zip(&scratch.complementarity.z) {
+            scratch.coefficients.push(match *unknown {
+                Unknown::Tension(i) => z - self.now.tensions[i],
+                Unknown::Drop { .. } => *z,
+            });
+        }
+        let engine = &mut *self.solver.engine;
+        let largest = engine.combine(&scratch.coefficients);
+        if !largest.is_finite() {
+            return false;
+        }
+        let fraction = (MAX_STEP / largest).min(1.0);
+        engine.save();
+        engine.advance(fraction);
+        let zs = &scratch.complementarity.z;
+        for ((unknown, step), z) in scratch.unknowns.iter().zip(&scratch.coefficients[1..]).zip(zs) {
+            match *unknown {
+                // what is not taken is zero, exactly
+                Unknown::Tension(i) if fraction == 1.0 => self.now.tensions[i] = *z,
+                Unknown::Tension(i) => self.now.tensions[i] += fraction * step,
+                Unknown::Drop { tendon, hole } => {
+                    self.now.drops[hole * m + tendon] += fraction * step;
+                }
+            }
+        }
+        self.apply();
+        true
+    }
+
+    /// Takes the answer as the state of the path.
+    fn finish(&mut self, mut outcome: DriveOutcome, commands: &[Command], load: &Load) -> DriveOutcome {
+        let give = self.ridge * self.now.tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
+        if give > 1e-9 * self.robot().length() {
+            // the ridge has given way to what the rod cannot
+            return outcome;
+        }
+        for (slack, tension) in self.slack.iter_mut().zip(&self.now.tensions) {
+            if *tension > 0.0 {
+                *slack = 0.0;
+            }
+        }
+        let _ = commands;
+        let strain = &mut self.now.strain;
+        self.solver.engine.strains(&mut |i, w| strain[i] = w);
+        outcome.undetermined = self.is_undetermined();
+        let collision = self.solver.settle(&Load {
+            tensions: &self.now.tensions,
+            ..*load
+        });
+        outcome.status = if collision.is_some() {
+            Status::NoEquilibrium
+        } else {
+            Status::Converged
+        };
+        outcome
+    }
+
+    /// Whether some tensions may grow together and nothing moves.
+    fn is_undetermined(&mut self) -> bool {
+        if self.ridge == 0.0 {
+            return false;
+        }
+        let problem = &mut self.scratch.complementarity;
+        let most = (0..problem.size)
+            .map(|i| problem.matrix[i * problem.size + i])
+            .fold(0.0, f64::max);
+        for i in 0..problem.size {
+            problem.matrix[i * problem.size + i] -= self.ridge + 1e-9 * most;
+            problem.taken[i] = true;
+        }
+        problem.negative_eigenvalues() > 0
+    }
+}

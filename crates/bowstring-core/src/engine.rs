@@ -1,0 +1,281 @@
+//! A rod in the numbers that suit the processor, behind one face.
+//!
+//! Each pass is compiled once for each kind of number, with the processor's features; what
+//! calls one pass after the other is written, and compiled, once.
+
+use crate::lie::Pose;
+use crate::linalg::Vec3;
+use crate::load::{Load, Model};
+use crate::real::{Real, Scalar};
+use crate::robot::{InputError, Robot};
+use crate::rod::{Rod, Source, Step};
+use crate::sensitivity::{self, Jacobians};
+
+/// The passes of one rod, see [`Rod`] for what each does.
+pub(crate) trait Passes: Send + Sync {
+    fn evaluate(&mut self) -> f64;
+    fn gradient(&mut self) -> f64;
+    fn linearise(&mut self);
+    fn eliminate(&mut self, symmetric: bool, shift: f64) -> f64;
+    fn newton_step(&mut self, symmetric: bool) -> Step<f64>;
+    fn measure_spans(&mut self, angles: bool);
+    fn respond(&mut self, symmetric: bool, column: usize, source: Option<Source>);
+    fn combine(&mut self, coefficients: &[f64]) -> f64;
+    fn finish(&mut self);
+
+    fn load(&mut self, load: &Load);
+    fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64);
+    fn span_tension(&self, k: usize, i: usize) -> f64;
+    fn make_straight(&mut self);
+    fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3);
+    fn strains(&self, visit: &mut dyn FnMut(usize, Vec3));
+    fn contact_forces(&self, visit: &mut dyn FnMut(usize, Vec3));
+    fn set_gradient(&mut self, value: &dyn Fn(usize) -> Vec3);
+    fn step_to_gradient(&mut self, scale: f64);
+    fn save(&mut self);
+    fn advance(&mut self, fraction: f64);
+    fn negative_pivots(&self) -> usize;
+    fn span_lengths(&self) -> &[f64];
+    fn angles(&self) -> &[f64];
+    fn rates(&self, column: usize) -> &[f64];
+    fn length(&self, i: usize) -> f64;
+    fn disk(&self, k: usize) -> Pose;
+    fn collision(&self) -> Option<usize>;
+    fn has_tip_moment(&self) -> bool;
+    fn module_count(&self) -> usize;
+    fn energy_scale(&self, length: f64) -> f64;
+    fn boxed_clone(&self) -> Box<dyn Passes>;
+}
+
+impl Clone for Box<dyn Passes> {
+    fn clone(&self) -> Self {
+        self.boxed_clone()
+    }
+}
+
+/// Passes of a rod in one kind of number; `$feature` are the processor's that it needs.
+macro_rules! passes {
+    ([$($generic:tt)*] $rod:ty $(, $feature:literal)?) => {
+        impl<$($generic)*> Passes for $rod {
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; evaluate() -> f64 |rod| rod.evaluate().lane(0));
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; gradient() -> f64 |rod| rod.gradient().lane(0));
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; linearise() -> () |rod| rod.linearise());
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; eliminate(symmetric: bool, shift: f64) -> f64 |rod| {
+                let shift = Real::splat(shift);
+                if symmetric {
+                    rod.eliminate::<true>(shift).lane(0)
+                } else {
+                    rod.eliminate::<false>(shift).lane(0)
+                }
+            });
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; newton_step(symmetric: bool) -> Step<f64> |rod| {
+                let step = if symmetric {
+                    rod.newton_step::<true>()
+                } else {
+                    rod.newton_step::<false>()
+                };
+                Step { slope: step.slope.lane(0), largest: step.largest.lane(0) }
+            });
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; measure_spans(angles: bool) -> () |rod| rod.measure_spans(angles));
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; respond(symmetric: bool, column: usize, source: Option<Source>) -> () |rod| {
+                rod.respond(symmetric, column, source)
+            });
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; combine(coefficients: &[f64]) -> f64 |rod| rod.combine(coefficients));
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; finish() -> () |rod| rod.finish());
+
+            fn load(&mut self, load: &Load) {
+                Rod::load(self, load);
+            }
+            fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
+                Rod::set_span_tensions(self, tension);
+            }
+            fn span_tension(&self, k: usize, i: usize) -> f64 {
+                Rod::span_tension(self, k, i)
+            }
+            fn make_straight(&mut self) {
+                Rod::make_straight(self);
+            }
+            fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3) {
+                Rod::set_strains(self, strain);
+            }
+            fn strains(&self, visit: &mut dyn FnMut(usize, Vec3)) {
+                Rod::strains(self, visit);
+            }
+            fn contact_forces(&self, visit: &mut dyn FnMut(usize, Vec3)) {
+                Rod::contact_forces(self, visit);
+            }
+            fn set_gradient(&mut self, value: &dyn Fn(usize) -> Vec3) {
+                Rod::set_gradient(self, value);
+            }
+            fn step_to_gradient(&mut self, scale: f64) {
+                Rod::step_to_gradient(self, scale);
+            }
+            fn save(&mut self) {
+                Rod::save(self);
+            }
+            fn advance(&mut self, fraction: f64) {
+                Rod::advance(self, Real::splat(fraction));
+            }
+            fn negative_pivots(&self) -> usize {
+                Rod::negative_pivots(self)
+            }
+            fn span_lengths(&self) -> &[f64] {
+                &self.span_lengths
+            }
+            fn angles(&self) -> &[f64] {
+                &self.angles
+            }
+            fn rates(&self, column: usize) -> &[f64] {
+                &self.columns[column].rates
+            }
+            fn length(&self, i: usize) -> f64 {
+                self.lengths[i].lane(0)
+            }
+            fn disk(&self, k: usize) -> Pose {
+                Rod::disk(self, k, 0)
+            }
+            fn collision(&self) -> Option<usize> {
+                Rod::collision(self, 0)
+            }
+            fn module_count(&self) -> usize {
+                Rod::module_count(self)
+            }
+            fn has_tip_moment(&self) -> bool {
+                Rod::has_tip_moment(self)
+            }
+            fn energy_scale(&self, length: f64) -> f64 {
+                Rod::energy_scale(self, length, 0)
+            }
+            fn boxed_clone(&self) -> Box<dyn Passes> {
+                Box::new(self.clone())
+            }
+        }
+    };
+    (@hot [$($generic:tt)*] $rod:ty, []; $name:ident($($arg:ident: $type:ty),*) -> $out:ty |$self:ident| $code:expr) => {
+        fn $name(&mut self $(, $arg: $type)*) -> $out {
+            let $self = self;
+            $code
+        }
+    };
+    (@hot [] $rod:ty, [$feature:literal]; $name:ident($($arg:ident: $type:ty),*) -> $out:ty |$self:ident| $code:expr) => {
+        fn $name(&mut self $(, $arg: $type)*) -> $out {
+            #[target_feature(enable = $feature)]
+            fn pass($self: &mut $rod $(, $arg: $type)*) -> $out {
+                $code
+            }
+            // SAFETY: such a rod is made only where the processor has the features
+            unsafe { pass(self $(, $arg)*) }
+        }
+    };
+}
+
+passes!([const A: usize] Rod<Scalar, A>);
+#[cfg(target_arch = "x86_64")]
+passes!([] Rod<crate::simd::Modules<crate::simd::F64x4>, 2>, "avx2,fma");
+#[cfg(target_arch = "x86_64")]
+passes!([] Rod<crate::simd::Modules<crate::simd::F64x8>, 2>, "avx512f,avx512vl,avx512dq,avx2,fma");
+
+/// The quickest rod of this processor. Lanes are for the default of one element alone: finer
+/// rods serve to check it.
+pub(crate) fn quickest(
+    robot: &Robot,
+    model: Model,
+    elements: usize,
+) -> Result<Box<dyn Passes>, InputError> {
+    #[cfg(target_arch = "x86_64")]
+    if elements == 1 {
+        if crate::simd::has_avx512() {
+            return Ok(avx512(robot, model));
+        }
+        if crate::simd::has_avx2() {
+            return Ok(avx2(robot, model));
+        }
+    }
+    Ok(Plain::new(robot, model, elements)?.boxed())
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) fn avx512(robot: &Robot, model: Model) -> Box<dyn Passes> {
+    assert!(crate::simd::has_avx512());
+    Box::new(Rod::<crate::simd::Modules<crate::simd::F64x8>, 2>::new(robot, model))
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) fn avx2(robot: &Robot, model: Model) -> Box<dyn Passes> {
+    assert!(crate::simd::has_avx2());
+    Box::new(Rod::<crate::simd::Modules<crate::simd::F64x4>, 2>::new(robot, model))
+}
+
+/// A rod in plain numbers, by elements in a module.
+pub(crate) enum Plain {
+    One(Box<Rod<Scalar, 2>>),
+    Two(Box<Rod<Scalar, 4>>),
+    Four(Box<Rod<Scalar, 8>>),
+    Eight(Box<Rod<Scalar, 16>>),
+}
+
+/// The same code for whichever rod it is.
+macro_rules! with_plain {
+    ($plain:expr, $rod:ident => $code:expr) => {
+        match $plain {
+            Plain::One($rod) => $code,
+            Plain::Two($rod) => $code,
+            Plain::Four($rod) => $code,
+            Plain::Eight($rod) => $code,
+        }
+    };
+}
+
+impl Plain {
+    pub fn new(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
+        Ok(match elements {
+            1 => Plain::One(Box::new(Rod::new(robot, model))),
+            2 => Plain::Two(Box::new(Rod::new(robot, model))),
+            4 => Plain::Four(Box::new(Rod::new(robot, model))),
+            8 => Plain::Eight(Box::new(Rod::new(robot, model))),
+            n => {
+                return Err(InputError(format!(
+                    "elements is {n}, it must be 1, 2, 4 or 8"
+                )))
+            }
+        })
+    }
+
+    pub fn boxed(self) -> Box<dyn Passes> {
+        with_plain!(self, rod => rod)
+    }
+
+    /// Takes on load, tensions and strain of another rod of `arcs` arcs, and evaluates them.
+    pub fn take(&mut self, load: &Load, from: &dyn Passes, arcs: usize) {
+        let mut strains = vec![Vec3::zero(); arcs];
+        from.strains(&mut |i, w| strains[i] = w);
+        with_plain!(self, rod => {
+            rod.load(load);
+            rod.set_span_tensions(|k, i| from.span_tension(k, i));
+            rod.set_strains(|i| strains[i]);
+            rod.evaluate();
+            rod.finish();
+        });
+    }
+
+    /// Points of the backbone, `per_module` in each module, base and tip included, m.
+    pub fn centerline(&self, per_module: usize) -> Vec<Vec3> {
+        let mut points = vec![Vec3::zero()];
+        let mut from = Vec3::zero();
+        with_plain!(self, rod => {
+            for (k, (state, c)) in rod.states.iter().zip(&rod.constants).enumerate() {
+                for j in 1..per_module {
+                    let local = state.point(c, j as f64 / per_module as f64);
+                    points.push(from + rod.rotations[k] * local);
+                }
+                from = rod.positions[k];
+                points.push(from);
+            }
+        });
+        points
+    }
+
+    pub fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians> {
+        with_plain!(self, rod => sensitivity::jacobians(rod, segments))
+    }
+}
