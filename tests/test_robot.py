@@ -107,6 +107,34 @@ def test_rao2021_has_two_segments_that_share_their_holes():
     assert robot.gravity == (0, 0, 0)
 
 
+def test_crl_ftdcr_v4_is_the_published_geometry():
+    robot = load_robot("crl-ftdcr-v4")
+    assert [s.length for s in robot.segments] == [0.06, 0.0625, 0.064]
+    assert robot.length == pytest.approx(0.1865, rel=1e-15)
+    for segment in robot.segments:
+        backbone = segment.backbone
+        assert (backbone.diameter, backbone.inner_diameter) == (0.001, 0.0)
+        assert (backbone.E, backbone.nu) == (50e9, 0.3)
+    assert robot.disks.segment.tolist() == [0] * 10 + [1] * 10 + [2] * 10
+    np.testing.assert_allclose(
+        robot.disks.station_m[[0, 9, 10, 19, 29]],
+        np.cumsum([0.006, 0.054, 0.00625, 0.05625, 0.064]),
+        rtol=1e-14,
+    )
+    assert robot.disks.radius_m.tolist() == [0.0055] * 30
+    tendons = robot.tendons
+    base = np.repeat([-3.0589, -2.5615, -2.0506], 3)
+    around = np.tile([0, math.tau / 3, 2 * math.tau / 3], 3)
+    np.testing.assert_allclose(tendons.angle_rad, base + around, rtol=0, atol=1e-14)
+    assert tendons.pitch_radius_m.tolist() == [0.0045] * 9
+    assert tendons.segment.tolist() == [0] * 3 + [1] * 3 + [2] * 3
+    assert tendons.end_disk.tolist() == [9] * 3 + [19] * 3 + [29] * 3
+    assert robot.gravity == (0, 0, 0)
+    # what the source puts into a backbone of 37708 kg/m^3
+    mass = robot.disks.mass_kg.sum() + robot.mass_per_length @ [s.length for s in robot.segments]
+    assert mass == pytest.approx(37708 * math.pi * 0.0005**2 * 0.1865, rel=0.03)
+
+
 def test_stiffness_of_rod_and_tube(load):
     rod = load_robot("amouri2019")
     second_moment, area = math.pi * 0.005**4 / 64, math.pi * 0.005**2 / 4
@@ -149,6 +177,8 @@ def test_documented_example_loads_and_means_what_its_comments_say(load):
     assert robot.disks.clamped_length_m.tolist() == [0.003] * 10 + [0.0] * 4
     assert np.degrees(robot.tendons.angle_rad) == pytest.approx([90, 210, 330, 30, 150, -90])
     assert robot.segments[1].backbone.shear_modulus == 23e9
+    assert robot.tendons.axial_stiffness_N.tolist() == [15e3] * 3 + [math.inf] * 3
+    assert robot.tendons.friction.tolist() == [0.1] * 3 + [0, 0.15, 0]
     assert robot.warnings == ()
     # every field of the model is in the example
     schema = robot_schema()
@@ -158,12 +188,188 @@ def test_documented_example_loads_and_means_what_its_comments_say(load):
 
 
 def test_robot_names():
-    assert robot_names() == ["amouri2019", "rao2021"]
+    assert robot_names() == ["amouri2019", "crl-ftdcr-v4", "rao2021"]
 
 
 def test_name_is_the_file_name_unless_given(load):
     assert load(GOOD).name == "r"
     assert load("name: 12\n" + GOOD).name == "12"
+
+
+# --- how tendons are driven -----------------------------------------------------------
+
+# text in a file, SI, the array, its value where the field is left out
+DRIVE = {
+    "axial_stiffness": ("20 kN", 20e3, "axial_stiffness_N", math.inf),
+    "free_length": ("300 mm", 0.3, "free_length_m", 0.0),
+    "compliance": ("0.01 mm/N", 1e-5, "compliance_m_per_N", 0.0),
+    "friction": ("0.1", 0.1, "friction", 0.0),
+    "pretension": ("2 N", 2.0, "pretension_N", 0.0),
+    "spool_radius": ("10 mm", 0.01, "spool_radius_m", math.nan),
+}
+DRIVEN = ", ".join(f"{name}: {text}" for name, (text, *_) in DRIVE.items())
+RING = "{count: 3, pitch_radius: 12 mm}"
+
+
+def arrays(robot):
+    return {array: getattr(robot.tendons, array).tolist() for _, _, array, _ in DRIVE.values()}
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_tendons_are_ideal_unless_the_file_says_otherwise(name):
+    robot = load_robot(name)
+    count = len(robot.tendons.segment)
+    for _, _, array, absent in DRIVE.values():
+        np.testing.assert_array_equal(getattr(robot.tendons, array), [absent] * count)
+    for tendon in robot.segments[0].tendon_list:
+        assert (tendon.axial_stiffness, tendon.spool_radius) == (None, None)
+
+
+def test_a_ring_drives_all_of_its_tendons_alike(load):
+    robot = load(changed(RING, f"{{count: 3, pitch_radius: 12 mm, {DRIVEN}}}"))
+    assert arrays(robot) == {array: [value] * 3 for _, value, array, _ in DRIVE.values()}
+    for tendon in robot.segments[0].tendon_list:
+        assert [getattr(tendon, name) for name in DRIVE] == [v for _, v, _, _ in DRIVE.values()]
+    for array in arrays(robot):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(robot.tendons, array)[0] = 1
+    # the same as a list, which is the same robot
+    tree = robot.model_dump(mode="json", exclude_none=True)
+    tree["segments"][0]["tendons"] = [
+        tendon.model_dump(mode="json") for tendon in robot.segments[0].tendon_list
+    ]
+    listed = Robot.model_validate(tree)
+    assert arrays(listed) == arrays(robot) and listed.hash == robot.hash
+
+
+def test_each_tendon_of_a_list_has_its_own_drive(load):
+    one = f"{{angle: 0 deg, pitch_radius: 12 mm, {DRIVEN}}}"
+    two = "{angle: 180 deg, pitch_radius: 11 mm, friction: 0.2}"
+    robot = load(changed(RING, f"[{one}, {two}]"))
+    absent = {name: none for name, (_, _, _, none) in DRIVE.items()} | {"friction": 0.2}
+    for name, (_, value, array, _) in DRIVE.items():
+        np.testing.assert_array_equal(getattr(robot.tendons, array), [value, absent[name]])
+    # segment by segment, inner first
+    both = load(changed(RING, f"[{one}, {two}]") + "".join(GOOD.splitlines(keepends=True)[2:]))
+    assert both.tendons.friction.tolist() == [0.1, 0.2, 0, 0, 0]
+    assert both.tendons.axial_stiffness_N.tolist() == [20e3] + [math.inf] * 4
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "value"),
+    [
+        ("axial_stiffness", "20000 N", 20e3),
+        ("axial_stiffness", "0.02 MN", 20e3),
+        ("free_length", "0 mm", 0.0),
+        ("compliance", "10 um/N", 1e-5),
+        ("compliance", "10 m/MN", 1e-5),
+        ("compliance", "0 m/N", 0.0),
+        ("friction", "0", 0.0),
+        ("friction", ".25", 0.25),
+        ("pretension", "500 mN", 0.5),
+        ("pretension", "0 N", 0.0),
+        ("spool_radius", "1 cm", 0.01),
+    ],
+)
+def test_units_of_drives(load, field, text, value):
+    robot = load(changed(RING, f"{{count: 3, pitch_radius: 12 mm, {field}: {text}}}"))
+    assert getattr(robot.tendons, DRIVE[field][2]).tolist() == [value] * 3
+
+
+def test_overrides_of_drives():
+    robot = load_robot("amouri2019")
+    by_text = robot.with_({f"segments.0.tendons.{name}": v[0] for name, v in DRIVE.items()})
+    by_si = robot.with_({f"segments[0].tendons.{name}": v[1] for name, v in DRIVE.items()})
+    assert arrays(by_text) == arrays(by_si) and by_text.hash == by_si.hash
+    assert arrays(by_text) == {array: [value] * 3 for _, value, array, _ in DRIVE.values()}
+    assert by_text.with_({f"segments.0.tendons.{name}": None for name in DRIVE}) == robot
+    one = load_robot("rao2021", {"segments.1.tendons.2.friction": 0.3})
+    assert one.tendons.friction.tolist() == [0, 0, 0, 0, 0, 0.3]
+
+
+def test_a_drive_counts_in_the_hash_where_it_is_not_ideal():
+    robot = load_robot("amouri2019")
+    hashes = {robot.hash}
+    for name, (_, value, _, absent) in DRIVE.items():
+        hashes.add(robot.with_({f"segments.0.tendons.{name}": value}).hash)
+        if absent == 0:
+            same = robot.with_({f"segments.0.tendons.{name}": -0.0})
+            assert same.hash == robot.hash  # the hash from before there were drives
+    assert len(hashes) == 1 + len(DRIVE)
+
+
+@pytest.mark.parametrize("form", ["ring", "list"])
+@pytest.mark.parametrize(
+    ("field", "text", "problem"),
+    [
+        ("axial_stiffness", "-1 N", 'got "-1 N"; must lie between 1 mN and 1e12 N'),
+        ("axial_stiffness", "0 N", 'got "0 N"; must lie between 1 mN and 1e12 N'),
+        ("axial_stiffness", "1e13 N", 'got "1e13 N"; must lie between 1 mN and 1e12 N'),
+        ("axial_stiffness", "20000", 'got 20000 without a unit; write for example "20 kN"'),
+        (
+            "axial_stiffness",
+            "35 GPa",
+            'got "35 GPa"; "GPa" is not a unit of force; write for example "20 kN"',
+        ),
+        (
+            "axial_stiffness",
+            ".inf",
+            'got ".inf", which is not a number with a unit; write for example "20 kN"',
+        ),
+        ("free_length", "-1 mm", 'got "-1 mm"; must lie between 0 mm and 1 km'),
+        (
+            "free_length",
+            "nan mm",
+            'got "nan mm", which is not a number with a unit; write for example "300 mm"',
+        ),
+        ("compliance", "-1 mm/N", 'got "-1 mm/N"; must lie between 0 m/N and 1000 m/N'),
+        ("compliance", "0", 'got 0 without a unit; write for example "0.01 mm/N"'),
+        (
+            "compliance",
+            "5 N/mm",
+            'got "5 N/mm"; "N/mm" is not a unit of compliance; write for example "0.01 mm/N"',
+        ),
+        ("friction", "-0.1", "got -0.1; must lie between 0 and 10"),
+        ("friction", "11", "got 11; must lie between 0 and 10"),
+        ("friction", "1e999", "got 1e999; must lie between 0 and 10"),
+        ("friction", "nan", 'got "nan", which is not a number; write for example 0.1'),
+        ("friction", ".inf", 'got ".inf", which is not a number; write for example 0.1'),
+        ("friction", "dry", 'got "dry", which is not a number; write for example 0.1'),
+        (
+            "friction",
+            "10 %",
+            'got "10 %"; this is a plain number without a unit; write for example 0.1',
+        ),
+        ("friction", "", "got nothing, which is not a number; write for example 0.1"),
+        ("friction", "[0.1]", "got a list of 1; write for example 0.1"),
+        ("pretension", "-1 N", 'got "-1 N"; must lie between 0 N and 1e9 N'),
+        ("pretension", "2 kg", 'got "2 kg"; "kg" is not a unit of force; write for example "2 N"'),
+        ("spool_radius", "0 mm", 'got "0 mm"; must lie between 1 um and 100 m'),
+        ("spool_radius", "-5 mm", 'got "-5 mm"; must lie between 1 um and 100 m'),
+        (
+            "spool_radius",
+            "30 deg",
+            'got "30 deg"; "deg" is not a unit of length; write for example "10 mm"',
+        ),
+    ],
+)
+def test_a_wrong_drive_is_named(refuse, form, field, text, problem):
+    if form == "ring":
+        tendons, where = f"{{count: 3, pitch_radius: 12 mm, {field}: {text}}}", "tendons"
+    else:
+        good = "{angle: 0 deg, pitch_radius: 12 mm}"
+        bad = f"{{angle: 90 deg, pitch_radius: 12 mm, {field}: {text}}}"
+        tendons, where = f"[{good}, {bad}]", "tendons[1]"
+    assert refuse(changed(RING, tendons)) == f"segments[0].{where}.{field}: {problem}."
+
+
+@pytest.mark.parametrize("field", DRIVE)
+@pytest.mark.parametrize("value", [-1e-9, math.nan, math.inf, -math.inf, True, 10**400])
+def test_wrong_drives_from_python(field, value):
+    with pytest.raises(InputError) as caught:
+        load_robot("amouri2019").with_({f"segments.0.tendons.{field}": value})
+    text = str(caught.value)
+    assert text.startswith(f"amouri2019: segments[0].tendons.{field}: got ") and "\n" not in text
 
 
 # --- units ----------------------------------------------------------------------------
@@ -454,7 +660,15 @@ def test_positions_forms(load):
             "{count: 3, pitch_radius: 12 mm}",
             "three",
             'segments[0].tendons: got "three"; must be a set of fields: '
-            "count, pitch_radius, first_angle.",
+            "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
+            "friction, pretension, spool_radius.",
+        ),
+        (
+            "pitch_radius: 12 mm",
+            "pitch_radius: 12 mm, mu: 0.1",
+            "segments[0].tendons.mu: unknown field; did you mean friction? Known here: "
+            "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
+            "friction, pretension, spool_radius.",
         ),
         (
             "thickness: 3 mm",
@@ -572,12 +786,12 @@ def test_yaml_guesses_do_not_happen(load):
         (
             "amouri2018",
             "amouri2018 is neither a file nor a built-in robot; did you mean amouri2019? "
-            "built in are amouri2019, rao2021.",
+            "built in are amouri2019, crl-ftdcr-v4, rao2021.",
         ),
         (
             "no/such.yaml",
             "no/such.yaml is neither a file nor a built-in robot; "
-            "built in are amouri2019, rao2021.",
+            "built in are amouri2019, crl-ftdcr-v4, rao2021.",
         ),
         ("", "is a folder"),
         ("/dev/null", "/dev/null is a device or pipe"),
@@ -776,7 +990,7 @@ def test_an_upright_robot_of_that_modulus_buckles_too():
     assert "segments[0].backbone.E = 35 MPa" in warnings[1] and "MPa, GPa" in warnings[1]
 
 
-@pytest.mark.parametrize("name", ["amouri2019", "rao2021"])
+@pytest.mark.parametrize("name", robot_names())
 @pytest.mark.parametrize("gravity", [0, 9.81, -9.81])
 def test_built_in_robots_are_not_doubted(name, gravity):
     assert load_robot(name, {"gravity": [0, 0, gravity]}).warnings == ()
@@ -1027,6 +1241,20 @@ def test_schema_is_valid_and_accepts_the_robots():
     json.dumps(schema)
     for path in (*BUILT_IN.glob("*.yaml"), ROOT / "examples" / "my_robot.yaml"):
         jsonschema.validate(yaml.safe_load(path.read_text(encoding="utf-8")), schema)
+
+
+@pytest.mark.parametrize("part", ["TendonRing", "Tendon"])
+def test_schema_holds_the_drives(part):
+    schema = robot_schema()["$defs"][part]
+    assert schema["additionalProperties"] is False
+    assert not set(DRIVE) & set(schema["required"])
+    for name in DRIVE:
+        field = schema["properties"][name]
+        assert field["description"] and "default" not in field
+        jsonschema.validate(yaml.safe_load(DRIVE[name][0]), field)
+    for name, wrong in (("friction", -0.1), ("friction", "0.1 N"), ("axial_stiffness", 20000)):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(wrong, schema["properties"][name])
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ _MAX_TURNS: Final = 1.0
 # The other way round: 1 kN, more than tendons of such robots carry, must bend it by a degree.
 _STRONG_PULL: Final = 1000.0
 _MIN_BEND: Final = math.radians(1.0)
-_SLENDERNESS: Final = (5.0, 5000.0)  # length/diameter; 128 and 143 for the built-in robots
+_SLENDERNESS: Final = (5.0, 5000.0)  # length/diameter; 60 to 143 for the built-in robots
 _DENSITY: Final = (100.0, 25_000.0)  # kg/m^3: light foam to osmium
 _DISK_DENSITY: Final = (20.0, 25_000.0)  # of the full disk; holes and cut-outs make it lighter
 _MAX_E: Final = 1.3e12  # Pa: diamond

@@ -184,8 +184,34 @@ _PITCH = Quantity("m", "29 mm", "1 um", "100 m")
 _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 
 
-class TendonRing(_Part):
-    """Tendons evenly spaced on a circle, counter-clockwise about z.
+class _TendonDrive(_Part):
+    """What ring and list say alike: how a tendon stretches, rubs and is driven.
+
+    Left out, a tendon is inextensible, frictionless and directly driven.
+    """
+
+    axial_stiffness: Annotated[float | None, Quantity("N", "20 kN", "1 mN", "1e12 N")] = Field(
+        None, description="E A of the tendon; leave out for an inextensible one."
+    )
+    free_length: Annotated[float, Quantity("m", "300 mm", "0 mm", "1 km")] = Field(
+        0.0, description="Length of tendon from the base hole to the actuator; 0 if left out."
+    )
+    compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
+        0.0, description="Give of the transmission (spool, gearbox, sheath); 0 if left out."
+    )
+    friction: Annotated[float, Quantity("", "0.1", "0", "10")] = Field(
+        0.0, description="Coulomb's coefficient mu at each hole; 0 if left out."
+    )
+    pretension: Annotated[float, Quantity("N", "2 N", "0 N", "1e9 N")] = Field(
+        0.0, description="Tension in the home pose, where the pull is zero; 0 if left out."
+    )
+    spool_radius: Annotated[float | None, Quantity("m", "10 mm", "1 um", "100 m")] = Field(
+        None, description="Radius at which a spool winds the tendon; needed for motor angles."
+    )
+
+
+class TendonRing(_TendonDrive):
+    """Tendons evenly spaced on a circle, counter-clockwise about z, all driven alike.
 
     Attributes
     ----------
@@ -195,6 +221,8 @@ class TendonRing(_Part):
         Distance of the holes from the backbone's axis in m.
     first_angle : float
         Angle of the first tendon from x in rad.
+    axial_stiffness, free_length, compliance, friction, pretension, spool_radius : float
+        Of each tendon, as in `Tendon`.
     """
 
     count: Annotated[int, Count(_MAX_TENDONS, "3")] = Field(description="Number of tendons.")
@@ -206,7 +234,7 @@ class TendonRing(_Part):
     )
 
 
-class Tendon(_Part):
+class Tendon(_TendonDrive):
     """One tendon of a list.
 
     Attributes
@@ -215,6 +243,18 @@ class Tendon(_Part):
         From x, counter-clockwise about z, in rad.
     pitch_radius : float
         Distance of its holes from the backbone's axis in m.
+    axial_stiffness : float or None
+        E A in N; None for an inextensible tendon.
+    free_length : float
+        Between the base hole and the actuator in m; it stretches as well.
+    compliance : float
+        Of the transmission in m/N.
+    friction : float
+        Coulomb's coefficient at each hole.
+    pretension : float
+        Tension in the home pose, where the pull is zero, in N.
+    spool_radius : float or None
+        In m; None where no spool is given, hence no motor angle.
     """
 
     angle: Annotated[float, _ANGLE] = Field(description="Angle from x, counter-clockwise.")
@@ -268,9 +308,10 @@ class Segment(_Part):
         if not isinstance(ring, TendonRing):
             return ring
         step = math.tau / ring.count
+        drive = {name: getattr(ring, name) for name in _TendonDrive.model_fields}
         return tuple(
             Tendon.model_construct(
-                angle=ring.first_angle + i * step, pitch_radius=ring.pitch_radius
+                angle=ring.first_angle + i * step, pitch_radius=ring.pitch_radius, **drive
             )
             for i in range(ring.count)
         )
@@ -297,7 +338,8 @@ class RobotTendons:
     """All tendons (T of them, segment by segment, inner first, in file order), in SI.
 
     ``hole_m`` are x and y of the holes in the base frame, ``end_disk`` the index (from 0) of the
-    disk at which a tendon ends.
+    disk at which a tendon ends. ``axial_stiffness_N`` is infinite where a tendon is inextensible,
+    ``spool_radius_m`` is NaN where it has no spool.
     """
 
     hole_m: Floats
@@ -305,6 +347,12 @@ class RobotTendons:
     angle_rad: Floats
     segment: Ints
     end_disk: Ints
+    axial_stiffness_N: Floats
+    free_length_m: Floats
+    compliance_m_per_N: Floats
+    friction: Floats
+    pretension_N: Floats
+    spool_radius_m: Floats
 
 
 def _frozen(values: object, dtype: type = float) -> NDArray[Any]:
@@ -425,19 +473,28 @@ class Robot(_Part):
     def tendons(self) -> RobotTendons:
         """All tendons as arrays."""
         ends = np.cumsum([len(s.disk_positions) for s in self.segments]) - 1
-        rows = [
-            (t.pitch_radius, t.angle, k, ends[k])
-            for k, segment in enumerate(self.segments)
-            for t in segment.tendon_list
-        ]
-        radius, angle, index, end = zip(*rows, strict=True)
-        r, a = np.array(radius), np.array(angle)
+        every = [t for segment in self.segments for t in segment.tendon_list]
+        index = np.repeat(
+            np.arange(len(self.segments)), [len(s.tendon_list) for s in self.segments]
+        )
+
+        def each(field: str, none: float = math.nan) -> Floats:
+            values = (getattr(t, field) for t in every)
+            return _frozen([none if value is None else value for value in values])
+
+        r, a = each("pitch_radius"), each("angle")
         return RobotTendons(
             hole_m=_frozen(np.stack([r * np.cos(a), r * np.sin(a)], axis=1)),
-            pitch_radius_m=_frozen(r),
-            angle_rad=_frozen(a),
+            pitch_radius_m=r,
+            angle_rad=a,
             segment=_frozen(index, np.int64),
-            end_disk=_frozen(end, np.int64),
+            end_disk=_frozen(ends[index], np.int64),
+            axial_stiffness_N=each("axial_stiffness", math.inf),
+            free_length_m=each("free_length"),
+            compliance_m_per_N=each("compliance"),
+            friction=each("friction"),
+            pretension_N=each("pretension"),
+            spool_radius_m=each("spool_radius"),
         )
 
     @cached_property
@@ -485,6 +542,15 @@ class Robot(_Part):
         def exact(value: float) -> str:
             return (value + 0.0).hex()  # + 0.0 makes -0.0 the same as 0.0
 
+        def tendon(t: Tendon) -> list[Any]:
+            # What is not used is not named, so that robots keep the hash they had without it.
+            drive = {
+                name: exact(getattr(t, name))
+                for name, field in _TendonDrive.model_fields.items()
+                if getattr(t, name) != field.default
+            }
+            return [exact(t.angle), exact(t.pitch_radius), *([drive] if drive else [])]
+
         content = {
             "format": 1,
             "gravity": [exact(g) for g in self.gravity],
@@ -501,7 +567,7 @@ class Robot(_Part):
                     "disk_radius": exact(s.disks.radius),
                     "disk_thickness": exact(s.disks.thickness),
                     "clamped_length": exact(s.disks.clamped_length),
-                    "tendons": [[exact(t.angle), exact(t.pitch_radius)] for t in s.tendon_list],
+                    "tendons": [tendon(t) for t in s.tendon_list],
                 }
                 for s in self.segments
             ],
@@ -810,6 +876,9 @@ _SYNONYMS: Final = {
     "rho": "density",
     "cables": "tendons",
     "alpha": "angle",
+    "ea": "axial_stiffness",
+    "mu": "friction",
+    "preload": "pretension",
 }
 _PARTS: Final[dict[tuple[str, ...], type[BaseModel]]] = {
     (): Robot,
@@ -863,7 +932,7 @@ def _sentences(error: Any) -> list[str]:
     if kind == "missing":
         return [f"{path}: missing; {_advice(names)}"]
     if kind == "extra_forbidden":
-        known = list(_PARTS[names[:-1]].model_fields)
+        known = _fields_of(_PARTS[names[:-1]])
         near = _nearest(names[-1], known)
         hint = f"; did you mean {near}?" if near else "."
         return [f"{path}: unknown field{hint} Known here: {', '.join(known)}"]
@@ -884,10 +953,15 @@ def _advice(names: tuple[str, ...]) -> str:
         names = (*names, "ring")
     part = _PARTS.get(names)
     if part is not None:
-        return f"must be a set of fields: {', '.join(part.model_fields)}"
+        return f"must be a set of fields: {', '.join(_fields_of(part))}"
     field = _PARTS[names[:-1]].model_fields[names[-1]]
     example = next(mark.example for mark in field.metadata if hasattr(mark, "example"))
     return f'write for example "{names[-1]}: {example}"'
+
+
+def _fields_of(part: type[BaseModel]) -> list[str]:
+    """The names of a part's fields, its own before those that it shares with others."""
+    return sorted(part.model_fields, key=lambda name: name not in part.__annotations__)
 
 
 def _nearest(name: str, known: list[str]) -> str | None:

@@ -29,6 +29,7 @@ _UNITS: Final[dict[str, dict[str, Decimal]]] = {
         "rad": {"rad": "1", "deg": "0.01745329251994329576923690768488613"},
         "N": {"N": "1", "mN": "1e-3", "kN": "1e3"},
         "N*m": {"N*m": "1", "N*mm": "1e-3", "mN*m": "1e-3"},
+        "m/N": {"m/N": "1", "mm/N": "1e-3", "um/N": "1e-6"},
         "s": {"s": "1", "ms": "1e-3", "us": "1e-6", "min": "60"},
         "1/s": {"1/s": "1", "s^-1": "1"},
     }.items()
@@ -42,6 +43,7 @@ _QUANTITY_NAMES: Final = {
     "rad": "angle",
     "N": "force",
     "N*m": "moment",
+    "m/N": "compliance",
     "s": "time",
     "1/s": "rate",
 }
