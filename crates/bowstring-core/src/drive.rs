@@ -22,7 +22,6 @@
 //! bend, and converges with a factor of about `mu` times the bend.
 
 use crate::complementarity::Complementarity;
-use crate::engine::Passes;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, TendonPath, Theory};
 use crate::robot::{InputError, Robot};
@@ -78,8 +77,9 @@ pub struct History {
     /// Strain of the backbone, where the next step starts from.
     strain: Vec<Vec3>,
     slip: Vec<Slip>,
-    commands: Vec<Command>,
-    load: [[f64; 3]; 3],
+    /// Of the last step; the load is gravity, tip force and tip moment.
+    pub commands: Vec<Command>,
+    pub load: [[f64; 3]; 3],
 }
 
 /// What a tendon does at a hole.
@@ -117,6 +117,8 @@ pub struct Drive {
     solver: Solver,
     lines: Vec<Line>,
     modules: usize,
+    /// Module that each tendon ends in.
+    ends: Vec<usize>,
     /// By modules and tendons: own compliance of a span, m/N.
     stretch: Vec<f64>,
     /// Of all before the base hole, m/N.
@@ -141,7 +143,6 @@ struct Scratch {
     /// Tension by modules that goes with a unit of each unknown.
     profile: Vec<f64>,
     coefficients: Vec<f64>,
-    lengths: Vec<f64>,
 }
 
 #[derive(Clone, Copy)]
@@ -229,6 +230,7 @@ impl Drive {
         let mut drive = Drive {
             solver,
             modules: n,
+            ends: robot.spec().tendons.iter().map(|t| t.end_disk).collect(),
             stretch,
             before: before.collect(),
             home: vec![0.0; m],
@@ -349,7 +351,9 @@ impl Drive {
     pub fn pull(&self, i: usize) -> f64 {
         match self.now.commands[i] {
             Command::Pull(p) => p,
-            Command::Tension(t) => self.home[i] - self.routed(i) + (self.before[i] + self.ridge) * t,
+            Command::Tension(t) => {
+                self.home[i] - self.routed(i) + (self.before[i] + self.ridge) * t
+            }
         }
     }
 
@@ -572,7 +576,13 @@ impl Drive {
             let engine = &mut *self.solver.engine;
             engine.linearise();
             let pivot = engine.eliminate(symmetric, if settled { 0.0 } else { shift });
-            self.gather(old, commands, symmetric);
+            // from afar, tensions that the rod hardly tells apart are kept from running away
+            let caution = if self.ridge > 0.0 {
+                self.answer_scale() * f64::min(1e-2, lacks)
+            } else {
+                0.0
+            };
+            self.gather(old, commands, symmetric, caution);
             let solved = self.scratch.complementarity.solve();
             if symmetric && !(pivot > 0.0) {
                 // what the pulls hold does not count
@@ -679,7 +689,11 @@ impl Drive {
         for (i, command) in commands.iter().enumerate() {
             if let Command::Pull(_) = command {
                 let s = self.slack[i];
-                let miss = if self.now.tensions[i] > 0.0 { s.abs() } else { -s };
+                let miss = if self.now.tensions[i] > 0.0 {
+                    s.abs()
+                } else {
+                    -s
+                };
                 most = most.max(miss);
             }
         }
@@ -695,13 +709,15 @@ impl Drive {
         let mut settled = true;
         for i in 0..m {
             let line = self.lines[i];
-            let end = self.robot().spec().tendons[i].end_disk;
+            let end = self.ends[i];
             if line.friction == 0.0 {
                 continue;
             }
             // an inextensible line tells its base hole's slip; without one the drop stays
             let told = match (commands[i], old.commands[i]) {
-                (Command::Pull(to), Command::Pull(from)) if self.before[i] == 0.0 => Some(to - from),
+                (Command::Pull(to), Command::Pull(from)) if self.before[i] == 0.0 => {
+                    Some(to - from)
+                }
                 _ => None,
             };
             let mut slipped = 0.0;
@@ -754,7 +770,7 @@ impl Drive {
     }
 
     /// Columns of the unknown tensions and drops, and the complementarity problem between them.
-    fn gather(&mut self, old: &History, commands: &[Command], symmetric: bool) {
+    fn gather(&mut self, old: &History, commands: &[Command], symmetric: bool, caution: f64) {
         let (n, m) = (self.modules, self.lines.len());
         let scratch = &mut self.scratch;
         scratch.unknowns.clear();
@@ -765,7 +781,7 @@ impl Drive {
         }
         if self.rubs {
             for (i, tension) in self.now.tensions.iter().enumerate() {
-                let end = self.solver.robot().spec().tendons[i].end_disk;
+                let end = self.ends[i];
                 for hole in 0..=end {
                     let sticks = self.now.slip[hole * m + i] == Slip::Sticks;
                     if sticks && *tension > 0.0 && self.lines[i].friction > 0.0 {
@@ -786,7 +802,8 @@ impl Drive {
             let tendon = match *unknown {
                 Unknown::Tension(i) => {
                     let mut drop = 0.0;
-                    for (k, t) in part.iter_mut().enumerate() {
+                    let end = self.ends[i];
+                    for (k, t) in part.iter_mut().enumerate().take(end + 1) {
                         drop += self.now.drops[k * m + i];
                         *t = if drop == 0.0 { 1.0 } else { (-drop).exp() };
                     }
@@ -831,7 +848,7 @@ impl Drive {
                         entry += self.stretch[k * m + tendon] * part[k];
                     }
                     if own {
-                        entry += self.before[tendon] + self.ridge;
+                        entry += self.before[tendon] + self.ridge + caution;
                     }
                 }
                 scratch.complementarity.matrix[r * size + c] = entry;
@@ -866,7 +883,12 @@ impl Drive {
         engine.save();
         engine.advance(fraction);
         let zs = &scratch.complementarity.z;
-        for ((unknown, step), z) in scratch.unknowns.iter().zip(&scratch.coefficients[1..]).zip(zs) {
+        for ((unknown, step), z) in scratch
+            .unknowns
+            .iter()
+            .zip(&scratch.coefficients[1..])
+            .zip(zs)
+        {
             match *unknown {
                 // what is not taken is zero, exactly
                 Unknown::Tension(i) if fraction == 1.0 => self.now.tensions[i] = *z,
@@ -881,7 +903,12 @@ impl Drive {
     }
 
     /// Takes the answer as the state of the path.
-    fn finish(&mut self, mut outcome: DriveOutcome, commands: &[Command], load: &Load) -> DriveOutcome {
+    fn finish(
+        &mut self,
+        mut outcome: DriveOutcome,
+        commands: &[Command],
+        load: &Load,
+    ) -> DriveOutcome {
         let give = self.ridge * self.now.tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
         if give > 1e-9 * self.robot().length() {
             // the ridge has given way to what the rod cannot

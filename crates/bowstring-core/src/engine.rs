@@ -197,13 +197,17 @@ pub(crate) fn quickest(
 #[cfg(target_arch = "x86_64")]
 pub(crate) fn avx512(robot: &Robot, model: Model) -> Box<dyn Passes> {
     assert!(crate::simd::has_avx512());
-    Box::new(Rod::<crate::simd::Modules<crate::simd::F64x8>, 2>::new(robot, model))
+    Box::new(Rod::<crate::simd::Modules<crate::simd::F64x8>, 2>::new(
+        robot, model,
+    ))
 }
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) fn avx2(robot: &Robot, model: Model) -> Box<dyn Passes> {
     assert!(crate::simd::has_avx2());
-    Box::new(Rod::<crate::simd::Modules<crate::simd::F64x4>, 2>::new(robot, model))
+    Box::new(Rod::<crate::simd::Modules<crate::simd::F64x4>, 2>::new(
+        robot, model,
+    ))
 }
 
 /// A rod in plain numbers, by elements in a module.

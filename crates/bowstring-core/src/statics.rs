@@ -1,7 +1,7 @@
 //! Static equilibrium: Newton's method on the strain, globalised, with an honest status.
 
-pub use crate::lie::Pose;
 use crate::engine::{self, Passes, Plain};
+pub use crate::lie::Pose;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, OwnedLoad};
 use crate::module::Constants;
@@ -393,11 +393,7 @@ fn converged(rod: &mut dyn Passes, stable: Option<bool>) -> Attempt {
     }
 }
 
-fn newton(
-    rod: &mut dyn Passes,
-    settings: &Settings,
-    outcome: &mut Outcome,
-) -> Attempt {
+fn newton(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
     if rod.has_tip_moment() {
         newton_on_residual(rod, settings, outcome)
     } else {
@@ -406,11 +402,7 @@ fn newton(
 }
 
 /// Minimises the energy: a diagonal shift until all pivots are positive, and backtracking.
-fn newton_on_energy(
-    rod: &mut dyn Passes,
-    settings: &Settings,
-    outcome: &mut Outcome,
-) -> Attempt {
+fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
     let unit = settings.shift_unit;
     let mut energy = rod.evaluate();
     if !energy.is_finite() {
@@ -496,11 +488,7 @@ fn newton_on_energy(
 }
 
 /// Newton's method where there is no energy: a step is accepted if the residual falls.
-fn newton_on_residual(
-    rod: &mut dyn Passes,
-    settings: &Settings,
-    outcome: &mut Outcome,
-) -> Attempt {
+fn newton_on_residual(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
     rod.evaluate();
     let mut residual = rod.gradient() / settings.moment_scale;
     for step in 0..=MAX_RESIDUAL_STEPS {
@@ -555,12 +543,7 @@ pub(crate) fn is_minimum_nearby(largest: f64, pivot: f64, unit: f64, stiffening:
 /// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start looks for the
 /// lowest mode, so that the same load always takes the same branch.
 #[cold]
-fn leave_saddle(
-    rod: &mut dyn Passes,
-    unit: f64,
-    attempt: usize,
-    energy: f64,
-) -> f64 {
+fn leave_saddle(rod: &mut dyn Passes, unit: f64, attempt: usize, energy: f64) -> f64 {
     let mut shift = 1e-6 * unit;
     for _ in 0..MAX_SHIFTS {
         if rod.eliminate(true, shift) > 0.0 {

@@ -53,3 +53,41 @@ pub fn pull(tensions: &[f64]) -> Load<'_> {
         tip_moment: [0.0; 3],
     }
 }
+
+/// Rao et al. (2021): two segments of 200 mm, three tendons each.
+pub fn rao_robot() -> Robot {
+    let disks = (1..=20).map(|k| Disk {
+        station: 0.02 * k as f64,
+        clamped_length: 0.0,
+        mass: 0.001,
+        inertia: [4e-8, 7e-8],
+        segment: usize::from(k > 10),
+    });
+    let tendons = [9, 19].into_iter().flat_map(|end_disk| {
+        [90.0f64, -30.0, 210.0].map(|a| Tendon {
+            hole: [0.01 * a.to_radians().cos(), 0.01 * a.to_radians().sin()],
+            end_disk,
+        })
+    });
+    let backbone = section(0.0014, 54e9, 0.3, 6450.0);
+    Robot::new(RobotSpec {
+        sections: vec![backbone, backbone],
+        disks: disks.collect(),
+        tendons: tendons.collect(),
+        gravity: [0.0; 3],
+    })
+    .unwrap()
+}
+
+/// SplitMix64: the same draws everywhere.
+pub struct Draw(pub u64);
+
+impl Draw {
+    pub fn within(&mut self, from: f64, to: f64) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        from + (to - from) * ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
