@@ -510,7 +510,7 @@ def simulate(
         except NoSolutionError as error:
             if as_json:
                 nothing = dynamics.Run(model, settings)
-                why = {"status": "no_equilibrium", "message": str(error)}
+                why = {"status": error.status, "message": str(error)}
                 _write_json(
                     {**_run_json(nothing, interval), **why, "files": targets.write(nothing)}
                 )
@@ -585,9 +585,9 @@ def modes(
             gravity=weight,
             elements=elements,
         )
-    except NoSolutionError:
+    except NoSolutionError as error:
         if as_json:
-            nothing = {"status": "no_equilibrium", "tensions_N": tensions, "modes": [], "disks": []}
+            nothing = {"status": error.status, "tensions_N": tensions, "modes": [], "disks": []}
             _write_json({**nothing, **provenance})
         raise
     content = _plain({**found.to_dict(), **provenance})
