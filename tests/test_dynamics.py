@@ -613,3 +613,16 @@ def test_no_equilibrium_to_start_from() -> None:
     two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
     with pytest.raises(NoSolutionError, match="no equilibrium to start from"):
         simulate(two, pulled(4000), 1.0)
+
+
+@pytest.mark.parametrize("jump", [0.0, 0.02])
+def test_a_load_that_no_step_follows_leaves_what_came_before(jump: float, tmp_path: Path) -> None:
+    """At a jump beyond all bounds the motion stops at the jump, which is an output time once."""
+    pull = Table([jump, jump], [pulled(0), pulled(1e9)])
+    times = [0.0, 0.01, 0.02] if jump else [0.0]
+    for out in (None, tmp_path / "run.nc"):
+        run = simulate(ROBOT, pull, 0.05, out=out)
+        assert run.status == "step_failed" and run.time.tolist() == times
+        np.testing.assert_allclose(run.tip_at(run.end), [[0.0, 0.0, 0.641]], atol=1e-12)
+        assert run.dataset.time.values.tolist() == times
+        assert run.dataset.attrs["status"] == "step_failed"

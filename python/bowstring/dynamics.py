@@ -469,8 +469,17 @@ def simulate(
         check_file(out)
     file: RunFile | None = None
 
+    last = -1.0
+
     def take(result: dict[str, Any]) -> None:
+        nonlocal last
+        # where a motion stops, the core gives the last output time again
+        new = np.diff(result["time"], prepend=last) > 0
+        if not new.all():
+            rows = {k: v[new] for k, v in result.items() if np.shape(v)[:1] == new.shape}
+            result = {**result, **rows}
         if len(result["time"]):
+            last = float(result["time"][-1])
             tip = result["disk_position"][:, -1], result["disk_velocity"][:, -1]
             tips.append((result["time"], *tip))
             if points:
