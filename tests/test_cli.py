@@ -478,6 +478,24 @@ def test_stopped_by_the_user(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> N
     assert shell("robots") == (130, "", "Stopped: nothing was written.\n")
 
 
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_stopped_while_it_starts(number: str) -> None:
+    """In the middle of its imports, which take most of the time of a short command."""
+    code = (
+        "import runpy, signal, sys\n"
+        "class Now:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == 'numpy': signal.raise_signal(signal.{number})\n"
+        "sys.meta_path.insert(0, Now())\n"
+        "sys.argv = ['bowstring', 'robots']\n"
+        "runpy.run_module('bowstring', run_name='__main__')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "Stopped: nothing was written.\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [

@@ -337,6 +337,23 @@ def test_stopped_while_pictures_are_drawn(
     assert list(tmp_path.iterdir()) == [out]
 
 
+def test_stopped_while_the_result_is_printed(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By then there is a file, or nothing: which is said."""
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bowstring.cli._write", stopped)
+    out = tmp_path / "run.nc"
+    says = f"the result is not printed whole; the run is in {out}.\n"
+    for flags in ([], ["--json"]):
+        assert shell(*SHORT, "--out", str(out), *flags) == (130, "", f"Stopped: {says}")
+    says = "the result is not printed whole; nothing is kept.\n"
+    assert shell(*SHORT) == (130, "", f"Stopped: {says}")
+
+
 def test_simulate_keeps_stdout_pure() -> None:
     done = process(*SHORT, "--json")
     assert done.returncode == 0 and not done.stderr

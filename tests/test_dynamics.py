@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import bowstring as bs
 from bowstring import dynamics, oscillations
 from bowstring.dynamics import Table, modes, ramp, simulate, step
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.runfile import read_run
+from bowstring.runfile import RunFile, read_run
 
 ROBOT = bs.load_robot("amouri2019")
 DATA = Path(
@@ -235,6 +236,36 @@ def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
 
 
 # -- loads over time -------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_a_second_interrupt_does_not_spoil_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finish = RunFile.finish
+
+    def again(self: RunFile, *arguments: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+        finish(self, *arguments)
+
+    def stop(share: float) -> None:
+        # both wait until the interpreter looks at them
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGTERM)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
+
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    monkeypatch.setattr(RunFile, "finish", again)
+    try:
+        with pytest.raises(dynamics.RunInterrupted) as caught:
+            simulate(ROBOT, pulled(5), 0.1, out=tmp_path / "run.nc", progress=stop)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    data = read_run(tmp_path / "run.nc")
+    assert data.attrs["status"] == caught.value.run.status == "interrupted"
+    assert float(data.time[-1]) == caught.value.run.end > 0
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_function_table_and_ramp_are_one() -> None:

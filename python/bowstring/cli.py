@@ -495,35 +495,43 @@ def simulate(
     if vtk is None and animation is None:
         settings["points"] = dynamics.DEFAULT_POINTS if out else 0  # nobody looks at fields
     share = 0.5 if vtk or animation else 1.0
-    with _progress() as tell:
-        try:
-            run = dynamics.simulate(
-                model,
-                tensions,
-                duration,
-                out=targets.out,
-                progress=lambda done: tell("motion", share * done),
-                **settings,
-            )
-        except dynamics.RunInterrupted as stopped:
-            run = stopped.run
-        except NoSolutionError as error:
-            if as_json:
-                nothing = dynamics.Run(model, settings)
-                why = {"status": error.status, "message": str(error)}
-                _write_json(
-                    {**_run_json(nothing, interval), **why, "files": targets.write(nothing)}
+    run: Run | None = None
+    files: dict[str, Path | None] | None = None
+    try:
+        with _progress() as tell:
+            try:
+                run = dynamics.simulate(
+                    model,
+                    tensions,
+                    duration,
+                    out=targets.out,
+                    progress=lambda done: tell("motion", share * done),
+                    **settings,
                 )
-            raise
-        try:
+            except dynamics.RunInterrupted as stopped:
+                run = stopped.run
+            except NoSolutionError as error:
+                if as_json:
+                    nothing = dynamics.Run(model, settings)
+                    why = {"status": error.status, "message": str(error)}
+                    _write_json(
+                        {**_run_json(nothing, interval), **why, "files": targets.write(nothing)}
+                    )
+                raise
             files = targets.write(run, lambda what, done: tell(what, share + (1 - share) * done))
-        except KeyboardInterrupt:
-            kept = f"the run is in {targets.out}" if targets.out else "nothing is kept"
-            raise _Stopped(f"the motion was done and {kept}; pictures are not.") from None
-    if as_json:
-        _write_json({**_run_json(run, interval), "files": files})
-    else:
-        _write_tables(*_run_tables(run, files))
+        if as_json:
+            _write_json({**_run_json(run, interval), "files": files})
+        else:
+            _write_tables(*_run_tables(run, files))
+    except KeyboardInterrupt:
+        if run is None:
+            raise
+        kept = f"the run is in {run.path}" if run.path else "nothing is kept"
+        if files is not None:
+            raise _Stopped(f"the result is not printed whole; {kept}.") from None
+        done = "was stopped" if run.status == "interrupted" else "was done"
+        pictures = "; pictures are not" if vtk or animation else ""
+        raise _Stopped(f"the motion {done} and {kept}{pictures}.") from None
     if run.status == "interrupted":
         kept = f"; {files['run']} holds the run up to there" if files["run"] else ""
         raise _Stopped(f"at {run.end:.6g} s of {duration:g} s{kept}.")

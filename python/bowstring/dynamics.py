@@ -7,8 +7,11 @@ N is the number of disks, T the number of tendons.
 from __future__ import annotations
 
 import os
+import signal
+import threading
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -497,7 +500,8 @@ def simulate(
         if keep:
             run.frames = _joined(keep)
         if file is not None:
-            file.finish(status, reason)
+            with _deaf():
+                file.finish(status, reason)
         if tips:
             time, position, velocity = (np.concatenate(parts) for parts in zip(*tips, strict=True))
             # an interrupt may have fallen between two of these places: go by what is kept
@@ -554,12 +558,37 @@ def simulate(
             begun = clock.perf_counter()
         finish("converged")
     except KeyboardInterrupt:
-        finish("interrupted", "stopped by the user")
+        ended = False
+        while not ended:
+            try:
+                finish("interrupted", "stopped by the user")
+                ended = True
+            except KeyboardInterrupt:  # one more, which waited with the first
+                continue
         raise RunInterrupted(run) from None
     except BaseException as error:
         finish("failed", str(error) or type(error).__name__)
         raise
     return run
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """A second Ctrl-C within is not heard: how a run ended is written whole."""
+    heard = []
+    if threading.current_thread() is threading.main_thread():  # the only one that hears any
+        heard = [
+            number
+            for number in (signal.SIGINT, signal.SIGTERM)
+            if signal.getsignal(number) is signal.default_int_handler
+        ]
+    for number in heard:
+        signal.signal(number, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for number in heard:
+            signal.signal(number, signal.default_int_handler)
 
 
 _WHY: Final[dict[str, str]] = {
