@@ -20,7 +20,7 @@ from jsonschema import Draft202012Validator
 
 import bowstring as bs
 from bowstring import cli
-from shell import Shell, process
+from shell import Shell, process, refuses
 
 ROOT = Path(__file__).parents[1]
 
@@ -247,18 +247,14 @@ def test_study_of_an_own_robot(
         (["--modal-damping", "120 %"], "--modal-damping"),
         (["--out", ""], "no study of Bowstring"),
         (["--out", "mine"], "no study of Bowstring"),
+        (["--out", "mine"], "--out: cannot write the study"),
         (["--out", "mine/notes.txt"], "is a file"),
     ],
 )
 def test_study_refuses(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: list[str], says: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    mine = tmp_path / "mine" / "notes.txt"
-    mine.parent.mkdir()
-    mine.write_text("keep me")
-    assert says in shell.error("study", *flags)
-    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [mine]
+    refuses(shell, tmp_path, monkeypatch, says, "study", *flags)
 
 
 def test_study_stopped_half_way_writes_nothing(
@@ -305,6 +301,7 @@ SOLVE = ("solve", "amouri2019", "--tension", "1,2,3")
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
+        (["solve", "", "--tension", "80,0,0"], "ROBOT: got nothing; name a built-in robot"),
         # numbers
         (["fk", "amouri2019", "--lengths", "nan,1,1"], 'got "nan", which is not a number'),
         (["fk", "amouri2019", "--lengths", "inf,1,1"], 'got "inf", which is not a number'),

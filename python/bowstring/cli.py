@@ -45,6 +45,8 @@ LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
 MOST_OUTPUTS: Final = 1_000_000
 
+_TOO_SHORT: Final = f"{SHORTEST_STEP:g} s or more are possible, less drowns in rounding."
+
 app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
@@ -352,7 +354,7 @@ def study(
     from bowstring import report
     from bowstring import study as study_
 
-    folder = report.check_folder(report.default_folder(model) if out is None else out)
+    folder = _of("--out", report.check_folder, report.default_folder(model) if out is None else out)
     with _progress() as tell:
         found = study_.run(
             model,
@@ -457,6 +459,12 @@ def simulate(
         raise InputError(
             "--modal-damping is instead of --mass-damping and --material-damping; give either."
         )
+    moment = _vector("--tip-moment", tip_moment, "N*m")
+    if modal_damping is not None and any(moment):
+        raise InputError(
+            "--modal-damping needs the modes, and under --tip-moment there are none; give "
+            "--mass-damping and --material-damping instead."
+        )
     if dt is not None and tolerance is not None:
         raise InputError("--tolerance is for steps that adapt and --dt fixes them; give either.")
     if not 0 <= spectral_radius <= 1:
@@ -468,6 +476,11 @@ def simulate(
             "rounding."
         )
     interval = _positive("--every", every, "s")
+    if interval < SHORTEST_STEP:
+        raise InputError(
+            f"--every: got {interval:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps "
+            "drown in rounding."
+        )
     if duration / interval > MOST_OUTPUTS:
         raise InputError(
             f"--every: {every} gives {duration / interval:.3g} outputs; up to {MOST_OUTPUTS} are "
@@ -475,7 +488,7 @@ def simulate(
         )
     settings: dict[str, Any] = {
         "tip_force": _vector("--tip-force", tip_force, "N"),
-        "tip_moment": _vector("--tip-moment", tip_moment, "N*m"),
+        "tip_moment": moment,
         "initial_tensions": start,
         "theory": theory,
         "gravity": None if gravity is None else _vector("--gravity", gravity, "m/s^2"),
@@ -573,7 +586,7 @@ def modes(
     if out is not None:
         from bowstring import report
 
-        out = report.check_folder(out, "modes")
+        out = _of("--out", lambda path: report.check_folder(path, "modes"), out)
     provenance = _provenance(
         model,
         tensions_N=tensions,
@@ -639,6 +652,8 @@ _EXAMPLES: Final = {
 
 
 def _load(source: str, overrides: Sequence[str] | None) -> Robot:
+    if not source.strip():
+        raise InputError("ROBOT: got nothing; name a built-in robot or a robot file (YAML).")
     changes = {}
     for text in overrides or ():
         path, equals, value = text.partition("=")
@@ -758,6 +773,8 @@ def _tensions_over_time(
                 raise InputError(f"--table says it all: leave {flag} out, or --table.")
         over_time = _of("--table", lambda path: read_tensions(path, robot), table)
         duration = float(over_time.times[-1])
+        if duration < SHORTEST_STEP:
+            raise InputError(f"--table: it takes {duration:g} s; {_TOO_SHORT}")
         if duration > LONGEST_RUN:
             raise InputError(
                 f"--table: it takes {duration:g} s; a run of up to {LONGEST_RUN:g} s is possible."
@@ -772,6 +789,8 @@ def _tensions_over_time(
     duration = float(f"{rising + holding:.12g}")  # 0.1 + 0.2 is 0.3
     if duration == 0:
         raise InputError("--rise and --hold are both 0 s: there is no time to simulate.")
+    if duration < SHORTEST_STEP:
+        raise InputError(f"--hold: with --rise the run takes {duration:g} s; {_TOO_SHORT}")
     if duration > LONGEST_RUN:
         flag = "--rise" if rising > holding else "--hold"
         raise InputError(
