@@ -184,6 +184,14 @@ def test_no_equilibrium_at_the_start(shell: Shell) -> None:
     found = shell.json(*arguments, code=1)
     assert set(found) == set(SOUND.split())
     assert found["status"] == "no_equilibrium" and found["message"] in err
+    sound = shell.json(*SHORT)["provenance"]["settings"]
+    settings = found["provenance"]["settings"]
+    assert list(settings) == list(sound) and settings["duration_s"] == 2
+    assert settings["gravity_m_per_s2"] == [0, 0, -98100]
+    damped = shell.json(*arguments, "--modal-damping", "1 %", code=1)
+    assert damped["status"] == "no_equilibrium"
+    assert list(damped["provenance"]["settings"]) == list(sound)
+    assert damped["provenance"]["settings"]["mass_damping_per_s"] is None
     assert found["t_s"] == found["tip_position_m"] == []
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
 import signal
 from pathlib import Path
 from typing import Any
@@ -514,8 +515,9 @@ def test_booleans_and_text_are_no_numbers(make: Any, text: str) -> None:
         make()
 
 
-def test_whole_numbers_of_numpy_are_whole() -> None:
-    run = simulate(ROBOT, pulled(5), 0.02, points=np.int64(3), elements=np.int64(2))
+def test_whole_numbers_of_numpy_are_whole(tmp_path: Path) -> None:
+    numbers: dict[str, Any] = {"points": np.int64(3), "elements": np.int64(2)}
+    run = simulate(ROBOT, pulled(5), 0.02, out=tmp_path / "run.nc", **numbers)
     assert run.converged and run.dataset.sizes["station"] == 27
     assert len(modes(ROBOT, count=np.int64(2))) == 2
 
@@ -531,6 +533,7 @@ def test_errors_carry_their_status() -> None:
         with pytest.raises(NoSolutionError) as error:
             fails()
         assert error.value.status == "no_equilibrium"
+        assert pickle.loads(pickle.dumps(error.value)).status == "no_equilibrium"
     run = simulate(two, ramp(pulled(4000), 0.1), 0.1)
     with pytest.raises(NoSolutionError) as error:
         run.raise_for_status()

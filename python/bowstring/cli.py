@@ -523,13 +523,11 @@ def simulate(
                 )
             except dynamics.RunInterrupted as stopped:
                 run = stopped.run
-            except NoSolutionError as error:
+            except dynamics.NoStart as error:
                 if as_json:
-                    nothing = dynamics.Run(model, settings)
                     why = {"status": error.status, "message": str(error)}
-                    _write_json(
-                        {**_run_json(nothing, interval), **why, "files": targets.write(nothing)}
-                    )
+                    files = targets.write(error.run)
+                    _write_json({**_run_json(error.run, interval), **why, "files": files})
                 raise
             files = targets.write(run, lambda what, done: tell(what, share + (1 - share) * done))
         if as_json:

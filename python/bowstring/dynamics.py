@@ -32,7 +32,17 @@ if TYPE_CHECKING:
     from bowstring.fields import Frames
     from bowstring.robot import Robot
 
-__all__ = ["Modes", "Run", "RunInterrupted", "Table", "modes", "ramp", "simulate", "step"]
+__all__ = [
+    "Modes",
+    "NoStart",
+    "Run",
+    "RunInterrupted",
+    "Table",
+    "modes",
+    "ramp",
+    "simulate",
+    "step",
+]
 
 Floats = NDArray[np.float64]
 Status = Literal["converged", "step_failed", "collision", "interrupted", "failed"]
@@ -140,6 +150,17 @@ class RunInterrupted(KeyboardInterrupt):
     def __init__(self, run: Run) -> None:
         super().__init__(run.message)
         self.run = run
+
+
+class NoStart(NoSolutionError):
+    """No equilibrium to start `simulate` from; `run` has no times, but what was asked for."""
+
+    def __init__(self, message: str, run: Run) -> None:
+        super().__init__(message, status="no_equilibrium")
+        self.run = run
+
+    def __reduce__(self) -> tuple[type[NoStart], tuple[str, Run]]:
+        return NoStart, (str(self), self.run)  # out of a pool of processes
 
 
 @dataclass(eq=False)
@@ -354,8 +375,8 @@ def simulate(
     InputError
         If an argument is wrong, the drive is full, or a function of time fails; what was written
         before stays.
-    NoSolutionError
-        If there is no equilibrium to start from.
+    NoStart
+        A `NoSolutionError`: there is no equilibrium to start from.
     RunInterrupted
         On Ctrl-C.
     """
@@ -392,6 +413,7 @@ def simulate(
         raise InputError(f"out is {arguments.shown(out)}, it must be the path of a file")
     if progress is not None and not callable(progress):
         raise InputError(f"progress is {arguments.shown(progress)}, it must be a function")
+    points, elements = int(points), int(elements)  # numpy's are not for files
     count = len(robot.tendons.end_disk)
     loads = _Loads(
         _over_time("tensions", tensions, count, "N"),
@@ -415,19 +437,38 @@ def simulate(
                 f"initial_disk_forces must be finite, of shape ({len(robot.disks.station_m)}, 3) "
                 f"in N; got shape {holding.shape}"
             )
+    settings: dict[str, Any] = {
+        "theory": theory,
+        "gravity_m_per_s2": [float(g) for g in (robot.gravity if gravity is None else gravity)],
+        "tendon": tendon,
+        "twist": twist,
+        "elements": elements,
+        "duration_s": duration,
+        "mass_damping_per_s": mass_damping,
+        "material_damping_s": material_damping,
+        "spectral_radius": spectral_radius,
+        "dt_s": dt,
+        "tolerance_m": None if dt is not None else tolerance,
+        "every_s": every,
+        **loads.to_dict(),
+        **initial.to_dict("initial_"),
+        "initial_disk_forces_N": None if holding is None else holding.tolist(),
+    }
+    run = Run(robot, settings)
     if modal_damping is not None:
         if mass_damping or material_damping:
             raise InputError("give modal_damping, or mass and material damping, not both")
-        mass_damping, material_damping = _rayleigh(
-            robot,
-            arguments.number("modal_damping", modal_damping, "", zero=True),
-            initial,
-            theory=theory,
-            gravity=gravity,
-            tendon=tendon,
-            twist=twist,
-            elements=elements,
-        )
+        ratio = arguments.number("modal_damping", modal_damping, zero=True)
+        physics = {"theory": theory, "gravity": gravity, "tendon": tendon}
+        try:
+            mass_damping, material_damping = _rayleigh(
+                robot, ratio, initial, twist=twist, elements=elements, **physics
+            )
+        except NoSolutionError as error:
+            settings["mass_damping_per_s"] = settings["material_damping_s"] = None
+            raise NoStart(str(error), run) from None
+        settings["mass_damping_per_s"] = mass_damping
+        settings["material_damping_s"] = material_damping
     from bowstring import _core
 
     simulator = _core.Simulator(
@@ -444,25 +485,7 @@ def simulate(
         tolerance,
         min(every, DEFAULT_INTERVAL),
     )
-    settings: dict[str, Any] = {
-        "theory": theory,
-        "gravity_m_per_s2": [float(g) for g in (robot.gravity if gravity is None else gravity)],
-        "tendon": tendon,
-        "twist": twist,
-        "elements": elements,
-        "duration_s": duration,
-        "mass_damping_per_s": float(mass_damping),
-        "material_damping_s": float(material_damping),
-        "spectral_radius": float(spectral_radius),
-        "dt_s": dt,
-        "tolerance_m": None if dt is not None else tolerance,
-        "every_s": every,
-        **loads.to_dict(),
-        **initial.to_dict("initial_"),
-        "initial_disk_forces_N": None if holding is None else holding.tolist(),
-    }
     times = _output_times(duration, every)
-    run = Run(robot, settings)
     stations = _stations(robot, points)
     keep: list[Frames] = []
     tips: list[tuple[Floats, Floats, Floats]] = []
@@ -516,16 +539,16 @@ def simulate(
         begun = clock.perf_counter()
         status = simulator.rest(*initial)
         if status != "converged":
-            raise NoSolutionError(
+            raise NoStart(
                 f"{robot.name}: there is no equilibrium to start from ({status}); "
                 "bowstring.solve with the loads at the start tells more",
-                status="no_equilibrium",
+                run,
             )
         if holding is not None and not simulator.hold(holding, _INCREMENTS):
-            raise NoSolutionError(
+            raise NoStart(
                 f"{robot.name}: there is no stable equilibrium to start from under the forces on "
                 "its disks",
-                status="no_equilibrium",
+                run,
             )
         first = simulator.run(*_rows([0.0], [initial]), np.array([True]), points)
         if holding is not None:
