@@ -26,7 +26,7 @@ use crate::linalg::Vec3;
 use crate::load::{Load, Model, TendonPath, Theory};
 use crate::robot::{InputError, Robot};
 use crate::rod::Source;
-use crate::statics::{Solver, Status, MAX_STEP, TOLERANCE};
+use crate::statics::{is_minimum_nearby, Solver, Status, MAX_STEP, TOLERANCE};
 
 /// What lies between a motor and the robot's end of a tendon, and how the tendon rubs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -196,6 +196,8 @@ const LENGTH_TOLERANCE: f64 = 2e-15;
 /// The same where rounding allows no better.
 const LOOSE: f64 = 1e-12;
 const MAX_STEPS: usize = 120;
+/// Residual below which Newton's matrix is kept while it serves.
+const NEAR: f64 = 1e-2;
 /// Steps with a hole that has changed its mind; after these all that may stick are unknown
 /// together.
 const BOLD_STEPS: usize = 8;
@@ -598,6 +600,8 @@ impl Drive {
         let fresh = self.rubs && old.drops.iter().all(|y| *y == 0.0);
         let rigid = self.ridge.iter().any(|r| *r > 0.0);
         let (mut last, mut shift) = (f64::INFINITY, 0.0);
+        let (mut before, mut pivot, mut largest) = (f64::INFINITY, f64::NAN, f64::INFINITY);
+        let stiffening = self.solver.engine.energy_scale(length) / self.modules as f64;
         for step in 0..=MAX_STEPS {
             if !self.solver.engine.evaluate().is_finite() {
                 return outcome;
@@ -623,9 +627,18 @@ impl Drive {
                 // without a potential there is no more to ask
                 return self.finish(outcome, load);
             }
+            if settled && !rigid && is_minimum_nearby(largest, pivot, unit, stiffening) {
+                outcome.stable = Some(true);
+                return self.finish(outcome, load);
+            }
             let engine = &mut *self.solver.engine;
-            engine.linearise();
-            let pivot = engine.eliminate(symmetric, if settled { 0.0 } else { shift });
+            // friction lags behind the bend, and gains nothing from Newton's newest matrix
+            let chord = self.rubs && residual < NEAR && residual < 0.3 * before && shift == 0.0;
+            before = residual;
+            if !chord {
+                engine.linearise();
+                pivot = engine.eliminate(symmetric, if settled { 0.0 } else { shift });
+            }
             if settled && pivot > 0.0 && !rigid {
                 outcome.stable = Some(true);
                 return self.finish(outcome, load);
@@ -663,12 +676,17 @@ impl Drive {
             if !solved {
                 return outcome;
             }
-            shift *= 0.25;
-            if shift < 1e-3 * unit {
-                shift = 0.0;
-            }
-            if !self.advance() {
+            largest = self.advance();
+            if !largest.is_finite() {
                 return outcome;
+            }
+            if shift > 0.0 {
+                largest = f64::INFINITY;
+                shift = if shift < 4e-3 * unit {
+                    0.0
+                } else {
+                    0.25 * shift
+                };
             }
             outcome.iterations += 1;
         }
@@ -978,8 +996,9 @@ impl Drive {
         }
     }
 
-    /// Moves strain, tensions and drops by the step that was found; false if it is no number.
-    fn advance(&mut self) -> bool {
+    /// Moves strain, tensions and drops by the step that was found; returns the largest rotation
+    /// that an arc adds, rad.
+    fn advance(&mut self) -> f64 {
         let m = self.lines.len();
         let scratch = &mut self.scratch;
         scratch.coefficients.clear();
@@ -993,7 +1012,7 @@ impl Drive {
         let engine = &mut *self.solver.engine;
         let largest = engine.combine(&scratch.coefficients);
         if !largest.is_finite() {
-            return false;
+            return largest;
         }
         let fraction = (MAX_STEP / largest).min(1.0);
         engine.save();
@@ -1021,7 +1040,7 @@ impl Drive {
             }
         }
         self.apply();
-        true
+        largest
     }
 
     /// Takes the answer as the state of the path.
