@@ -951,3 +951,29 @@ impl Drive {
         problem.negative_eigenvalues() > 0
     }
 }
+
+/// Where the next step starts from, for a history that is written down.
+impl Drive {
+    /// Strain of the backbone.
+    pub fn strain(&self) -> Vec<[f64; 3]> {
+        self.now.strain.iter().map(|w| w.0).collect()
+    }
+
+    /// Starts the next step from a strain, as [`Drive::strain`] gave it; after
+    /// [`Drive::resume`].
+    ///
+    /// # Errors
+    /// If it does not fit the robot and its elements, or is not finite.
+    pub fn set_strain(&mut self, strain: &[[f64; 3]]) -> Result<(), InputError> {
+        let finite = strain.iter().flatten().all(|w| w.is_finite());
+        if strain.len() != self.now.strain.len() || !finite {
+            return Err(InputError(
+                "the history does not belong to this robot".into(),
+            ));
+        }
+        for (to, from) in self.now.strain.iter_mut().zip(strain) {
+            *to = Vec3(*from);
+        }
+        Ok(())
+    }
+}
