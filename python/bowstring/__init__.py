@@ -13,11 +13,22 @@ if TYPE_CHECKING:
     from bowstring._core import __version__
     from bowstring.dynamics import Modes, Run, modes, simulate
     from bowstring.robot import Robot, load_robot, robot_names, robot_schema
-    from bowstring.rod import Jacobians, Solution, Sweep, jacobians, solve, solve_batch, sweep
+    from bowstring.rod import (
+        Jacobians,
+        PullJacobian,
+        Solution,
+        Sweep,
+        jacobians,
+        pull_jacobian,
+        solve,
+        solve_batch,
+        sweep,
+    )
 
 __all__ = [
     "Jacobians",
     "Modes",
+    "PullJacobian",
     "Robot",
     "Run",
     "Solution",
@@ -29,6 +40,7 @@ __all__ = [
     "jacobians",
     "load_robot",
     "modes",
+    "pull_jacobian",
     "robot_names",
     "robot_schema",
     "simulate",
@@ -48,9 +60,11 @@ _HOME = {
     "robot_names": "robot",
     "robot_schema": "robot",
     "Jacobians": "rod",
+    "PullJacobian": "rod",
     "Solution": "rod",
     "Sweep": "rod",
     "jacobians": "rod",
+    "pull_jacobian": "rod",
     "solve": "rod",
     "solve_batch": "rod",
     "sweep": "rod",

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring.drive import refuse_friction
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.rod import TendonPath, Theory
 
@@ -343,6 +344,7 @@ def simulate(
     RunInterrupted
         On Ctrl-C.
     """
+    refuse_friction(robot, "simulate")
     duration = _positive("duration", duration, "s", zero=True)
     every = _positive("every", every, "s")
     if dt is not None:
@@ -786,6 +788,7 @@ def at_rest(
     """Raw fields of an equilibrium, as of a run that has not begun; see `Solution.fields`."""
     from bowstring import _core
 
+    refuse_friction(robot, "the fields of an equilibrium")
     simulator = _core.Simulator(
         robot.core, theory, tendon, twist, elements, gravity, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0
     )
@@ -896,6 +899,7 @@ def modes(
     """
     from bowstring import _core, rod
 
+    refuse_friction(robot, "modes")
     pulls = np.zeros(len(robot.tendons.end_disk)) if tensions is None else tensions
     row = _row("tensions", pulls, len(robot.tendons.end_disk), "N")
     force = _row("tip_force", tip_force, 3, "N")

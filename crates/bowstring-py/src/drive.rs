@@ -296,7 +296,10 @@ fn span_tensions(drive: &drive::Drive) -> Vec<f64> {
 fn outcome(found: &DriveOutcome) -> Outcome {
     Outcome {
         status: found.status,
-        stable: found.stable,
+        stable: match found.status {
+            Status::NoEquilibrium => None,
+            _ => found.stable,
+        },
         iterations: found.iterations,
         residual: found.residual,
         left_unstable: false,
