@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from bowstring.robot import Robot
 
 __all__ = [
-    "Given",
     "HISTORY_SCHEMA_VERSION",
+    "Given",
     "Path",
     "compliances",
     "home_lengths",
@@ -98,7 +98,7 @@ def commands(
         if values is not None
     }
     if not tables:
-        raise InputError("tensions, pulls and angles are all missing; " + _GIVE)
+        raise InputError("tensions is None, and so are pulls and angles; " + _GIVE)
     if list(tables) == ["tensions"]:
         only = tables["tensions"]
         return np.zeros(only.shape, bool), only

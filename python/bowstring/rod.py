@@ -680,7 +680,7 @@ def solve(
 
     >>> pulled = bs.solve(robot, pulls=[0.02, -0.03, -0.03])
     >>> pulled.tensions.round(2), pulled.slack
-    (array([38.69,  0.  ,  0.  ]), (2, 3))
+    (array([38.89,  0.  ,  0.  ]), (2, 3))
     """
     if _is_plain(robot, pulls, angles, history):
         if tensions is None:
@@ -979,7 +979,7 @@ def pull_jacobian(solution: Solution) -> PullJacobian:
     >>> robot = bs.load_robot("amouri2019")
     >>> by = bs.pull_jacobian(bs.solve(robot, pulls=[0.02, -0.03, -0.03]))
     >>> by.tip_position_by_pull[:, 0].round(2)
-    array([ 9.72,  0.  , -4.77])
+    array([ 9.63,  0.  , -4.73])
     """
     by = jacobians(solution)
     tensions, pulled = solution.tensions, solution.core.pulled
