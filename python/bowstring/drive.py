@@ -106,6 +106,8 @@ def commands(
     if list(tables) == ["tensions"]:
         only = tables["tensions"]
         return np.zeros(only.shape, bool), only
+    if list(tables) == ["pulls"] and not np.isnan(tables["pulls"]).any():
+        return np.ones(tables["pulls"].shape, bool), tables["pulls"]
     if len({table.shape for table in tables.values()}) > 1:
         counts = " and ".join(f"{len(table)} of {name}" for name, table in tables.items())
         raise InputError(f"got {counts}; each must have one row for each load")
