@@ -157,8 +157,10 @@ struct Scratch {
     give: Vec<f64>,
     /// By holes of one tendon.
     slipped: Vec<f64>,
-    /// Most that friction may drop, by modules and tendons.
+    /// By modules and tendons: most that friction may drop.
     bounds: Vec<f64>,
+    /// Steps in which a hole has changed its mind.
+    doubts: usize,
 }
 
 #[derive(Clone, Copy)]
@@ -194,8 +196,8 @@ const LENGTH_TOLERANCE: f64 = 2e-15;
 /// The same where rounding allows no better.
 const LOOSE: f64 = 1e-12;
 const MAX_STEPS: usize = 120;
-/// Steps in which a hole that slips is taken to go on; after these all that may stick are
-/// unknown together.
+/// Steps with a hole that has changed its mind; after these all that may stick are unknown
+/// together.
 const BOLD_STEPS: usize = 8;
 /// Increments of the way to a load after which it is given up.
 const MAX_INCREMENTS: usize = 60;
@@ -588,6 +590,7 @@ impl Drive {
             nearest: None,
         };
         self.start(old, commands, load);
+        self.scratch.doubts = 0;
         let symmetric = load.tip_moment == [0.0; 3];
         let scale = self.robot().moment_scale();
         let unit = self.solver.settings().shift_unit;
@@ -633,7 +636,8 @@ impl Drive {
             } else {
                 0.0
             };
-            self.gather(old, commands, symmetric, caution, step > BOLD_STEPS);
+            let thorough = self.scratch.doubts > BOLD_STEPS;
+            self.gather(old, commands, symmetric, caution, thorough);
             let solved = self.scratch.complementarity.solve();
             if symmetric && !(pivot > 0.0) {
                 // what the pulls hold does not count
@@ -765,7 +769,7 @@ impl Drive {
         self.scratch.slipped.resize(self.modules, 0.0);
         self.scratch.bounds.resize(self.modules * m, 0.0);
         let engine = &*self.solver.engine;
-        let mut settled = true;
+        let (mut settled, mut sure) = (true, true);
         for i in 0..m {
             let line = self.lines[i];
             let end = self.ends[i];
@@ -821,12 +825,15 @@ impl Drive {
                     sound = next == slip;
                 }
                 // the bend still moves, or a hole has changed its mind
-                let steady = (drop - before).abs() <= 1e-13;
-                settled &= sound && steady;
+                settled &= (drop - before).abs() <= 1e-13;
+                sure &= sound;
                 (self.now.slip[at], self.now.drops[at]) = (next, drop);
             }
         }
-        settled
+        if !sure {
+            self.scratch.doubts += 1;
+        }
+        settled && sure
     }
 
     /// Columns of the unknown tensions and drops, and the complementarity problem between them.

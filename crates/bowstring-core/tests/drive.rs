@@ -396,7 +396,7 @@ fn coarse_and_fine_paths() {
 #[test]
 fn random_paths_with_friction() {
     let mut draw = Draw(7);
-    let (mut steps, mut count, mut failed, mut parts) = (0, 0, 0, 0);
+    let (mut steps, mut count, mut failed) = (0, 0, 0);
     for (robot, most) in [(study_robot(9, 0.003), 40.0), (rao_robot(), 4.0)] {
         let (n, m) = (robot.module_count(), robot.tendon_count());
         for round in 0..40 {
@@ -426,7 +426,6 @@ fn random_paths_with_friction() {
                 }
                 steps += found.iterations;
                 if found.increments > 1 {
-                    parts += 1;
                     continue;
                 }
                 let now = drive.history();
