@@ -706,6 +706,12 @@ def test_contract_of_the_command_line(robot):
         "disks",
         "tendon_lengths_m",
         "tensions_N",
+        "pulls_m",
+        "slack",
+        "slack_m",
+        "span_tensions_N",
+        "undetermined",
+        "length_residual_m",
     ]
     assert content["status"] == "converged" and content["theory"] == "cosserat"
     assert len(content["disks"]) == 9 and content["disks"][-1] == content["tip"]

@@ -14,11 +14,22 @@ if TYPE_CHECKING:
     from bowstring.dynamics import Run, simulate
     from bowstring.oscillations import Modes, modes
     from bowstring.robot import Robot, load_robot, robot_names, robot_schema
-    from bowstring.rod import Jacobians, Solution, Sweep, jacobians, solve, solve_batch, sweep
+    from bowstring.rod import (
+        Jacobians,
+        PullJacobian,
+        Solution,
+        Sweep,
+        jacobians,
+        pull_jacobian,
+        solve,
+        solve_batch,
+        sweep,
+    )
 
 __all__ = [
     "Jacobians",
     "Modes",
+    "PullJacobian",
     "Robot",
     "Run",
     "Solution",
@@ -30,6 +41,7 @@ __all__ = [
     "jacobians",
     "load_robot",
     "modes",
+    "pull_jacobian",
     "robot_names",
     "robot_schema",
     "simulate",
@@ -49,9 +61,11 @@ _HOME = {
     "robot_names": "robot",
     "robot_schema": "robot",
     "Jacobians": "rod",
+    "PullJacobian": "rod",
     "Solution": "rod",
     "Sweep": "rod",
     "jacobians": "rod",
+    "pull_jacobian": "rod",
     "solve": "rod",
     "solve_batch": "rod",
     "sweep": "rod",

@@ -97,6 +97,56 @@ class Robot:
     ) -> dict[str, Any]: ...
 
 @final
+class Drive:
+    def __new__(
+        cls,
+        robot: Robot,
+        theory: str,
+        tendon: str,
+        twist: bool,
+        elements: int,
+        stiffness: ArrayLike,
+        free_length: ArrayLike,
+        compliance: ArrayLike,
+        friction: ArrayLike,
+        pretension: ArrayLike,
+    ) -> Drive: ...
+    def reset(self) -> None: ...
+    def step(
+        self,
+        pulled: NDArray[np.bool_],
+        commands: ArrayLike,
+        gravity: ArrayLike | None,
+        tip_force: ArrayLike,
+        tip_moment: ArrayLike,
+    ) -> Solution: ...
+    def follow(
+        self,
+        pulled: NDArray[np.bool_],
+        commands: Floats,
+        gravity: ArrayLike | None,
+        tip_force: ArrayLike,
+        tip_moment: ArrayLike,
+        disks: bool,
+        path: bool,
+        threads: int,
+    ) -> dict[str, Any]: ...
+    def history(self) -> dict[str, Any]: ...
+    def resume(
+        self,
+        tensions: Floats,
+        drops: Floats,
+        spans: Floats,
+        pulled: NDArray[np.bool_],
+        commands: Floats,
+        gravity: ArrayLike,
+        tip_force: ArrayLike,
+        tip_moment: ArrayLike,
+        strain: Floats,
+        slips: NDArray[np.int8],
+    ) -> None: ...
+
+@final
 class Simulator:
     def __new__(
         cls,
@@ -187,5 +237,23 @@ class Solution:
     def disk_rotations(self) -> Floats | None: ...
     @property
     def tendon_lengths(self) -> Floats | None: ...
+    @property
+    def driven(self) -> bool: ...
+    @property
+    def pulled(self) -> NDArray[np.bool_] | None: ...
+    @property
+    def commands(self) -> Floats | None: ...
+    @property
+    def undetermined(self) -> bool | None: ...
+    @property
+    def length_residual(self) -> float | None: ...
+    @property
+    def conflict(self) -> tuple[list[int], list[float] | None] | None: ...
+    @property
+    def pulls(self) -> Floats | None: ...
+    @property
+    def slack_lengths(self) -> Floats | None: ...
+    @property
+    def span_tensions(self) -> Floats | None: ...
     def centerline(self, points_per_module: int) -> Floats | None: ...
     def jacobians(self) -> dict[str, Floats] | None: ...

@@ -22,6 +22,7 @@ import typer
 
 from bowstring import __version__, arc
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.files import check_parent
 from bowstring.robot import Robot, load_robot, robot_names, robot_schema
 from bowstring.units import quote, read_number, rounded
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
     from bowstring.dynamics import Run
     from bowstring.dynamics import Table as TimeTable
+    from bowstring.rod import Solution
 
 BAD_INPUT: Final = 2
 NO_SOLUTION: Final = 1
@@ -239,7 +241,27 @@ def ik(
 @app.command()
 def solve(
     robot: RobotSource,
-    tension: Annotated[str, typer.Option(metavar="T1,T2,...", help="Tendon tensions.")],
+    tension: Annotated[
+        str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions.")
+    ] = None,
+    pull: Annotated[
+        str | None,
+        typer.Option(
+            metavar="P1,P2,...",
+            help="Lengths taken in since the home pose; negative is paid out. With - for a tendon "
+            "in one list, another says how it is driven: --tension 5,-,- --pull -,2mm,2mm.",
+        ),
+    ] = None,
+    angle: Annotated[
+        str | None, typer.Option(metavar="A1,A2,...", help="Motor angles, in rad or with a unit.")
+    ] = None,
+    history: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Go on with the path of --save-history before."),
+    ] = None,
+    save_history: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="JSON file of where the path has come to.")
+    ] = None,
     theory: Theory = "cosserat",
     gravity: Gravity = None,
     tip_force: Annotated[
@@ -252,24 +274,32 @@ def solve(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Statics: tendon tensions and loads to the robot's equilibrium."""
+    """Statics: tendon tensions, pulls and loads to the robot's equilibrium."""
     from bowstring import rod
 
     model = _load(robot, overrides)
-    tensions = _per_tendon("--tension", tension, "N", model)
+    tensions, pulls, angles = _driven_by(model, tension, pull, angle)
     _check_elements(elements)
     weight = _vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
     force = _vector("--tip-force", tip_force, "N")
     moment = _vector("--tip-moment", tip_moment, "N*m")
+    before = None if history is None else _read_history(history)
+    if save_history is not None:
+        _of("--save-history", _check_history_file, save_history)
     solution = rod.solve(
         model,
         tensions,
+        pulls=pulls,
+        angles=angles,
+        history=before,
         theory=theory,
         gravity=weight,
         tip_force=force,
         tip_moment=moment,
         elements=elements,
     )
+    if save_history is not None and solution.converged:
+        _write_history(save_history, solution.history)
     if as_json:
         _write_json(
             {
@@ -277,6 +307,10 @@ def solve(
                 "message": solution.message,
                 **_provenance(
                     model,
+                    tensions_N=tensions,
+                    pulls_m=pulls,
+                    angles_rad=angles,
+                    history=history,
                     theory=theory,
                     gravity_m_per_s2=weight,
                     tip_force_N=force,
@@ -293,7 +327,7 @@ def solve(
             f"{model.name}, {theory}: {solution.message} "
             f"({solution.iterations} iterations, residual {solution.residual:.1e})",
             _tip_line(tip.position, tip.rotation),
-            _tendon_table(model, solution.tendon_lengths, tensions),
+            _driven_table(solution),
         )
 
 
@@ -632,6 +666,8 @@ def modes(
 _EXAMPLES: Final = {
     "--lengths": '"641 mm",0.65,0.65',
     "--tension": "80,0,0",
+    "--pull": '"10 mm",-0.005,-0.005',
+    "--angle": '"90 deg",-0.5,-0.5',
     "--tip": "0.1,0,0.6",
     "--gravity": "0,0,-9.81",
     "--tip-force": "0,1,0",
@@ -736,7 +772,12 @@ def _vector(flag: str, text: str, si: str) -> list[float]:
 
 
 def _per_tendon(
-    flag: str, text: str, si: str, robot: Robot, above_zero: bool = False
+    flag: str,
+    text: str,
+    si: str,
+    robot: Robot,
+    above_zero: bool = False,
+    signed: bool = False,
 ) -> list[float]:
     values = _numbers(flag, text, si)
     wanted = _tendon_count(robot)
@@ -746,10 +787,105 @@ def _per_tendon(
             f"{_count(wanted, 'tendon')}, write one number for each."
         )
     for i, value in enumerate(values, 1):
-        if value < 0 or (above_zero and value == 0):
+        if not signed and (value < 0 or (above_zero and value == 0)):
             rule = "positive" if above_zero else "0 or more, a tendon cannot push"
             raise InputError(f"{flag}: got {value:g} {si} for tendon {i}; must be {rule}.")
     return values
+
+
+_Driven = list[float | None]
+
+
+def _driven_by(
+    robot: Robot, tension: str | None, pull: str | None, angle: str | None
+) -> tuple[_Driven | None, _Driven | None, _Driven | None]:
+    """Tensions, pulls and angles as `rod.solve` takes them; each tendon has one of them."""
+    flags = (("--tension", tension, "N"), ("--pull", pull, "m"), ("--angle", angle, "rad"))
+    given = [text for _, text, _ in flags if text is not None]
+    if not given:
+        raise InputError(
+            "how the tendons are driven is missing: give --tension T1,T2,..., --pull P1,P2,... or "
+            "--angle A1,A2,..."
+        )
+    if len(given) == 1:
+        alone: list[_Driven | None] = [None, None, None]
+        for k, (flag, text, si) in enumerate(flags):
+            if text is not None:
+                alone[k] = [*_per_tendon(flag, text, si, robot, signed=k > 0)]
+        return alone[0], alone[1], alone[2]
+    lists: list[_Driven | None] = []
+    for flag, text, si in flags:
+        lists.append(None if text is None else _some_tendons(flag, text, si, robot))
+    for i in range(_tendon_count(robot)):
+        said = [
+            flag
+            for (flag, _, _), values in zip(flags, lists, strict=True)
+            if values is not None and values[i] is not None
+        ]
+        if len(said) > 1:
+            raise InputError(
+                f"tendon {i + 1} has {' and '.join(said)}; write - for it in all but one of them."
+            )
+        if not said:
+            raise InputError(
+                f"tendon {i + 1} is driven by nothing; write a number for it in one of the lists."
+            )
+    return lists[0], lists[1], lists[2]
+
+
+def _some_tendons(flag: str, text: str, si: str, robot: Robot) -> _Driven:
+    """Numbers of a list in which a blank or a dash means that a tendon is driven otherwise."""
+    items = [item.strip() for item in text.split(",")]
+    wanted = _tendon_count(robot)
+    if len(items) != wanted:
+        raise InputError(
+            f"{flag}: got {_count(len(items), 'entry', 'entries')}; {robot.name} has "
+            f"{_count(wanted, 'tendon')}, write a number or - for each."
+        )
+    values: _Driven = [None if item in ("", "-") else _numbers(flag, item, si)[0] for item in items]
+    for i, value in enumerate(values, 1):
+        if flag == "--tension" and value is not None and value < 0:
+            raise InputError(
+                f"{flag}: got {value:g} {si} for tendon {i}; must be 0 or more, a tendon cannot "
+                "push."
+            )
+    return values
+
+
+_MOST_HISTORY: Final = 200_000_000  # bytes
+
+
+def _read_history(file: Path) -> dict[str, Any]:
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(_MOST_HISTORY)
+        content = json.loads(data)
+    except OSError as error:
+        raise InputError(f"--history: {file} cannot be read: {error.strerror}.") from None
+    except (ValueError, RecursionError):
+        raise InputError(
+            f"--history: {file} is no JSON; give a file that --save-history wrote."
+        ) from None
+    if not isinstance(content, dict) or "robot_hash" not in content:
+        raise InputError(f"--history: {file} is no history; give one that --save-history wrote.")
+    return content
+
+
+def _check_history_file(file: Path) -> None:
+    check_parent(file, f"cannot write {file}")
+    if file.is_dir():
+        raise InputError(f"cannot write {file}: it is a folder")
+
+
+def _write_history(file: Path, history: dict[str, Any] | None) -> None:
+    """Whole or not at all: beside its place first."""
+    new = file.with_name(f".{file.name}.new")
+    try:
+        new.write_text(json.dumps(history, allow_nan=False) + "\n", "utf-8")
+        os.replace(new, file)
+    except OSError as error:
+        new.unlink(missing_ok=True)
+        raise InputError(f"--save-history: cannot write {file}: {error.strerror}") from None
 
 
 def _tensions_over_time(
@@ -801,8 +937,8 @@ def _tendon_count(robot: Robot) -> int:
     return len(robot.tendons.angle_rad)
 
 
-def _count(n: int, thing: str) -> str:
-    return f"{n} {thing}" + ("" if n == 1 else "s")
+def _count(n: int, thing: str, things: str | None = None) -> str:
+    return f"{n} {thing if n == 1 else things or thing + 's'}"
 
 
 # -- writing -----------------------------------------------------------------------------------
@@ -1022,15 +1158,27 @@ def _tip_line(position: Any, rotation: Any) -> str:
     return f"tip  x {x}  y {y}  z {z} mm, tip turned by {_fixed(math.degrees(bend), 2)} deg"
 
 
-def _tendon_table(robot: Robot, lengths: Any, tensions: Sequence[float] | None = None) -> Table:
+def _tendon_table(robot: Robot, lengths: Any) -> Table:
     straight = robot.disks.station_m[robot.tendons.end_disk]
-    table = _table("tendon", *([">tension N"] if tensions else []), ">length mm", ">pull mm")
+    table = _table("tendon", ">length mm", ">pull mm")
     for i, length in enumerate(lengths):
+        table.add_row(str(i + 1), _fixed(1e3 * length, 3), _fixed(1e3 * (straight[i] - length), 3))
+    return table
+
+
+def _driven_table(solution: Solution) -> Table:
+    lengths, pulls, slack = solution.tendon_lengths, solution.pulls, solution.slack_lengths
+    assert lengths is not None and slack is not None
+    by_tension = not solution.core.driven
+    columns = ("tendon", ">tension N", ">length mm", ">pull mm")
+    table = _table(*columns, *([] if by_tension else [">slack mm"]))
+    for i, tension in enumerate(solution.tensions):
         table.add_row(
             str(i + 1),
-            *([f"{tensions[i]:g}"] if tensions else []),
-            _fixed(1e3 * length, 3),
-            _fixed(1e3 * (straight[i] - length), 3),
+            f"{tension:g}",
+            _fixed(1e3 * lengths[i], 3),
+            "-" if pulls is None else _fixed(1e3 * pulls[i], 3),
+            *([] if by_tension else [_fixed(1e3 * slack[i], 3)]),
         )
     return table
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import arguments
+from bowstring.drive import refuse_friction
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.oscillations import Modes, modes
 from bowstring.rod import TendonPath, Theory
@@ -381,6 +382,7 @@ def simulate(
         On Ctrl-C.
     """
     arguments.check_robot(robot)
+    refuse_friction(robot, "simulate")
     arguments.check_choices(theory, tendon, twist, elements)
     duration = arguments.number("duration", duration, "s", zero=True)
     every = arguments.number("every", every, "s")
@@ -864,6 +866,7 @@ def at_rest(
     """Raw fields of an equilibrium, as of a run that has not begun; see `Solution.fields`."""
     from bowstring import _core
 
+    refuse_friction(robot, "the fields of an equilibrium")
     simulator = _core.Simulator(
         robot.core, theory, tendon, twist, elements, gravity, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0
     )

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import arguments
+from bowstring.drive import refuse_friction
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.rod import TendonPath, Theory
 
@@ -128,6 +129,7 @@ def modes(
     from bowstring import _core, rod
 
     arguments.check_robot(robot)
+    refuse_friction(robot, "modes")
     pulls = np.zeros(len(robot.tendons.end_disk)) if tensions is None else tensions
     row = arguments.row("tensions", pulls, len(robot.tendons.end_disk), "N")
     force = arguments.row("tip_force", tip_force, 3, "N")

@@ -498,6 +498,11 @@ class Robot(_Part):
         )
 
     @cached_property
+    def has_friction(self) -> bool:
+        """Whether any tendon rubs at its holes."""
+        return bool(self.tendons.friction.any())
+
+    @cached_property
     def bending_stiffness(self) -> Floats:
         """E I of each segment in N m^2."""
         return _frozen([s.backbone.E * s.backbone.second_moment for s in self.segments])

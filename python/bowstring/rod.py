@@ -6,14 +6,15 @@ A rotation maps body to base. N is the number of disks, T the number of tendons.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring.arguments import check_choices
+from bowstring import drive
+from bowstring.arguments import check_choices, check_robot
 from bowstring.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
@@ -26,9 +27,11 @@ if TYPE_CHECKING:
 __all__ = [
     "Jacobians",
     "Pose",
+    "PullJacobian",
     "Solution",
     "Sweep",
     "jacobians",
+    "pull_jacobian",
     "solve",
     "solve_batch",
     "sweep",
@@ -58,10 +61,12 @@ class Solution:
     robot : Robot
     status : str
         ``"converged"``, or why not: ``"max_iterations"``, ``"unstable"`` (an equilibrium was
-        found, but no stable one), ``"no_equilibrium"`` (disks collide).
+        found, but no stable one), ``"no_equilibrium"`` (disks collide, or tendons that are pulled
+        fight each other).
     converged : bool
     stable : bool or None
-        Whether the energy has a minimum here. None under a tip moment, which has no potential.
+        Whether the energy has a minimum here, under what the tendons are driven by. None under a
+        tip moment and with friction, which have no potential.
     iterations : int
         Newton steps, those of continuation included.
     residual : float
@@ -69,16 +74,29 @@ class Solution:
     theory, tendon, twist, elements
         As given to `solve`.
     tensions : ndarray (T,)
-        In N; with `gravity` (m/s^2), `tip_force` (N) and `tip_moment` (N m), each (3,), the load.
+        In N, before the base hole; with `gravity` (m/s^2), `tip_force` (N) and `tip_moment` (N m),
+        each (3,), the load. Those of pulled tendons are found, NaN if the solve failed.
+    undetermined : bool
+        Whether the pulls allow many tensions in the same pose; these are the smallest.
+    length_residual : float
+        Largest length by which a pulled tendon misses its pull, in m.
 
     A solution is pickled and copied as its load, and solved anew, which gives the same numbers.
     """
 
-    __slots__ = ("core", "robot")
+    __slots__ = ("_before", "_path", "core", "robot")
 
-    def __init__(self, robot: Robot, core: _core.Solution) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        core: _core.Solution,
+        path: drive.Path | None = None,
+        before: Mapping[str, Any] | None = None,
+    ) -> None:
         self.robot = robot
         self.core = core
+        self._path = path
+        self._before = before
 
     def __repr__(self) -> str:
         position = self.core.tip_position
@@ -89,8 +107,10 @@ class Solution:
 
     def __reduce__(self) -> tuple[Any, ...]:
         c = self.core
-        load = (c.tensions, c.theory, c.gravity, c.tip_force, c.tip_moment)
-        return _solve, (self.robot, *load, c.tendon, c.twist, c.elements)
+        physics = (c.theory, c.gravity, c.tip_force, c.tip_moment, c.tendon, c.twist, c.elements)
+        if c.driven:
+            return _drive, (self.robot, c.pulled, c.commands, *physics, self._before)
+        return _solve, (self.robot, c.tensions, *physics)
 
     @property
     def status(self) -> str:
@@ -148,6 +168,18 @@ class Solution:
     def message(self) -> str:
         """How the solve ended and, if it failed or may be coarse, what to try."""
         core = self.core
+        if core.conflict is not None:
+            message = drive.message(
+                core.status,
+                core.stable,
+                [i - 1 for i in self.slack or ()],
+                self.undetermined,
+                self.robot.has_friction,
+                core.conflict,
+                core.residual,
+                core.iterations,
+            )
+            return message + _coarse(core.disk_rotations, core.elements)
         message = _message(
             core.status,
             core.stable,
@@ -179,6 +211,90 @@ class Solution:
     def tendon_lengths(self) -> Floats | None:
         """Lengths (T,) of the tendons from the base hole to the end disk's hole, in m."""
         return self.core.tendon_lengths
+
+    @property
+    def pulls(self) -> Floats | None:
+        """Lengths (T,) that the actuators have taken in since the home pose, in m.
+
+        None if the solve failed, or if the robot's pretension has no home pose.
+        """
+        core = self.core
+        if core.driven or core.tendon_lengths is None:
+            return core.pulls
+        home = drive.home_lengths(self.robot, *self._physics)
+        if home is None:
+            return None
+        pulls: Floats = home - core.tendon_lengths + drive.compliances(self.robot) * core.tensions
+        return pulls
+
+    @property
+    def slack(self) -> tuple[int, ...] | None:
+        """Numbers, from 1, of the pulled tendons that hang."""
+        lengths = self.slack_lengths
+        if lengths is None:
+            return None
+        return tuple((drive.hanging(self.robot, lengths) + 1).tolist())
+
+    @property
+    def slack_lengths(self) -> Floats | None:
+        """Lengths (T,) by which pulled tendons hang, in m; exactly 0 where a tendon pulls."""
+        core = self.core
+        if core.driven:
+            return core.slack_lengths
+        return np.zeros(len(core.tensions)) if core.converged else None
+
+    @property
+    def span_tensions(self) -> Floats | None:
+        """Tensions (N, T) of the spans from base to tip, in N; NaN beyond a tendon's end."""
+        core = self.core
+        if not core.converged:
+            return None
+        passes = _passes(self.robot)
+        spans = core.tensions if core.span_tensions is None else core.span_tensions
+        return np.where(passes, spans, np.nan)
+
+    @property
+    def undetermined(self) -> bool:
+        return bool(self.core.undetermined)
+
+    @property
+    def length_residual(self) -> float:
+        return self.core.length_residual or 0.0
+
+    @property
+    def history(self) -> dict[str, Any] | None:
+        """Where the path has come to, for ``history`` of the next solve.
+
+        None if the solve failed, or if the tendons are continuous.
+
+        A dict that `json.dumps` takes: ``schema_version``, ``robot``, ``robot_hash``, the settings
+        and all that friction remembers.
+        """
+        core = self.core
+        if not core.converged or core.tendon == "continuous":
+            return None
+        if self._path is None:
+            path = drive.Path(self.robot, *self._physics)
+            held = np.zeros(len(core.tensions), bool)
+            load = (core.gravity, core.tip_force, core.tip_moment)
+            found = path.core.step(held, core.tensions, *load)
+            if not self._is_pose_of(found):
+                raise NoSolutionError(
+                    f"{self.robot.name}: there is no history, because the path from home does not "
+                    "lead to this pose; approach it by a sweep with a history"
+                )
+            self._path = path
+        return self._path.history()
+
+    def _is_pose_of(self, other: _core.Solution) -> bool:
+        here, there = self.core.tip_position, other.tip_position
+        if here is None or there is None:
+            return False
+        return bool(np.abs(here - there).max() <= 1e-8 * self.robot.length)
+
+    @property
+    def _physics(self) -> tuple[Theory, TendonPath, bool, int]:
+        return self.core.theory, self.core.tendon, self.core.twist, self.core.elements
 
     def centerline(self, points_per_module: int = 8) -> Floats | None:
         """Points of the backbone from base to tip.
@@ -217,11 +333,15 @@ class Solution:
         ------
         NoSolutionError
             If the solution did not converge.
+        InputError
+            With friction, and where the tensions alone do not hold the pose that the pulls hold.
         """
         from bowstring import dynamics
         from bowstring import fields as labelled
 
         self.raise_for_status()
+        drive.refuse_friction(self.robot, "the fields of an equilibrium")
+        self._check_tensions_hold()
         load: dict[str, Any] = {
             "tip_force": self.tip_force,
             "tip_moment": self.tip_moment,
@@ -235,6 +355,19 @@ class Solution:
         settings = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in load.items()}
         settings["tensions_N"] = self.tensions.tolist()
         return labelled.to_dataset(self.robot, frames, settings, status=self.status)
+
+    def _check_tensions_hold(self) -> None:
+        """Refuse if the tensions that were found lead from straight to another pose."""
+        core = self.core
+        if not core.driven:
+            return
+        load = (core.theory, core.gravity, core.tip_force, core.tip_moment)
+        alone = _solve(self.robot, core.tensions, *load, core.tendon, core.twist, core.elements)
+        if not self._is_pose_of(alone.core):
+            raise InputError(
+                "fields are taken under given tensions, and these alone do not hold the pose that "
+                "the pulls hold"
+            )
 
     def raise_for_status(self) -> Self:
         """Return self if converged, else raise.
@@ -255,10 +388,12 @@ class Solution:
         -------
         dict
             ``status, stable, iterations, residual, theory, tip, disks, tendon_lengths_m,
-            tensions_N``; the pose's entries are None if the solve failed, as is a residual that
-            is not finite.
+            tensions_N, pulls_m, slack, slack_m, span_tensions_N, undetermined,
+            length_residual_m``; the pose's entries are None if the solve failed, as is a number
+            that is not finite.
         """
         core = self.core
+        pulls, slack, spans = self.pulls, self.slack_lengths, self.span_tensions
         tip = disks = lengths = None
         positions, rotations = core.disk_positions, core.disk_rotations
         if positions is not None and rotations is not None and core.tendon_lengths is not None:
@@ -277,8 +412,26 @@ class Solution:
             "tip": tip,
             "disks": disks,
             "tendon_lengths_m": lengths,
-            "tensions_N": core.tensions.tolist(),
+            "tensions_N": _finite(core.tensions.tolist()),
+            "pulls_m": None if pulls is None else pulls.tolist(),
+            "slack": None if self.slack is None else list(self.slack),
+            "slack_m": None if slack is None else slack.tolist(),
+            "span_tensions_N": None if spans is None else [_finite(row) for row in spans.tolist()],
+            "undetermined": self.undetermined,
+            "length_residual_m": _finite([self.length_residual])[0],
         }
+
+
+def _finite(values: list[float]) -> list[float | None]:
+    return [value if np.isfinite(value) else None for value in values]
+
+
+def _passes(robot: Robot) -> NDArray[np.bool_]:
+    """Whether a tendon passes a module, (N, T)."""
+    passes: NDArray[np.bool_] = (
+        np.arange(len(robot.disks.station_m))[:, None] <= robot.tendons.end_disk
+    )
+    return passes
 
 
 @dataclass(repr=False, eq=False)  # not frozen: that would cost 4 us a sweep
@@ -291,7 +444,7 @@ class Sweep:
     ----------
     robot : Robot
     tensions : ndarray (n, T)
-        In N.
+        In N, before the base holes; found where a tendon is pulled by a length.
     theory : str
     status : list of str (n,)
         As `Solution.status`.
@@ -310,6 +463,8 @@ class Sweep:
         Largest fraction of the load that did converge.
     collision : ndarray of int (n,)
         Module (from 0) in which two disks collide; -1 if none.
+    driven : dict or None
+        What a drive along a path adds; its numbers are the properties below.
     """
 
     robot: Robot
@@ -328,9 +483,54 @@ class Sweep:
     left_unstable: NDArray[np.bool_]
     fraction: Floats
     collision: NDArray[np.int64]
+    physics: tuple[TendonPath, bool, int] = ("straight", True, 1)
+    driven: dict[str, Any] | None = None
 
     def __len__(self) -> int:
         return len(self.status)
+
+    @property
+    def pulls(self) -> Floats:
+        """Lengths (n, T) that the actuators have taken in since the home pose, in m."""
+        if self.driven is not None:
+            return np.array(self.driven["pulls"])
+        home = drive.home_lengths(self.robot, self.theory, *self.physics)
+        if home is None:
+            return np.full_like(self.tensions, np.nan)
+        stretch = drive.compliances(self.robot) * self.tensions
+        pulls: Floats = home - self.tendon_lengths + stretch
+        return pulls
+
+    @property
+    def slack_lengths(self) -> Floats:
+        """Lengths (n, T) by which pulled tendons hang, in m; exactly 0 where a tendon pulls."""
+        if self.driven is not None:
+            return np.array(self.driven["slack_lengths"])
+        return np.where(self.converged[:, None], np.zeros_like(self.tensions), np.nan)
+
+    @property
+    def span_tensions(self) -> Floats:
+        """Tensions (n, N, T) of the spans from base to tip, in N; NaN beyond a tendon's end."""
+        passes = _passes(self.robot)
+        if self.driven is not None:
+            return np.where(passes, self.driven["span_tensions"], np.nan)
+        spans = np.where(passes, self.tensions[:, None, :], np.nan)
+        return np.where(self.converged[:, None, None], spans, np.nan)
+
+    @property
+    def undetermined(self) -> NDArray[np.bool_]:
+        """Rows (n,) whose pulls allow many tensions in the same pose; these are the smallest."""
+        if self.driven is not None:
+            return np.array(self.driven["undetermined"])
+        return np.zeros(len(self), bool)
+
+    @property
+    def history(self) -> dict[str, Any] | None:
+        """Where the path has come to after the last row, as `Solution.history`.
+
+        None if the rows were no path: by tensions without friction, or each from home.
+        """
+        return None if self.driven is None else self.driven["history"]
 
     def __repr__(self) -> str:
         done = int(self.converged.sum())
@@ -338,6 +538,18 @@ class Sweep:
 
     def message(self, row: int) -> str:
         """One sentence on how a row ended, as `Solution.message`."""
+        if self.driven is not None:
+            slack = self.driven["slack_lengths"][row]
+            return drive.message(
+                self.status[row],
+                self.stable[row],
+                drive.hanging(self.robot, slack) if self.converged[row] else (),
+                bool(self.driven["undetermined"][row]),
+                self.robot.has_friction,
+                self.driven["conflicts"][row],
+                float(self.residual[row]),
+                int(self.iterations[row]),
+            )
         collision = int(self.collision[row])
         return _message(
             self.status[row],
@@ -401,10 +613,34 @@ class Jacobians:
     lengths_by_stiffness: Floats
 
 
+@dataclass(frozen=True, eq=False)
+class PullJacobian:
+    """Derivatives of an equilibrium by pulls; made by `pull_jacobian`.
+
+    Rows are what changes, columns the tendon whose pull changes it. The column of a tendon that
+    hangs is zero, that of one whose tension is given NaN.
+
+    Attributes
+    ----------
+    tip_position_by_pull, tip_rotation_by_pull : ndarray
+        (3, T) in m/m and (3, T) in rad/m, a rotation as in `Jacobians`.
+    tensions_by_pull, lengths_by_pull : ndarray
+        (T, T) in N/m, (T, T) in m/m.
+    """
+
+    tip_position_by_pull: Floats
+    tip_rotation_by_pull: Floats
+    tensions_by_pull: Floats
+    lengths_by_pull: Floats
+
+
 def solve(
     robot: Robot,
-    tensions: ArrayLike,
+    tensions: drive.Given | None = None,
     *,
+    pulls: drive.Given | None = None,
+    angles: drive.Given | None = None,
+    history: Mapping[str, Any] | None = None,
     theory: Theory = "cosserat",
     gravity: ArrayLike | None = None,
     tip_force: ArrayLike = _NO_LOAD,
@@ -418,8 +654,16 @@ def solve(
     Parameters
     ----------
     robot : Robot
-    tensions : array_like (T,)
-        Tension of each tendon in N, none negative.
+    tensions : array_like (T,), optional
+        Tension of each tendon before its base hole in N, none negative.
+    pulls : array_like (T,), optional
+        Length that each actuator has taken in since the home pose in m; negative if paid out.
+    angles : array_like (T,), optional
+        Motor angles in rad, of tendons with a ``spool_radius``: the pull is the radius times the
+        angle. Each tendon has exactly one of the three, None in the others.
+    history : dict, optional
+        `Solution.history` of the step before: its path is continued, which matters with friction.
+        Without it the path begins in the home pose.
     theory : {"cosserat", "kirchhoff"}
         Backbone with or without shear and extension.
     gravity : array_like (3,), optional
@@ -428,7 +672,7 @@ def solve(
         Dead loads at the tip in N and N m: they keep their direction.
     tendon : {"straight", "continuous"}
         How a tendon runs between two disks: straight, or along a curve parallel to the backbone
-        (the model of many published codes, for comparison).
+        (the model of many published codes, for comparison; by tensions and without friction).
     twist : bool
         Whether the backbone can twist.
     elements : {1, 2, 4, 8}
@@ -451,13 +695,51 @@ def solve(
     >>> robot = bs.load_robot("amouri2019")
     >>> bs.solve(robot, [80, 0, 0]).raise_for_status().tip.position.round(4)
     array([0.3846, 0.    , 0.4448])
+
+    Tendon 1 is shortened by 20 mm, the others are paid out and hang:
+
+    >>> pulled = bs.solve(robot, pulls=[0.02, -0.03, -0.03])
+    >>> pulled.tensions.round(2), pulled.slack
+    (array([38.89,  0.  ,  0.  ]), (2, 3))
     """
-    return _solve(robot, tensions, theory, gravity, tip_force, tip_moment, tendon, twist, elements)
+    check_robot(robot)
+    if _is_plain(robot, pulls, angles, history):
+        if tensions is None:
+            drive.commands(robot, tensions, pulls, angles)
+        return _solve(
+            robot, tensions, theory, gravity, tip_force, tip_moment, tendon, twist, elements
+        )
+    pulled, commands = drive.commands(robot, tensions, pulls, angles)
+    physics = (theory, gravity, tip_force, tip_moment, tendon, twist, elements)
+    return _drive(robot, pulled, commands, *physics, history)
+
+
+def _drive(
+    robot: Robot,
+    pulled: NDArray[np.bool_],
+    commands: Floats,
+    theory: Theory,
+    gravity: ArrayLike | None,
+    tip_force: ArrayLike,
+    tip_moment: ArrayLike,
+    tendon: TendonPath,
+    twist: bool,
+    elements: int,
+    before: Mapping[str, Any] | None,
+) -> Solution:
+    try:
+        path = drive.Path(robot, theory, tendon, twist, elements)
+        if before is not None:
+            path.resume(before)
+        core = path.core.step(pulled, commands, gravity, tip_force, tip_moment)
+    except (TypeError, OverflowError) as error:
+        raise _wrong_choice(error, theory, tendon, twist, elements) from None
+    return Solution(robot, core, path, before)
 
 
 def _solve(
     robot: Robot,
-    tensions: ArrayLike,
+    tensions: Any,
     theory: Theory,
     gravity: ArrayLike | None,
     tip_force: ArrayLike,
@@ -477,8 +759,11 @@ def _solve(
 
 def sweep(
     robot: Robot,
-    tensions: ArrayLike,
+    tensions: drive.Given | None = None,
     *,
+    pulls: drive.Given | None = None,
+    angles: drive.Given | None = None,
+    history: Mapping[str, Any] | None = None,
     theory: Theory = "cosserat",
     gravity: ArrayLike | None = None,
     tip_force: ArrayLike = _NO_LOAD,
@@ -491,18 +776,24 @@ def sweep(
 ) -> Sweep:
     """Solve many loads in order in one call.
 
+    With pulls, angles, a history or friction the rows are a path, each a step from the one before
+    (from the last that converged).
+
     Parameters
     ----------
     robot : Robot
-    tensions : array_like (n, T)
-        In N, none negative.
+    tensions, pulls, angles : array_like (n, T), optional
+        In N, m and rad, as for `solve`; NaN where a tendon is driven otherwise.
+    history : dict, optional
+        As for `solve`: where the first row starts from.
     gravity, tip_force, tip_moment : array_like (3,) or (n, 3)
         As for `solve`, for all rows or row by row.
     theory, tendon, twist, elements
         As for `solve`.
     warm : bool
         Start each load from the solution before it: faster where loads follow each other closely,
-        and it stays on the branch of solutions. Otherwise each starts from straight.
+        and it stays on the branch of solutions. Otherwise each starts from straight, or from home
+        (or from the history) where the rows would be a path.
     disks : bool
         Whether to return the poses of all disks.
 
@@ -525,29 +816,30 @@ def sweep(
     >>> res.tip_position.shape
     (17, 3)
     """
+    check_robot(robot)
+    loads = (
+        _loads(gravity, "gravity"),
+        _loads(tip_force, "tip_force"),
+        _loads(tip_moment, "tip_moment"),
+    )
+    physics = (tendon, twist, elements)
+    if not _is_plain(robot, pulls, angles, history):
+        driven = (tensions, pulls, angles, history)
+        return _follow(robot, driven, loads, theory, physics, disks, path=warm, threads=1)
     rows = _rows(tensions, "tensions", robot)
     try:
-        found = robot.core.sweep(
-            rows,
-            theory,
-            _loads(gravity, "gravity"),
-            _loads(tip_force, "tip_force"),
-            _loads(tip_moment, "tip_moment"),
-            tendon,
-            twist,
-            elements,
-            warm,
-            disks,
-        )
+        found = robot.core.sweep(rows, theory, *loads, *physics, warm, disks)
     except (TypeError, OverflowError) as error:
         raise _wrong_choice(error, theory, tendon, twist, elements) from None
-    return Sweep(robot, rows.copy(), theory, **found)
+    return Sweep(robot, rows.copy(), theory, **found, physics=physics)
 
 
 def solve_batch(
     robot: Robot,
-    tensions: ArrayLike,
+    tensions: drive.Given | None = None,
     *,
+    pulls: drive.Given | None = None,
+    angles: drive.Given | None = None,
     theory: Theory = "cosserat",
     gravity: ArrayLike | None = None,
     tip_force: ArrayLike = _NO_LOAD,
@@ -558,11 +850,12 @@ def solve_batch(
     threads: int = 0,
     disks: bool = True,
 ) -> Sweep:
-    """Solve many independent loads, each from the straight robot, on all cores.
+    """Solve many independent loads, each from the straight robot or from home, on all cores.
 
     Parameters
     ----------
-    robot, tensions, gravity, tip_force, tip_moment, theory, tendon, twist, elements, disks
+    robot, tensions, pulls, angles, gravity, tip_force, tip_moment, theory, tendon, twist, \
+elements, disks
         As for `sweep`.
     threads : int
         Number of threads; 0 takes one for each core. The answers do not depend on it.
@@ -577,25 +870,57 @@ def solve_batch(
     InputError
         If an argument is wrong; the first bad row is named. Nothing is solved then.
     """
-    rows = _rows(tensions, "tensions", robot)
     if not (isinstance(threads, int) and 0 <= threads <= 1024):
         raise InputError(f"threads is {threads!r}, it must be a whole number from 0 to 1024")
+    check_robot(robot)
+    loads = (
+        _loads(gravity, "gravity"),
+        _loads(tip_force, "tip_force"),
+        _loads(tip_moment, "tip_moment"),
+    )
+    physics = (tendon, twist, elements)
+    if not _is_plain(robot, pulls, angles, None):
+        driven = (tensions, pulls, angles, None)
+        return _follow(robot, driven, loads, theory, physics, disks, path=False, threads=threads)
+    rows = _rows(tensions, "tensions", robot)
     try:
-        found = robot.core.solve_batch(
-            rows,
-            theory,
-            _loads(gravity, "gravity"),
-            _loads(tip_force, "tip_force"),
-            _loads(tip_moment, "tip_moment"),
-            tendon,
-            twist,
-            elements,
-            threads,
-            disks,
-        )
+        found = robot.core.solve_batch(rows, theory, *loads, *physics, threads, disks)
     except (TypeError, OverflowError) as error:
         raise _wrong_choice(error, theory, tendon, twist, elements) from None
-    return Sweep(robot, rows.copy(), theory, **found)
+    return Sweep(robot, rows.copy(), theory, **found, physics=physics)
+
+
+def _is_plain(robot: Robot, pulls: object, angles: object, history: object) -> bool:
+    """Whether tensions alone say it all: no lengths and no friction."""
+    return pulls is None and angles is None and history is None and not robot.has_friction
+
+
+def _follow(
+    robot: Robot,
+    driven: tuple[
+        drive.Given | None, drive.Given | None, drive.Given | None, Mapping[str, Any] | None
+    ],
+    loads: tuple[Any, Any, Any],
+    theory: Theory,
+    physics: tuple[TendonPath, bool, int],
+    disks: bool,
+    *,
+    path: bool,
+    threads: int,
+) -> Sweep:
+    *given, before = driven
+    pulled, commands = drive.commands(robot, *given, rows=True)
+    try:
+        way = drive.Path(robot, theory, *physics)
+        if before is not None:
+            way.resume(before)
+        found = way.core.follow(pulled, commands, *loads, disks, path, threads)
+    except (TypeError, OverflowError) as error:
+        raise _wrong_choice(error, theory, *physics) from None
+    names = ("pulls", "slack_lengths", "span_tensions", "undetermined", "conflicts")
+    extra = {name: found.pop(name) for name in (*names, "length_residual")}
+    extra["history"] = way.history() if path else None
+    return Sweep(robot, theory=theory, **found, physics=physics, driven=extra)
 
 
 def jacobians(solution: Solution) -> Jacobians:
@@ -617,7 +942,7 @@ def jacobians(solution: Solution) -> Jacobians:
     NoSolutionError
         If the solution did not converge.
     InputError
-        If its tendons are continuous, for which there are no derivatives.
+        If its tendons are continuous or rub, for which there are no derivatives.
 
     Examples
     --------
@@ -630,6 +955,11 @@ def jacobians(solution: Solution) -> Jacobians:
     array([ 5.03,  0.  , -2.55])
     """
     solution.raise_for_status()
+    if solution.robot.has_friction:
+        raise InputError(
+            f"the tendons of {solution.robot.name} rub at their holes: what a tendon does then "
+            "depends on which way it goes, and there are no derivatives; set friction to 0"
+        )
     if solution.tendon == "continuous":
         raise InputError(
             'the solution has tendon="continuous", for which there are no derivatives; '
@@ -641,6 +971,63 @@ def jacobians(solution: Solution) -> Jacobians:
     return Jacobians(**found)
 
 
+def pull_jacobian(solution: Solution) -> PullJacobian:
+    """Differentiate an equilibrium by pulls: what the robot does when a motor turns.
+
+    From the derivatives by tensions and the stretch of the tendons.
+
+    Parameters
+    ----------
+    solution : Solution
+        Converged, with straight tendons and without friction. The tendons that hold their pull are
+        those that were pulled and are taut; after a solve by tensions alone, all that are taut.
+
+    Returns
+    -------
+    PullJacobian
+
+    Raises
+    ------
+    NoSolutionError
+        If the solution did not converge.
+    InputError
+        With friction, with continuous tendons, and where the taut tendons cannot be pulled one by
+        one: without extension and stretch, three of them to a segment.
+
+    Examples
+    --------
+    How far one more millimetre on tendon 1 moves the tip, in mm:
+
+    >>> import bowstring as bs
+    >>> robot = bs.load_robot("amouri2019")
+    >>> by = bs.pull_jacobian(bs.solve(robot, pulls=[0.02, -0.03, -0.03]))
+    >>> by.tip_position_by_pull[:, 0].round(2)
+    array([ 9.63,  0.  , -4.73])
+    """
+    by = jacobians(solution)
+    tensions, pulled = solution.tensions, solution.core.pulled
+    driven = np.ones(len(tensions), bool) if pulled is None or not pulled.any() else pulled
+    held = np.flatnonzero(driven & (tensions > 0))
+    # pull = home - length + compliance * tension
+    answer = np.diag(drive.compliances(solution.robot)) - by.lengths_by_tension
+    block = answer[np.ix_(held, held)]
+    tensions_by_pull = np.zeros_like(answer)
+    if held.size:
+        if np.linalg.cond(block) > 1e10:
+            raise InputError(
+                "the taut tendons cannot be pulled one by one, as the backbone does not shorten: "
+                'solve with theory="cosserat", or with fewer taut tendons'
+            )
+        tensions_by_pull[np.ix_(held, held)] = np.linalg.inv(block)
+    tensions_by_pull[:, ~driven] = np.nan
+    return PullJacobian(
+        tip_position_by_pull=by.tip_position_by_tension @ tensions_by_pull,
+        tip_rotation_by_pull=by.tip_rotation_by_tension @ tensions_by_pull,
+        tensions_by_pull=tensions_by_pull,
+        lengths_by_pull=by.lengths_by_tension @ tensions_by_pull,
+    )
+
+
 def _array(values: Any, name: str, shape: str) -> Floats:
     try:
         return np.asarray(values, dtype=np.float64)
@@ -650,7 +1037,9 @@ def _array(values: Any, name: str, shape: str) -> Floats:
         ) from None
 
 
-def _rows(tensions: ArrayLike, name: str, robot: Robot) -> Floats:
+def _rows(tensions: drive.Given | None, name: str, robot: Robot) -> Floats:
+    if tensions is None:
+        drive.commands(robot, None, None, None)  # which says what is missing
     count = robot.core.tendon_count
     rows = _array(tensions, name, f"(n, {count})")
     if rows.ndim != 2:

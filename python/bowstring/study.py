@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from bowstring import _core, arc
 from bowstring.budget import Budget, BudgetRow, error_budget
 from bowstring.comparison import COMPARISONS, Case, Comparison, Model, Physics, Theory
+from bowstring.drive import refuse_friction
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.robot import Robot, load_robot
 from bowstring.transient import (
@@ -377,6 +378,7 @@ def run(
     NoSolutionError
         If no load of the sweep has an equilibrium.
     """
+    refuse_friction(robot, "the study")
     tell = progress or (lambda what, share: None)
     settings = _settings(
         robot, tolerance, max_tension, points, theory, rise=rise, modal_damping=modal_damping

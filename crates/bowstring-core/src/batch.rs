@@ -44,7 +44,8 @@ pub struct Loads<'a> {
 }
 
 impl<'a> Loads<'a> {
-    fn row(&self, i: usize, tendons: usize) -> Load<'a> {
+    /// One row of a robot with so many tendons.
+    pub fn row(&self, i: usize, tendons: usize) -> Load<'a> {
         let three = |v: &[f64]| {
             let at = if v.len() == 3 { 0 } else { 3 * i };
             [v[at], v[at + 1], v[at + 2]]

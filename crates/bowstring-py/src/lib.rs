@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 
 mod arc;
+mod drive;
 mod dynamics;
 mod rod;
 
@@ -16,6 +17,8 @@ mod _core {
         arc_fit_jacobian, arc_from_tensions, arc_lengths, arc_lengths_jacobian, arc_nearest,
         arc_part, arc_pose, arc_pose_jacobian, arc_through,
     };
+    #[pymodule_export]
+    use crate::drive::Drive;
     #[pymodule_export]
     use crate::dynamics::{flexibility, von_mises, Simulator};
     #[pymodule_export]

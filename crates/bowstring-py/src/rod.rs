@@ -1,5 +1,6 @@
 //! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one answer.
 
+use crate::drive::{Driven, State};
 use bowstring_core::batch::{self, write_pose, Loads, Settings, Solutions};
 use bowstring_core::load::{Model, OwnedLoad, TendonPath, Theory};
 use bowstring_core::robot::{Disk, InputError, RobotSpec, Section, Tendon};
@@ -175,6 +176,7 @@ impl Robot {
                 load,
                 outcome,
                 answer,
+                driven: None,
             })
             .map_err(input_error)
     }
@@ -228,7 +230,7 @@ impl Robot {
 
 impl Robot {
     /// The answers as NumPy arrays, named as in `bowstring.rod.Sweep`.
-    fn arrays<'py>(
+    pub(crate) fn arrays<'py>(
         &self,
         py: Python<'py>,
         found: Solutions,
@@ -286,17 +288,55 @@ pub struct Solution {
     load: OwnedLoad,
     outcome: Outcome,
     answer: Option<Answer>,
+    /// If it was found by a `Drive`, not by tensions alone.
+    driven: Option<Box<Driven>>,
+}
+
+impl Solution {
+    pub(crate) fn driven_one(
+        robot: Py<Robot>,
+        settings: Settings,
+        load: OwnedLoad,
+        outcome: Outcome,
+        answer: Option<Answer>,
+        driven: Driven,
+    ) -> Self {
+        Solution {
+            robot,
+            settings,
+            load,
+            outcome,
+            answer,
+            driven: Some(Box::new(driven)),
+        }
+    }
+
+    /// What a converged step of a drive adds.
+    fn state(&self) -> Option<&State> {
+        self.driven.as_ref()?.state.as_ref()
+    }
+
+    /// Something of the solver in the pose of the answer. After tensions alone it is solved anew,
+    /// which gives the same numbers.
+    fn ask<T>(&self, question: impl FnOnce(&Solver) -> T) -> Result<T, InputError> {
+        if let Some(state) = self.state() {
+            return Ok(question(&state.solver));
+        }
+        let mut solver = self.settings.solver(&self.robot.get().inner)?;
+        solver.solve(&self.load.borrow())?;
+        Ok(question(&solver))
+    }
 }
 
 /// Numbers of a converged solution.
-struct Answer {
-    disk_position: Vec<f64>,
-    disk_rotation: Vec<f64>,
-    tendon_length: Vec<f64>,
+pub(crate) struct Answer {
+    pub disk_position: Vec<f64>,
+    pub disk_rotation: Vec<f64>,
+    pub tendon_length: Vec<f64>,
 }
 
 impl Answer {
-    fn read(robot: &bowstring_core::robot::Robot, solver: &Solver) -> Self {
+    pub fn read(robot: &bowstring_core::robot::Robot, solver: &Solver) -> Self {
         let n = robot.module_count();
         let (mut disk_position, mut disk_rotation) = (vec![0.0; 3 * n], vec![0.0; 9 * n]);
         for k in 0..n {
@@ -430,8 +470,57 @@ impl Solution {
         Some(PyArray1::from_slice(py, &a.tendon_length))
     }
 
-    /// Points of the backbone. Solved anew, which gives the same numbers: a solution keeps what
-    /// is asked of it often and not the solver.
+    /// Whether a `Drive` found it: what follows is `None` otherwise.
+    #[getter]
+    fn driven(&self) -> bool {
+        self.driven.is_some()
+    }
+    /// Which tendons were pulled by a length.
+    #[getter]
+    fn pulled<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
+        let driven = self.driven.as_ref()?;
+        Some(PyArray1::from_slice(py, &driven.pulled))
+    }
+    /// Lengths and tensions that were asked for.
+    #[getter]
+    fn commands<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let driven = self.driven.as_ref()?;
+        Some(PyArray1::from_slice(py, &driven.commands))
+    }
+    #[getter]
+    fn undetermined(&self) -> Option<bool> {
+        Some(self.driven.as_ref()?.found.undetermined)
+    }
+    #[getter]
+    fn length_residual(&self) -> Option<f64> {
+        Some(self.driven.as_ref()?.found.length_residual)
+    }
+    /// Tendons that fight, from 0, and the nearest pulls with an equilibrium.
+    #[getter]
+    fn conflict(&self) -> Option<(Vec<usize>, Option<Vec<f64>>)> {
+        let found = &self.driven.as_ref()?.found;
+        Some((found.fighting.clone(), found.nearest.clone()))
+    }
+    #[getter]
+    fn pulls<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        Some(PyArray1::from_slice(py, &self.state()?.pulls))
+    }
+    #[getter]
+    fn slack_lengths<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        Some(PyArray1::from_slice(py, &self.state()?.slack))
+    }
+    #[getter]
+    fn span_tensions<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        self.state()
+            .map(|state| {
+                let m = self.load.tensions.len();
+                PyArray1::from_slice(py, &state.spans).reshape([state.spans.len() / m, m])
+            })
+            .transpose()
+    }
+
+    /// Points of the backbone. A solution by tensions keeps what is asked of it often and not the
+    /// solver.
     fn centerline<'py>(
         &self,
         py: Python<'py>,
@@ -448,11 +537,7 @@ impl Solution {
             return Ok(None);
         }
         let points = py
-            .detach(|| {
-                let mut solver = self.settings.solver(robot)?;
-                solver.solve(&self.load.borrow())?;
-                Ok(solver.centerline(points_per_module))
-            })
+            .detach(|| self.ask(|solver| solver.centerline(points_per_module)))
             .map_err(input_error)?;
         let Some(points) = points else {
             return Ok(None);
@@ -463,18 +548,14 @@ impl Solution {
 
     /// Derivatives by tension, tip force, tip moment and stiffness, each as arrays of position,
     /// rotation and lengths with a column for each parameter; `None` if there are none (not
-    /// converged, or continuous tendons). Solved anew, as `centerline`.
+    /// converged, or continuous tendons).
     fn jacobians<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         if self.answer.is_none() {
             return Ok(None);
         }
         let robot = &self.robot.get().inner;
         let found = py
-            .detach(|| {
-                let mut solver = self.settings.solver(robot)?;
-                solver.solve(&self.load.borrow())?;
-                Ok(solver.jacobians())
-            })
+            .detach(|| self.ask(Solver::jacobians))
             .map_err(input_error)?;
         let Some(found) = found else {
             return Ok(None);
@@ -509,8 +590,8 @@ impl Solution {
 }
 
 /// Copies of the arrays: nobody can change them while the interpreter lock is released.
-struct OwnLoads {
-    count: usize,
+pub(crate) struct OwnLoads {
+    pub count: usize,
     tensions: Vec<f64>,
     gravity: Vec<f64>,
     tip_force: Vec<f64>,
@@ -518,7 +599,7 @@ struct OwnLoads {
 }
 
 impl OwnLoads {
-    fn new(
+    pub fn new(
         robot: &bowstring_core::robot::Robot,
         tensions: PyReadonlyArray2<f64>,
         gravity: Option<&Bound<PyAny>>,
@@ -557,7 +638,7 @@ impl OwnLoads {
         })
     }
 
-    fn borrow(&self) -> Loads<'_> {
+    pub fn borrow(&self) -> Loads<'_> {
         Loads {
             count: self.count,
             tensions: &self.tensions,
@@ -568,7 +649,12 @@ impl OwnLoads {
     }
 }
 
-fn settings(theory: &str, tendon: &str, twist: bool, elements: usize) -> PyResult<Settings> {
+pub(crate) fn settings(
+    theory: &str,
+    tendon: &str,
+    twist: bool,
+    elements: usize,
+) -> PyResult<Settings> {
     let model = model(theory, tendon, twist)?;
     Ok(Settings { model, elements })
 }
