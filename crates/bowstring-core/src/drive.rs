@@ -198,6 +198,8 @@ const LOOSE: f64 = 1e-12;
 const MAX_STEPS: usize = 120;
 /// Residual below which Newton's matrix is kept while it serves.
 const NEAR: f64 = 1e-2;
+/// Steps in which a hole of a path that begins may turn from slip to slip.
+const FRESH_STEPS: usize = 5;
 /// Steps with a hole that has changed its mind; after these all that may stick are unknown
 /// together.
 const BOLD_STEPS: usize = 8;
@@ -279,7 +281,16 @@ impl Drive {
                 _ => 0.0,
             })
             .collect();
-        let creep = stretch.iter().map(|a| a.max(CREEP * scale)).collect();
+        let passes = |at: usize| at / m <= robot.spec().tendons[at % m].end_disk;
+        let creep = (0..n * m)
+            .map(|at| {
+                if passes(at) {
+                    stretch[at].max(CREEP * scale)
+                } else {
+                    0.0
+                }
+            })
+            .collect();
         let mut drive = Drive {
             solver,
             creep,
@@ -609,7 +620,7 @@ impl Drive {
             self.solver.engine.measure_spans(self.rubs);
             let mut settled = true;
             if self.rubs {
-                settled = self.slide(old, commands, fresh && step < BOLD_STEPS);
+                settled = self.slide(old, commands, fresh && step < FRESH_STEPS);
                 self.apply();
                 self.solver.engine.evaluate();
             }
@@ -848,7 +859,7 @@ impl Drive {
                 (self.now.slip[at], self.now.drops[at]) = (next, drop);
             }
         }
-        if !sure {
+        if !sure && !fresh {
             self.scratch.doubts += 1;
         }
         settled && sure

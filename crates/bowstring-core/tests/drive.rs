@@ -500,3 +500,25 @@ fn elastic_tendons_tend_to_stiff_ones() {
         }
     }
 }
+
+/// A robot that is held by tensions is held as well by the pulls that it then has.
+#[test]
+fn tensions_give_way_to_pulls() {
+    let robot = rao_robot();
+    let mut draw = Draw(11);
+    for _ in 0..30 {
+        let mut drive = rubbing(&robot, 0.1);
+        let given: Vec<_> = (0..6).map(|_| draw.within(0.5, 3.0)).collect();
+        let load = pull(&[0.0; 6]);
+        step(&mut drive, &tensions(&given), &load);
+        let held: Vec<_> = (0..6).map(|i| drive.pull(i)).collect();
+        let tip = drive.solver().tip().unwrap().position;
+        let found = step(&mut drive, &pulls(&held), &load);
+        assert_eq!(found.status, Status::Converged, "{given:?} {found:?}");
+        let moved = (drive.solver().tip().unwrap().position - tip).norm();
+        assert!(moved < 1e-9, "{moved:e}");
+        for (t, now) in given.iter().zip(&drive.history().tensions) {
+            assert!((t - now).abs() < 1e-6, "{given:?} {now}");
+        }
+    }
+}
