@@ -604,6 +604,8 @@ impl Drive {
         };
         self.start(old, commands, load);
         self.scratch.doubts = 0;
+        // a step of a path that was broken off and gone on with is the same to the last digit
+        self.scratch.complementarity.side.clear();
         let symmetric = load.tip_moment == [0.0; 3];
         let scale = self.robot().moment_scale();
         let unit = self.solver.settings().shift_unit;
@@ -611,7 +613,7 @@ impl Drive {
         let fresh = self.rubs && old.drops.iter().all(|y| *y == 0.0);
         let rigid = self.ridge.iter().any(|r| *r > 0.0);
         let (mut last, mut shift) = (f64::INFINITY, 0.0);
-        let (mut before, mut pivot, mut largest) = (f64::INFINITY, f64::NAN, f64::INFINITY);
+        let (mut before, mut pivot, mut largest) = (0.0, f64::NAN, f64::INFINITY);
         let stiffening = self.solver.engine.energy_scale(length) / self.modules as f64;
         for step in 0..=MAX_STEPS {
             if !self.solver.engine.evaluate().is_finite() {
