@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -36,6 +37,23 @@ class Shell:
         assert err.startswith("Error: ") and err.count("\n") == 1, err
         assert "Traceback" not in err
         return err.removeprefix("Error: ").strip()
+
+
+def refuses(
+    shell: Shell, folder: Path, monkeypatch: pytest.MonkeyPatch, says: str, *arguments: str
+) -> None:
+    """Check that a command in a folder refuses its input, and leaves the files there as they are.
+
+    One is there: ``mine/notes.txt``.
+    """
+    monkeypatch.chdir(folder)
+    mine = folder / "mine" / "notes.txt"
+    mine.parent.mkdir()
+    mine.write_text("keep me")
+    assert says in shell.error(*arguments)
+    assert says in shell.error(*arguments, "--json")
+    assert [p for p in folder.rglob("*") if p.is_file()] == [mine]
+    assert mine.read_text() == "keep me"
 
 
 def process(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:

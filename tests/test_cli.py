@@ -20,7 +20,7 @@ from jsonschema import Draft202012Validator
 
 import bowstring as bs
 from bowstring import cli
-from shell import Shell, process
+from shell import Shell, process, refuses
 
 ROOT = Path(__file__).parents[1]
 
@@ -247,18 +247,14 @@ def test_study_of_an_own_robot(
         (["--modal-damping", "120 %"], "--modal-damping"),
         (["--out", ""], "no study of Bowstring"),
         (["--out", "mine"], "no study of Bowstring"),
+        (["--out", "mine"], "--out: cannot write the study"),
         (["--out", "mine/notes.txt"], "is a file"),
     ],
 )
 def test_study_refuses(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: list[str], says: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    mine = tmp_path / "mine" / "notes.txt"
-    mine.parent.mkdir()
-    mine.write_text("keep me")
-    assert says in shell.error("study", *flags)
-    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [mine]
+    refuses(shell, tmp_path, monkeypatch, says, "study", *flags)
 
 
 def test_study_stopped_half_way_writes_nothing(
@@ -305,6 +301,7 @@ SOLVE = ("solve", "amouri2019", "--tension", "1,2,3")
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
+        (["solve", "", "--tension", "80,0,0"], "ROBOT: got nothing; name a built-in robot"),
         # numbers
         (["fk", "amouri2019", "--lengths", "nan,1,1"], 'got "nan", which is not a number'),
         (["fk", "amouri2019", "--lengths", "inf,1,1"], 'got "inf", which is not a number'),
@@ -476,6 +473,24 @@ def test_stopped_by_the_user(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr(cli, "robot_names", stopped)
     assert shell("robots") == (130, "", "Stopped: nothing was written.\n")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_stopped_while_it_starts(number: str) -> None:
+    """In the middle of its imports, which take most of the time of a short command."""
+    code = (
+        "import runpy, signal, sys\n"
+        "class Now:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == 'numpy': signal.raise_signal(signal.{number})\n"
+        "sys.meta_path.insert(0, Now())\n"
+        "sys.argv = ['bowstring', 'robots']\n"
+        "runpy.run_module('bowstring', run_name='__main__')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "Stopped: nothing was written.\n"
 
 
 @pytest.mark.parametrize(

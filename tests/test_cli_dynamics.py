@@ -18,7 +18,7 @@ import bowstring as bs
 from bowstring import dynamics
 from bowstring.runfile import read_run
 from bowstring.timetable import read_tensions
-from shell import Shell, process
+from shell import Shell, process, refuses
 
 SIMULATE = ("simulate", "amouri2019")
 PULLED = (*SIMULATE, "--tension", "80,0,0")
@@ -164,6 +164,19 @@ def test_a_run_that_stops_early(shell: Shell, tmp_path: Path, as_json: bool) -> 
         assert f"collision, {end:.6g} s" in text
 
 
+def test_a_jump_that_no_step_follows(shell: Shell, tmp_path: Path) -> None:
+    """The start is there once, with numbers, in JSON and in the file."""
+    out = tmp_path / "run.nc"
+    arguments = [*SIMULATE, "--tension", "1e9,0,0", "--rise", "0", "--out", str(out)]
+    code, text, err = shell(*arguments, "--json")
+    assert code == 1 and err.startswith("Error: amouri2019: stopped at 0 s: even the shortest")
+    assert err.count("\n") == 1
+    found = json.loads(text)
+    assert found["status"] == "step_failed" and found["t_s"] == [0]
+    np.testing.assert_allclose(found["tip_position_m"], [[0, 0, 0.641]], atol=1e-12)
+    assert read_run(out)["time"].values.tolist() == [0]
+
+
 def test_no_equilibrium_at_the_start(shell: Shell) -> None:
     arguments = [*PULLED, "--gravity", "0,0,-98100"]
     code, out, err = shell(*arguments)
@@ -171,6 +184,14 @@ def test_no_equilibrium_at_the_start(shell: Shell) -> None:
     found = shell.json(*arguments, code=1)
     assert set(found) == set(SOUND.split())
     assert found["status"] == "no_equilibrium" and found["message"] in err
+    sound = shell.json(*SHORT)["provenance"]["settings"]
+    settings = found["provenance"]["settings"]
+    assert list(settings) == list(sound) and settings["duration_s"] == 2
+    assert settings["gravity_m_per_s2"] == [0, 0, -98100]
+    damped = shell.json(*arguments, "--modal-damping", "1 %", code=1)
+    assert damped["status"] == "no_equilibrium"
+    assert list(damped["provenance"]["settings"]) == list(sound)
+    assert damped["provenance"]["settings"]["mass_damping_per_s"] is None
     assert found["t_s"] == found["tip_position_m"] == []
 
 
@@ -195,6 +216,12 @@ def test_no_equilibrium_at_the_start(shell: Shell) -> None:
         (["--tension", "80,0,0", "--tolerance", "1 %"], 'for example --tolerance "1 um"'),
         (["--tension", "80,0,0", "--every", "0"], "--every: got 0 s"),
         (["--tension", "80,0,0", "--every", "1 us"], "--every: 1 us gives 2e+06 outputs"),
+        (["--tension", "80,0,0", "--every", "0.1 ns"], "--every: got 1e-10 s; must be 1e-06 s or"),
+        (["--tension", "80,0,0", "--rise", "0", "--hold", "1 ns"], "the run takes 1e-09 s; 1e-06"),
+        (
+            ["--tension", "8,0,0", "--modal-damping", "0.1", "--tip-moment", "0,1,0"],
+            "--modal-damping needs the modes, and under --tip-moment there are none",
+        ),
         (["--tension", "80,0,0", "--mass-damping=-1"], "--mass-damping: got -1 1/s"),
         (["--tension", "80,0,0", "--material-damping", "1/s"], "--material-damping: got"),
         (["--tension", "80,0,0", "--modal-damping", "2"], "--modal-damping: got 2; must be"),
@@ -209,6 +236,11 @@ def test_no_equilibrium_at_the_start(shell: Shell) -> None:
         (["--tension", "80,0,0", "--theory", "beam"], "is not one of"),
         # tables
         (["--table", "none.csv"], "--table: none.csv: the table cannot be read: No such file"),
+        pytest.param(
+            ["--table", "/dev/zero"],
+            "/dev/zero: the table is too large; 100 MB are read",
+            marks=pytest.mark.skipif(os.name == "nt", reason="no such device"),
+        ),
         (["--table", "."], "--table: .: the table cannot be read: it is a folder"),
         (["--table", "none.csv", "--tension", "80,0,0"], "leave --tension out"),
         (["--table", "none.csv", "--rise", "1"], "leave --rise out"),
@@ -235,14 +267,8 @@ def test_bad_input_is_refused_before_the_work(
         pytest.fail("the work has begun")
 
     monkeypatch.setattr(dynamics, "simulate", worked)
-    monkeypatch.chdir(tmp_path)
-    mine = tmp_path / "mine" / "notes.txt"
-    mine.parent.mkdir()
-    mine.write_text("keep me")
     (tmp_path / "e").mkdir()
-    assert says in shell.error(*SIMULATE, *flags)
-    assert says in shell.error(*SIMULATE, "--json", *flags)
-    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [mine]
+    refuses(shell, tmp_path, monkeypatch, says, *SIMULATE, *flags)
 
 
 HEADER = "t_s,tension_1_N,tension_2_N,tension_3_N\n"
@@ -270,6 +296,7 @@ HEADER = "t_s,tension_1_N,tension_2_N,tension_3_N\n"
         (HEADER + "-1,0,0,0\n1,0,0,0\n", "row 2: the first time is -1 s"),
         (HEADER + "0,0,0,0\n", "the last time is 0 s"),
         (HEADER + "0,0,0,0\n99999,0,0,0\n", "it takes 99999 s"),
+        (HEADER + "0,0,0,0\n1e-9,0,0,0\n", "it takes 1e-09 s; 1e-06 s or more are possible"),
         (HEADER + '0,0,0,"0\n', "unexpected end of data"),
         ("\x00\x01", "bad.csv"),
     ],
@@ -335,6 +362,23 @@ def test_stopped_while_pictures_are_drawn(
     assert err == f"Stopped: the motion was done and the run is in {out}; pictures are not.\n"
     assert read_run(out).attrs["status"] == "converged"
     assert list(tmp_path.iterdir()) == [out]
+
+
+def test_stopped_while_the_result_is_printed(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By then there is a file, or nothing: which is said."""
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("bowstring.cli._write", stopped)
+    out = tmp_path / "run.nc"
+    says = f"the result is not printed whole; the run is in {out}.\n"
+    for flags in ([], ["--json"]):
+        assert shell(*SHORT, "--out", str(out), *flags) == (130, "", f"Stopped: {says}")
+    says = "the result is not printed whole; nothing is kept.\n"
+    assert shell(*SHORT) == (130, "", f"Stopped: {says}")
 
 
 def test_simulate_keeps_stdout_pure() -> None:
@@ -424,6 +468,7 @@ def test_modes_without_equilibrium(shell: Shell) -> None:
         (["--elements", "3"], "--elements: got 3"),
         (["--tip-force", "1"], "--tip-force: got 1 number"),
         (["--gravity", "0,0,x"], '--gravity: got "x"'),
+        (["--out", "mine"], "--out: cannot write the modes"),
         (["--out", "mine"], "no modes of Bowstring"),
         (["--out", "mine/notes.txt"], "is a file"),
     ],
@@ -431,9 +476,4 @@ def test_modes_without_equilibrium(shell: Shell) -> None:
 def test_modes_refuses(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: list[str], says: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    mine = tmp_path / "mine" / "notes.txt"
-    mine.parent.mkdir()
-    mine.write_text("keep me")
-    assert says in shell.error("modes", "amouri2019", *flags)
-    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [mine]
+    refuses(shell, tmp_path, monkeypatch, says, "modes", "amouri2019", *flags)

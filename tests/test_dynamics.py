@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +13,19 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import dynamics
+from bowstring import dynamics, oscillations
 from bowstring.dynamics import Table, modes, ramp, simulate, step
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.runfile import read_run
+from bowstring.runfile import RunFile, read_run
 
 ROBOT = bs.load_robot("amouri2019")
 DATA = Path(
     os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data")
 ).resolve()
+
+
+NUMBERS = ("duration", "dt", "tolerance", "every", "mass_damping", "material_damping")
+NUMBERS += ("modal_damping", "spectral_radius")
 
 
 def pulled(newtons: float) -> list[float]:
@@ -233,6 +239,36 @@ def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
 # -- loads over time -------------------------------------------------------------------------
 
 
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_a_second_interrupt_does_not_spoil_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finish = RunFile.finish
+
+    def again(self: RunFile, *arguments: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+        finish(self, *arguments)
+
+    def stop(share: float) -> None:
+        # both wait until the interpreter looks at them
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGTERM)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
+
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    monkeypatch.setattr(RunFile, "finish", again)
+    try:
+        with pytest.raises(dynamics.RunInterrupted) as caught:
+            simulate(ROBOT, pulled(5), 0.1, out=tmp_path / "run.nc", progress=stop)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    data = read_run(tmp_path / "run.nc")
+    assert data.attrs["status"] == caught.value.run.status == "interrupted"
+    assert float(data.time[-1]) == caught.value.run.end > 0
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
 def test_function_table_and_ramp_are_one() -> None:
     arguments: dict[str, Any] = {"dt": 2e-3, "mass_damping": 0.5}
     by_ramp = simulate(ROBOT, ramp(pulled(30), 0.2), 0.3, **arguments)
@@ -396,12 +432,122 @@ def test_bad_tables(times: Any, values: Any, text: str) -> None:
         ({"initial_tensions": [1.0]}, "initial_tensions has shape"),
         ({"initial_disk_forces": [[0.0, 0.0, 0.0]]}, "initial_disk_forces"),
         ({"out": "no/such/folder/run.nc"}, "does not exist"),
+        # booleans and text are no numbers, wherever they stand
+        *(
+            ({name: value}, f"{name} is {value!r}, it must be a finite number")
+            for name in NUMBERS
+            for value in (True, "1")
+        ),
+        ({"points": True}, "points is True"),
+        ({"points": False}, "points is False"),
+        ({"tensions": [5.0, True, 0]}, r"tensions is \[5.0, True, 0\], it must be 3 numbers in N"),
+        ({"tensions": np.array([True, False, False])}, "it must be 3 numbers in N"),
+        ({"tensions": ["5", "0", "0"]}, "tensions is .* it must be 3 numbers in N, a table"),
+        ({"tip_force": [True, 0, 0]}, "tip_force is .* it must be 3 numbers"),
+        ({"initial_tensions": (0, 0, True)}, "initial_tensions is .* it must be 3 numbers"),
+        ({"initial_disk_forces": np.ones((9, 3), dtype=bool)}, "initial_disk_forces must be num"),
+        ({"gravity": [True, False, False]}, "gravity is .* it must be 3 numbers in m/s"),
+        ({"tensions": lambda t: [True, False, False]}, "returned .True, .* at 0 s, it must be 3 n"),
+        ({"tensions": lambda t: "high"}, "returned 'high' at 0 s"),
+        ({"tensions": lambda t: [10**400, 0, 0]}, "the function for tensions returned"),
+        # of a wrong type or size altogether
+        ({"robot": "amouri2019"}, "robot is 'amouri2019', it must be a Robot"),
+        ({"duration": 10**400}, "duration is inf s, it must be a finite number"),
+        ({"tensions": [10**400, 0, 0]}, r"tensions is \[1000.* \.\.\., it must be 3 numbers"),
+        ({"duration": 1e-9}, "duration is 1e-09 s, it must be 1e-06 s or more"),
+        ({"duration": 1e-4, "every": 1e-10}, "every is 1e-10 s, it must be 1e-06 s or more"),
+        ({"elements": True}, "elements is True, it must be 1, 2, 4 or 8"),
+        ({"elements": "1"}, "elements is '1', it must be 1, 2, 4 or 8"),
+        ({"elements": -1}, "elements is -1, it must be 1, 2, 4 or 8"),
+        ({"theory": None}, "theory is None, it must be"),
+        ({"tendon": 1}, "tendon is 1, it must be"),
+        ({"twist": 1}, "twist is 1, it must be True or False"),
+        ({"out": True}, "out is True, it must be the path of a file"),
+        ({"progress": "bar"}, "progress is 'bar', it must be a function"),
     ],
 )
 def test_bad_arguments(changes: dict[str, Any], text: str) -> None:
-    arguments = {"tensions": pulled(5), "duration": 0.1, **changes}
+    arguments = {"robot": ROBOT, "tensions": pulled(5), "duration": 0.1, **changes}
+    with pytest.raises(InputError, match=text) as error:
+        simulate(**arguments)
+    assert len(str(error.value)) < 300 and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"robot": "amouri2019"}, "it must be a Robot"),
+        ({"tensions": [True, True, True]}, "tensions is .* it must be 3 numbers"),
+        ({"tip_force": ["1", "0", "0"]}, "tip_force is .* it must be 3 numbers"),
+        ({"gravity": [True, False, False]}, "gravity is .* it must be 3 numbers"),
+        ({"count": True}, "count is True, it must be a positive whole number"),
+        ({"count": "6"}, "count is '6'"),
+        ({"theory": 1}, "theory is 1"),
+        ({"tendon": None}, "tendon is None"),
+        ({"twist": "no"}, "twist is 'no'"),
+        ({"elements": 2.0}, "elements is 2.0"),
+    ],
+)
+def test_bad_arguments_of_modes(changes: dict[str, Any], text: str) -> None:
+    arguments = {"robot": ROBOT, **changes}
     with pytest.raises(InputError, match=text):
-        simulate(ROBOT, **arguments)
+        modes(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: Table([0, True], [[0], [1]]), "takes numbers"),
+        (lambda: Table([0, 1], [[0], [True]]), "takes numbers"),
+        (lambda: Table(["0", "1"], [[0], [1]]), "takes numbers"),
+        (lambda: Table([0], [[10**400]]), "takes numbers"),
+        (lambda: ramp([True, False, False], 1.0), "values of a ramp are"),
+        (lambda: ramp([80, 0, 0], True), "rise is True"),
+        (lambda: ramp([80, 0, 0], 1.0, start="x"), "start is 'x', it must be a finite number"),
+        (lambda: step([80, 0, 0], start=float("nan")), "start is nan s"),
+        (lambda: step([80, 0, 0], start=-1), "start is -1 s, it must be zero or more"),
+        (lambda: simulate(ROBOT, pulled(5), 0.02).tip_at("now"), "times is 'now'"),
+        (lambda: simulate(ROBOT, pulled(5), 0.02).tip_at([[0.01]]), r"times has shape \(1, 1\)"),
+    ],
+)
+def test_booleans_and_text_are_no_numbers(make: Any, text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        make()
+
+
+def test_whole_numbers_of_numpy_are_whole(tmp_path: Path) -> None:
+    numbers: dict[str, Any] = {"points": np.int64(3), "elements": np.int64(2)}
+    run = simulate(ROBOT, pulled(5), 0.02, out=tmp_path / "run.nc", **numbers)
+    assert run.converged and run.dataset.sizes["station"] == 27
+    assert len(modes(ROBOT, count=np.int64(2))) == 2
+
+
+def test_errors_carry_their_status() -> None:
+    two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
+    heavy = {"gravity": (0.0, 0.0, -98100.0)}
+    for fails in (
+        lambda: simulate(two, pulled(4000), 1.0),
+        lambda: simulate(ROBOT, pulled(5), 0.1, **heavy),
+        lambda: modes(ROBOT, **heavy),
+    ):
+        with pytest.raises(NoSolutionError) as error:
+            fails()
+        assert error.value.status == "no_equilibrium"
+        assert pickle.loads(pickle.dumps(error.value)).status == "no_equilibrium"
+    run = simulate(two, ramp(pulled(4000), 0.1), 0.1)
+    with pytest.raises(NoSolutionError) as error:
+        run.raise_for_status()
+    assert error.value.status == run.status != "converged"
+    still = bs.solve(two, pulled(4000))
+    with pytest.raises(NoSolutionError) as error:
+        still.raise_for_status()
+    assert error.value.status == still.status
+
+
+def test_modes_are_where_they_were() -> None:
+    assert dynamics.modes is bs.modes is oscillations.modes
+    assert dynamics.Modes is bs.Modes is oscillations.Modes
+    assert repr(modes(ROBOT, count=2)) == "<Modes of amouri2019: 2.28, 2.28 Hz>"
 
 
 @pytest.mark.parametrize(
@@ -411,11 +557,13 @@ def test_bad_arguments(changes: dict[str, Any], text: str) -> None:
         (lambda t: pulled(-1) if t > 0.05 else pulled(1), "tendon 1 is -1 N at 0.0"),
         (lambda t: [1.0], "returned shape"),
         (lambda t: pulled(1 / (0.05 - t)) if t >= 0.05 else pulled(1), "failed at|tendon 1 is"),
+        (lambda t: {}["no\nsuch\nkey" * 99], "failed at 0 s: KeyError: 'no"),
     ],
 )
 def test_bad_functions_stop_the_run_and_keep_it(function: Any, text: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=text):
+    with pytest.raises(InputError, match=text) as error:
         simulate(ROBOT, function, 0.1, dt=1e-3, out=tmp_path / "run.nc")
+    assert "\n" not in str(error.value) and len(str(error.value)) < 400
     if (tmp_path / "run.nc").exists():
         data = read_run(tmp_path / "run.nc")
         assert data.attrs["status"] == "failed"
@@ -499,3 +647,16 @@ def test_no_equilibrium_to_start_from() -> None:
     two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
     with pytest.raises(NoSolutionError, match="no equilibrium to start from"):
         simulate(two, pulled(4000), 1.0)
+
+
+@pytest.mark.parametrize("jump", [0.0, 0.02])
+def test_a_load_that_no_step_follows_leaves_what_came_before(jump: float, tmp_path: Path) -> None:
+    """At a jump beyond all bounds the motion stops at the jump, which is an output time once."""
+    pull = Table([jump, jump], [pulled(0), pulled(1e9)])
+    times = [0.0, 0.01, 0.02] if jump else [0.0]
+    for out in (None, tmp_path / "run.nc"):
+        run = simulate(ROBOT, pull, 0.05, out=out)
+        assert run.status == "step_failed" and run.time.tolist() == times
+        np.testing.assert_allclose(run.tip_at(run.end), [[0.0, 0.0, 0.641]], atol=1e-12)
+        assert run.dataset.time.values.tolist() == times
+        assert run.dataset.attrs["status"] == "step_failed"

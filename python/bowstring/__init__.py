@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from bowstring import arc, dynamics, errors
     from bowstring._core import __version__
-    from bowstring.dynamics import Modes, Run, modes, simulate
+    from bowstring.dynamics import Run, simulate
+    from bowstring.oscillations import Modes, modes
     from bowstring.robot import Robot, load_robot, robot_names, robot_schema
     from bowstring.rod import (
         Jacobians,
@@ -51,10 +52,10 @@ __all__ = [
 
 _HOME = {
     "__version__": "_core",
-    "Modes": "dynamics",
     "Run": "dynamics",
-    "modes": "dynamics",
     "simulate": "dynamics",
+    "Modes": "oscillations",
+    "modes": "oscillations",
     "Robot": "robot",
     "load_robot": "robot",
     "robot_names": "robot",

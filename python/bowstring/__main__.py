@@ -1,6 +1,42 @@
-"""``python -m bowstring`` is the command ``bowstring``."""
+"""``python -m bowstring`` and ``bowstring``: the command, and Ctrl-C while it starts and ends."""
 
-from bowstring.cli import main
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable
+from types import FrameType
+from typing import Final
+
+_STOPPED: Final = 130  # as bowstring.cli has it, which takes long to import
+
+
+def _stopped(*_: object) -> None:
+    # in the middle of an import an exception may be caught there, or become another one
+    os.write(2, b"Stopped: nothing was written.\n")
+    os._exit(_STOPPED)
+
+
+def _answer(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup has it
+            signal.signal(number, handler)
+
+
+def main() -> None:
+    """Run the command of ``sys.argv`` and exit."""
+    _answer(_stopped)
+    from bowstring.cli import main as command
+
+    _answer(signal.default_int_handler)
+    try:
+        command()
+    except KeyboardInterrupt:  # one more while the first was answered
+        sys.exit(_STOPPED)
+    finally:
+        _answer(signal.SIG_IGN)  # all is said
+
 
 if __name__ == "__main__":
     main()

@@ -47,6 +47,8 @@ LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
 MOST_OUTPUTS: Final = 1_000_000
 
+_TOO_SHORT: Final = f"{SHORTEST_STEP:g} s or more are possible, less drowns in rounding."
+
 app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
@@ -386,7 +388,7 @@ def study(
     from bowstring import report
     from bowstring import study as study_
 
-    folder = report.check_folder(report.default_folder(model) if out is None else out)
+    folder = _of("--out", report.check_folder, report.default_folder(model) if out is None else out)
     with _progress() as tell:
         found = study_.run(
             model,
@@ -491,6 +493,12 @@ def simulate(
         raise InputError(
             "--modal-damping is instead of --mass-damping and --material-damping; give either."
         )
+    moment = _vector("--tip-moment", tip_moment, "N*m")
+    if modal_damping is not None and any(moment):
+        raise InputError(
+            "--modal-damping needs the modes, and under --tip-moment there are none; give "
+            "--mass-damping and --material-damping instead."
+        )
     if dt is not None and tolerance is not None:
         raise InputError("--tolerance is for steps that adapt and --dt fixes them; give either.")
     if not 0 <= spectral_radius <= 1:
@@ -502,6 +510,11 @@ def simulate(
             "rounding."
         )
     interval = _positive("--every", every, "s")
+    if interval < SHORTEST_STEP:
+        raise InputError(
+            f"--every: got {interval:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps "
+            "drown in rounding."
+        )
     if duration / interval > MOST_OUTPUTS:
         raise InputError(
             f"--every: {every} gives {duration / interval:.3g} outputs; up to {MOST_OUTPUTS} are "
@@ -509,7 +522,7 @@ def simulate(
         )
     settings: dict[str, Any] = {
         "tip_force": _vector("--tip-force", tip_force, "N"),
-        "tip_moment": _vector("--tip-moment", tip_moment, "N*m"),
+        "tip_moment": moment,
         "initial_tensions": start,
         "theory": theory,
         "gravity": None if gravity is None else _vector("--gravity", gravity, "m/s^2"),
@@ -529,35 +542,41 @@ def simulate(
     if vtk is None and animation is None:
         settings["points"] = dynamics.DEFAULT_POINTS if out else 0  # nobody looks at fields
     share = 0.5 if vtk or animation else 1.0
-    with _progress() as tell:
-        try:
-            run = dynamics.simulate(
-                model,
-                tensions,
-                duration,
-                out=targets.out,
-                progress=lambda done: tell("motion", share * done),
-                **settings,
-            )
-        except dynamics.RunInterrupted as stopped:
-            run = stopped.run
-        except NoSolutionError as error:
-            if as_json:
-                nothing = dynamics.Run(model, settings)
-                why = {"status": "no_equilibrium", "message": str(error)}
-                _write_json(
-                    {**_run_json(nothing, interval), **why, "files": targets.write(nothing)}
+    run: Run | None = None
+    files: dict[str, Path | None] | None = None
+    try:
+        with _progress() as tell:
+            try:
+                run = dynamics.simulate(
+                    model,
+                    tensions,
+                    duration,
+                    out=targets.out,
+                    progress=lambda done: tell("motion", share * done),
+                    **settings,
                 )
-            raise
-        try:
+            except dynamics.RunInterrupted as stopped:
+                run = stopped.run
+            except dynamics.NoStart as error:
+                if as_json:
+                    why = {"status": error.status, "message": str(error)}
+                    files = targets.write(error.run)
+                    _write_json({**_run_json(error.run, interval), **why, "files": files})
+                raise
             files = targets.write(run, lambda what, done: tell(what, share + (1 - share) * done))
-        except KeyboardInterrupt:
-            kept = f"the run is in {targets.out}" if targets.out else "nothing is kept"
-            raise _Stopped(f"the motion was done and {kept}; pictures are not.") from None
-    if as_json:
-        _write_json({**_run_json(run, interval), "files": files})
-    else:
-        _write_tables(*_run_tables(run, files))
+        if as_json:
+            _write_json({**_run_json(run, interval), "files": files})
+        else:
+            _write_tables(*_run_tables(run, files))
+    except KeyboardInterrupt:
+        if run is None:
+            raise
+        kept = f"the run is in {run.path}" if run.path else "nothing is kept"
+        if files is not None:
+            raise _Stopped(f"the result is not printed whole; {kept}.") from None
+        done = "was stopped" if run.status == "interrupted" else "was done"
+        pictures = "; pictures are not" if vtk or animation else ""
+        raise _Stopped(f"the motion {done} and {kept}{pictures}.") from None
     if run.status == "interrupted":
         kept = f"; {files['run']} holds the run up to there" if files["run"] else ""
         raise _Stopped(f"at {run.end:.6g} s of {duration:g} s{kept}.")
@@ -599,7 +618,7 @@ def modes(
     if out is not None:
         from bowstring import report
 
-        out = report.check_folder(out, "modes")
+        out = _of("--out", lambda path: report.check_folder(path, "modes"), out)
     provenance = _provenance(
         model,
         tensions_N=tensions,
@@ -619,9 +638,9 @@ def modes(
             gravity=weight,
             elements=elements,
         )
-    except NoSolutionError:
+    except NoSolutionError as error:
         if as_json:
-            nothing = {"status": "no_equilibrium", "tensions_N": tensions, "modes": [], "disks": []}
+            nothing = {"status": error.status, "tensions_N": tensions, "modes": [], "disks": []}
             _write_json({**nothing, **provenance})
         raise
     content = _plain({**found.to_dict(), **provenance})
@@ -667,6 +686,8 @@ _EXAMPLES: Final = {
 
 
 def _load(source: str, overrides: Sequence[str] | None) -> Robot:
+    if not source.strip():
+        raise InputError("ROBOT: got nothing; name a built-in robot or a robot file (YAML).")
     changes = {}
     for text in overrides or ():
         path, equals, value = text.partition("=")
@@ -886,6 +907,8 @@ def _tensions_over_time(
                 raise InputError(f"--table says it all: leave {flag} out, or --table.")
         over_time = _of("--table", lambda path: read_tensions(path, robot), table)
         duration = float(over_time.times[-1])
+        if duration < SHORTEST_STEP:
+            raise InputError(f"--table: it takes {duration:g} s; {_TOO_SHORT}")
         if duration > LONGEST_RUN:
             raise InputError(
                 f"--table: it takes {duration:g} s; a run of up to {LONGEST_RUN:g} s is possible."
@@ -900,6 +923,8 @@ def _tensions_over_time(
     duration = float(f"{rising + holding:.12g}")  # 0.1 + 0.2 is 0.3
     if duration == 0:
         raise InputError("--rise and --hold are both 0 s: there is no time to simulate.")
+    if duration < SHORTEST_STEP:
+        raise InputError(f"--hold: with --rise the run takes {duration:g} s; {_TOO_SHORT}")
     if duration > LONGEST_RUN:
         flag = "--rise" if rising > holding else "--hold"
         raise InputError(

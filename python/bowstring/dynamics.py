@@ -1,4 +1,4 @@
-"""Dynamics of a robot: tensions and loads over time to motion, fields and energies; modes.
+"""Dynamics of a robot: tensions and loads over time to motion, fields and energies.
 
 Everything is SI, in the base frame (z along the straight backbone) unless said otherwise.
 N is the number of disks, T the number of tendons.
@@ -6,8 +6,12 @@ N is the number of disks, T the number of tendons.
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,8 +20,10 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring import arguments
 from bowstring.drive import refuse_friction
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.oscillations import Modes, modes
 from bowstring.rod import TendonPath, Theory
 
 if TYPE_CHECKING:
@@ -27,7 +33,17 @@ if TYPE_CHECKING:
     from bowstring.fields import Frames
     from bowstring.robot import Robot
 
-__all__ = ["Modes", "Run", "RunInterrupted", "Table", "modes", "ramp", "simulate", "step"]
+__all__ = [
+    "Modes",
+    "NoStart",
+    "Run",
+    "RunInterrupted",
+    "Table",
+    "modes",
+    "ramp",
+    "simulate",
+    "step",
+]
 
 Floats = NDArray[np.float64]
 Status = Literal["converged", "step_failed", "collision", "interrupted", "failed"]
@@ -36,11 +52,11 @@ DEFAULT_INTERVAL: Final = 0.01
 DEFAULT_SPECTRAL_RADIUS: Final = 0.8
 DEFAULT_POINTS: Final = 5
 _TOLERANCE_SHARE: Final = 2e-6  # of the length, in each step
+_SHORTEST: Final = 1e-6  # s, between two outputs
 _LOOK: Final = 0.1  # seconds between two looks at the keyboard
 _MOST_OUTPUTS: Final = 1_000_000
+_LONGEST_WHY: Final = 300  # letters of an error of a user's function
 _INCREMENTS: Final = 20  # in which forces on disks are put on
-_NEUTRAL: Final = 1e8  # by which bending is quicker than what is called neutral, squared
-_ROUNDING: Final = 1e-12
 _NONE: Final = (0.0, 0.0, 0.0)
 
 
@@ -62,9 +78,9 @@ class Table:
 
     def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
         try:
-            self.times = np.array(times, dtype=float)
-            self.values = np.array(values, dtype=float)
-        except (TypeError, ValueError):
+            self.times = arguments.floats(times)
+            self.values = arguments.floats(values)
+        except TypeError:
             raise InputError("a table over time takes numbers: times (K,), values (K, C)") from None
         if self.times.ndim != 1 or self.values.ndim != 2 or len(self.times) == 0:
             raise InputError(
@@ -111,10 +127,13 @@ class Table:
 def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
     """A rise in a straight line from zero to `values`, which takes `rise` seconds; then hold."""
     try:
-        end = np.atleast_1d(np.asarray(values, dtype=float))
-    except (TypeError, ValueError):
-        raise InputError(f"the values of a ramp are {values!r}, they must be numbers") from None
-    rise = _positive("rise", rise, "s", zero=True)
+        end = np.atleast_1d(arguments.floats(values))
+    except TypeError:
+        raise InputError(
+            f"the values of a ramp are {arguments.shown(values)}, they must be numbers"
+        ) from None
+    rise = arguments.number("rise", rise, "s", zero=True)
+    start = arguments.number("start", start, "s", zero=True)
     return Table([start, start + rise], [np.zeros_like(end), end])
 
 
@@ -132,6 +151,17 @@ class RunInterrupted(KeyboardInterrupt):
     def __init__(self, run: Run) -> None:
         super().__init__(run.message)
         self.run = run
+
+
+class NoStart(NoSolutionError):
+    """No equilibrium to start `simulate` from; `run` has no times, but what was asked for."""
+
+    def __init__(self, message: str, run: Run) -> None:
+        super().__init__(message, status="no_equilibrium")
+        self.run = run
+
+    def __reduce__(self) -> tuple[type[NoStart], tuple[str, Run]]:
+        return NoStart, (str(self), self.run)  # out of a pool of processes
 
 
 @dataclass(eq=False)
@@ -223,7 +253,14 @@ class Run:
         InputError
             If a time lies outside the run.
         """
-        t = np.atleast_1d(np.asarray(times, dtype=float))
+        try:
+            t = np.atleast_1d(arguments.floats(times))
+        except TypeError:
+            raise InputError(
+                f"times is {arguments.shown(times)}, they must be numbers in s"
+            ) from None
+        if t.ndim != 1:
+            raise InputError(f"times has shape {t.shape}, it must be (K,), in s")
         slack = 1e-9 * (1.0 + self.end)
         if len(self.time) == 0 or not ((t >= -slack) & (t <= self.end + slack)).all():
             raise InputError(f"times of a run lie from 0 to {self.end:g} s")
@@ -248,7 +285,7 @@ class Run:
             The text says when it stopped, and why.
         """
         if not self.converged:
-            raise NoSolutionError(f"{self.robot.name}: {self.message}")
+            raise NoSolutionError(f"{self.robot.name}: {self.message}", status=self.status)
         return self
 
 
@@ -339,29 +376,46 @@ def simulate(
     InputError
         If an argument is wrong, the drive is full, or a function of time fails; what was written
         before stays.
-    NoSolutionError
-        If there is no equilibrium to start from.
+    NoStart
+        A `NoSolutionError`: there is no equilibrium to start from.
     RunInterrupted
         On Ctrl-C.
     """
+    arguments.check_robot(robot)
     refuse_friction(robot, "simulate")
-    duration = _positive("duration", duration, "s", zero=True)
-    every = _positive("every", every, "s")
+    arguments.check_choices(theory, tendon, twist, elements)
+    duration = arguments.number("duration", duration, "s", zero=True)
+    every = arguments.number("every", every, "s")
+    for name, value in (("duration", duration), ("every", every)):
+        if 0 < value < _SHORTEST:
+            raise InputError(
+                f"{name} is {value:g} s, it must be {_SHORTEST:g} s or more: shorter steps drown "
+                "in rounding"
+            )
     if dt is not None:
-        dt = _positive("dt", dt, "s")
+        dt = arguments.number("dt", dt, "s")
         every = max(every, dt)
     if tolerance is not None and dt is not None:
         raise InputError("give dt or tolerance, not both: a fixed step has no tolerance")
     if tolerance is None:
         tolerance = _TOLERANCE_SHARE * robot.length
-    tolerance = _positive("tolerance", tolerance, "m")
-    mass_damping = _positive("mass_damping", mass_damping, "1/s", zero=True)
-    material_damping = _positive("material_damping", material_damping, "s", zero=True)
-    spectral_radius = _positive("spectral_radius", spectral_radius, "", zero=True)
-    if not (isinstance(points, int) and (points == 0 or 2 <= points <= 1000)):
-        raise InputError(f"points is {points}, it must be a whole number from 2 to 1000, or 0")
+    tolerance = arguments.number("tolerance", tolerance, "m")
+    mass_damping = arguments.number("mass_damping", mass_damping, "1/s", zero=True)
+    material_damping = arguments.number("material_damping", material_damping, "s", zero=True)
+    spectral_radius = arguments.number("spectral_radius", spectral_radius, "", zero=True)
+    if not arguments.is_whole(points) or not (points == 0 or 2 <= points <= 1000):
+        raise InputError(
+            f"points is {arguments.shown(points)}, it must be a whole number from 2 to 1000, or 0"
+        )
+    if gravity is not None:
+        gravity = arguments.row("gravity", gravity, 3, "m/s^2").tolist()
     if points == 0 and out is not None:
         raise InputError("points is 0, a file needs fields: give 2 or more")
+    if out is not None and not isinstance(out, str | os.PathLike):
+        raise InputError(f"out is {arguments.shown(out)}, it must be the path of a file")
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress is {arguments.shown(progress)}, it must be a function")
+    points, elements = int(points), int(elements)  # numpy's are not for files
     count = len(robot.tendons.end_disk)
     loads = _Loads(
         _over_time("tensions", tensions, count, "N"),
@@ -377,27 +431,46 @@ def simulate(
     holding = None
     if initial_disk_forces is not None:
         try:
-            holding = np.array(initial_disk_forces, dtype=float)
-        except (TypeError, ValueError):
+            holding = arguments.floats(initial_disk_forces)
+        except TypeError:
             raise InputError("initial_disk_forces must be numbers, one row a disk, in N") from None
         if holding.shape != (len(robot.disks.station_m), 3) or not np.isfinite(holding).all():
             raise InputError(
                 f"initial_disk_forces must be finite, of shape ({len(robot.disks.station_m)}, 3) "
                 f"in N; got shape {holding.shape}"
             )
+    settings: dict[str, Any] = {
+        "theory": theory,
+        "gravity_m_per_s2": [float(g) for g in (robot.gravity if gravity is None else gravity)],
+        "tendon": tendon,
+        "twist": twist,
+        "elements": elements,
+        "duration_s": duration,
+        "mass_damping_per_s": mass_damping,
+        "material_damping_s": material_damping,
+        "spectral_radius": spectral_radius,
+        "dt_s": dt,
+        "tolerance_m": None if dt is not None else tolerance,
+        "every_s": every,
+        **loads.to_dict(),
+        **initial.to_dict("initial_"),
+        "initial_disk_forces_N": None if holding is None else holding.tolist(),
+    }
+    run = Run(robot, settings)
     if modal_damping is not None:
         if mass_damping or material_damping:
             raise InputError("give modal_damping, or mass and material damping, not both")
-        mass_damping, material_damping = _rayleigh(
-            robot,
-            _positive("modal_damping", modal_damping, "", zero=True),
-            initial,
-            theory=theory,
-            gravity=gravity,
-            tendon=tendon,
-            twist=twist,
-            elements=elements,
-        )
+        ratio = arguments.number("modal_damping", modal_damping, zero=True)
+        physics = {"theory": theory, "gravity": gravity, "tendon": tendon}
+        try:
+            mass_damping, material_damping = _rayleigh(
+                robot, ratio, initial, twist=twist, elements=elements, **physics
+            )
+        except NoSolutionError as error:
+            settings["mass_damping_per_s"] = settings["material_damping_s"] = None
+            raise NoStart(str(error), run) from None
+        settings["mass_damping_per_s"] = mass_damping
+        settings["material_damping_s"] = material_damping
     from bowstring import _core
 
     simulator = _core.Simulator(
@@ -414,25 +487,7 @@ def simulate(
         tolerance,
         min(every, DEFAULT_INTERVAL),
     )
-    settings: dict[str, Any] = {
-        "theory": theory,
-        "gravity_m_per_s2": [float(g) for g in (robot.gravity if gravity is None else gravity)],
-        "tendon": tendon,
-        "twist": twist,
-        "elements": elements,
-        "duration_s": duration,
-        "mass_damping_per_s": float(mass_damping),
-        "material_damping_s": float(material_damping),
-        "spectral_radius": float(spectral_radius),
-        "dt_s": dt,
-        "tolerance_m": None if dt is not None else tolerance,
-        "every_s": every,
-        **loads.to_dict(),
-        **initial.to_dict("initial_"),
-        "initial_disk_forces_N": None if holding is None else holding.tolist(),
-    }
     times = _output_times(duration, every)
-    run = Run(robot, settings)
     stations = _stations(robot, points)
     keep: list[Frames] = []
     tips: list[tuple[Floats, Floats, Floats]] = []
@@ -442,8 +497,17 @@ def simulate(
         check_file(out)
     file: RunFile | None = None
 
+    last = -1.0
+
     def take(result: dict[str, Any]) -> None:
+        nonlocal last
+        # where a motion stops, the core gives the last output time again
+        new = np.diff(result["time"], prepend=last) > 0
+        if not new.all():
+            rows = {k: v[new] for k, v in result.items() if np.shape(v)[:1] == new.shape}
+            result = {**result, **rows}
         if len(result["time"]):
+            last = float(result["time"][-1])
             tip = result["disk_position"][:, -1], result["disk_velocity"][:, -1]
             tips.append((result["time"], *tip))
             if points:
@@ -461,7 +525,8 @@ def simulate(
         if keep:
             run.frames = _joined(keep)
         if file is not None:
-            file.finish(status, reason)
+            with _deaf():
+                file.finish(status, reason)
         if tips:
             time, position, velocity = (np.concatenate(parts) for parts in zip(*tips, strict=True))
             # an interrupt may have fallen between two of these places: go by what is kept
@@ -476,14 +541,16 @@ def simulate(
         begun = clock.perf_counter()
         status = simulator.rest(*initial)
         if status != "converged":
-            raise NoSolutionError(
+            raise NoStart(
                 f"{robot.name}: there is no equilibrium to start from ({status}); "
-                "bowstring.solve with the loads at the start tells more"
+                "bowstring.solve with the loads at the start tells more",
+                run,
             )
         if holding is not None and not simulator.hold(holding, _INCREMENTS):
-            raise NoSolutionError(
+            raise NoStart(
                 f"{robot.name}: there is no stable equilibrium to start from under the forces on "
-                "its disks"
+                "its disks",
+                run,
             )
         first = simulator.run(*_rows([0.0], [initial]), np.array([True]), points)
         if holding is not None:
@@ -516,12 +583,37 @@ def simulate(
             begun = clock.perf_counter()
         finish("converged")
     except KeyboardInterrupt:
-        finish("interrupted", "stopped by the user")
+        ended = False
+        while not ended:
+            try:
+                finish("interrupted", "stopped by the user")
+                ended = True
+            except KeyboardInterrupt:  # one more, which waited with the first
+                continue
         raise RunInterrupted(run) from None
     except BaseException as error:
         finish("failed", str(error) or type(error).__name__)
         raise
     return run
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """A second Ctrl-C within is not heard: how a run ended is written whole."""
+    heard = []
+    if threading.current_thread() is threading.main_thread():  # the only one that hears any
+        heard = [
+            number
+            for number in (signal.SIGINT, signal.SIGTERM)
+            if signal.getsignal(number) is signal.default_int_handler
+        ]
+    for number in heard:
+        signal.signal(number, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for number in heard:
+            signal.signal(number, signal.default_int_handler)
 
 
 _WHY: Final[dict[str, str]] = {
@@ -561,18 +653,25 @@ class _Function:
 
     def at(self, time: float, *, before: bool = False) -> Floats:
         try:
-            value = np.array(self.function(time), dtype=float)
+            given = self.function(time)
         except Exception as error:
+            why = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_WHY]
             raise InputError(
-                f"the function for {self.name} failed at {time:.6g} s: "
-                f"{type(error).__name__}: {error}"
+                f"the function for {self.name} failed at {time:.6g} s: {why.rstrip(': ')}"
             ) from error
+        try:
+            value = arguments.floats(given)
+        except TypeError:
+            raise InputError(
+                f"the function for {self.name} returned {arguments.shown(given)} at {time:.6g} s, "
+                f"it must be {self.count} numbers"
+            ) from None
         if value.shape != (self.count,):
             raise InputError(
                 f"the function for {self.name} returned shape {value.shape} at {time:.6g} s, "
                 f"it must be ({self.count},)"
             )
-        _check_values(self.name, value, f" at {time:.6g} s")
+        arguments.check_values(self.name, value, f" at {time:.6g} s")
         return value
 
 
@@ -673,49 +772,17 @@ def _over_time(name: str, value: Any, count: int, unit: str) -> _Course:
                 f"the table for {name} has {value.values.shape[1]} columns, it must have {count}"
             )
         for row in value.values:
-            _check_values(name, row)
+            arguments.check_values(name, row)
         return value
     if callable(value):
         return _Function(name, value, count)
-    return Table([0.0], _row(name, value, count, unit)[None, :])
-
-
-def _row(name: str, value: Any, count: int, unit: str) -> Floats:
-    try:
-        row = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"{name} is {value!r}, it must be {count} numbers in {unit}, a table or a function"
-        ) from None
-    if row.shape != (count,):
-        raise InputError(f"{name} has shape {row.shape}, it must be ({count},), in {unit}")
-    _check_values(name, row)
-    return row
+    row = arguments.row(name, value, count, unit, ", a table or a function")
+    return Table([0.0], row[None, :])
 
 
 def _given(name: str, value: ArrayLike | None, otherwise: Floats) -> Floats:
     unit = "N m" if "moment" in name else "N"
-    return otherwise if value is None else _row(name, value, len(otherwise), unit)
-
-
-def _check_values(name: str, row: Floats, when: str = "") -> None:
-    if not np.isfinite(row).all():
-        raise InputError(f"{name} is {row.tolist()}{when}, all must be finite numbers")
-    if "tensions" in name and (row < 0).any():
-        i = int(np.argmax(row < 0))
-        raise InputError(
-            f"tension of tendon {i + 1} is {row[i]:g} N{when}, a tendon can only pull: "
-            "give zero or more"
-        )
-
-
-def _positive(name: str, value: Any, unit: str, *, zero: bool = False) -> float:
-    text = f"{value:g} {unit}".strip() if isinstance(value, float | int) else repr(value)
-    if not isinstance(value, float | int | np.floating | np.integer) or not np.isfinite(value):
-        raise InputError(f"{name} is {text}, it must be a finite number")
-    if value < 0 or (value == 0 and not zero):
-        raise InputError(f"{name} is {text}, it must be {'zero or more' if zero else 'positive'}")
-    return float(value)
+    return otherwise if value is None else arguments.row(name, value, len(otherwise), unit)
 
 
 def _output_times(duration: float, every: float) -> Floats:
@@ -730,6 +797,17 @@ def _output_times(duration: float, every: float) -> Floats:
         return np.concatenate([times, [duration]])
     times[-1] = duration
     return times
+
+
+def _rayleigh(robot: Robot, ratio: float, load: _Load, **physics: Any) -> tuple[float, float]:
+    """Mass damping in 1/s and material damping in s that give two modes a damping ratio."""
+    if load.tip_moment.any():
+        raise InputError("modal_damping needs modes, and a tip moment leaves none: give the others")
+    found = modes(robot, load.tensions, tip_force=load.tip_force, count=12, **physics)
+    slow = 2.0 * np.pi * float(found.frequency_hz[0])
+    faster = found.frequency_hz[found.frequency_hz >= 2.0 * found.frequency_hz[0]]
+    fast = 2.0 * np.pi * float(faster[0]) if len(faster) else 10.0 * slow
+    return 2.0 * ratio * slow * fast / (slow + fast), 2.0 * ratio / (slow + fast)
 
 
 # --------------------------------------------------------------------------------------
@@ -795,192 +873,9 @@ def at_rest(
     load = _Load(*(np.asarray(v, dtype=float) for v in (tensions, tip_force, tip_moment)))
     status = simulator.rest(*load)
     if status != "converged":
-        raise NoSolutionError(f"{robot.name}: there is no equilibrium to take fields of ({status})")
+        raise NoSolutionError(
+            f"{robot.name}: there is no equilibrium to take fields of ({status})",
+            status="no_equilibrium",
+        )
     result = simulator.run(*_rows([0.0], [load]), np.array([True]), points)
     return _frames(result, _stations(robot, points))
-
-
-# --------------------------------------------------------------------------------------
-# Modes
-# --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Modes:
-    """Small oscillations about an equilibrium, slowest first; made by `modes`.
-
-    Attributes
-    ----------
-    robot : Robot
-    frequency_hz : ndarray (K,)
-    kind : list of str (K,)
-        ``"bending"``, ``"torsion"`` or ``"axial"``: where most of the kinetic energy is, along
-        the axes of the disks.
-    displacement : ndarray (K, N, 3)
-        Of the disks, base axes; scaled so that the largest is 1.
-    rotation : ndarray (K, N, 3)
-        Of the disks as small rotation vectors in their own axes, rad by the displacement's m.
-        Where nothing but rotation moves, the largest rotation is 1.
-    position, orientation : ndarray (N, 3) in m, (N, 3, 3)
-        Of the disks in the equilibrium.
-    tensions : ndarray (T,)
-        In N.
-    """
-
-    robot: Robot
-    frequency_hz: Floats
-    kind: list[str]
-    displacement: Floats
-    rotation: Floats
-    position: Floats
-    orientation: Floats
-    tensions: Floats
-
-    def __len__(self) -> int:
-        return len(self.kind)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content of ``bowstring modes --json``."""
-        return {
-            "status": "converged",
-            "tensions_N": self.tensions.tolist(),
-            "modes": [
-                {
-                    "frequency_hz": float(f),
-                    "kind": kind,
-                    "displacement": d.tolist(),
-                    "rotation": r.tolist(),
-                }
-                for f, kind, d, r in zip(
-                    self.frequency_hz, self.kind, self.displacement, self.rotation, strict=True
-                )
-            ],
-            "disks": [
-                {"position_m": p, "rotation": r}
-                for p, r in zip(self.position.tolist(), self.orientation.tolist(), strict=True)
-            ],
-        }
-
-
-def modes(
-    robot: Robot,
-    tensions: ArrayLike | None = None,
-    *,
-    count: int = 6,
-    tip_force: ArrayLike = _NONE,
-    theory: Theory = "cosserat",
-    gravity: Sequence[float] | None = None,
-    tendon: TendonPath = "straight",
-    twist: bool = True,
-    elements: int = 1,
-) -> Modes:
-    """Natural frequencies and mode shapes about the equilibrium of a load.
-
-    Parameters
-    ----------
-    robot : Robot
-    tensions : array_like (T,), optional
-        In N; none if not given.
-    count : int
-        How many modes, the slowest.
-    tip_force, theory, gravity, tendon, twist, elements
-        As in `bowstring.rod.solve`. Tensions stay as they are while the robot oscillates.
-
-    Returns
-    -------
-    Modes
-
-    Raises
-    ------
-    InputError
-        If an argument is wrong, or the robot has no mass.
-    NoSolutionError
-        If there is no stable equilibrium.
-    """
-    from bowstring import _core, rod
-
-    refuse_friction(robot, "modes")
-    pulls = np.zeros(len(robot.tendons.end_disk)) if tensions is None else tensions
-    row = _row("tensions", pulls, len(robot.tendons.end_disk), "N")
-    force = _row("tip_force", tip_force, 3, "N")
-    if not (isinstance(count, int) and count > 0):
-        raise InputError(f"count is {count}, it must be a positive whole number")
-    status, _, matrix, masses, points = _core.flexibility(
-        robot.core, row, theory, gravity, force, tendon, twist, elements
-    )
-    if matrix is None or masses is None:
-        raise NoSolutionError(
-            f"{robot.name}: there is no stable equilibrium to oscillate about ({status}); "
-            "bowstring.solve with the same loads tells more"
-        )
-    if not (masses > 0).any():
-        raise InputError(f"{robot.name} has no mass: it has no natural frequencies")
-    # sqrt(M) F sqrt(M) z = z / omega^2
-    root = np.sqrt(masses)
-    values, vectors = np.linalg.eigh(root[:, None] * matrix * root[None, :])
-    order = np.argsort(values)[::-1]
-    stiffness = float(robot.bending_stiffness.min()) / robot.length**3
-    if values[order[0]] > _NEUTRAL * masses.sum() / stiffness:
-        raise NoSolutionError(
-            f"{robot.name}: the equilibrium is all but neutral, and its oscillations are lost in "
-            "rounding; change the load a little"
-        )
-    # what rounding leaves of massless freedoms is no mode
-    order = order[values[order] > _ROUNDING * values[order[0]]][:count]
-    shapes = (matrix @ (root[:, None] * vectors[:, order])).T / values[order][:, None]
-    solution = rod.solve(
-        robot,
-        row,
-        theory=theory,
-        gravity=gravity,
-        tip_force=force,
-        tendon=tendon,
-        twist=twist,
-        elements=elements,
-    )
-    positions, frames = solution.disk_positions, solution.disk_rotations
-    assert positions is not None and frames is not None
-    found = shapes.reshape(len(order), len(positions), points + 1, 3)
-    weights = masses.reshape(len(positions), points + 1, 3)
-    moved, turned = found[:, :, -2], found[:, :, -1]
-    # share of the energy along and about the axis
-    own = np.einsum("nji,knj->kni", frames, moved)
-    moving = own**2 * weights[:, -2]
-    turning = turned**2 * weights[:, -1]
-    total = moving.sum(axis=(1, 2)) + turning.sum(axis=(1, 2))
-    shares = {
-        "axial": moving[..., 2].sum(axis=1) / total,
-        "torsion": turning[..., 2].sum(axis=1) / total,
-    }
-    kinds = [
-        next((name for name, share in shares.items() if share[k] > 0.5), "bending")
-        for k in range(len(order))
-    ]
-    size = np.linalg.norm(moved, axis=2).max(axis=1)
-    spin = np.linalg.norm(turned, axis=2).max(axis=1)
-    scale = np.where(size > 1e-9 * spin, size, spin)
-    # the sign that moves the tip forward along its largest axis
-    tip = np.where((size > 1e-9 * spin)[:, None], moved[:, -1], turned[:, -1])
-    sign = np.sign(tip[np.arange(len(order)), np.abs(tip).argmax(axis=1)])
-    scale = (scale * np.where(sign == 0, 1.0, sign))[:, None, None]
-    return Modes(
-        robot=robot,
-        frequency_hz=1.0 / (2.0 * np.pi * np.sqrt(values[order])),
-        kind=kinds,
-        displacement=moved / scale,
-        rotation=turned / scale,
-        position=positions,
-        orientation=frames,
-        tensions=row,
-    )
-
-
-def _rayleigh(robot: Robot, ratio: float, load: _Load, **physics: Any) -> tuple[float, float]:
-    """Mass damping in 1/s and material damping in s that give two modes a damping ratio."""
-    if load.tip_moment.any():
-        raise InputError("modal_damping needs modes, and a tip moment leaves none: give the others")
-    found = modes(robot, load.tensions, tip_force=load.tip_force, count=12, **physics)
-    slow = 2.0 * np.pi * float(found.frequency_hz[0])
-    faster = found.frequency_hz[found.frequency_hz >= 2.0 * found.frequency_hz[0]]
-    fast = 2.0 * np.pi * float(faster[0]) if len(faster) else 10.0 * slow
-    return 2.0 * ratio * slow * fast / (slow + fast), 2.0 * ratio / (slow + fast)

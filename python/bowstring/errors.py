@@ -10,4 +10,15 @@ class InputError(BowstringError):
 
 
 class NoSolutionError(BowstringError):
-    """The input is valid but has no solution, or none was found (exit code 1)."""
+    """The input is valid but has no solution, or none was found (exit code 1).
+
+    Attributes
+    ----------
+    status : str
+        The word for it, as in JSON: that of a solution or a run that is not ``"converged"``, or
+        ``"no_equilibrium"`` where there is none to begin from. Empty where no word is defined.
+    """
+
+    def __init__(self, message: str, *, status: str = "") -> None:
+        super().__init__(message)
+        self.status = status

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from bowstring.dynamics import Modes
+    from bowstring.oscillations import Modes
 
 __all__ = ["draw", "draw_modes", "figure_style", "svg"]
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
 
-    from bowstring.dynamics import Modes
+    from bowstring.oscillations import Modes
 
 __all__ = ["check_folder", "default_folder", "print_study", "write", "write_modes"]
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import drive
+from bowstring.arguments import check_choices
 from bowstring.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
@@ -360,7 +361,7 @@ class Solution:
             The text says what was reached and what to try.
         """
         if not self.converged:
-            raise NoSolutionError(f"{self.robot.name}: {self.message}")
+            raise NoSolutionError(f"{self.robot.name}: {self.message}", status=self.status)
         return self
 
     def to_dict(self) -> dict[str, Any]:
@@ -1035,14 +1036,10 @@ def _wrong_choice(
     error: Exception, theory: object, tendon: object, twist: object, elements: object
 ) -> InputError:
     """Say which of the arguments that are not arrays has the wrong type."""
-    if not isinstance(theory, str):
-        return InputError(f'theory is {theory!r}, it must be "cosserat" or "kirchhoff"')
-    if not isinstance(tendon, str):
-        return InputError(f'tendon is {tendon!r}, it must be "straight" or "continuous"')
-    if not isinstance(twist, bool):
-        return InputError(f"twist is {twist!r}, it must be True or False")
-    if not isinstance(elements, int) or elements not in (1, 2, 4, 8):
-        return InputError(f"elements is {elements!r}, it must be 1, 2, 4 or 8")
+    try:
+        check_choices(theory, tendon, twist, elements)
+    except InputError as wrong:
+        return wrong
     return InputError(f"an argument has the wrong type: {error}")
 
 

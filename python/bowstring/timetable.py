@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -79,14 +80,16 @@ def read_tensions(path: str | Path, robot: Robot) -> Table:
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Number of the line, from 1, and cells."""
     try:
-        if path.is_file() and path.stat().st_size > _LARGEST:
-            raise InputError(f"{path}: the file is too large; {_LARGEST // 10**6} MB are read")
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, strict=True)
-            for cells in reader:
-                text = [cell.strip() for cell in cells]
-                if any(text) and not text[0].startswith("#"):
-                    yield reader.line_num, text
+        # a pipe is read as well; a device such as /dev/zero has no end
+        with path.open("rb") as file:
+            data = file.read(_LARGEST + 1)
+        if len(data) > _LARGEST:
+            raise InputError(f"{path}: the table is too large; {_LARGEST // 10**6} MB are read")
+        reader = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
+        for cells in reader:
+            text = [cell.strip() for cell in cells]
+            if any(text) and not text[0].startswith("#"):
+                yield reader.line_num, text
     except OSError as error:
         why = "it is a folder" if path.is_dir() else error.strerror
         raise InputError(f"{path}: the table cannot be read: {why}") from None

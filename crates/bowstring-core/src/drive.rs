@@ -71,7 +71,7 @@ pub struct History {
     /// Before the base hole, N.
     pub tensions: Vec<f64>,
     /// By modules and tendons: drop of the logarithm of tension at the hole where the span
-    /// begins, and length of the span less its stretch, m.
+    /// begins, and length of the span less its creep, m.
     pub drops: Vec<f64>,
     pub spans: Vec<f64>,
     /// Strain of the backbone, where the next step starts from.
@@ -99,6 +99,8 @@ pub struct DriveOutcome {
     /// tip moment or friction, which have no potential.
     pub stable: Option<bool>,
     pub iterations: usize,
+    /// Steps that it took of the path from the last.
+    pub increments: usize,
     /// Largest moment imbalance over (bending stiffness / length).
     pub residual: f64,
     /// Largest length that a pulled tendon lacks, m.
@@ -121,6 +123,9 @@ pub struct Drive {
     ends: Vec<usize>,
     /// By modules and tendons: own compliance of a span, m/N.
     stretch: Vec<f64>,
+    /// The same as friction sees it: never zero, as else many a hole that sticks could carry
+    /// any tension.
+    creep: Vec<f64>,
     /// Of all before the base hole, m/N.
     before: Vec<f64>,
     /// Length less stretch at home, m.
@@ -129,8 +134,10 @@ pub struct Drive {
     now: History,
     /// Length that is free of tension at zero pull, m.
     slack: Vec<f64>,
-    /// Compliance that makes tensions unique where the rod does not, m/N.
-    ridge: f64,
+    /// Pull by tension of the straight robot, about, m/N.
+    scale: f64,
+    /// Compliance that makes tensions unique where neither rod nor line does, m/N.
+    ridge: Vec<f64>,
     rubs: bool,
     scratch: Scratch,
 }
@@ -143,6 +150,8 @@ struct Scratch {
     /// Tension by modules that goes with a unit of each unknown.
     profile: Vec<f64>,
     coefficients: Vec<f64>,
+    /// By holes of one tendon.
+    slipped: Vec<f64>,
 }
 
 #[derive(Clone, Copy)]
@@ -151,15 +160,28 @@ enum Unknown {
     Drop { tendon: usize, hole: usize },
 }
 
+/// Share of `scale` that every span stretches by before its holes slip.
+const CREEP: f64 = 1e-7;
+/// Share of `scale` far below which tensions are not told apart.
+const RIDGE: f64 = 1e-11;
 /// Length, as a share of the robot's, to which pulls are met.
 const LENGTH_TOLERANCE: f64 = 2e-15;
 /// The same where rounding allows no better.
 const LOOSE: f64 = 1e-12;
-const MAX_STEPS: usize = 80;
+const MAX_STEPS: usize = 120;
+/// Steps in which every hole may change between sticking and slipping; after these only one of
+/// each tendon does, and only where the residual is below this.
+const BOLD_STEPS: usize = 12;
+const CALM: f64 = 1e-3;
 /// Increments of the way to a load after which it is given up.
 const MAX_INCREMENTS: usize = 60;
 
 impl Drive {
+    /// Compliance before the base hole, m/N.
+    fn give(&self, i: usize) -> f64 {
+        self.before[i] + self.ridge[i]
+    }
+
     /// As for [`Solver::new`], with one line for each tendon.
     pub fn new(
         robot: &Robot,
@@ -213,26 +235,31 @@ impl Drive {
             }
             start = disk.station;
         }
-        let before = lines
+        let before: Vec<_> = lines
             .iter()
-            .map(|line| line.compliance + line.free_length / line.stiffness);
-        // pulls answer tensions by about this; far below it, tensions are not told apart
-        let widest = robot
-            .spec()
-            .tendons
-            .iter()
+            .map(|line| line.compliance + line.free_length / line.stiffness)
+            .collect();
+        let holes = robot.spec().tendons.iter();
+        let widest = holes
             .map(|t| t.hole[0].hypot(t.hole[1]))
             .fold(0.0, f64::max);
-        let ridge = match model.theory {
-            Theory::Kirchhoff => 1e-11 * widest * widest / robot.moment_scale(),
-            Theory::Cosserat => 0.0,
-        };
+        let scale = widest * widest / robot.moment_scale();
+        let gives_way = |i: usize| before[i] > 0.0 || lines[i].stiffness.is_finite();
+        let ridge = (0..m)
+            .map(|i| match model.theory {
+                Theory::Kirchhoff if !gives_way(i) => RIDGE * scale,
+                _ => 0.0,
+            })
+            .collect();
+        let creep = stretch.iter().map(|a| a.max(CREEP * scale)).collect();
         let mut drive = Drive {
             solver,
+            creep,
             modules: n,
             ends: robot.spec().tendons.iter().map(|t| t.end_disk).collect(),
             stretch,
-            before: before.collect(),
+            before,
+            scale,
             home: vec![0.0; m],
             virgin: History::default(),
             now: History::default(),
@@ -270,11 +297,12 @@ impl Drive {
         let lengths = self.solver.engine.span_lengths();
         let mut spans = vec![0.0; n * m];
         for (k, span) in spans.iter_mut().enumerate() {
-            *span = lengths[k] - self.stretch[k] * tensions[k % m];
+            *span = lengths[k] - self.creep[k] * tensions[k % m];
         }
         for i in 0..m {
-            let routed: f64 = (0..n).map(|k| spans[k * m + i]).sum();
-            self.home[i] = routed - (self.before[i] + self.ridge) * tensions[i];
+            let stretched =
+                (0..n).map(|k| lengths[k * m + i] - self.stretch[k * m + i] * tensions[i]);
+            self.home[i] = stretched.sum::<f64>() - self.give(i) * tensions[i];
         }
         self.virgin = History {
             commands: tensions.iter().map(|t| Command::Tension(*t)).collect(),
@@ -351,9 +379,7 @@ impl Drive {
     pub fn pull(&self, i: usize) -> f64 {
         match self.now.commands[i] {
             Command::Pull(p) => p,
-            Command::Tension(t) => {
-                self.home[i] - self.routed(i) + (self.before[i] + self.ridge) * t
-            }
+            Command::Tension(_) => self.pull_of(&self.now, i),
         }
     }
 
@@ -362,10 +388,15 @@ impl Drive {
         self.solver.engine.span_tension(k, i)
     }
 
-    /// Length less stretch of all spans of a tendon.
-    fn routed(&self, i: usize) -> f64 {
+    /// Pull that a tendon without slack has.
+    fn pull_of(&self, history: &History, i: usize) -> f64 {
         let m = self.lines.len();
-        (0..self.modules).map(|k| self.now.spans[k * m + i]).sum()
+        let (mut tension, mut routed) = (history.tensions[i], 0.0);
+        for at in (0..self.modules).map(|k| k * m + i) {
+            tension *= (-history.drops[at]).exp();
+            routed += history.spans[at] + (self.creep[at] - self.stretch[at]) * tension;
+        }
+        self.home[i] - routed + self.give(i) * history.tensions[i]
     }
 
     /// Equilibrium under commands and load, one step on the path from the last.
@@ -422,6 +453,7 @@ impl Drive {
             return outcome;
         }
         let (mut reached, mut increment) = (0.0, 0.5);
+        let mut increments = 0;
         let mut from = old.clone();
         let first = outcome.clone();
         let mut part_commands = commands.to_vec();
@@ -435,10 +467,7 @@ impl Drive {
                     (Command::Tension(b), _) => Command::Tension(mix(old.tensions[i], b)),
                     (Command::Pull(b), Command::Pull(a)) => Command::Pull(mix(a, b)),
                     (Command::Pull(b), Command::Tension(_)) => {
-                        let m = self.lines.len();
-                        let spans = (0..self.modules).map(|k| old.spans[k * m + i]);
-                        let a = self.home[i] - spans.sum::<f64>()
-                            + (self.before[i] + self.ridge) * old.tensions[i];
+                        let a = self.pull_of(old, i);
                         Command::Pull(mix(a, b))
                     }
                 };
@@ -453,8 +482,10 @@ impl Drive {
             let found = self.newton(&from, &part_commands, &part);
             outcome.iterations += found.iterations;
             if found.status == Status::Converged {
+                increments += 1;
                 if share == 1.0 {
                     return DriveOutcome {
+                        increments,
                         iterations: outcome.iterations,
                         ..found
                     };
@@ -477,11 +508,11 @@ impl Drive {
 
     /// Without an answer: which tendons fight, and the nearest pulls that have one.
     fn explain(&mut self, outcome: &mut DriveOutcome, commands: &[Command], load: &Load) {
-        if !commands.iter().any(|c| matches!(c, Command::Pull(_))) || self.scratch_is_soft() {
+        if !commands.iter().any(|c| matches!(c, Command::Pull(_))) {
             return;
         }
         let kept = (self.before.clone(), self.now.clone());
-        let scale = self.answer_scale();
+        let scale = self.scale;
         let mut best: Option<(Vec<usize>, Vec<f64>, f64)> = None;
         // least squares of what pulls lack: compliance that all tendons share, less and less
         for share in [0.1, 1e-2, 1e-3] {
@@ -520,26 +551,13 @@ impl Drive {
         }
     }
 
-    /// Pull by tension of the straight robot, about.
-    fn answer_scale(&self) -> f64 {
-        let tendons = &self.robot().spec().tendons;
-        let widest = tendons
-            .iter()
-            .map(|t| t.hole[0].hypot(t.hole[1]))
-            .fold(0.0, f64::max);
-        widest * widest / self.robot().moment_scale()
-    }
-
-    fn scratch_is_soft(&self) -> bool {
-        false
-    }
-
     /// One implicit step from `old`; leaves the answer in `self.now`.
     fn newton(&mut self, old: &History, commands: &[Command], load: &Load) -> DriveOutcome {
         let mut outcome = DriveOutcome {
             status: Status::MaxIterations,
             stable: None,
             iterations: 0,
+            increments: 1,
             residual: f64::INFINITY,
             length_residual: f64::INFINITY,
             undetermined: false,
@@ -559,7 +577,7 @@ impl Drive {
             self.solver.engine.measure_spans(self.rubs);
             let mut settled = true;
             if self.rubs {
-                settled = self.slide(old, commands, step);
+                settled = self.slide(old, commands, step > BOLD_STEPS, outcome.residual);
                 self.apply();
                 self.solver.engine.evaluate();
             }
@@ -577,8 +595,8 @@ impl Drive {
             engine.linearise();
             let pivot = engine.eliminate(symmetric, if settled { 0.0 } else { shift });
             // from afar, tensions that the rod hardly tells apart are kept from running away
-            let caution = if self.ridge > 0.0 {
-                self.answer_scale() * f64::min(1e-2, lacks)
+            let caution = if self.ridge.iter().any(|r| *r > 0.0) {
+                self.scale * f64::min(1e-2, lacks)
             } else {
                 0.0
             };
@@ -603,7 +621,7 @@ impl Drive {
             }
             if settled {
                 outcome.stable = (symmetric && !self.rubs).then_some(true);
-                return self.finish(outcome, commands, load);
+                return self.finish(outcome, load);
             }
             if !solved {
                 return outcome;
@@ -669,15 +687,19 @@ impl Drive {
         let m = self.lines.len();
         let engine = &*self.solver.engine;
         for (k, span) in self.now.spans.iter_mut().enumerate() {
-            let stretch = self.stretch[k] * engine.span_tension(k / m, k % m);
-            *span = engine.span_lengths()[k] - stretch;
+            let creep = self.creep[k] * engine.span_tension(k / m, k % m);
+            *span = engine.span_lengths()[k] - creep;
         }
         for i in 0..m {
             self.slack[i] = match commands[i] {
                 Command::Tension(_) => 0.0,
                 Command::Pull(p) => {
-                    let give = (self.before[i] + self.ridge) * self.now.tensions[i];
-                    self.home[i] - p - self.routed(i) + give
+                    let stretched = |at: usize| {
+                        let stretch = self.stretch[at] * engine.span_tension(at / m, i);
+                        engine.span_lengths()[at] - stretch
+                    };
+                    let routed: f64 = (0..self.modules).map(|k| stretched(k * m + i)).sum();
+                    self.home[i] - p - routed + self.give(i) * self.now.tensions[i]
                 }
             };
         }
@@ -702,9 +724,16 @@ impl Drive {
 
     /// Friction at the present bend: who slips, who sticks, and the drops of those that slip.
     /// False while that still changes.
-    fn slide(&mut self, old: &History, commands: &[Command], step: usize) -> bool {
-        let (n, m) = (self.modules, self.lines.len());
-        let length = self.robot().length();
+    fn slide(
+        &mut self,
+        old: &History,
+        commands: &[Command],
+        cautious: bool,
+        residual: f64,
+    ) -> bool {
+        let m = self.lines.len();
+        let rest = 1e-12 * self.robot().length();
+        self.scratch.slipped.resize(self.modules, 0.0);
         let engine = &*self.solver.engine;
         let mut settled = true;
         for i in 0..m {
@@ -721,31 +750,39 @@ impl Drive {
                 _ => None,
             };
             let mut slipped = 0.0;
-            for k in (0..n).rev() {
+            for k in (0..=end).rev() {
                 let at = k * m + i;
-                if k > end {
-                    continue;
-                }
-                let stretch = self.stretch[at] * engine.span_tension(k, i);
-                slipped -= engine.span_lengths()[at] - stretch - old.spans[at];
+                let creep = self.creep[at] * engine.span_tension(k, i);
+                slipped -= engine.span_lengths()[at] - creep - old.spans[at];
+                self.scratch.slipped[k] = slipped;
+            }
+            let hangs = self.now.tensions[i] == 0.0;
+            let mut may_change = !cautious || residual < CALM;
+            for k in 0..=end {
+                let at = k * m + i;
+                let slipped = self.scratch.slipped[k];
                 let bound = line.friction * engine.angles()[at];
                 let (before, slip) = (self.now.drops[at], self.now.slip[at]);
-                let hangs = self.now.tensions[i] == 0.0;
-                let slack = 1e-12 * length;
                 let mut next = match slip {
                     Slip::Sticks if before > bound => Slip::Towards,
                     Slip::Sticks if before < -bound => Slip::Away,
-                    Slip::Towards if slipped < -slack => Slip::Sticks,
-                    Slip::Away if slipped > slack => Slip::Sticks,
+                    Slip::Towards if slipped < -rest => Slip::Sticks,
+                    Slip::Away if slipped > rest => Slip::Sticks,
                     _ => slip,
                 };
-                if step == 0 && next == Slip::Sticks && slip == Slip::Sticks {
-                    next = Slip::Sticks;
+                let mut sound = next == slip;
+                if !sound && next == Slip::Sticks {
+                    if may_change {
+                        // from afar all at once; later, as that may go round in circles, one
+                        may_change = !cautious;
+                    } else {
+                        next = slip;
+                    }
                 }
                 let mut drop = match next {
                     Slip::Towards => bound,
                     Slip::Away => -bound,
-                    Slip::Sticks => before.clamp(-bound, bound),
+                    Slip::Sticks => before,
                 };
                 if k == 0 {
                     if let Some(change) = told {
@@ -756,13 +793,16 @@ impl Drive {
                         } else {
                             (Slip::Towards, old.drops[at].clamp(-bound, bound))
                         };
+                        sound = next == slip;
                     }
                 }
                 if hangs {
                     (next, drop) = (Slip::Towards, bound);
+                    sound = next == slip;
                 }
                 // the bend still moves, or a hole has changed its mind
-                settled &= next == slip && (next == Slip::Sticks || (drop - before).abs() <= 1e-13);
+                let steady = next == Slip::Sticks || (drop - before).abs() <= 1e-13;
+                settled &= sound && steady;
                 (self.now.slip[at], self.now.drops[at]) = (next, drop);
             }
         }
@@ -828,6 +868,7 @@ impl Drive {
                 Unknown::Tension(i) => (i, 0, true),
                 Unknown::Drop { tendon, hole } => (tendon, hole, false),
             };
+            let own_stretch = if bounded { &self.stretch } else { &self.creep };
             let beyond = |rates: &[f64]| -> f64 { (hole..n).map(|k| rates[k * m + tendon]).sum() };
             let mut q = -beyond(engine.rates(0));
             q += match *row {
@@ -845,10 +886,10 @@ impl Drive {
                 if by == tendon {
                     let part = &scratch.profile[c * n..(c + 1) * n];
                     for k in hole..n {
-                        entry += self.stretch[k * m + tendon] * part[k];
+                        entry += own_stretch[k * m + tendon] * part[k];
                     }
                     if own {
-                        entry += self.before[tendon] + self.ridge + caution;
+                        entry += self.before[tendon] + self.ridge[tendon] + caution;
                     }
                 }
                 scratch.complementarity.matrix[r * size + c] = entry;
@@ -903,14 +944,9 @@ impl Drive {
     }
 
     /// Takes the answer as the state of the path.
-    fn finish(
-        &mut self,
-        mut outcome: DriveOutcome,
-        commands: &[Command],
-        load: &Load,
-    ) -> DriveOutcome {
-        let give = self.ridge * self.now.tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
-        if give > 1e-9 * self.robot().length() {
+    fn finish(&mut self, mut outcome: DriveOutcome, load: &Load) -> DriveOutcome {
+        let give = |i: usize| self.ridge[i] * self.now.tensions[i];
+        if (0..self.lines.len()).any(|i| give(i) > 1e-9 * self.robot().length()) {
             // the ridge has given way to what the rod cannot
             return outcome;
         }
@@ -919,7 +955,6 @@ impl Drive {
                 *slack = 0.0;
             }
         }
-        let _ = commands;
         let strain = &mut self.now.strain;
         self.solver.engine.strains(&mut |i, w| strain[i] = w);
         outcome.undetermined = self.is_undetermined();
@@ -937,16 +972,17 @@ impl Drive {
 
     /// Whether some tensions may grow together and nothing moves.
     fn is_undetermined(&mut self) -> bool {
-        if self.ridge == 0.0 {
-            return false;
-        }
-        let problem = &mut self.scratch.complementarity;
-        let most = (0..problem.size)
-            .map(|i| problem.matrix[i * problem.size + i])
-            .fold(0.0, f64::max);
-        for i in 0..problem.size {
-            problem.matrix[i * problem.size + i] -= self.ridge + 1e-9 * most;
-            problem.taken[i] = true;
+        let scratch = &mut self.scratch;
+        let problem = &mut scratch.complementarity;
+        let size = problem.size;
+        let entries = (0..size).map(|i| problem.matrix[i * size + i]);
+        let most = entries.fold(0.0, f64::max);
+        for (r, unknown) in scratch.unknowns.iter().enumerate() {
+            problem.taken[r] = match *unknown {
+                Unknown::Tension(i) => self.ridge[i] > 0.0,
+                Unknown::Drop { .. } => false,
+            };
+            problem.matrix[r * size + r] -= 1e-9 * most;
         }
         problem.negative_eigenvalues() > 0
     }

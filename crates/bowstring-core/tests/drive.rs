@@ -2,7 +2,8 @@
 
 mod common;
 
-use bowstring_core::drive::{Command, Drive, DriveOutcome, Line};
+use bowstring_core::drive::{Command, Drive, DriveOutcome, History, Line};
+use bowstring_core::linalg::Vec3;
 use bowstring_core::load::{Load, Model, Theory};
 use bowstring_core::robot::Robot;
 use bowstring_core::statics::{Solver, Status};
@@ -208,4 +209,294 @@ fn random_pulls() {
         steps as f64 / 1000.0
     );
     assert_eq!(failed, 0);
+}
+
+fn rubbing(robot: &Robot, friction: f64) -> Drive {
+    let lines = vec![
+        Line {
+            friction,
+            ..Line::default()
+        };
+        robot.tendon_count()
+    ];
+    Drive::new(robot, Model::default(), 1, &lines).unwrap()
+}
+
+/// Angles of a tendon at its holes, from the poses of the disks alone.
+fn bends(drive: &Drive, i: usize) -> Vec<f64> {
+    let tendon = &drive.robot().spec().tendons[i];
+    let [x, y] = tendon.hole;
+    let mut hole = Vec3([x, y, 0.0]);
+    let mut before = Vec3([0.0, 0.0, 1.0]);
+    (0..=tendon.end_disk)
+        .map(|k| {
+            let disk = drive.solver().disk(k).unwrap();
+            let next = disk.position + disk.rotation * Vec3([x, y, 0.0]);
+            let span = (next - hole) * (1.0 / (next - hole).norm());
+            let angle = before.cross(span).norm().atan2(before.dot(span));
+            (hole, before) = (next, span);
+            angle
+        })
+        .collect()
+}
+
+/// Where every hole slips, tensions are a product over the bends.
+#[test]
+fn product_law_in_full_slip() {
+    let robot = study_robot(9, 0.0);
+    for friction in [0.01, 0.1, 0.3, 0.8] {
+        for commands in [tensions(&[40.0, 0.0, 0.0]), pulls(&[0.02, -0.05, -0.05])] {
+            let mut drive = rubbing(&robot, friction);
+            let found = step(&mut drive, &commands, &pull(&[0.0; 3]));
+            assert_eq!(found.status, Status::Converged, "{friction} {found:?}");
+            println!("{friction} {} steps", found.iterations);
+            let mut expected = drive.history().tensions[0];
+            for (k, angle) in bends(&drive, 0).into_iter().enumerate() {
+                assert!(angle > 0.01);
+                expected *= (-friction * angle).exp();
+                let off = drive.span_tension(k, 0) / expected - 1.0;
+                assert!(off.abs() < 1e-12, "{friction} {k}: {off:e}");
+            }
+        }
+    }
+}
+
+/// What friction takes in one step, and what the motors give, J: means of the ends of the step.
+fn work(drive: &Drive, before: &History, pulls_before: &[f64]) -> (f64, f64) {
+    let (n, m) = (drive.robot().module_count(), drive.robot().tendon_count());
+    let now = drive.history();
+    let (mut given, mut taken) = (0.0, 0.0);
+    for i in 0..m {
+        let carried = |history: &History| {
+            let mut tension = history.tensions[i];
+            let mut all = vec![tension];
+            for k in 0..=drive.robot().spec().tendons[i].end_disk {
+                tension *= (-history.drops[k * m + i]).exp();
+                all.push(tension);
+            }
+            all
+        };
+        let (a, b) = (carried(before), carried(now));
+        let mean = |k: usize| 0.5 * (a[k] + b[k]);
+        given += mean(0) * (drive.pull(i) - pulls_before[i]);
+        let mut slipped = 0.0;
+        for k in (0..n.min(a.len() - 1)).rev() {
+            slipped -= now.spans[k * m + i] - before.spans[k * m + i];
+            taken += (mean(k) - mean(k + 1)) * slipped;
+        }
+    }
+    (given, taken)
+}
+
+/// Loading, unloading and loading again with rubbing tendons: a loop that closes, in which the
+/// motors give what friction takes, and which shorter steps hardly change.
+#[test]
+fn hysteresis() {
+    let robot = study_robot(9, 0.0);
+    let load = Load {
+        gravity: [0.0, 3.0, -5.0],
+        ..pull(&[0.0; 3])
+    };
+    let mut ends = vec![];
+    for (count, stretchy) in [(20, false), (200, false), (2000, false), (2000, true)] {
+        let lines = vec![
+            Line {
+                friction: 0.1,
+                stiffness: if stretchy { 2e4 } else { f64::INFINITY },
+                free_length: 0.3,
+                ..Line::default()
+            };
+            3
+        ];
+        let mut drive = Drive::new(&robot, Model::default(), 1, &lines).unwrap();
+        let at = |i: usize| {
+            let phase = std::f64::consts::TAU * i as f64 / count as f64;
+            tensions(&[25.0 - 15.0 * phase.cos(), 10.0, 5.0 + 3.0 * phase.sin()])
+        };
+        let mut steps = 0;
+        let (mut given, mut taken, mut least) = (0.0, 0.0, f64::INFINITY);
+        let (mut half, mut closed) = (vec![], vec![]);
+        for i in 0..=2 * count {
+            let before = drive.history().clone();
+            let pulls_before: Vec<_> = (0..3).map(|i| drive.pull(i)).collect();
+            let found = step(&mut drive, &at(i), &load);
+            assert_eq!(found.status, Status::Converged, "{count} {i} {found:?}");
+            steps += found.iterations;
+            let tip = drive.solver().tip().unwrap().position;
+            if i > count {
+                let (g, t) = work(&drive, &before, &pulls_before);
+                given += g;
+                taken += t;
+                least = f64::min(least, t);
+            }
+            if i == count + count / 2 {
+                half.push(tip);
+            }
+            if i % count == 0 && i > 0 {
+                closed.push(tip);
+            }
+        }
+        println!(
+            "{count} {stretchy}: {given:e} {taken:e} {} steps",
+            steps as f64 / count as f64 / 2.0
+        );
+        let off = (closed[0] - closed[1]).norm();
+        assert!(off < 1e-6, "{count}: {off:e}");
+        assert!(given > 1e-3 && least > -1e-9, "{given:e} {least:e}");
+        if count == 2000 {
+            assert!(
+                (given - taken).abs() < 1e-6 * given,
+                "{:e}",
+                given / taken - 1.0
+            );
+        }
+        ends.push((half[0], given));
+    }
+    // the error falls with the step
+    let off = |i: usize| (ends[i].0 - ends[2].0).norm();
+    println!("{:e} {:e}", off(0), off(1));
+    assert!(
+        off(0) < 1e-4 && off(1) < 0.2 * off(0) + 1e-12,
+        "{:e} {:e}",
+        off(0),
+        off(1)
+    );
+}
+
+/// Half a cycle in 10 and in 1000 steps ends in the same state, to the order of the step.
+#[test]
+fn coarse_and_fine_paths() {
+    let robot = study_robot(9, 0.0);
+    for pulled in [false, true] {
+        let mut ends: Vec<(Vec3, f64)> = vec![];
+        for count in [10, 100, 1000] {
+            let mut drive = rubbing(&robot, 0.2);
+            for i in 0..=count {
+                let share = i as f64 / count as f64;
+                let up = 1.0 - (2.0 * share - 1.0).abs();
+                let commands = if pulled {
+                    pulls(&[0.025 * up, -0.03, -0.03])
+                } else {
+                    tensions(&[40.0 * up + 5.0 * share, 2.0, 2.0])
+                };
+                let found = step(&mut drive, &commands, &pull(&[0.0; 3]));
+                assert_eq!(found.status, Status::Converged, "{count} {i} {found:?}");
+            }
+            let tip = drive.solver().tip().unwrap().position;
+            ends.push((tip, drive.history().tensions[0]));
+        }
+        let off = |i: usize| (ends[i].0 - ends[2].0).norm();
+        println!("{pulled} {:e} {:e} {:?}", off(0), off(1), ends);
+        assert!(off(0) < 5e-3 && off(1) < 5e-4);
+    }
+}
+
+/// Random paths of robots that rub: every step is answered and obeys Coulomb's law.
+#[test]
+fn random_paths_with_friction() {
+    let mut draw = Draw(7);
+    let (mut steps, mut count, mut failed, mut parts) = (0, 0, 0, 0);
+    for (robot, most) in [(study_robot(9, 0.003), 40.0), (rao_robot(), 4.0)] {
+        let (n, m) = (robot.module_count(), robot.tendon_count());
+        for round in 0..40 {
+            let lines: Vec<_> = (0..m)
+                .map(|_| Line {
+                    friction: draw.within(0.0, 0.4),
+                    stiffness: if round % 2 == 0 { 1e4 } else { f64::INFINITY },
+                    free_length: draw.within(0.0, 0.5),
+                    ..Line::default()
+                })
+                .collect();
+            let mut drive = Drive::new(&robot, Model::default(), 1, &lines).unwrap();
+            let none = vec![0.0; m];
+            let load = Load {
+                gravity: [draw.within(-3.0, 3.0), 0.0, draw.within(-3.0, 3.0)],
+                ..pull(&none)
+            };
+            for _ in 0..15 {
+                let given: Vec<_> = (0..m).map(|_| draw.within(0.0, most)).collect();
+                let before = drive.history().clone();
+                let found = step(&mut drive, &tensions(&given), &load);
+                count += 1;
+                if found.status != Status::Converged {
+                    failed += 1;
+                    println!("{round} {found:?}");
+                    continue;
+                }
+                steps += found.iterations;
+                if found.increments > 1 {
+                    parts += 1;
+                    continue;
+                }
+                let now = drive.history();
+                for i in 0..m {
+                    let angles = bends(&drive, i);
+                    let mut slipped = 0.0;
+                    for k in (0..angles.len()).rev() {
+                        let at = k * m + i;
+                        slipped -= now.spans[at] - before.spans[at];
+                        let bound = lines[i].friction * angles[k];
+                        let drop = now.drops[at];
+                        assert!(drop.abs() <= bound * (1.0 + 1e-9) + 1e-12);
+                        if slipped.abs() > 1e-9 {
+                            assert!((drop - bound * slipped.signum()).abs() < 1e-9, "{k} of {n}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+    println!(
+        "{failed} of {count} failed, {} steps each",
+        steps as f64 / count as f64
+    );
+    assert_eq!(failed, 0);
+}
+
+/// Elastic tendons tend to the constraint as they stiffen, in the first order.
+#[test]
+fn elastic_tendons_tend_to_stiff_ones() {
+    let robot = rao_robot();
+    let given = [0.004, -0.003, -0.003, 0.009, -0.006, -0.007];
+    let none = [0.0; 6];
+    for model in [Model::default(), kirchhoff()] {
+        let mut limit = drive(&robot, model);
+        assert_eq!(
+            step(&mut limit, &pulls(&given), &pull(&none)).status,
+            Status::Converged
+        );
+        let end = limit.solver().tip().unwrap().position;
+        let mut errors = vec![];
+        for stiffness in [1e4, 1e5, 1e6] {
+            let lines = vec![
+                Line {
+                    stiffness,
+                    free_length: 0.2,
+                    compliance: 1.0 / stiffness,
+                    ..Line::default()
+                };
+                6
+            ];
+            let mut soft = Drive::new(&robot, model, 1, &lines).unwrap();
+            let found = step(&mut soft, &pulls(&given), &pull(&none));
+            assert_eq!(found.status, Status::Converged, "{found:?}");
+            errors.push((soft.solver().tip().unwrap().position - end).norm());
+            // Hooke's law for what the tendon lacks
+            for i in 0..6 {
+                let t = soft.history().tensions[i];
+                let rest = robot.spec().disks[robot.spec().tendons[i].end_disk].station - given[i];
+                let longer = soft.solver().tendon_length(i).unwrap() - rest;
+                let straight = rest + given[i];
+                let hooke = t * ((straight + 0.2) / stiffness + 1.0 / stiffness);
+                assert!(
+                    t == 0.0 || (longer - hooke).abs() < 1e-13,
+                    "{longer:e} {hooke:e}"
+                );
+            }
+        }
+        println!("{errors:?}");
+        for pair in errors.windows(2) {
+            assert!((pair[0] / pair[1] - 10.0).abs() < 0.5, "{errors:?}");
+        }
+    }
 }

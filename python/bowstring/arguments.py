@@ -1,0 +1,129 @@
+"""Checks of arguments: one sentence that names the argument, what it got and what it must be."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.errors import InputError
+
+__all__ = [
+    "check_choices",
+    "check_robot",
+    "check_values",
+    "floats",
+    "is_whole",
+    "number",
+    "row",
+    "shown",
+]
+
+Floats = NDArray[np.float64]
+
+_LONGEST = 60  # letters of a value in a sentence
+
+
+def shown(value: object) -> str:
+    """A value as Python writes it, on one line, and short."""
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:  # a whole number of thousands of digits
+        text = "a huge number"
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 4] + " ..."
+
+
+def floats(value: Any) -> Floats:
+    """A new array of numbers.
+
+    Raises
+    ------
+    TypeError
+        For what is none; text, booleans and complex numbers are none.
+    """
+    if _has_truth(value):
+        raise TypeError("a boolean is no number")
+    try:
+        array = np.array(value)
+        if array.dtype.kind not in "iufO":
+            raise TypeError("not numbers")
+        return array.astype(float)
+    except (ValueError, OverflowError) as error:
+        raise TypeError(str(error)) from None
+
+
+def _has_truth(value: Any) -> bool:
+    # an array has one type for all, which is looked at as such
+    if isinstance(value, (list, tuple)):
+        return any(map(_has_truth, value))
+    return isinstance(value, (bool, np.bool_))
+
+
+def number(name: str, value: Any, unit: str = "", *, zero: bool = False) -> float:
+    """A finite number above zero, or also zero."""
+    right = isinstance(value, (float, int, np.floating, np.integer)) and not _has_truth(value)
+    try:
+        found = float(value) if right else math.nan
+    except OverflowError:
+        found = math.inf
+    text = f"{found:g} {unit}".strip() if right else shown(value)
+    if not math.isfinite(found):
+        raise InputError(f"{name} is {text}, it must be a finite number")
+    if found < 0 or (found == 0 and not zero):
+        raise InputError(f"{name} is {text}, it must be {'zero or more' if zero else 'positive'}")
+    return found
+
+
+def is_whole(value: object) -> bool:
+    """Whether a value is a whole number."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
+def row(name: str, value: Any, count: int, unit: str, or_else: str = "") -> Floats:
+    """Finite numbers (count,); `or_else` says what the value may be besides."""
+    try:
+        found = floats(value)
+    except TypeError:
+        raise InputError(
+            f"{name} is {shown(value)}, it must be {count} numbers in {unit}{or_else}"
+        ) from None
+    if found.shape != (count,):
+        raise InputError(f"{name} has shape {found.shape}, it must be ({count},), in {unit}")
+    check_values(name, found)
+    return found
+
+
+def check_values(name: str, row: Floats, when: str = "") -> None:
+    """Refuse what is not finite, and tensions that push."""
+    if not np.isfinite(row).all():
+        raise InputError(f"{name} is {row.tolist()}{when}, all must be finite numbers")
+    if "tensions" in name and (row < 0).any():
+        i = int(np.argmax(row < 0))
+        raise InputError(
+            f"tension of tendon {i + 1} is {row[i]:g} N{when}, a tendon can only pull: "
+            "give zero or more"
+        )
+
+
+def check_robot(robot: object) -> None:
+    """Refuse what is no robot, such as its name."""
+    from bowstring.robot import Robot
+
+    if not isinstance(robot, Robot):
+        raise InputError(
+            f"robot is {shown(robot)}, it must be a Robot, as bowstring.load_robot gives it"
+        )
+
+
+def check_choices(theory: object, tendon: object, twist: object, elements: object) -> None:
+    """Refuse what is of the wrong type, or no number of elements."""
+    if not isinstance(theory, str):
+        raise InputError(f'theory is {shown(theory)}, it must be "cosserat" or "kirchhoff"')
+    if not isinstance(tendon, str):
+        raise InputError(f'tendon is {shown(tendon)}, it must be "straight" or "continuous"')
+    if not isinstance(twist, bool):
+        raise InputError(f"twist is {shown(twist)}, it must be True or False")
+    if not is_whole(elements) or elements not in (1, 2, 4, 8):
+        raise InputError(f"elements is {shown(elements)}, it must be 1, 2, 4 or 8")

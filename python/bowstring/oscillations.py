@@ -1,0 +1,210 @@
+"""Natural frequencies and mode shapes of small oscillations about an equilibrium.
+
+Everything is SI, in the base frame (z along the straight backbone) unless said otherwise.
+N is the number of disks, T the number of tendons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring import arguments
+from bowstring.drive import refuse_friction
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.rod import TendonPath, Theory
+
+if TYPE_CHECKING:
+    from bowstring.robot import Robot
+
+__all__ = ["Modes", "modes"]
+
+Floats = NDArray[np.float64]
+
+_NEUTRAL: Final = 1e8  # by which bending is quicker than what is called neutral, squared
+_ROUNDING: Final = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Small oscillations about an equilibrium, slowest first; made by `modes`.
+
+    Attributes
+    ----------
+    robot : Robot
+    frequency_hz : ndarray (K,)
+    kind : list of str (K,)
+        ``"bending"``, ``"torsion"`` or ``"axial"``: where most of the kinetic energy is, along
+        the axes of the disks.
+    displacement : ndarray (K, N, 3)
+        Of the disks, base axes; scaled so that the largest is 1.
+    rotation : ndarray (K, N, 3)
+        Of the disks as small rotation vectors in their own axes, rad by the displacement's m.
+        Where nothing but rotation moves, the largest rotation is 1.
+    position, orientation : ndarray (N, 3) in m, (N, 3, 3)
+        Of the disks in the equilibrium.
+    tensions : ndarray (T,)
+        In N.
+    """
+
+    robot: Robot
+    frequency_hz: Floats
+    kind: list[str]
+    displacement: Floats
+    rotation: Floats
+    position: Floats
+    orientation: Floats
+    tensions: Floats
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    def __repr__(self) -> str:
+        frequencies = ", ".join(f"{f:.4g}" for f in self.frequency_hz[:6])
+        more = ", ..." if len(self) > 6 else ""
+        return f"<Modes of {self.robot.name}: {frequencies}{more} Hz>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of ``bowstring modes --json``."""
+        return {
+            "status": "converged",
+            "tensions_N": self.tensions.tolist(),
+            "modes": [
+                {
+                    "frequency_hz": float(f),
+                    "kind": kind,
+                    "displacement": d.tolist(),
+                    "rotation": r.tolist(),
+                }
+                for f, kind, d, r in zip(
+                    self.frequency_hz, self.kind, self.displacement, self.rotation, strict=True
+                )
+            ],
+            "disks": [
+                {"position_m": p, "rotation": r}
+                for p, r in zip(self.position.tolist(), self.orientation.tolist(), strict=True)
+            ],
+        }
+
+
+def modes(
+    robot: Robot,
+    tensions: ArrayLike | None = None,
+    *,
+    count: int = 6,
+    tip_force: ArrayLike = (0.0, 0.0, 0.0),
+    theory: Theory = "cosserat",
+    gravity: Sequence[float] | None = None,
+    tendon: TendonPath = "straight",
+    twist: bool = True,
+    elements: int = 1,
+) -> Modes:
+    """Natural frequencies and mode shapes about the equilibrium of a load.
+
+    Parameters
+    ----------
+    robot : Robot
+    tensions : array_like (T,), optional
+        In N; none if not given.
+    count : int
+        How many modes, the slowest.
+    tip_force, theory, gravity, tendon, twist, elements
+        As in `bowstring.rod.solve`. Tensions stay as they are while the robot oscillates.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, or the robot has no mass.
+    NoSolutionError
+        If there is no stable equilibrium.
+    """
+    from bowstring import _core, rod
+
+    arguments.check_robot(robot)
+    refuse_friction(robot, "modes")
+    pulls = np.zeros(len(robot.tendons.end_disk)) if tensions is None else tensions
+    row = arguments.row("tensions", pulls, len(robot.tendons.end_disk), "N")
+    force = arguments.row("tip_force", tip_force, 3, "N")
+    if not arguments.is_whole(count) or count < 1:
+        raise InputError(f"count is {arguments.shown(count)}, it must be a positive whole number")
+    arguments.check_choices(theory, tendon, twist, elements)
+    if gravity is not None:
+        gravity = arguments.row("gravity", gravity, 3, "m/s^2").tolist()
+    status, _, matrix, masses, points = _core.flexibility(
+        robot.core, row, theory, gravity, force, tendon, twist, elements
+    )
+    if matrix is None or masses is None:
+        raise NoSolutionError(
+            f"{robot.name}: there is no stable equilibrium to oscillate about ({status}); "
+            "bowstring.solve with the same loads tells more",
+            status="no_equilibrium",
+        )
+    if not (masses > 0).any():
+        raise InputError(f"{robot.name} has no mass: it has no natural frequencies")
+    # sqrt(M) F sqrt(M) z = z / omega^2
+    root = np.sqrt(masses)
+    values, vectors = np.linalg.eigh(root[:, None] * matrix * root[None, :])
+    order = np.argsort(values)[::-1]
+    stiffness = float(robot.bending_stiffness.min()) / robot.length**3
+    if values[order[0]] > _NEUTRAL * masses.sum() / stiffness:
+        raise NoSolutionError(
+            f"{robot.name}: the equilibrium is all but neutral, and its oscillations are lost in "
+            "rounding; change the load a little",
+            status="no_equilibrium",
+        )
+    # what rounding leaves of massless freedoms is no mode
+    order = order[values[order] > _ROUNDING * values[order[0]]][:count]
+    shapes = (matrix @ (root[:, None] * vectors[:, order])).T / values[order][:, None]
+    solution = rod.solve(
+        robot,
+        row,
+        theory=theory,
+        gravity=gravity,
+        tip_force=force,
+        tendon=tendon,
+        twist=twist,
+        elements=elements,
+    )
+    positions, frames = solution.disk_positions, solution.disk_rotations
+    assert positions is not None and frames is not None
+    found = shapes.reshape(len(order), len(positions), points + 1, 3)
+    weights = masses.reshape(len(positions), points + 1, 3)
+    moved, turned = found[:, :, -2], found[:, :, -1]
+    # share of the energy along and about the axis
+    own = np.einsum("nji,knj->kni", frames, moved)
+    moving = own**2 * weights[:, -2]
+    turning = turned**2 * weights[:, -1]
+    total = moving.sum(axis=(1, 2)) + turning.sum(axis=(1, 2))
+    shares = {
+        "axial": moving[..., 2].sum(axis=1) / total,
+        "torsion": turning[..., 2].sum(axis=1) / total,
+    }
+    kinds = [
+        next((name for name, share in shares.items() if share[k] > 0.5), "bending")
+        for k in range(len(order))
+    ]
+    size = np.linalg.norm(moved, axis=2).max(axis=1)
+    spin = np.linalg.norm(turned, axis=2).max(axis=1)
+    scale = np.where(size > 1e-9 * spin, size, spin)
+    # the sign that moves the tip forward along its largest axis
+    tip = np.where((size > 1e-9 * spin)[:, None], moved[:, -1], turned[:, -1])
+    sign = np.sign(tip[np.arange(len(order)), np.abs(tip).argmax(axis=1)])
+    scale = (scale * np.where(sign == 0, 1.0, sign))[:, None, None]
+    return Modes(
+        robot=robot,
+        frequency_hz=1.0 / (2.0 * np.pi * np.sqrt(values[order])),
+        kind=kinds,
+        displacement=moved / scale,
+        rotation=turned / scale,
+        position=positions,
+        orientation=frames,
+        tensions=row,
+    )
