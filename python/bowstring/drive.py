@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bowstring import arguments
 from bowstring.errors import InputError
 
 if TYPE_CHECKING:
@@ -132,8 +133,8 @@ def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Flo
     count = robot.core.tendon_count
     shape = f"(n, {count})" if rows else f"({count},)"
     try:
-        table = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
+        table = arguments.floats(values)
+    except TypeError:
         raise InputError(
             f"{name} must be numbers of shape {shape} in {unit}, None where a tendon is driven "
             "otherwise"

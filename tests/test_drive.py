@@ -1,0 +1,461 @@
+"""Robots driven by pulls, motor angles and tensions, with slack, stretch and friction."""
+
+import copy
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.errors import InputError, NoSolutionError
+
+DRIVE = "segments.0.tendons."
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return bs.load_robot("amouri2019")
+
+
+@pytest.fixture(scope="module")
+def rao():
+    return bs.load_robot("rao2021")
+
+
+@pytest.fixture(scope="module")
+def elastic(robot):
+    """Tendons as of steel wire, a little taut at home."""
+    return robot.with_(
+        {
+            DRIVE + "axial_stiffness": "20 kN",
+            DRIVE + "free_length": "300 mm",
+            DRIVE + "compliance": "0.01 mm/N",
+            DRIVE + "pretension": "2 N",
+            DRIVE + "spool_radius": "10 mm",
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def rubbing(robot):
+    return robot.with_({DRIVE + "friction": 0.1})
+
+
+def tip(solution):
+    return solution.raise_for_status().tip.position
+
+
+def bends(solution, i):
+    """Angles of a tendon at its holes, from the poses of the disks alone."""
+    hole = np.array([*solution.robot.tendons.hole_m[i], 0.0])
+    places = np.vstack((hole, solution.disk_positions + solution.disk_rotations @ hole))
+    spans = np.diff(places, axis=0)
+    spans = np.vstack(([0, 0, 1], spans / np.linalg.norm(spans, axis=1)[:, None]))
+    sines = np.linalg.norm(np.cross(spans[:-1], spans[1:]), axis=1)
+    return np.arctan2(sines, np.einsum("ij,ij->i", spans[:-1], spans[1:]))
+
+
+# --- pulls ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["robot", "rao", "elastic"])
+def test_tensions_to_pulls_and_back(name, request):
+    robot = request.getfixturevalue(name)
+    draw = np.random.default_rng(1)
+    most = 4.0 if name == "rao" else 60.0
+    for _ in range(20):
+        tensions = draw.uniform(1.0, most, robot.core.tendon_count)
+        load = {"gravity": (0, 1, -3), "tip_force": (*draw.uniform(-0.1, 0.1, 2), 0)}
+        given = bs.solve(robot, tensions, **load).raise_for_status()
+        found = bs.solve(robot, pulls=given.pulls, **load).raise_for_status()
+        assert np.abs(found.tensions - tensions).max() < 1e-8 * tensions.max()
+        assert np.abs(tip(found) - tip(given)).max() < 1e-10 * robot.length
+        assert found.slack == () and not found.slack_lengths.any()
+        assert found.stable is True and found.undetermined is False
+        assert found.length_residual < 1e-12
+        np.testing.assert_allclose(found.pulls, given.pulls, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found.tendon_lengths, given.tendon_lengths, rtol=0, atol=1e-10)
+
+
+def test_pull_of_a_stiff_tendon_is_what_it_is_shorter_by(robot):
+    found = bs.solve(robot, [80, 3, 0])
+    np.testing.assert_allclose(found.pulls, 0.641 - found.tendon_lengths, rtol=0, atol=1e-15)
+
+
+def test_pull_of_an_elastic_tendon_is_longer_by_its_stretch(elastic):
+    """Hooke: what motor and tendon give way by, from the pretension on."""
+    home = bs.solve(elastic, [2, 2, 2])
+    assert np.abs(home.pulls).max() < 1e-15
+    found = bs.solve(elastic, pulls=[0.02, -0.005, -0.005])
+    give = 1e-5 + (0.3 + 0.641) / 2e4
+    expected = home.tendon_lengths - found.tendon_lengths + give * (found.tensions - 2.0)
+    taut = found.tensions > 0
+    assert taut[0]
+    np.testing.assert_allclose(found.pulls[taut], expected[taut], rtol=0, atol=1e-12)
+
+
+def test_elastic_tendons_tend_to_stiff_ones(robot):
+    pulls = [0.02, -0.03, -0.03]
+    limit = tip(bs.solve(robot, pulls=pulls))
+    errors = [
+        np.linalg.norm(
+            tip(bs.solve(robot.with_({DRIVE + "axial_stiffness": k}), pulls=pulls)) - limit
+        )
+        for k in (1e5, 1e6, 1e7)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
+    assert errors[1] / errors[2] == pytest.approx(10, rel=0.05)
+
+
+@pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
+def test_what_is_paid_out_hangs(robot, theory):
+    found = bs.solve(robot, pulls=[0.02, -0.03, -0.03], theory=theory).raise_for_status()
+    assert found.slack == (2, 3)
+    assert found.tensions[0] > 1 and (found.tensions[1:] == 0).all()
+    surplus = 0.641 + 0.03 - found.tendon_lengths[1:]
+    np.testing.assert_allclose(found.slack_lengths, [0, *surplus], rtol=0, atol=1e-12)
+    assert found.slack_lengths[0] == 0 and "Tendons 2 and 3 hang slack." in found.message
+    straight = bs.solve(robot, pulls=[-0.01] * 3, theory=theory)
+    assert straight.slack == (1, 2, 3) and (straight.tensions == 0).all()
+    np.testing.assert_allclose(straight.slack_lengths, 0.01, rtol=0, atol=1e-12)
+
+
+def test_home_does_not_hang(robot, elastic):
+    for each in (robot, elastic):
+        found = bs.solve(each, pulls=[0, 0, 0]).raise_for_status()
+        assert found.slack == ()
+        np.testing.assert_allclose(found.tensions, each.tendons.pretension_N, rtol=0, atol=1e-7)
+
+
+def test_angles_wind_spools(elastic):
+    by_angle = bs.solve(elastic, angles=[2.0, -0.5, None], tensions=[None, None, 3.0])
+    by_pull = bs.solve(elastic, pulls=[0.02, -0.005, np.nan], tensions=[np.nan, np.nan, 3.0])
+    np.testing.assert_array_equal(tip(by_angle), tip(by_pull))
+    assert by_angle.tensions[2] == 3.0
+    assert by_angle.pulls[0] == pytest.approx(0.02, abs=1e-15)
+
+
+def test_three_tendons_of_an_inextensible_backbone(robot):
+    """Many tensions hold the pose; the smallest are given, and it is said."""
+    given = bs.solve(robot, [30, 20, 20], theory="kirchhoff")
+    found = bs.solve(robot, pulls=given.pulls, theory="kirchhoff").raise_for_status()
+    assert np.abs(tip(found) - tip(given)).max() < 1e-9 * robot.length
+    assert np.linalg.norm(found.tensions) < np.linalg.norm(given.tensions)
+    every = bs.solve(robot, pulls=[0, 0, 0], theory="kirchhoff").raise_for_status()
+    assert every.undetermined and every.tensions.max() < 1e-3
+    assert "do not determine the tensions" in every.message
+
+
+def test_two_segments(rao):
+    """Tips of the published robot by tensions, and the same by the pulls they make."""
+    for tensions, mm, within in (
+        ([4, 0, 0, 0, 2, 0], (129.370, 145.940, 334.202), 0.15),
+        ([0, 0, 0, 3, 0, 0], (0, 211.15, 312.10), 0.03),
+        ([8, 0, 0, 0, 0, 0], (0, 328.88, 116.72), 0.03),
+    ):
+        given = bs.solve(rao, tensions, elements=8)
+        assert np.linalg.norm(1e3 * tip(given) - mm) < within
+        assert np.linalg.norm(tip(bs.solve(rao, tensions)) - tip(given)) < 1e-5
+        pulls = given.pulls - 0.001 * (np.array(tensions) == 0)  # the others hang
+        found = bs.solve(rao, pulls=pulls, elements=8).raise_for_status()
+        assert np.linalg.norm(tip(found) - tip(given)) < 1e-10
+        assert found.slack == tuple(np.flatnonzero(np.array(tensions) == 0) + 1)
+
+
+def test_no_equilibrium_says_who_fights(robot):
+    found = bs.solve(robot, pulls=[0.03, 0.03, 0.03], theory="kirchhoff")
+    assert found.status == "no_equilibrium" and not found.converged and found.tip is None
+    assert "tendons 1, 2 and 3 pull against each other" in found.message
+    assert found.message.endswith("The nearest that have one are 0, 0, 0 mm.")
+    assert found.pulls is None and found.slack is None and found.history is None
+    assert found.slack_lengths is None and found.span_tensions is None
+    assert found.to_dict()["tensions_N"] == [None] * 3
+    with pytest.raises(NoSolutionError, match="pull against each other"):
+        found.raise_for_status()
+    rows = bs.sweep(robot, pulls=[[0, 0, 0], [0.03] * 3, [0.01, -0.01, -0.01]], theory="kirchhoff")
+    assert rows.status == ["converged", "no_equilibrium", "converged"]
+    assert "pull against each other" in rows.message(1)
+    assert np.isnan(rows.tensions[1]).all() and np.isnan(rows.slack_lengths[1]).all()
+
+
+# --- sweeps --------------------------------------------------------------------------------
+
+
+def test_sweep_is_the_solves_one_by_one(rao):
+    draw = np.random.default_rng(2)
+    pulls = draw.uniform(-1, 1, (20, 2)) @ rao.tendons.hole_m.T - draw.uniform(0, 0.002, (20, 6))
+    path = bs.sweep(rao, pulls=pulls).raise_for_status()
+    alone = bs.solve_batch(rao, pulls=pulls).raise_for_status()
+    one = bs.solve_batch(rao, pulls=pulls, threads=1, disks=False)
+    cold = bs.sweep(rao, pulls=pulls, warm=False)
+    assert one.disk_positions is None
+    np.testing.assert_array_equal(one.tip_position, alone.tip_position)
+    np.testing.assert_array_equal(cold.tip_position, alone.tip_position)
+    for i, row in enumerate(pulls):
+        found = bs.solve(rao, pulls=row)
+        assert np.abs(tip(found) - path.tip_position[i]).max() < 1e-9
+        np.testing.assert_array_equal(tip(found), alone.tip_position[i])
+        np.testing.assert_array_equal(found.tensions, alone.tensions[i])
+        np.testing.assert_array_equal(found.slack_lengths, alone.slack_lengths[i])
+        np.testing.assert_array_equal(found.span_tensions, alone.span_tensions[i])
+        np.testing.assert_array_equal(found.disk_rotations, alone.disk_rotations[i])
+        np.testing.assert_array_equal(alone.pulls[i], row)
+    assert (alone.tensions * alone.slack_lengths == 0).all()
+    assert alone.history is None and path.history["robot_hash"] == rao.hash
+
+
+def test_sweep_by_tensions_knows_pulls(elastic):
+    tensions = np.outer(np.linspace(0, 40, 5), [1, 0, 0]) + 1.0
+    rows = bs.sweep(elastic, tensions)
+    assert rows.driven is None and rows.history is None and not rows.undetermined.any()
+    for i in range(5):
+        found = bs.solve(elastic, tensions[i])
+        np.testing.assert_allclose(rows.pulls[i], found.pulls, rtol=0, atol=1e-10)
+        np.testing.assert_array_equal(rows.span_tensions[i], found.span_tensions)
+    assert not rows.slack_lengths.any()
+
+
+def test_drive_changes_from_row_to_row(robot):
+    nan = np.nan
+    rows = bs.sweep(
+        robot,
+        [[5, 0, 0], [nan, 0, 0], [5, 0, 0]],
+        pulls=[[nan, nan, nan], [0.01, nan, nan], [nan, nan, nan]],
+        tip_force=[[0, 0, 0], [0, 0.1, 0], [0, 0, 0]],
+    ).raise_for_status()
+    assert rows.pulls[1, 0] == 0.01 and rows.tensions[1, 0] > 5
+    np.testing.assert_allclose(rows.tip_position[0], rows.tip_position[2], atol=1e-12)
+
+
+# --- friction and paths --------------------------------------------------------------------
+
+
+def test_tensions_of_a_robot_that_rubs_are_a_product_over_its_bends(rubbing):
+    found = bs.solve(rubbing, [40, 0, 0]).raise_for_status()
+    expected = 40 * np.exp(-0.1 * np.cumsum(bends(found, 0)))
+    np.testing.assert_allclose(found.span_tensions[:, 0], expected, rtol=1e-11)
+    assert found.stable is None and "friction has no potential" in found.message
+    assert (
+        np.abs(tip(found) - tip(bs.solve(rubbing.with_({DRIVE + "friction": 0}), [40, 0, 0])))[0]
+        > 1e-3
+    )
+
+
+def test_loading_and_unloading_make_a_loop(rubbing):
+    up = np.linspace(0, 40, 21)
+    path = np.concatenate((up, up[-2:0:-1], up))
+    rows = bs.sweep(rubbing, np.outer(path, [1, 0, 0])).raise_for_status()
+    x = 1e3 * rows.tip_position[:, 0]
+    loading, unloading, again = x[10], x[30], x[50]
+    assert unloading - loading > 2
+    assert again == pytest.approx(loading, abs=0.5)
+    assert rows.pulls[30, 0] > rows.pulls[10, 0]
+
+
+def test_history_goes_on_through_json(rubbing):
+    tensions = np.array([[10, 0, 0], [40, 0, 0], [30, 5, 0], [15, 5, 0], [20, 0, 0]], float)
+    path = bs.sweep(rubbing, tensions).raise_for_status()
+    history = None
+    for i, row in enumerate(tensions):
+        found = bs.solve(rubbing, row, history=history).raise_for_status()
+        assert np.abs(tip(found) - path.tip_position[i]).max() < 1e-9
+        np.testing.assert_allclose(found.span_tensions, path.span_tensions[i], rtol=1e-7)
+        history = json.loads(json.dumps(found.history, allow_nan=False))
+    rest = bs.sweep(rubbing, tensions[:1], history=history).raise_for_status()
+    end = bs.sweep(rubbing, np.vstack((tensions, tensions[:1]))).raise_for_status()
+    assert np.abs(rest.tip_position[0] - end.tip_position[-1]).max() < 1e-9
+    assert np.abs(end.tip_position[-1] - end.tip_position[0]).max() > 1e-4  # the path matters
+
+
+def test_history_of_a_solve_without_friction(robot):
+    first = bs.solve(robot, [20, 3, 1], tip_force=(0, 0.1, 0))
+    history = first.history
+    assert history["schema_version"] == 1 and history["robot_hash"] == robot.hash
+    assert history["tensions_N"] == [20, 3, 1] and history["tip_force_N"] == [0, 0.1, 0]
+    same = bs.solve(robot, [20, 3, 1], tip_force=(0, 0.1, 0), history=history)
+    assert np.abs(tip(same) - tip(first)).max() < 1e-12
+    np.testing.assert_allclose(same.pulls, first.pulls, rtol=0, atol=1e-14)
+    assert same.stable is True
+
+
+# --- what is asked of a solution -----------------------------------------------------------
+
+
+def test_span_tensions_end_with_the_tendon(rao):
+    for found in (bs.solve(rao, [1, 0, 0, 2, 0, 0]), bs.solve(rao, pulls=[0.002, *[-0.004] * 5])):
+        spans = found.span_tensions
+        assert spans.shape == (20, 6)
+        assert np.isnan(spans[10:, :3]).all() and np.isfinite(spans[:, 3:]).all()
+        np.testing.assert_array_equal(spans[:10, 0], found.tensions[0])
+
+
+def test_shape_and_copies_of_a_driven_robot(rubbing, robot):
+    before = bs.solve(rubbing, [40, 0, 0]).history
+    for found in (
+        bs.solve(robot, pulls=[0.02, -0.03, -0.03]),
+        bs.solve(rubbing, [20, 0, 0], history=before),
+    ):
+        line = found.centerline(4)
+        np.testing.assert_allclose(line[-1], tip(found), rtol=0, atol=1e-14)
+        np.testing.assert_allclose(line[4::4], found.disk_positions, rtol=0, atol=1e-14)
+        for other in (pickle.loads(pickle.dumps(found)), copy.deepcopy(found)):
+            np.testing.assert_array_equal(tip(other), tip(found))
+            np.testing.assert_array_equal(other.tensions, found.tensions)
+        content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+        assert content["pulls_m"] == found.pulls.tolist()
+        assert content["slack"] == list(found.slack)
+
+
+def test_fields_are_those_of_the_tensions(robot):
+    found = bs.solve(robot, pulls=[0.02, -0.03, -0.03])
+    fields = found.fields()
+    alone = bs.solve(robot, found.tensions).fields()
+    for name in alone.data_vars:
+        if alone[name].dtype.kind == "f":
+            np.testing.assert_allclose(fields[name], alone[name], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["robot", "elastic", "rao"])
+def test_pull_jacobian(name, request):
+    robot = request.getfixturevalue(name)
+    pulls = {
+        "robot": bs.solve(
+            robot, [20, 5, 3] if name == "robot" else np.ones(robot.core.tendon_count)
+        ).pulls,
+        "elastic": np.array([0.02, -0.005, -0.03]),
+        "rao": bs.solve(robot, [1, 0.5, 0.4, 0.5, 0.8, 0.6] if name == "rao" else [1, 1, 1]).pulls,
+    }[name]
+    found = bs.solve(robot, pulls=pulls).raise_for_status()
+    by = bs.pull_jacobian(found)
+    h = 1e-6
+    for i in range(len(pulls)):
+        shift = h * (np.arange(len(pulls)) == i)
+        more, less = (bs.solve(robot, pulls=pulls + s) for s in (shift, -shift))
+        for column, a, b in (
+            (by.tip_position_by_pull[:, i], tip(more), tip(less)),
+            (by.tensions_by_pull[:, i], more.tensions, less.tensions),
+            (by.lengths_by_pull[:, i], more.tendon_lengths, less.tendon_lengths),
+        ):
+            expected = (a - b) / (2 * h)
+            np.testing.assert_allclose(
+                column, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max()
+            )
+        turned = (tip(more), more.tip.rotation @ less.tip.rotation.T)[1]
+        vector = [
+            turned[2, 1] - turned[1, 2],
+            turned[0, 2] - turned[2, 0],
+            turned[1, 0] - turned[0, 1],
+        ]
+        np.testing.assert_allclose(
+            by.tip_rotation_by_pull[:, i], np.divide(vector, 4 * h), rtol=1e-3, atol=2e-3
+        )
+    if name == "elastic":
+        assert 0 in found.tensions
+        assert (by.tip_position_by_pull[:, found.tensions == 0] == 0).all()
+
+
+def test_pull_jacobian_of_other_drives(robot):
+    mixed = bs.pull_jacobian(bs.solve(robot, [None, 3, 3], pulls=[0.02, None, None]))
+    assert np.isnan(mixed.tip_position_by_pull[:, 1:]).all()
+    assert np.isfinite(mixed.tip_position_by_pull[:, 0]).all()
+    alone = bs.solve(robot, [20, 5, 3])
+    same = bs.solve(robot, pulls=alone.pulls)
+    np.testing.assert_allclose(
+        bs.pull_jacobian(alone).tip_position_by_pull,
+        bs.pull_jacobian(same).tip_position_by_pull,
+        rtol=1e-6,
+    )
+    with pytest.raises(InputError, match="cannot be pulled one by one"):
+        bs.pull_jacobian(bs.solve(robot, [5, 5, 5], theory="kirchhoff"))
+
+
+# --- what is refused -----------------------------------------------------------------------
+
+
+def test_what_does_not_know_friction_says_so(rubbing):
+    found = bs.solve(rubbing, [10, 0, 0]).raise_for_status()
+    for attempt in (
+        lambda: bs.simulate(rubbing, [1, 0, 0], 0.1),
+        lambda: bs.modes(rubbing),
+        lambda: bs.jacobians(found),
+        lambda: bs.pull_jacobian(found),
+        lambda: found.fields(),
+        lambda: __import__("bowstring.study").study.run(rubbing),
+    ):
+        with pytest.raises(InputError, match=r"friction|rub") as error:
+            attempt()
+        assert "\n" not in str(error.value) and "set friction to 0" in str(error.value)
+    with pytest.raises(InputError, match="need straight spans"):
+        bs.solve(rubbing, [10, 0, 0], tendon="continuous")
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({}, "tensions is None, and so are pulls and angles"),
+        ({"pulls": [0.01, None, 0]}, "tendon 2 is driven by nothing"),
+        ({"pulls": [0.01, 0, 0], "tensions": [None, 1, None]}, "tendon 2 has a tension and a pull"),
+        ({"pulls": [0, 0, 0], "angles": [None, None, 1]}, "tendon 3 has a pull and an angle"),
+        ({"angles": [1, 1, 1]}, "tendon 1 of amouri2019 has no spool_radius"),
+        ({"pulls": [1, 0, 0]}, "pull of tendon 1 is 1 m, it must be less than the tendon's length"),
+        ({"pulls": [np.inf, 0, 0]}, "pull of tendon 1 is inf m"),
+        ({"pulls": [0, 0]}, "pulls has 2 numbers, it must have 3, in m"),
+        ({"pulls": [[0, 0, 0]]}, "pulls has shape (1, 3)"),
+        ({"pulls": "all"}, "pulls must be numbers of shape (3,) in m"),
+        ({"pulls": ["1", "2", "3"]}, "pulls must be numbers of shape (3,) in m"),
+        ({"pulls": [None, 0, 0], "tensions": [-1, None, None]}, "a tendon can only pull"),
+        ({"pulls": [0, 0, 0], "tendon": "continuous"}, "need straight spans"),
+        ({"pulls": [0, 0, 0], "elements": 3}, "elements is 3"),
+        ({"pulls": [0, 0, 0], "theory": 3}, "theory is 3"),
+        ({"pulls": [0, 0, 0], "gravity": [1, 2]}, "gravity has 2 numbers"),
+        ({"pulls": [0, 0, 0], "tip_force": "x"}, "tip_force is 'x'"),
+    ],
+)
+def test_bad_drives(robot, given, says):
+    with pytest.raises(InputError) as error:
+        bs.solve(robot, **given)
+    text = str(error.value)
+    assert says in text and "\n" not in text and len(text) < 250
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda h: None if h.clear() else h, "the history is none"),
+        (lambda h: 3, "the history is none"),
+        (lambda h: h.update(robot_hash="0"), "is of another robot (amouri2019)"),
+        (lambda h: h.update(schema_version=99), "schema_version 99"),
+        (lambda h: h.update(theory="kirchhoff"), "made with theory 'kirchhoff'"),
+        (lambda h: h.update(elements=2), "made with elements 2"),
+        (lambda h: h.pop("arcs_rad"), "the history is damaged"),
+        (lambda h: h.update(arcs_rad=[[0, 0]]), "the history is damaged"),
+        (lambda h: h.update(tensions_N=[1, 2]), "the history is damaged"),
+        (lambda h: h.update(tensions_N=[-1, 2, 3]), "the history is damaged"),
+        (lambda h: h.update(tensions_N=[None, 2, 3]), "the history is damaged"),
+        (lambda h: h.update(commands=[{"x": 1}] * 3), "the history is damaged"),
+        (lambda h: h.update(commands=[{"pull_m": 1}] * 2), "the history is damaged"),
+        (lambda h: h.update(tip_force_N=[1]), "the history is damaged"),
+    ],
+)
+def test_bad_histories(robot, change, says):
+    history = bs.solve(robot, pulls=[0.01, -0.01, -0.01]).history
+    changed = change(history)
+    with pytest.raises(InputError) as error:
+        bs.solve(robot, pulls=[0.01, -0.01, -0.01], history=changed if changed == 3 else history)
+    text = str(error.value)
+    assert says in text and "\n" not in text and len(text) < 250
+
+
+def test_bad_rows(robot):
+    for given, says in (
+        ({"pulls": [0, 0, 0]}, "pulls has shape (3,)"),
+        ({"pulls": [[0, 0, 0]], "tensions": [[np.nan] * 3] * 2}, "1 of pulls"),
+        ({"pulls": [[0, 0, 0], [0, np.nan, 0]]}, "row 1: tendon 2 is driven by nothing"),
+        ({"pulls": [[0, 0, 0], [0, 2, 0]]}, "row 1: pull of tendon 2 is 2 m"),
+        ({}, "tensions is None"),
+    ):
+        for call in (bs.sweep, bs.solve_batch):
+            with pytest.raises(InputError) as error:
+                call(robot, **given)
+            assert says in str(error.value)
