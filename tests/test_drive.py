@@ -429,6 +429,7 @@ def test_bad_drives(robot, given, says):
         (lambda h: h.update(theory="kirchhoff"), "made with theory 'kirchhoff'"),
         (lambda h: h.update(elements=2), "made with elements 2"),
         (lambda h: h.pop("arcs_rad"), "the history is damaged"),
+        (lambda h: h.update(slips=[[0, 0, 0]]), "the history is damaged"),
         (lambda h: h.update(arcs_rad=[[0, 0]]), "the history is damaged"),
         (lambda h: h.update(tensions_N=[1, 2]), "the history is damaged"),
         (lambda h: h.update(tensions_N=[-1, 2, 3]), "the history is damaged"),

@@ -143,6 +143,7 @@ class Drive:
         tip_force: ArrayLike,
         tip_moment: ArrayLike,
         strain: Floats,
+        slips: NDArray[np.int8],
     ) -> None: ...
 
 @final

@@ -220,6 +220,7 @@ class Path:
             "tensions_N": now["tensions"].tolist(),
             "log_tension_drops": now["drops"].tolist(),
             "unstretched_spans_m": now["spans"].tolist(),
+            "slips": now["slips"].tolist(),
             "arcs_rad": now["strain"].tolist(),
         }
 
@@ -258,6 +259,7 @@ class Path:
                 _numbers(history, "tip_force_N", 1),
                 _numbers(history, "tip_moment_Nm", 1),
                 _numbers(history, "arcs_rad", 2),
+                np.sign(_numbers(history, "slips", 2)).astype(np.int8),
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             if isinstance(error, InputError):

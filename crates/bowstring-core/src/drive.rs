@@ -995,20 +995,39 @@ impl Drive {
         self.now.strain.iter().map(|w| w.0).collect()
     }
 
-    /// Starts the next step from a strain, as [`Drive::strain`] gave it; after
+    /// What each tendon does at each hole, by modules and tendons: slips towards the base (1),
+    /// away from it (-1) or sticks (0).
+    pub fn slips(&self) -> Vec<i8> {
+        let sign = |slip: &Slip| match slip {
+            Slip::Towards => 1,
+            Slip::Away => -1,
+            Slip::Sticks => 0,
+        };
+        self.now.slip.iter().map(sign).collect()
+    }
+
+    /// Starts the next step from what [`Drive::strain`] and [`Drive::slips`] gave; after
     /// [`Drive::resume`].
     ///
     /// # Errors
     /// If it does not fit the robot and its elements, or is not finite.
-    pub fn set_strain(&mut self, strain: &[[f64; 3]]) -> Result<(), InputError> {
+    pub fn start_from(&mut self, strain: &[[f64; 3]], slips: &[i8]) -> Result<(), InputError> {
         let finite = strain.iter().flatten().all(|w| w.is_finite());
-        if strain.len() != self.now.strain.len() || !finite {
+        let (strains, holes) = (self.now.strain.len(), self.now.slip.len());
+        if strain.len() != strains || slips.len() != holes || !finite {
             return Err(InputError(
                 "the history does not belong to this robot".into(),
             ));
         }
         for (to, from) in self.now.strain.iter_mut().zip(strain) {
             *to = Vec3(*from);
+        }
+        for (to, from) in self.now.slip.iter_mut().zip(slips) {
+            *to = match from.signum() {
+                1 => Slip::Towards,
+                -1 => Slip::Away,
+                _ => Slip::Sticks,
+            };
         }
         Ok(())
     }

@@ -209,6 +209,8 @@ impl Drive {
         }
         let strain = self.inner.strain();
         let flat: Vec<f64> = strain.iter().flatten().copied().collect();
+        let slips = self.inner.slips().into_pyarray(py).reshape([n, m])?;
+        out.set_item("slips", slips)?;
         out.set_item("strain", flat.into_pyarray(py).reshape([strain.len(), 3])?)?;
         Ok(out)
     }
@@ -226,6 +228,7 @@ impl Drive {
         tip_force: &Bound<'_, PyAny>,
         tip_moment: &Bound<'_, PyAny>,
         strain: PyReadonlyArray2<f64>,
+        slips: PyReadonlyArray2<i8>,
     ) -> PyResult<()> {
         let pulled: Vec<bool> = flat(&pulled);
         let commands: Vec<f64> = flat(&commands);
@@ -253,7 +256,7 @@ impl Drive {
                 &given,
                 &load,
             )
-            .and_then(|()| self.inner.set_strain(&rows))
+            .and_then(|()| self.inner.start_from(&rows, &flat(&slips)))
             .map_err(input_error)
     }
 }
