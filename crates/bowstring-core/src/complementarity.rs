@@ -1,113 +1,190 @@
 //! Small dense systems, and which of their unknowns are held at zero.
 
-/// A mixed linear complementarity problem, with its scratch memory: find `z` with
-/// `w = q + M z`, where `z >= 0`, `w >= 0` and `z w = 0` for each bounded unknown, and `w = 0`
-/// for each free one.
+/// A mixed linear complementarity problem, with its scratch memory: find `z` between its bounds
+/// with `w = q + M z`, where `w >= 0` at a lower bound, `w <= 0` at an upper one, and `w = 0`
+/// between.
 #[derive(Clone, Default)]
 pub(crate) struct Complementarity {
     pub size: usize,
     /// By rows.
     pub matrix: Vec<f64>,
     pub q: Vec<f64>,
-    pub bounded: Vec<bool>,
+    pub lower: Vec<f64>,
+    pub upper: Vec<f64>,
+    /// Of the answer.
     pub z: Vec<f64>,
-    /// Of the answer: whether `w = 0` was solved for.
-    pub taken: Vec<bool>,
+    pub side: Vec<Side>,
     w: Vec<f64>,
     work: Vec<f64>,
     index: Vec<usize>,
+    wrong: Vec<(usize, Side)>,
+}
+
+/// Sweeps where pivoting goes round in circles.
+const RELAXATIONS: usize = 100;
+
+/// Where an unknown is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum Side {
+    #[default]
+    Between,
+    Lower,
+    Upper,
 }
 
 impl Complementarity {
+    /// Makes room for a problem without bounds; sides stay where they were.
     pub fn resize(&mut self, size: usize) {
         self.size = size;
         self.matrix.clear();
         self.matrix.resize(size * size, 0.0);
-        for v in [&mut self.q, &mut self.z, &mut self.w] {
+        for (v, value) in [
+            (&mut self.q, 0.0),
+            (&mut self.z, 0.0),
+            (&mut self.w, 0.0),
+            (&mut self.lower, f64::NEG_INFINITY),
+            (&mut self.upper, f64::INFINITY),
+        ] {
             v.clear();
-            v.resize(size, 0.0);
+            v.resize(size, value);
         }
-        self.bounded.clear();
-        self.bounded.resize(size, false);
-        self.taken.resize(size, true);
+        self.side.resize(size, Side::Between);
     }
 
     /// Solves it by block principal pivoting (Judice and Pires 1994), with Murty's rule where
-    /// that does not get ahead; starts from what was taken last. False if it finds no answer.
+    /// that does not get ahead; starts from the sides at hand. Where both fail the answer is but
+    /// near. False if there is none.
     pub fn solve(&mut self) -> bool {
         let n = self.size;
         for i in 0..n {
-            self.taken[i] |= !self.bounded[i];
+            let bound = match self.side[i] {
+                Side::Between => continue,
+                Side::Lower => self.lower[i],
+                Side::Upper => self.upper[i],
+            };
+            if !bound.is_finite() {
+                self.side[i] = Side::Between;
+            }
         }
         let mut fewest = n + 1;
         let mut patience = 3;
         for _ in 0..50 + 10 * n {
-            if !self.solve_taken() {
+            if !self.solve_between() {
                 return false;
             }
-            let scale = self.q.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-            let wrong = |i: usize| {
-                self.bounded[i]
-                    && if self.taken[i] {
-                        self.z[i] < 0.0
-                    } else {
-                        self.w[i] < -1e-15 * scale
+            let noise = 1e-15 * self.q.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+            self.wrong.clear();
+            for i in 0..n {
+                let (z, w) = (self.z[i], self.w[i]);
+                let to = match self.side[i] {
+                    // with no room between the bounds any side will do
+                    _ if self.lower[i] == self.upper[i] => {
+                        if w < 0.0 {
+                            Side::Upper
+                        } else {
+                            Side::Lower
+                        }
                     }
-            };
-            let count = (0..n).filter(|&i| wrong(i)).count();
-            if count == 0 {
+                    Side::Between if z < self.lower[i] => Side::Lower,
+                    Side::Between if z > self.upper[i] => Side::Upper,
+                    Side::Lower if w < -noise => Side::Between,
+                    Side::Upper if w > noise => Side::Between,
+                    side => side,
+                };
+                if self.lower[i] == self.upper[i] && self.side[i] != Side::Between {
+                    self.side[i] = to;
+                } else if to != self.side[i] {
+                    self.wrong.push((i, to));
+                }
+            }
+            if self.wrong.is_empty() {
                 return true;
             }
-            if count < fewest {
-                (fewest, patience) = (count, 3);
+            if self.wrong.len() < fewest {
+                (fewest, patience) = (self.wrong.len(), 3);
             } else {
                 patience -= 1;
             }
-            if patience > 0 {
-                let flips: Vec<_> = (0..n).filter(|&i| wrong(i)).collect();
-                for i in flips {
-                    self.taken[i] = !self.taken[i];
-                }
-            } else if let Some(last) = (0..n).rev().find(|&i| wrong(i)) {
-                self.taken[last] = !self.taken[last];
+            let first = if patience > 0 {
+                0
+            } else {
+                self.wrong.len() - 1
+            };
+            for &(i, to) in &self.wrong[first..] {
+                self.side[i] = to;
             }
         }
-        false
+        self.relax()
     }
 
-    /// Solves for the unknowns that are taken; the others are zero.
-    fn solve_taken(&mut self) -> bool {
+    /// Comes near an answer by Gauss and Seidel's sweeps, each unknown kept between its bounds.
+    fn relax(&mut self) -> bool {
+        let n = self.size;
+        for i in 0..n {
+            self.z[i] = 0f64.max(self.lower[i]).min(self.upper[i]);
+        }
+        for _ in 0..RELAXATIONS {
+            for i in 0..n {
+                let row = &self.matrix[i * n..(i + 1) * n];
+                let w = self.q[i] + row.iter().zip(&self.z).map(|(a, z)| a * z).sum::<f64>();
+                let to = self.z[i] - w / row[i];
+                (self.z[i], self.side[i]) = if to <= self.lower[i] {
+                    (self.lower[i], Side::Lower)
+                } else if to >= self.upper[i] {
+                    (self.upper[i], Side::Upper)
+                } else {
+                    (to, Side::Between)
+                };
+            }
+        }
+        self.z.iter().all(|z| z.is_finite())
+    }
+
+    /// Solves for the unknowns between their bounds; the others are at theirs.
+    fn solve_between(&mut self) -> bool {
         let n = self.size;
         self.index.clear();
-        self.index.extend((0..n).filter(|&i| self.taken[i]));
+        for i in 0..n {
+            self.z[i] = match self.side[i] {
+                Side::Between => {
+                    self.index.push(i);
+                    0.0
+                }
+                Side::Lower => self.lower[i],
+                Side::Upper => self.upper[i],
+            };
+        }
         let m = self.index.len();
         self.work.clear();
         for &i in &self.index {
-            for &j in &self.index {
-                self.work.push(self.matrix[i * n + j]);
-            }
-            self.work.push(-self.q[i]);
+            let row = &self.matrix[i * n..(i + 1) * n];
+            self.work.extend(self.index.iter().map(|&j| row[j]));
+            let held: f64 = row.iter().zip(&self.z).map(|(a, z)| a * z).sum();
+            self.work.push(-self.q[i] - held);
         }
         if !eliminate(&mut self.work, m) {
             return false;
         }
-        self.z.fill(0.0);
         for (row, &i) in self.index.iter().enumerate() {
             self.z[i] = self.work[row * (m + 1) + m];
         }
         for i in 0..n {
             let row = &self.matrix[i * n..(i + 1) * n];
             let sum: f64 = row.iter().zip(&self.z).map(|(a, z)| a * z).sum();
-            self.w[i] = if self.taken[i] { 0.0 } else { self.q[i] + sum };
+            self.w[i] = match self.side[i] {
+                Side::Between => 0.0,
+                _ => self.q[i] + sum,
+            };
         }
         true
     }
 
-    /// Negative eigenvalues of the part of `M` that is taken, whose symmetric part is meant.
+    /// Negative eigenvalues of the part of `M` between bounds, whose symmetric part is meant.
     pub fn negative_eigenvalues(&mut self) -> usize {
         let n = self.size;
         self.index.clear();
-        self.index.extend((0..n).filter(|&i| self.taken[i]));
+        self.index
+            .extend((0..n).filter(|&i| self.side[i] == Side::Between));
         let m = self.index.len();
         self.work.clear();
         for &i in &self.index {

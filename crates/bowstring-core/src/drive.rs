@@ -21,7 +21,7 @@
 //! the friction is not in Newton's matrix, which stays symmetric; it is taken from the present
 //! bend, and converges with a factor of about `mu` times the bend.
 
-use crate::complementarity::Complementarity;
+use crate::complementarity::{Complementarity, Side};
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, TendonPath, Theory};
 use crate::robot::{InputError, Robot};
@@ -74,6 +74,8 @@ pub struct History {
     /// begins, and length of the span less its creep, m.
     pub drops: Vec<f64>,
     pub spans: Vec<f64>,
+    /// Taken in since home, m.
+    pub pulls: Vec<f64>,
     /// Strain of the backbone, where the next step starts from.
     strain: Vec<Vec3>,
     slip: Vec<Slip>,
@@ -152,11 +154,15 @@ struct Scratch {
     coefficients: Vec<f64>,
     /// By holes of one tendon.
     slipped: Vec<f64>,
+    /// Most that friction may drop, by modules and tendons.
+    bounds: Vec<f64>,
 }
 
 #[derive(Clone, Copy)]
 enum Unknown {
+    /// Before the base hole.
     Tension(usize),
+    /// What a hole that sticks lets through more than now.
     Drop { tendon: usize, hole: usize },
 }
 
@@ -169,10 +175,9 @@ const LENGTH_TOLERANCE: f64 = 2e-15;
 /// The same where rounding allows no better.
 const LOOSE: f64 = 1e-12;
 const MAX_STEPS: usize = 120;
-/// Steps in which every hole may change between sticking and slipping; after these only one of
-/// each tendon does, and only where the residual is below this.
-const BOLD_STEPS: usize = 12;
-const CALM: f64 = 1e-3;
+/// Steps in which a hole that slips is taken to go on; after these all that may stick are
+/// unknown together.
+const BOLD_STEPS: usize = 8;
 /// Increments of the way to a load after which it is given up.
 const MAX_INCREMENTS: usize = 60;
 
@@ -309,6 +314,7 @@ impl Drive {
             tensions,
             drops: vec![0.0; n * m],
             spans,
+            pulls: vec![0.0; m],
             strain,
             slip: vec![Slip::Sticks; n * m],
             load: [[0.0; 3]; 3],
@@ -367,6 +373,12 @@ impl Drive {
         self.now.spans.copy_from_slice(spans);
         self.now.commands.copy_from_slice(commands);
         self.now.load = [load.gravity, load.tip_force, load.tip_moment];
+        for (i, command) in commands.iter().enumerate() {
+            self.now.pulls[i] = match *command {
+                Command::Pull(p) => p,
+                Command::Tension(_) => self.pull_of(&self.now, i),
+            };
+        }
         Ok(())
     }
 
@@ -377,10 +389,7 @@ impl Drive {
 
     /// Length that each tendon has been taken in since home, m.
     pub fn pull(&self, i: usize) -> f64 {
-        match self.now.commands[i] {
-            Command::Pull(p) => p,
-            Command::Tension(_) => self.pull_of(&self.now, i),
-        }
+        self.now.pulls[i]
     }
 
     /// Tension of a span, N.
@@ -462,14 +471,9 @@ impl Drive {
             let mix = |a: f64, b: f64| if share == 1.0 { b } else { a + share * (b - a) };
             for (i, to) in commands.iter().enumerate() {
                 // a motor that changes its manner starts from what the tendon has
-                part_commands[i] = match (*to, old.commands[i]) {
-                    (Command::Tension(b), Command::Tension(a)) => Command::Tension(mix(a, b)),
-                    (Command::Tension(b), _) => Command::Tension(mix(old.tensions[i], b)),
-                    (Command::Pull(b), Command::Pull(a)) => Command::Pull(mix(a, b)),
-                    (Command::Pull(b), Command::Tension(_)) => {
-                        let a = self.pull_of(old, i);
-                        Command::Pull(mix(a, b))
-                    }
+                part_commands[i] = match *to {
+                    Command::Tension(t) => Command::Tension(mix(old.tensions[i], t)),
+                    Command::Pull(p) => Command::Pull(mix(old.pulls[i], p)),
                 };
             }
             let three = |q: usize, to: [f64; 3]| [0, 1, 2].map(|x| mix(old.load[q][x], to[x]));
@@ -577,7 +581,7 @@ impl Drive {
             self.solver.engine.measure_spans(self.rubs);
             let mut settled = true;
             if self.rubs {
-                settled = self.slide(old, commands, step > BOLD_STEPS, outcome.residual);
+                settled = self.slide(old, commands);
                 self.apply();
                 self.solver.engine.evaluate();
             }
@@ -600,7 +604,7 @@ impl Drive {
             } else {
                 0.0
             };
-            self.gather(old, commands, symmetric, caution);
+            self.gather(old, commands, symmetric, caution, step > BOLD_STEPS);
             let solved = self.scratch.complementarity.solve();
             if symmetric && !(pivot > 0.0) {
                 // what the pulls hold does not count
@@ -724,16 +728,11 @@ impl Drive {
 
     /// Friction at the present bend: who slips, who sticks, and the drops of those that slip.
     /// False while that still changes.
-    fn slide(
-        &mut self,
-        old: &History,
-        commands: &[Command],
-        cautious: bool,
-        residual: f64,
-    ) -> bool {
+    fn slide(&mut self, old: &History, commands: &[Command]) -> bool {
         let m = self.lines.len();
         let rest = 1e-12 * self.robot().length();
         self.scratch.slipped.resize(self.modules, 0.0);
+        self.scratch.bounds.resize(self.modules * m, 0.0);
         let engine = &*self.solver.engine;
         let mut settled = true;
         for i in 0..m {
@@ -743,10 +742,8 @@ impl Drive {
                 continue;
             }
             // an inextensible line tells its base hole's slip; without one the drop stays
-            let told = match (commands[i], old.commands[i]) {
-                (Command::Pull(to), Command::Pull(from)) if self.before[i] == 0.0 => {
-                    Some(to - from)
-                }
+            let told = match commands[i] {
+                Command::Pull(to) if self.before[i] == 0.0 => Some(to - old.pulls[i]),
                 _ => None,
             };
             let mut slipped = 0.0;
@@ -757,33 +754,23 @@ impl Drive {
                 self.scratch.slipped[k] = slipped;
             }
             let hangs = self.now.tensions[i] == 0.0;
-            let mut may_change = !cautious || residual < CALM;
             for k in 0..=end {
                 let at = k * m + i;
                 let slipped = self.scratch.slipped[k];
                 let bound = line.friction * engine.angles()[at];
                 let (before, slip) = (self.now.drops[at], self.now.slip[at]);
+                self.scratch.bounds[at] = bound;
                 let mut next = match slip {
-                    Slip::Sticks if before > bound => Slip::Towards,
-                    Slip::Sticks if before < -bound => Slip::Away,
                     Slip::Towards if slipped < -rest => Slip::Sticks,
                     Slip::Away if slipped > rest => Slip::Sticks,
                     _ => slip,
                 };
-                let mut sound = next == slip;
-                if !sound && next == Slip::Sticks {
-                    if may_change {
-                        // from afar all at once; later, as that may go round in circles, one
-                        may_change = !cautious;
-                    } else {
-                        next = slip;
-                    }
-                }
                 let mut drop = match next {
                     Slip::Towards => bound,
                     Slip::Away => -bound,
-                    Slip::Sticks => before,
+                    Slip::Sticks => before.clamp(-bound, bound),
                 };
+                let mut sound = next == slip;
                 if k == 0 {
                     if let Some(change) = told {
                         (next, drop) = if change > 0.0 {
@@ -801,7 +788,7 @@ impl Drive {
                     sound = next == slip;
                 }
                 // the bend still moves, or a hole has changed its mind
-                let steady = next == Slip::Sticks || (drop - before).abs() <= 1e-13;
+                let steady = (drop - before).abs() <= 1e-13;
                 settled &= sound && steady;
                 (self.now.slip[at], self.now.drops[at]) = (next, drop);
             }
@@ -810,7 +797,14 @@ impl Drive {
     }
 
     /// Columns of the unknown tensions and drops, and the complementarity problem between them.
-    fn gather(&mut self, old: &History, commands: &[Command], symmetric: bool, caution: f64) {
+    fn gather(
+        &mut self,
+        old: &History,
+        commands: &[Command],
+        symmetric: bool,
+        caution: f64,
+        thorough: bool,
+    ) {
         let (n, m) = (self.modules, self.lines.len());
         let scratch = &mut self.scratch;
         scratch.unknowns.clear();
@@ -821,10 +815,13 @@ impl Drive {
         }
         if self.rubs {
             for (i, tension) in self.now.tensions.iter().enumerate() {
-                let end = self.ends[i];
-                for hole in 0..=end {
-                    let sticks = self.now.slip[hole * m + i] == Slip::Sticks;
-                    if sticks && *tension > 0.0 && self.lines[i].friction > 0.0 {
+                if *tension == 0.0 || self.lines[i].friction == 0.0 {
+                    continue;
+                }
+                // where a pull tells the slip of the base hole, there is nothing to ask
+                let told = matches!(commands[i], Command::Pull(_)) && self.before[i] == 0.0;
+                for hole in usize::from(told)..=self.ends[i] {
+                    if thorough || self.now.slip[hole * m + i] == Slip::Sticks {
                         scratch.unknowns.push(Unknown::Drop { tendon: i, hole });
                     }
                 }
@@ -850,8 +847,9 @@ impl Drive {
                     i
                 }
                 Unknown::Drop { tendon, hole } => {
+                    let per = 1.0 / engine.span_tension(hole, tendon);
                     for k in hole..n {
-                        part[k] = -engine.span_tension(k, tendon);
+                        part[k] = engine.span_tension(k, tendon) * per;
                     }
                     tendon
                 }
@@ -864,10 +862,16 @@ impl Drive {
         }
         // each row: the change of a tendon's length less stretch from a hole on
         for (r, row) in scratch.unknowns.iter().enumerate() {
-            let (tendon, hole, bounded) = match *row {
-                Unknown::Tension(i) => (i, 0, true),
-                Unknown::Drop { tendon, hole } => (tendon, hole, false),
+            let (tendon, hole, bounds) = match *row {
+                Unknown::Tension(i) => (i, 0, [0.0, f64::INFINITY]),
+                Unknown::Drop { tendon, hole } => {
+                    let at = hole * m + tendon;
+                    let (tension, drop) = (engine.span_tension(hole, tendon), self.now.drops[at]);
+                    let bounds = [drop - scratch.bounds[at], drop + scratch.bounds[at]];
+                    (tendon, hole, bounds.map(|b| tension * b))
+                }
             };
+            let bounded = matches!(row, Unknown::Tension(_));
             let own_stretch = if bounded { &self.stretch } else { &self.creep };
             let beyond = |rates: &[f64]| -> f64 { (hole..n).map(|k| rates[k * m + tendon]).sum() };
             let mut q = -beyond(engine.rates(0));
@@ -899,7 +903,17 @@ impl Drive {
                 }
             }
             scratch.complementarity.q[r] = q;
-            scratch.complementarity.bounded[r] = bounded;
+            [
+                scratch.complementarity.lower[r],
+                scratch.complementarity.upper[r],
+            ] = bounds;
+            if let Unknown::Drop { tendon, hole } = *row {
+                scratch.complementarity.side[r] = match self.now.slip[hole * m + tendon] {
+                    Slip::Towards => Side::Lower,
+                    Slip::Away => Side::Upper,
+                    Slip::Sticks => Side::Between,
+                };
+            }
         }
     }
 
@@ -923,19 +937,25 @@ impl Drive {
         let fraction = (MAX_STEP / largest).min(1.0);
         engine.save();
         engine.advance(fraction);
-        let zs = &scratch.complementarity.z;
-        for ((unknown, step), z) in scratch
-            .unknowns
+        let answer = scratch
+            .complementarity
+            .z
             .iter()
-            .zip(&scratch.coefficients[1..])
-            .zip(zs)
-        {
+            .zip(&scratch.complementarity.side);
+        let steps = scratch.unknowns.iter().zip(&scratch.coefficients[1..]);
+        for ((unknown, step), (z, side)) in steps.zip(answer) {
             match *unknown {
-                // what is not taken is zero, exactly
+                // what hangs has no tension, exactly
                 Unknown::Tension(i) if fraction == 1.0 => self.now.tensions[i] = *z,
                 Unknown::Tension(i) => self.now.tensions[i] += fraction * step,
                 Unknown::Drop { tendon, hole } => {
-                    self.now.drops[hole * m + tendon] += fraction * step;
+                    let at = hole * m + tendon;
+                    self.now.drops[at] -= fraction * step / engine.span_tension(hole, tendon);
+                    self.now.slip[at] = match side {
+                        Side::Lower => Slip::Towards,
+                        Side::Upper => Slip::Away,
+                        Side::Between => Slip::Sticks,
+                    };
                 }
             }
         }
@@ -954,6 +974,12 @@ impl Drive {
             if *tension > 0.0 {
                 *slack = 0.0;
             }
+        }
+        for i in 0..self.lines.len() {
+            self.now.pulls[i] = match self.now.commands[i] {
+                Command::Pull(p) => p,
+                Command::Tension(_) => self.pull_of(&self.now, i),
+            };
         }
         let strain = &mut self.now.strain;
         self.solver.engine.strains(&mut |i, w| strain[i] = w);
@@ -978,9 +1004,9 @@ impl Drive {
         let entries = (0..size).map(|i| problem.matrix[i * size + i]);
         let most = entries.fold(0.0, f64::max);
         for (r, unknown) in scratch.unknowns.iter().enumerate() {
-            problem.taken[r] = match *unknown {
-                Unknown::Tension(i) => self.ridge[i] > 0.0,
-                Unknown::Drop { .. } => false,
+            problem.side[r] = match *unknown {
+                Unknown::Tension(i) if self.ridge[i] > 0.0 => Side::Between,
+                _ => Side::Lower,
             };
             problem.matrix[r * size + r] -= 1e-9 * most;
         }

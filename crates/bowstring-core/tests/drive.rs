@@ -356,7 +356,7 @@ fn hysteresis() {
     let off = |i: usize| (ends[i].0 - ends[2].0).norm();
     println!("{:e} {:e}", off(0), off(1));
     assert!(
-        off(0) < 1e-4 && off(1) < 0.2 * off(0) + 1e-12,
+        off(0) < 1e-3 && off(1) < 0.2 * off(0) + 1e-12,
         "{:e} {:e}",
         off(0),
         off(1)
@@ -373,11 +373,12 @@ fn coarse_and_fine_paths() {
             let mut drive = rubbing(&robot, 0.2);
             for i in 0..=count {
                 let share = i as f64 / count as f64;
-                let up = 1.0 - (2.0 * share - 1.0).abs();
+                // up, and most of the way down
+                let up = (2.4 * share).sin();
                 let commands = if pulled {
-                    pulls(&[0.025 * up, -0.03, -0.03])
+                    pulls(&[0.025 * up, -0.015 * up, -0.015 * up])
                 } else {
-                    tensions(&[40.0 * up + 5.0 * share, 2.0, 2.0])
+                    tensions(&[40.0 * up, 2.0, 2.0])
                 };
                 let found = step(&mut drive, &commands, &pull(&[0.0; 3]));
                 assert_eq!(found.status, Status::Converged, "{count} {i} {found:?}");
@@ -420,7 +421,7 @@ fn random_paths_with_friction() {
                 count += 1;
                 if found.status != Status::Converged {
                     failed += 1;
-                    println!("{round} {found:?}");
+                    eprintln!("FAILED {round} {found:?}");
                     continue;
                 }
                 steps += found.iterations;
