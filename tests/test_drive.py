@@ -268,6 +268,49 @@ def test_history_goes_on_through_json(rubbing):
     assert np.abs(end.tip_position[-1] - end.tip_position[0]).max() > 1e-4  # the path matters
 
 
+def test_pulls_with_friction_make_a_loop_and_go_on_through_json(rubbing):
+    up = np.linspace(0, 0.02, 11)
+    path = np.outer(np.concatenate((up, up[-2::-1])), [1, -0.55, -0.55]) - [0, 0.001, 0.001]
+    rows = bs.sweep(rubbing, pulls=path).raise_for_status()
+    np.testing.assert_array_equal(rows.pulls, path)
+    assert (rows.tensions * rows.slack_lengths == 0).all()
+    assert rows.tensions[5, 0] > rows.tensions[15, 0] + 0.5  # the same pull, up and down
+    history = None
+    for i, row in enumerate(path):
+        found = bs.solve(rubbing, pulls=row, history=history).raise_for_status()
+        assert np.abs(tip(found) - rows.tip_position[i]).max() < 1e-12
+        np.testing.assert_allclose(found.tensions, rows.tensions[i], rtol=0, atol=1e-8)
+        history = json.loads(json.dumps(found.history, allow_nan=False))
+    assert rows.history == history
+    for i in (5, 15):
+        ratio = rows.span_tensions[i, 1:, 0] / rows.span_tensions[i, :-1, 0]
+        assert (ratio < 1).all() if i == 5 else (ratio > 1).any()
+
+
+def test_random_paths_with_friction(rao):
+    draw = np.random.default_rng(3)
+    rubs = {f"segments.{s}.tendons.{i}.friction": 0.2 for s in (0, 1) for i in (0, 1, 2)}
+    robot = rao.with_(rubs)
+    pulls = draw.uniform(-0.8, 0.8, (30, 2)) @ rao.tendons.hole_m.T - 0.001
+    for given in ({"pulls": pulls}, {"tensions": draw.uniform(0, 4, (30, 6))}):
+        rows = bs.sweep(robot, **given).raise_for_status()
+        assert (rows.tensions >= 0).all() and (rows.tensions * rows.slack_lengths == 0).all()
+        half = bs.sweep(robot, **{k: v[:15] for k, v in given.items()})
+        history = json.loads(json.dumps(half.history, allow_nan=False))
+        rest = bs.sweep(robot, **{k: v[15:] for k, v in given.items()}, history=history)
+        np.testing.assert_allclose(rest.tip_position, rows.tip_position[15:], rtol=0, atol=1e-9)
+
+
+def test_friction_of_zero_is_none(robot):
+    given = [[20, 3, 1], [5, 8, 1]]
+    plain = bs.sweep(robot, given)
+    history = bs.solve(robot, [0, 0, 0]).history
+    path = bs.sweep(robot, given, history=history).raise_for_status()
+    np.testing.assert_allclose(path.tip_position, plain.tip_position, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(path.pulls, plain.pulls, rtol=0, atol=1e-12)
+    assert path.stable == [True, True]
+
+
 def test_history_of_a_solve_without_friction(robot):
     first = bs.solve(robot, [20, 3, 1], tip_force=(0, 0.1, 0))
     history = first.history
@@ -277,6 +320,7 @@ def test_history_of_a_solve_without_friction(robot):
     assert np.abs(tip(same) - tip(first)).max() < 1e-12
     np.testing.assert_allclose(same.pulls, first.pulls, rtol=0, atol=1e-14)
     assert same.stable is True
+    assert bs.solve(robot, [20, 3, 1], tendon="continuous").history is None
 
 
 # --- what is asked of a solution -----------------------------------------------------------

@@ -258,21 +258,34 @@ class Solution:
 
     @property
     def history(self) -> dict[str, Any] | None:
-        """Where the path has come to, for ``history`` of the next solve; None if it failed.
+        """Where the path has come to, for ``history`` of the next solve.
+
+        None if the solve failed, or if the tendons are continuous.
 
         A dict that `json.dumps` takes: ``schema_version``, ``robot``, ``robot_hash``, the settings
         and all that friction remembers.
         """
         core = self.core
-        if not core.converged:
+        if not core.converged or core.tendon == "continuous":
             return None
         if self._path is None:
             path = drive.Path(self.robot, *self._physics)
             held = np.zeros(len(core.tensions), bool)
             load = (core.gravity, core.tip_force, core.tip_moment)
-            if path.core.step(held, core.tensions, *load).converged:
-                self._path = path
-        return None if self._path is None else self._path.history()
+            found = path.core.step(held, core.tensions, *load)
+            if not self._is_pose_of(found):
+                raise NoSolutionError(
+                    f"{self.robot.name}: there is no history, because the path from home does not "
+                    "lead to this pose; approach it by a sweep with a history"
+                )
+            self._path = path
+        return self._path.history()
+
+    def _is_pose_of(self, other: _core.Solution) -> bool:
+        here, there = self.core.tip_position, other.tip_position
+        if here is None or there is None:
+            return False
+        return bool(np.abs(here - there).max() <= 1e-8 * self.robot.length)
 
     @property
     def _physics(self) -> tuple[Theory, TendonPath, bool, int]:
@@ -345,8 +358,7 @@ class Solution:
             return
         load = (core.theory, core.gravity, core.tip_force, core.tip_moment)
         alone = _solve(self.robot, core.tensions, *load, core.tendon, core.twist, core.elements)
-        here, there = core.tip_position, alone.core.tip_position
-        if here is None or there is None or np.abs(here - there).max() > 1e-8 * self.robot.length:
+        if not self._is_pose_of(alone.core):
             raise InputError(
                 "fields are taken under given tensions, and these alone do not hold the pose that "
                 "the pulls hold"
