@@ -492,6 +492,21 @@ def test_bad_histories(robot, change, says):
     assert says in text and "\n" not in text and len(text) < 250
 
 
+def test_a_pretension_without_a_home_pose(robot):
+    tight = robot.with_({DRIVE + "pretension": "100 kN"})
+    found = bs.solve(tight, [20, 0, 0]).raise_for_status()
+    assert found.pulls is None and found.to_dict()["pulls_m"] is None
+    assert np.isnan(bs.sweep(tight, [[20, 0, 0]]).pulls).all()
+    with pytest.raises(InputError, match="there is no home pose"):
+        bs.solve(tight, pulls=[0, 0, 0])
+
+
+@pytest.mark.parametrize("call", [bs.solve, bs.sweep, bs.solve_batch])
+def test_a_name_is_no_robot(call):
+    with pytest.raises(InputError, match="it must be a Robot"):
+        call("amouri2019", pulls=[0, 0, 0])
+
+
 def test_bad_rows(robot):
     for given, says in (
         ({"pulls": [0, 0, 0]}, "pulls has shape (3,)"),

@@ -1168,7 +1168,7 @@ def _tendon_table(robot: Robot, lengths: Any) -> Table:
 
 def _driven_table(solution: Solution) -> Table:
     lengths, pulls, slack = solution.tendon_lengths, solution.pulls, solution.slack_lengths
-    assert lengths is not None and pulls is not None and slack is not None
+    assert lengths is not None and slack is not None
     by_tension = not solution.core.driven
     columns = ("tendon", ">tension N", ">length mm", ">pull mm")
     table = _table(*columns, *([] if by_tension else [">slack mm"]))
@@ -1176,7 +1176,8 @@ def _driven_table(solution: Solution) -> Table:
         table.add_row(
             str(i + 1),
             f"{tension:g}",
-            *(_fixed(1e3 * values[i], 3) for values in (lengths, pulls)),
+            _fixed(1e3 * lengths[i], 3),
+            "-" if pulls is None else _fixed(1e3 * pulls[i], 3),
             *([] if by_tension else [_fixed(1e3 * slack[i], 3)]),
         )
     return table

@@ -55,17 +55,20 @@ def compliances(robot: Robot) -> Floats:
     return tendons.compliance_m_per_N + length / tendons.axial_stiffness_N
 
 
-def home_lengths(robot: Robot, theory: str, tendon: str, twist: bool, elements: int) -> Floats:
-    """Length of each tendon at zero pull and no tension, less what lies before the base hole."""
+def home_lengths(
+    robot: Robot, theory: str, tendon: str, twist: bool, elements: int
+) -> Floats | None:
+    """Length of each tendon at zero pull and no tension, less what lies before the base hole.
+
+    None if the pretension alone has no stable equilibrium, which would be the home pose.
+    """
     tendons = robot.tendons
     if not tendons.pretension_N.any():
         return np.array(robot.disks.station_m[tendons.end_disk])
     none = (0.0, 0.0, 0.0)
     home = robot.core.solve(tendons.pretension_N, theory, none, none, none, tendon, twist, elements)
     if home.tendon_lengths is None:
-        raise InputError(
-            f"{robot.name} has no home pose: its pretension alone has no stable equilibrium"
-        )
+        return None
     lengths: Floats = home.tendon_lengths - compliances(robot) * tendons.pretension_N
     return lengths
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import drive
-from bowstring.arguments import check_choices
+from bowstring.arguments import check_choices, check_robot
 from bowstring.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
@@ -214,11 +214,16 @@ class Solution:
 
     @property
     def pulls(self) -> Floats | None:
-        """Lengths (T,) that the actuators have taken in since the home pose, in m."""
+        """Lengths (T,) that the actuators have taken in since the home pose, in m.
+
+        None if the solve failed, or if the robot's pretension has no home pose.
+        """
         core = self.core
         if core.driven or core.tendon_lengths is None:
             return core.pulls
         home = drive.home_lengths(self.robot, *self._physics)
+        if home is None:
+            return None
         pulls: Floats = home - core.tendon_lengths + drive.compliances(self.robot) * core.tensions
         return pulls
 
@@ -490,6 +495,8 @@ class Sweep:
         if self.driven is not None:
             return np.array(self.driven["pulls"])
         home = drive.home_lengths(self.robot, self.theory, *self.physics)
+        if home is None:
+            return np.full_like(self.tensions, np.nan)
         stretch = drive.compliances(self.robot) * self.tensions
         pulls: Floats = home - self.tendon_lengths + stretch
         return pulls
@@ -695,6 +702,7 @@ def solve(
     >>> pulled.tensions.round(2), pulled.slack
     (array([38.89,  0.  ,  0.  ]), (2, 3))
     """
+    check_robot(robot)
     if _is_plain(robot, pulls, angles, history):
         if tensions is None:
             drive.commands(robot, tensions, pulls, angles)
@@ -808,6 +816,7 @@ def sweep(
     >>> res.tip_position.shape
     (17, 3)
     """
+    check_robot(robot)
     loads = (
         _loads(gravity, "gravity"),
         _loads(tip_force, "tip_force"),
@@ -863,6 +872,7 @@ elements, disks
     """
     if not (isinstance(threads, int) and 0 <= threads <= 1024):
         raise InputError(f"threads is {threads!r}, it must be a whole number from 0 to 1024")
+    check_robot(robot)
     loads = (
         _loads(gravity, "gravity"),
         _loads(tip_force, "tip_force"),
