@@ -20,6 +20,8 @@ pub(crate) struct Complementarity {
     wrong: Vec<(usize, Side)>,
 }
 
+/// Most pivotings, each of which costs an elimination.
+const PIVOTINGS: usize = 30;
 /// Sweeps where pivoting goes round in circles.
 const RELAXATIONS: usize = 100;
 
@@ -68,7 +70,7 @@ impl Complementarity {
         }
         let mut fewest = n + 1;
         let mut patience = 3;
-        for _ in 0..50 + 10 * n {
+        for _ in 0..PIVOTINGS {
             if !self.solve_between() {
                 return false;
             }
@@ -238,21 +240,28 @@ fn eliminate(a: &mut [f64], m: usize) -> bool {
         if !(pivot.abs() > 0.0 && pivot.is_finite()) {
             return false;
         }
-        for j in column..width {
-            a.swap(column * width + j, best * width + j);
+        if best != column {
+            for j in column..width {
+                a.swap(column * width + j, best * width + j);
+            }
         }
-        for row in 0..m {
-            let factor = a[row * width + column] / pivot;
-            if row != column && factor != 0.0 {
-                for j in column..width {
-                    a[row * width + j] -= factor * a[column * width + j];
+        let (above, below) = a.split_at_mut((column + 1) * width);
+        let own = &above[column * width + column + 1..];
+        for row in below.chunks_exact_mut(width) {
+            let factor = row[column] / pivot;
+            if factor != 0.0 {
+                for (x, y) in row[column + 1..].iter_mut().zip(own) {
+                    *x -= factor * y;
                 }
             }
         }
     }
-    for row in 0..m {
-        let answer = a[row * width + m] / a[row * width + row];
-        a[row * width + m] = answer;
+    for row in (0..m).rev() {
+        let mut sum = a[row * width + m];
+        for j in row + 1..m {
+            sum -= a[row * width + j] * a[j * width + m];
+        }
+        a[row * width + m] = sum / a[row * width + row];
     }
     true
 }

@@ -152,6 +152,9 @@ struct Scratch {
     /// Tension by modules that goes with a unit of each unknown.
     profile: Vec<f64>,
     coefficients: Vec<f64>,
+    /// By columns and holes: change of a tendon's length from there on, and its own give.
+    beyond: Vec<f64>,
+    give: Vec<f64>,
     /// By holes of one tendon.
     slipped: Vec<f64>,
     /// Most that friction may drop, by modules and tendons.
@@ -164,6 +167,22 @@ enum Unknown {
     Tension(usize),
     /// What a hole that sticks lets through more than now.
     Drop { tendon: usize, hole: usize },
+}
+
+impl Unknown {
+    fn tendon(self) -> usize {
+        match self {
+            Unknown::Tension(i) => i,
+            Unknown::Drop { tendon, .. } => tendon,
+        }
+    }
+
+    fn hole(self) -> usize {
+        match self {
+            Unknown::Tension(_) => 0,
+            Unknown::Drop { hole, .. } => hole,
+        }
+    }
 }
 
 /// Share of `scale` that every span stretches by before its holes slip.
@@ -573,6 +592,8 @@ impl Drive {
         let scale = self.robot().moment_scale();
         let unit = self.solver.settings().shift_unit;
         let length = self.robot().length();
+        let fresh = self.rubs && old.drops.iter().all(|y| *y == 0.0);
+        let rigid = self.ridge.iter().any(|r| *r > 0.0);
         let (mut last, mut shift) = (f64::INFINITY, 0.0);
         for step in 0..=MAX_STEPS {
             if !self.solver.engine.evaluate().is_finite() {
@@ -581,7 +602,7 @@ impl Drive {
             self.solver.engine.measure_spans(self.rubs);
             let mut settled = true;
             if self.rubs {
-                settled = self.slide(old, commands);
+                settled = self.slide(old, commands, fresh && step < BOLD_STEPS);
                 self.apply();
                 self.solver.engine.evaluate();
             }
@@ -595,11 +616,19 @@ impl Drive {
             if !residual.is_finite() || (step == MAX_STEPS && !settled) {
                 return outcome;
             }
+            if settled && (self.rubs || !symmetric) {
+                // without a potential there is no more to ask
+                return self.finish(outcome, load);
+            }
             let engine = &mut *self.solver.engine;
             engine.linearise();
             let pivot = engine.eliminate(symmetric, if settled { 0.0 } else { shift });
+            if settled && pivot > 0.0 && !rigid {
+                outcome.stable = Some(true);
+                return self.finish(outcome, load);
+            }
             // from afar, tensions that the rod hardly tells apart are kept from running away
-            let caution = if self.ridge.iter().any(|r| *r > 0.0) {
+            let caution = if rigid {
                 self.scale * f64::min(1e-2, lacks)
             } else {
                 0.0
@@ -624,7 +653,7 @@ impl Drive {
                 }
             }
             if settled {
-                outcome.stable = (symmetric && !self.rubs).then_some(true);
+                outcome.stable = Some(true);
                 return self.finish(outcome, load);
             }
             if !solved {
@@ -728,7 +757,9 @@ impl Drive {
 
     /// Friction at the present bend: who slips, who sticks, and the drops of those that slip.
     /// False while that still changes.
-    fn slide(&mut self, old: &History, commands: &[Command]) -> bool {
+    ///
+    /// On a `fresh` path, where nothing stuck yet, a hole that slips the wrong way slips the other.
+    fn slide(&mut self, old: &History, commands: &[Command], fresh: bool) -> bool {
         let m = self.lines.len();
         let rest = 1e-12 * self.robot().length();
         self.scratch.slipped.resize(self.modules, 0.0);
@@ -761,6 +792,8 @@ impl Drive {
                 let (before, slip) = (self.now.drops[at], self.now.slip[at]);
                 self.scratch.bounds[at] = bound;
                 let mut next = match slip {
+                    _ if fresh && slipped < -rest => Slip::Away,
+                    _ if fresh => Slip::Towards,
                     Slip::Towards if slipped < -rest => Slip::Sticks,
                     Slip::Away if slipped > rest => Slip::Sticks,
                     _ => slip,
@@ -860,60 +893,81 @@ impl Drive {
             };
             engine.respond(symmetric, c + 1, Some(source));
         }
-        // each row: the change of a tendon's length less stretch from a hole on
+        // change of every tendon's length from each hole on, by each column
+        let spans = n * m;
+        scratch.beyond.resize((size + 1) * spans, 0.0);
+        for (c, sums) in scratch
+            .beyond
+            .chunks_exact_mut(spans)
+            .enumerate()
+            .take(size + 1)
+        {
+            sums.copy_from_slice(engine.rates(c));
+            for at in (0..spans - m).rev() {
+                sums[at] += sums[at + m];
+            }
+        }
+        // own compliance of a tendon from each hole on, times each column
+        scratch.give.resize(size * n, 0.0);
+        for (c, column) in scratch.unknowns.iter().enumerate() {
+            let i = column.tendon();
+            let mut sum = 0.0;
+            for k in (0..n).rev() {
+                sum += self.creep[k * m + i] * scratch.profile[c * n + k];
+                scratch.give[c * n + k] = sum;
+            }
+        }
+        let (unknowns, profile) = (&scratch.unknowns, &scratch.profile);
+        let stretched = |c: usize| -> f64 {
+            let i = unknowns[c].tendon();
+            (0..n)
+                .map(|k| self.stretch[k * m + i] * profile[c * n + k])
+                .sum()
+        };
+        let problem = &mut scratch.complementarity;
         for (r, row) in scratch.unknowns.iter().enumerate() {
-            let (tendon, hole, bounds) = match *row {
-                Unknown::Tension(i) => (i, 0, [0.0, f64::INFINITY]),
-                Unknown::Drop { tendon, hole } => {
-                    let at = hole * m + tendon;
-                    let (tension, drop) = (engine.span_tension(hole, tendon), self.now.drops[at]);
-                    let bounds = [drop - scratch.bounds[at], drop + scratch.bounds[at]];
-                    (tendon, hole, bounds.map(|b| tension * b))
+            let i = row.tendon();
+            let hole = row.hole();
+            let at = hole * m + i;
+            let mut q = -scratch.beyond[at];
+            match *row {
+                Unknown::Tension(_) => {
+                    q += self.slack[i];
+                    [problem.lower[r], problem.upper[r]] = [0.0, f64::INFINITY];
                 }
-            };
-            let bounded = matches!(row, Unknown::Tension(_));
-            let own_stretch = if bounded { &self.stretch } else { &self.creep };
-            let beyond = |rates: &[f64]| -> f64 { (hole..n).map(|k| rates[k * m + tendon]).sum() };
-            let mut q = -beyond(engine.rates(0));
-            q += match *row {
-                Unknown::Tension(i) => self.slack[i],
-                Unknown::Drop { .. } => -(hole..n)
-                    .map(|k| self.now.spans[k * m + tendon] - old.spans[k * m + tendon])
-                    .sum::<f64>(),
-            };
-            for (c, column) in scratch.unknowns.iter().enumerate() {
-                let mut entry = -beyond(engine.rates(c + 1));
-                let (by, own) = match *column {
-                    Unknown::Tension(i) => (i, bounded),
-                    Unknown::Drop { tendon, .. } => (tendon, false),
-                };
-                if by == tendon {
-                    let part = &scratch.profile[c * n..(c + 1) * n];
+                Unknown::Drop { .. } => {
                     for k in hole..n {
-                        entry += own_stretch[k * m + tendon] * part[k];
+                        q -= self.now.spans[k * m + i] - old.spans[k * m + i];
                     }
-                    if own {
-                        entry += self.before[tendon] + self.ridge[tendon] + caution;
-                    }
+                    let (tension, drop) = (engine.span_tension(hole, i), self.now.drops[at]);
+                    let bound = scratch.bounds[at];
+                    problem.lower[r] = tension * (drop - bound);
+                    problem.upper[r] = tension * (drop + bound);
+                    problem.side[r] = match self.now.slip[at] {
+                        Slip::Towards => Side::Lower,
+                        Slip::Away => Side::Upper,
+                        Slip::Sticks => Side::Between,
+                    };
                 }
-                scratch.complementarity.matrix[r * size + c] = entry;
-                if let Unknown::Tension(i) = *column {
+            }
+            for (c, column) in scratch.unknowns.iter().enumerate() {
+                let mut entry = -scratch.beyond[(c + 1) * spans + at];
+                if column.tendon() == i {
+                    entry += match (row, column) {
+                        (Unknown::Drop { .. }, _) => scratch.give[c * n + hole],
+                        (Unknown::Tension(_), Unknown::Drop { .. }) => stretched(c),
+                        (Unknown::Tension(_), Unknown::Tension(_)) => {
+                            stretched(c) + self.before[i] + self.ridge[i] + caution
+                        }
+                    };
+                }
+                problem.matrix[r * size + c] = entry;
+                if let Unknown::Tension(j) = *column {
                     // tensions as they will be, drops by their change
-                    q -= entry * self.now.tensions[i];
+                    q -= entry * self.now.tensions[j];
                 }
             }
-            scratch.complementarity.q[r] = q;
-            [
-                scratch.complementarity.lower[r],
-                scratch.complementarity.upper[r],
-            ] = bounds;
-            if let Unknown::Drop { tendon, hole } = *row {
-                scratch.complementarity.side[r] = match self.now.slip[hole * m + tendon] {
-                    Slip::Towards => Side::Lower,
-                    Slip::Away => Side::Upper,
-                    Slip::Sticks => Side::Between,
-                };
-            }
+            problem.q[r] = q;
         }
     }
 
