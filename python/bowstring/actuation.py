@@ -278,6 +278,7 @@ def drive_budget(model: Model, tension: Array, sweep: Case) -> DriveBudget:
     stretched, _ = by_pull(elastic)
     pulled, released = by_pull(both)
     base = pull_case(stiff)
+    tight = any(commanded.fights(way) for way in (stiff, stretched, pulled, released))
 
     mu = both.tendons.friction[t]
     stiffness = float(both.tendons.axial_stiffness_N[t])
@@ -338,7 +339,7 @@ def drive_budget(model: Model, tension: Array, sweep: Case) -> DriveBudget:
         pull_driven=base,
         rows=rows,
         loops=loops,
-        notes=_notes(model, friction_assumed, elasticity_assumed, len(there) - 1),
+        notes=_notes(model, friction_assumed, elasticity_assumed, len(there) - 1, tight),
         text=_in_words(rows, loops, friction_assumed, elasticity_assumed),
     )
 
@@ -357,7 +358,13 @@ class _Commanded:
         # hangs and does not fight the pulled one over what the arc gets wrong.
         hangs = robot.tendons.pretension_N == 0.0
         hangs[model.tendon] = False
+        self._others = np.flatnonzero(hangs)
+        self._nothing = 1e-12 * robot.length
         self.pulls = straight - self.lengths - _SURPLUS * robot.length * hangs
+
+    def fights(self, way: _Way) -> bool:
+        """Whether a tendon that should hang is tight somewhere."""
+        return bool(np.any(way.slack[:, self._others] <= self._nothing))
 
 
 class _Way:
@@ -368,6 +375,7 @@ class _Way:
         here = order[rows]
         self.tip = path.tip_position[here]
         self.lengths = path.tendon_lengths[here]
+        self.slack = path.slack_lengths[order]
         bad = [str(path.status[i]) for i in here if not path.converged[i]]
         self.problem: str | None = None
         if bad:
@@ -423,13 +431,21 @@ def _in_words(
 
     if math.isfinite(up.moved) and math.isfinite(down.moved):
         source = "assumed, the file gives none" if friction else "as in the file"
-        than = "more" if max(up.moved, down.moved) > _own(up) else "less"
+        than = "more" if up.exceeds or down.exceeds else "less"
+        true, *rubbed = (
+            case.comparisons["cc_from_lengths"].mean for case in (up.base, up.case, down.case)
+        )
+        from_lengths = ""
+        if all(map(math.isfinite, (true, *rubbed))):
+            from_lengths = (
+                f"; from true lengths {' and '.join(map(in_mm, rubbed))} instead of {in_mm(true)}"
+            )
         mu = up.label.split(",")[0].removesuffix(" (assumed)").removeprefix("friction ")
         out.append(
             f"Driven by tension, friction of {mu} at the holes ({source}) moves the tip by "
             f"{in_mm(up.moved)} in the mean while the load rises and {in_mm(down.moved)} while it "
             f"falls: {than} than constant curvature's own error from force, {own(up)}, which "
-            f"becomes {mean(up)} and {mean(down)}."
+            f"becomes {mean(up)} and {mean(down)}{from_lengths}."
         )
     if math.isfinite(stretched.moved):
         source = " (assumed, the file gives none)" if elasticity else " (as in the file)"
@@ -463,11 +479,9 @@ def _in_words(
     return tuple(out)
 
 
-def _own(row: DriveRow) -> float:
-    return row.base.comparisons[_fed_by(row.driven_by)].mean
-
-
-def _notes(model: Model, friction: bool, elasticity: bool, steps: int) -> tuple[str, ...]:
+def _notes(
+    model: Model, friction: bool, elasticity: bool, steps: int, tight: bool
+) -> tuple[str, ...]:
     out = [
         "How the robot is driven: the physics is that of the main sweep. 'Change' and 'tip moves' "
         "are against the same commands on tendons that neither rub nor stretch.",
@@ -482,6 +496,8 @@ def _notes(model: Model, friction: bool, elasticity: bool, steps: int) -> tuple[
         "that the file gives a pretension gets no surplus. Constant curvature's tip is that of the "
         "lengths without the surplus.",
     ]
+    if tight:
+        out.append("In spite of that another tendon than the pulled one is tight at some commands.")
     if friction:
         out.append(
             f"The file gives no friction: {ASSUMED_FRICTION:g} is assumed, the order of a steel "

@@ -523,12 +523,12 @@ def _error_budget(study: Study) -> Figure:
         axes.set_xlabel("mean error of CC (mm)")
     left, _ = panels[0].get_xlim()
     if left <= _TINY * 1e3:
-        panels[0].set_xlabel("mean error of CC (mm), 0.001 or less at the left")
+        panels[0].set_xlabel("mean error of CC (mm)\n(0.001 or less at the left)")
     _drive_panel(
         driven, drive, (*series, (COMMANDED, "CC from commanded lengths", "green", "^", 0))
     )
     handles, names = driven.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=3, columnspacing=1.0)
+    figure.legend(handles, names, loc="outside upper left", ncols=2)
     return figure
 
 
@@ -539,7 +539,10 @@ def _drive_panel(
     by_pull = [("pulled, no stretch or friction", drive.pull_driven)]
     for row in drive.rows:
         rows = by_tension if row.driven_by == "tension" else by_pull
-        rows.append((row.short_label.replace(", friction", ",\nfriction"), row.case))
+        label = row.short_label.removeprefix("pulled, ")
+        if label.startswith("elastic, "):
+            label = re.sub(r"(?<=friction) [^,]*", "", label)  # said above
+        rows.append((label, row.case))
     cases = [*by_tension, *by_pull]
     places = np.arange(len(cases), dtype=float)[::-1]
     places[: len(by_tension)] += 0.4  # a gap between the two ways to drive
@@ -560,35 +563,33 @@ def _drive_panel(
     axes.set_yticks(places, [label for label, _ in cases])
     axes.set_ylim(-0.6, len(cases))
     axes.set_xlim(left=0.0)
-    title = "How the robot is driven"
-    if drive.assumptions:
-        title += f" (assumed: {', '.join(drive.assumptions)})"
-    axes.set_title(title, x=0.0 if not drive.assumptions else -0.3)
+    axes.set_title("How the robot is driven")
     axes.grid(axis="x", which="major")
-    axes.set_xlabel("mean error of CC (mm)")
+    assumed = f"\n(assumed: {', '.join(drive.assumptions)})" if drive.assumptions else ""
+    axes.set_xlabel("mean error of CC (mm)" + assumed)
 
 
 def _hysteresis(study: Study) -> Figure:
     drive = study.budget.drive
     figure, panels = _subplots(2, 5.6)
-    hole = study.robot.tendons.hole_m[study.settings.tendon]
-    towards = hole / np.linalg.norm(hole)
     number = study.settings.tendon + 1
     for axes, loop in zip(panels, drive.loops, strict=True):
         by_tension = loop.driven_by == "tension"
+        onward = np.gradient(loop.constant_curvature, axis=0)
+        onward /= np.linalg.norm(onward, axis=1, keepdims=True)
         command = loop.command * (1.0 if by_tension else 1e3)
         for way, label, colour, line in (
             (loop.free, "no friction" if by_tension else "no friction, no stretch", "ink", ":"),
             (loop.loading, "loading", "blue", "-"),
             (loop.unloading, "unloading", "red", "--"),
         ):
-            beside = (way - loop.constant_curvature)[:, :2] @ towards * 1e3
-            axes.plot(command, beside, color=_LIGHT[colour], linestyle=line, label=label)
+            ahead = np.sum((way - loop.constant_curvature) * onward, axis=1) * 1e3
+            axes.plot(command, ahead, color=_LIGHT[colour], linestyle=line, label=label)
         axes.axhline(0.0, color=_LIGHT["muted"], linewidth=0.8)
         wide = f"up to {in_mm(loop.width)} apart" if math.isfinite(loop.width) else "no numbers"
         axes.set_title(f"driven by {'tension' if by_tension else 'pulled lengths'}; {wide}")
         law = "force" if by_tension else "commanded lengths"
-        axes.set(ylabel=f"tip minus CC from {law},\ntowards tendon {number} (mm)")
+        axes.set(ylabel=f"tip ahead of\nCC from {law} (mm)")
         axes.set_xlabel(_force_label(study) if by_tension else f"pull of tendon {number} (mm)")
         axes.legend(loc="best")
     return figure

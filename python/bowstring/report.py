@@ -429,7 +429,7 @@ def _budget_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
 
 
 def _drive_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
-    header = ["effect", "driven_by", "assumed", "cc_name", "problem", "cc_n", "mean_mm", "max_mm"]
+    header = ["effect", "driven_by", "assumed", "name", "problem", "n", "mean_mm", "max_mm"]
     header += ["mean_percent", "change_of_mean_mm", "tip_moved_mean_mm", "tip_moved_max_mm"]
     drive = study.budget.drive
     rows: list[Sequence[Cell]] = []

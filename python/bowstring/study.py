@@ -139,10 +139,10 @@ FIGURES: Final = (
     Figure(
         "hysteresis",
         "Loading and unloading",
-        "The tip, towards the pulled tendon, beside that of constant curvature at the same "
-        "command: zero is where constant curvature has it. Above, driven by tension with friction "
-        "at the holes; below, by pulled lengths on elastic tendons with friction. Dotted: without "
-        "friction and stretch.",
+        "How far the tip is ahead of that of constant curvature at the same command, along the "
+        "path of the latter: below zero the robot is bent less. Above, driven by tension with "
+        "friction at the holes; below, by pulled lengths on elastic tendons with friction. Dotted: "
+        "without friction and stretch.",
     ),
 )
 
