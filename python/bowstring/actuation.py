@@ -487,8 +487,8 @@ def _notes(
         "are against the same commands on tendons that neither rub nor stretch.",
         "Loading and unloading are one path, from home to the largest command and back in "
         f"{steps} steps each way: friction remembers it.",
-        "Friction can also lower constant curvature's error, where it bends the robot less and "
-        "constant curvature bends it too much, or the other way round.",
+        "Friction can also lower constant curvature's error: while loading it takes bend away, and "
+        "a law that bends the robot too little comes nearer by that.",
         "Pulls: the linear law makes an arc of each tension of the sweep, and the inverse of Eq. 5 "
         f"makes tendon lengths of the arc. Tendon {model.tendon + 1} is wound up to its length, "
         "the others are paid out to theirs and "
