@@ -248,6 +248,14 @@ def test_a_tendon_that_does_not_hang_is_told(
     assert any("In spite of that" in note for note in drive(amouri).notes)
 
 
+def test_commands_without_equilibrium_are_told(amouri: Robot) -> None:
+    d = drive(amouri.with_({DRIVE + "friction": 3}), 400.0)
+    case = d.row("pull_driven_loading").case
+    assert case.problem is not None and "means are over the others" in case.problem
+    assert np.isfinite(case.error(COMMANDED)).sum() == case.comparisons[COMMANDED].n < 17
+    json.dumps(study._plain(d.to_dict()), allow_nan=False)
+
+
 def test_pretension_and_two_points(amouri: Robot) -> None:
     d = drive(amouri.with_({DRIVE + "pretension": "2 N"}), points=2)
     assert len(d.loops[0].command) == 41

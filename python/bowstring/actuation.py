@@ -383,6 +383,8 @@ class _Way:
             self.problem = f"no equilibrium found at {of} commands ({bad[0]})"
             if len(bad) < len(here):
                 self.problem += "; means are over the others"
+                if order[-1] < order[0] and not path.converged[order[-1]]:
+                    self.problem += ", unloading from the last command that had one"
 
 
 def _physics(model: Model) -> dict[str, Any]:
