@@ -425,7 +425,6 @@ def test_what_does_not_know_friction_says_so(rubbing):
         lambda: bs.jacobians(found),
         lambda: bs.pull_jacobian(found),
         lambda: found.fields(),
-        lambda: __import__("bowstring.study").study.run(rubbing),
     ):
         with pytest.raises(InputError, match=r"friction|rub") as error:
             attempt()

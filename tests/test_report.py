@@ -140,7 +140,7 @@ def test_names_from_a_robot_file_are_escaped(tmp_path: Path) -> None:
 def test_the_folder_holds_what_the_study_lists(written: Path) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     assert set(contents(written)) == set(content["files"])
-    assert len(content["figures"]) == len(study.FIGURES) == 8
+    assert len(content["figures"]) == len(study.FIGURES) == 9
     for figure in content["figures"]:
         assert (written / figure["png"]).read_bytes().startswith(b"\x89PNG")
         assert (written / figure["pdf"]).read_bytes().startswith(b"%PDF")
@@ -159,6 +159,7 @@ def test_study_json_is_the_study(written: Path, paper: study.Study) -> None:
 
 def test_tables_have_units_and_numbers(written: Path, paper: study.Study) -> None:
     plain = {"name", "against", "n", "status", "disk", "effect", "case", "problem"}
+    plain |= {"driven_by", "assumed"}
     unit = re.compile(r"_(mm|N|s|MPa|deg|percent|n)$")  # n: a count
     names = set()
     for path in (written / "tables").glob("*.csv"):
@@ -168,7 +169,15 @@ def test_tables_have_units_and_numbers(written: Path, paper: study.Study) -> Non
         assert all(c in plain or unit.search(c) for c in header), path.stem
         assert rows and all(len(r) == len(header) for r in rows)
         assert not any(cell.lower() in ("nan", "inf", "-inf") for r in rows for cell in r)
-    assert {"geometric_sweep", "statics", "dynamics", "comparisons", "errors", "budget"} <= names
+    assert {
+        "geometric_sweep",
+        "statics",
+        "dynamics",
+        "comparisons",
+        "errors",
+        "budget",
+        "drive",
+    } <= names
 
     with (written / "tables" / "statics.csv").open(newline="", encoding="utf-8") as file:
         last = list(csv.DictReader(file))[-1]

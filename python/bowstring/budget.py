@@ -1,7 +1,8 @@
 """The error budget: what each physical effect does to constant curvature's error.
 
 Each effect is added alone to the plainest physics, removed alone from the fullest, and changed
-alone in the physics of the main sweep.
+alone in the physics of the main sweep. How the robot is driven (friction, elastic tendons, pulled
+lengths) has a table of its own, `bowstring.actuation`, since it depends on the path.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.actuation import DriveBudget, drive_budget
 from bowstring.comparison import Case, Model, Physics, known_mean
 from bowstring.robot import Robot
 from bowstring.words import round_down
@@ -77,6 +79,8 @@ class Budget:
     plainest_is: str
     fullest_is: str
     notes: tuple[str, ...]
+    drive: DriveBudget
+    """Friction, elastic tendons and pulled lengths."""
 
     def to_dict(self) -> dict[str, Any]:
         """The budget in mm and percent."""
@@ -86,6 +90,7 @@ class Budget:
             "sweep": self.sweep.to_dict(),
             "rows": [row.to_dict(self.plainest, self.sweep) for row in self.rows],
             "notes": list(self.notes),
+            "drive": self.drive.to_dict(),
         }
 
 
@@ -143,7 +148,9 @@ def error_budget(
                 acts_in_sweep=_acts(model, effect),
             )
         )
-        tell((i + 1) / len(effects))
+        tell((i + 1) / (len(effects) + 1))
+    drive = drive_budget(model, tension, case(model.main))
+    tell(1.0)
 
     clamps = (
         "the file's clamps"
@@ -178,6 +185,7 @@ def error_budget(
             "length by linear theory: 1 N for the study's robot.",
             f"Clamps: {clamps}.",
         ),
+        drive=drive,
     )
 
 

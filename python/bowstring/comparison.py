@@ -8,7 +8,7 @@ in what `Physics` lists.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, Literal
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bowstring import arc, rod
 from bowstring.errors import BowstringError
-from bowstring.robot import Robot
+from bowstring.robot import Robot, TendonRing
 
 __all__ = [
     "COMPARISONS",
@@ -30,6 +30,7 @@ __all__ = [
     "Theory",
     "known_max",
     "known_mean",
+    "with_tendons",
 ]
 
 Array = NDArray[np.float64]
@@ -164,7 +165,10 @@ class Model:
     """Robot, pulled tendon and theory, and what all parts of the study ask of them."""
 
     def __init__(self, robot: Robot, tendon: int, theory: Theory) -> None:
-        self.robot = robot
+        self.driven = robot
+        """As the file has it, with the friction of its tendons."""
+        self.robot = with_tendons(robot, {"friction": 0.0})
+        """Without friction, which the main sweep, its dynamics and the verdict leave out."""
         self.tendon = tendon
         """Index of the pulled tendon, from 0."""
         self.length = robot.length
@@ -296,6 +300,20 @@ class Model:
         tip = sweep.tip_position
         comparisons = self.compare(tension, tip, sweep.tendon_lengths, MEANINGS)
         return Case(physics, problem, tip, comparisons)
+
+
+def with_tendons(robot: Robot, values: Mapping[str, float | None], missing: bool = False) -> Robot:
+    """The robot with these fields of all its tendons, or of those only that lack them."""
+    changes = {}
+    for k, segment in enumerate(robot.segments):
+        ring = isinstance(segment.tendons, TendonRing)
+        for i, tendon in enumerate(segment.tendon_list[:1] if ring else segment.tendon_list):
+            where = f"segments.{k}.tendons" if ring else f"segments.{k}.tendons.{i}"
+            for name, value in values.items():
+                now = getattr(tendon, name)
+                if now != value and not (missing and now):
+                    changes[f"{where}.{name}"] = value
+    return robot.with_(changes) if changes else robot
 
 
 # -- means of what is known --------------------------------------------------------------------

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.actuation import COMMANDED, DriveBudget
 from bowstring.comparison import Case, known_max
 from bowstring.robot import Robot
 from bowstring.study import Study
@@ -461,7 +462,9 @@ def _errors(study: Study) -> Figure:
 
 def _error_budget(study: Study) -> Figure:
     budget = study.budget
-    figure, panels = _subplots(2, 6.0)
+    drive = budget.drive
+    count = len(budget.rows)
+    figure, (*panels, driven) = _subplots(3, 8.6, height_ratios=(count, count, len(drive.rows) + 3))
     labels = [row.label.replace(", not a continuous tendon", "") for row in budget.rows]
     labels = [re.sub(r" \(.*\)", "", label) for label in labels]
     places = np.arange(len(labels))[::-1]
@@ -520,8 +523,75 @@ def _error_budget(study: Study) -> Figure:
         axes.set_xlabel("mean error of CC (mm)")
     left, _ = panels[0].get_xlim()
     if left <= _TINY * 1e3:
-        panels[0].set_xlabel("mean error of CC (mm), 0.001 or less at the left")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
+        panels[0].set_xlabel("mean error of CC (mm)\n(0.001 or less at the left)")
+    _drive_panel(
+        driven, drive, (*series, (COMMANDED, "CC from commanded lengths", "green", "^", 0))
+    )
+    handles, names = driven.get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper left", ncols=2)
+    return figure
+
+
+def _drive_panel(
+    axes: Axes, drive: DriveBudget, series: tuple[tuple[str, str, str, str, float], ...]
+) -> None:
+    by_tension = [("no friction (this sweep)", drive.tension_driven)]
+    by_pull = [("pulled, no stretch or friction", drive.pull_driven)]
+    for row in drive.rows:
+        rows = by_tension if row.driven_by == "tension" else by_pull
+        label = row.short_label.removeprefix("pulled, ")
+        if label.startswith("elastic, "):
+            label = re.sub(r"(?<=friction) [^,]*", "", label)  # said above
+        rows.append((label, row.case))
+    cases = [*by_tension, *by_pull]
+    places = np.arange(len(cases), dtype=float)[::-1]
+    places[: len(by_tension)] += 0.4  # a gap between the two ways to drive
+    for name, label, colour, marker, shift in series:
+        known = [
+            (_mean_of(case, name) * 1e3, place + shift)
+            for (_, case), place in zip(cases, places, strict=True)
+            if name in case.comparisons
+        ]
+        axes.plot(
+            *np.array(known).T,
+            linestyle="none",
+            color=_LIGHT[colour],
+            marker=marker,
+            markersize=5.5,
+            label=label,
+        )
+    axes.set_yticks(places, [label for label, _ in cases])
+    axes.set_ylim(-0.6, len(cases))
+    axes.set_xlim(left=0.0)
+    axes.set_title("How the robot is driven")
+    axes.grid(axis="x", which="major")
+    assumed = f"\n(assumed: {', '.join(drive.assumptions)})" if drive.assumptions else ""
+    axes.set_xlabel("mean error of CC (mm)" + assumed)
+
+
+def _hysteresis(study: Study) -> Figure:
+    drive = study.budget.drive
+    figure, panels = _subplots(2, 5.6)
+    number = study.settings.tendon + 1
+    for axes, loop in zip(panels, drive.loops, strict=True):
+        by_tension = loop.driven_by == "tension"
+        onward = np.gradient(loop.constant_curvature, axis=0)
+        onward /= np.linalg.norm(onward, axis=1, keepdims=True)
+        command = loop.command * (1.0 if by_tension else 1e3)
+        for way, label, colour, line in (
+            (loop.free, "no friction" if by_tension else "no friction, no stretch", "ink", ":"),
+            (loop.loading, "loading", "blue", "-"),
+            (loop.unloading, "unloading", "red", "--"),
+        ):
+            ahead = np.sum((way - loop.constant_curvature) * onward, axis=1) * 1e3
+            axes.plot(command, ahead, color=_LIGHT[colour], linestyle=line, label=label)
+        axes.axhline(0.0, color=_LIGHT["muted"], linewidth=0.8)
+        wide = f"up to {in_mm(loop.width)} apart" if math.isfinite(loop.width) else "no numbers"
+        axes.set_title(f"driven by {'tension' if by_tension else 'pulled lengths'}; {wide}")
+        law = "force" if by_tension else "commanded lengths"
+        axes.set(ylabel=f"tip ahead of\nCC from {law} (mm)")
+        axes.set_xlabel(_force_label(study) if by_tension else f"pull of tendon {number} (mm)")
+        axes.legend(loc="best")
     return figure
 
 
@@ -635,4 +705,5 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig10_overlay": _overlay,
     "fig11_errors": _errors,
     "error_budget": _error_budget,
+    "hysteresis": _hysteresis,
 }

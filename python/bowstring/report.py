@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from bowstring.actuation import COMMANDED
 from bowstring.budget import BudgetRow
-from bowstring.comparison import COMPARISONS, Case
+from bowstring.comparison import COMPARISONS, MEANINGS, Case
 from bowstring.errors import InputError
 from bowstring.files import write_whole
 from bowstring.robot import Robot
@@ -375,6 +376,18 @@ def _tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]
         np.column_stack([v.fine_tension, *(e * 1e3 for e in v.fine_error.values())]).tolist(),
     )
     yield "budget", *_budget_table(study)
+    yield "drive", *_drive_table(study)
+    for loop in study.budget.drive.loops:
+        d = loop.to_dict()
+        command = "tension_N" if loop.driven_by == "tension" else "pull_mm"
+        kinds = ("free", "loading", "unloading", "constant_curvature")
+        yield (
+            f"hysteresis_by_{loop.driven_by}",
+            [command, *(f"{kind}_{p}" for kind in kinds for p in tip), "apart_mm"],
+            np.column_stack(
+                [d[command], *(d[f"tip_{kind}_mm"] for kind in kinds), loop.apart * 1e3]
+            ).tolist(),
+        )
 
 
 def _budget_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
@@ -413,6 +426,28 @@ def _budget_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
         how = "removed from this sweep" if r.acts_in_sweep else "added to this sweep"
         rows.append(row(r.effect, how, r.in_sweep, b.sweep))
     return header, list(rows)
+
+
+def _drive_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
+    header = ["effect", "driven_by", "assumed", "name", "problem", "n", "mean_mm", "max_mm"]
+    header += ["mean_percent", "change_of_mean_mm", "tip_moved_mean_mm", "tip_moved_max_mm"]
+    drive = study.budget.drive
+    rows: list[Sequence[Cell]] = []
+    cases: list[tuple[str, str, str, Case, Case | None]] = [
+        ("", "tension", "", drive.tension_driven, None),
+        ("", "pull", "", drive.pull_driven, None),
+    ]
+    cases += [(r.effect, r.driven_by, " ".join(r.assumed), r.case, r.base) for r in drive.rows]
+    for effect, driven_by, assumed, case, base in cases:
+        d = case.to_dict(base)
+        for name in case.comparisons:
+            e = d[name]
+            cells: list[Cell] = [effect, driven_by, assumed, name, d["problem"]]
+            cells += [e["n"], e["mean_mm"], e["max_mm"], e["mean_percent"]]
+            cells += [e.get("change_of_mean_mm")]
+            cells += [d.get("tip_moved_mean_mm"), d.get("tip_moved_max_mm")]
+            rows.append(cells)
+    return header, rows
 
 
 # -- the page ----------------------------------------------------------------------------------
@@ -573,6 +608,41 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
     ]
     for problem in problems:
         console.print(Text(problem, style="dim"))
+
+    drive = study.budget.drive
+    driven = table(
+        "How the robot is driven: mean tip error (mm), from home to the largest command\n"
+        "(loading) and back (unloading)",
+        "effect",
+        "CC from\nlengths",
+        "CC from\nforce",
+        "commanded\nlengths",
+        "tip\nmoves",
+    )
+
+    def driven_means(case: Case) -> list[str]:
+        cells = dict(zip(case.comparisons, means(case), strict=True))
+        return [cells.get(name, "") for name in (*MEANINGS, COMMANDED)]
+
+    for row_of, title, base in (
+        ("tension", "(tension, no friction)", drive.tension_driven),
+        ("pull", "(pulled, no stretch or friction)", drive.pull_driven),
+    ):
+        driven.add_row(title, *driven_means(base), "")
+        for r in drive.rows:
+            if r.driven_by == row_of:
+                mark = " *" if r.case.problem or r.base.problem else ""
+                driven.add_row(
+                    r.short_label + mark, *driven_means(r.case), number(r.moved * 1e3, 2)
+                )
+    console.print(driven)
+    if drive.assumptions:
+        note = f"assumed, the robot file gives none: {'; '.join(drive.assumptions)}"
+        console.print(Text(note, style="dim"))
+    gaps = dict.fromkeys(c.problem for r in drive.rows for c in (r.base, r.case) if c.problem)
+    for gap in gaps:
+        console.print(Text(f"* {gap}", style="dim"))
+    console.print()
 
     percent = f"{study.verdict.tolerance * 100:.3g} % of length"
     console.print(Text(f"Verdict at {percent}", style="bold"))

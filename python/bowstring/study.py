@@ -10,10 +10,12 @@
    (Eq. 2-5), and fed with the *force* through the linear law; each plain and corrected
    (`bowstring.comparison`);
 5. an error budget: physical effects one by one, added to the plainest physics and removed from the
-   fullest (`bowstring.budget`);
+   fullest (`bowstring.budget`); friction, elastic tendons and pulled lengths along a path of
+   loading and unloading (`bowstring.actuation`);
 6. a verdict at a stated tolerance (`bowstring.verdict`).
 
-Budget and verdict are about statics, which needs no rise time and no damping to be chosen.
+Budget and verdict are about statics, which needs no rise time and no damping to be chosen. Friction
+at the holes is in the part of the budget that is about the drive, and nowhere else.
 
 There are only numbers here: `bowstring.report` writes them, `bowstring.plots` draws them. Inside
 all is SI and radians; `Study.to_dict` is for people and files, in mm, degrees and percent.
@@ -33,7 +35,6 @@ from numpy.typing import NDArray
 from bowstring import _core, arc
 from bowstring.budget import Budget, BudgetRow, error_budget
 from bowstring.comparison import COMPARISONS, Case, Comparison, Model, Physics, Theory
-from bowstring.drive import refuse_friction
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.robot import Robot, load_robot
 from bowstring.transient import (
@@ -131,7 +132,17 @@ FIGURES: Final = (
         "error_budget",
         "Error budget",
         "Mean error of constant curvature with each effect added alone to the plainest physics, "
-        "and removed alone from the fullest (dashed: the fullest). The upper scale is logarithmic.",
+        "and removed alone from the fullest (dashed: the fullest); the first scale is logarithmic. "
+        "Below, how the robot is driven: friction and stretch of the tendons, loading and "
+        "unloading.",
+    ),
+    Figure(
+        "hysteresis",
+        "Loading and unloading",
+        "How far the tip is ahead of that of constant curvature at the same command, along the "
+        "path of the latter: below zero the robot is bent less. Above, driven by tension with "
+        "friction at the holes; below, by pulled lengths on elastic tendons with friction. Dotted: "
+        "without friction and stretch.",
     ),
 )
 
@@ -378,7 +389,6 @@ def run(
     NoSolutionError
         If no load of the sweep has an equilibrium.
     """
-    refuse_friction(robot, "the study")
     tell = progress or (lambda what, share: None)
     settings = _settings(
         robot, tolerance, max_tension, points, theory, rise=rise, modal_damping=modal_damping
@@ -628,6 +638,13 @@ def _notes(
         out.append(
             f"The load range to {settings.max_tension:g} N was chosen by the program: the largest "
             "round load that bends the robot by at most 80 degrees by the linear law."
+        )
+    if robot.has_friction:
+        out.append(
+            "The friction that the robot file gives is left out of the main sweep, of dynamics, of "
+            "stress and strain and of the ranges in the verdict. What it does, loading and "
+            "unloading, is in the error budget under 'How the robot is driven' and in the "
+            "verdict's last sentences."
         )
     failed = np.flatnonzero(~statics.converged)
     if failed.size:

@@ -144,6 +144,7 @@ def judge(
     Verdict
     """
     fine = np.linspace(0.0, max_tension, _FINE_POINTS)
+    case_tension = np.linspace(0.0, max_tension, len(budget.sweep.tip_position))
     case = model.case(model.main, fine)
     meanings = tuple(_meaning(model, name, case, fine, tolerance) for name in MEANINGS)
     return Verdict(
@@ -156,6 +157,8 @@ def judge(
             *(m.text for m in meanings),
             *_on_corrections(comparisons),
             *_on_left_out(budget),
+            *budget.drive.text,
+            *_on_friction(budget, case_tension, tolerance, model.length),
         ),
     )
 
@@ -335,6 +338,30 @@ def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
             change = "better" if after.mean < before.mean else "worse"
             parts.append(f"{what}, {source}: {change}, mean error {now} instead of {was}")
     return [f"Corrections in closed form: {'; '.join(parts)}."] if parts else []
+
+
+def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float) -> list[str]:
+    """Where the file's own friction, which the main sweep leaves out, breaks the tolerance."""
+    if budget.drive.friction_assumed:
+        return []
+    parts = []
+    for meaning, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
+        for way in ("loading", "unloading"):
+            error = budget.drive.row(f"friction_{way}").case.error(meaning)
+            if not np.isfinite(error).any():
+                continue
+            above = tension[np.nan_to_num(error) > tolerance * length]
+            where = "nowhere"
+            if above.size:
+                where = f"at {above.size} loads, {in_newtons(float(above[0]), float(above[-1]))}"
+            parts.append(f"{words}, {way}: {where}")
+    if not parts:
+        return []
+    return [
+        f"The ranges above are without friction. With that of the file, {budget.drive.friction:g}, "
+        f"the error is above {tolerance * 100:.3g} % of length at these of the sweep's "
+        f"{len(tension)} loads: {'; '.join(parts)}."
+    ]
 
 
 def _on_left_out(budget: Budget) -> list[str]:

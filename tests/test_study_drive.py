@@ -1,0 +1,295 @@
+"""How the robot is driven, in the study: friction, elastic tendons and pulled lengths."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import bowstring as bs
+from bowstring import arc, report, study
+from bowstring.actuation import ASSUMED_FRICTION, ASSUMED_STIFFNESS, COMMANDED, DriveBudget
+from bowstring.comparison import Model, with_tendons
+from bowstring.robot import Robot, load_robot
+
+MM = 1e-3
+UP = np.linspace(0.0, 80.0, 49)
+UP_AND_DOWN = np.concatenate((UP, UP[-2::-1]))
+DRIVE = "segments.0.tendons."
+ROWS = [
+    "friction_loading",
+    "friction_unloading",
+    "tendon_elasticity",
+    "pull_driven_loading",
+    "pull_driven_unloading",
+]
+
+
+def drive(robot: Robot, max_tension: float = 80.0, points: int = 17) -> DriveBudget:
+    """The drive's part of the budget alone."""
+    from bowstring.actuation import drive_budget
+
+    model = Model(
+        robot, int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0]), "cosserat"
+    )
+    tension = np.linspace(0.0, max_tension, points)
+    return drive_budget(model, tension, model.case(model.main, tension))
+
+
+@pytest.fixture(scope="module")
+def amouri() -> Robot:
+    return load_robot("amouri2019")
+
+
+def pulls_for(robot: Robot, tension: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What the spools are told for the first of three tendons, and the tip that is meant."""
+    arcs = arc.robot_from_tensions(robot, np.outer(tension, [1, 0, 0]))
+    lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+    meant = arc.robot_fk(robot, lengths).tip.position  # Eq. 5, from the commanded lengths
+    return robot.length - lengths - 0.01 * robot.length * np.array([0, 1, 1]), meant
+
+
+def errors(tips: np.ndarray, others: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(tips - others, axis=1)
+
+
+# -- against direct calls ------------------------------------------------------------------------
+
+
+def test_friction_is_that_of_a_path_up_and_down(paper: study.Study, amouri: Robot) -> None:
+    rubbing = amouri.with_({DRIVE + "friction": ASSUMED_FRICTION})
+    path = bs.sweep(rubbing, np.outer(UP_AND_DOWN, [1, 0, 0])).raise_for_status()
+    law = arc.robot_from_tensions(amouri, np.outer(UP[::3], [1, 0, 0])).tip.position
+    d = paper.budget.drive
+    for effect, rows in (
+        ("friction_loading", slice(0, 49, 3)),
+        ("friction_unloading", slice(96, 47, -3)),
+    ):
+        case = d.row(effect).case
+        assert case.tip_position == pytest.approx(path.tip_position[rows], abs=1e-12)
+        expected = errors(law, path.tip_position[rows])
+        assert case.error("cc_from_force") == pytest.approx(expected, abs=1e-12)
+        from_lengths = arc.robot_fk(amouri, path.tendon_lengths[rows]).tip.position
+        expected = errors(from_lengths, path.tip_position[rows])
+        assert case.error("cc_from_lengths") == pytest.approx(expected, abs=1e-12)
+        assert d.row(effect).base is paper.budget.sweep
+    width = errors(path.tip_position[:49], path.tip_position[48:][::-1]).max()
+    assert d.loops[0].width == pytest.approx(width)
+
+
+def test_pulls_are_those_that_constant_curvature_asks_for(
+    paper: study.Study, amouri: Robot
+) -> None:
+    d = paper.budget.drive
+    pulls, meant = pulls_for(amouri, UP)
+    assert d.pull == pytest.approx(pulls[::3, 0], abs=1e-12)
+    elastic = amouri.with_({DRIVE + "axial_stiffness": ASSUMED_STIFFNESS})
+    both = elastic.with_({DRIVE + "friction": ASSUMED_FRICTION})
+    for robot, case in ((amouri, d.pull_driven), (elastic, d.row("tendon_elasticity").case)):
+        found = bs.sweep(robot, pulls=pulls).raise_for_status()
+        assert case.error(COMMANDED) == pytest.approx(
+            errors(meant, found.tip_position)[::3], abs=1e-9
+        )
+        assert np.all(found.slack_lengths[:, 1:] > 0.0)  # the others hang
+    path = bs.sweep(both, pulls=np.concatenate((pulls, pulls[-2::-1]))).raise_for_status()
+    there, back = path.tip_position[:49], path.tip_position[48:][::-1]
+    for way, tips in (("loading", there), ("unloading", back)):
+        case = d.row(f"pull_driven_{way}").case
+        assert case.error(COMMANDED) == pytest.approx(errors(meant, tips)[::3], abs=1e-9)
+    assert d.loops[1].width == pytest.approx(errors(there, back).max(), abs=1e-9)
+
+
+def test_an_elastic_tendon_is_late_by_its_stretch(paper: study.Study, amouri: Robot) -> None:
+    """Elastic tendons at a pull are inextensible ones at that pull less T l0 / (E A)."""
+    pulls, _ = pulls_for(amouri, UP[-1:])
+    elastic = bs.solve(amouri.with_({DRIVE + "axial_stiffness": ASSUMED_STIFFNESS}), pulls=pulls[0])
+    late = pulls[0] - [elastic.tensions[0] * amouri.length / ASSUMED_STIFFNESS, 0, 0]
+    tip = bs.solve(amouri, pulls=late).raise_for_status().tip
+    ours = paper.budget.drive.row("tendon_elasticity").case.tip_position[-1]
+    assert tip is not None and ours == pytest.approx(tip.position, abs=1e-9)
+
+
+# -- limits --------------------------------------------------------------------------------------
+
+
+def test_without_friction_and_stretch_nothing_changes(amouri: Robot) -> None:
+    d = drive(amouri.with_({DRIVE + "friction": 1e-12, DRIVE + "axial_stiffness": 1e12}))
+    assert not d.friction_assumed and not d.elasticity_assumed and d.assumptions == ()
+    for row in d.rows:
+        moved = errors(row.case.tip_position, row.base.tip_position)
+        assert row.case.problem is None and moved.max() < 1e-7, row.effect
+        assert not row.exceeds
+    assert max(loop.width for loop in d.loops) < 1e-7
+
+
+def test_the_present_numbers_stay(paper: study.Study) -> None:
+    d = paper.budget.drive
+    for name in ("cc_from_lengths", "cc_from_force"):
+        assert d.tension_driven.comparisons[name].mean == paper.comparison(name).mean
+    assert d.loops[0].free[::3] == pytest.approx(paper.statics.tip_position, abs=1e-9)
+
+
+def test_short_steps_tell_the_same(amouri: Robot) -> None:
+    coarse, fine = drive(amouri), drive(amouri, points=401)
+    for effect in ROWS:
+        some = fine.row(effect).case.tip_position[::25]
+        assert errors(coarse.row(effect).case.tip_position, some).max() < 0.02 * MM, effect
+    for a, b in zip(coarse.loops, fine.loops, strict=True):
+        assert a.width == pytest.approx(b.width, rel=0.02)
+
+
+# -- what it says --------------------------------------------------------------------------------
+
+
+def test_figures_of_the_papers_robot(paper: study.Study) -> None:
+    d = paper.budget.drive
+    assert [row.effect for row in d.rows] == ROWS
+    up, down = d.row("friction_loading"), d.row("friction_unloading")
+    assert up.case.comparisons["cc_from_force"].mean / MM == pytest.approx(2.61, abs=0.01)
+    assert down.case.comparisons["cc_from_force"].mean / MM == pytest.approx(9.25, abs=0.01)
+    # friction holds back: less bent while loading, more while unloading
+    inner = slice(1, -1)
+    bend = [c.tip_position[inner, 0] for c in (up.case, paper.budget.sweep, down.case)]
+    assert np.all(bend[0] < bend[1]) and np.all(bend[1][:-2] < bend[2][:-2])
+    assert d.row("tendon_elasticity").case.comparisons[COMMANDED].mean / MM == pytest.approx(
+        10.95, abs=0.01
+    )
+    assert all(row.exceeds and row.case.problem is None for row in d.rows)
+    assert [loop.width / MM for loop in d.loops] == pytest.approx([29.3, 14.2], abs=0.1)
+    assert d.loops[0].apart[[0, -1]] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_json(paper: study.Study) -> None:
+    d = json.loads(json.dumps(paper.to_dict(), allow_nan=False))["budget"]["drive"]
+    assert (d["friction"], d["friction_is"]) == (0.1, "assumed")
+    assert (d["axial_stiffness_N"], d["elasticity_is"]) == (30e3, "assumed")
+    assert [row["effect"] for row in d["rows"]] == ROWS
+    for row in d["rows"]:
+        names = {"tension": ("cc_from_lengths", "cc_from_force"), "pull": (COMMANDED,)}
+        for name in names[row["driven_by"]]:
+            base = d[row["driven_by"]][name]
+            assert {"n", "mean_mm", "max_mm", "mean_percent"} <= set(row[name])
+            change = row[name]["mean_mm"] - base["mean_mm"]
+            assert row[name]["change_of_mean_mm"] == pytest.approx(change)
+        assert row["more_than_constant_curvature"] is True
+        assert ("assumed" in row["label"]) == bool(row["assumed"])
+    for loop in d["hysteresis"]:
+        command = loop["tension_N" if loop["driven_by"] == "tension" else "pull_mm"]
+        assert len(command) == len(loop["tip_loading_mm"]) == len(loop["tip_unloading_mm"]) == 49
+        assert loop["width_percent"] == pytest.approx(loop["width_mm"] / 641 * 100)
+
+
+def test_what_is_assumed_is_said(paper: study.Study) -> None:
+    d = paper.budget.drive
+    assert d.assumptions == ("friction 0.1", "E A 30 kN")
+    assert sum("not measured" in note for note in d.notes) == 2
+    assert all("assumed" in row.label for row in d.rows)
+    assert all("assumed" in sentence for sentence in d.text[:2])
+    for sentence in d.text:
+        assert sentence in paper.verdict.text
+
+
+def test_values_of_the_file_are_used(amouri: Robot) -> None:
+    own = {"friction": 0.05, "axial_stiffness": "50 kN", "compliance": "0.01 mm/N"}
+    d = drive(amouri.with_({DRIVE + name: value for name, value in own.items()}))
+    assert (d.friction, d.axial_stiffness, d.compliance) == (0.05, 50e3, 1e-5)
+    assert d.assumptions == () and not any("assumed" in n for n in (*d.notes, *d.text))
+    assert "as in the file" in d.text[0] and "transmission 0.01 mm/N" in d.text[1]
+    narrower = drive(amouri)
+    assert d.loops[0].width < narrower.loops[0].width
+
+
+def test_a_compliance_alone_is_elasticity_enough(amouri: Robot) -> None:
+    d = drive(amouri.with_({DRIVE + "compliance": "0.01 mm/N"}))
+    assert not d.elasticity_assumed and np.isinf(d.axial_stiffness)
+    assert d.assumptions == ("friction 0.1",)
+
+
+# -- a robot whose file has friction ---------------------------------------------------------------
+
+
+def test_friction_of_the_file_is_not_in_the_sweep_and_the_study_says_so(
+    paper: study.Study, amouri: Robot, tmp_path: Path
+) -> None:
+    found = study.run(amouri.with_({DRIVE + "friction": 0.2}))
+    assert found.robot.tendons.friction[0] == 0.2
+    assert found.dynamics is not None
+    assert found.comparison("cc_from_force").mean == paper.comparison("cc_from_force").mean
+    assert any("left out of the main sweep" in note for note in found.notes)
+    assert not any("left out of the main sweep" in note for note in paper.notes)
+    last = found.verdict.text[-1]
+    assert last.startswith("The ranges above are without friction. With that of the file, 0.2")
+    above = found.budget.drive.row("friction_loading").case.error("cc_from_force") > 6.41 * MM
+    first = found.statics.tension[above][0]
+    assert f"from force, loading: at {above.sum()} loads, {first:g} to 80 N" in last
+    json.dumps(found.to_dict(), allow_nan=False)
+    folder = report.write(found, tmp_path / "out")
+    assert "without friction" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["rao2021", "crl-ftdcr-v4"])
+def test_robots_of_several_segments(name: str) -> None:
+    robot = load_robot(name)
+    d = drive(robot, 3.0, points=7)
+    assert all(row.case.problem is None and np.isfinite(row.moved) for row in d.rows)
+    assert all(loop.width > 0.5 * MM for loop in d.loops)
+    assert not any("In spite of that" in note for note in d.notes)
+
+
+def test_a_tendon_that_does_not_hang_is_told(
+    amouri: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bowstring.actuation._SURPLUS", -0.001)
+    assert any("In spite of that" in note for note in drive(amouri).notes)
+
+
+def test_commands_without_equilibrium_are_told(amouri: Robot) -> None:
+    d = drive(amouri.with_({DRIVE + "friction": 3}), 400.0)
+    case = d.row("pull_driven_loading").case
+    assert case.problem is not None and "means are over the others" in case.problem
+    assert np.isfinite(case.error(COMMANDED)).sum() == case.comparisons[COMMANDED].n < 17
+    json.dumps(study._plain(d.to_dict()), allow_nan=False)
+
+
+def test_pretension_and_two_points(amouri: Robot) -> None:
+    d = drive(amouri.with_({DRIVE + "pretension": "2 N"}), points=2)
+    assert len(d.loops[0].command) == 41
+    assert all(np.isfinite(row.moved) for row in d.rows)
+
+
+def test_fields_of_tendons_are_filled_where_they_lack() -> None:
+    robot = load_robot("rao2021").with_({"segments.1.tendons.0.friction": 0.3})
+    assert with_tendons(robot, {"friction": 0.1}, missing=True).tendons.friction.tolist() == [
+        *[0.1] * 3,
+        0.3,
+        0.1,
+        0.1,
+    ]
+    assert not with_tendons(robot, {"friction": 0.0}).has_friction
+    assert with_tendons(robot, {"axial_stiffness": None}) is robot
+
+
+# -- report --------------------------------------------------------------------------------------
+
+
+def test_report_and_terminal_show_it(paper: study.Study, tmp_path: Path) -> None:
+    folder = report.write(paper, tmp_path / "out")
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    text = " ".join(re.sub(r"<[^>]*>", " ", page).split())
+    for row in paper.budget.drive.rows:
+        assert row.label in text
+    for sentence in (*paper.budget.drive.text, *paper.budget.drive.notes):
+        assert sentence.replace("'", "&#39;") in text
+    assert "Assumed, since the robot file gives none: friction 0.1; E A 30 kN" in text
+    assert 'id="hysteresis"' in page
+    for name in ("drive", "hysteresis_by_tension", "hysteresis_by_pull"):
+        assert (folder / "tables" / f"{name}.csv").exists()
+    out = io.StringIO()
+    report.print_study(paper, Console(file=out, width=80))
+    assert "How the robot is driven" in out.getvalue()
+    assert "assumed, the robot file gives none: friction 0.1; E A 30 kN" in out.getvalue()
