@@ -605,6 +605,8 @@ impl Drive {
         self.start(old, commands, load);
         self.scratch.doubts = 0;
         // a step of a path that was broken off and gone on with is the same to the last digit
+        self.scratch.unknowns.clear();
+        self.scratch.complementarity.size = 0;
         self.scratch.complementarity.side.clear();
         let symmetric = load.tip_moment == [0.0; 3];
         let scale = self.robot().moment_scale();
