@@ -1,5 +1,5 @@
-"""`make bench`: every solver on the same robot and loads, one table for statics and one for a
-motion, each with our own figures.
+"""`make bench`: every solver on the same robot and loads, one table for statics, one for pulled
+lengths and one for a motion, each with our own figures.
 
 Each solver runs in a process of its own, one after the other, on one thread (only Bowstring's batch
 row uses all cores); one that is not installed, fails or takes too long gets a row that says so.
@@ -15,14 +15,14 @@ from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from math import dist, isnan, nan
+from math import dist, isnan, nan, prod
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from benchmarks import ramp
+from benchmarks import pulled, ramp
 from benchmarks.cases import LOADED, PULLS, Case, Result
 
 ROOT = Path(__file__).parent.parent
@@ -33,6 +33,7 @@ PEERS = {
     "PyElastica": "pyelastica_rod",
     "soromox": "soromox_rod",
 }
+PULLED_PEERS = {"Exudyn": "exudyn_pulled", "MuJoCo": "mujoco_pulled"}
 RAMP_PEERS = {"Exudyn": "exudyn_ramp", "MuJoCo": "mujoco_ramp"}
 LEVELS_MM = (30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 TIME_LIMIT_S = 600
@@ -48,6 +49,17 @@ TITLES = {
     PULLS[-1]: "tendon 1 at 80 N, nothing else",
     LOADED: "tendons at 40, 10, 5 N, gravity on 20 g disks and backbone, 1 N across the tip",
 }
+
+# The cases of crates/bowstring-core/benches/drive.rs: modules and tendons of each.
+DRIVEN = {
+    "study": (9, 3),
+    "slack": (9, 3),
+    "1x10": (10, 3),
+    "2x10": (20, 6),
+    "3x10": (30, 9),
+    "3x20": (60, 9),
+}
+LINEAR = 1.2  # "about 1" for a time that grows in proportion
 
 
 def readable(value: float) -> str:
@@ -122,6 +134,67 @@ def comparison(reports: dict[str, dict]) -> Table:
                 table.add_row(solver, escape(f"no answer: {notes[0]}"))
         table.add_section()
     return table
+
+
+@dataclass
+class Found:
+    """A setting of the pulled robot that has an answer."""
+
+    setting: str
+    time_ms: float
+    error_mm: float
+    tension_n: float
+
+
+def found(report: dict, converged: list[float] | None) -> list[Found]:
+    return [
+        Found(r["setting"], r["time_ms"], dist(r["tip_mm"], converged), r["tension_n"])
+        for r in report.get("results", [])
+        if r["tip_mm"] is not None and converged is not None
+    ]
+
+
+def pulled_comparison(reports: dict[str, dict]) -> Table:
+    table = Table(title="Driven by pulled lengths: time and tip error", title_justify="left")
+    for column in ("solver", "setting"):
+        table.add_column(column)
+    for column in ("time, ms", "tip error, mm", "tension 1, N", "time / our one call"):
+        table.add_column(column, justify="right")
+    converged = reports[OURS].get("converged_mm")
+    ours = {r.setting: r.time_ms for r in found(reports[OURS], converged)}.get("one call", nan)
+    for solver, report in reports.items():
+        if "failed" in report:
+            table.add_row(solver, escape(report["failed"]))
+            continue
+        results = found(report, converged)
+        for r in results if solver == OURS else best(results, lambda r: r.error_mm):
+            time, error, ratio = map(readable, (r.time_ms, r.error_mm, r.time_ms / ours))
+            table.add_row(solver, r.setting, time, error, f"{r.tension_n:.5f}", ratio)
+        if not results:
+            notes = [r["note"] for r in report["results"] if r["note"]] or [
+                "nothing to measure from"
+            ]
+            table.add_row(solver, escape(f"no answer: {notes[0]}"))
+        table.add_section()
+    return table
+
+
+def pulled_notes(report: dict) -> str:
+    """What the table of pulled lengths compares, and our converged tip beside the independent."""
+    pulls = ", ".join(f"{1e3 * pull:.3f}" for pull in pulled.PULLS)
+    lines = [
+        f"Pulls {pulls} mm: those of {pulled.TENSION_N:g} N on tendon 1. Gravity and tip force on.",
+        "Bowstring: a constraint; which tendons hang is part of the answer. Exudyn, MuJoCo: tendon",
+        "1 is a stiff spring (a soft constraint), and they are told that the others hang.",
+        "PyElastica, soromox: have no such input.",
+    ]
+    if "converged_mm" in report:
+        apart = dist(report["converged_mm"], pulled.CHECK_TIP_MM)
+        lines.append(
+            "Tip error: from ours with elements=8, which is "
+            f"{apart:.1g} mm from that of Exudyn by tension, extrapolated."
+        )
+    return "\n".join(lines)
 
 
 @dataclass
@@ -302,6 +375,32 @@ def ramp_figures(reports: dict) -> Table:
     return figures.table
 
 
+def drive_figures() -> Table:
+    """Of driven tendons; all of the core, on one thread, beside the solve by tensions."""
+    figures = Figures("Bowstring: asked and measured (driven tendons, core)")
+    core = defaultdict(lambda: nan, core_us())
+    for case in DRIVEN:
+        by_tension = core[f"{case}_by_tension"]
+        name = f"{case} ({readable(by_tension)} us)"
+        for way, what, asked in (
+            ("by_pull", "pulled / by tension", 3),
+            ("by_tension_with_friction", "by tension with friction / without", 5),
+            ("by_pull_with_friction", "pulled with friction / by tension without", 5),
+        ):
+            figures.row(f"{name}: {what}", "<=", asked, core[f"{case}_{way}"] / by_tension)
+
+    def grown(small: str, large: str) -> float:
+        """How the time of a pulled solve by module and tendon changes."""
+        each = [core[f"{case}_by_pull"] / prod(DRIVEN[case]) for case in (small, large)]
+        return each[1] / each[0]
+
+    for large in ("3x10", "3x20"):
+        name = f"pulled, time / (modules x tendons), {large} against 1x10"
+        figures.row(name, "<=", LINEAR, grown("1x10", large))
+    figures.row("pulled, time / modules, 3x20 against 3x10", "", nan, grown("3x10", "3x20"))
+    return figures.table
+
+
 def run_all(modules: dict[str, str]) -> dict[str, dict]:
     reports = {}
     for solver, module in modules.items():
@@ -329,6 +428,11 @@ def main() -> None:
     )
     console.print(figures(reports))
 
+    lengths = run_all({OURS: "ours_pulled", **{k: f"peers.{v}" for k, v in PULLED_PEERS.items()}})
+    console.print(pulled_comparison(lengths))
+    print_versions(console, lengths, f"One thread. {pulled_notes(lengths[OURS])}\n{fastest}")
+    console.print(drive_figures())
+
     motions = run_all({OURS: "ours_ramp", **{k: f"peers.{v}" for k, v in RAMP_PEERS.items()}})
     against_converged(motions)
     console.print(ramp_comparison(motions))
@@ -339,7 +443,14 @@ def main() -> None:
     file.parent.mkdir(exist_ok=True)
     file.write_text(
         json.dumps(
-            {"cpu": cpu_name(), "core_us": core_us(), "solvers": reports, "ramp": motions}, indent=1
+            {
+                "cpu": cpu_name(),
+                "core_us": core_us(),
+                "solvers": reports,
+                "pulled": lengths,
+                "ramp": motions,
+            },
+            indent=1,
         )
     )
     console.print(f"All cases and settings: {file.relative_to(ROOT)}")

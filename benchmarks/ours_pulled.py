@@ -1,0 +1,41 @@
+"""Bowstring on the pulled robot: one call of `bs.solve`. The tip that every error is measured from
+is ours too, with elements=8; run.py shows it beside the independent one."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import bowstring as bs
+from benchmarks.cases import report
+from benchmarks.pulled import BY_TENSION, PULLS, SLACK, Found, measure
+
+ROBOT = bs.load_robot("amouri2019")
+SETTINGS = {"one call": 1, "one call, elements=2": 2, "one call, elements=4": 4}
+
+
+def found(elements: int) -> Found:
+    solution = bs.solve(
+        ROBOT,
+        pulls=PULLS,
+        gravity=BY_TENSION.gravity,
+        tip_force=BY_TENSION.tip_force,
+        elements=elements,
+    ).raise_for_status()
+    return 1e3 * solution.tip.position, solution.tensions[0]
+
+
+def check() -> None:
+    """The pulls are those of 40 N."""
+    loads = {"gravity": BY_TENSION.gravity, "tip_force": BY_TENSION.tip_force}
+    solution = bs.solve(ROBOT, BY_TENSION.tensions, elements=8, **loads).raise_for_status()
+    paid_out = solution.pulls - [0.0, SLACK, SLACK]
+    assert abs(paid_out - PULLS).max() < 1e-9, f"at 40 N the pulls are {paid_out}"
+
+
+if __name__ == "__main__":
+    check()
+    report(
+        bs.__version__,
+        measure({name: partial(partial, found, n) for name, n in SETTINGS.items()}),
+        converged_mm=[float(x) for x in found(8)[0]],
+    )
