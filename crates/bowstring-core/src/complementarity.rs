@@ -21,7 +21,7 @@ pub(crate) struct Complementarity {
 }
 
 /// Most pivotings, each of which costs an elimination.
-const PIVOTINGS: usize = 30;
+const PIVOTINGS: usize = 15;
 /// Sweeps where pivoting goes round in circles.
 const RELAXATIONS: usize = 100;
 

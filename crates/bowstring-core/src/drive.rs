@@ -195,7 +195,7 @@ const RIDGE: f64 = 1e-11;
 const LENGTH_TOLERANCE: f64 = 2e-15;
 /// The same where rounding allows no better.
 const LOOSE: f64 = 1e-12;
-const MAX_STEPS: usize = 120;
+const MAX_STEPS: usize = 60;
 /// Residual below which Newton's matrix is kept while it serves.
 const NEAR: f64 = 1e-2;
 /// Steps in which a hole of a path that begins may turn from slip to slip.
@@ -203,7 +203,8 @@ const FRESH_STEPS: usize = 5;
 /// Steps with a hole that has changed its mind; after these all that may stick are unknown
 /// together.
 const BOLD_STEPS: usize = 8;
-/// Increments of the way to a load after which it is given up.
+/// Newton steps in all, and increments, of the way to a load after which it is given up.
+const MOST_ITERATIONS: usize = 400;
 const MAX_INCREMENTS: usize = 60;
 
 impl Drive {
@@ -431,6 +432,11 @@ impl Drive {
         self.solver.engine.span_tension(k, i)
     }
 
+    /// From base hole to anchor in the straight robot, m.
+    fn home_length(&self, i: usize) -> f64 {
+        self.robot().spec().disks[self.ends[i]].station
+    }
+
     /// Pull that a tendon without slack has.
     fn pull_of(&self, history: &History, i: usize) -> f64 {
         let m = self.lines.len();
@@ -470,12 +476,13 @@ impl Drive {
             tensions.push(match *command {
                 Command::Tension(t) => t,
                 Command::Pull(p) => {
-                    if !(p.is_finite() && p < self.home[i]) {
+                    let length = self.home_length(i);
+                    if !(p.is_finite() && p < length) {
                         return Err(InputError(format!(
                             "pull of tendon {} is {p} m, it must be less than the tendon's \
                              length, {} m",
                             i + 1,
-                            self.home[i]
+                            length
                         )));
                     }
                     0.0
@@ -519,6 +526,9 @@ impl Drive {
             };
             let found = self.newton(&from, &part_commands, &part);
             outcome.iterations += found.iterations;
+            if outcome.iterations > MOST_ITERATIONS {
+                break;
+            }
             if found.status == Status::Converged {
                 increments += 1;
                 if share == 1.0 {
@@ -549,16 +559,20 @@ impl Drive {
         if !commands.iter().any(|c| matches!(c, Command::Pull(_))) {
             return;
         }
-        let kept = (self.before.clone(), self.now.clone());
+        let kept = (self.before.clone(), self.now.clone(), self.rubs);
         let scale = self.scale;
-        let mut best: Option<(Vec<usize>, Vec<f64>, f64)> = None;
-        // least squares of what pulls lack: compliance that all tendons share, less and less
-        for share in [0.1, 1e-2, 1e-3] {
+        let mut best: Option<(Vec<usize>, Vec<f64>)> = None;
+        let mut lacked = f64::INFINITY;
+        // least squares of what pulls lack, friction aside: compliance that all tendons share,
+        // less and less
+        self.rubs = false;
+        for share in [1e-2, 1e-3] {
             for (i, c) in self.before.iter_mut().enumerate() {
                 *c = kept.0[i] + share * scale;
             }
             let from = self.virgin.clone();
             let found = self.way(&from, commands, load);
+            best = None;
             if found.status != Status::Converged {
                 break;
             }
@@ -577,15 +591,17 @@ impl Drive {
                     Command::Tension(_) => f64::NAN,
                 });
             }
-            best = Some((fighting, pulls, most));
-        }
-        (self.before, self.now) = kept;
-        if let Some((fighting, nearest, most)) = best {
-            if most > 1e-6 * self.robot().length() {
-                outcome.status = Status::NoEquilibrium;
-                outcome.fighting = fighting;
-                outcome.nearest = Some(nearest);
+            // what only stretch makes up for goes on falling with it
+            if lacked.is_finite() && most > 0.3 * lacked && most > 1e-6 * self.robot().length() {
+                best = Some((fighting, pulls));
             }
+            lacked = most;
+        }
+        (self.before, self.now, self.rubs) = kept;
+        if let Some((fighting, nearest)) = best {
+            outcome.status = Status::NoEquilibrium;
+            outcome.fighting = fighting;
+            outcome.nearest = Some(nearest);
         }
     }
 
