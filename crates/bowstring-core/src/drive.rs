@@ -26,7 +26,7 @@ use crate::linalg::Vec3;
 use crate::load::{Load, Model, TendonPath, Theory};
 use crate::robot::{InputError, Robot};
 use crate::rod::Source;
-use crate::statics::{is_minimum_nearby, Solver, Status, MAX_STEP, TOLERANCE};
+use crate::statics::{Solver, Status, MAX_STEP, TOLERANCE};
 
 /// What lies between a motor and the robot's end of a tendon, and how the tendon rubs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -187,14 +187,18 @@ impl Unknown {
     }
 }
 
+/// Holes with friction: all that stick are unknown together, in a dense matrix.
+const MOST_HOLES: usize = 2000;
 /// Share of `scale` that every span stretches by before its holes slip.
 const CREEP: f64 = 1e-7;
 /// Share of `scale` far below which tensions are not told apart.
-const RIDGE: f64 = 1e-11;
+const RIDGE: f64 = 2e-10;
 /// Length, as a share of the robot's, to which pulls are met.
 const LENGTH_TOLERANCE: f64 = 2e-15;
-/// The same where rounding allows no better.
+/// The same where rounding allows no better, and where far less than this is left of tensions
+/// that nothing but the ridge tells apart.
 const LOOSE: f64 = 1e-12;
+const TIGHT: f64 = 1e-14;
 const MAX_STEPS: usize = 60;
 /// Residual below which Newton's matrix is kept while it serves.
 const NEAR: f64 = 1e-2;
@@ -226,6 +230,16 @@ impl Drive {
             return fail(format!(
                 "{} lines were given, the robot has {m} tendons",
                 lines.len()
+            ));
+        }
+        if m == 0 {
+            return fail("a robot without tendons is not driven".into());
+        }
+        let rubbing = (0..m).filter(|&i| lines[i].friction > 0.0);
+        let holes: usize = rubbing.map(|i| robot.spec().tendons[i].end_disk + 1).sum();
+        if holes > MOST_HOLES {
+            return fail(format!(
+                "tendons rub at {holes} holes; this version solves friction at {MOST_HOLES} or fewer"
             ));
         }
         if model.tendon == TendonPath::Continuous {
@@ -275,11 +289,21 @@ impl Drive {
             .map(|t| t.hole[0].hypot(t.hole[1]))
             .fold(0.0, f64::max);
         let scale = widest * widest / robot.moment_scale();
-        let gives_way = |i: usize| before[i] > 0.0 || lines[i].stiffness.is_finite();
+        let tendons = &robot.spec().tendons;
+        let rigid = |i: usize| before[i] == 0.0 && lines[i].stiffness.is_infinite();
+        // bending about two axes and extension tell three tendons apart
+        let crowded = |i: usize| {
+            let beside =
+                || (0..m).filter(|&j| rigid(j) && tendons[j].end_disk == tendons[i].end_disk);
+            beside().count() > 3 || beside().any(|j| j != i && tendons[j].hole == tendons[i].hole)
+        };
         let ridge = (0..m)
-            .map(|i| match model.theory {
-                Theory::Kirchhoff if !gives_way(i) => RIDGE * scale,
-                _ => 0.0,
+            .map(|i| {
+                if rigid(i) && (model.theory == Theory::Kirchhoff || crowded(i)) {
+                    RIDGE * scale
+                } else {
+                    0.0
+                }
             })
             .collect();
         let passes = |at: usize| at / m <= robot.spec().tendons[at % m].end_disk;
@@ -342,7 +366,7 @@ impl Drive {
         for i in 0..m {
             let stretched =
                 (0..n).map(|k| lengths[k * m + i] - self.stretch[k * m + i] * tensions[i]);
-            self.home[i] = stretched.sum::<f64>() - self.give(i) * tensions[i];
+            self.home[i] = stretched.sum::<f64>() - self.before[i] * tensions[i];
         }
         self.virgin = History {
             commands: tensions.iter().map(|t| Command::Tension(*t)).collect(),
@@ -375,6 +399,8 @@ impl Drive {
 
     /// Forgets the path: back to the home pose.
     pub fn reset(&mut self) {
+        self.solver.unsettle();
+        self.slack.fill(0.0);
         self.now = self.virgin.clone();
     }
 
@@ -400,6 +426,16 @@ impl Drive {
             return Err(InputError(
                 "the history does not belong to this robot".into(),
             ));
+        }
+        self.check(commands, load)?;
+        for at in 0..n * m {
+            let most = std::f64::consts::PI * self.lines[at % m].friction;
+            if drops[at].abs() > 1e-12 + most * (1.0 + 1e-9) {
+                return Err(InputError(format!(
+                    "the history is damaged: tendon {} has lost more at a hole than friction takes",
+                    at % m + 1
+                )));
+            }
         }
         self.reset();
         // the pose is an equilibrium of the history's own tensions: found from it again
@@ -445,7 +481,7 @@ impl Drive {
             tension *= (-history.drops[at]).exp();
             routed += history.spans[at] + (self.creep[at] - self.stretch[at]) * tension;
         }
-        self.home[i] - routed + self.give(i) * history.tensions[i]
+        self.home[i] - routed + self.before[i] * history.tensions[i]
     }
 
     /// Equilibrium under commands and load, one step on the path from the last.
@@ -458,7 +494,11 @@ impl Drive {
         let mut outcome = self.way(&old, commands, load);
         if outcome.status != Status::Converged {
             self.now = old;
-            self.explain(&mut outcome, commands, load);
+            if outcome.status != Status::NoEquilibrium {
+                self.explain(&mut outcome, commands, load);
+            }
+            self.solver.unsettle();
+            self.slack.fill(f64::NAN);
         }
         Ok(outcome)
     }
@@ -477,7 +517,13 @@ impl Drive {
                 Command::Tension(t) => t,
                 Command::Pull(p) => {
                     let length = self.home_length(i);
-                    if !(p.is_finite() && p < length) {
+                    if !p.is_finite() {
+                        return Err(InputError(format!(
+                            "pull of tendon {} is {p} m, it must be a finite number",
+                            i + 1
+                        )));
+                    }
+                    if p >= length {
                         return Err(InputError(format!(
                             "pull of tendon {} is {p} m, it must be less than the tendon's \
                              length, {} m",
@@ -577,14 +623,11 @@ impl Drive {
                 break;
             }
             let mut pulls = vec![];
-            let (mut most, mut fighting) = (0.0, vec![]);
+            let mut most = 0.0;
             for (i, command) in commands.iter().enumerate() {
                 let lacks = share * scale * self.now.tensions[i];
                 pulls.push(match command {
                     Command::Pull(p) => {
-                        if lacks > 0.0 {
-                            fighting.push(i);
-                        }
                         most = f64::max(most, lacks);
                         p - lacks
                     }
@@ -593,7 +636,10 @@ impl Drive {
             }
             // what only stretch makes up for goes on falling with it
             if lacked.is_finite() && most > 0.3 * lacked && most > 1e-6 * self.robot().length() {
-                best = Some((fighting, pulls));
+                let lacks = |i: usize| share * scale * self.now.tensions[i];
+                let pulled = |i: usize| matches!(commands[i], Command::Pull(_));
+                let fighting = (0..commands.len()).filter(|&i| pulled(i) && lacks(i) > 0.1 * most);
+                best = Some((fighting.collect(), pulls));
             }
             lacked = most;
         }
@@ -631,8 +677,7 @@ impl Drive {
         let fresh = self.rubs && old.drops.iter().all(|y| *y == 0.0);
         let rigid = self.ridge.iter().any(|r| *r > 0.0);
         let (mut last, mut shift) = (f64::INFINITY, 0.0);
-        let (mut before, mut pivot, mut largest) = (0.0, f64::NAN, f64::INFINITY);
-        let stiffening = self.solver.engine.energy_scale(length) / self.modules as f64;
+        let (mut before, mut pivot) = (0.0, f64::NAN);
         for step in 0..=MAX_STEPS {
             if !self.solver.engine.evaluate().is_finite() {
                 return outcome;
@@ -648,30 +693,32 @@ impl Drive {
             let residual = self.solver.engine.gradient() / scale;
             let lacks = self.length_residual(commands) / length;
             (outcome.residual, outcome.length_residual) = (residual, lacks * length);
-            let stalls = lacks <= LOOSE && lacks > 0.5 * last;
+            let stalls = lacks <= if rigid { TIGHT } else { LOOSE } && lacks > 0.5 * last;
             last = lacks;
             settled &= residual <= TOLERANCE && (lacks <= LENGTH_TOLERANCE || stalls);
             if !residual.is_finite() || (step == MAX_STEPS && !settled) {
                 return outcome;
             }
-            if settled && (self.rubs || !symmetric) {
+            if settled && !symmetric {
                 // without a potential there is no more to ask
-                return self.finish(outcome, load);
-            }
-            if settled && !rigid && is_minimum_nearby(largest, pivot, unit, stiffening) {
-                outcome.stable = Some(true);
                 return self.finish(outcome, load);
             }
             let engine = &mut *self.solver.engine;
             // friction lags behind the bend, and gains nothing from Newton's newest matrix
-            let chord = self.rubs && residual < NEAR && residual < 0.3 * before && shift == 0.0;
+            let chord =
+                !settled && self.rubs && residual < NEAR && residual < 0.3 * before && shift == 0.0;
             before = residual;
             if !chord {
                 engine.linearise();
                 pivot = engine.eliminate(symmetric, if settled { 0.0 } else { shift });
             }
-            if settled && pivot > 0.0 && !rigid {
-                outcome.stable = Some(true);
+            if pivot.is_nan() {
+                return outcome;
+            }
+            // friction has no potential of its own, but a column that buckles is seen all the same
+            let stable = (!self.rubs).then_some(true);
+            if settled && pivot > 1e-12 * unit && !rigid {
+                outcome.stable = stable;
                 return self.finish(outcome, load);
             }
             // from afar, tensions that the rod hardly tells apart are kept from running away
@@ -683,7 +730,7 @@ impl Drive {
             let thorough = self.scratch.doubts > BOLD_STEPS;
             self.gather(old, commands, symmetric, caution, thorough);
             let solved = self.scratch.complementarity.solve();
-            if symmetric && !(pivot > 0.0) {
+            if symmetric && pivot <= 1e-12 * unit {
                 // what the pulls hold does not count
                 let held = self.scratch.complementarity.negative_eigenvalues();
                 let negative = self.solver.engine.negative_pivots();
@@ -701,18 +748,16 @@ impl Drive {
                 }
             }
             if settled {
-                outcome.stable = Some(true);
+                outcome.stable = stable;
                 return self.finish(outcome, load);
             }
             if !solved {
                 return outcome;
             }
-            largest = self.advance();
-            if !largest.is_finite() {
+            if !self.advance() {
                 return outcome;
             }
             if shift > 0.0 {
-                largest = f64::INFINITY;
                 shift = if shift < 4e-3 * unit {
                     0.0
                 } else {
@@ -826,8 +871,13 @@ impl Drive {
                 continue;
             }
             // an inextensible line tells its base hole's slip; without one the drop stays
+            let from = if old.tensions[i] > 0.0 {
+                old.pulls[i]
+            } else {
+                self.pull_of(old, i)
+            };
             let told = match commands[i] {
-                Command::Pull(to) if self.before[i] == 0.0 => Some(to - old.pulls[i]),
+                Command::Pull(to) if self.before[i] == 0.0 => Some(to - from),
                 _ => None,
             };
             let mut slipped = 0.0;
@@ -1027,9 +1077,8 @@ impl Drive {
         }
     }
 
-    /// Moves strain, tensions and drops by the step that was found; returns the largest rotation
-    /// that an arc adds, rad.
-    fn advance(&mut self) -> f64 {
+    /// Moves strain, tensions and drops by the step that was found; false if it is no number.
+    fn advance(&mut self) -> bool {
         let m = self.lines.len();
         let scratch = &mut self.scratch;
         scratch.coefficients.clear();
@@ -1043,7 +1092,7 @@ impl Drive {
         let engine = &mut *self.solver.engine;
         let largest = engine.combine(&scratch.coefficients);
         if !largest.is_finite() {
-            return largest;
+            return false;
         }
         let fraction = (MAX_STEP / largest).min(1.0);
         engine.save();
@@ -1071,14 +1120,17 @@ impl Drive {
             }
         }
         self.apply();
-        largest
+        true
     }
 
     /// Takes the answer as the state of the path.
     fn finish(&mut self, mut outcome: DriveOutcome, load: &Load) -> DriveOutcome {
         let give = |i: usize| self.ridge[i] * self.now.tensions[i];
-        if (0..self.lines.len()).any(|i| give(i) > 1e-9 * self.robot().length()) {
+        let given = (0..self.lines.len()).map(give).fold(0.0, f64::max);
+        outcome.length_residual = outcome.length_residual.max(given);
+        if given > 1e-9 * self.robot().length() {
             // the ridge has given way to what the rod cannot
+            outcome.stable = None;
             return outcome;
         }
         for (slack, tension) in self.slack.iter_mut().zip(&self.now.tensions) {
@@ -1114,9 +1166,12 @@ impl Drive {
         let size = problem.size;
         let entries = (0..size).map(|i| problem.matrix[i * size + i]);
         let most = entries.fold(0.0, f64::max);
+        let hangs = 1e-12 * self.solver.robot().length();
         for (r, unknown) in scratch.unknowns.iter().enumerate() {
             problem.side[r] = match *unknown {
-                Unknown::Tension(i) if self.ridge[i] > 0.0 => Side::Between,
+                Unknown::Tension(i) if self.ridge[i] > 0.0 && self.slack[i] <= hangs => {
+                    Side::Between
+                }
                 _ => Side::Lower,
             };
             problem.matrix[r * size + r] -= 1e-9 * most;

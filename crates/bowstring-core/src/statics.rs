@@ -166,6 +166,12 @@ impl Solver {
         &self.settings
     }
 
+    /// Forgets the last answer.
+    pub(crate) fn unsettle(&mut self) {
+        self.settled = false;
+        self.known = 0;
+    }
+
     /// Takes the equilibrium that the engine was brought to as the last solve's; returns the
     /// module in which two disks collide.
     pub(crate) fn settle(&mut self, load: &Load) -> Option<usize> {

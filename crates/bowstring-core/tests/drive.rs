@@ -5,7 +5,7 @@ mod common;
 use bowstring_core::drive::{Command, Drive, DriveOutcome, History, Line};
 use bowstring_core::linalg::Vec3;
 use bowstring_core::load::{Load, Model, Theory};
-use bowstring_core::robot::Robot;
+use bowstring_core::robot::{Robot, Tendon};
 use bowstring_core::statics::{Solver, Status};
 use common::{pull, rao_robot, study_robot, Draw};
 
@@ -521,4 +521,47 @@ fn tensions_give_way_to_pulls() {
             assert!((t - now).abs() < 1e-6, "{given:?} {now}");
         }
     }
+}
+
+/// A column that its tendons would buckle is no stable answer, by whatever way it is asked for.
+#[test]
+fn buckling_is_seen() {
+    let robot = study_robot(9, 0.0);
+    for mut drive in [drive(&robot, Model::default()), rubbing(&robot, 0.3)] {
+        let found = step(&mut drive, &pulls(&[0.002; 3]), &pull(&[0.0; 3]));
+        assert_eq!(found.status, Status::Converged, "{found:?}");
+        drive.reset();
+        let found = step(&mut drive, &pulls(&[0.003; 3]), &pull(&[0.0; 3]));
+        assert_ne!(found.status, Status::Converged, "{found:?}");
+        assert!(drive.solver().tip().is_none());
+    }
+}
+
+/// Four tendons at one disk pull against each other as they like: the least are given.
+#[test]
+fn four_tendons_are_one_too_many() {
+    let mut spec = study_robot(9, 0.0).spec().clone();
+    spec.tendons = [0.0f64, 90.0, 180.0, 270.0]
+        .map(|a| Tendon {
+            hole: [0.029 * a.to_radians().cos(), 0.029 * a.to_radians().sin()],
+            end_disk: 8,
+        })
+        .to_vec();
+    let robot = Robot::new(spec).unwrap();
+    let mut drive = drive(&robot, Model::default());
+    let none = pull(&[0.0; 4]);
+    step(&mut drive, &tensions(&[5.0, 4.0, 3.0, 2.0]), &none);
+    let held: Vec<_> = (0..4).map(|i| drive.pull(i)).collect();
+    let tip = drive.solver().tip().unwrap().position;
+    drive.reset();
+    let found = step(&mut drive, &pulls(&held), &none);
+    assert_eq!(found.status, Status::Converged);
+    assert!(found.undetermined);
+    let t = &drive.history().tensions;
+    let along = t[0] - t[1] + t[2] - t[3];
+    assert!(
+        along.abs() < 1e-2,
+        "the part that moves nothing is least: {t:?}"
+    );
+    assert!((drive.solver().tip().unwrap().position - tip).norm() < 1e-9);
 }
