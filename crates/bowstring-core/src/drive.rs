@@ -612,16 +612,16 @@ impl Drive {
         // least squares of what pulls lack, friction aside: compliance that all tendons share,
         // less and less
         self.rubs = false;
-        for share in [1e-2, 1e-3] {
+        for share in [1.0, 0.1, 1e-2, 1e-3] {
             for (i, c) in self.before.iter_mut().enumerate() {
                 *c = kept.0[i] + share * scale;
             }
             let from = self.virgin.clone();
             let found = self.way(&from, commands, load);
-            best = None;
             if found.status != Status::Converged {
                 break;
             }
+            best = None;
             let mut pulls = vec![];
             let mut most = 0.0;
             for (i, command) in commands.iter().enumerate() {
