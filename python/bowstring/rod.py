@@ -817,11 +817,7 @@ def sweep(
     (17, 3)
     """
     check_robot(robot)
-    loads = (
-        _loads(gravity, "gravity"),
-        _loads(tip_force, "tip_force"),
-        _loads(tip_moment, "tip_moment"),
-    )
+    loads = _dead_loads(gravity, tip_force, tip_moment)
     physics = (tendon, twist, elements)
     if not _is_plain(robot, pulls, angles, history):
         driven = (tensions, pulls, angles, history)
@@ -873,11 +869,7 @@ elements, disks
     if not (isinstance(threads, int) and 0 <= threads <= 1024):
         raise InputError(f"threads is {threads!r}, it must be a whole number from 0 to 1024")
     check_robot(robot)
-    loads = (
-        _loads(gravity, "gravity"),
-        _loads(tip_force, "tip_force"),
-        _loads(tip_moment, "tip_moment"),
-    )
+    loads = _dead_loads(gravity, tip_force, tip_moment)
     physics = (tendon, twist, elements)
     if not _is_plain(robot, pulls, angles, None):
         driven = (tensions, pulls, angles, None)
@@ -1048,6 +1040,15 @@ def _rows(tensions: drive.Given | None, name: str, robot: Robot) -> Floats:
             "columns, one for each tendon"
         )
     return rows
+
+
+def _dead_loads(gravity: ArrayLike | None, tip_force: ArrayLike, tip_moment: ArrayLike) -> Any:
+    """Gravity, tip force and tip moment, of all rows or row by row."""
+    return (
+        _loads(gravity, "gravity"),
+        _loads(tip_force, "tip_force"),
+        _loads(tip_moment, "tip_moment"),
+    )
 
 
 def _loads(values: ArrayLike | None, name: str) -> Floats | Sequence[float] | None:

@@ -444,12 +444,7 @@ impl Drive {
         self.now.spans.copy_from_slice(spans);
         self.now.commands.copy_from_slice(commands);
         self.now.load = [load.gravity, load.tip_force, load.tip_moment];
-        for (i, command) in commands.iter().enumerate() {
-            self.now.pulls[i] = match *command {
-                Command::Pull(p) => p,
-                Command::Tension(_) => self.pull_of(&self.now, i),
-            };
-        }
+        self.note_pulls();
         Ok(())
     }
 
@@ -482,6 +477,16 @@ impl Drive {
             routed += history.spans[at] + (self.creep[at] - self.stretch[at]) * tension;
         }
         self.home[i] - routed + self.before[i] * history.tensions[i]
+    }
+
+    /// Pulls of the present state, as commanded or as the tensions give them.
+    fn note_pulls(&mut self) {
+        for i in 0..self.lines.len() {
+            self.now.pulls[i] = match self.now.commands[i] {
+                Command::Pull(p) => p,
+                Command::Tension(_) => self.pull_of(&self.now, i),
+            };
+        }
     }
 
     /// Equilibrium under commands and load, one step on the path from the last.
@@ -1138,12 +1143,7 @@ impl Drive {
                 *slack = 0.0;
             }
         }
-        for i in 0..self.lines.len() {
-            self.now.pulls[i] = match self.now.commands[i] {
-                Command::Pull(p) => p,
-                Command::Tension(_) => self.pull_of(&self.now, i),
-            };
-        }
+        self.note_pulls();
         let strain = &mut self.now.strain;
         self.solver.engine.strains(&mut |i, w| strain[i] = w);
         outcome.undetermined = self.is_undetermined();
