@@ -10,22 +10,19 @@ use crate::real::{Real, Scalar};
 use crate::robot::{InputError, Robot};
 use crate::rod::{Rod, Source, Step};
 use crate::sensitivity::{self, Jacobians};
+use crate::transmission::Strung;
 
 /// The passes of one rod, see [`Rod`] for what each does.
-pub(crate) trait Passes: Send + Sync {
+pub(crate) trait Passes: Strung + Send + Sync {
     fn evaluate(&mut self) -> f64;
     fn gradient(&mut self) -> f64;
     fn linearise(&mut self);
     fn eliminate(&mut self, symmetric: bool, shift: f64) -> f64;
     fn newton_step(&mut self, symmetric: bool) -> Step<f64>;
-    fn measure_spans(&mut self, angles: bool);
-    fn respond(&mut self, symmetric: bool, column: usize, source: Option<Source>);
     fn combine(&mut self, coefficients: &[f64]) -> f64;
     fn finish(&mut self);
 
     fn load(&mut self, load: &Load);
-    fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64);
-    fn span_tension(&self, k: usize, i: usize) -> f64;
     fn make_straight(&mut self);
     fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3);
     fn strains(&self, visit: &mut dyn FnMut(usize, Vec3));
@@ -35,9 +32,6 @@ pub(crate) trait Passes: Send + Sync {
     fn save(&mut self);
     fn advance(&mut self, fraction: f64);
     fn negative_pivots(&self) -> usize;
-    fn span_lengths(&self) -> &[f64];
-    fn angles(&self) -> &[f64];
-    fn rates(&self, column: usize) -> &[f64];
     fn length(&self, i: usize) -> f64;
     fn disk(&self, k: usize) -> Pose;
     fn collision(&self) -> Option<usize>;
@@ -76,21 +70,11 @@ macro_rules! passes {
                 };
                 Step { slope: step.slope.lane(0), largest: step.largest.lane(0) }
             });
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; measure_spans(angles: bool) -> () |rod| rod.measure_spans(angles));
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; respond(symmetric: bool, column: usize, source: Option<Source>) -> () |rod| {
-                rod.respond(symmetric, column, source)
-            });
             passes!(@hot [$($generic)*] $rod, [$($feature)?]; combine(coefficients: &[f64]) -> f64 |rod| rod.combine(coefficients));
             passes!(@hot [$($generic)*] $rod, [$($feature)?]; finish() -> () |rod| rod.finish());
 
             fn load(&mut self, load: &Load) {
                 Rod::load(self, load);
-            }
-            fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
-                Rod::set_span_tensions(self, tension);
-            }
-            fn span_tension(&self, k: usize, i: usize) -> f64 {
-                Rod::span_tension(self, k, i)
             }
             fn make_straight(&mut self) {
                 Rod::make_straight(self);
@@ -119,15 +103,6 @@ macro_rules! passes {
             fn negative_pivots(&self) -> usize {
                 Rod::negative_pivots(self)
             }
-            fn span_lengths(&self) -> &[f64] {
-                &self.span_lengths
-            }
-            fn angles(&self) -> &[f64] {
-                &self.angles
-            }
-            fn rates(&self, column: usize) -> &[f64] {
-                &self.columns[column].rates
-            }
             fn length(&self, i: usize) -> f64 {
                 self.lengths[i].lane(0)
             }
@@ -148,6 +123,28 @@ macro_rules! passes {
             }
             fn boxed_clone(&self) -> Box<dyn Passes> {
                 Box::new(self.clone())
+            }
+        }
+
+        impl<$($generic)*> Strung for $rod {
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; measure_spans(angles: bool) -> () |rod| rod.measure_spans(angles));
+            passes!(@hot [$($generic)*] $rod, [$($feature)?]; respond(column: usize, source: Option<Source>) -> () |rod| {
+                rod.respond(column, source)
+            });
+            fn span_lengths(&self) -> &[f64] {
+                &self.span_lengths
+            }
+            fn angles(&self) -> &[f64] {
+                &self.angles
+            }
+            fn rates(&self, column: usize) -> &[f64] {
+                &self.columns[column].rates
+            }
+            fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
+                Rod::set_span_tensions(self, tension);
+            }
+            fn span_tension(&self, k: usize, i: usize) -> f64 {
+                Rod::span_tension(self, k, i)
             }
         }
     };

@@ -39,6 +39,7 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub tensions: Vec<L::Module>,
     /// By modules.
     pub eliminated: Vec<Eliminated<L::Chain, A, 1>>,
+    symmetric: bool,
     dead: Vec<[Vec3<L::Chain>; 4]>,
     /// Of the disks, base included.
     pub rotations: Vec<Mat3<L::Chain>>,
@@ -175,6 +176,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             asked: vec![[Vec3::zero(); 2]; groups],
             tensions: vec![L::Module::zero(); groups * robot.tendon_count()],
             eliminated: vec![Eliminated::empty(); n],
+            symmetric: true,
             dead: vec![[Vec3::zero(); 4]; n],
             rotations: vec![Mat3::identity(); n + 1],
             positions: vec![Vec3::zero(); n],
@@ -347,6 +349,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn eliminate<const SYMMETRIC: bool>(&mut self, shift: L::Chain) -> L::Chain {
         let n = self.dead.len();
         // in its log chart a rotation sees a dead moment as a skew stiffness
+        self.symmetric = SYMMETRIC;
         let moment = self.rotations[n].tr_mul(self.tip_moment);
         let mut value = (moment * L::Chain::splat(-0.5)).skew();
         let mut least_pivot = L::Chain::splat(f64::INFINITY);
@@ -465,7 +468,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Answer of the rod to a right-hand side, by the present elimination and measured spans: to
     /// its own gradient, or to a change of tension.
     #[inline(always)]
-    pub fn respond(&mut self, symmetric: bool, column: usize, source: Option<Source>) {
+    pub fn respond(&mut self, column: usize, source: Option<Source>) {
         let (n, count) = (self.dead.len(), self.tendons.len());
         let groups = self.states.len();
         while self.columns.len() <= column {
@@ -506,7 +509,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 answer[a] = get::<L>(&answer_of.u[g][a], i) + p;
             }
             let mut start = [p];
-            if symmetric {
+            if self.symmetric {
                 self.eliminated[k].backward::<true>(&mut answer, &mut start);
             } else {
                 self.eliminated[k].backward::<false>(&mut answer, &mut start);
