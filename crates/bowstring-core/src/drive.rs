@@ -52,7 +52,7 @@ const NEAR: f64 = 1e-2;
 const FRESH_STEPS: usize = 5;
 /// Steps with a hole that has changed its mind; after these all that may stick are unknown
 /// together.
-const BOLD_STEPS: usize = 8;
+pub(crate) const BOLD_STEPS: usize = 8;
 /// Newton steps in all, and increments, of the way to a load after which it is given up.
 const MOST_ITERATIONS: usize = 400;
 const MAX_INCREMENTS: usize = 60;
@@ -102,6 +102,10 @@ impl Drive {
     /// The solver, for poses and lengths of the last step.
     pub fn solver(&self) -> &Solver {
         &self.solver
+    }
+
+    pub(crate) fn transmission(&self) -> &Transmission {
+        &self.transmission
     }
 
     /// What friction remembers of the path so far.

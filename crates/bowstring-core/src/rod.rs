@@ -130,7 +130,7 @@ pub(crate) fn put<L: Layout>(v: &mut Vec3<L::Module>, i: usize, c: Vec3<L::Chain
 
 /// A number for every module of a group; zero in idle lanes.
 #[inline(always)]
-fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) -> L::Module {
+pub(crate) fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) -> L::Module {
     if L::WIDTH == 1 {
         return L::Module::splat(of(g));
     }
@@ -463,6 +463,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 before = get_mat::<L>(&self.states[g].s, i).tr_mul(after);
             }
         }
+    }
+
+    /// Of a group and tendon, as measured last.
+    pub fn span(&self, g: usize, tendon: usize) -> &Span<L::Module> {
+        &self.spans[g * self.tendons.len() + tendon]
     }
 
     /// Answer of the rod to a right-hand side, by the present elimination and measured spans: to

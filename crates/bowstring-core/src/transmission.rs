@@ -34,6 +34,7 @@
 use crate::complementarity::{Complementarity, Side};
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, TendonPath, Theory};
+use crate::motion::Energies;
 use crate::robot::{InputError, Robot};
 use crate::rod::Source;
 
@@ -145,9 +146,14 @@ pub(crate) struct Transmission {
     pub now: History,
     /// Length that is free of tension at zero pull, m; times `share`.
     pub slack: Vec<f64>,
-    /// Where in a step forces balance, and what each tendon was stretched by at its start, m.
+    /// Change of a drop that is none; and slip that is none, m.
+    pub fine: f64,
+    pub rest: f64,
+    /// Where in a step forces balance; and at its start, what each tendon was stretched by, and
+    /// its length from base hole to anchor, m.
     pub share: f64,
-    pub stretched: Vec<f64>,
+    stretched: Vec<f64>,
+    routed: Vec<f64>,
     pub problem: Complementarity,
     /// Unknowns in the order of the columns.
     unknowns: Vec<Unknown>,
@@ -308,8 +314,11 @@ impl Transmission {
             ridge,
             rubs: lines.iter().any(|line| line.friction > 0.0),
             lines: lines.to_vec(),
+            fine: 1e-13,
+            rest: 1e-12 * robot.length(),
             share: 1.0,
             stretched: vec![0.0; m],
+            routed: vec![0.0; m],
             ..Transmission::default()
         })
     }
@@ -469,7 +478,7 @@ impl Transmission {
                     let carried: f64 = spans
                         .map(|at| self.stretch[at] * rod.span_tension(at / m, i))
                         .sum();
-                    let stretched = self.routed(lengths, i) - self.home[i] + p;
+                    let stretched = self.length_of(lengths, i) - self.home[i] + p;
                     carried + self.compliance(i) * self.now.tensions[i]
                         - (1.0 - self.share) * self.stretched[i]
                         - self.share * stretched
@@ -479,7 +488,7 @@ impl Transmission {
     }
 
     /// Length of a tendon from base hole to anchor.
-    fn routed(&self, lengths: &[f64], i: usize) -> f64 {
+    fn length_of(&self, lengths: &[f64], i: usize) -> f64 {
         let m = self.lines.len();
         (0..self.modules).map(|k| lengths[k * m + i]).sum()
     }
@@ -507,7 +516,7 @@ impl Transmission {
     /// On a `fresh` path, where nothing stuck yet, a hole that slips the wrong way slips the other.
     pub fn slide(&mut self, rod: &dyn Strung, old: &History, fresh: bool) -> bool {
         let m = self.lines.len();
-        let rest = 1e-12 * self.length;
+        let rest = self.rest;
         self.slipped.resize(self.modules, 0.0);
         self.bounds.resize(self.modules * m, 0.0);
         let (mut settled, mut sure) = (true, true);
@@ -571,7 +580,7 @@ impl Transmission {
                     sound = next == slip;
                 }
                 // the bend still moves, or a hole has changed its mind
-                settled &= (drop - before).abs() <= 1e-13;
+                settled &= (drop - before).abs() <= self.fine;
                 sure &= sound;
                 (self.now.slip[at], self.now.drops[at]) = (next, drop);
             }
@@ -767,6 +776,78 @@ impl Transmission {
             }
         }
         self.apply(rod);
+    }
+
+    /// What a step of time does to the tendons, the one that leads to the present pose: energy in
+    /// those that are pulled, and what motors did and was lost beside the tendons' `work` on the
+    /// robot, J.
+    pub fn energies(&self, rod: &dyn Strung, old: &History, work: f64) -> Energies {
+        let (mut before, mut after, mut motors) = (0.0, 0.0, 0.0);
+        for (i, command) in self.now.commands.iter().enumerate() {
+            let length = self.length_of(rod.span_lengths(), i);
+            match *command {
+                Command::Tension(t) => motors += t * (self.routed[i] - length),
+                Command::Pull(p) => {
+                    motors += self.now.tensions[i] * (p - old.pulls[i]);
+                    before += self.energy(i, self.stretched[i]);
+                    after += self.energy(i, length - self.home[i] + p);
+                }
+            }
+        }
+        Energies {
+            elastic: after,
+            work: motors - work,
+            dissipated: motors - work - (after - before),
+            ..Energies::default()
+        }
+    }
+
+    /// Of all of a line, m/N.
+    fn whole_compliance(&self, i: usize) -> f64 {
+        let m = self.lines.len();
+        let spans = (0..self.modules).map(|k| self.stretch[k * m + i]);
+        self.before[i] + spans.sum::<f64>()
+    }
+
+    /// Energy of a tendon that is stretched by a length.
+    fn energy(&self, i: usize, stretched: f64) -> f64 {
+        let compliance = self.whole_compliance(i);
+        if compliance > 0.0 && stretched > 0.0 {
+            0.5 * stretched * stretched / compliance
+        } else {
+            0.0
+        }
+    }
+
+    /// Tension by what a tendon is stretched by at the end of the last step, N; none where it
+    /// does not stretch.
+    pub fn tension_of_stretch(&self, i: usize) -> Option<f64> {
+        let compliance = self.whole_compliance(i);
+        (compliance > 0.0).then(|| self.stretched[i] / compliance)
+    }
+
+    /// Ends a step of time at the present pose; returns the energy in tendons that are pulled.
+    pub fn arrive(&mut self, rod: &dyn Strung) -> f64 {
+        let mut energy = 0.0;
+        for i in 0..self.lines.len() {
+            let length = self.length_of(rod.span_lengths(), i);
+            self.routed[i] = length;
+            (self.stretched[i], self.slack[i]) = match self.now.commands[i] {
+                Command::Tension(_) => (0.0, 0.0),
+                Command::Pull(p) => {
+                    let stretched = length - self.home[i] + p;
+                    let hangs = if self.now.tensions[i] > 0.0 {
+                        0.0
+                    } else {
+                        f64::max(-stretched, 0.0)
+                    };
+                    (f64::max(stretched, 0.0), hangs)
+                }
+            };
+            energy += self.energy(i, self.stretched[i]);
+        }
+        self.note_pulls();
+        energy
     }
 
     /// Largest length that a ridge made up for, m.
