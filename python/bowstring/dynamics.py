@@ -10,7 +10,7 @@ import os
 import signal
 import threading
 import time as clock
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -21,7 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import arguments
-from bowstring.drive import refuse_friction
+from bowstring import drive as driving
+from bowstring.courses import Driven, Load, Loads, OverTime, Table, over_time, ramp, step
+from bowstring.drive import Given
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.oscillations import Modes, modes
 from bowstring.rod import TendonPath, Theory
@@ -58,91 +60,6 @@ _MOST_OUTPUTS: Final = 1_000_000
 _LONGEST_WHY: Final = 300  # letters of an error of a user's function
 _INCREMENTS: Final = 20  # in which forces on disks are put on
 _NONE: Final = (0.0, 0.0, 0.0)
-
-
-class Table:
-    """Values over time, straight between the times given, constant before and after them.
-
-    Parameters
-    ----------
-    times : array_like (K,)
-        In s, never decreasing; the same time twice is a jump.
-    values : array_like (K, C)
-        One row a time: a tension for each tendon in N, or a vector.
-
-    Raises
-    ------
-    InputError
-        If times decrease, three are the same, or numbers are not finite.
-    """
-
-    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
-        try:
-            self.times = arguments.floats(times)
-            self.values = arguments.floats(values)
-        except TypeError:
-            raise InputError("a table over time takes numbers: times (K,), values (K, C)") from None
-        if self.times.ndim != 1 or self.values.ndim != 2 or len(self.times) == 0:
-            raise InputError(
-                f"a table over time takes times (K,) and values (K, C), got shapes "
-                f"{self.times.shape} and {self.values.shape}"
-            )
-        if len(self.times) != len(self.values):
-            raise InputError(
-                f"a table over time has {len(self.times)} times but {len(self.values)} rows"
-            )
-        for name, array in (("times", self.times), ("values", self.values)):
-            if not np.isfinite(array).all():
-                row = int(np.argwhere(~np.isfinite(array))[0][0])
-                raise InputError(f"the {name} of a table over time are not finite in row {row}")
-        gaps = np.diff(self.times)
-        if (gaps < 0).any():
-            row = int(np.argmax(gaps < 0)) + 1
-            raise InputError(
-                f"the times of a table must not decrease: {self.times[row]:g} s in row {row} "
-                f"comes after {self.times[row - 1]:g} s"
-            )
-        if ((gaps[1:] == 0) & (gaps[:-1] == 0)).any():
-            raise InputError("a table over time has the same time three times; a jump takes two")
-
-    def at(self, time: float, *, before: bool = False) -> Floats:
-        """The row at a time, after a jump there, or before it."""
-        return np.asarray(self.rows(np.array([time]), before=before)[0])
-
-    def rows(self, times: Floats, *, before: bool = False) -> Floats:
-        """The rows (K, C) at several times (K,)."""
-        side: Literal["left", "right"] = "left" if before else "right"
-        i = np.searchsorted(self.times, times, side=side)
-        a, b = np.clip(i - 1, 0, None), np.clip(i, None, len(self.times) - 1)
-        gap = self.times[b] - self.times[a]
-        share = np.where(gap > 0, (times - self.times[a]) / np.where(gap > 0, gap, 1.0), 0.0)
-        low, high = self.values[a], self.values[b]
-        return np.asarray(low + np.clip(share, 0.0, 1.0)[:, None] * (high - low))
-
-    def jumps(self) -> Floats:
-        """The times of its jumps."""
-        return np.asarray(self.times[1:][np.diff(self.times) == 0])
-
-
-def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
-    """A rise in a straight line from zero to `values`, which takes `rise` seconds; then hold."""
-    try:
-        end = np.atleast_1d(arguments.floats(values))
-    except TypeError:
-        raise InputError(
-            f"the values of a ramp are {arguments.shown(values)}, they must be numbers"
-        ) from None
-    rise = arguments.number("rise", rise, "s", zero=True)
-    start = arguments.number("start", start, "s", zero=True)
-    return Table([start, start + rise], [np.zeros_like(end), end])
-
-
-def step(values: ArrayLike, start: float = 0.0) -> Table:
-    """A jump from zero to `values` at `start`."""
-    return ramp(values, 0.0, start)
-
-
-OverTime = Table | Callable[[float], ArrayLike] | ArrayLike
 
 
 class RunInterrupted(KeyboardInterrupt):
@@ -291,15 +208,20 @@ class Run:
 
 def simulate(
     robot: Robot,
-    tensions: OverTime,
-    duration: float,
+    tensions: OverTime | None = None,
+    duration: float | None = None,
     *,
+    pulls: OverTime | None = None,
+    angles: OverTime | None = None,
     tip_force: OverTime = _NONE,
     tip_moment: OverTime = _NONE,
-    initial_tensions: ArrayLike | None = None,
+    initial_tensions: Given | None = None,
+    initial_pulls: Given | None = None,
+    initial_angles: Given | None = None,
     initial_tip_force: ArrayLike | None = None,
     initial_tip_moment: ArrayLike | None = None,
     initial_disk_forces: ArrayLike | None = None,
+    history: Mapping[str, Any] | None = None,
     theory: Theory = "cosserat",
     gravity: Sequence[float] | None = None,
     tendon: TendonPath = "straight",
@@ -329,14 +251,23 @@ def simulate(
         time that is called once before each step, for the step's end, or constant.
     duration : float
         In s.
+    pulls, angles : Table, callable or array_like (T,), optional
+        Length that each tendon is taken in by since the home pose in m, negative if it is paid out;
+        or the angle of its motor in rad, by the robot's ``spool_radius``. Each tendon has one of
+        tension, pull and angle, and NaN or None (in a table a column of NaN) in the others. A pull
+        jumps only where the tendon's line stretches.
     tip_force, tip_moment : Table, callable or array_like (3,)
         Dead loads at the tip over time, base axes, N and N m.
-    initial_tensions, initial_tip_force, initial_tip_moment : array_like, optional
+    initial_tensions, initial_pulls, initial_angles : array_like (T,), optional
+    initial_tip_force, initial_tip_moment : array_like (3,), optional
         Loads of the equilibrium at the start; those of time 0 if not given, before a jump there.
         With other loads at time 0 the robot is released.
     initial_disk_forces : array_like (N, 3), optional
         Dead forces on the disks beside these, which hold the robot at the start and are let go at
         time 0.
+    history : mapping, optional
+        Where a path of `bowstring.solve` or `bowstring.sweep` has come to (their ``history``):
+        friction goes on from there. If not given, from the home pose.
     theory, gravity, tendon, twist, elements
         As in `bowstring.rod.solve`.
     mass_damping : float
@@ -382,8 +313,9 @@ def simulate(
         On Ctrl-C.
     """
     arguments.check_robot(robot)
-    refuse_friction(robot, "simulate")
     arguments.check_choices(theory, tendon, twist, elements)
+    if duration is None:
+        raise InputError("simulate needs a duration, in s")
     duration = arguments.number("duration", duration, "s", zero=True)
     every = arguments.number("every", every, "s")
     for name, value in (("duration", duration), ("every", every)):
@@ -416,15 +348,14 @@ def simulate(
     if progress is not None and not callable(progress):
         raise InputError(f"progress is {arguments.shown(progress)}, it must be a function")
     points, elements = int(points), int(elements)  # numpy's are not for files
-    count = len(robot.tendons.end_disk)
-    loads = _Loads(
-        _over_time("tensions", tensions, count, "N"),
-        _over_time("tip_force", tip_force, 3, "N"),
-        _over_time("tip_moment", tip_moment, 3, "N m"),
+    loads = Loads(
+        Driven(robot, tensions, pulls, angles),
+        over_time("tip_force", tip_force, 3, "N"),
+        over_time("tip_moment", tip_moment, 3, "N m"),
     )
     start = loads.at(0.0, before=True)
-    initial = _Load(
-        _given("initial_tensions", initial_tensions, start.tensions),
+    initial = Load(
+        _initial(robot, loads.drive, start.drive, initial_tensions, initial_pulls, initial_angles),
         _given("initial_tip_force", initial_tip_force, start.tip_force),
         _given("initial_tip_moment", initial_tip_moment, start.tip_moment),
     )
@@ -453,7 +384,10 @@ def simulate(
         "tolerance_m": None if dt is not None else tolerance,
         "every_s": every,
         **loads.to_dict(),
-        **initial.to_dict("initial_"),
+        "initial_drive": initial.drive.tolist(),
+        "pulled": loads.drive.pulled.tolist(),
+        "initial_tip_force_N": initial.tip_force.tolist(),
+        "initial_tip_moment_Nm": initial.tip_moment.tolist(),
         "initial_disk_forces_N": None if holding is None else holding.tolist(),
     }
     run = Run(robot, settings)
@@ -487,6 +421,11 @@ def simulate(
         tolerance,
         min(every, DEFAULT_INTERVAL),
     )
+    path = None
+    if loads.drive.pulled.any() or robot.has_friction or history is not None:
+        path = driving.Path(robot, theory, tendon, twist, elements)
+        if history is not None:
+            path.resume(history)
     times = _output_times(duration, every)
     stations = _stations(robot, points)
     keep: list[Frames] = []
@@ -539,7 +478,13 @@ def simulate(
 
     try:
         begun = clock.perf_counter()
-        status = simulator.rest(*initial)
+        status = "converged"
+        if path is None:
+            status = simulator.rest(*initial)
+        else:
+            status = path.core.step(loads.drive.pulled, initial.drive, gravity, *initial.tip).status
+            if status == "converged" and not simulator.rest_at(path.core):
+                status = "max_iterations"
         if status != "converged":
             raise NoStart(
                 f"{robot.name}: there is no equilibrium to start from ({status}); "
@@ -623,166 +568,32 @@ _WHY: Final[dict[str, str]] = {
 }
 
 
-# --------------------------------------------------------------------------------------
-# Loads over time
-# --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Load:
-    tensions: Floats
-    tip_force: Floats
-    tip_moment: Floats
-
-    def __iter__(self) -> Iterator[Floats]:
-        return iter((self.tensions, self.tip_force, self.tip_moment))
-
-    def to_dict(self, prefix: str) -> dict[str, Any]:
-        names = ("tensions_N", "tip_force_N", "tip_moment_Nm")
-        return {prefix + n: v.tolist() for n, v in zip(names, self, strict=True)}
-
-
-class _Function:
-    """A user's function of time, whose values are checked."""
-
-    def __init__(self, name: str, function: Callable[[float], ArrayLike], count: int) -> None:
-        self.name, self.function, self.count = name, function, count
-
-    def rows(self, times: Floats, *, before: bool = False) -> Floats:
-        return np.array([self.at(t) for t in times.tolist()])
-
-    def at(self, time: float, *, before: bool = False) -> Floats:
-        try:
-            given = self.function(time)
-        except Exception as error:
-            why = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_WHY]
-            raise InputError(
-                f"the function for {self.name} failed at {time:.6g} s: {why.rstrip(': ')}"
-            ) from error
-        try:
-            value = arguments.floats(given)
-        except TypeError:
-            raise InputError(
-                f"the function for {self.name} returned {arguments.shown(given)} at {time:.6g} s, "
-                f"it must be {self.count} numbers"
-            ) from None
-        if value.shape != (self.count,):
-            raise InputError(
-                f"the function for {self.name} returned shape {value.shape} at {time:.6g} s, "
-                f"it must be ({self.count},)"
-            )
-        arguments.check_values(self.name, value, f" at {time:.6g} s")
-        return value
-
-
-_Course = Table | _Function
-
-
-@dataclass(frozen=True)
-class _Loads:
-    """All loads over time."""
-
-    tensions: _Course
-    tip_force: _Course
-    tip_moment: _Course
-
-    @property
-    def _all(self) -> tuple[_Course, _Course, _Course]:
-        return self.tensions, self.tip_force, self.tip_moment
-
-    def at(self, time: float, *, before: bool = False) -> _Load:
-        return _Load(*(c.at(time, before=before) for c in self._all))
-
-    def _knots(self) -> list[float]:
-        return sorted({t for c in self._all if isinstance(c, Table) for t in c.times.tolist()})
-
-    def jumps(self) -> set[float]:
-        return {float(t) for c in self._all if isinstance(c, Table) for t in c.jumps()}
-
-    def to_dict(self) -> dict[str, Any]:
-        def text(course: _Course) -> Any:
-            if isinstance(course, _Function):
-                return "function of time"
-            return {"times_s": course.times.tolist(), "values": course.values.tolist()}
-
-        return {
-            "tensions_N": text(self.tensions),
-            "tip_force_N": text(self.tip_force),
-            "tip_moment_Nm": text(self.tip_moment),
-        }
-
-    def chunks(self, simulator: Any, times: Floats, longest: float) -> Iterator[_Stretches]:
-        """Stretches of time to run through at once, some `_LOOK` seconds of work each."""
-        # a knot that an output time misses by next to nothing is that time
-        near = 1e-6 * longest
-        inside = []
-        for knot in self._knots():
-            i = int(np.abs(times - knot).argmin())
-            if near < knot < times[-1] - near:
-                inside.append(knot)
-                if abs(times[i] - knot) <= near:
-                    times[i] = knot
-        outputs = set(times[1:].tolist())
-        # numpy's own sets would import a fifth of numpy first
-        ends = np.array(sorted(outputs | set(inside)))
-        record = np.array([end in outputs for end in ends.tolist()], dtype=bool)
-        if any(isinstance(c, _Function) for c in self._all):
-            yield from self._sampled(simulator, ends, record, longest)
-            return
-        durations = np.diff(ends, prepend=0.0)
-        tensions, force, moment = (c.rows(ends, before=True) for c in self._all)
-        jumps = self.jumps()
-        stops = np.flatnonzero([end in jumps for end in ends.tolist()]) + 1
-        steps = float(durations.max(initial=0.0)) / longest
-        first, size = 0, max(1, int(min(50.0, 2000.0 / max(steps, 1.0))))
-        while first < len(ends):
-            begun = clock.perf_counter()
-            next_stop = stops[np.searchsorted(stops, first, side="right") :]
-            last = min([first + size, len(ends), *next_stop[:1].tolist()])
-            part = slice(first, last)
-            yield durations[part], tensions[part], force[part], moment[part], record[part]
-            spent = max(clock.perf_counter() - begun, 1e-9)
-            size = int(np.clip((last - first) * _LOOK / spent, 1, min(4 * size, 1000)))
-            first = last
-
-    def _sampled(
-        self, simulator: Any, ends: Floats, record: NDArray[np.bool_], longest: float
-    ) -> Iterator[_Stretches]:
-        # a step at a time, for the function is asked before each
-        now = 0.0
-        for end, wanted in zip(ends.tolist(), record.tolist(), strict=True):
-            while now < end:
-                reach = min(simulator.next_step, longest)
-                left = max(1, int(np.ceil((end - now) / reach - 1e-6)))
-                then = end if left == 1 else now + (end - now) / left
-                tensions, force, moment = (row[None, :] for row in self.at(then, before=True))
-                recorded = np.array([wanted and left == 1])
-                yield np.array([then - now]), tensions, force, moment, recorded
-                now = then
-
-
-_Stretches = tuple[Floats, Floats, Floats, Floats, NDArray[np.bool_]]
-"""Durations, loads at their ends (three arrays of rows), and where to record."""
-
-
-def _over_time(name: str, value: Any, count: int, unit: str) -> _Course:
-    if isinstance(value, Table):
-        if value.values.shape[1] != count:
-            raise InputError(
-                f"the table for {name} has {value.values.shape[1]} columns, it must have {count}"
-            )
-        for row in value.values:
-            arguments.check_values(name, row)
-        return value
-    if callable(value):
-        return _Function(name, value, count)
-    row = arguments.row(name, value, count, unit, ", a table or a function")
-    return Table([0.0], row[None, :])
-
-
 def _given(name: str, value: ArrayLike | None, otherwise: Floats) -> Floats:
     unit = "N m" if "moment" in name else "N"
     return otherwise if value is None else arguments.row(name, value, len(otherwise), unit)
+
+
+def _initial(
+    robot: Robot,
+    course: Driven,
+    otherwise: Floats,
+    tensions: Given | None,
+    pulls: Given | None,
+    angles: Given | None,
+) -> Floats:
+    """What drives the tendons at the start, (T,)."""
+    if tensions is None and pulls is None and angles is None:
+        return otherwise
+    if pulls is None and angles is None and not course.pulled.any():
+        return arguments.row("initial_tensions", tensions, len(otherwise), "N")
+    pulled, values = driving.commands(robot, tensions, pulls, angles)
+    if (pulled != course.pulled).any():
+        i = int(np.argmax(pulled != course.pulled))
+        raise InputError(
+            f"tendon {i + 1} starts with {'a pull' if pulled[i] else 'a tension'} but moves by "
+            f"{'a pull' if course.pulled[i] else 'a tension'}; give it the same in both"
+        )
+    return values
 
 
 def _output_times(duration: float, every: float) -> Floats:
@@ -799,11 +610,11 @@ def _output_times(duration: float, every: float) -> Floats:
     return times
 
 
-def _rayleigh(robot: Robot, ratio: float, load: _Load, **physics: Any) -> tuple[float, float]:
+def _rayleigh(robot: Robot, ratio: float, load: Load, **physics: Any) -> tuple[float, float]:
     """Mass damping in 1/s and material damping in s that give two modes a damping ratio."""
     if load.tip_moment.any():
         raise InputError("modal_damping needs modes, and a tip moment leaves none: give the others")
-    found = modes(robot, load.tensions, tip_force=load.tip_force, count=12, **physics)
+    found = modes(robot, load.drive, tip_force=load.tip_force, count=12, **physics)
     slow = 2.0 * np.pi * float(found.frequency_hz[0])
     faster = found.frequency_hz[found.frequency_hz >= 2.0 * found.frequency_hz[0]]
     fast = 2.0 * np.pi * float(faster[0]) if len(faster) else 10.0 * slow
@@ -840,11 +651,11 @@ def _joined(parts: Sequence[Frames]) -> Frames:
 
 
 def _rows(
-    durations: Iterable[float], loads: Sequence[_Load]
+    durations: Iterable[float], loads: Sequence[Load]
 ) -> tuple[Floats, Floats, Floats, Floats]:
     return (
         np.array(list(durations)),
-        np.array([load.tensions for load in loads]).reshape(len(loads), -1),
+        np.array([load.drive for load in loads]).reshape(len(loads), -1),
         np.array([load.tip_force for load in loads]),
         np.array([load.tip_moment for load in loads]),
     )
@@ -866,11 +677,11 @@ def at_rest(
     """Raw fields of an equilibrium, as of a run that has not begun; see `Solution.fields`."""
     from bowstring import _core
 
-    refuse_friction(robot, "the fields of an equilibrium")
+    driving.refuse_friction(robot, "the fields of an equilibrium")
     simulator = _core.Simulator(
         robot.core, theory, tendon, twist, elements, gravity, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0
     )
-    load = _Load(*(np.asarray(v, dtype=float) for v in (tensions, tip_force, tip_moment)))
+    load = Load(*(np.asarray(v, dtype=float) for v in (tensions, tip_force, tip_moment)))
     status = simulator.rest(*load)
     if status != "converged":
         raise NoSolutionError(

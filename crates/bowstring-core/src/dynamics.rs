@@ -237,6 +237,8 @@ impl Driven {
 /// What to march through.
 #[derive(Clone, Copy)]
 enum Task {
+    /// To the equilibrium under the tensions at hand.
+    Rest,
     /// To the equilibrium under `to`.
     Settle,
     /// This long, s.
@@ -244,13 +246,19 @@ enum Task {
 }
 
 /// Newton's method on one step.
-fn solve(motion: &mut dyn Moving, march: &mut March, tolerance: f64, least: usize) -> bool {
+fn solve(
+    motion: &mut dyn Moving,
+    mut driven: Option<&mut Driven>,
+    count: &mut Count,
+    tolerance: f64,
+    least: usize,
+) -> bool {
     let (mut iteration, mut best, mut last) = (0, f64::INFINITY, f64::INFINITY);
-    let rubs = march.driven.as_ref().is_some_and(|d| d.transmission.rubs);
+    let rubs = driven.as_ref().is_some_and(|d| d.transmission.rubs);
     loop {
         let mut residual = motion.residual();
         let (mut settled, mut better) = (true, true);
-        if let Some(driven) = &mut march.driven {
+        if let Some(driven) = &mut driven {
             (settled, better) = driven.look(motion, &mut residual);
         }
         if settled && residual <= tolerance && iteration >= least {
@@ -265,7 +273,7 @@ fn solve(motion: &mut dyn Moving, march: &mut March, tolerance: f64, least: usiz
         }
         let slow = residual > tolerance && residual > SLOW * last;
         let made = motion.ready(slow || !better || iteration < least);
-        match &mut march.driven {
+        match &mut driven {
             None => {
                 motion.substitute();
                 motion.combine(&[1.0]);
@@ -278,13 +286,13 @@ fn solve(motion: &mut dyn Moving, march: &mut March, tolerance: f64, least: usiz
         }
         last = residual;
         iteration += 1;
-        march.count.iterations += 1;
+        count.iterations += 1;
     }
 }
 
 fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
     let duration = match task {
-        Task::Settle => f64::INFINITY,
+        Task::Rest | Task::Settle => f64::INFINITY,
         Task::Advance(duration) => duration,
     };
     let settling = duration.is_infinite();
@@ -326,11 +334,20 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
         });
         // at rest Newton's matrix tells whether the equilibrium is stable
         let tolerance = f64::max(tolerance, noise);
-        let mut sound = solve(motion, march, tolerance, usize::from(settling));
+        let driven = match task {
+            // tensions are those of an equilibrium already
+            Task::Rest => None,
+            _ => march.driven.as_mut(),
+        };
+        let least = usize::from(settling);
+        let mut sound = solve(motion, driven, &mut march.count, tolerance, least);
         if settling {
             let (mut tendons, mut held) = (0.0, 0);
             if let Some(driven) = &mut march.driven {
-                held = driven.transmission.problem.negative_eigenvalues();
+                if let Task::Settle = task {
+                    held = driven.transmission.problem.negative_eigenvalues();
+                }
+                motion.measure_spans(false);
                 tendons = driven.arrive(motion);
             }
             motion.commit_at_rest(tendons);
@@ -358,12 +375,6 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             sound = grown <= GROWTH[1] * size;
         }
         if !sound {
-            motion.stop_foreseeing();
-            march.next = step / 2.0;
-            march.count.repeated += 1;
-            if march.next < f64::max(nominal * MOST_CUTS, march.shortest) {
-                return Some(Stop::StepFailed);
-            }
             continue;
         }
         if let Step::Adaptive { tolerance, .. } = march.step {
@@ -516,7 +527,7 @@ impl Simulator {
         self.march.driven = None;
         self.march.to.set(&load);
         self.clear_disk_forces();
-        self.ready = outcome.status == Status::Converged && self.settle().is_none();
+        self.ready = outcome.status == Status::Converged && self.settle(Task::Rest).is_none();
         if outcome.status == Status::Converged && !self.ready {
             outcome.status = Status::MaxIterations;
         }
@@ -576,7 +587,7 @@ impl Simulator {
         });
         self.march.driven = Some(Driven::new(drive, self.robot.length()));
         self.clear_disk_forces();
-        let stop = self.settle();
+        let stop = self.settle(Task::Rest);
         self.ready = stop.is_none();
         Ok(stop)
     }
@@ -606,7 +617,7 @@ impl Simulator {
             for (k, f) in forces.iter().enumerate() {
                 self.engine.set_disk_force(k, Vec3(*f) * share);
             }
-            if let Some(stop) = self.settle() {
+            if let Some(stop) = self.settle(Task::Settle) {
                 self.ready = false;
                 return Ok(Some(stop));
             }
@@ -660,9 +671,9 @@ impl Simulator {
         driven.transmission.check(&self.robot, &commands, load)
     }
 
-    fn settle(&mut self) -> Option<Stop> {
+    fn settle(&mut self, task: Task) -> Option<Stop> {
         self.march.from = self.march.to.clone();
-        let stop = run(&mut *self.engine, &mut self.march, Task::Settle);
+        let stop = run(&mut *self.engine, &mut self.march, task);
         self.time = 0.0;
         self.march.count = Count::default();
         self.forget();

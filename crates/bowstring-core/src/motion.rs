@@ -436,9 +436,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         self.fresh = true;
     }
 
-    /// Starts the next step's search from the present strain: the past misleads.
+    /// Starts the next step's search from the present strain and its rate, which do not jump:
+    /// what was before misleads.
     pub fn stop_foreseeing(&mut self) {
-        self.known = self.known.min(1);
+        self.known = self.known.min(2);
     }
 
     /// Whether the scheme has no memory.
@@ -572,7 +573,9 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 strain = self.past[q][g].scaled_add(L::Module::splat(weight[q]), &strain);
             }
             self.next[g].w = strain.w;
-            self.next[g].n = strain.n;
+            // what holds a constraint may jump with the load
+            let jumps = self.rigid && self.known <= 2;
+            self.next[g].n = if jumps { self.past[0][g].n } else { strain.n };
         }
     }
 

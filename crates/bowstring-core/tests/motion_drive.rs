@@ -3,11 +3,11 @@
 mod common;
 
 use bowstring_core::drive::{Command, Drive, Line};
-use bowstring_core::dynamics::{Damping, Fields, Settings, Simulator, Step, Stop};
+use bowstring_core::dynamics::{Damping, Settings, Simulator, Step};
 use bowstring_core::load::{Load, Model, Theory};
 use bowstring_core::robot::Robot;
 use bowstring_core::statics::Status;
-use common::{pull, rao_robot, study_robot};
+use common::{pull, rao_robot, study_robot, Draw};
 
 fn settings(step: f64, rho: f64) -> Settings {
     Settings {
@@ -26,7 +26,14 @@ fn lines(robot: &Robot, line: Line) -> Vec<Line> {
 }
 
 /// At rest in the equilibrium of commands.
-fn at_rest(robot: &Robot, model: Model, s: Settings, line: Line, commands: &[Command], load: &Load) -> (Simulator, Drive) {
+fn at_rest(
+    robot: &Robot,
+    model: Model,
+    s: Settings,
+    line: Line,
+    commands: &[Command],
+    load: &Load,
+) -> (Simulator, Drive) {
     let mut simulator = Simulator::new(robot, model, 1, s).unwrap();
     let mut drive = simulator.drive(&lines(robot, line)).unwrap();
     let outcome = drive.step(commands, load).unwrap();
@@ -39,36 +46,322 @@ fn pulls(values: &[f64]) -> Vec<Command> {
     values.iter().map(|p| Command::Pull(*p)).collect()
 }
 
+/// Moves on and asserts that nothing stopped it.
+fn go(simulator: &mut Simulator, duration: f64, load: &Load) {
+    let (stop, _) = simulator.advance(duration, load).unwrap();
+    assert_eq!(stop, None, "at {} s", simulator.time());
+}
+
+/// Kinetic, elastic and gravity energy, less what came in, and what was lost.
+fn left(simulator: &Simulator) -> f64 {
+    let e = simulator.energies();
+    e.kinetic + e.elastic + e.gravity - e.work + e.dissipated
+}
+
+fn elastic() -> Line {
+    Line {
+        stiffness: 3e4,
+        free_length: 0.1,
+        compliance: 1e-6,
+        ..Line::default()
+    }
+}
+
+fn tensions(values: &[f64]) -> Vec<Command> {
+    values.iter().map(|t| Command::Tension(*t)).collect()
+}
+
+/// Through lines that neither stretch nor rub, tensions move the robot as without lines.
 #[test]
-fn explore() {
+fn lines_without_a_law_change_nothing() {
     let robot = study_robot(9, 0.0);
-    let stiff = Line::default();
-    let elastic = Line { stiffness: 3e4, ..stiff };
-    for (name, line) in [("stiff", stiff), ("elastic", elastic)] {
-        for rho in [1.0, 0.8] {
-            for h in [5e-3, 2e-3, 1e-3, 5e-4] {
+    let model = Model::default();
+    let s = settings(2e-3, 0.8);
+    let nothing = pull(&[0.0; 3]);
+    let (mut driven, _) = at_rest(
+        &robot,
+        model,
+        s,
+        Line::default(),
+        &tensions(&[0.0; 3]),
+        &nothing,
+    );
+    let mut plain = Simulator::new(&robot, model, 1, s).unwrap();
+    plain.rest(&nothing).unwrap();
+    for i in 1..=50 {
+        let given = [i as f64, 0.0, 5.0];
+        let load = pull(&given);
+        go(&mut driven, 0.01, &load);
+        go(&mut plain, 0.01, &load);
+        assert!((driven.tip() - plain.tip()).norm() < 1e-11);
+        let (a, b) = (driven.energies(), plain.energies());
+        for (a, b) in [
+            (a.work, b.work),
+            (a.elastic, b.elastic),
+            (a.dissipated, b.dissipated),
+        ] {
+            assert!((a - b).abs() < 1e-9 * plain.energies().work, "{a:e} {b:e}");
+        }
+    }
+}
+
+/// Pulls over time: second order in the step, tensions too, whether tendons stretch or not.
+#[test]
+fn steps_converge_with_second_order() {
+    let robot = study_robot(9, 0.0);
+    for line in [Line::default(), elastic()] {
+        let line = Line {
+            pretension: 20.0,
+            ..line
+        };
+        for rho in [1.0, 0.7] {
+            let end = |steps: usize| {
+                let h = 0.4 / steps as f64;
                 let mut s = settings(h, rho);
-                s.damping.mass = 0.5;
-                let (mut sim, _) = at_rest(&robot, Model::default(), s, line, &pulls(&[0.0; 3]), &pull(&[0.0; 3]));
-                let mut iterations = 0;
-                let mut steps = 0;
-                let mut f = Fields::default();
-                let mut stop = None;
-                let start = std::time::Instant::now();
-                for i in 1..=100 {
-                    let p = 0.02 * f64::min(i as f64 / 50.0, 1.0);
-                    let (st, count) = sim.advance(0.01, &pull(&[p, -p / 2.0, -p / 2.0])).unwrap();
-                    iterations += count.iterations;
-                    steps += count.steps;
-                    if st.is_some() { stop = st; break; }
-                    sim.record(0, &mut f);
+                s.damping = Damping {
+                    mass: 1.0,
+                    material: 2e-3,
+                };
+                let (mut simulator, _) = at_rest(
+                    &robot,
+                    Model::default(),
+                    s,
+                    line,
+                    &pulls(&[0.0; 3]),
+                    &pull(&[0.0; 3]),
+                );
+                for i in 1..=steps {
+                    // starts and ends without a jolt
+                    let t = i as f64 / steps as f64;
+                    let p = 0.01 * t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
+                    go(&mut simulator, h, &pull(&[p, -0.5 * p, -0.5 * p]));
                 }
-                let wall = start.elapsed().as_secs_f64();
-                let e = sim.energies();
-                let n = f.tension.len();
-                println!("{name} rho {rho} h {h}: {stop:?} steps {steps} it {iterations} {:.1} us/it tip {:?} T {:?} slack {:?} left {:e} {e:?}",
-                    1e6 * wall / iterations as f64, sim.tip().0, &f.tension[n - 6..], &f.slack[n - 3..], e.kinetic + e.elastic - e.work + e.dissipated);
+                simulator.tip()
+            };
+            let tips = [end(100), end(200), end(400), end(1600)];
+            let errors = [0, 1, 2].map(|i| (tips[i] - tips[3]).norm());
+            println!("{rho} {errors:?}");
+            for i in 0..2 {
+                let order = (errors[i] / errors[i + 1]).log2();
+                assert!(order > 1.8, "{rho}: {errors:?}");
             }
         }
     }
+}
+
+/// Held by its tendons and let go by a tip force, the robot keeps its energy without numerical
+/// damping; tendons that catch lose some, which is told.
+#[test]
+fn release_keeps_its_energy() {
+    let robot = study_robot(9, 0.0);
+    let held = Load {
+        tip_force: [0.5, 0.3, 0.0],
+        ..pull(&[0.0; 3])
+    };
+    for (name, line) in [("stiff", Line::default()), ("elastic", elastic())] {
+        for (pretension, given) in [
+            (10.0, [0.004, -0.002, -0.002]),
+            (0.0, [0.01, -0.02, -0.02]),
+            (0.0, [0.01, -0.003, -0.006]),
+        ] {
+            let line = Line { pretension, ..line };
+            for model in [
+                Model::default(),
+                Model {
+                    theory: Theory::Kirchhoff,
+                    ..Model::default()
+                },
+            ] {
+                let (mut simulator, _) = at_rest(
+                    &robot,
+                    model,
+                    settings(1e-3, 1.0),
+                    line,
+                    &pulls(&given),
+                    &held,
+                );
+                let start = left(&simulator);
+                simulator.jump(&pull(&given)).unwrap();
+                let (mut off, mut lost, mut back): (f64, f64, f64) = (0.0, 0.0, 0.0);
+                let mut size = simulator.energies().elastic;
+                for _ in 0..200 {
+                    go(&mut simulator, 0.01, &pull(&given));
+                    let e = simulator.energies();
+                    size = size.max(e.kinetic + e.elastic);
+                    off = off.max((left(&simulator) - start).abs());
+                    back = back.max(lost - e.dissipated);
+                    lost = e.dissipated;
+                }
+                println!(
+                    "{name} {given:?} {:?}: off {:e} lost {:e} back {:e}",
+                    model.theory,
+                    off / size,
+                    lost / size,
+                    back / size
+                );
+                assert!(off < 1e-3 * size, "{off:e} of {size:e}");
+                assert!(back < 1e-4 * size, "{back:e} of {size:e}");
+            }
+        }
+    }
+}
+
+/// Slow pulls lead along the path of equilibria, friction included, and the more so the slower.
+#[test]
+fn slow_motion_follows_the_path() {
+    let robot = study_robot(9, 0.0);
+    for (name, friction, pulled) in [
+        ("pulls", 0.0, true),
+        ("tensions that rub", 0.1, false),
+        ("pulls that rub", 0.1, true),
+    ] {
+        let line = Line {
+            friction,
+            pretension: if pulled { 5.0 } else { 0.0 },
+            ..elastic()
+        };
+        let apart = |duration: f64| {
+            let mut s = settings(2e-3, 0.8);
+            s.damping.mass = 20.0;
+            let (most, kind): (f64, fn(&[f64]) -> Vec<Command>) = if pulled {
+                (0.012, pulls)
+            } else {
+                (40.0, tensions)
+            };
+            let (mut simulator, mut drive) = at_rest(
+                &robot,
+                Model::default(),
+                s,
+                line,
+                &kind(&[0.0; 3]),
+                &pull(&[0.0; 3]),
+            );
+            let mut worst: f64 = 0.0;
+            for i in 1..=200 {
+                let x = i as f64 / 100.0;
+                let p = most * if x < 1.0 { x } else { 2.0 - x };
+                let given = if pulled {
+                    [p, -0.5 * p, -0.5 * p]
+                } else {
+                    [p, 0.0, 0.0]
+                };
+                let outcome = drive.step(&kind(&given), &pull(&[0.0; 3])).unwrap();
+                assert_eq!(outcome.status, Status::Converged);
+                go(&mut simulator, duration / 100.0, &pull(&given));
+                worst =
+                    worst.max((simulator.tip() - drive.solver().tip().unwrap().position).norm());
+            }
+            worst
+        };
+        let (fast, slow) = (apart(2.0), apart(16.0));
+        println!("{name}: {fast:e} {slow:e}");
+        assert!(
+            slow < 0.25 * fast && slow < 4e-3,
+            "{name}: {fast:e} {slow:e}"
+        );
+    }
+}
+
+/// Random robots' lines, pulls and paces: every run goes to its end, and energy adds up.
+#[test]
+fn random_motions() {
+    let mut failed = 0;
+    for trial in 0..150 {
+        let mut draw = Draw(1000 + 77 * trial as u64);
+        if std::env::var("ONLY").is_ok_and(|t| t != trial.to_string()) {
+            continue;
+        }
+        let (robot, most) = if trial % 2 == 0 {
+            (study_robot(9, 0.0), 0.015)
+        } else {
+            (rao_robot(), 0.01)
+        };
+        let m = robot.tendon_count();
+        let line = Line {
+            stiffness: [f64::INFINITY, 3e4, 1e3][trial % 3],
+            compliance: [0.0, 1e-6][trial / 3 % 2],
+            friction: [0.0, 0.1, 0.3][trial / 6 % 3],
+            pretension: [0.0, 2.0][trial / 18 % 2],
+            ..Line::default()
+        };
+        let mut s = settings(1e-3, 0.8);
+        s.step = Step::Adaptive {
+            tolerance: 1e-6,
+            longest: 0.01,
+        };
+        s.gravity = [0.0, 0.0, -9.81];
+        s.damping.mass = 1.0;
+        let load = Load {
+            gravity: s.gravity,
+            ..pull(&[0.0; 3])
+        };
+        let zero = vec![0.0; m];
+        let kinds: Vec<bool> = (0..m).map(|_| draw.within(0.0, 1.0) < 0.7).collect();
+        let kind = |v: &[f64]| -> Vec<Command> {
+            (0..m)
+                .map(|i| {
+                    if kinds[i] {
+                        Command::Pull(v[i])
+                    } else {
+                        Command::Tension(v[i])
+                    }
+                })
+                .collect()
+        };
+        let mut simulator = Simulator::new(&robot, Model::default(), 1, s).unwrap();
+        let mut drive = simulator.drive(&lines(&robot, line)).unwrap();
+        let outcome = drive
+            .step(
+                &kind(&zero),
+                &Load {
+                    tensions: &zero,
+                    ..load
+                },
+            )
+            .unwrap();
+        assert_eq!(outcome.status, Status::Converged);
+        assert_eq!(simulator.rest_at(&drive).unwrap(), None);
+        let start = left(&simulator);
+        let mut stop = None;
+        let clock = std::time::Instant::now();
+        let mut sum = 0;
+        for _ in 0..4 {
+            // pulls sideways, and gives a little
+            let (x, y) = (draw.within(-1.0, 1.0), draw.within(-1.0, 1.0));
+            let given: Vec<_> = (0..m)
+                .map(|i| {
+                    let [hx, hy] = robot.spec().tendons[i].hole;
+                    let along = (hx * x + hy * y) / hx.hypot(hy);
+                    if kinds[i] {
+                        most * (along - 0.1)
+                    } else {
+                        f64::max(3.0 * along, 0.0)
+                    }
+                })
+                .collect();
+            let (found, count) = simulator
+                .advance(
+                    draw.within(0.05, 0.6),
+                    &Load {
+                        tensions: &given,
+                        ..load
+                    },
+                )
+                .unwrap();
+            sum += count.iterations;
+            stop = found;
+            if stop.is_some() {
+                break;
+            }
+        }
+        let e = simulator.energies();
+        let size = e.kinetic + e.elastic + e.work.abs() + e.dissipated;
+        println!(
+            "{trial} {stop:?} it {sum} {:.0} us/it left {:e} of {size:e} {line:?} {kinds:?}",
+            clock.elapsed().as_secs_f64() * 1e6 / sum as f64,
+            left(&simulator) - start
+        );
+        failed += usize::from(stop.is_some());
+    }
+    assert_eq!(failed, 0);
 }

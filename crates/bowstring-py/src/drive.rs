@@ -39,6 +39,12 @@ pub struct Drive {
     inner: drive::Drive,
 }
 
+impl Drive {
+    pub(crate) fn inner(&self) -> &drive::Drive {
+        &self.inner
+    }
+}
+
 #[pymethods]
 impl Drive {
     #[new]

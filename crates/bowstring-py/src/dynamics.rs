@@ -1,5 +1,6 @@
 //! Dynamics of the rod: `Simulator`, a robot that moves, and `flexibility` for its modes.
 
+use crate::drive::Drive;
 use crate::rod::{input_error, model, numbers, refused, three, Robot};
 use bowstring_core::dynamics::{self, Damping, Energies, Fields, Settings, Step, Stop};
 use bowstring_core::load::Load;
@@ -80,6 +81,13 @@ impl Simulator {
         };
         let outcome = self.inner.rest(&load).map_err(input_error)?;
         Ok(outcome.status.word())
+    }
+
+    /// Goes to rest where a drive of the same robot and settings has come to, and is driven on as in
+    /// its last step; returns whether that worked.
+    fn rest_at(&mut self, drive: PyRef<'_, Drive>) -> PyResult<bool> {
+        let stop = self.inner.rest_at(drive.inner()).map_err(input_error)?;
+        Ok(stop.is_none())
     }
 
     /// Adds dead forces on all disks, (N, 3) in N, and goes to rest under them; they stay until
@@ -234,6 +242,11 @@ impl Simulator {
         out.set_item("tendon_length", shaped(fields.tendon_length, &[times, m])?)?;
         if points > 0 {
             out.set_item("span_length", shaped(fields.span_length, &[times, n, m])?)?;
+        }
+        if !fields.pull.is_empty() {
+            out.set_item("pull", shaped(fields.pull, &[times, m])?)?;
+            out.set_item("slack", shaped(fields.slack, &[times, m])?)?;
+            out.set_item("span_tension", shaped(fields.span_tension, &[times, n, m])?)?;
         }
         Ok(out)
     }

@@ -1,0 +1,385 @@
+"""Loads over time: tables, ramps and functions, and the stretches of time between their corners.
+
+Everything is SI. T is the number of tendons.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring import arguments, drive
+from bowstring.errors import InputError
+
+if TYPE_CHECKING:
+    from bowstring.robot import Robot
+
+__all__ = ["Driven", "Load", "Loads", "OverTime", "Table", "over_time", "ramp", "step"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_LOOK: Final = 0.1  # seconds between two looks at the keyboard
+_LONGEST_WHY: Final = 300  # letters of an error of a user's function
+
+
+class Table:
+    """Values over time, straight between the times given, constant before and after them.
+
+    Parameters
+    ----------
+    times : array_like (K,)
+        In s, never decreasing; the same time twice is a jump.
+    values : array_like (K, C)
+        One row a time: a tension for each tendon in N, a pull in m, or a vector. A column of NaN is
+        a tendon that is driven otherwise.
+
+    Raises
+    ------
+    InputError
+        If times decrease, three are the same, or numbers are not finite.
+    """
+
+    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
+        try:
+            self.times = arguments.floats(times)
+            self.values = arguments.floats(values)
+        except TypeError:
+            raise InputError("a table over time takes numbers: times (K,), values (K, C)") from None
+        if self.times.ndim != 1 or self.values.ndim != 2 or len(self.times) == 0:
+            raise InputError(
+                f"a table over time takes times (K,) and values (K, C), got shapes "
+                f"{self.times.shape} and {self.values.shape}"
+            )
+        if len(self.times) != len(self.values):
+            raise InputError(
+                f"a table over time has {len(self.times)} times but {len(self.values)} rows"
+            )
+        said = ~np.isnan(self.values).all(axis=0)
+        for name, array in (("times", self.times), ("values", self.values[:, said])):
+            if not np.isfinite(array).all():
+                row = int(np.argwhere(~np.isfinite(array))[0][0])
+                raise InputError(f"the {name} of a table over time are not finite in row {row}")
+        gaps = np.diff(self.times)
+        if (gaps < 0).any():
+            row = int(np.argmax(gaps < 0)) + 1
+            raise InputError(
+                f"the times of a table must not decrease: {self.times[row]:g} s in row {row} "
+                f"comes after {self.times[row - 1]:g} s"
+            )
+        if ((gaps[1:] == 0) & (gaps[:-1] == 0)).any():
+            raise InputError("a table over time has the same time three times; a jump takes two")
+
+    def at(self, time: float, *, before: bool = False) -> Floats:
+        """The row at a time, after a jump there, or before it."""
+        return np.asarray(self.rows(np.array([time]), before=before)[0])
+
+    def rows(self, times: Floats, *, before: bool = False) -> Floats:
+        """The rows (K, C) at several times (K,)."""
+        side: Literal["left", "right"] = "left" if before else "right"
+        i = np.searchsorted(self.times, times, side=side)
+        a, b = np.clip(i - 1, 0, None), np.clip(i, None, len(self.times) - 1)
+        gap = self.times[b] - self.times[a]
+        share = np.where(gap > 0, (times - self.times[a]) / np.where(gap > 0, gap, 1.0), 0.0)
+        low, high = self.values[a], self.values[b]
+        return np.asarray(low + np.clip(share, 0.0, 1.0)[:, None] * (high - low))
+
+    def knots(self) -> set[float]:
+        """The times of its corners and jumps."""
+        return set(self.times.tolist())
+
+    def jumps(self) -> set[float]:
+        """The times of its jumps."""
+        return set(self.times[1:][np.diff(self.times) == 0].tolist())
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether it must be asked before each step."""
+        return False
+
+    def to_dict(self) -> Any:
+        """Times and values, for a file; None where a tendon is driven otherwise."""
+        return {"times_s": self.times.tolist(), "values": _plain(self.values)}
+
+
+def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
+    """A rise in a straight line from zero to `values`, which takes `rise` seconds; then hold."""
+    try:
+        end = np.atleast_1d(arguments.floats(values))
+    except TypeError:
+        raise InputError(
+            f"the values of a ramp are {arguments.shown(values)}, they must be numbers"
+        ) from None
+    rise = arguments.number("rise", rise, "s", zero=True)
+    start = arguments.number("start", start, "s", zero=True)
+    return Table([start, start + rise], [0.0 * end, end])
+
+
+def step(values: ArrayLike, start: float = 0.0) -> Table:
+    """A jump from zero to `values` at `start`."""
+    return ramp(values, 0.0, start)
+
+
+OverTime = Table | Callable[[float], ArrayLike] | ArrayLike
+
+
+@dataclass(frozen=True)
+class Load:
+    """Loads at one time: what drives each tendon, and forces at the tip."""
+
+    drive: Floats
+    """(T,): tension in N or, of a tendon that is pulled by a length, its pull in m."""
+    tip_force: Floats
+    tip_moment: Floats
+
+    def __iter__(self) -> Iterator[Floats]:
+        return iter((self.drive, self.tip_force, self.tip_moment))
+
+    @property
+    def tip(self) -> tuple[Floats, Floats]:
+        """Force and moment at the tip."""
+        return self.tip_force, self.tip_moment
+
+
+class _Function:
+    """A user's function of time, whose values are checked."""
+
+    is_sampled = True
+
+    def __init__(
+        self, name: str, function: Callable[[float], ArrayLike], count: int, *, loose: bool = False
+    ) -> None:
+        self.name, self.function, self.count, self.loose = name, function, count, loose
+
+    def rows(self, times: Floats, *, before: bool = False) -> Floats:
+        return np.array([self.at(t) for t in times.tolist()])
+
+    def at(self, time: float, *, before: bool = False) -> Floats:
+        try:
+            given = self.function(time)
+        except Exception as error:
+            why = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_WHY]
+            raise InputError(
+                f"the function for {self.name} failed at {time:.6g} s: {why.rstrip(': ')}"
+            ) from error
+        try:
+            value = arguments.floats(given)
+        except TypeError:
+            raise InputError(
+                f"the function for {self.name} returned {arguments.shown(given)} at {time:.6g} s, "
+                f"it must be {self.count} numbers"
+            ) from None
+        if value.shape != (self.count,):
+            raise InputError(
+                f"the function for {self.name} returned shape {value.shape} at {time:.6g} s, "
+                f"it must be ({self.count},)"
+            )
+        said = value[~np.isnan(value)] if self.loose else value
+        arguments.check_values(self.name, said, f" at {time:.6g} s")
+        return value
+
+    def knots(self) -> set[float]:
+        return set()
+
+    def jumps(self) -> set[float]:
+        return set()
+
+    def to_dict(self) -> Any:
+        return "function of time"
+
+
+class Driven:
+    """What drives the tendons over time: each by a tension, a pull or an angle of its motor.
+
+    Attributes
+    ----------
+    pulled : ndarray of bool (T,)
+        Whether each is pulled by a length, which stays so.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        tensions: OverTime | None,
+        pulls: OverTime | None,
+        angles: OverTime | None,
+    ) -> None:
+        self._robot = robot
+        count = robot.core.tendon_count
+        given = {"tensions": (tensions, "N"), "pulls": (pulls, "m"), "angles": (angles, "rad")}
+        alone = pulls is None and angles is None and tensions is not None
+        self._courses: dict[str, _Course] = {
+            name: over_time(name, value, count, unit, loose=not alone)
+            for name, (value, unit) in given.items()
+            if value is not None
+        }
+        self._alone = self._courses["tensions"] if alone else None
+        self.pulled: Bools = np.zeros(count, bool)
+        if not alone:
+            self.pulled, _ = self._commands(0.0, before=True)
+
+    def _commands(self, time: float, *, before: bool) -> tuple[Bools, Floats]:
+        rows = {name: c.at(time, before=before) for name, c in self._courses.items()}
+        return drive.commands(
+            self._robot, rows.get("tensions"), rows.get("pulls"), rows.get("angles")
+        )
+
+    def at(self, time: float, *, before: bool = False) -> Floats:
+        """Tension in N or pull in m of each tendon (T,) at a time, after a jump or before it."""
+        if self._alone is not None:
+            return self._alone.at(time, before=before)
+        pulled, values = self._commands(time, before=before)
+        if (pulled != self.pulled).any():
+            i = int(np.argmax(pulled != self.pulled))
+            raise InputError(
+                f"tendon {i + 1} changes between a tension and a pull at {time:.6g} s; in a "
+                "motion each stays what it is"
+            )
+        return values
+
+    def rows(self, times: Floats, *, before: bool = False) -> Floats:
+        """The same at several times (K,): (K, T)."""
+        if self._alone is not None:
+            return self._alone.rows(times, before=before)
+        return np.array([self.at(t, before=before) for t in times.tolist()])
+
+    def knots(self) -> set[float]:
+        """The times of corners and jumps."""
+        return set().union(*(c.knots() for c in self._courses.values()))
+
+    def jumps(self) -> set[float]:
+        """The times of jumps."""
+        return set().union(*(c.jumps() for c in self._courses.values()))
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether it must be asked before each step."""
+        return any(c.is_sampled for c in self._courses.values())
+
+    def to_dict(self) -> dict[str, Any]:
+        """For a file, by ``tensions_N``, ``pulls_m`` and ``angles_rad``."""
+        units = {"tensions": "N", "pulls": "m", "angles": "rad"}
+        return {f"{name}_{units[name]}": c.to_dict() for name, c in self._courses.items()}
+
+
+_Course = Table | _Function
+
+
+@dataclass(frozen=True)
+class Loads:
+    """All loads over time."""
+
+    drive: Driven
+    tip_force: _Course
+    tip_moment: _Course
+
+    @property
+    def _all(self) -> tuple[Driven | _Course, ...]:
+        return self.drive, self.tip_force, self.tip_moment
+
+    def at(self, time: float, *, before: bool = False) -> Load:
+        """The loads at a time, after a jump there, or before it."""
+        return Load(*(c.at(time, before=before) for c in self._all))
+
+    def jumps(self) -> set[float]:
+        """The times of jumps."""
+        return set().union(*(c.jumps() for c in self._all))
+
+    def to_dict(self) -> dict[str, Any]:
+        """For a file."""
+        return {
+            **self.drive.to_dict(),
+            "tip_force_N": self.tip_force.to_dict(),
+            "tip_moment_Nm": self.tip_moment.to_dict(),
+        }
+
+    def chunks(self, simulator: Any, times: Floats, longest: float) -> Iterator[Stretches]:
+        """Stretches of time to run through at once, some `_LOOK` seconds of work each."""
+        # a knot that an output time misses by next to nothing is that time
+        near = 1e-6 * longest
+        inside = []
+        for knot in sorted(set().union(*(c.knots() for c in self._all))):
+            i = int(np.abs(times - knot).argmin())
+            if near < knot < times[-1] - near:
+                inside.append(knot)
+                if abs(times[i] - knot) <= near:
+                    times[i] = knot
+        outputs = set(times[1:].tolist())
+        # numpy's own sets would import a fifth of numpy first
+        ends = np.array(sorted(outputs | set(inside)))
+        record = np.array([end in outputs for end in ends.tolist()], dtype=bool)
+        if any(c.is_sampled for c in self._all):
+            yield from self._sampled(simulator, ends, record, longest)
+            return
+        durations = np.diff(ends, prepend=0.0)
+        drive, force, moment = (c.rows(ends, before=True) for c in self._all)
+        jumps = self.jumps()
+        stops = np.flatnonzero([end in jumps for end in ends.tolist()]) + 1
+        steps = float(durations.max(initial=0.0)) / longest
+        first, size = 0, max(1, int(min(50.0, 2000.0 / max(steps, 1.0))))
+        while first < len(ends):
+            begun = clock.perf_counter()
+            next_stop = stops[np.searchsorted(stops, first, side="right") :]
+            last = min([first + size, len(ends), *next_stop[:1].tolist()])
+            part = slice(first, last)
+            yield durations[part], drive[part], force[part], moment[part], record[part]
+            spent = max(clock.perf_counter() - begun, 1e-9)
+            size = int(np.clip((last - first) * _LOOK / spent, 1, min(4 * size, 1000)))
+            first = last
+
+    def _sampled(
+        self, simulator: Any, ends: Floats, record: NDArray[np.bool_], longest: float
+    ) -> Iterator[Stretches]:
+        # a step at a time, for the function is asked before each
+        now = 0.0
+        for end, wanted in zip(ends.tolist(), record.tolist(), strict=True):
+            while now < end:
+                reach = min(simulator.next_step, longest)
+                left = max(1, int(np.ceil((end - now) / reach - 1e-6)))
+                then = end if left == 1 else now + (end - now) / left
+                drive, force, moment = (row[None, :] for row in self.at(then, before=True))
+                recorded = np.array([wanted and left == 1])
+                yield np.array([then - now]), drive, force, moment, recorded
+                now = then
+
+
+Stretches = tuple[Floats, Floats, Floats, Floats, NDArray[np.bool_]]
+"""Durations, loads at their ends (three arrays of rows), and where to record."""
+
+
+def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = False) -> _Course:
+    """A course from what a user gave; ``loose``: with NaN or None where another one tells."""
+    if isinstance(value, Table):
+        if value.values.shape[1] != count:
+            raise InputError(
+                f"the table for {name} has {value.values.shape[1]} columns, it must have {count}"
+            )
+        for row in value.values:
+            arguments.check_values(name, row[~np.isnan(row)] if loose else row)
+        return value
+    if callable(value):
+        return _Function(name, value, count, loose=loose)
+    if loose:
+        try:
+            row = arguments.floats(value)
+        except TypeError:
+            row = np.zeros((0, 0))
+        if row.shape != (count,):
+            raise InputError(
+                f"{name} is {arguments.shown(value)}, it must be {count} numbers in {unit} (None "
+                "where a tendon is driven otherwise), a table or a function"
+            )
+        arguments.check_values(name, row[~np.isnan(row)])
+        return Table([0.0], row[None, :])
+    row = arguments.row(name, value, count, unit, ", a table or a function")
+    return Table([0.0], row[None, :])
+
+
+def _plain(values: Floats) -> list[Any]:
+    """Rows of numbers, None for NaN."""
+    return [[None if np.isnan(v) else v for v in row] for row in values.tolist()]
