@@ -252,7 +252,7 @@ class _Header:
 
     def guess(self, name: str) -> str | None:
         """A column that a stranger is probably meant for, and that is not there yet."""
-        stem, _, unit = name.rpartition("_")
+        unit = name.rpartition("_")[2] if "_" in name else ""
         digits = (re.findall(r"[0-9]+", name) or ["1"])[0]
         known = [f"{kind}_{digits}_{_EXAMPLE[_SI[kind]]}" for kind in ("mass", "tension", "pull")]
         known += [f"tip_{axis}_{unit or 'mm'}" for axis in "xyz"]

@@ -248,7 +248,8 @@ def path(name: str) -> Path:
         If there is no such set, or a file cannot be had or is not the pinned one.
     """
     found = describe(name)
-    return [_file(found, file) for file in found.files][0].parent
+    files = [_file(found, file) for file in found.files]
+    return files[0].parent
 
 
 def table(name: str, part: str | None = None) -> Path:
@@ -387,7 +388,8 @@ def _download(found: DataSet, file: DataFile, url: str) -> Path:
     except OSError as error:
         raise InputError(
             f"{file.name} of {found.name} cannot be kept in {cache}: "
-            f"{error.strerror or 'permission denied'}; make the folder writable, or name one by {VARIABLE}"
+            f"{error.strerror or 'permission denied'}; make the folder writable, or have the files "
+            f"in one that {VARIABLE} names"
         ) from None
     except ValueError:  # pooch's word for another hash, and it keeps nothing
         raise InputError(

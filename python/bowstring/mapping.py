@@ -5,7 +5,6 @@ YAML, checked as a whole: columns, units, order and sign of the tendons, axes of
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,7 +27,7 @@ from bowstring.columns import (
 from bowstring.errors import InputError
 from bowstring.safe_yaml import read_yaml
 from bowstring.tables import Table
-from bowstring.units import Quantity, Text, quote, wrong
+from bowstring.units import Text, quote, wrong
 
 __all__ = ["Mapping", "load_mapping", "mapping_names"]
 

@@ -129,7 +129,7 @@ class Measurements:
 
     @property
     def tendon_count(self) -> int:
-        return self.tensions.shape[1]
+        return int(self.tensions.shape[1])
 
     def select(self, rows: Any) -> Measurements:
         """Some of the rows, in the order given; issues stay those of the whole file.
@@ -141,9 +141,7 @@ class Measurements:
         """
         index = np.arange(len(self))[rows]
         changed = {
-            name: getattr(self, name)[index]
-            for name in _BY_ROW
-            if getattr(self, name) is not None
+            name: getattr(self, name)[index] for name in _BY_ROW if getattr(self, name) is not None
         }
         return replace(self, **changed)
 
@@ -250,9 +248,7 @@ def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
         if count < needed
         else "leave out those that are none, or name the right robot"
     )
-    return InputError(
-        f"{table.path}: the table drives {what}, {robot.name} has {needed}; {advice}"
-    )
+    return InputError(f"{table.path}: the table drives {what}, {robot.name} has {needed}; {advice}")
 
 
 class _Reader:
@@ -314,8 +310,8 @@ class _Reader:
                 f"{self.table.path}: there is no row of numbers below the header, which is in "
                 f"line {self.table.line}"
             )
-        line, text = listed[0]
-        more = f" (and {self.left_out - 1} more rows)" if self.left_out > 1 else ""
+        line, text = min(listed)
+        more = f" (rows left out in all: {self.left_out})" if self.left_out > 1 else ""
         return InputError(f"{self.table.path}: no row can be read; line {line}: {text}{more}")
 
     def leave_out(self, line: int, why: str) -> None:
@@ -441,14 +437,12 @@ class _Reader:
     def numbers(self, cells: Sequence[str], lines: list[int]) -> Floats:
         """Numbers of a column's cells, NaN where a cell is none."""
         text = "".join(cells)
+        if "." in text and self.point is None:
+            self.point = next(n for n, c in zip(lines, cells, strict=True) if "." in c)
         if "," in text and self.table.separator != ",":
             if self.comma is None:
                 self.comma = next(n for n, c in zip(lines, cells, strict=True) if "," in c)
             cells = [cell.replace(",", ".") if cell.count(",") == 1 else cell for cell in cells]
-            if "." in text and self.point is None:
-                self.point = next(n for n, c in zip(lines, cells, strict=True) if "." in c)
-        elif "." in text and self.point is None:
-            self.point = next(n for n, c in zip(lines, cells, strict=True) if "." in c)
         if "_" not in text and text.isascii():  # float() takes 1_000 and other scripts' digits
             try:
                 return np.array(list(map(float, cells)), dtype=float)

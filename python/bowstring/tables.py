@@ -64,17 +64,16 @@ class Table:
     separator: str
     notes: list[tuple[int, str]] = field(default_factory=list)
     _rows: Iterator[Row] = field(default_factory=lambda: iter(()), repr=False)
-    _most: int = MOST_ROWS
 
     def chunks(self) -> Iterator[list[Row]]:
         """The rows once, many at a time: line and cells; blank lines and comments are left out."""
-        count = 0
+        count, most = 0, MOST_ROWS if self.separator else MOST_SHEET_ROWS
         while chunk := list(islice(self._rows, _CHUNK)):
             count += len(chunk)
-            if count > self._most:
+            if count > most:
                 text = "split it" if self.separator else "save it as CSV, of which more is read"
                 raise InputError(
-                    f"{self.path}: the table has more than {self._most} rows, which is the most "
+                    f"{self.path}: the table has more than {most} rows, which is the most "
                     f"that is read; {text}"
                 )
             yield chunk
@@ -123,7 +122,10 @@ def _bytes(path: Path) -> bytes:
             data = file.read(_MOST_BYTES + 1)
     except OSError as error:
         raise InputError(f"{path}: the table cannot be read: {error.strerror}") from None
-    except ValueError:  # a null character in the name
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        # a null character in the name
         raise InputError(f"{quote(str(path))} is no name of a file") from None
     if len(data) > _MOST_BYTES:
         raise InputError(
@@ -255,7 +257,7 @@ def _workbook(path: Path, data: bytes, sha256: str) -> Table:
         names = ", ".join(quote(other.title) for other in sheets[1:11])
         notes.append((line, f"only the first sheet, {quote(sheet.title)}, is read, not {names}"))
     rows = _sheet_rows(path, sheet, line, len(header))
-    return Table(path, sha256, header, line, about, "", notes, rows, MOST_SHEET_ROWS)
+    return Table(path, sha256, header, line, about, "", notes, rows)
 
 
 def _check_parts(path: Path, data: bytes) -> None:

@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 __all__ = ["TendonCheck", "check_tendons"]
 
 Floats = NDArray[np.float64]
-Found = Literal["as_said", "swapped", "mirrored", "unclear", "unchecked"]
+Found = Literal["as_said", "turned", "swapped", "mirrored", "unclear", "unchecked"]
 
 _MOST_ROWS: Final = 400  # enough for a direction, and quick
 _FEWEST_ROWS: Final = 4
 _MOST_PAIRS: Final = 200
 _GAINS: Final = (0.35, 0.5, 0.7, 0.85, 1.0, 1.2)
-_CLEARLY: Final = 0.5  # what is left by the better candidate, of what is left as said
+_CLEARLY: Final = 0.7  # what is left by the better candidate, of what is left as said
 _GOOD: Final = 0.4  # what may be left of the motion by a candidate that is believed
-_POOR: Final = 0.8
+_POOR: Final = 0.65  # left as said: an order that explains so little is doubted
 _TIE: Final = 1.15
 _STILL: Final = 0.005  # of the length: less motion says nothing
 _TURNED: Final = np.radians(20)
@@ -47,8 +47,8 @@ class TendonCheck:
     Attributes
     ----------
     found : str
-        "as_said", "swapped", "mirrored", "unclear" (neither fits), or "unchecked" (the data cannot
-        tell).
+        "as_said"; "turned": as said if the measuring frame is turned about z; "swapped";
+        "mirrored"; "unclear": none of these fits; "unchecked": the data cannot tell.
     sentence : str
     tendons : tuple of int
         The two that look swapped, from 1; empty if none do.
@@ -131,7 +131,7 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
                 said.left,
                 turn,
             )
-        return TendonCheck("as_said", _agreed(said, turn), (), said.left, turn)
+        return _agreed(said, swaps, mirrored, turn)
     ties = {pair: f for pair, f in swaps.items() if f.left <= _TIE * best.left}
     # the frame that needs least turning is the likelier, as most are roughly registered
     order = sorted(ties, key=lambda pair: ties[pair].angle)
@@ -161,18 +161,27 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
     )
 
 
-def _agreed(said: _Fit, turn: float) -> str:
+def _agreed(
+    said: _Fit, swaps: dict[tuple[int, int], _Fit], mirrored: _Fit, turn: float
+) -> TendonCheck:
+    how = "moves" if said.left < _GOOD else "roughly moves"
     text = (
-        "The tip moves as the tendons say in this order: constant curvature leaves "
+        f"The tip {how} as the tendons say in this order: constant curvature leaves "
         f"{100 * said.left:.0f} % of its motion unexplained"
     )
-    if abs(turn) > _TURNED:
-        text += (
-            f", with the measuring frame turned by {np.degrees(turn):.0f} degrees about z. If it "
-            "is not turned, the tendons are numbered from another one, or the sign of the pulls "
-            "is wrong"
-        )
-    return text + "."
+    alike = [pair for pair, fit in swaps.items() if fit.left <= _TIE * said.left]
+    if mirrored.left <= _TIE * said.left:
+        text += "; numbered in the other sense they would explain it as well, as in any plane"
+    if abs(turn) < _TURNED or said.rotation[2, 2] < np.cos(2 * _TURNED):
+        return TendonCheck("as_said", f"{text}.", (), said.left, turn)
+    named = [pair for pair in alike if swaps[pair].angle < _TURNED]
+    swap = f"tendons {_or(named)} are swapped, " if named else ""
+    text += (
+        f". That takes a measuring frame turned by {np.degrees(turn):.0f} degrees about z; if it "
+        f"is not, {swap}the tendons are numbered from another one, or the sign of the pulls is "
+        "wrong"
+    )
+    return TendonCheck("turned", f"{text}.", named[0] if len(named) == 1 else (), said.left, turn)
 
 
 def _or(pairs: list[tuple[int, int]]) -> str:
@@ -313,4 +322,4 @@ def _rigid(predicted: Floats, measured: Floats) -> _Fit:
     u, _, vt = np.linalg.svd(b.T @ a)
     turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
     left = np.sqrt(((b - a @ turn.T) ** 2).sum(axis=1).mean())
-    return _Fit(float(left) / _spread(measured), turn)
+    return _Fit(min(float(left) / _spread(measured), 1.0), turn)
