@@ -172,6 +172,28 @@ def test_what_the_data_are_goes_with_them(label: str, file: Write) -> None:
     assert read_measurements(file(f"# source: {label}\n{GOOD}"), mapping=mapping).source == label
 
 
+def test_a_foreign_table_says_what_it_is_or_speaks_of_something_else(file: Write) -> None:
+    for column, comment, source in [
+        ("synthetic", "", "synthetic"),
+        ("battery", "", "measured"),
+        ("", "# source: computed\n", "computed"),
+        ("", "# source: the old arm\n", "measured"),
+    ]:
+        table = f"{comment}a,b,x,y,z,source\n1,2,3,4,5,{column}\n"
+        assert _mapped(file, MAPPING, table).source == source
+
+
+def test_made_in_python() -> None:
+    rows = {"tensions": [[1, 0], [2, 0]], "pulls": [[0, 0]] * 2, "points": [[[0, 0, 1]]] * 2}
+    more = {"line": [1, 2], "group": ["a", "b"], "repeat": [1, 1]}
+    found = Measurements(source="synthetic", name="made", **rows, **more)  # type: ignore[arg-type]
+    assert found.tip.dtype == float and found.group.dtype.kind == "U" and len(found) == 2
+    with pytest.raises(InputError, match=r"line has shape \(2,\)|tensions has shape \(2, 2\)"):
+        Measurements(source="synthetic", name="made", **rows, **{**more, "line": [1]})  # type: ignore[arg-type]
+    with pytest.raises(InputError, match='source is "guess", it must be measured, synthetic or'):
+        Measurements(source="guess", name="made", **rows, **more)  # type: ignore[arg-type]
+
+
 def test_written_and_read_again(file: Write, tmp_path: Path) -> None:
     found = read_measurements(ROOT / "examples" / "bench.csv")
     assert found.source == "synthetic"
@@ -311,6 +333,13 @@ def test_columns_that_are_not_read_are_told(file: Write) -> None:
     assert found.issues == ((1, 'the column "sgima_mm" is not read; did you mean sigma_mm?'),)
 
 
+def test_a_column_without_a_name_is_told(file: Write) -> None:
+    text = "\n".join(f"7,{row}" for row in GOOD.splitlines()).replace("7,mass_1", ",mass_1")
+    found = read_measurements(file(text))
+    assert len(found) == 3
+    assert found.issues == ((1, "column 1 has no name and is not read"),)
+
+
 def test_very_many_bad_rows_are_summed_up(file: Write) -> None:
     bad = "x,0,0,0,0,641\n" * 30_000
     found = read_measurements(file(GOOD + bad))
@@ -391,6 +420,36 @@ def test_a_spreadsheet_bomb_is_not_opened(tmp_path: Path, monkeypatch: pytest.Mo
     other = _archive(tmp_path / "other.xlsx", {"hello.txt": b"hello"})
     with pytest.raises(InputError, match="no Excel workbook"):
         read_measurements(other)
+
+
+@pytest.mark.parametrize(
+    ("part", "content", "says"),
+    [
+        ("xl/worksheets/sheet1.xml", b"<row>", "a row of more than 5 MB"),
+        ("xl/sharedStrings.xml", b"", "would unpack to 6. MB"),
+    ],
+)
+def test_bombs_that_pack_badly(part: str, content: bytes, says: str, tmp_path: Path) -> None:
+    """Noise among the cells keeps the ratio low."""
+    noise = np.random.default_rng(0).integers(97, 122, 300_000, dtype=np.uint8).tobytes()
+    cells = b"".join(b"<c/>" * 50 + noise[i : i + 10] for i in range(0, len(noise), 10))
+    size = 1 if content else 10
+    bomb = _archive(
+        tmp_path / "bomb.xlsx", {"xl/workbook.xml": b"<x/>", part: content + cells * size}
+    )
+    with pytest.raises(InputError, match=says):
+        read_measurements(bomb)
+
+
+def test_a_sheet_of_empty_rows(tmp_path: Path, sheet: Write) -> None:
+    path = sheet([HEADER.split(","), [0, 0, 0, 0, 0, 641]])
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    far = b'<row r="99999999"><c r="A99999999"><v>1</v></c></row></sheetData>'
+    content = parts["xl/worksheets/sheet1.xml"].replace(b"</sheetData>", far)
+    parts["xl/worksheets/sheet1.xml"] = content
+    with pytest.raises(InputError, match="the sheet has more than 1048576 rows"):
+        read_measurements(_archive(tmp_path / "rows.xlsx", parts))
 
 
 def test_a_sheet_that_claims_to_be_huge(sheet: Write, tmp_path: Path) -> None:

@@ -726,7 +726,7 @@ def data_list(as_json: AsJson = False) -> None:
             for item in sets
         ]
         return _write_json({"data_sets": rows})
-    table = _table("name", "", "licence", "parts", "description")
+    table = _table("name", "kind", "licence", "parts", "description")
     for item in sets:
         table.add_row(item.name, item.kind, item.licence, " ".join(item.parts), item.description)
     _write_tables(table)

@@ -89,7 +89,8 @@ class Layout:
 
     `shape` is a column whose cells are JSON lists of points, `rotation` turns the file's axes into
     those of the measuring frame, `keep` is a column and what its cells must say for the row to be
-    read. `scale` is None where points are in pixels.
+    read. `scale` is None where points are in pixels. `label` is a column that says what the data
+    are; without `own_label` it may as well speak of something else.
     """
 
     tendons: list[tuple[Kind, Column]] = field(default_factory=list)
@@ -103,6 +104,7 @@ class Layout:
     repeat: Column | None = None
     group: Column | None = None
     label: Column | None = None
+    own_label: bool = True
     keep: tuple[Column, str] | None = None
     rotation: Floats | None = None
     stations: Floats | None = None
@@ -172,7 +174,10 @@ class _Header:
         strangers = []
         for index, name in enumerate(self.table.header):
             match = _PATTERN.fullmatch(name)
-            if match is None:
+            if not name:
+                text = f"column {index + 1} has no name and is not read"
+                self.table.notes.append((self.table.line, text))
+            elif match is None:
                 strangers.append(name)
             elif match["tendon"]:
                 kind: Kind = "pull" if match["tendon"] == "pull" else "tension"
@@ -204,7 +209,7 @@ class _Header:
                 if getattr(found, target) is not None:
                     raise self.fail(f"{getattr(found, target).name} and {name} say the same")
                 setattr(found, target, column)
-        self.strangers = [name for name in strangers if name]
+        self.strangers = strangers
         found.tendons = self.tendons(tendons)
         found.points = self.points(points, found)
         found.scale = None if PIXELS in (u for u, _ in self.units.values()) else 1.0
@@ -265,7 +270,7 @@ class _Header:
             near = nearest(name, known)
         return None if near in self.table.header else near
 
-    def missing(self, what: str, like: str) -> InputError:
+    def missing(self, what: str, like: str | tuple[str, ...]) -> InputError:
         hints = ((name, self.guess(name)) for name in self.strangers)
         hint = next(
             (f"; did you mean {near} by {quote(name)}?" for name, near in hints
@@ -281,7 +286,7 @@ class _Header:
             raise self.missing(
                 "no column says how the tendons are driven; give each tendon a column such as "
                 "mass_1_kg, tension_1_N or pull_1_mm",
-                ("mass", "tension", "pull"),  # type: ignore[arg-type]
+                ("mass", "tension", "pull"),
             )
         for k in range(1, max(found)):
             if k not in found:
@@ -289,7 +294,7 @@ class _Header:
                 raise self.missing(
                     f"tendon {k} has no column, but there is {last}; give one for each tendon, "
                     "with 0 where nothing pulls",
-                    ("mass", "tension", "pull"),  # type: ignore[arg-type]
+                    ("mass", "tension", "pull"),
                 )
         return [found[k] for k in sorted(found)]
 

@@ -246,8 +246,11 @@ class Mapping(_Part):
         InputError
             If one is not there.
         """
-        find = _Finder(table).column
-        found = Layout(source=self.source, name=self.name, tool=np.array(self.tool))
+        finder = _Finder(table)
+        find = finder.column
+        found = Layout(
+            source=self.source, name=self.name, tool=np.array(self.tool), own_label=False
+        )
         if self.tendons is not None:
             kind, factor = self.tendons.layout(g)
             found.tendons = [
@@ -289,6 +292,8 @@ class Mapping(_Part):
             found.repeat = find("repeat", self.repeat)
         if self.keep is not None:
             found.keep = (find("keep.column", self.keep.column), self.keep.value)
+        if "source" in table.header and "source" not in finder.used:
+            found.label = find("source", "source")  # what data say of themselves stays
         return found
 
 

@@ -40,6 +40,7 @@ __all__ = [
 
 STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
 _MOST_ISSUES: Final = 1_000
+_MOST_LABELS: Final = 100
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -96,6 +97,11 @@ class Measurements:
                 f"source is {quote(self.source)}, it must be {', '.join(SOURCES[:-1])} or "
                 f"{SOURCES[-1]}"
             )
+        for name in _ARRAYS:
+            if (value := getattr(self, name)) is not None:
+                array = np.asarray(value, dtype=_TYPES.get(name, float)).view()
+                array.flags.writeable = False
+                object.__setattr__(self, name, array)
         count = len(self.line)
         tendons = self.tensions.shape[-1] if self.tensions.ndim == 2 else -1
         points = self.points.shape[1] if self.points.ndim == 3 else -1
@@ -108,14 +114,9 @@ class Measurements:
         }
         for name in _ARRAYS:
             array = getattr(self, name)
-            if array is None:
-                continue
             expected = shapes.get(name, (count,))
-            if array.shape != expected:
+            if array is not None and array.shape != expected:
                 raise InputError(f"{name} has shape {array.shape}, it must be {expected}")
-            array = array.view()
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
 
     def __len__(self) -> int:
         return len(self.line)
@@ -165,6 +166,7 @@ _BY_ROW: Final = (
     "time",
 )
 _ARRAYS: Final = (*_BY_ROW, "stations", "tool")
+_TYPES: Final = {"line": np.int64, "repeat": np.int64, "group": str}
 
 
 # -- reading -----------------------------------------------------------------------------------
@@ -322,17 +324,19 @@ class _Reader:
             self.unlisted = (self.unlisted[0] + 1, line)
 
     def source(self) -> str:
-        """What the file says of itself, before what a mapping says of it."""
+        """What the data are: the table's own word, before what a mapping says of it."""
         said = self.table.about.get("source")
-        if len(self.labels) > 1:
-            first, second = list(self.labels)[:2]
+        labels = dict(self.labels)
+        if not self.layout.own_label:  # in a foreign table it may mean something else
+            labels = {text: line for text, line in labels.items() if text.lower() in SOURCES}
+            said = said if said is not None and said.lower() in SOURCES else None
+        if len({text.lower() for text in labels}) > 1:
+            first, second = list(labels)[:2]
             raise InputError(
-                f"{self.table.path}, line {self.labels[second]}: the source is {quote(second)}, "
+                f"{self.table.path}, line {labels[second]}: the source is {quote(second)}, "
                 f"before it was {quote(first)}; keep data of different origin in files of their own"
             )
-        found = next(iter(self.labels), said if said is not None else self.layout.source)
-        if found is None:
-            return "measured"
+        found = next(iter(labels), said if said is not None else self.layout.source) or "measured"
         if found.lower() not in SOURCES:
             raise InputError(
                 f"{self.table.path}: the source is {quote(found)}; it must be measured, synthetic "
@@ -340,13 +344,10 @@ class _Reader:
             )
         if said is not None and said.lower() != found.lower():
             raise InputError(
-                f"{self.table.path}: the column {self._label_name()} says {quote(found)}, the "
-                f"comment '# source:' says {quote(said)}"
+                f"{self.table.path}: the column source says {quote(found)}, the comment "
+                f"'# source:' says {quote(said)}"
             )
         return found.lower()
-
-    def _label_name(self) -> str:
-        return self.layout.label.name if self.layout.label else "source"
 
     def stations(self) -> Floats | None:
         found = self.layout.stations
@@ -408,7 +409,7 @@ class _Reader:
         )  # fmt: skip
         if layout.label is not None and n:
             for line, cell in zip(lines, columns[layout.label.index], strict=True):
-                if cell.strip():
+                if cell.strip() and len(self.labels) < _MOST_LABELS:
                     self.labels.setdefault(cell.strip(), line)
         out["line"] = np.array(lines, dtype=np.int64)
         out["key"] = np.array([hash(row) for row in cells], dtype=np.int64)

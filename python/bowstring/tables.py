@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from bowstring.errors import InputError
 from bowstring.units import quote
@@ -27,10 +27,13 @@ MOST_SHEET_ROWS: Final = 200_000  # a spreadsheet is read at a tenth of the spee
 _MOST_COLUMNS: Final = 2_000
 _MOST_BYTES: Final = 500_000_000
 _MOST_SHEET_BYTES: Final = 100_000_000
-_MOST_UNPACKED: Final = 400_000_000
-_MOST_RATIO: Final = 200  # packed XML of numbers has 5 to 30
+_MOST_UNPACKED: Final = 200_000_000
+_MOST_UNPACKED_PART: Final = 50_000_000  # of one that is no sheet, such as that of all texts
+_MOST_RATIO: Final = 100  # packed XML of numbers has 5 to 30
 _MOST_PARTS: Final = 5_000
-_CHUNK: Final = 20_000
+_LAST_SHEET_ROW: Final = 1_048_576  # of Excel
+_LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML: a row is held as a whole
+_CHUNK: Final = 200_000  # cells
 
 Row = tuple[int, list[str]]
 
@@ -68,7 +71,8 @@ class Table:
     def chunks(self) -> Iterator[list[Row]]:
         """The rows once, many at a time: line and cells; blank lines and comments are left out."""
         count, most = 0, MOST_ROWS if self.separator else MOST_SHEET_ROWS
-        while chunk := list(islice(self._rows, _CHUNK)):
+        size = max(_CHUNK // max(len(self.header), 10), 1)
+        while chunk := list(islice(self._rows, size)):
             count += len(chunk)
             if count > most:
                 text = "split it" if self.separator else "save it as CSV, of which more is read"
@@ -261,7 +265,7 @@ def _workbook(path: Path, data: bytes, sha256: str) -> Table:
 
 
 def _check_parts(path: Path, data: bytes) -> None:
-    """Refuse an archive that unpacks to far more than it is, before anything is unpacked.
+    """Refuse an archive that unpacks to far more than it is, before a workbook is made of it.
 
     The sizes it states bind: reading stops at them.
     """
@@ -269,16 +273,12 @@ def _check_parts(path: Path, data: bytes) -> None:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             parts = archive.infolist()
             unpacked = sum(part.file_size for part in parts)
-            worst = max(
-                (p.file_size / max(p.compress_size, 1) for p in parts if p.file_size > 1_000_000),
-                default=0.0,
-            )
-            too_large = (
+            if (
                 len(data) > _MOST_SHEET_BYTES
                 or len(parts) > _MOST_PARTS
                 or unpacked > _MOST_UNPACKED
-            )
-            if too_large or worst > _MOST_RATIO:
+                or any(map(_is_bloated, parts))
+            ):
                 raise InputError(
                     f"{path}: the workbook would unpack to {unpacked / 1e6:.0f} MB in "
                     f"{len(parts)} parts, far more than a table needs, and is not opened; save "
@@ -289,15 +289,43 @@ def _check_parts(path: Path, data: bytes) -> None:
             for part in parts:
                 if part.filename.endswith((".xml", ".rels")):
                     with archive.open(part) as file:
-                        if b"<!DOCTYPE" in file.read(100_000):
-                            raise InputError(
-                                f"{path}: the workbook holds a document type definition, which "
-                                "no spreadsheet writes, and is not opened; save the table as CSV"
-                            )
+                        _check_xml(path, file)
     except InputError:
         raise
     except Exception as error:  # zipfile raises many kinds, as for a password
         raise InputError(f"{path}: the workbook cannot be unpacked: {error}") from None
+
+
+def _is_bloated(part: zipfile.ZipInfo) -> bool:
+    size = part.file_size
+    is_sheet = part.filename.startswith("xl/worksheets/")
+    return (size > 1_000_000 and size > _MOST_RATIO * part.compress_size) or (
+        size > _MOST_UNPACKED_PART and not is_sheet
+    )
+
+
+def _check_xml(path: Path, file: IO[bytes]) -> None:
+    """Refuse XML that defines what it is made of, and rows without end."""
+    row = re.compile(rb"<(?:[A-Za-z0-9]+:)?(?:row|si)[ >/]")
+    since, tail = 0, b""
+    first = True
+    while block := file.read(1_000_000):
+        if first and b"<!DOCTYPE" in block:
+            raise InputError(
+                f"{path}: the workbook holds a document type definition, which no spreadsheet "
+                "writes, and is not opened; save the table as CSV"
+            )
+        first = False
+        last = None
+        for last in row.finditer(tail + block):  # noqa: B007
+            pass
+        since = len(tail + block) - last.end() if last else since + len(block)
+        if since > _LONGEST_SHEET_ROW:
+            raise InputError(
+                f"{path}: the workbook has a row of more than {_LONGEST_SHEET_ROW // 10**6} MB, "
+                "and is not opened; save the table as CSV"
+            )
+        tail = block[-50:]
 
 
 def _sheet_header(path: Path, sheet: object, about: dict[str, str]) -> tuple[int, list[str]]:
@@ -324,6 +352,8 @@ def _values(path: Path, sheet: object, start: int, width: int) -> Iterator[Row]:
     rows = sheet.iter_rows(min_row=start, max_col=width, values_only=True)  # type: ignore[attr-defined]
     try:
         for line, values in enumerate(rows, start):
+            if line > _LAST_SHEET_ROW:
+                raise InputError(f"{path}: the sheet has more than {_LAST_SHEET_ROW} rows")
             cells = [_cell(value) for value in values]
             yield line, cells + [""] * (width - len(cells))
     except Exception as error:  # damaged parts
