@@ -140,6 +140,10 @@ def test_a_decimal_comma_is_told(file: Write) -> None:
     mixed = GOOD.replace(",", ";").replace("60.5", "60,5")
     with pytest.raises(InputError, match="decimal comma in line 4 and a decimal point in line 3"):
         read_measurements(file(mixed))
+    with pytest.raises(InputError, match="line 2: commas in numbers may stand before decimals or"):
+        read_measurements(file("pull_1_mm\tbend_deg\n1,000\t2\n12,345\t3\n"))
+    sure = read_measurements(file("pull_1_mm\tbend_deg\n1,000\t2\n0,345\t3\n"))
+    assert sure.pulls.tolist() == [[0.001], [0.345e-3]] and sure.direction is None
     found = read_measurements(file(GOOD.replace(".", ",")))  # commas between the cells as well
     assert len(found) == 1 and found.left_out == 2
     assert "with decimal commas, separate the cells by semicolons" in found.issues[0][1]
@@ -226,6 +230,8 @@ def test_select_and_split() -> None:
         ("", "the table is empty"),
         (" \n\n", "the table is empty"),
         ("# source: measured\n", "the table is empty, there are only comments"),
+        (ROWS, "line 1: there are numbers where the names of the columns are expected"),
+        (GOOD.replace(",", " "), "line 1: the header has blanks between its names"),
         (HEADER, "there is no row of numbers below the header, which is in line 1"),
         (GOOD.replace("mass_2_kg", "mass_4_kg"), "tendon 2 has no column, but there is mass_4_kg"),
         (GOOD.replace("tip_z_mm", "tip_w_mm"), "no column tip_z; did you mean tip_z_mm by"),

@@ -122,7 +122,7 @@ def test_what_cannot_be_checked() -> None:
         (replace(data, points=data.points * 0), "the tip hardly moves"),
         (replace(data, tensions=ANY[:, :0], pulls=ANY[:, :0]), "say of no tendon"),
         (replace(data, tensions=ANY[:, :2], pulls=ANY[:, :2]), "2 tendons, amouri2019 has 3"),
-        (replace(data, points=data.points[:, :0]), "nothing is measured"),
+        (replace(data, points=data.points[:, :0]), "no point and no direction"),
         (replace(data, tensions=ANY * np.nan), "some tendons are given by tension and others"),
     ):
         found = check_tendons(STUDY, other)

@@ -257,10 +257,10 @@ class _Header:
 
     def guess(self, name: str) -> str | None:
         """A column that a stranger is probably meant for, and that is not there yet."""
-        unit = name.rpartition("_")[2] if "_" in name else ""
+        unit = self.units.get("point", ("mm", ""))[0]
         digits = (re.findall(r"[0-9]+", name) or ["1"])[0]
         known = [f"{kind}_{digits}_{_EXAMPLE[_SI[kind]]}" for kind in ("mass", "tension", "pull")]
-        known += [f"tip_{axis}_{unit or 'mm'}" for axis in "xyz"]
+        known += [f"tip_{axis}_{unit}" for axis in "xyz"]
         known += ["sigma_mm", "time_s", "bend_deg", "direction_deg", "repeat", "group"]
         word = re.match(r"[A-Za-z]+", name)
         synonym = _SYNONYMS.get(word[0].lower()) if word else None
@@ -302,7 +302,7 @@ class _Header:
         self, found: dict[int, dict[str, Column]], layout: Layout
     ) -> list[tuple[Column, Column, Column]]:
         if not found:
-            if layout.bend is not None and layout.direction is not None:
+            if layout.bend is not None:
                 return []
             raise self.missing(
                 "there is no measured point; give columns tip_x_mm, tip_y_mm and tip_z_mm", "tip"

@@ -119,7 +119,7 @@ class Angles(_Part):
     """Columns of angle and direction of bending."""
 
     bend: Name
-    direction: Name
+    direction: Annotated[str | None, _COLUMN] = None
     unit: Annotated[str, _unit("rad")]
 
 
@@ -273,7 +273,8 @@ class Mapping(_Part):
         if self.angles is not None:
             factor = factor_of(self.angles.unit, "rad")
             found.bend = find("angles.bend", self.angles.bend, factor)
-            found.direction = find("angles.direction", self.angles.direction, factor)
+            if self.angles.direction is not None:
+                found.direction = find("angles.direction", self.angles.direction, factor)
         if self.stations is not None:
             values = list(self.stations)
             count = len(found.points) or len(values)

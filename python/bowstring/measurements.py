@@ -11,6 +11,7 @@ import io
 import json
 import math
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -41,6 +42,7 @@ __all__ = [
 STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
 _MOST_ISSUES: Final = 1_000
 _MOST_LABELS: Final = 100
+_THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -263,6 +265,7 @@ class _Reader:
         self.unlisted = (0, 0)  # how many rows left out are not listed, and the last
         self.comma: int | None = None  # first lines with a decimal comma, a decimal point
         self.point: int | None = None
+        self.comma_is_sure = table.separator == ";"  # where commas are decimal ones
         self.labels: dict[str, int] = {}
         self.width = len(table.header)
         self.point_count = len(layout.points)
@@ -281,6 +284,11 @@ class _Reader:
             raise InputError(
                 f"{self.table.path}: numbers have a decimal comma in line {self.comma} and a "
                 f"decimal point in line {self.point}; write all with a point"
+            )
+        if self.comma is not None and not self.comma_is_sure:
+            raise InputError(
+                f"{self.table.path}, line {self.comma}: commas in numbers may stand before "
+                "decimals or between thousands; write numbers with a decimal point, and no other"
             )
         if self.comma is not None:
             self.issues.append((self.comma, "numbers have a decimal comma, and are read so"))
@@ -443,6 +451,8 @@ class _Reader:
         if "," in text and self.table.separator != ",":
             if self.comma is None:
                 self.comma = next(n for n, c in zip(lines, cells, strict=True) if "," in c)
+            if not self.comma_is_sure:
+                self.comma_is_sure = any("," in c and not _THOUSANDS.fullmatch(c) for c in cells)
             cells = [cell.replace(",", ".") if cell.count(",") == 1 else cell for cell in cells]
         if "_" not in text and text.isascii():  # float() takes 1_000 and other scripts' digits
             try:

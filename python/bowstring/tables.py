@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO, Final
 
 from bowstring.errors import InputError
-from bowstring.units import quote
+from bowstring.units import NUMBER, quote
 
 __all__ = ["Table", "open_table"]
 
@@ -153,6 +153,11 @@ def _text(path: Path, data: bytes, sha256: str) -> Table:
     else:
         raise InputError(f"{path}: the table is empty, there are only comments")
     separator = max("\t;,", key=lambda mark: first.count(mark))  # the first of equals
+    if separator not in first and len(first.split()) > 3:
+        raise InputError(
+            f"{path}, line {number}: the header has blanks between its names; separate cells by "
+            "commas, semicolons or tabs"
+        )
     rest = csv.reader(_with_first(first, file), delimiter=separator, strict=True)
     rows = _text_rows(path, rest, number - 1)
     try:
@@ -222,6 +227,11 @@ def _check_header(path: Path, line: int, header: list[str]) -> None:
         raise InputError(
             f"{path}, line {line}: the header has {len(header)} columns; up to {_MOST_COLUMNS} "
             "are read"
+        )
+    if all(re.fullmatch(NUMBER, name) for name in header):
+        raise InputError(
+            f"{path}, line {line}: there are numbers where the names of the columns are expected; "
+            "write a header"
         )
     seen: set[str] = set()
     for name in header:

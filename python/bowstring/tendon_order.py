@@ -222,7 +222,7 @@ def _data(robot: Robot, m: Measurements) -> tuple[str, _Bends, Floats]:
         )
         size = 1.0
     else:
-        return "nothing is measured", nothing, none
+        return "no point and no direction of bending is measured", nothing, none
     if not np.isnan(m.pulls).any():
         driven, by_tendon = m.pulls, _by_pull(robot)
     elif not np.isnan(m.tensions).any():
