@@ -300,12 +300,13 @@ def test_bad_rows_are_listed_and_nothing_else_is_lost(file: Write) -> None:
         "0,0,0,0,0,641,9",
         "0,0,0,5 mm,0,641",
         "1_0,0,0,0,0,641",
+        "1e300,0,0,0,0,641",
         "",
         "1,0,0,60,0,637",
     ]
     found = read_measurements(file("\n".join([HEADER, *rows])))
-    assert found.line.tolist() == [2, 13] and found.left_out == 9
-    assert [line for line, _ in found.issues] == list(range(3, 12))
+    assert found.line.tolist() == [2, 14] and found.left_out == 10
+    assert [line for line, _ in found.issues] == list(range(3, 13))
     texts = [text for _, text in found.issues]
     assert all(text.startswith("left out: ") for text in texts)
     for text, says in zip(
@@ -320,6 +321,7 @@ def test_bad_rows_are_listed_and_nothing_else_is_lost(file: Write) -> None:
             "it has 7 cells, the header has 6",
             'tip_x_mm is "5 mm"',
             'mass_1_kg is "1_0"',
+            "mass_1_kg is 1e300, which is too large",
         ],
         strict=True,
     ):
@@ -582,6 +584,23 @@ def test_what_is_wrong_with_a_mapping(old: str, new: str, says: str, file: Write
     with pytest.raises(InputError) as error:
         _mapped(file, text)
     assert says in str(error.value).partition("\n")[0]
+
+
+def test_what_is_not_finite_passes_through_a_frame_without_harm(file: Write) -> None:
+    found = _mapped(file, f"{MAPPING}frame: {{axes: [y, z, x]}}\n", TABLE + "1,2,inf,4,5\n")
+    assert len(found) == 2 and found.left_out == 1
+
+
+def test_repeats_are_whole_numbers(file: Write) -> None:
+    rows = ["pull_1_mm,bend_deg,repeat", "1,2,3", "1,2,1.5", "1,2,1e20", "1,2,"]
+    found = read_measurements(file("\n".join(rows)))
+    assert found.repeat.tolist() == [3] and found.left_out == 3
+
+
+@pytest.mark.parametrize("g", [0.0, -1.0, math.nan, math.inf])
+def test_gravity_that_is_none(g: float, file: Write) -> None:
+    with pytest.raises(InputError, match="it must be above 0 and up to 10000"):
+        read_measurements(file(GOOD), g=g)
 
 
 def test_no_mapping(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
@@ -112,18 +112,6 @@ class Layout:
     sigma_of_all: float | None = None
     source: str | None = None
     name: str | None = None
-
-    def columns(self) -> Iterable[Column]:
-        """All columns that are read."""
-        yield from (column for _, column in self.tendons)
-        for point in self.points:
-            yield from point
-        single = (self.shape, self.bend, self.direction, self.sigma, self.time, self.repeat)
-        for column in (*single, self.group, self.label):
-            if column is not None:
-                yield column
-        if self.keep is not None:
-            yield self.keep[0]
 
 
 def factor_of(unit: str, si: str) -> float:

@@ -42,6 +42,7 @@ __all__ = [
 STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
 _MOST_ISSUES: Final = 1_000
 _MOST_LABELS: Final = 100
+_LARGEST: Final = 1e30  # what is larger may overflow on its way to SI
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
@@ -229,8 +230,8 @@ def read_measurements(
         If the table cannot be read; the text names file, line and what to do. Single bad rows are
         left out and listed in `Measurements.issues`.
     """
-    if not (np.isfinite(g) and g > 0):
-        raise InputError(f"g is {g:g} m/s^2, it must be positive")
+    if not 0 < g <= 10_000:
+        raise InputError(f"g is {g:g} m/s^2, it must be above 0 and up to 10000")
     table = open_table(path)
     if mapping is None:
         layout = tidy(table, g)
@@ -329,7 +330,7 @@ class _Reader:
         if self.left_out <= _MOST_ISSUES:
             self.issues.append((line, f"left out: {why}"))
         else:
-            self.unlisted = (self.unlisted[0] + 1, line)
+            self.unlisted = (self.unlisted[0] + 1, max(self.unlisted[1], line))
 
     def source(self) -> str:
         """What the data are: the table's own word, before what a mapping says of it."""
@@ -375,7 +376,7 @@ class _Reader:
         def numbers(column: Column, why: str = "", blank: bool = False) -> Floats:
             given = columns[column.index] if rows else ()
             values = self.numbers(given, lines)
-            bad = ~np.isfinite(values)
+            bad = ~(np.abs(values) < _LARGEST)
             if blank and bad.any():
                 bad &= [bool(cell.strip()) for cell in given]
             if why == "tension" and not bad.all():
@@ -383,7 +384,7 @@ class _Reader:
             elif why == "sigma":
                 bad |= ~(values > 0)
             elif why == "whole":
-                bad |= values != np.round(values)
+                bad |= (values != np.round(values)) | ~(np.abs(values) < 1e15)
             for i in np.flatnonzero(bad & good):
                 self.leave_out(lines[i], _reason(column, given[i], float(values[i]), why))
             good[bad] = False
@@ -404,6 +405,7 @@ class _Reader:
                 for axis, column in enumerate(point):
                     points[:, p, axis] = numbers(column, blank=not is_tip)
         if layout.rotation is not None:
+            points[~good] = 0.0
             points = points @ layout.rotation.T
         out: dict[str, NDArray[Any]] = {"tensions": tensions, "pulls": pulls, "points": points}
         for name in ("bend", "direction", "sigma", "time"):
@@ -515,6 +517,8 @@ def _reason(column: Column, cell: str, value: float, why: str) -> str:
         return f"{column.name} is empty"
     if not np.isfinite(value):
         return f"{column.name} is {quote(cell)}, which is not a finite number"
+    if abs(value) >= _LARGEST:
+        return f"{column.name} is {quote(cell)}, which is too large"
     if why == "tension":
         return f"{column.name} is {quote(cell)}; a tendon cannot push, give zero or more"
     if why == "sigma":
