@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import signal
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -20,6 +23,21 @@ def paper() -> study.Study:
 @pytest.fixture
 def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
     return Shell(capsys)
+
+
+@pytest.fixture
+def public_data(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
+    """The folder of a public data set by its name; the test is skipped where there is none."""
+    beside = Path(__file__).parents[2] / "shared" / "data"
+    home = Path(os.environ.get("BOWSTRING_DATA", beside)).resolve()
+    monkeypatch.setenv("BOWSTRING_DATA", str(home))
+
+    def folder(name: str) -> Path:
+        if not (home / name).is_dir():
+            pytest.skip(f"needs the data of others, {name}, in {home}")
+        return home / name
+
+    return folder
 
 
 def pytest_configure() -> None:

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import arc, dynamics, errors
+    from bowstring import arc, datasets, dynamics, errors, measurements
     from bowstring._core import __version__
     from bowstring.dynamics import Run, simulate
     from bowstring.oscillations import Modes, modes
@@ -36,10 +36,12 @@ __all__ = [
     "Sweep",
     "__version__",
     "arc",
+    "datasets",
     "dynamics",
     "errors",
     "jacobians",
     "load_robot",
+    "measurements",
     "modes",
     "pull_jacobian",
     "robot_names",
@@ -70,7 +72,7 @@ _HOME = {
     "solve_batch": "rod",
     "sweep": "rod",
 }
-_MODULES = {"arc", "dynamics", "errors"}
+_MODULES = {"arc", "datasets", "dynamics", "errors", "measurements"}
 
 
 def __getattr__(name: str) -> Any:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from bowstring.dynamics import Run
     from bowstring.dynamics import Table as TimeTable
+    from bowstring.measurements import Measurements, TendonCheck
     from bowstring.rod import Solution
 
 BAD_INPUT: Final = 2
@@ -46,6 +47,7 @@ TIP_INTERVAL: Final = 0.01  # s, of the tip in the JSON of simulate, if --every 
 LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
 MOST_OUTPUTS: Final = 1_000_000
+MOST_ISSUES: Final = 20  # that people are shown
 
 _TOO_SHORT: Final = f"{SHORTEST_STEP:g} s or more are possible, less drowns in rounding."
 
@@ -55,6 +57,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+bench_app = typer.Typer(help="Data of a test bench.", rich_markup_mode=None)
+app.add_typer(bench_app, name="bench")
+data_app = typer.Typer(help="Public data sets.", rich_markup_mode=None)
+app.add_typer(data_app, name="data")
 
 RobotSource = Annotated[
     str, typer.Argument(metavar="ROBOT", help="A built-in robot's name or the path of a file.")
@@ -660,6 +666,104 @@ def modes(
     )
 
 
+@bench_app.command("check")
+def bench_check(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Table of measurements: CSV, TSV or .xlsx.")
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="ROBOT", help="Robot that was measured; checks its tendons' order."),
+    ] = None,
+    mapping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Mapping of a table that is not in the tidy format (YAML)."
+        ),
+    ] = None,
+    g: Annotated[
+        str, typer.Option("--g", metavar="g", help="Gravity that makes tensions of masses.")
+    ] = "9.80665",
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Read a table of measurements and say what is in it, and what is wrong with it."""
+    from bowstring.measurements import check_tendons, read_measurements
+
+    gravity = _positive("--g", g, "m/s^2")
+    model = None if robot is None else _load(robot, overrides)
+    if model is None and overrides:
+        raise InputError("--set changes a robot; name it by --robot.")
+    found = read_measurements(file, model, mapping, g=gravity)
+    check = None if model is None else check_tendons(model, found)
+    if as_json:
+        settings = {"file": file, "mapping": mapping, "g_m_per_s2": gravity}
+        return _write_json(_measurements_json(found, check, model, settings))
+    _write_tables(*_measurements_tables(found, check))
+
+
+@data_app.command("list")
+def data_list(as_json: AsJson = False) -> None:
+    """List the public data sets."""
+    from bowstring import datasets
+
+    sets = [datasets.describe(name) for name in datasets.available()]
+    if as_json:
+        rows = [
+            {
+                "name": item.name,
+                "description": item.description,
+                "kind": item.kind,
+                "repository": item.repository,
+                "commit": item.commit,
+                "licence": item.licence,
+                "transcribed_from": item.transcribed,
+                "parts": item.parts,
+                "files": [
+                    {"name": f.name, "url": item.url(f), "sha256": f.sha256} for f in item.files
+                ],
+            }
+            for item in sets
+        ]
+        return _write_json({"data_sets": rows})
+    table = _table("name", "kind", "licence", "parts", "description")
+    for item in sets:
+        table.add_row(item.name, item.kind, item.licence, " ".join(item.parts), item.description)
+    _write_tables(table)
+
+
+@data_app.command("get")
+def data_get(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="See bowstring data list.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Copy the files to DIR/NAME.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Fetch a public data set at its pinned commit, and check it."""
+    from bowstring import datasets
+
+    folder = datasets.path(name) if out is None else datasets.copy(name, out)
+    item = datasets.describe(name)
+    if as_json:
+        files = [folder / file.name for file in item.files]
+        return _write_json(
+            {
+                "name": name,
+                "kind": item.kind,
+                "folder": folder,
+                "files": files,
+                "repository": item.repository,
+                "commit": item.commit,
+                "licence": item.licence,
+            }
+        )
+    _write(
+        f"{folder}: {item.kind}, {item.licence} licence, github.com/{item.repository} at commit "
+        f"{item.commit[:12]}; hashes agree\n"
+    )
+
+
 # -- reading flags -----------------------------------------------------------------------------
 
 
@@ -1116,6 +1220,110 @@ def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str
     lines = [f"{labels[name]}: {file}" for name, file in files.items() if file is not None]
     if lines:
         yield "\n".join(lines)
+
+
+def _measurements_json(
+    found: Measurements, check: TendonCheck | None, robot: Robot | None, settings: dict[str, Any]
+) -> dict[str, Any]:
+    tendons = [
+        {"given_by": kind, f"smallest_{unit}": low, f"largest_{unit}": high}
+        for kind, unit, low, high in _driven(found)
+    ]
+    labels, counts = np.unique(found.group, return_counts=True)
+    groups = dict(zip(labels.tolist(), counts.tolist(), strict=True))
+    ranges = None
+    if found.points.shape[1]:
+        ranges = {"smallest": found.tip.min(axis=0), "largest": found.tip.max(axis=0)}
+    provenance = (
+        {"provenance": {"bowstring_version": __version__, "schema_version": JSON_SCHEMA_VERSION,
+                        "settings": settings}}
+        if robot is None
+        else _provenance(robot, **settings)
+    )  # fmt: skip
+    return {
+        "name": found.name,
+        "source": found.source,
+        "rows": len(found),
+        "rows_left_out": found.left_out,
+        "tendons": tendons,
+        "points": found.points.shape[1],
+        "points_unit": "px" if found.scale is None else "m",
+        "tip": ranges,
+        "tool_m": found.tool,
+        "stations": found.stations,
+        "angles": found.bend is not None,
+        "sigma_m": None if found.sigma is None else float(np.median(found.sigma)),
+        "groups": {name: count for name, count in groups.items() if name},
+        "repeats": len(np.unique(found.repeat)),
+        "time_s": None if found.time is None else [found.time.min(), found.time.max()],
+        "issues": [{"line": line, "text": text} for line, text in found.issues],
+        "tendon_check": None
+        if check is None
+        else {
+            "found": check.found,
+            "tendons": check.tendons,
+            "sentence": check.sentence,
+            "unexplained": check.unexplained,
+            "turn_rad": check.turn,
+        },
+        "sha256": found.sha256,
+        **provenance,
+    }
+
+
+def _driven(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
+    """Of each tendon: what it is given by, the unit, and the range."""
+    for k in range(found.tendon_count):
+        by_pull = bool(np.isnan(found.tensions[:, k]).all())
+        values = (found.pulls if by_pull else found.tensions)[:, k]
+        kind, unit = ("pull", "m") if by_pull else ("tension", "N")
+        yield kind, unit, float(np.nanmin(values)), float(np.nanmax(values))
+
+
+def _measurements_tables(found: Measurements, check: TendonCheck | None) -> Iterator[Table | str]:
+    left = f", {found.left_out} left out" if found.left_out else ""
+    yield f"{found.name}: {found.source}, {_count(len(found), 'row')}{left}"
+    if found.tendon_count:
+        table = _table("tendon", "given by", ">from", ">to", "")
+        for k, (kind, unit, low, high) in enumerate(_driven(found), 1):
+            factor, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
+            table.add_row(str(k), kind, _fixed(factor * low, 3), _fixed(factor * high, 3), shown)
+        yield table
+    lines = []
+    if found.points.shape[1]:
+        factor, unit = (1.0, "px") if found.scale is None else (1e3, "mm")
+        axes = [
+            f"{axis} {_fixed(factor * low, 3)} to {_fixed(factor * high, 3)}"
+            for axis, low, high in zip(
+                "xyz", found.tip.min(axis=0), found.tip.max(axis=0), strict=True
+            )
+        ]
+        lines.append(
+            f"tip: {', '.join(axes)} {unit}, {_count(found.points.shape[1], 'point')} a row"
+        )
+    if found.bend is not None:
+        low, high = np.degrees([found.bend.min(), found.bend.max()])
+        lines.append(f"bend: {_fixed(low, 2)} to {_fixed(high, 2)} deg")
+    if found.sigma is not None:
+        lines.append(f"uncertainty: {rounded(1e3 * float(np.median(found.sigma)), 3)} mm")
+    labels, counts = np.unique(found.group, return_counts=True)
+    if len(labels) > 1 or labels[0]:
+        shown_groups = [f"{label or '(none)'} {n}" for label, n in zip(labels, counts, strict=True)]
+        more = f" and {len(labels) - 8} more" if len(labels) > 8 else ""
+        lines.append(f"groups: {', '.join(shown_groups[:8])}{more}")
+    if len(np.unique(found.repeat)) > 1:
+        lines.append(f"repeats: {len(np.unique(found.repeat))}")
+    if lines:
+        yield "\n".join(lines)
+    if found.issues:
+        table = _table(">line", "what")
+        for line, text in found.issues[:MOST_ISSUES]:
+            table.add_row(str(line), text)
+        yield table
+        if len(found.issues) > MOST_ISSUES:
+            yield f"... and {len(found.issues) - MOST_ISSUES} more; --json has them all."
+    if check is not None:
+        yield ("Check the tendons. " if check.alarm else "") + check.sentence
 
 
 def _segments(arcs: arc.RobotArcs) -> list[dict[str, float]]:

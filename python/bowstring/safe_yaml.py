@@ -13,15 +13,17 @@ from bowstring.units import quote
 _MAX_DEPTH: Final = 20
 
 
-def read_yaml(text: str, label: str) -> dict[str, Any]:
+def read_yaml(
+    text: str, label: str, what: str = "robot", field: str = "segments"
+) -> dict[str, Any]:
     """Read YAML as nested dicts, lists and text: each field reads its own text.
 
     So YAML's guesses (yes, 017, 1:30, 1e3) never happen, and anchors, aliases and tags, which make
-    a file grow or run code, are refused at sight.
+    a file grow or run code, are refused at sight. Errors speak of a file of `what`, with `field`.
     """
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
     try:
-        tree = _Tree(label).read(yaml.parse(text, Loader=loader))
+        tree = _Tree(label, what).read(yaml.parse(text, Loader=loader))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
@@ -30,17 +32,17 @@ def read_yaml(text: str, label: str) -> dict[str, Any]:
         reason = getattr(error, "reason", "not readable")
         raise InputError(f"{label}: not valid YAML ({reason}).") from None
     if tree in (None, ""):
-        raise InputError(f"{label} is empty; a robot file has at least 'segments'.")
+        raise InputError(f"{label} is empty; a {what} file has at least '{field}'.")
     if not isinstance(tree, dict):
-        raise InputError(f"{label}: got {quote(tree)}; must be fields such as 'segments: ...'.")
+        raise InputError(f"{label}: got {quote(tree)}; must be fields such as '{field}: ...'.")
     return tree
 
 
 class _Tree:
     """Builds the tree from YAML's events, so that each one is looked at before it is used."""
 
-    def __init__(self, label: str) -> None:
-        self.label = label
+    def __init__(self, label: str, what: str) -> None:
+        self.label, self.what = label, what
 
     def fail(self, event: yaml.Event, sentence: str) -> InputError:
         mark = event.start_mark
@@ -54,7 +56,7 @@ class _Tree:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    raise self.fail(event, "a second document starts; give one robot a file")
+                    raise self.fail(event, f"a second document starts; give one {self.what} a file")
             elif isinstance(event, yaml.NodeEvent):
                 tree = self.node(event, events, 0)
         return tree

@@ -1,0 +1,627 @@
+"""Measurements of a robot: commands and measured points, read from tables, in SI.
+
+What is measured, synthetic (made by simulation) or computed by others is said by the data and goes
+with them everywhere. Points are in the measuring frame; nothing here registers it to the base.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring import datasets
+from bowstring.columns import SOURCES, Column, Layout, check_stations, tidy
+from bowstring.errors import InputError
+from bowstring.mapping import Mapping, load_mapping
+from bowstring.robot import Robot
+from bowstring.tables import Row, Table, open_table
+from bowstring.tendon_order import TendonCheck, check_tendons
+from bowstring.units import quote
+
+__all__ = [
+    "STANDARD_GRAVITY",
+    "Measurements",
+    "TendonCheck",
+    "check_tendons",
+    "load",
+    "read_measurements",
+    "write_measurements",
+]
+
+STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
+_MOST_ISSUES: Final = 1_000
+_MOST_LABELS: Final = 100
+_LARGEST: Final = 1e30  # what is larger may overflow on its way to SI
+_THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """K rows of data of one robot with T tendons, and P measured points a row; read-only.
+
+    Rows are in the order of the file, which is the robot's history where friction matters.
+    """
+
+    source: str
+    """"measured", "synthetic" or "computed"."""
+    name: str
+    tensions: Floats
+    """(K, T), N; NaN where a tendon is not given by its tension."""
+    pulls: Floats
+    """(K, T), m, positive where the tendon is taken in; NaN where it is not given by its pull."""
+    points: Floats
+    """(K, P, 3), m, in the measuring frame, from base to tip, the last is the tip; NaN where a
+    point was not measured. P is 0 for data with angles only."""
+    line: Ints
+    """(K,), lines in the file, from 1."""
+    group: NDArray[np.str_]
+    """(K,), labels such as loading and unloading; empty where none are given."""
+    repeat: Ints
+    """(K,), which of repeated runs; 1 where not given."""
+    stations: Floats | None = None
+    """(P,), where the points are, as shares of the length."""
+    sigma: Floats | None = None
+    """(K,), m, standard uncertainty of a measured coordinate."""
+    bend: Floats | None = None
+    """(K,), rad, angle between base and tip."""
+    direction: Floats | None = None
+    """(K,), rad, towards which it bends, from x counter-clockwise."""
+    time: Floats | None = None
+    """(K,), s."""
+    scale: float | None = 1.0
+    """Metres of a unit of `points`: 1, or None where they are in pixels."""
+    tool: Floats = field(default_factory=lambda: np.zeros(3))
+    """(3,), m: what was measured at the tip, seen from the tip, in its axes."""
+    issues: tuple[tuple[int, str], ...] = ()
+    """Line and sentence of every row that was left out, and of what is odd."""
+    left_out: int = 0
+    """How many rows of the file are not in the arrays."""
+    path: Path | None = None
+    sha256: str | None = None
+    """Of the file."""
+
+    def __post_init__(self) -> None:
+        if self.source not in SOURCES:
+            raise InputError(
+                f"source is {quote(self.source)}, it must be {', '.join(SOURCES[:-1])} or "
+                f"{SOURCES[-1]}"
+            )
+        for name in _ARRAYS:
+            if (value := getattr(self, name)) is not None:
+                array = np.asarray(value, dtype=_TYPES.get(name, float)).view()
+                array.flags.writeable = False
+                object.__setattr__(self, name, array)
+        count = len(self.line)
+        tendons = self.tensions.shape[-1] if self.tensions.ndim == 2 else -1
+        points = self.points.shape[1] if self.points.ndim == 3 else -1
+        shapes: dict[str, tuple[int, ...]] = {
+            "tensions": (count, tendons),
+            "pulls": (count, tendons),
+            "points": (count, points, 3),
+            "tool": (3,),
+            "stations": (points,),
+        }
+        for name in _ARRAYS:
+            array = getattr(self, name)
+            expected = shapes.get(name, (count,))
+            if array is not None and array.shape != expected:
+                raise InputError(f"{name} has shape {array.shape}, it must be {expected}")
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    @property
+    def tip(self) -> Floats:
+        """(K, 3), m, the measured tip in the measuring frame."""
+        if self.points.shape[1] == 0:
+            raise InputError(f"{self.name} has angles only, there is no measured tip")
+        return np.asarray(self.points[:, -1])
+
+    @property
+    def tendon_count(self) -> int:
+        return int(self.tensions.shape[1])
+
+    def select(self, rows: Any) -> Measurements:
+        """Some of the rows, in the order given; issues stay those of the whole file.
+
+        Parameters
+        ----------
+        rows : array_like
+            Booleans (K,), or indices.
+        """
+        index = np.arange(len(self))[rows]
+        changed = {
+            name: getattr(self, name)[index] for name in _BY_ROW if getattr(self, name) is not None
+        }
+        return replace(self, **changed)
+
+    def split(self) -> dict[str, Measurements]:
+        """The rows of each group, by its label, in the order of first appearance."""
+        labels, first = np.unique(self.group, return_index=True)
+        order = labels[np.argsort(first)]
+        return {str(label): self.select(self.group == label) for label in order}
+
+
+_BY_ROW: Final = (
+    "tensions",
+    "pulls",
+    "points",
+    "line",
+    "group",
+    "repeat",
+    "sigma",
+    "bend",
+    "direction",
+    "time",
+)
+_ARRAYS: Final = (*_BY_ROW, "stations", "tool")
+_TYPES: Final = {"line": np.int64, "repeat": np.int64, "group": str}
+
+
+# -- reading -----------------------------------------------------------------------------------
+
+
+def load(name: str, part: str | None = None) -> Measurements:
+    """Load a public data set, by the mapping that comes with Bowstring.
+
+    Parameters
+    ----------
+    name : str
+        See `bowstring.datasets.available`.
+    part : str, optional
+        Which of its tables; may be left out where there is one.
+
+    Returns
+    -------
+    Measurements
+
+    Raises
+    ------
+    InputError
+        If there is no such set or part, it cannot be had, or it is no table of measurements.
+    """
+    file = datasets.table(name, part)
+    found = read_measurements(file, mapping=name)
+    return replace(found, name=name if part is None else f"{name}, {part}")
+
+
+def read_measurements(
+    path: str | Path,
+    robot: Robot | None = None,
+    mapping: str | Path | Mapping | None = None,
+    *,
+    g: float = STANDARD_GRAVITY,
+) -> Measurements:
+    """Read a table of measurements: CSV, TSV or Excel.
+
+    Parameters
+    ----------
+    path : str or Path
+        In the tidy format (docs/bench.md): a row for each measurement, columns with units such as
+        ``mass_1_kg``, ``tension_1_N``, ``pull_1_mm``, ``tip_x_mm``; or any other with a mapping.
+    robot : Robot, optional
+        If given, the table must have a column for each of its tendons.
+    mapping : str, Path or Mapping, optional
+        A mapping file, or the name of a public data set.
+    g : float
+        Gravity that makes tensions of masses, m/s^2.
+
+    Returns
+    -------
+    Measurements
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read; the text names file, line and what to do. Single bad rows are
+        left out and listed in `Measurements.issues`.
+    """
+    if not 0 < g <= 10_000:
+        raise InputError(f"g is {g:g} m/s^2, it must be above 0 and up to 10000")
+    table = open_table(path)
+    if mapping is None:
+        layout = tidy(table, g)
+    else:
+        if not isinstance(mapping, Mapping):
+            mapping = load_mapping(mapping)
+        layout = mapping.layout(table, g)
+    count = len(layout.tendons)
+    if robot is not None and count != len(robot.tendons.angle_rad):
+        raise _wrong_count(table, robot, count)
+    return _Reader(table, layout).read()
+
+
+def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
+    needed = len(robot.tendons.angle_rad)
+    what = f"{count} tendon" + ("" if count == 1 else "s")
+    advice = (
+        "give every tendon a column, with 0 where nothing pulls"
+        if count < needed
+        else "leave out those that are none, or name the right robot"
+    )
+    return InputError(f"{table.path}: the table drives {what}, {robot.name} has {needed}; {advice}")
+
+
+class _Reader:
+    """Rows of a table to arrays; what is wrong with a row keeps it out and is noted."""
+
+    def __init__(self, table: Table, layout: Layout) -> None:
+        self.table, self.layout = table, layout
+        self.issues: list[tuple[int, str]] = list(table.notes)
+        self.left_out = 0
+        self.unlisted = (0, 0)  # how many rows left out are not listed, and the last
+        self.comma: int | None = None  # first lines with a decimal comma, a decimal point
+        self.point: int | None = None
+        self.comma_is_sure = table.separator == ";"  # where commas are decimal ones
+        self.labels: dict[str, int] = {}
+        self.width = len(table.header)
+        self.point_count = len(layout.points)
+
+    def read(self) -> Measurements:
+        parts: dict[str, list[NDArray[Any]]] = {}
+        for chunk in self.table.chunks():
+            found = self.chunk(chunk)
+            if len(found["line"]):
+                for name, array in found.items():
+                    parts.setdefault(name, []).append(array)
+        if not parts:
+            raise self.nothing()
+        arrays = {name: np.concatenate(pieces) for name, pieces in parts.items()}
+        if self.comma is not None and self.point is not None:
+            raise InputError(
+                f"{self.table.path}: numbers have a decimal comma in line {self.comma} and a "
+                f"decimal point in line {self.point}; write all with a point"
+            )
+        if self.comma is not None and not self.comma_is_sure:
+            raise InputError(
+                f"{self.table.path}, line {self.comma}: commas in numbers may stand before "
+                "decimals or between thousands; write numbers with a decimal point, and no other"
+            )
+        if self.comma is not None:
+            self.issues.append((self.comma, "numbers have a decimal comma, and are read so"))
+        self.note_repeated_rows(arrays["line"], arrays.pop("key"))
+        if self.unlisted[0]:
+            count, last = self.unlisted
+            rows = "one more row is" if count == 1 else f"{count} more rows are"
+            self.issues.append((last, f"{rows} left out up to here, not listed"))
+        sigma = self.layout.sigma_of_all
+        if sigma is not None:
+            arrays["sigma"] = np.full(len(arrays["line"]), sigma)
+        return Measurements(
+            source=self.source(),
+            name=self.layout.name or self.table.path.stem,
+            stations=self.stations(),
+            scale=self.layout.scale,
+            tool=self.layout.tool,
+            issues=tuple(sorted(self.issues)),
+            left_out=self.left_out,
+            path=self.table.path,
+            sha256=self.table.sha256,
+            **arrays,
+        )
+
+    def nothing(self) -> InputError:
+        listed = [issue for issue in self.issues if issue not in self.table.notes]
+        if not listed:
+            return InputError(
+                f"{self.table.path}: there is no row of numbers below the header, which is in "
+                f"line {self.table.line}"
+            )
+        line, text = min(listed)
+        more = f" (rows left out in all: {self.left_out})" if self.left_out > 1 else ""
+        return InputError(f"{self.table.path}: no row can be read; line {line}: {text}{more}")
+
+    def leave_out(self, line: int, why: str) -> None:
+        self.left_out += 1
+        if self.left_out <= _MOST_ISSUES:
+            self.issues.append((line, f"left out: {why}"))
+        else:
+            self.unlisted = (self.unlisted[0] + 1, max(self.unlisted[1], line))
+
+    def source(self) -> str:
+        """What the data are: the table's own word, before what a mapping says of it."""
+        said = self.table.about.get("source")
+        labels = dict(self.labels)
+        if not self.layout.own_label:  # in a foreign table it may mean something else
+            labels = {text: line for text, line in labels.items() if text.lower() in SOURCES}
+            said = said if said is not None and said.lower() in SOURCES else None
+        if len({text.lower() for text in labels}) > 1:
+            first, second = list(labels)[:2]
+            raise InputError(
+                f"{self.table.path}, line {labels[second]}: the source is {quote(second)}, "
+                f"before it was {quote(first)}; keep data of different origin in files of their own"
+            )
+        found = next(iter(labels), said if said is not None else self.layout.source) or "measured"
+        if found.lower() not in SOURCES:
+            raise InputError(
+                f"{self.table.path}: the source is {quote(found)}; it must be measured, synthetic "
+                "or computed"
+            )
+        if said is not None and said.lower() != found.lower():
+            raise InputError(
+                f"{self.table.path}: the column source says {quote(found)}, the comment "
+                f"'# source:' says {quote(said)}"
+            )
+        return found.lower()
+
+    def stations(self) -> Floats | None:
+        found = self.layout.stations
+        if found is not None and len(found) != self.point_count:
+            check_stations(f"{self.table.path}: stations", found.tolist(), self.point_count)
+        return found
+
+    # -- rows --
+
+    def chunk(self, rows: list[Row]) -> dict[str, NDArray[Any]]:
+        rows = [row for row in rows if self.is_whole(row)]
+        lines = [line for line, _ in rows]
+        cells = [tuple(row[: self.width]) for _, row in rows]
+        columns: list[tuple[str, ...]] = list(zip(*cells, strict=True)) if rows else []
+        good = np.ones(len(rows), bool)
+
+        def numbers(column: Column, why: str = "", blank: bool = False) -> Floats:
+            given = columns[column.index] if rows else ()
+            values = self.numbers(given, lines)
+            bad = ~(np.abs(values) < _LARGEST)
+            if blank and bad.any():
+                bad &= [bool(cell.strip()) for cell in given]
+            if why == "tension" and not bad.all():
+                bad |= values < 0
+            elif why == "sigma":
+                bad |= ~(values > 0)
+            elif why == "whole":
+                bad |= (values != np.round(values)) | ~(np.abs(values) < 1e15)
+            for i in np.flatnonzero(bad & good):
+                self.leave_out(lines[i], _reason(column, given[i], float(values[i]), why))
+            good[bad] = False
+            return np.asarray(values * column.factor)
+
+        n, layout = len(rows), self.layout
+        tensions = np.full((n, len(layout.tendons)), np.nan)
+        pulls = tensions.copy()
+        for k, (kind, column) in enumerate(layout.tendons):
+            target = tensions if kind == "tension" else pulls
+            target[:, k] = numbers(column, kind)
+        if layout.shape is not None:
+            points = self.shapes(columns[layout.shape.index] if rows else (), lines, good)
+        else:
+            points = np.empty((n, len(layout.points), 3))
+            for p, point in enumerate(layout.points):
+                is_tip = p == len(layout.points) - 1
+                for axis, column in enumerate(point):
+                    points[:, p, axis] = numbers(column, blank=not is_tip)
+        if layout.rotation is not None:
+            points[~good] = 0.0
+            points = points @ layout.rotation.T
+        out: dict[str, NDArray[Any]] = {"tensions": tensions, "pulls": pulls, "points": points}
+        for name in ("bend", "direction", "sigma", "time"):
+            if (one := getattr(layout, name)) is not None:
+                out[name] = numbers(one, name)
+        repeat = numbers(layout.repeat, "whole") if layout.repeat else np.ones(n)
+        out["repeat"] = np.where(good, repeat, 0).astype(np.int64)
+        out["group"] = np.array(
+            [cell.strip() for cell in columns[layout.group.index]] if layout.group and n else
+            [""] * n, dtype=str,
+        )  # fmt: skip
+        if layout.label is not None and n:
+            for line, cell in zip(lines, columns[layout.label.index], strict=True):
+                if cell.strip() and len(self.labels) < _MOST_LABELS:
+                    self.labels.setdefault(cell.strip(), line)
+        out["line"] = np.array(lines, dtype=np.int64)
+        out["key"] = np.array([hash(row) for row in cells], dtype=np.int64)
+        return {name: array[good] for name, array in out.items()}
+
+    def is_whole(self, row: Row) -> bool:
+        """Whether a row has a cell for each column, and is one to keep."""
+        line, cells = row
+        if len(cells) < self.width or (
+            len(cells) > self.width and any(cell.strip() for cell in cells[self.width :])
+        ):
+            text = f"it has {len(cells)} cells, the header has {self.width}"
+            if self.table.separator == "," and len(cells) > self.width:
+                text += "; with decimal commas, separate the cells by semicolons"
+            self.leave_out(line, text)
+            return False
+        if self.layout.keep is not None:
+            column, wanted = self.layout.keep
+            if not _same(cells[column.index], wanted):
+                self.leave_out(
+                    line, f"{column.name} is {quote(cells[column.index])}, not {quote(wanted)}"
+                )
+                return False
+        return True
+
+    def numbers(self, cells: Sequence[str], lines: list[int]) -> Floats:
+        """Numbers of a column's cells, NaN where a cell is none."""
+        text = "".join(cells)
+        if "." in text and self.point is None:
+            self.point = next(n for n, c in zip(lines, cells, strict=True) if "." in c)
+        if "," in text and self.table.separator != ",":
+            if self.comma is None:
+                self.comma = next(n for n, c in zip(lines, cells, strict=True) if "," in c)
+            if not self.comma_is_sure:
+                self.comma_is_sure = any("," in c and not _THOUSANDS.fullmatch(c) for c in cells)
+            cells = [cell.replace(",", ".") if cell.count(",") == 1 else cell for cell in cells]
+        if "_" not in text and text.isascii():  # float() takes 1_000 and other scripts' digits
+            try:
+                return np.array(list(map(float, cells)), dtype=float)
+            except ValueError:
+                pass
+        return np.array([_number(cell) for cell in cells], dtype=float)
+
+    def shapes(self, cells: Sequence[str], lines: list[int], good: NDArray[np.bool_]) -> Floats:
+        """Points (n, P, 3) from cells of JSON; the first good row says how many."""
+        column = self.layout.shape
+        assert column is not None
+        found: list[Floats | None] = []
+        for i, cell in enumerate(cells):
+            points = _shape(cell)
+            if points is not None and not self.point_count:
+                self.point_count = len(points)
+            if points is None:
+                why = f"{column.name} is {quote(cell)}, it must be a list of points, [[x, y], ...]"
+            elif len(points) != self.point_count:
+                why = f"{column.name} has {len(points)} points, other rows {self.point_count}"
+                points = None
+            if points is None and good[i]:
+                self.leave_out(lines[i], why)
+            good[i] &= points is not None
+            found.append(points)
+        empty = np.full((self.point_count, 3), np.nan)
+        stacked = np.array([empty if points is None else points for points in found])
+        return column.factor * stacked.reshape(len(found), self.point_count, 3)
+
+    def note_repeated_rows(self, lines: Ints, keys: Ints) -> None:
+        _, first, place = np.unique(keys, return_index=True, return_inverse=True)
+        first_of = first[place]
+        again = np.flatnonzero(first_of != np.arange(len(keys)))
+        for i in again[:_MOST_ISSUES]:
+            text = f"the same, cell by cell, as line {lines[first_of[i]]}; it is kept"
+            self.issues.append((int(lines[i]), text))
+        if len(again) > _MOST_ISSUES:
+            text = f"{len(again) - _MOST_ISSUES} more rows repeat earlier ones; they are kept"
+            self.issues.append((int(lines[again[-1]]), text))
+
+
+def _same(cell: str, wanted: str) -> bool:
+    """Whether a cell says what is wanted, as text or as a number: 1 and 1.0 are the same."""
+    return cell.strip() == wanted or _number(cell) == _number(wanted)
+
+
+def _number(cell: str) -> float:
+    cell = cell.strip()
+    if not cell.isascii() or "_" in cell:
+        return np.nan
+    try:
+        return float(cell)
+    except ValueError:
+        return np.nan
+
+
+def _reason(column: Column, cell: str, value: float, why: str) -> str:
+    if not cell.strip():
+        return f"{column.name} is empty"
+    if not np.isfinite(value):
+        return f"{column.name} is {quote(cell)}, which is not a finite number"
+    if abs(value) >= _LARGEST:
+        return f"{column.name} is {quote(cell)}, which is too large"
+    if why == "tension":
+        return f"{column.name} is {quote(cell)}; a tendon cannot push, give zero or more"
+    if why == "sigma":
+        return f"{column.name} is {quote(cell)}; an uncertainty is above zero"
+    return f"{column.name} is {quote(cell)}, which is not a whole number"
+
+
+def _shape(cell: str) -> Floats | None:
+    """Points (n, 3) of a cell of JSON, points of two coordinates lie in z = 0."""
+    try:
+        array = np.array(json.loads(cell))
+    except (ValueError, RecursionError):
+        return None
+    if array.dtype.kind not in "if" or array.ndim != 2 or array.shape[1] not in (2, 3):
+        return None
+    if len(array) < 2 or not np.isfinite(array).all():
+        return None
+    points = np.zeros((len(array), 3))
+    points[:, : array.shape[1]] = array
+    return points
+
+
+# -- writing -----------------------------------------------------------------------------------
+
+
+def write_measurements(measurements: Measurements, path: str | Path) -> Path:
+    """Write measurements as CSV in the tidy format, with their source in the first line.
+
+    Parameters
+    ----------
+    measurements : Measurements
+    path : str or Path
+        Of the file, which is written whole or not at all.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If the data have no place in the format, or the drive refuses.
+    """
+    path = Path(path)
+    m = measurements
+    both = ~(np.isnan(m.tensions).all(axis=0) | np.isnan(m.pulls).all(axis=0))
+    if not m.tendon_count or both.any():
+        why = "no tendon is driven" if not m.tendon_count else "a tendon is driven in two ways"
+        raise InputError(f"{m.name} cannot be written as a table: {why}")
+    new = path.with_name(f".{path.name}.new")
+    try:
+        with new.open("w", encoding="utf-8", newline="") as file:
+            file.writelines(_tidy_lines(m))
+        os.replace(new, path)
+    except OSError as error:
+        new.unlink(missing_ok=True)
+        raise InputError(f"cannot write {path}: {error.strerror}") from None
+    return path
+
+
+def _tidy_lines(m: Measurements) -> Iterator[str]:
+    yield f"# source: {m.source}\n"
+    yield f"# name: {' '.join(m.name.split())}\n"
+    if m.tool.any():
+        yield f"# tool: {' '.join(repr(round(1e3 * v, 9)) for v in m.tool.tolist())} mm\n"
+    if m.stations is not None:
+        yield f"# stations: {' '.join(map(repr, m.stations.tolist()))}\n"
+    columns: dict[str, Any] = {}
+    for k in range(m.tendon_count):
+        if np.isnan(m.pulls[:, k]).all():
+            columns[f"tension_{k + 1}_N"] = m.tensions[:, k]
+        else:
+            columns[f"pull_{k + 1}_mm"] = _rounded(1e3 * m.pulls[:, k])
+    unit, factor = ("px", 1.0) if m.scale is None else ("mm", 1e3)
+    count = m.points.shape[1]
+    for p in range(count):
+        name = "tip" if p == count - 1 else f"point_{p + 1:02d}"
+        for axis, letter in enumerate("xyz"):
+            columns[f"{name}_{letter}_{unit}"] = _rounded(factor * m.points[:, p, axis])
+    units = {
+        "bend_deg": math.degrees(1),
+        "direction_deg": math.degrees(1),
+        "sigma_mm": 1e3,
+        "time_s": 1.0,
+    }
+    for name, factor in units.items():
+        if (values := getattr(m, name.partition("_")[0])) is not None:
+            columns[name] = _rounded(factor * values)
+    columns["repeat"] = m.repeat
+    if (m.group != "").any():
+        columns["group"] = m.group
+    buffer = io.StringIO(newline="")
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    lists = [values.tolist() for values in columns.values()]
+    for row in zip(*lists, strict=True):
+        writer.writerow("" if isinstance(v, float) and np.isnan(v) else v for v in row)
+        yield buffer.getvalue()
+        buffer.seek(0)
+        buffer.truncate()
+    yield buffer.getvalue()
+
+
+def _rounded(values: Floats) -> Floats:
+    """To a billionth of a unit, so that 0.1 + 0.2 mm is written as 0.3."""
+    return np.round(values, 9)

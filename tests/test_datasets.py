@@ -1,0 +1,238 @@
+"""Public data sets by name: pinned, checked by hash, from the user's folder or downloaded."""
+
+from __future__ import annotations
+
+import hashlib
+import http.server
+import os
+import re
+import shutil
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bowstring import datasets
+from bowstring.errors import InputError
+from shell import Shell
+
+Folder = Callable[[str], Path]
+
+
+def test_each_set_is_described() -> None:
+    assert datasets.available() == [
+        "crl-ftdcr-mocap",
+        "sorosim-rods",
+        "tamm-spring",
+        "ucl-planar-shape",
+    ]
+    for name in datasets.available():
+        found = datasets.describe(name)
+        assert found.kind == ("computed" if name == "sorosim-rods" else "measured")
+        assert re.fullmatch("[0-9a-f]{40}", found.commit) and found.licence == "MIT"
+        for file in found.files:
+            assert re.fullmatch("[0-9a-f]{64}", file.sha256)
+            url = found.url(file)
+            if file.name == "bending.csv":
+                assert url is None and found.transcribed
+            else:
+                start = f"https://raw.githubusercontent.com/{found.repository}/{found.commit}/"
+                assert url is not None and url.startswith(start)
+        assert "LICENSE" in [file.name for file in found.files]
+
+
+@pytest.mark.parametrize("name", datasets.available())
+def test_the_files_are_the_pinned_ones(name: str, public_data: Folder) -> None:
+    folder = public_data(name)
+    assert datasets.path(name) == folder
+    for file in datasets.describe(name).files:
+        assert hashlib.sha256((folder / file.name).read_bytes()).hexdigest() == file.sha256
+
+
+def test_a_table_by_its_part(public_data: Folder) -> None:
+    folder = public_data("crl-ftdcr-mocap")
+    assert datasets.table("crl-ftdcr-mocap", "val") == folder / "ftdcr_v4_val.csv"
+    with pytest.raises(InputError, match="has the parts train, val, keypoints and tendon_pull"):
+        datasets.table("crl-ftdcr-mocap")
+    with pytest.raises(InputError, match='no part "trian"; did you mean train'):
+        datasets.table("crl-ftdcr-mocap", "trian")
+    with pytest.raises(InputError, match="sorosim-rods is computed and holds no table"):
+        datasets.table("sorosim-rods")
+
+
+@pytest.fixture
+def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of the user's, with a made-up file of tamm-spring."""
+    folder = tmp_path / "data" / "tamm-spring"
+    folder.mkdir(parents=True)
+    (folder / "bending.csv").write_text("l1_mm\n1\n")
+    monkeypatch.setenv("BOWSTRING_DATA", str(folder.parent))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("tamm", 'there is no data set "tamm"; did you mean tamm-spring?'),
+        ("zzz", "There are crl-ftdcr-mocap, sorosim-rods, tamm-spring and ucl-planar-shape."),
+        ("sorosim-rods", "there is no folder sorosim-rods in it"),
+        ("tamm-spring", "is not the file published at commit 81db7953fe9a"),
+    ],
+)
+def test_what_is_wrong_is_said(name: str, says: str, given: Path, shell: Shell) -> None:
+    assert says in shell.error("data", "get", name)
+    assert says in shell.error("data", "get", name, "--json")
+
+
+def test_a_missing_file_is_named(given: Path) -> None:
+    (given / "bending.csv").unlink()
+    with pytest.raises(InputError, match=r"bending\.csv is missing; BOWSTRING_DATA names"):
+        datasets.path("tamm-spring")
+
+
+def test_a_transcription_cannot_be_downloaded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("BOWSTRING_DATA", raising=False)
+    with pytest.raises(InputError, match=r"cannot be downloaded: bending\.csv was transcribed"):
+        datasets.path("tamm-spring")
+
+
+# -- downloads, from a server of our own ---------------------------------------------------------
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[tuple[str, Path]]:
+    """Its address, and the folder that it serves."""
+    root = tmp_path / "served"
+    root.mkdir()
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def __init__(self, *arguments: object) -> None:
+            super().__init__(*arguments, directory=str(root))  # type: ignore[arg-type]
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Quiet) as host:
+        thread = threading.Thread(target=host.serve_forever, args=(0.01,))
+        thread.start()
+        yield f"http://127.0.0.1:{host.server_port}", root
+        host.shutdown()
+        thread.join()
+
+
+@pytest.fixture
+def online(
+    server: tuple[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[datasets.DataSet, Path]:
+    """A made-up set that the server has, an empty cache, and no folder of the user's."""
+    address, root = server
+    made = replace(
+        datasets.describe("sorosim-rods"),
+        name="made-up",
+        repository="some/one",
+        commit="0123456789abcdef" * 2 + "01234567",
+        files=(
+            datasets.DataFile("a.csv", hashlib.sha256(b"x\n1\n").hexdigest(), "deep/a.csv", "a"),
+        ),
+    )
+    there = root / "some" / "one" / made.commit / "deep" / "a.csv"
+    there.parent.mkdir(parents=True)
+    there.write_bytes(b"x\n1\n")
+    monkeypatch.delenv("BOWSTRING_DATA", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for name in ("http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(datasets, "_RAW", address)
+    monkeypatch.setitem(datasets._SETS, "made-up", made)
+    return made, there
+
+
+def test_a_download_is_checked_and_kept(
+    online: tuple[datasets.DataSet, Path], tmp_path: Path, shell: Shell
+) -> None:
+    made, there = online
+    got = shell.json("data", "get", "made-up")
+    folder = Path(got["folder"])
+    assert tmp_path / "cache" in folder.parents
+    assert (folder / "a.csv").read_bytes() == b"x\n1\n"
+    there.unlink()  # from now on it comes from the cache
+    assert datasets.table("made-up") == folder / "a.csv"
+    code, out, err = shell("data", "get", "made-up")
+    assert code == 0 and not err and made.commit[:12] in out
+
+
+def test_another_file_than_the_pinned_one_is_refused(
+    online: tuple[datasets.DataSet, Path], tmp_path: Path, shell: Shell
+) -> None:
+    online[1].write_bytes(b"x\n2\n")
+    assert "is not the file that it was" in shell.error("data", "get", "made-up")
+    assert not list((tmp_path / "cache").rglob("a.csv"))
+
+
+def test_a_damaged_cache_is_mended(online: tuple[datasets.DataSet, Path]) -> None:
+    kept = datasets.path("made-up") / "a.csv"
+    kept.write_bytes(b"damaged")
+    assert datasets.table("made-up").read_bytes() == b"x\n1\n"
+
+
+def test_no_network(
+    online: tuple[datasets.DataSet, Path], monkeypatch: pytest.MonkeyPatch, shell: Shell
+) -> None:
+    monkeypatch.setattr(datasets, "_RAW", "http://127.0.0.1:9")  # discard: nobody listens
+    said = shell.error("data", "get", "made-up")
+    assert "a.csv of made-up cannot be downloaded" in said
+    assert "cannot be reached; BOWSTRING_DATA can name a folder that has it" in said
+
+
+def test_the_server_has_it_no_more(online: tuple[datasets.DataSet, Path], shell: Shell) -> None:
+    online[1].unlink()
+    assert "the server answers 404" in shell.error("data", "get", "made-up")
+
+
+def test_a_cache_that_cannot_be_written(
+    online: tuple[datasets.DataSet, Path], tmp_path: Path, shell: Shell
+) -> None:
+    (tmp_path / "cache").write_text("a file where the folder would be")
+    said = shell.error("data", "get", "made-up")
+    assert "a.csv of made-up cannot be kept in" in said and "make the folder writable" in said
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write all")
+def test_a_cache_without_permission(
+    online: tuple[datasets.DataSet, Path], tmp_path: Path, shell: Shell
+) -> None:
+    (tmp_path / "cache").mkdir(mode=0o500)
+    assert "permission denied" in shell.error("data", "get", "made-up").lower()
+
+
+# -- copies, and the command -----------------------------------------------------------------------
+
+
+def test_a_copy_is_whole_and_leaves_other_files_alone(
+    online: tuple[datasets.DataSet, Path], tmp_path: Path, shell: Shell
+) -> None:
+    out = tmp_path / "out"
+    got = shell.json("data", "get", "made-up", "--out", str(out))
+    assert got["files"] == [str(out / "made-up" / "a.csv")]
+    assert (out / "made-up" / "a.csv").read_bytes() == b"x\n1\n"
+    datasets.copy("made-up", out)  # again, in place of the former
+    (out / "made-up" / "notes.txt").write_text("mine")
+    said = shell.error("data", "get", "made-up", "--out", str(out))
+    assert 'holds "notes.txt", which is none of made-up' in said
+    assert (out / "made-up" / "notes.txt").read_text() == "mine"
+    shutil.rmtree(out)
+    out.write_text("a file")
+    assert "cannot write" in shell.error("data", "get", "made-up", "--out", str(out))
+
+
+def test_list(shell: Shell) -> None:
+    rows = shell.json("data", "list")["data_sets"]
+    assert [row["name"] for row in rows] == datasets.available()
+    crl = rows[0]
+    assert crl["parts"] == ["train", "val", "keypoints", "tendon_pull"]
+    assert crl["kind"] == "measured" and crl["files"][0]["url"].startswith("https://")
+    assert rows[2]["transcribed_from"] and rows[2]["files"][0]["url"] is None
+    code, out, err = shell("data", "list")
+    assert code == 0 and not err and "ucl-planar-shape" in out

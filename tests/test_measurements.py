@@ -1,0 +1,755 @@
+"""Tables of measurements: the tidy format, foreign tables, and what is wrong with a table."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import openpyxl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bowstring as bs
+from bowstring import arc, datasets
+from bowstring.errors import InputError
+from bowstring.mapping import Mapping, load_mapping, mapping_names
+from bowstring.measurements import (
+    STANDARD_GRAVITY,
+    Measurements,
+    load,
+    read_measurements,
+    write_measurements,
+)
+from shell import Shell
+
+ROOT = Path(__file__).parents[1]
+Folder = Callable[[str], Path]
+
+HEADER = "mass_1_kg,mass_2_kg,mass_3_kg,tip_x_mm,tip_y_mm,tip_z_mm"
+ROWS = "0,0,0,0,0,641\n0.5,0,0,30.5,0.1,640\n1,0,0,60.5,-0.1,637\n"
+GOOD = f"{HEADER}\n{ROWS}"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Callable[..., Path]:
+    def write(content: str | bytes, name: str = "bench.csv", encoding: str = "utf-8") -> Path:
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode(encoding))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def sheet(tmp_path: Path) -> Callable[..., Path]:
+    def write(rows: Sequence[Sequence[object]], **others: Sequence[Sequence[object]]) -> Path:
+        book = openpyxl.Workbook()
+        assert book.active is not None
+        for row in rows:
+            book.active.append(list(row))
+        for title, cells in others.items():
+            other = book.create_sheet(title)
+            for row in cells:
+                other.append(list(row))
+        path = tmp_path / "bench.xlsx"
+        book.save(path)
+        return path
+
+    return write
+
+
+Write = Callable[..., Path]
+
+
+# -- the tidy format -----------------------------------------------------------------------------
+
+
+def test_masses_become_tensions(file: Write) -> None:
+    found = read_measurements(file(GOOD), bs.load_robot("amouri2019"))
+    assert found.source == "measured" and found.name == "bench" and len(found) == 3
+    assert found.tensions[1].tolist() == [0.5 * STANDARD_GRAVITY, 0, 0]
+    assert np.isnan(found.pulls).all()
+    np.testing.assert_allclose(found.tip[1], [0.0305, 0.0001, 0.64], rtol=1e-15)
+    assert found.points.shape == (3, 1, 3) and found.line.tolist() == [2, 3, 4]
+    assert found.issues == () and found.left_out == 0 and found.scale == 1.0
+    assert found.sigma is None and found.time is None and found.repeat.tolist() == [1, 1, 1]
+    assert read_measurements(file(GOOD), g=10.0).tensions[2, 0] == 10.0
+    with pytest.raises(ValueError, match="read-only"):
+        found.tensions[0, 0] = 1
+
+
+def test_everything_that_a_table_can_have(file: Write) -> None:
+    table = file(
+        "# source: computed\n# name: all of it\n# stations: 0.5 1\n# tool: 0 0 8 mm\n"
+        "# just a remark\n\n"
+        "time_ms,tension_1_mN,pull_2_cm,point_1_x_m,point_1_y_m,point_1_z_m,"
+        "tip_x_m,tip_y_m,tip_z_m,sigma_um,repeat,group,bend_deg,direction_rad\n"
+        "500,2500,-1,,,,0.1,0.2,0.3,20,2,up,90,1\n"
+        "# in between\n\n"
+        " 1e3 ,0,2,1,2,3,0.4,0.5,0.6,20,3,down,45,2\n"
+    )
+    found = read_measurements(table)
+    assert (found.source, found.name) == ("computed", "all of it")
+    np.testing.assert_allclose(found.time, [0.5, 1])
+    np.testing.assert_array_equal(np.isnan(found.tensions), [[False, True]] * 2)
+    np.testing.assert_allclose(found.tensions[:, 0], [2.5, 0])
+    np.testing.assert_allclose(found.pulls[:, 1], [-0.01, 0.02])
+    assert np.isnan(found.points[0, 0]).all() and found.points[1, 0].tolist() == [1, 2, 3]
+    assert found.tip.tolist() == [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]
+    np.testing.assert_allclose(found.sigma, [2e-5, 2e-5])
+    assert found.repeat.tolist() == [2, 3] and found.group.tolist() == ["up", "down"]
+    np.testing.assert_allclose(found.bend, np.radians([90, 45]))
+    assert found.direction is not None and found.direction.tolist() == [1, 2]
+    assert found.stations is not None and found.stations.tolist() == [0.5, 1]
+    assert found.tool.tolist() == [0, 0, 0.008] and found.line.tolist() == [8, 11]
+
+
+def test_any_unit(file: Write) -> None:
+    found = read_measurements(file("tension_1_kgf,tip_x_inch,tip_y_inch,tip_z_inch\n2,1,0,10\n"))
+    np.testing.assert_allclose(found.tensions, [[2 * STANDARD_GRAVITY]])
+    np.testing.assert_allclose(found.tip, [[0.0254, 0, 0.254]])
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding"),
+    [
+        (GOOD, "utf-8-sig"),
+        (GOOD.replace("\n", "\r\n"), "utf-8"),
+        (GOOD.replace(",", "\t"), "utf-16"),
+        (GOOD.replace(",", ";").replace(".", ","), "utf-8"),
+        (GOOD.replace(",", "\t").replace(".", ","), "utf-8"),
+        ("# source: measured,,,,,\n\n" + GOOD + ",,,,,\n", "utf-8"),
+        (GOOD.replace("\n", ",,\n"), "utf-8"),
+    ],
+)
+def test_other_ways_to_write_it(text: str, encoding: str, file: Write) -> None:
+    found = read_measurements(file(text, encoding=encoding))
+    np.testing.assert_allclose(found.tip[1], [0.0305, 0.0001, 0.64], rtol=1e-15)
+    assert len(found) == 3 and found.left_out == 0
+
+
+def test_a_decimal_comma_is_told(file: Write) -> None:
+    found = read_measurements(file(GOOD.replace(",", ";").replace(".", ",")))
+    assert found.issues == ((3, "numbers have a decimal comma, and are read so"),)
+    mixed = GOOD.replace(",", ";").replace("60.5", "60,5")
+    with pytest.raises(InputError, match="decimal comma in line 4 and a decimal point in line 3"):
+        read_measurements(file(mixed))
+    with pytest.raises(InputError, match="line 2: commas in numbers may stand before decimals or"):
+        read_measurements(file("pull_1_mm\tbend_deg\n1,000\t2\n12,345\t3\n"))
+    sure = read_measurements(file("pull_1_mm\tbend_deg\n1,000\t2\n0,345\t3\n"))
+    assert sure.pulls.tolist() == [[0.001], [0.345e-3]] and sure.direction is None
+    found = read_measurements(file(GOOD.replace(".", ",")))  # commas between the cells as well
+    assert len(found) == 1 and found.left_out == 2
+    assert "with decimal commas, separate the cells by semicolons" in found.issues[0][1]
+
+
+def test_a_workbook(sheet: Write) -> None:
+    rows = [["# sigma: 0.02 mm"], [], HEADER.split(","), [0, 0, 0, 0, 0, 641]]
+    rows += [[0.5, 0, 0, 30.5, 0.1, 640], [], [1, 0, "x", 1, 1, 1]]
+    found = read_measurements(sheet(rows, source=[["synthetic"]], notes=[["hello"]]))
+    assert found.source == "synthetic" and found.line.tolist() == [4, 5]
+    np.testing.assert_allclose(found.tip[1], [0.0305, 0.0001, 0.64], rtol=1e-15)
+    assert found.sigma is not None and found.sigma.tolist() == [2e-5, 2e-5]
+    assert [line for line, _ in found.issues] == [3, 7] and found.left_out == 1
+    assert 'only the first sheet, "Sheet", is read, not "notes"' in found.issues[0][1]
+    assert 'mass_3_kg is "x"' in found.issues[1][1]
+
+
+@pytest.mark.parametrize("label", ["measured", "synthetic", "computed"])
+def test_what_the_data_are_goes_with_them(label: str, file: Write) -> None:
+    assert read_measurements(file(f"# source: {label}\n{GOOD}")).source == label
+    lines = [line + ("," + ("source" if i == 0 else label)) for i, line in
+             enumerate(GOOD.splitlines())]  # fmt: skip
+    found = read_measurements(file("\n".join(lines)))
+    assert found.source == label and found.select([0]).source == label
+    # what the file says is stronger than what a mapping says of it
+    mapping = Mapping.model_validate(
+        {"source": "measured", "tip": {"columns": ["tip_x_mm", "tip_y_mm", "tip_z_mm"],
+                                       "unit": "mm"}}
+    )  # fmt: skip
+    assert read_measurements(file(f"# source: {label}\n{GOOD}"), mapping=mapping).source == label
+
+
+def test_a_foreign_table_says_what_it_is_or_speaks_of_something_else(file: Write) -> None:
+    for column, comment, source in [
+        ("synthetic", "", "synthetic"),
+        ("battery", "", "measured"),
+        ("", "# source: computed\n", "computed"),
+        ("", "# source: the old arm\n", "measured"),
+    ]:
+        table = f"{comment}a,b,x,y,z,source\n1,2,3,4,5,{column}\n"
+        assert _mapped(file, MAPPING, table).source == source
+
+
+def test_made_in_python() -> None:
+    rows = {"tensions": [[1, 0], [2, 0]], "pulls": [[0, 0]] * 2, "points": [[[0, 0, 1]]] * 2}
+    more = {"line": [1, 2], "group": ["a", "b"], "repeat": [1, 1]}
+    found = Measurements(source="synthetic", name="made", **rows, **more)  # type: ignore[arg-type]
+    assert found.tip.dtype == float and found.group.dtype.kind == "U" and len(found) == 2
+    with pytest.raises(InputError, match=r"line has shape \(2,\)|tensions has shape \(2, 2\)"):
+        Measurements(source="synthetic", name="made", **rows, **{**more, "line": [1]})  # type: ignore[arg-type]
+    with pytest.raises(InputError, match='source is "guess", it must be measured, synthetic or'):
+        Measurements(source="guess", name="made", **rows, **more)  # type: ignore[arg-type]
+
+
+def test_written_and_read_again(file: Write, tmp_path: Path) -> None:
+    found = read_measurements(ROOT / "examples" / "bench.csv")
+    assert found.source == "synthetic"
+    again = read_measurements(write_measurements(found, tmp_path / "again.csv"))
+    for name in ("tensions", "points", "sigma"):
+        np.testing.assert_allclose(getattr(again, name), getattr(found, name), rtol=1e-14)
+    assert again.source == "synthetic" and again.name == "bench" and not again.issues
+    assert again.group.tolist() == found.group.tolist()
+    assert [p.name for p in tmp_path.iterdir()] == ["again.csv"]
+    with pytest.raises(InputError, match=r"cannot write .*: No such file"):
+        write_measurements(found, tmp_path / "nowhere" / "a.csv")
+
+
+def test_select_and_split() -> None:
+    found = read_measurements(ROOT / "examples" / "bench.csv")
+    ways = found.split()
+    assert list(ways) == ["loading", "unloading"]
+    assert [len(way) for way in ways.values()] == [17, 16]
+    some = found.select(found.tensions[:, 0] > 70)
+    assert some.line.tolist() == [21, 22, 23] and some.points.shape == (3, 1, 3)
+    assert some.sigma is not None and len(some.sigma) == 3
+
+
+# -- a table that is wrong -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "the table is empty"),
+        (" \n\n", "the table is empty"),
+        ("# source: measured\n", "the table is empty, there are only comments"),
+        (ROWS, "line 1: there are numbers where the names of the columns are expected"),
+        (GOOD.replace(",", " "), "line 1: the header has blanks between its names"),
+        (HEADER, "there is no row of numbers below the header, which is in line 1"),
+        (GOOD.replace("mass_2_kg", "mass_4_kg"), "tendon 2 has no column, but there is mass_4_kg"),
+        (GOOD.replace("tip_z_mm", "tip_w_mm"), "no column tip_z; did you mean tip_z_mm by"),
+        (GOOD.replace("tip_", "top_"), 'did you mean tip_x_mm by "top_x_mm"?'),
+        (GOOD.replace("mass_", "weight_"), 'did you mean mass_1_kg by "weight_1_kg"?'),
+        (GOOD.replace("mass_", "m"), "no column says how the tendons are driven"),
+        (GOOD.replace("tip_x_mm", "tip_x"), "tip_x has no unit; write for example tip_x_mm"),
+        (GOOD.replace("tip_x_mm", "tip_x_N"), "got tip_x_N, "),
+        (GOOD.replace("tip_x_mm", "tip_x_parsnip"), "is not a known unit"),
+        (GOOD.replace("tip_x_mm", "tip_x_m"), "mixed units: tip_x_m is in m and tip_y_mm in mm"),
+        (GOOD.replace("mass_2_kg", "mass_2_g"), "mixed units: mass_1_kg is in kg and mass_2_g"),
+        (
+            GOOD.replace("mass_2_kg", "pull_1_mm"),
+            "mass_1_kg and pull_1_mm both drive tendon 1; give each tendon one of",
+        ),
+        (GOOD.replace("mass_2", "mass_01"), "mass_1_kg and mass_01_kg both drive tendon 1"),
+        (GOOD.replace("mass_2", "mass_1"), 'the column "mass_1_kg" is there twice'),
+        (GOOD.replace("mass_1", "mass_0"), "tendons are numbered from 1"),
+        ("# stations: 0.5\n" + GOOD, ""),
+        ("# stations: 0.2 0.5 1\n" + GOOD, "has 3 numbers; there are 1 points"),
+        ("# stations: much\n" + GOOD, "write a share of the length for each point"),
+        ("# sigma: 3 N\n" + GOOD, "the comment '# sigma:' got"),
+        ("# source: guessed\n" + GOOD, 'the source is "guessed"; it must be measured, synthetic'),
+        (
+            GOOD.replace("_mm\n", "_mm,source\n")
+            .replace("641\n", "641,measured\n")
+            .replace("640\n", "640,synthetic\n")
+            .replace("637\n", "637,\n"),
+            'line 3: the source is "synthetic", before it was "measured"',
+        ),
+        (f"{HEADER}\n0,0,0,1,1,nan\n0,0,-1,1,1,1\n", "line 2: left out: tip_z_mm is "),
+        (f'{HEADER}\n0,0,0,1,1,"1\n', "the table cannot be read"),
+    ],
+)
+def test_what_is_wrong_with_a_table(text: str, says: str, file: Write) -> None:
+    path = file(text)
+    if not says:
+        read_measurements(path)
+        return
+    with pytest.raises(InputError) as error:
+        read_measurements(path)
+    assert says in str(error.value) and str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_too_few_and_too_many_tendons(file: Write) -> None:
+    path = file(GOOD)
+    with pytest.raises(InputError, match="drives 3 tendons, rao2021 has 6; give every tendon"):
+        read_measurements(path, bs.load_robot("rao2021"))
+    with pytest.raises(InputError, match="drives 4 tendons, amouri2019 has 3; leave out those"):
+        read_measurements(
+            file("pull_1_mm,pull_2_mm,pull_3_mm,pull_4_mm,bend_deg,direction_deg\n1,1,1,1,1,1\n"),
+            bs.load_robot("amouri2019"),
+        )
+
+
+def test_bad_rows_are_listed_and_nothing_else_is_lost(file: Write) -> None:
+    rows = [
+        "0,0,0,0,0,641",
+        "x,0,0,0,0,641",
+        "0,0,,0,0,641",
+        "0,0,0,0,NaN,641",
+        "0,0,0,0,inf,641",
+        "-1,0,0,0,0,641",
+        "0,0,0,0,641",
+        "0,0,0,0,0,641,9",
+        "0,0,0,5 mm,0,641",
+        "1_0,0,0,0,0,641",
+        "1e300,0,0,0,0,641",
+        "",
+        "1,0,0,60,0,637",
+    ]
+    found = read_measurements(file("\n".join([HEADER, *rows])))
+    assert found.line.tolist() == [2, 14] and found.left_out == 10
+    assert [line for line, _ in found.issues] == list(range(3, 13))
+    texts = [text for _, text in found.issues]
+    assert all(text.startswith("left out: ") for text in texts)
+    for text, says in zip(
+        texts,
+        [
+            'mass_1_kg is "x", which is not a finite number',
+            "mass_3_kg is empty",
+            'tip_y_mm is "NaN"',
+            'tip_y_mm is "inf"',
+            "mass_1_kg is -1; a tendon cannot push",
+            "it has 5 cells, the header has 6",
+            "it has 7 cells, the header has 6",
+            'tip_x_mm is "5 mm"',
+            'mass_1_kg is "1_0"',
+            "mass_1_kg is 1e300, which is too large",
+        ],
+        strict=True,
+    ):
+        assert says in text
+
+
+def test_one_repeated_row_is_told_and_kept(file: Write) -> None:
+    found = read_measurements(file(GOOD + "0.5,0,0,30.5,0.1,640\n"))
+    assert len(found) == 4
+    assert found.issues == ((5, "the same, cell by cell, as line 3; it is kept"),)
+
+
+def test_columns_that_are_not_read_are_told(file: Write) -> None:
+    text = "\n".join(f"{row},{extra}" for row, extra in
+                     zip(GOOD.splitlines(), ["sgima_mm", "1", "1", "1"], strict=True))  # fmt: skip
+    found = read_measurements(file(text))
+    assert found.issues == ((1, 'the column "sgima_mm" is not read; did you mean sigma_mm?'),)
+
+
+def test_a_column_without_a_name_is_told(file: Write) -> None:
+    text = "\n".join(f"7,{row}" for row in GOOD.splitlines()).replace("7,mass_1", ",mass_1")
+    found = read_measurements(file(text))
+    assert len(found) == 3
+    assert found.issues == ((1, "column 1 has no name and is not read"),)
+
+
+def test_very_many_bad_rows_are_summed_up(file: Write) -> None:
+    bad = "x,0,0,0,0,641\n" * 30_000
+    found = read_measurements(file(GOOD + bad))
+    assert found.left_out == 30_000 and len(found) == 3 and len(found.issues) == 1001
+    assert found.issues[-1] == (30_004, "29000 more rows are left out up to here, not listed")
+
+
+def test_line_breaks_in_cells_do_not_move_the_lines(file: Write) -> None:
+    text = f'{HEADER},group\n0,0,0,0,0,641,"a\nb"\n\nx,0,0,0,0,641,c\n1,0,0,60,0,637,d\n'
+    found = read_measurements(file(text))
+    assert found.line.tolist() == [2, 6] and found.issues[0][0] == 5
+
+
+@pytest.mark.parametrize(
+    ("content", "name", "says"),
+    [
+        ("mass_1_kg\nµ\n".encode("latin-1"), "a.csv", "line 2: the text is not in UTF-8"),
+        (b"\x00\x01" * 50, "a.csv", "this is no text"),
+        (b"\xd0\xcf\x11\xe0" + b"\0" * 600, "a.xls", "old Excel format"),
+        (b"PK\x03\x04 not really", "a.xlsx", "the workbook cannot be unpacked"),
+    ],
+)  # fmt: skip
+def test_what_is_no_table(content: bytes, name: str, says: str, file: Write) -> None:
+    with pytest.raises(InputError, match=says):
+        read_measurements(file(content, name))
+
+
+def test_no_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="this is a folder; name the file"):
+        read_measurements(tmp_path)
+    with pytest.raises(InputError, match="cannot be read: No such file"):
+        read_measurements(tmp_path / "bench.csv")
+
+
+# -- large files and bombs -------------------------------------------------------------------------
+
+
+def test_a_million_rows(file: Write) -> None:
+    rows = [f"{i % 977 / 10},{i % 89},{i % 359}\n" for i in range(1_000_000)]
+    rows[777_777] = "1,?,3\n"
+    path = file("pull_1_mm,bend_deg,direction_deg\n" + "".join(rows))
+    started = time.process_time()
+    found = read_measurements(path)
+    assert time.process_time() - started < 20  # 3 to 5 s
+    assert len(found) == 999_999 and found.left_out == 1
+    assert (777_779, 'left out: bend_deg is "?", which is not a finite number') in found.issues
+    assert found.pulls[-1, 0] == pytest.approx(999_999 % 977 / 10 * 1e-3)
+
+
+def test_more_rows_than_are_read(file: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bowstring.tables.MOST_ROWS", 2)
+    with pytest.raises(InputError, match="more than 2 rows, which is the most that is read; split"):
+        read_measurements(file(GOOD))
+
+
+def _archive(path: Path, parts: dict[str, bytes]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+    return path
+
+
+def test_a_spreadsheet_bomb_is_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bomb = _archive(
+        tmp_path / "bomb.xlsx",
+        {"xl/workbook.xml": b"<x/>", "xl/worksheets/sheet1.xml": b"<row></row>" * 5_000_000},
+    )
+    assert bomb.stat().st_size < 300_000
+    monkeypatch.setattr(openpyxl, "load_workbook", pytest.fail)
+    started = time.process_time()
+    with pytest.raises(InputError, match=r"would unpack to 55 MB in 2 parts, .* is not opened"):
+        read_measurements(bomb)
+    assert time.process_time() - started < 5
+    entities = b'<!DOCTYPE x [<!ENTITY a "aaaaaaaa">]><x>&a;</x>'
+    laughs = _archive(tmp_path / "laughs.xlsx", {"xl/workbook.xml": entities})
+    with pytest.raises(InputError, match="document type definition"):
+        read_measurements(laughs)
+    other = _archive(tmp_path / "other.xlsx", {"hello.txt": b"hello"})
+    with pytest.raises(InputError, match="no Excel workbook"):
+        read_measurements(other)
+
+
+@pytest.mark.parametrize(
+    ("part", "content", "says"),
+    [
+        ("xl/worksheets/sheet1.xml", b"<row>", "a row of more than 5 MB"),
+        ("xl/sharedStrings.xml", b"", "would unpack to 6. MB"),
+    ],
+)
+def test_bombs_that_pack_badly(part: str, content: bytes, says: str, tmp_path: Path) -> None:
+    """Noise among the cells keeps the ratio low."""
+    noise = np.random.default_rng(0).integers(97, 122, 300_000, dtype=np.uint8).tobytes()
+    cells = b"".join(b"<c/>" * 50 + noise[i : i + 10] for i in range(0, len(noise), 10))
+    size = 1 if content else 10
+    bomb = _archive(
+        tmp_path / "bomb.xlsx", {"xl/workbook.xml": b"<x/>", part: content + cells * size}
+    )
+    with pytest.raises(InputError, match=says):
+        read_measurements(bomb)
+
+
+def test_a_sheet_of_empty_rows(tmp_path: Path, sheet: Write) -> None:
+    path = sheet([HEADER.split(","), [0, 0, 0, 0, 0, 641]])
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    far = b'<row r="99999999"><c r="A99999999"><v>1</v></c></row></sheetData>'
+    content = parts["xl/worksheets/sheet1.xml"].replace(b"</sheetData>", far)
+    parts["xl/worksheets/sheet1.xml"] = content
+    with pytest.raises(InputError, match="the sheet has more than 1048576 rows"):
+        read_measurements(_archive(tmp_path / "rows.xlsx", parts))
+
+
+def test_a_sheet_that_claims_to_be_huge(sheet: Write, tmp_path: Path) -> None:
+    """A cell far away makes each row as wide, if one believes it."""
+    path = sheet([HEADER.split(","), *([i, 0, 0, 1, 1, 1] for i in range(50))])
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    content = parts["xl/worksheets/sheet1.xml"]
+    content = content.replace(b'<dimension ref="A1:F51"', b'<dimension ref="A1:XFD1048576"')
+    far = b'<row r="1048576"><c r="XFD1048576"><v>1</v></c></row></sheetData>'
+    parts["xl/worksheets/sheet1.xml"] = content.replace(b"</sheetData>", far)
+    assert parts["xl/worksheets/sheet1.xml"].count(b"1048576") == 3
+    started = time.process_time()
+    found = read_measurements(_archive(tmp_path / "huge.xlsx", parts))
+    assert time.process_time() - started < 30
+    assert len(found) == 50
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.text(alphabet='0123456789.,;\t\n"#_-+eExyzmkgtipuls N', max_size=300))
+def test_any_text_gives_data_or_a_sentence(text: str) -> None:
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "t.csv")
+        path.write_text(text)
+        for content in (text, HEADER + "\n" + text):
+            path.write_text(content)
+            try:
+                found = read_measurements(path)
+            except InputError as error:
+                assert "\n" not in str(error)
+            else:
+                assert np.isfinite(found.tip).all() and np.isfinite(found.tensions).all()
+
+
+# -- foreign tables --------------------------------------------------------------------------------
+
+
+def test_the_foreign_example_says_the_same() -> None:
+    tidy = read_measurements(ROOT / "examples" / "bench.csv")
+    robot = bs.load_robot("amouri2019")
+    foreign = read_measurements(
+        ROOT / "examples" / "foreign.csv", robot, ROOT / "examples" / "foreign.yaml"
+    )
+    same = tidy.select(np.arange(len(tidy)) != 5)  # which is marked as not valid
+    np.testing.assert_allclose(foreign.tensions, same.tensions, rtol=1e-14)
+    np.testing.assert_allclose(foreign.tip, same.tip, atol=0.6e-6)  # three digits of mm in each
+    assert foreign.source == "synthetic" and foreign.left_out == 1
+    assert (8, "left out: valid is 0, not 1") in foreign.issues
+
+
+MAPPING = """
+source: measured
+tendons: {quantity: pull, unit: mm, positive: paid_out, columns: [b, a]}
+tip: {columns: [x, y, z], unit: cm}
+"""
+TABLE = "a,b,x,y,z\n1,2,3,4,5\n6,7,8,9,10\n"
+
+
+def _mapped(file: Write, mapping: str, table: str = TABLE) -> Measurements:
+    return read_measurements(file(table), mapping=file(mapping, "mapping.yaml"))
+
+
+def test_order_and_sign(file: Write) -> None:
+    found = _mapped(file, MAPPING)
+    np.testing.assert_allclose(found.pulls, [[-0.002, -0.001], [-0.007, -0.006]])
+    np.testing.assert_allclose(found.tip[0], [0.03, 0.04, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("frame", "tip"),
+    [
+        ("{axes: [y, z, x]}", [4, 5, 3]),
+        ("{axes: [x, z, -y]}", [3, 5, -4]),
+        ("{rotation: [[0, -1, 0], [1, 0, 0], [0, 0, 1]]}", [-4, 3, 5]),
+        ("{axes: [y, x, z], handed: left}", [4, 3, 5]),
+    ],
+)
+def test_frames(frame: str, tip: list[float], file: Write) -> None:
+    np.testing.assert_allclose(
+        _mapped(file, f"{MAPPING}frame: {frame}\n").tip[0], np.array(tip) / 100, rtol=1e-14
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("", "frame: {axes: [y, x, z]}", "frame: axes: this frame is left-handed, it mirrors"),
+        ("", "frame: {axes: [x, y, -z]}", "left-handed"),
+        ("", "frame: {rotation: [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}", "left-handed"),
+        ("", "frame: {axes: [x, y, z], handed: left}", "which leaves them left-handed"),
+        ("", "frame: {axes: [x, x, z]}", "not three directions at right angles"),
+        ("", "frame: {axes: [x, y, up]}", 'axes: got "up"; must be x, y or z'),
+        ("", "frame: {rotation: [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}", "not three directions"),
+        ("", "frame: {}", "give either axes, such as"),
+        ("", "fraim: {axes: [x, y, z]}", "fraim: unknown field; did you mean frame?"),
+        ("", "angles: {bend: b, direction: a, unit: mm}", "angles.unit: got"),
+        ("", "points: {columns: [[x, y, z]], unit: mm}", "tip and points: write one of them"),
+        ("", "keep: {column: q, value: 1}", 'no column "q", which the mapping names at keep'),
+        ("", "group: a", 'the column "a" is used for tendons.columns[1] already'),
+        ("", "stations: [0.5, 1]", "stations has 2 numbers; there are 1 points"),
+        ("", "sigma: 3 N", "sigma: got"),
+        ("", "tool: 8 mm", "tool: got 1 numbers; must have 3"),
+        ("source: measured", "", "source: missing"),
+        ("source: measured", "source: guessed", 'source: got "guessed"; must be'),
+        ("[b, a]", "[b, b]", "tendons: columns: one is there twice"),
+        ("[b, a]", "[]", "tendons.columns: got"),
+        ("[b, a]", "[b, A]", 'no column "A", which the mapping names at tendons.columns[1]; did'),
+        ("unit: mm, positive", "unit: kg, positive", 'tendons: unit: got "kg"'),
+        ("quantity: pull", "quantity: mass", "tendons: unit: got"),
+        ("quantity: pull, unit: mm", "quantity: mass, unit: kg", "paid_out is for pulls"),
+        ("quantity: pull", "quantity: push", "tendons.quantity: got"),
+        ("[x, y, z]", "[x, y]", "tip.columns"),
+        ("tip: {", "tipp: {", "tipp: unknown field; did you mean tip?"),
+        ("{columns: [x, y, z], unit: cm}", "x", "tip: got"),
+        (MAPPING, "", "is empty; a mapping file has at least 'tip'"),
+        (MAPPING, "just text", "must be fields such as 'tip: ...'"),
+        (MAPPING, "source: measured", "nothing is measured; write tip, points, shape or angles"),
+    ],
+)
+def test_what_is_wrong_with_a_mapping(old: str, new: str, says: str, file: Write) -> None:
+    text = MAPPING.replace(old, new) if old else f"{MAPPING}{new}\n"
+    with pytest.raises(InputError) as error:
+        _mapped(file, text)
+    assert says in str(error.value).partition("\n")[0]
+
+
+def test_what_is_not_finite_passes_through_a_frame_without_harm(file: Write) -> None:
+    found = _mapped(file, f"{MAPPING}frame: {{axes: [y, z, x]}}\n", TABLE + "1,2,inf,4,5\n")
+    assert len(found) == 2 and found.left_out == 1
+
+
+def test_repeats_are_whole_numbers(file: Write) -> None:
+    rows = ["pull_1_mm,bend_deg,repeat", "1,2,3", "1,2,1.5", "1,2,1e20", "1,2,"]
+    found = read_measurements(file("\n".join(rows)))
+    assert found.repeat.tolist() == [3] and found.left_out == 3
+
+
+@pytest.mark.parametrize("g", [0.0, -1.0, math.nan, math.inf])
+def test_gravity_that_is_none(g: float, file: Write) -> None:
+    with pytest.raises(InputError, match="it must be above 0 and up to 10000"):
+        read_measurements(file(GOOD), g=g)
+
+
+def test_no_mapping(tmp_path: Path) -> None:
+    assert mapping_names() == ["crl-ftdcr-mocap", "tamm-spring", "ucl-planar-shape"]
+    with pytest.raises(InputError, match=r"neither a file nor .* did you mean tamm-spring\?"):
+        load_mapping("tamm-sprig")
+    with pytest.raises(InputError, match="is a folder"):
+        load_mapping(tmp_path)
+
+
+def test_shapes_in_cells(file: Write) -> None:
+    mapping = "source: measured\nshape: {column: s, unit: mm}\nstations: [0, 0.5, 1]\n"
+    rows = ['"[[0,0],[1,2],[3,4]]"', '"[[0,0,1],[1,2,1],[3,4,1]]"', '"[[0,0],[1,2]]"', "oops",
+            '"[[0,0],[1,2],[3,NaN]]"']  # fmt: skip
+    found = _mapped(file, mapping, "\n".join(["s", *rows]))
+    assert found.points.shape == (2, 3, 3) and found.tensions.shape == (2, 0)
+    assert found.tip.tolist() == [[0.003, 0.004, 0], [0.003, 0.004, 0.001]]
+    assert [line for line, _ in found.issues] == [4, 5, 6]
+    assert "s has 2 points, other rows 3" in found.issues[0][1]
+
+
+def test_the_page_has_a_mapping_that_is_valid() -> None:
+    page = (ROOT / "docs" / "bench.md").read_text("utf-8")
+    blocks = [part.partition("```")[0] for part in page.split("```yaml\n")[1:]]
+    assert blocks
+    from bowstring.safe_yaml import read_yaml
+
+    for block in blocks:
+        Mapping.model_validate(read_yaml(block, "page", "mapping", "tip"))
+
+
+# -- public data -----------------------------------------------------------------------------------
+
+
+def test_tamm_spring(public_data: Folder) -> None:
+    """Constant curvature against 27 measured bends, as published and as derived."""
+    public_data("tamm-spring")
+    found = load("tamm-spring")
+    assert found.source == "measured" and len(found) == 27 and not found.issues
+    assert found.points.shape == (27, 0, 3) and list(found.split()) == [
+        "single",
+        "equal",
+        "unequal",
+    ]
+    assert found.bend is not None
+    fitted = arc.from_lengths(0.040 - found.pulls, np.radians([30, 150, 270]), 0.0025)
+    measured = np.degrees(found.bend)
+
+    def rmse(predicted: np.ndarray) -> float:
+        return math.sqrt(np.mean((np.degrees(predicted) - measured) ** 2))
+
+    # The authors write sqrt(sum of squared differences / 6) / r. The constant curvature of three
+    # tendons at 120 degrees has a third more in the square, sqrt(2 ... / 9) / r (Webster & Jones
+    # 2010: kappa s = 2 sqrt(q) / 3 d), so theirs is sqrt(3) / 2 of it.
+    p = found.pulls
+    squares = (p - p[:, [1, 2, 0]]) ** 2
+    published = np.sqrt(squares.sum(axis=1) / 6) / 0.0025
+    np.testing.assert_allclose(published, math.sqrt(3) / 2 * fitted.theta, rtol=1e-9)
+    assert rmse(published) == pytest.approx(18.41, abs=0.01)
+    assert rmse(fitted.theta) == pytest.approx(30.13, abs=0.01)
+    # one fitted gain takes up the factor: the same error, whichever it is
+    for theta, gain in ((published, 0.772), (fitted.theta, 0.669)):
+        best = float(theta @ np.radians(measured) / (theta @ theta))
+        assert best == pytest.approx(gain, abs=1e-3)
+        assert rmse(best * theta) <= 5.153
+    assert rmse(0.772 * published) == pytest.approx(5.15, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("part", "rows"), [("train", 1620), ("val", 443), ("keypoints", 2063), ("tendon_pull", 134)]
+)
+def test_crl_ftdcr_mocap(part: str, rows: int, public_data: Folder) -> None:
+    folder = public_data("crl-ftdcr-mocap")
+    found = load("crl-ftdcr-mocap", part)
+    robot = bs.load_robot("crl-ftdcr-v4")
+    assert len(found) == rows and found.left_out == 0 and found.source == "measured"
+    # by column, as SOURCE.md has it, not by the numbers of the servos
+    raw = np.loadtxt(folder / f"ftdcr_v4_{part}.csv", delimiter=",", skiprows=1,
+                     usecols=range(2, 14))  # fmt: skip
+    np.testing.assert_allclose(found.pulls, raw[:, :9] * 1e-3, rtol=1e-14)
+    np.testing.assert_allclose(found.tip, raw[:, 9:] * 1e-3, rtol=1e-14)
+    assert found.tool.tolist() == [0, 0, 0.008] and found.time is not None
+    assert found.tendon_count == len(robot.tendons.angle_rad)
+
+
+def test_ucl_planar_shape(public_data: Folder) -> None:
+    folder = public_data("ucl-planar-shape")
+    found = load("ucl-planar-shape")
+    assert found.points.shape == (433, 20, 3) and found.scale is None
+    assert found.source == "measured" and found.tensions.shape == (433, 0)
+    first = json.loads((folder / "sample_data.csv").read_text().splitlines()[1].split('"')[1])
+    np.testing.assert_array_equal(found.points[0][:, [0, 2]] * [1, -1], first)
+    assert (found.points[..., 1] == 0).all() and (found.tip[:, 2] > 0).all()
+
+
+def test_each_measured_set_has_a_mapping() -> None:
+    with_tables = [name for name in datasets.available() if datasets.describe(name).parts]
+    assert with_tables == mapping_names()
+
+
+# -- the command -----------------------------------------------------------------------------------
+
+
+def test_check_says_what_is_in_a_table(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    found = shell.json("bench", "check", "examples/bench.csv", "--robot", "amouri2019")
+    assert found["source"] == "synthetic" and found["rows"] == 33 and found["rows_left_out"] == 0
+    assert found["robot"] == "amouri2019" and found["groups"] == {"loading": 17, "unloading": 16}
+    assert found["tendons"][0]["largest_N"] == pytest.approx(8 * STANDARD_GRAVITY)
+    assert found["tendon_check"]["found"] == "as_said" and found["issues"] == []
+    assert found["provenance"]["settings"]["g_m_per_s2"] == STANDARD_GRAVITY
+    moon = shell.json("bench", "check", "examples/bench.csv", "--g", "162 cm/s^2")
+    assert moon["tendons"][0]["largest_N"] == pytest.approx(8 * 1.62)
+    assert moon["tendon_check"] is None and "robot" not in moon
+    code, out, err = shell("bench", "check", "examples/bench.csv", "--robot", "amouri2019")
+    assert code == 0 and not err and "bench: synthetic, 33 rows" in out
+
+
+def test_check_lists_bad_rows(shell: Shell, file: Write) -> None:
+    path = file(GOOD + "x,0,0,0,0,641\n" * 30)
+    found = shell.json("bench", "check", str(path))
+    assert found["rows"] == 3 and found["rows_left_out"] == 30 and len(found["issues"]) == 30
+    assert found["issues"][0] == {
+        "line": 5,
+        "text": 'left out: mass_1_kg is "x", which is not a finite number',
+    }
+    code, out, err = shell("bench", "check", str(path))
+    assert code == 0 and not err and "... and 10 more; --json has them all." in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("nothing.csv",), "cannot be read: No such file"),
+        (("bench.csv", "--robot", "amouri"), "neither a file nor a built-in robot"),
+        (("bench.csv", "--robot", "rao2021"), "drives 3 tendons, rao2021 has 6"),
+        (("bench.csv", "--mapping", "tamm-sprin"), "did you mean tamm-spring?"),
+        (("bench.csv", "--mapping", "tamm-spring"), 'there is no column "l1_mm"'),
+        (("bench.csv", "--g", "0"), "--g: got 0 m/s^2; must be positive"),
+        (("bench.csv", "--set", "segments.0.length=1"), "name it by --robot"),
+    ],
+)
+def test_check_refuses(
+    arguments: tuple[str, ...],
+    says: str,
+    shell: Shell,
+    file: Write,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(file(GOOD).parent)
+    assert says in shell.error("bench", "check", *arguments)
+    assert says in shell.error("bench", "check", *arguments, "--json")
