@@ -33,7 +33,8 @@ Array = NDArray[np.float64]
 
 _CHUNK: Final = 200_000  # points fitted at once, for memory
 _STARTS: Final = np.linspace(-4.0 * np.pi, 4.0 * np.pi, 51)  # bends tried at first, rad
-_STEPS: Final = 2000
+_STEPS: Final = 500
+_GAUSS_NEWTON: Final = 30  # steps; what is left over then gets full Newton steps
 _STRAIGHT: Final = 1e-12  # rad; no direction of bending below
 
 
@@ -529,14 +530,11 @@ def _descend(
     frame, bend = frame.copy(), bend.copy()
     active = np.arange(len(target))
     damping = np.full(len(target), 1e-3)
-    for _ in range(_STEPS):
+    for n in range(_STEPS):
         f, b, s, wanted = frame[active], bend[active], fraction[active], target[active]
-        place, by = _jacobian(f, b, s, planar)
-        residual = place - wanted
-        cost = np.sum(residual**2, axis=(1, 2))
-        rows = by.reshape(len(active), -1, by.shape[-1])
-        gradient = (np.swapaxes(rows, 1, 2) @ residual.reshape(len(active), -1, 1))[..., 0]
-        normal = np.swapaxes(rows, 1, 2) @ rows
+        cost, gradient, normal = _slope(wanted, s, f, b, planar)
+        if n >= _GAUSS_NEWTON:  # slow where much is left of the shape
+            normal = _curved(wanted, s, f, b, planar)
         diagonal = np.einsum("kii->ki", normal)
         scale = diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True)
         damped = normal + np.einsum(
@@ -561,3 +559,30 @@ def _descend(
     done = np.ones(len(target), dtype=bool)
     done[active] = False
     return frame, bend, done
+
+
+def _slope(
+    target: Array, fraction: Array, frame: Array, bend: Array, planar: bool
+) -> tuple[Array, Array, Array]:
+    """Sums of squares (K,), half their gradient (K, n), and Gauss-Newton's matrix (K, n, n)."""
+    place, by = _jacobian(frame, bend, fraction, planar)
+    residual = (place - target).reshape(len(target), -1, 1)
+    rows = by.reshape(len(target), -1, by.shape[-1])
+    turned = np.swapaxes(rows, 1, 2)
+    return np.sum(residual[..., 0] ** 2, axis=1), (turned @ residual)[..., 0], turned @ rows
+
+
+def _curved(target: Array, fraction: Array, frame: Array, bend: Array, planar: bool) -> Array:
+    """Newton's matrix (K, n, n) by differences of the gradient, its eigenvalues made positive."""
+    columns = []
+    for unit in np.eye(1 + bend.shape[1] if planar else 2 + 2 * bend.shape[1]) * 1e-5:
+        ahead, behind = (
+            _slope(
+                target, fraction, *_moved(frame, bend, np.tile(by, (len(bend), 1)), planar), planar
+            )[1]
+            for by in (unit, -unit)
+        )
+        columns.append((ahead - behind) / 2e-5)
+    matrix = np.stack(columns, axis=-1)
+    values, vectors = np.linalg.eigh(0.5 * (matrix + np.swapaxes(matrix, 1, 2)))
+    return np.asarray((vectors * np.abs(values)[:, None]) @ np.swapaxes(vectors, 1, 2))
