@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import arc, dynamics, errors
+    from bowstring import arc, dynamics, errors, registration, shape
     from bowstring._core import __version__
     from bowstring.dynamics import Run, simulate
     from bowstring.oscillations import Modes, modes
@@ -42,8 +42,10 @@ __all__ = [
     "load_robot",
     "modes",
     "pull_jacobian",
+    "registration",
     "robot_names",
     "robot_schema",
+    "shape",
     "simulate",
     "solve",
     "solve_batch",
@@ -70,7 +72,7 @@ _HOME = {
     "solve_batch": "rod",
     "sweep": "rod",
 }
-_MODULES = {"arc", "dynamics", "errors"}
+_MODULES = {"arc", "dynamics", "errors", "registration", "shape"}
 
 
 def __getattr__(name: str) -> Any:

@@ -18,6 +18,7 @@ radians. Noise is equal along all axes; RMS is over points, never over coordinat
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, Final, Literal, NamedTuple
@@ -27,9 +28,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg, optimize, stats
 from scipy.spatial.transform import Rotation
 
-from bowstring.arguments import floats, number, shown
+from bowstring.arguments import floats, number, numbers, shown, vectors
 from bowstring.comparison import Comparison
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.rigid import SKEW, Rigid
 
 __all__ = [
     "Registration",
@@ -56,135 +58,13 @@ PARAMETERS: Final = (
 )
 """What a fit finds, in the order of its covariance; the first six without an offset."""
 
-_SKEW: Final = 1e-3  # of a rotation as written in a file
 _FLAT: Final = 1e-4  # of the size of the fiducials: thinner than that is a line
 _LOST: Final = 1e-7  # of the largest singular value: no movement at all
 _WEAK: Final = 0.02  # of the largest: fifty times less well known
 _HUBER: Final = 2.5  # standard deviations; 90 % of distances in space are nearer
+_TRIED: Final = 5  # starts of a fit with an offset
 _MEDIAN: Final = 1.5382  # median distance in space, over the standard deviation along an axis
 _CHANCE: Final = 1e-4  # that noise alone looks like a mirror
-
-
-# -- rigid motions -----------------------------------------------------------------------------
-
-
-class Rigid:
-    """A rigid motion: `rotation` (3, 3), then `translation` (3,) in m. Immutable.
-
-    Parameters
-    ----------
-    rotation : array_like (3, 3)
-        Maps from the axes of the frame it starts from to those of the frame it ends in. Rounded
-        ones are accepted to 0.001 and made exact.
-    translation : array_like (3,), optional
-        Origin of the first frame in the second, m; zero if not given.
-
-    Raises
-    ------
-    InputError
-        If the rotation is none; a mirror image is a left-handed frame.
-    """
-
-    __slots__ = ("_rotation", "_translation")
-
-    def __init__(self, rotation: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        matrix = _numbers("rotation", rotation, (3, 3))
-        if np.abs(matrix @ matrix.T - np.eye(3)).max() > _SKEW:
-            raise InputError(
-                "rotation is none: its rows must be three unit vectors at right angles, got "
-                f"{shown(matrix.tolist())}"
-            )
-        u, _, v = np.linalg.svd(matrix)
-        if np.linalg.det(u @ v) < 0:
-            raise InputError(
-                "rotation has determinant -1, so one of the two frames is left-handed: swap two of "
-                "its axes or change the sign of one"
-            )
-        self._rotation: Array = u @ v
-        self._translation: Array = _numbers("translation", translation, (3,), "m")
-        self._rotation.flags.writeable = self._translation.flags.writeable = False
-
-    @classmethod
-    def identity(cls) -> Rigid:
-        """No motion."""
-        return cls(np.eye(3))
-
-    @classmethod
-    def from_rotation_vector(
-        cls, vector: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)
-    ) -> Rigid:
-        """Of a rotation vector (3,), axis times angle in rad."""
-        turn = _numbers("rotation vector", vector, (3,), "rad")
-        return cls(Rotation.from_rotvec(turn).as_matrix(), translation)
-
-    @classmethod
-    def from_matrix(cls, matrix: ArrayLike) -> Rigid:
-        """Of a homogeneous matrix (4, 4), its last row 0, 0, 0, 1."""
-        whole = _numbers("matrix", matrix, (4, 4))
-        if not np.array_equal(whole[3], [0.0, 0.0, 0.0, 1.0]):
-            raise InputError(
-                f"the last row of the matrix is {whole[3].tolist()}, it must be 0, 0, 0, 1"
-            )
-        return cls(whole[:3, :3], whole[:3, 3])
-
-    @property
-    def rotation(self) -> Array:
-        """Rotation (3, 3)."""
-        return self._rotation
-
-    @property
-    def translation(self) -> Array:
-        """Translation (3,), m."""
-        return self._translation
-
-    @property
-    def rotation_vector(self) -> Array:
-        """Axis times angle (3,), rad, the angle at most pi."""
-        return np.asarray(Rotation.from_matrix(self._rotation).as_rotvec())
-
-    def apply(self, points: ArrayLike) -> Array:
-        """Points (..., 3), m, moved; NaN stay."""
-        rows = _rows("points", points)
-        return np.asarray(rows @ self._rotation.T + self._translation)
-
-    def inverse(self) -> Rigid:
-        """The motion back."""
-        return Rigid(self._rotation.T, -self._rotation.T @ self._translation)
-
-    def compose(self, first: Rigid) -> Rigid:
-        """This motion after another; also ``second @ first``."""
-        return Rigid(
-            self._rotation @ first._rotation,
-            self._rotation @ first._translation + self._translation,
-        )
-
-    __matmul__ = compose
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Rigid):
-            return NotImplemented
-        return np.array_equal(self._rotation, other._rotation) and np.array_equal(
-            self._translation, other._translation
-        )
-
-    def __hash__(self) -> int:
-        return hash((self._rotation.tobytes(), self._translation.tobytes()))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Rigid, (self._rotation, self._translation)
-
-    def __repr__(self) -> str:
-        turn = ", ".join(f"{x:.4g}" for x in np.degrees(self.rotation_vector))
-        shift = ", ".join(f"{1e3 * x:.4g}" for x in self._translation)
-        return f"<Rigid: turned by ({turn}) deg, moved by ({shift}) mm>"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Rotation and translation for JSON."""
-        return {
-            "rotation": self._rotation.tolist(),
-            "rotation_vector_rad": self.rotation_vector.tolist(),
-            "translation_m": self._translation.tolist(),
-        }
 
 
 # -- a registration ----------------------------------------------------------------------------
@@ -280,7 +160,7 @@ class Registration:
         """
         if any(not math.isfinite(x) for x in self.covariance.ravel()):
             return np.full((3, 3), math.inf)
-        arm = _numbers("point", point, (3,), "m") - self.pivot
+        arm = numbers("point", point, (3,), "m") - self.pivot
         by = np.hstack([-_cross(arm), np.eye(3)])
         return np.asarray(by @ self.covariance[:6, :6] @ by.T)
 
@@ -290,7 +170,7 @@ class Registration:
 
     def covariance_about(self, point: ArrayLike) -> Array:
         """Covariance (6, 6) of rotation and shift of another point (3,), m, such as the origin."""
-        arm = _numbers("point", point, (3,), "m") - self.pivot
+        arm = numbers("point", point, (3,), "m") - self.pivot
         by = np.eye(6)
         by[3:, :3] = -_cross(arm)
         return np.asarray(by @ self.covariance[:6, :6] @ by.T)
@@ -350,7 +230,7 @@ def known(frame: Rigid, covariance: ArrayLike | None = None) -> Registration:
         raise InputError(f"frame is {shown(frame)}, it must be a Rigid")
     matrix = np.zeros((6, 6))
     if covariance is not None:
-        matrix = _numbers("covariance", covariance, (6, 6))
+        matrix = numbers("covariance", covariance, (6, 6))
         values = np.linalg.eigvalsh(0.5 * (matrix + matrix.T))
         if not np.allclose(matrix, matrix.T) or values[0] < -1e-9 * abs(values[-1]):
             raise InputError("covariance must be symmetric and have no negative eigenvalue")
@@ -392,8 +272,8 @@ def fit_fiducials(
     fiducials, or any in one plane, fit a left-handed frame as well as a right-handed one, so a
     mistake there goes unseen.
     """
-    ours = _points("measured", measured)
-    theirs = _points("base", base)
+    ours = _finite_points("measured", measured)
+    theirs = _finite_points("base", base)
     if len(ours) != len(theirs):
         raise InputError(
             f"{len(ours)} fiducials are measured and {len(theirs)} given in the base frame: both "
@@ -546,7 +426,7 @@ def fit_model(
     asymptotic ones. What cannot be told apart follows from the singular values of the derivative,
     rotations scaled by the RMS distance of the points from their centroid.
     """
-    ours, theirs = _points("measured", measured), _points("predicted", predicted)
+    ours, theirs = _finite_points("measured", measured), _finite_points("predicted", predicted)
     if len(ours) != len(theirs):
         raise InputError(
             f"{len(ours)} points are measured and {len(theirs)} predicted: give one prediction for "
@@ -617,7 +497,9 @@ def _search(
         elif turns is None:
             return _Best(start, np.zeros(3), left)
         else:
-            start = _linear_start(measured, predicted, turns, weight, start)
+            starts = _starts(measured, predicted, turns, weight, start)
+            ends = [_refined(measured, predicted, turns, weight, way) for way in starts]
+            return min(ends, key=lambda end: end.left)
     return _refined(measured, predicted, turns, weight, start)
 
 
@@ -644,47 +526,76 @@ def _refined(
         rows = np.concatenate([spin, fixed], axis=2) * root[..., None]
         return np.reshape(rows, (-1, rows.shape[-1]))
 
+    x = np.zeros(3 + fixed.shape[2])
+    x[3:6] = start.apply(middle)
     # shift and offset follow from the rotation by linear least squares, as near to none as can be
-    none = np.zeros(3 + fixed.shape[2])
-    none[3:6] = start.apply(middle)
-    rest = np.linalg.lstsq(jacobian(none)[:, 3:], -residual(none), rcond=_LOST)[0]
-    none[3:] += rest
+    x[3:] += np.linalg.lstsq(jacobian(x)[:, 3:], -residual(x), rcond=_LOST)[0]
+    full = False
+    for _ in range(3):  # where the data leave a direction open, the fit does not go along it
+        _, values, directions = np.linalg.svd(jacobian(x), full_matrices=False)
+        ways = directions[values > _LOST * values[0]]
+        full = len(ways) == len(x)
+        x, left = _least_squares(residual, jacobian, x, ways)
+        if full:
+            break
+    turn = Rotation.from_rotvec(x[:3] / size).as_matrix() @ start.rotation
+    frame = Rigid(turn, x[3:6] - turn @ middle)
+    return _Best(frame, x[6:] if turns is not None else np.zeros(3), left)
+
+
+def _least_squares(
+    residual: Callable[[Array], Array], jacobian: Callable[[Array], Array], x: Array, ways: Array
+) -> tuple[Array, float]:
+    """Where the sum of squares is least, along these directions (d, p) from x, and the sum."""
     found = optimize.least_squares(
-        residual, none, jacobian, method="lm", ftol=1e-14, xtol=1e-13, gtol=1e-14, max_nfev=500
+        lambda z: residual(x + z @ ways),
+        np.zeros(len(ways)),
+        lambda z: jacobian(x + z @ ways) @ ways.T,
+        method="lm",
+        ftol=1e-14,
+        xtol=1e-13,
+        gtol=1e-14,
+        max_nfev=500,
     )
     if found.status <= 0:
         raise NoSolutionError(
             "no base frame was found that brings the measured points to the predicted ones: give "
             "a start, or check that both lists have the same order"
         )
-    turn = Rotation.from_rotvec(found.x[:3] / size).as_matrix() @ start.rotation
-    frame = Rigid(turn, found.x[3:6] - turn @ middle)
-    return _Best(frame, np.array(found.x[6:]) if turns is not None else np.zeros(3), 2 * found.cost)
+    return x + found.x @ ways, 2.0 * float(found.cost)
 
 
-def _linear_start(
+def _starts(
     measured: Array, predicted: Array, turns: Array, weight: Array, first: Rigid
-) -> Rigid:
-    """The better of a motion, and of the nearest to the best affine map beside an offset."""
+) -> list[Rigid]:
+    """The best of many rotations, for a fit with an offset.
+
+    A motion without an offset, 59 turns from it spread evenly, and the rotation nearest to the best
+    affine map beside an offset, each judged with its best shift and offset.
+    """
     middle = weight @ measured / weight.sum()
     root = np.sqrt(weight)[:, None, None]
     arms = (measured - middle) @ first.rotation.T
-    # a change of the map, near none where the points leave it open
+    fixed = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), -turns], axis=2)
+    # a change of the map, as near to none as the points leave it open
     size = _size(measured, middle, weight)
     change = np.einsum("ij,kl->kijl", np.eye(3), arms / size).reshape(len(arms), 3, 9)
-    fixed = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), -turns], axis=2)
-    rows = root * np.concatenate([change, fixed], axis=2)
+    rows = (root * np.concatenate([change, fixed], axis=2)).reshape(-1, 15)
     wanted = (root[..., 0] * (predicted - arms)).ravel()
-    affine = np.linalg.lstsq(rows.reshape(-1, 15), wanted, rcond=1e-6)[0][:9].reshape(3, 3)
-    u, _, v = np.linalg.svd(np.eye(3) + affine / size)
-    turn = (u * [1.0, 1.0, np.linalg.det(u @ v)]) @ v @ first.rotation
-    second = Rigid(turn, first.apply(middle) - turn @ middle)
-    left = []
-    for way in (first, second):
-        rows = (root * fixed).reshape(-1, 6)
-        rest = (root[..., 0] * (predicted - (measured - middle) @ way.rotation.T)).ravel()
-        left.append(np.sum((rest - rows @ np.linalg.lstsq(rows, rest, rcond=_LOST)[0]) ** 2))
-    return first if left[0] <= left[1] else second
+    affine = np.linalg.lstsq(rows, wanted, rcond=1e-6)[0][:9].reshape(3, 3) / size
+    u, _, v = np.linalg.svd(np.eye(3) + affine)
+    nearest = (u * [1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    ways = np.concatenate([nearest[None], Rotation.create_group("I").as_matrix()])
+    u, values, _ = np.linalg.svd((root * fixed).reshape(-1, 6), full_matrices=False)
+    u = u[:, values > _LOST * values[0]]
+    turned = np.einsum("wij,kj->wki", ways, arms)
+    rest = (root[..., 0] * (predicted - turned)).reshape(len(ways), -1)
+    left = np.sum(rest**2, axis=1) - np.sum((rest @ u) ** 2, axis=1)
+    out = []
+    for way in ways[np.argsort(left, kind="stable")[:_TRIED]]:
+        turn = way @ first.rotation
+        out.append(Rigid(turn, first.apply(middle) - turn @ middle))
+    return out
 
 
 def _reweighted(
@@ -864,7 +775,7 @@ def with_and_without(
         axes, m. `bowstring.comparison.Comparison` has mean, RMS and maximum over points, and by
         axis.
     """
-    ours, theirs = _rows("measured", measured), _rows("predicted", predicted)
+    ours, theirs = vectors("measured", measured), vectors("predicted", predicted)
     if ours.ndim != 2 or ours.shape != theirs.shape:
         raise InputError(
             f"measured has shape {ours.shape} and predicted {theirs.shape}, both must be "
@@ -915,32 +826,8 @@ def _left_jacobian(vector: Array) -> Array:
     return np.asarray(np.eye(3) + once * cross + twice * cross @ cross)
 
 
-def _numbers(name: str, value: ArrayLike, shape: tuple[int, ...], unit: str = "") -> Array:
-    try:
-        found = floats(value)
-    except TypeError:
-        raise InputError(f"{name} is {shown(value)}, it must be numbers of shape {shape}") from None
-    if found.shape != shape:
-        raise InputError(
-            f"{name} has shape {found.shape}, it must be {shape}" + (f", in {unit}" if unit else "")
-        )
-    if not np.isfinite(found).all():
-        raise InputError(f"{name} is {found.tolist()}, all must be finite numbers")
-    return found
-
-
-def _rows(name: str, value: ArrayLike) -> Array:
-    try:
-        found = floats(value)
-    except TypeError:
-        raise InputError(f"{name} is {shown(value)}, it must be points (..., 3) in m") from None
-    if found.ndim == 0 or found.shape[-1] != 3:
-        raise InputError(f"{name} has shape {found.shape}, it must be points (..., 3) in m")
-    return found
-
-
-def _points(name: str, value: ArrayLike) -> Array:
-    found = _rows(name, value)
+def _finite_points(name: str, value: ArrayLike) -> Array:
+    found = vectors(name, value)
     if found.ndim != 2 or not len(found):
         raise InputError(f"{name} has shape {found.shape}, it must be (points, 3), in m")
     bad = ~np.isfinite(found).all(axis=1)
@@ -958,7 +845,7 @@ def _rotations(value: ArrayLike, count: int) -> Array:
     if found.shape != (count, 3, 3):
         raise InputError(f"rotations has shape {found.shape}, it must be {(count, 3, 3)}")
     off = np.abs(found @ np.swapaxes(found, 1, 2) - np.eye(3)).max(axis=(1, 2))
-    bad = ~((off < _SKEW) & (np.linalg.det(found) > 0))
+    bad = ~((off < SKEW) & (np.linalg.det(found) > 0))
     if bad.any():
         i = int(np.argmax(bad))
         raise InputError(f"rotation {i + 1} is none: {shown(found[i].tolist())}")
