@@ -159,6 +159,12 @@ class ArcFit:
         out = np.stack([np.sum(left * towards, -1), np.sum(left * across, -1)], axis=-1)
         return np.asarray(out[..., : self.dimensions - 1])
 
+    def take(self, rows: Any) -> ArcFit:
+        """The fits of some of the shapes, by index, slice or mask."""
+        at = np.atleast_1d(np.arange(len(self))[rows])
+        parts = (self.length, self.fraction, self.measured, self.fitted, self.frame, self.bend)
+        return ArcFit(self.pieces, *(np.array(part[at]) for part in parts))
+
     def curve(self, fraction: ArrayLike) -> Array:
         """The arcs (K, n, D) at shares (n,) of their length, over length."""
         places = floats(fraction)
