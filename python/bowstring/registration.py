@@ -450,9 +450,15 @@ def fit_model(
     weight = np.ones(len(ours)) if spread is None else (spread.min() / spread) ** 2
 
     best = _search(ours, theirs, turns, weight, start)
-    # a mirrored measuring frame: the same with one axis turned round
-    mirrored = _search(ours * [1.0, 1.0, -1.0], theirs, turns, weight, None)
-    _check_handed(best.left, mirrored.left, 3 * len(ours) - unknowns, ours, theirs, weight)
+    dof = 3 * len(ours) - unknowns
+    if turns is None:
+        mirrored = _kabsch(ours, theirs, weight)[2]
+    elif best.left > stats.f.isf(_CHANCE, dof, dof) * best.bound:
+        # a mirrored measuring frame: the same with one axis turned round
+        mirrored = _search(ours * [1.0, 1.0, -1.0], theirs, turns, weight, None).left
+    else:
+        mirrored = best.left
+    _check_handed(best.left, mirrored, dof, ours, theirs, weight)
     down, scale = np.ones(len(ours)), spread
     if robust:
         best, down, scale = _reweighted(ours, theirs, turns, weight, spread, best)
@@ -482,6 +488,8 @@ class _Best(NamedTuple):
     offset: Array
     left: float
     """Weighted sum of squares."""
+    bound: float = 0.0
+    """What no frame goes below, left-handed or not: the same for the best affine map."""
 
 
 def _search(
@@ -497,9 +505,16 @@ def _search(
         elif turns is None:
             return _Best(start, np.zeros(3), left)
         else:
-            starts = _starts(measured, predicted, turns, weight, start)
-            ends = [_refined(measured, predicted, turns, weight, way) for way in starts]
-            return min(ends, key=lambda end: end.left)
+            starts, bound = _starts(measured, predicted, turns, weight, start)
+            best = _refined(measured, predicted, turns, weight, starts[0])
+            few = 3 * len(measured) - 15  # degrees of freedom of the affine map
+            limit = stats.f.isf(_CHANCE, few + 6, few) * (few + 6) / few if few > 0 else 0.0
+            for way in starts[1:]:
+                if best.left <= limit * bound:  # as good as noise lets it be
+                    break
+                other = _refined(measured, predicted, turns, weight, way)
+                best = min(best, other, key=lambda end: end.left)
+            return best._replace(bound=bound)
     return _refined(measured, predicted, turns, weight, start)
 
 
@@ -567,8 +582,8 @@ def _least_squares(
 
 def _starts(
     measured: Array, predicted: Array, turns: Array, weight: Array, first: Rigid
-) -> list[Rigid]:
-    """The best of many rotations, for a fit with an offset.
+) -> tuple[list[Rigid], float]:
+    """The best of many rotations, for a fit with an offset, and what no map goes below.
 
     A motion without an offset, 59 turns from it spread evenly, and the rotation nearest to the best
     affine map beside an offset, each judged with its best shift and offset.
@@ -582,7 +597,9 @@ def _starts(
     change = np.einsum("ij,kl->kijl", np.eye(3), arms / size).reshape(len(arms), 3, 9)
     rows = (root * np.concatenate([change, fixed], axis=2)).reshape(-1, 15)
     wanted = (root[..., 0] * (predicted - arms)).ravel()
-    affine = np.linalg.lstsq(rows, wanted, rcond=1e-6)[0][:9].reshape(3, 3) / size
+    best = np.linalg.lstsq(rows, wanted, rcond=1e-6)[0]
+    bound = float(np.sum((wanted - rows @ best) ** 2))
+    affine = best[:9].reshape(3, 3) / size
     u, _, v = np.linalg.svd(np.eye(3) + affine)
     nearest = (u * [1.0, 1.0, np.linalg.det(u @ v)]) @ v
     ways = np.concatenate([nearest[None], Rotation.create_group("I").as_matrix()])
@@ -595,7 +612,7 @@ def _starts(
     for way in ways[np.argsort(left, kind="stable")[:_TRIED]]:
         turn = way @ first.rotation
         out.append(Rigid(turn, first.apply(middle) - turn @ middle))
-    return out
+    return out, bound
 
 
 def _reweighted(
@@ -624,7 +641,7 @@ def _reweighted(
             scale = np.full(count, max(typical, floor))
         ratio = distance / (_HUBER * scale)
         now = 1.0 / np.maximum(ratio, 1.0)
-        settled = float(np.abs(now - down).max()) < 1e-9
+        settled = float(np.abs(now - down).max()) < 1e-6
         down = now
         if settled:
             return best, down, scale
@@ -704,7 +721,7 @@ def _simple(space: Array) -> Array:
     if len(space) < 2:
         return space
     _, _, order = linalg.qr(space, pivoting=True)
-    rows = np.linalg.solve(space[:, order[: len(space)]], space)
+    rows = np.linalg.solve(space[:, np.sort(order[: len(space)])], space)
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 

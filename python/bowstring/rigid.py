@@ -122,7 +122,7 @@ class Rigid:
         return hash((self._rotation.tobytes(), self._translation.tobytes()))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Rigid, (self._rotation, self._translation)
+        return _restored, (self._rotation, self._translation)
 
     def __repr__(self) -> str:
         turn = ", ".join(f"{x:.4g}" for x in np.degrees(self.rotation_vector))
@@ -136,3 +136,11 @@ class Rigid:
             "rotation_vector_rad": self.rotation_vector.tolist(),
             "translation_m": self._translation.tolist(),
         }
+
+
+def _restored(rotation: Array, translation: Array) -> Rigid:
+    """The same motion to the last bit."""
+    out = Rigid(rotation, translation)
+    out._rotation = rotation.copy()
+    out._rotation.flags.writeable = False
+    return out
