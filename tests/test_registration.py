@@ -418,3 +418,15 @@ def test_points_without_a_prediction_are_left_out(tips: tuple[Array, Array]) -> 
     predicted[4] = np.nan
     both = with_and_without(known(Rigid.identity()), tips[0], predicted, 0.641)
     assert both["registered"].n == 19 and both["registered"].mean == 0.0
+
+
+def test_a_wrong_model_is_not_called_left_handed(plane_tips: tuple[Array, Array]) -> None:
+    """Tips nearly in one plane, a model that errs by more than they are off it."""
+    predicted, rotations = plane_tips
+    rng = np.random.default_rng(0)
+    many = np.tile(predicted, (30, 1)) + 1e-3 * rng.normal(size=(510, 3))
+    turns = np.tile(rotations, (30, 1, 1))
+    for _ in range(5):
+        measured = any_frame(rng).apply(many * [1.05, 1.0, 0.98] + 3e-3 * rng.normal(size=(510, 3)))
+        fit_model(measured, many)
+        fit_model(measured, many, turns)

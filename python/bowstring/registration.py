@@ -62,9 +62,10 @@ _FLAT: Final = 1e-4  # of the size of the fiducials: thinner than that is a line
 _LOST: Final = 1e-7  # of the largest singular value: no movement at all
 _WEAK: Final = 0.02  # of the largest: fifty times less well known
 _HUBER: Final = 2.5  # standard deviations; 90 % of distances in space are nearer
-_TRIED: Final = 5  # starts of a fit with an offset
+_FEW: Final = 10  # points: with fewer, fits with an offset have many minima
 _MEDIAN: Final = 1.5382  # median distance in space, over the standard deviation along an axis
 _CHANCE: Final = 1e-4  # that noise alone looks like a mirror
+_CLEARLY: Final = 3.0  # times the sum of squares: what a model does wrong is no noise
 
 
 # -- a registration ----------------------------------------------------------------------------
@@ -339,7 +340,7 @@ def _check_handed(
     left: float, mirror_left: float, dof: int, measured: Array, base: Array, weight: Array
 ) -> None:
     """Refuse a frame that a mirror fits better than chance lets it."""
-    if dof <= 0 or left <= stats.f.isf(_CHANCE, dof, dof) * mirror_left:
+    if dof <= 0 or left <= _doubtful(dof) * mirror_left:
         return
     size = float(weight @ np.sum((base - base.mean(axis=0)) ** 2, axis=1))
     if left <= 1e-20 * size:
@@ -350,6 +351,11 @@ def _check_handed(
         f"{1e3 * math.sqrt(mirror_left / total):.3g} mm RMS, the frame itself with "
         f"{1e3 * math.sqrt(left / total):.3g} mm; {_handed_cause(measured, base, weight)}"
     )
+
+
+def _doubtful(dof: int) -> float:
+    """How many times the sum of squares of a mirror does not yet make it the better fit."""
+    return max(_CLEARLY, float(stats.f.isf(_CHANCE, dof, dof)))
 
 
 def _handed_cause(measured: Array, base: Array, weight: Array) -> str:
@@ -453,7 +459,7 @@ def fit_model(
     dof = 3 * len(ours) - unknowns
     if turns is None:
         mirrored = _kabsch(ours, theirs, weight)[2]
-    elif best.left > stats.f.isf(_CHANCE, dof, dof) * best.bound:
+    elif best.left > _doubtful(dof) * best.bound:
         # a mirrored measuring frame: the same with one axis turned round
         mirrored = _search(ours * [1.0, 1.0, -1.0], theirs, turns, weight, None).left
     else:
@@ -547,7 +553,7 @@ def _refined(
     x[3:] += np.linalg.lstsq(jacobian(x)[:, 3:], -residual(x), rcond=_LOST)[0]
     full = False
     for _ in range(3):  # where the data leave a direction open, the fit does not go along it
-        _, values, directions = np.linalg.svd(jacobian(x), full_matrices=False)
+        values, directions = _directions(jacobian(x))
         ways = directions[values > _LOST * values[0]]
         full = len(ways) == len(x)
         x, left = _least_squares(residual, jacobian, x, ways)
@@ -567,8 +573,8 @@ def _least_squares(
         np.zeros(len(ways)),
         lambda z: jacobian(x + z @ ways) @ ways.T,
         method="lm",
-        ftol=1e-14,
-        xtol=1e-13,
+        ftol=1e-13,
+        xtol=1e-12,
         gtol=1e-14,
         max_nfev=500,
     )
@@ -609,7 +615,8 @@ def _starts(
     rest = (root[..., 0] * (predicted - turned)).reshape(len(ways), -1)
     left = np.sum(rest**2, axis=1) - np.sum((rest @ u) ** 2, axis=1)
     out = []
-    for way in ways[np.argsort(left, kind="stable")[:_TRIED]]:
+    tried = 5 if len(measured) < _FEW else 2
+    for way in ways[np.argsort(left, kind="stable")[:tried]]:
         turn = way @ first.rotation
         out.append(Rigid(turn, first.apply(middle) - turn @ middle))
     return out, bound
@@ -688,7 +695,7 @@ def _registration(
     unit = np.ones(unknowns)
     unit[:3] = 1.0 / size
     rows = (by * unit / relative[:, None, None]).reshape(-1, unknowns)
-    _, values, directions = np.linalg.svd(rows, full_matrices=False)
+    values, directions = _directions(rows)
     lost = values <= _LOST * values[0]
     kept = directions[~lost] * unit
     covariance = factor * typical**2 * (kept.T / values[~lost] ** 2) @ kept
@@ -714,6 +721,12 @@ def _registration(
         tuple(_words(d) for d in _simple(directions[lost])),
         tuple(weak),
     )
+
+
+def _directions(rows: Array) -> tuple[Array, Array]:
+    """Singular values (p,) of a tall matrix, and its right singular vectors (p, p) as rows."""
+    _, values, directions = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+    return values, directions
 
 
 def _simple(space: Array) -> Array:
