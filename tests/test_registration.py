@@ -409,6 +409,8 @@ def test_with_and_without(tips: tuple[Array, Array]) -> None:
     assert after.mean < nominal["unregistered"].mean < before.mean
     with pytest.raises(InputError, match="rotations of the tips"):
         with_and_without(found, measured, predicted, 0.641)
+    with pytest.raises(InputError, match="rotations has shape"):
+        with_and_without(found, measured, predicted, 0.641, rotations[:3])
     with pytest.raises(InputError, match="both must be"):
         with_and_without(found, measured, predicted[:3], 0.641, rotations)
 

@@ -192,7 +192,10 @@ class Registration:
         """
         if self.offset is None:
             return self.apply(points)
-        return np.asarray(self.apply(points) - floats(rotations) @ self.offset)
+        moved, turns = self.apply(points), vectors("rotations", rotations)
+        if turns.shape != (*moved.shape, 3):
+            raise InputError(f"rotations has shape {turns.shape}, it must be {(*moved.shape, 3)}")
+        return np.asarray(moved - turns @ self.offset)
 
     def to_dict(self) -> dict[str, Any]:
         """The registration for JSON; what is not determined or not known is None."""
