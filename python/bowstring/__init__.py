@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import arc, datasets, dynamics, errors, measurements
+    from bowstring import arc, datasets, dynamics, errors, measurements, registration, shape
     from bowstring._core import __version__
     from bowstring.dynamics import Run, simulate
     from bowstring.oscillations import Modes, modes
@@ -44,8 +44,10 @@ __all__ = [
     "measurements",
     "modes",
     "pull_jacobian",
+    "registration",
     "robot_names",
     "robot_schema",
+    "shape",
     "simulate",
     "solve",
     "solve_batch",
@@ -72,7 +74,7 @@ _HOME = {
     "solve_batch": "rod",
     "sweep": "rod",
 }
-_MODULES = {"arc", "datasets", "dynamics", "errors", "measurements"}
+_MODULES = {"arc", "datasets", "dynamics", "errors", "measurements", "registration", "shape"}
 
 
 def __getattr__(name: str) -> Any:

@@ -17,8 +17,10 @@ __all__ = [
     "floats",
     "is_whole",
     "number",
+    "numbers",
     "row",
     "shown",
+    "vectors",
 ]
 
 Floats = NDArray[np.float64]
@@ -92,6 +94,32 @@ def row(name: str, value: Any, count: int, unit: str, or_else: str = "") -> Floa
     if found.shape != (count,):
         raise InputError(f"{name} has shape {found.shape}, it must be ({count},), in {unit}")
     check_values(name, found)
+    return found
+
+
+def numbers(name: str, value: Any, shape: tuple[int, ...], unit: str = "") -> Floats:
+    """A new array of finite numbers of this shape."""
+    try:
+        found = floats(value)
+    except TypeError:
+        raise InputError(f"{name} is {shown(value)}, it must be numbers of shape {shape}") from None
+    if found.shape != shape:
+        raise InputError(
+            f"{name} has shape {found.shape}, it must be {shape}" + (f", in {unit}" if unit else "")
+        )
+    if not np.isfinite(found).all():
+        raise InputError(f"{name} is {found.tolist()}, all must be finite numbers")
+    return found
+
+
+def vectors(name: str, value: Any) -> Floats:
+    """A new array of points (..., 3) in m, which may be NaN."""
+    try:
+        found = floats(value)
+    except TypeError:
+        raise InputError(f"{name} is {shown(value)}, it must be points (..., 3) in m") from None
+    if found.ndim == 0 or found.shape[-1] != 3:
+        raise InputError(f"{name} has shape {found.shape}, it must be points (..., 3) in m")
     return found
 
 

@@ -112,6 +112,12 @@ class Comparison:
         rows = np.abs(self.difference[np.isfinite(self.error)])
         return np.asarray(rows.mean(axis=0) if len(rows) else np.full(3, math.nan))
 
+    @property
+    def max_by_axis(self) -> Array:
+        """Largest absolute error along x, y and z, m."""
+        rows = np.abs(self.difference[np.isfinite(self.error)])
+        return np.asarray(rows.max(axis=0) if len(rows) else np.full(3, math.nan))
+
     def to_dict(self) -> dict[str, Any]:
         """The comparison in mm and percent."""
         return {
