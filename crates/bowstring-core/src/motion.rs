@@ -437,9 +437,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     }
 
     /// Starts the next step's search from the present strain and its rate, which do not jump:
-    /// what was before misleads.
+    /// what was before misleads. Forces that hold a constraint may jump, so that a Kirchhoff rod
+    /// has the strain alone.
     pub fn stop_foreseeing(&mut self) {
-        self.known = self.known.min(2);
+        self.known = self.known.min(if self.rigid { 1 } else { 2 });
     }
 
     /// Whether the scheme has no memory.
@@ -573,9 +574,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 strain = self.past[q][g].scaled_add(L::Module::splat(weight[q]), &strain);
             }
             self.next[g].w = strain.w;
-            // what holds a constraint may jump with the load
-            let jumps = self.rigid && self.known <= 2;
-            self.next[g].n = if jumps { self.past[0][g].n } else { strain.n };
+            self.next[g].n = strain.n;
         }
     }
 

@@ -308,7 +308,12 @@ fn random_motions() {
                 })
                 .collect()
         };
-        let mut simulator = Simulator::new(&robot, Model::default(), 1, s).unwrap();
+        let theory = [Theory::Cosserat, Theory::Kirchhoff][trial / 36 % 2];
+        let model = Model {
+            theory,
+            ..Model::default()
+        };
+        let mut simulator = Simulator::new(&robot, model, 1, s).unwrap();
         let mut drive = simulator.drive(&lines(&robot, line)).unwrap();
         let outcome = drive
             .step(
