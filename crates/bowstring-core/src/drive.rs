@@ -24,7 +24,7 @@
 use crate::complementarity::{Complementarity, Side};
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, TendonPath, Theory};
-use crate::robot::{InputError, Robot};
+use crate::robot::{InputError, Robot, Short};
 use crate::rod::Source;
 use crate::statics::{Solver, Status, MAX_STEP, TOLERANCE};
 
@@ -253,7 +253,7 @@ impl Drive {
             if !(line.stiffness > 0.0) {
                 return fail(format!(
                     "stiffness of tendon {place} is {} N, it must be positive",
-                    line.stiffness
+                    Short(line.stiffness)
                 ));
             }
             for (name, value) in [
@@ -264,7 +264,8 @@ impl Drive {
             ] {
                 if !(value >= 0.0 && value.is_finite()) {
                     return fail(format!(
-                        "{name} of tendon {place} is {value}, it must not be negative"
+                        "{name} of tendon {place} is {}, it must not be negative",
+                        Short(value)
                     ));
                 }
             }
@@ -524,16 +525,18 @@ impl Drive {
                     let length = self.home_length(i);
                     if !p.is_finite() {
                         return Err(InputError(format!(
-                            "pull of tendon {} is {p} m, it must be a finite number",
-                            i + 1
+                            "pull of tendon {} is {} m, it must be a finite number",
+                            i + 1,
+                            Short(p)
                         )));
                     }
                     if p >= length {
                         return Err(InputError(format!(
-                            "pull of tendon {} is {p} m, it must be less than the tendon's \
+                            "pull of tendon {} is {} m, it must be less than the tendon's \
                              length, {} m",
                             i + 1,
-                            length
+                            Short(p),
+                            Short(length)
                         )));
                     }
                     0.0

@@ -5,7 +5,7 @@ use crate::load::{Load, Model, OwnedLoad};
 use crate::motion::Motion;
 pub use crate::motion::{Damping, Energies, Fields};
 use crate::real::{Layout, Scalar};
-use crate::robot::{InputError, Robot};
+use crate::robot::{InputError, Robot, Short};
 use crate::statics::{self, Outcome, Solver, Status};
 
 /// Largest moment imbalance over (bending stiffness / length) at which a step counts as solved:
@@ -196,6 +196,25 @@ impl Engine {
             Engine::Avx512(motion) => unsafe { run_avx512(motion, march, task) },
         }
     }
+
+    /// See [`Motion::record`].
+    fn record(&self, time: f64, tensions: &[f64], points: usize, fields: &mut Fields) {
+        match self {
+            Engine::One(motion) => motion.record(time, tensions, points, fields),
+            Engine::Two(motion) => motion.record(time, tensions, points, fields),
+            Engine::Four(motion) => motion.record(time, tensions, points, fields),
+            Engine::Eight(motion) => motion.record(time, tensions, points, fields),
+            // SAFETY: the engine was chosen by what the processor has
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx2(motion) => unsafe {
+                record_avx2(motion, time, tensions, points, fields);
+            },
+            #[cfg(target_arch = "x86_64")]
+            Engine::Avx512(motion) => unsafe {
+                record_avx512(motion, time, tensions, points, fields);
+            },
+        }
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -216,6 +235,30 @@ fn run_avx512<L: Layout, const A: usize>(
     task: Task,
 ) -> Option<Stop> {
     run(motion, march, task)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn record_avx2<L: Layout, const A: usize>(
+    motion: &Motion<L, A>,
+    time: f64,
+    tensions: &[f64],
+    points: usize,
+    fields: &mut Fields,
+) {
+    motion.record(time, tensions, points, fields);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+fn record_avx512<L: Layout, const A: usize>(
+    motion: &Motion<L, A>,
+    time: f64,
+    tensions: &[f64],
+    points: usize,
+    fields: &mut Fields,
+) {
+    motion.record(time, tensions, points, fields);
 }
 
 /// What to march through.
@@ -374,13 +417,15 @@ impl Simulator {
         ] {
             if !(value.is_finite() && value >= 0.0) {
                 return Err(InputError(format!(
-                    "{name} is {value} {unit}, it must not be negative"
+                    "{name} is {} {unit}, it must not be negative",
+                    Short(value)
                 )));
             }
         }
         if !(0.0..=1.0).contains(&spectral_radius) {
             return Err(InputError(format!(
-                "spectral radius is {spectral_radius}, it must lie from 0 (damps fast oscillations at once) to 1 (damps nothing)"
+                "spectral radius is {}, it must lie from 0 (damps fast oscillations at once) to 1 (damps nothing)",
+                Short(spectral_radius)
             )));
         }
         let lengths: &[(&str, f64)] = match &step {
@@ -392,7 +437,8 @@ impl Simulator {
         for (name, value) in lengths {
             if !(value.is_normal() && *value > 0.0) {
                 return Err(InputError(format!(
-                    "{name} is {value}, it must be positive"
+                    "{name} is {}, it must be positive",
+                    Short(*value)
                 )));
             }
         }
@@ -408,7 +454,8 @@ impl Simulator {
         if let Step::Fixed(step) = step {
             if step < shortest {
                 return Err(InputError(format!(
-                    "time step is {step} s; below {shortest:.1e} s rounding would drown the motion of this robot"
+                    "time step is {} s; below {shortest:.1e} s rounding would drown the motion of this robot",
+                    Short(step)
                 )));
             }
         }
@@ -579,7 +626,8 @@ impl Simulator {
         load.check(&self.robot)?;
         if !(duration.is_finite() && duration >= 0.0) {
             return Err(InputError(format!(
-                "duration is {duration} s, it must not be negative"
+                "duration is {} s, it must not be negative",
+                Short(duration)
             )));
         }
         std::mem::swap(&mut self.march.from, &mut self.march.to);
@@ -628,9 +676,9 @@ impl Simulator {
     }
 
     /// Appends all fields of now, `points` to a module.
-    pub fn record(&mut self, points: usize, fields: &mut Fields) {
+    pub fn record(&self, points: usize, fields: &mut Fields) {
         let time = self.time;
         let tensions = &self.march.to.tensions;
-        with_motion!(&mut self.engine, motion => motion.record(time, tensions, points, fields));
+        self.engine.record(time, tensions, points, fields);
     }
 }
