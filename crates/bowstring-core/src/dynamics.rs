@@ -1,18 +1,26 @@
 //! Nonlinear dynamics: an implicit march in time, with an honest status.
 
+use crate::drive::{Command, Drive, History, Line, BOLD_STEPS};
+use crate::engine::{self, Moving};
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, OwnedLoad};
-use crate::motion::Motion;
 pub use crate::motion::{Damping, Energies, Fields};
-use crate::real::{Layout, Scalar};
 use crate::robot::{InputError, Robot, Short};
 use crate::statics::{self, Outcome, Solver, Status};
+use crate::transmission::Transmission;
 
 /// Largest moment imbalance over (bending stiffness / length) at which a step counts as solved:
 /// with numerical damping, and without it, where errors of energy add up.
 pub const TOLERANCE: [f64; 2] = [1e-6, 1e-7];
-/// Newton iterations of a step before it is cut.
-const MAX_ITERATIONS: usize = 12;
+/// Newton iterations of a step before it is cut, without and with friction.
+const MAX_ITERATIONS: [usize; 2] = [12, 30];
+/// Length, as a share of the robot's, to which pulls are met; and where rounding allows no
+/// better. Slip that is none is somewhat more.
+const LENGTH: f64 = 1e-13;
+const NEAR_LENGTH: f64 = 1e-11;
+const REST: f64 = 1e-11;
+/// Change of the logarithm of a tension that is none.
+const FINE: f64 = 1e-9;
 /// Residual over the one before at which Newton's matrix is too old.
 const SLOW: f64 = 0.03;
 /// Shortest step that a cut may reach, over the step asked for.
@@ -95,7 +103,7 @@ pub struct Simulator {
     model: Model,
     elements: usize,
     settings: Settings,
-    engine: Engine,
+    engine: Box<dyn Moving>,
     time: f64,
     /// Whether there is a state to move on from.
     ready: bool,
@@ -110,9 +118,13 @@ struct March {
     at_rest_tolerance: f64,
     /// Step below which rounding would drown the motion, s.
     shortest: f64,
+    /// In the place of a tension, the pull of a tendon that is driven so.
     from: OwnedLoad,
     to: OwnedLoad,
+    /// Where forces balance, and at the end of the step.
     between: OwnedLoad,
+    end: OwnedLoad,
+    driven: Option<Driven>,
     /// Step to try next, s.
     next: f64,
     /// Least energy left, and the largest energy, since the last jump of the load; J.
@@ -125,140 +137,101 @@ struct March {
     elapsed: f64,
 }
 
-/// The rod, by elements in a module and laid out for the processor, as in statics.
-enum Engine {
-    One(Box<Motion<Scalar, 2>>),
-    Two(Box<Motion<Scalar, 4>>),
-    Four(Box<Motion<Scalar, 8>>),
-    Eight(Box<Motion<Scalar, 16>>),
-    #[cfg(target_arch = "x86_64")]
-    Avx2(Box<Motion<crate::simd::Modules<crate::simd::F64x4>, 2>>),
-    #[cfg(target_arch = "x86_64")]
-    Avx512(Box<Motion<crate::simd::Modules<crate::simd::F64x8>, 2>>),
+/// What a robot is driven by beside tensions.
+struct Driven {
+    transmission: Transmission,
+    /// At the start of the step.
+    old: History,
+    /// Of the step.
+    commands: Vec<Command>,
+    /// What each tendon lacks or has too much in the iteration before, m.
+    lacked: f64,
+    length: f64,
 }
 
-macro_rules! with_motion {
-    ($engine:expr, $motion:ident => $code:expr) => {
-        match $engine {
-            Engine::One($motion) => $code,
-            Engine::Two($motion) => $code,
-            Engine::Four($motion) => $code,
-            Engine::Eight($motion) => $code,
-            #[cfg(target_arch = "x86_64")]
-            Engine::Avx2($motion) => $code,
-            #[cfg(target_arch = "x86_64")]
-            Engine::Avx512($motion) => $code,
-        }
-    };
-}
-
-impl Engine {
-    fn new(
-        robot: &Robot,
-        model: Model,
-        elements: usize,
-        settings: &Settings,
-    ) -> Result<Self, InputError> {
-        let (g, d) = (settings.gravity, settings.damping);
-        #[cfg(target_arch = "x86_64")]
-        if elements == 1 {
-            if crate::simd::has_avx512() {
-                return Ok(Engine::Avx512(Box::new(Motion::new(robot, model, g, d))));
-            }
-            if crate::simd::has_avx2() {
-                return Ok(Engine::Avx2(Box::new(Motion::new(robot, model, g, d))));
-            }
-        }
-        Ok(match elements {
-            1 => Engine::One(Box::new(Motion::new(robot, model, g, d))),
-            2 => Engine::Two(Box::new(Motion::new(robot, model, g, d))),
-            4 => Engine::Four(Box::new(Motion::new(robot, model, g, d))),
-            8 => Engine::Eight(Box::new(Motion::new(robot, model, g, d))),
-            n => {
-                return Err(InputError(format!(
-                    "elements is {n}, it must be 1, 2, 4 or 8"
-                )))
-            }
-        })
-    }
-
-    /// Marches through `task`, seconds; or to equilibrium.
-    fn run(&mut self, march: &mut March, task: Task) -> Option<Stop> {
-        match self {
-            Engine::One(motion) => run(motion, march, task),
-            Engine::Two(motion) => run(motion, march, task),
-            Engine::Four(motion) => run(motion, march, task),
-            Engine::Eight(motion) => run(motion, march, task),
-            // SAFETY: the engine was chosen by what the processor has
-            #[cfg(target_arch = "x86_64")]
-            Engine::Avx2(motion) => unsafe { run_avx2(motion, march, task) },
-            #[cfg(target_arch = "x86_64")]
-            Engine::Avx512(motion) => unsafe { run_avx512(motion, march, task) },
+impl Driven {
+    fn new(drive: &Drive, length: f64) -> Self {
+        let mut transmission = drive.transmission().clone();
+        transmission.fine = FINE;
+        transmission.rest = REST * length;
+        Driven {
+            transmission,
+            old: drive.history().clone(),
+            commands: drive.history().commands.clone(),
+            lacked: f64::INFINITY,
+            length,
         }
     }
 
-    /// See [`Motion::record`].
-    fn record(&self, time: f64, tensions: &[f64], points: usize, fields: &mut Fields) {
-        match self {
-            Engine::One(motion) => motion.record(time, tensions, points, fields),
-            Engine::Two(motion) => motion.record(time, tensions, points, fields),
-            Engine::Four(motion) => motion.record(time, tensions, points, fields),
-            Engine::Eight(motion) => motion.record(time, tensions, points, fields),
-            // SAFETY: the engine was chosen by what the processor has
-            #[cfg(target_arch = "x86_64")]
-            Engine::Avx2(motion) => unsafe {
-                record_avx2(motion, time, tensions, points, fields);
-            },
-            #[cfg(target_arch = "x86_64")]
-            Engine::Avx512(motion) => unsafe {
-                record_avx512(motion, time, tensions, points, fields);
-            },
+    /// Tension of a tendon now: of its stretch where friction leaves it the same all along, else
+    /// that of the last balance of forces, N.
+    fn tension(&self, i: usize) -> f64 {
+        match self.transmission.tension_of_stretch(i) {
+            Some(tension) if !self.transmission.rubs => tension,
+            _ => self.old.tensions[i],
         }
     }
-}
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn run_avx2<L: Layout, const A: usize>(
-    motion: &mut Motion<L, A>,
-    march: &mut March,
-    task: Task,
-) -> Option<Stop> {
-    run(motion, march, task)
-}
+    /// Whether a tendon is pulled by a length and does not stretch.
+    fn is_stiff(&self, i: usize) -> bool {
+        let pulled = matches!(self.commands[i], Command::Pull(_));
+        pulled && self.transmission.tension_of_stretch(i).is_none()
+    }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
-fn run_avx512<L: Layout, const A: usize>(
-    motion: &mut Motion<L, A>,
-    march: &mut March,
-    task: Task,
-) -> Option<Stop> {
-    run(motion, march, task)
-}
+    /// Takes on the commands of a step; pulls are those of its end.
+    fn begin(&mut self, motion: &mut dyn Moving, tensions: &[f64], pulls: &[f64], share: f64) {
+        for (i, command) in self.commands.iter_mut().enumerate() {
+            match command {
+                Command::Tension(t) => *t = tensions[i],
+                Command::Pull(p) => *p = pulls[i],
+            }
+        }
+        self.transmission.start(&self.old, &self.commands);
+        self.transmission.share = share;
+        self.transmission.apply(motion);
+        self.lacked = f64::INFINITY;
+    }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-fn record_avx2<L: Layout, const A: usize>(
-    motion: &Motion<L, A>,
-    time: f64,
-    tensions: &[f64],
-    points: usize,
-    fields: &mut Fields,
-) {
-    motion.record(time, tensions, points, fields);
-}
+    /// Friction and lengths at the present pose; the moment imbalance is made anew where friction
+    /// changed it. Whether all is as it must be, and whether it gets better.
+    fn look(&mut self, motion: &mut dyn Moving, residual: &mut f64) -> (bool, bool) {
+        let transmission = &mut self.transmission;
+        motion.measure_spans(transmission.rubs);
+        let mut settled = true;
+        if transmission.rubs {
+            settled = transmission.slide(motion, &self.old, false);
+            transmission.apply(motion);
+            *residual = motion.imbalance();
+        }
+        transmission.measure(motion);
+        let lacks = transmission.length_residual() / self.length;
+        let better = lacks <= 0.1 * self.lacked;
+        let stalls = lacks <= NEAR_LENGTH && !better;
+        self.lacked = lacks;
+        (settled && (lacks <= LENGTH || stalls), better)
+    }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
-fn record_avx512<L: Layout, const A: usize>(
-    motion: &Motion<L, A>,
-    time: f64,
-    tensions: &[f64],
-    points: usize,
-    fields: &mut Fields,
-) {
-    motion.record(time, tensions, points, fields);
+    /// A Newton step on tensions and strain; false where there is none. `made`: Newton's matrix
+    /// is new.
+    fn improve(&mut self, motion: &mut dyn Moving, made: bool) -> bool {
+        let transmission = &mut self.transmission;
+        let thorough = transmission.doubts > BOLD_STEPS;
+        transmission.gather(motion, &self.old, 0.0, thorough, !made);
+        if !transmission.problem.solve() {
+            return false;
+        }
+        motion.combine(transmission.coefficients());
+        transmission.take(motion, 1.0);
+        true
+    }
+
+    /// Takes the pose that was found as the start of the next step; returns the energy in
+    /// tendons that are pulled, J.
+    fn arrive(&mut self, motion: &dyn Moving) -> f64 {
+        let energy = self.transmission.arrive(motion);
+        self.old.clone_from(&self.transmission.now);
+        energy
+    }
 }
 
 /// What to march through.
@@ -270,39 +243,46 @@ enum Task {
     Advance(f64),
 }
 
-/// Newton's method on one step, one call of every pass in it.
-#[inline(always)]
-fn solve<L: Layout, const A: usize>(
-    motion: &mut Motion<L, A>,
-    march: &mut March,
-    tolerance: f64,
-    least: usize,
-) -> bool {
+/// Newton's method on one step.
+fn solve(motion: &mut dyn Moving, march: &mut March, tolerance: f64, least: usize) -> bool {
     let (mut iteration, mut best, mut last) = (0, f64::INFINITY, f64::INFINITY);
+    let rubs = march.driven.as_ref().is_some_and(|d| d.transmission.rubs);
     loop {
-        let residual = motion.residual();
-        if residual <= tolerance && iteration >= least {
+        let mut residual = motion.residual();
+        let (mut settled, mut better) = (true, true);
+        if let Some(driven) = &mut march.driven {
+            (settled, better) = driven.look(motion, &mut residual);
+        }
+        if settled && residual <= tolerance && iteration >= least {
             return true;
         }
         best = f64::min(best, residual);
         // a NaN ends it as well
         let best_of_all = f64::max(best, tolerance);
-        if iteration == MAX_ITERATIONS || !(residual < 1e6 * best_of_all) {
+        let most = MAX_ITERATIONS[usize::from(rubs)];
+        if iteration == most || !(residual < 1e6 * best_of_all) {
             return false;
         }
-        motion.improve(residual > SLOW * last);
+        let slow = residual > tolerance && residual > SLOW * last;
+        let made = motion.ready(slow || !better || iteration < least);
+        match &mut march.driven {
+            None => {
+                motion.substitute();
+                motion.combine(&[1.0]);
+            }
+            Some(driven) => {
+                if !driven.improve(motion, made) {
+                    return false;
+                }
+            }
+        }
         last = residual;
         iteration += 1;
         march.count.iterations += 1;
     }
 }
 
-#[inline(always)]
-fn run<L: Layout, const A: usize>(
-    motion: &mut Motion<L, A>,
-    march: &mut March,
-    task: Task,
-) -> Option<Stop> {
+fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
     let duration = match task {
         Task::Settle => f64::INFINITY,
         Task::Advance(duration) => duration,
@@ -328,20 +308,43 @@ fn run<L: Layout, const A: usize>(
         }
         march.between.between(&march.from, &march.to, fraction);
         motion.set_load(&march.between.borrow());
+        if let Some(driven) = &mut march.driven {
+            let share = if settling { 1.0 } else { motion.balance_time() };
+            let end = if settling {
+                1.0
+            } else {
+                (march.elapsed + step) / duration
+            };
+            march.end.between(&march.from, &march.to, end);
+            driven.begin(motion, &march.between.tensions, &march.end.tensions, share);
+        }
         let at_rest = march.at_rest_tolerance;
         let tolerance = if settling { at_rest } else { march.tolerance };
-        let noise = motion.noise(&march.between.tensions);
+        let noise = motion.noise(match &march.driven {
+            Some(driven) => &driven.old.tensions,
+            None => &march.between.tensions,
+        });
         // at rest Newton's matrix tells whether the equilibrium is stable
         let tolerance = f64::max(tolerance, noise);
         let mut sound = solve(motion, march, tolerance, usize::from(settling));
         if settling {
-            motion.commit_at_rest();
-            march.stable = motion.least_pivot > 0.0;
+            let (mut tendons, mut held) = (0.0, 0);
+            if let Some(driven) = &mut march.driven {
+                held = driven.transmission.problem.negative_eigenvalues();
+                tendons = driven.arrive(motion);
+            }
+            motion.commit_at_rest(tendons);
+            march.stable = motion.is_stable(held);
             return (!sound).then_some(Stop::StepFailed);
         }
         let mut error = f64::INFINITY;
         if sound {
             motion.finish(&march.between.borrow());
+            if let Some(driven) = &march.driven {
+                let work = motion.tendon_work();
+                let energies = driven.transmission.energies(motion, &driven.old, work);
+                motion.account(&energies);
+            }
             error = motion.local_error();
             let energies = motion.outlook();
             let (left, size) = (energies.left(), f64::max(march.size, energies.size()));
@@ -374,9 +377,12 @@ fn run<L: Layout, const A: usize>(
         if !motion.is_apart() {
             return Some(Stop::Collision);
         }
+        if let Some(driven) = &mut march.driven {
+            driven.arrive(motion);
+        }
         motion.commit();
-        march.left = f64::min(march.left, motion.energies.left());
-        march.size = f64::max(march.size, motion.energies.size());
+        march.left = f64::min(march.left, motion.energies().left());
+        march.size = f64::max(march.size, motion.energies().size());
         march.elapsed += step;
         march.count.steps += 1;
         march.next = match march.step {
@@ -464,7 +470,7 @@ impl Simulator {
             ..OwnedLoad::default()
         };
         Ok(Simulator {
-            engine: Engine::new(robot, model, elements, &settings)?,
+            engine: engine::moving(robot, model, elements, gravity, damping)?,
             robot: robot.clone(),
             model,
             elements,
@@ -479,7 +485,9 @@ impl Simulator {
                 shortest,
                 from: forces.clone(),
                 to: forces.clone(),
-                between: forces,
+                between: forces.clone(),
+                end: forces,
+                driven: None,
                 next: 0.0,
                 left: 0.0,
                 size: 0.0,
@@ -508,7 +516,8 @@ impl Simulator {
         let mut strain = vec![Vec3::zero(); 2 * self.elements * n];
         let mut force = vec![Vec3::zero(); n];
         solver.strain_and_force(&mut strain, &mut force);
-        with_motion!(&mut self.engine, motion => motion.take_strain(|i| strain[i], |k| force[k]));
+        self.engine.take_strain(&strain, &force);
+        self.march.driven = None;
         self.march.to.set(&load);
         self.clear_disk_forces();
         self.ready = outcome.status == Status::Converged && self.settle().is_none();
@@ -516,6 +525,64 @@ impl Simulator {
             outcome.status = Status::MaxIterations;
         }
         Ok(outcome)
+    }
+
+    /// A robot at home for [`Simulator::rest_at`], driven through lines.
+    pub fn drive(&self, lines: &[Line]) -> Result<Drive, InputError> {
+        Drive::new(&self.robot, self.model, self.elements, lines)
+    }
+
+    /// Starts anew, at rest where a path of equilibria has come to, at time zero; from there on
+    /// each tendon is driven as in the path's last step, by a tension or by a pull, and friction
+    /// goes on from the path. In loads that follow, a tendon that is pulled has its pull in the
+    /// place of the tension, m.
+    ///
+    /// # Errors
+    /// If the path is not one of [`Simulator::drive`], has not come to an equilibrium, or was
+    /// under another gravity.
+    pub fn rest_at(&mut self, drive: &Drive) -> Result<Option<Stop>, InputError> {
+        let n = self.robot.module_count();
+        let history = drive.history();
+        let (mut strain, mut force) = (
+            vec![Vec3::zero(); 2 * self.elements * n],
+            vec![Vec3::zero(); n],
+        );
+        if drive.robot().spec() != self.robot.spec() || history.strain.len() != strain.len() {
+            return Err(InputError("the path is one of another robot".into()));
+        }
+        let [gravity, tip_force, tip_moment] = history.load;
+        if gravity != self.settings.gravity {
+            return Err(InputError(format!(
+                "the path was under gravity {gravity:?} m/s^2, the motion is under {:?}",
+                self.settings.gravity
+            )));
+        }
+        if drive.solver().tip().is_none() {
+            return Err(InputError(
+                "the path has not come to an equilibrium to move from".into(),
+            ));
+        }
+        drive.solver().strain_and_force(&mut strain, &mut force);
+        self.engine.take_strain(&strain, &force);
+        let values: Vec<_> = history
+            .commands
+            .iter()
+            .map(|command| match *command {
+                Command::Tension(t) => t,
+                Command::Pull(p) => p,
+            })
+            .collect();
+        self.march.to.set(&Load {
+            tensions: &values,
+            gravity,
+            tip_force,
+            tip_moment,
+        });
+        self.march.driven = Some(Driven::new(drive, self.robot.length()));
+        self.clear_disk_forces();
+        let stop = self.settle();
+        self.ready = stop.is_none();
+        Ok(stop)
     }
 
     /// Adds dead forces on the disks, N in the base frame, and goes to rest under them by
@@ -540,11 +607,9 @@ impl Simulator {
         let increments = increments.max(1);
         for i in 1..=increments {
             let share = i as f64 / increments as f64;
-            with_motion!(&mut self.engine, motion => {
-                for (k, f) in forces.iter().enumerate() {
-                    motion.set_disk_force(k, Vec3(*f) * share);
-                }
-            });
+            for (k, f) in forces.iter().enumerate() {
+                self.engine.set_disk_force(k, Vec3(*f) * share);
+            }
             if let Some(stop) = self.settle() {
                 self.ready = false;
                 return Ok(Some(stop));
@@ -560,19 +625,15 @@ impl Simulator {
     /// Takes all forces off the disks at once.
     pub fn release_disk_forces(&mut self) {
         self.clear_disk_forces();
-        with_motion!(&mut self.engine, motion => {
-            motion.restart();
-            motion.stop_foreseeing();
-        });
+        self.engine.restart();
+        self.engine.stop_foreseeing();
         self.forget();
     }
 
     fn clear_disk_forces(&mut self) {
-        with_motion!(&mut self.engine, motion => {
-            for k in 0..self.robot.module_count() {
-                motion.set_disk_force(k, Vec3::zero());
-            }
-        });
+        for k in 0..self.robot.module_count() {
+            self.engine.set_disk_force(k, Vec3::zero());
+        }
     }
 
     fn check_ready(&self) -> Result<(), InputError> {
@@ -584,9 +645,28 @@ impl Simulator {
         ))
     }
 
+    fn check(&self, load: &Load) -> Result<(), InputError> {
+        let Some(driven) = &self.march.driven else {
+            return load.check(&self.robot);
+        };
+        if load.tensions.len() != driven.commands.len() {
+            return load.check(&self.robot);
+        }
+        let commands: Vec<_> = driven
+            .commands
+            .iter()
+            .zip(load.tensions)
+            .map(|(command, value)| match command {
+                Command::Tension(_) => Command::Tension(*value),
+                Command::Pull(_) => Command::Pull(*value),
+            })
+            .collect();
+        driven.transmission.check(&self.robot, &commands, load)
+    }
+
     fn settle(&mut self) -> Option<Stop> {
         self.march.from = self.march.to.clone();
-        let stop = self.engine.run(&mut self.march, Task::Settle);
+        let stop = run(&mut *self.engine, &mut self.march, Task::Settle);
         self.time = 0.0;
         self.march.count = Count::default();
         self.forget();
@@ -604,13 +684,26 @@ impl Simulator {
     }
 
     /// Changes the load at once: a release, or a step of tension.
+    ///
+    /// # Errors
+    /// If a number does not fit the robot, or a pull jumps that nothing gives way to.
     pub fn jump(&mut self, load: &Load) -> Result<(), InputError> {
-        load.check(&self.robot)?;
+        self.check(load)?;
+        if let Some(driven) = &self.march.driven {
+            let pairs = load.tensions.iter().zip(&self.march.to.tensions);
+            for (i, (to, from)) in pairs.enumerate() {
+                if to != from && driven.is_stiff(i) {
+                    return Err(InputError(format!(
+                        "the pull of tendon {} jumps from {from} m to {to} m, which would take an \
+                         infinite force: its line does not stretch; let it take its time",
+                        i + 1
+                    )));
+                }
+            }
+        }
         self.march.to.set(load);
-        with_motion!(&mut self.engine, motion => {
-            motion.restart();
-            motion.stop_foreseeing();
-        });
+        self.engine.restart();
+        self.engine.stop_foreseeing();
         self.forget();
         Ok(())
     }
@@ -623,7 +716,7 @@ impl Simulator {
         load: &Load,
     ) -> Result<(Option<Stop>, Count), InputError> {
         self.check_ready()?;
-        load.check(&self.robot)?;
+        self.check(load)?;
         if !(duration.is_finite() && duration >= 0.0) {
             return Err(InputError(format!(
                 "duration is {} s, it must not be negative",
@@ -633,7 +726,7 @@ impl Simulator {
         std::mem::swap(&mut self.march.from, &mut self.march.to);
         self.march.to.set(load);
         self.march.count = Count::default();
-        let stop = self.engine.run(&mut self.march, Task::Advance(duration));
+        let stop = run(&mut *self.engine, &mut self.march, Task::Advance(duration));
         if stop.is_none() {
             self.time += duration;
         } else {
@@ -662,23 +755,46 @@ impl Simulator {
 
     /// Energies now.
     pub fn energies(&self) -> &Energies {
-        with_motion!(&self.engine, motion => &motion.energies)
+        self.engine.energies()
     }
 
     /// Position of the tip, m.
     pub fn tip(&self) -> Vec3 {
-        with_motion!(&self.engine, motion => motion.disk(self.robot.module_count() - 1))
+        self.engine.disk(self.robot.module_count() - 1)
     }
 
     /// Linear momentum, kg m/s.
     pub fn linear_momentum(&self) -> Vec3 {
-        with_motion!(&self.engine, motion => motion.linear_momentum())
+        self.engine.linear_momentum()
     }
 
     /// Appends all fields of now, `points` to a module.
-    pub fn record(&self, points: usize, fields: &mut Fields) {
+    pub fn record(&mut self, points: usize, fields: &mut Fields) {
         let time = self.time;
-        let tensions = &self.march.to.tensions;
-        self.engine.record(time, tensions, points, fields);
+        let now = &self.march.to.tensions;
+        match &self.march.driven {
+            None => self.engine.record(time, now, points, fields),
+            Some(driven) => {
+                // as of the last step, but for those that a jump has set
+                let tensions: Vec<_> = (0..now.len())
+                    .map(|i| match driven.commands[i] {
+                        Command::Tension(_) => now[i],
+                        Command::Pull(_) => driven.tension(i),
+                    })
+                    .collect();
+                self.engine.record(time, &tensions, points, fields);
+                fields.pull.extend(&driven.old.pulls);
+                fields.slack.extend(&driven.transmission.slack);
+                for k in 0..self.robot.module_count() {
+                    for (i, tendon) in self.robot.spec().tendons.iter().enumerate() {
+                        fields.span_tension.push(if k <= tendon.end_disk {
+                            self.engine.span_tension(k, i)
+                        } else {
+                            f64::NAN
+                        });
+                    }
+                }
+            }
+        }
     }
 }

@@ -6,26 +6,24 @@
 use crate::lie::Pose;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
+use crate::motion::{Damping, Energies, Fields, Motion};
 use crate::real::{Real, Scalar};
 use crate::robot::{InputError, Robot};
 use crate::rod::{Rod, Source, Step};
 use crate::sensitivity::{self, Jacobians};
+use crate::transmission::Strung;
 
 /// The passes of one rod, see [`Rod`] for what each does.
-pub(crate) trait Passes: Send + Sync {
+pub(crate) trait Passes: Strung + Send + Sync {
     fn evaluate(&mut self) -> f64;
     fn gradient(&mut self) -> f64;
     fn linearise(&mut self);
     fn eliminate(&mut self, symmetric: bool, shift: f64) -> f64;
     fn newton_step(&mut self, symmetric: bool) -> Step<f64>;
-    fn measure_spans(&mut self, angles: bool);
-    fn respond(&mut self, symmetric: bool, column: usize, source: Option<Source>);
     fn combine(&mut self, coefficients: &[f64]) -> f64;
     fn finish(&mut self);
 
     fn load(&mut self, load: &Load);
-    fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64);
-    fn span_tension(&self, k: usize, i: usize) -> f64;
     fn make_straight(&mut self);
     fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3);
     fn strains(&self, visit: &mut dyn FnMut(usize, Vec3));
@@ -35,9 +33,6 @@ pub(crate) trait Passes: Send + Sync {
     fn save(&mut self);
     fn advance(&mut self, fraction: f64);
     fn negative_pivots(&self) -> usize;
-    fn span_lengths(&self) -> &[f64];
-    fn angles(&self) -> &[f64];
-    fn rates(&self, column: usize) -> &[f64];
     fn length(&self, i: usize) -> f64;
     fn disk(&self, k: usize) -> Pose;
     fn collision(&self) -> Option<usize>;
@@ -53,14 +48,34 @@ impl Clone for Box<dyn Passes> {
     }
 }
 
+/// A pass compiled for a kind of number, with the processor's `$feature` that it needs.
+macro_rules! hot {
+    ([$($generic:tt)*] $rod:ty, []; $name:ident($($arg:ident: $type:ty),*) -> $out:ty |$self:ident| $code:expr) => {
+        fn $name(&mut self $(, $arg: $type)*) -> $out {
+            let $self = self;
+            $code
+        }
+    };
+    ([] $rod:ty, [$feature:literal]; $name:ident($($arg:ident: $type:ty),*) -> $out:ty |$self:ident| $code:expr) => {
+        fn $name(&mut self $(, $arg: $type)*) -> $out {
+            #[target_feature(enable = $feature)]
+            fn pass($self: &mut $rod $(, $arg: $type)*) -> $out {
+                $code
+            }
+            // SAFETY: such a rod is made only where the processor has the features
+            unsafe { pass(self $(, $arg)*) }
+        }
+    };
+}
+
 /// Passes of a rod in one kind of number; `$feature` are the processor's that it needs.
 macro_rules! passes {
     ([$($generic:tt)*] $rod:ty $(, $feature:literal)?) => {
         impl<$($generic)*> Passes for $rod {
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; evaluate() -> f64 |rod| rod.evaluate().lane(0));
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; gradient() -> f64 |rod| rod.gradient().lane(0));
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; linearise() -> () |rod| rod.linearise());
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; eliminate(symmetric: bool, shift: f64) -> f64 |rod| {
+            hot!([$($generic)*] $rod, [$($feature)?]; evaluate() -> f64 |rod| rod.evaluate().lane(0));
+            hot!([$($generic)*] $rod, [$($feature)?]; gradient() -> f64 |rod| rod.gradient().lane(0));
+            hot!([$($generic)*] $rod, [$($feature)?]; linearise() -> () |rod| rod.linearise());
+            hot!([$($generic)*] $rod, [$($feature)?]; eliminate(symmetric: bool, shift: f64) -> f64 |rod| {
                 let shift = Real::splat(shift);
                 if symmetric {
                     rod.eliminate::<true>(shift).lane(0)
@@ -68,7 +83,7 @@ macro_rules! passes {
                     rod.eliminate::<false>(shift).lane(0)
                 }
             });
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; newton_step(symmetric: bool) -> Step<f64> |rod| {
+            hot!([$($generic)*] $rod, [$($feature)?]; newton_step(symmetric: bool) -> Step<f64> |rod| {
                 let step = if symmetric {
                     rod.newton_step::<true>()
                 } else {
@@ -76,21 +91,11 @@ macro_rules! passes {
                 };
                 Step { slope: step.slope.lane(0), largest: step.largest.lane(0) }
             });
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; measure_spans(angles: bool) -> () |rod| rod.measure_spans(angles));
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; respond(symmetric: bool, column: usize, source: Option<Source>) -> () |rod| {
-                rod.respond(symmetric, column, source)
-            });
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; combine(coefficients: &[f64]) -> f64 |rod| rod.combine(coefficients));
-            passes!(@hot [$($generic)*] $rod, [$($feature)?]; finish() -> () |rod| rod.finish());
+            hot!([$($generic)*] $rod, [$($feature)?]; combine(coefficients: &[f64]) -> f64 |rod| rod.combine(coefficients));
+            hot!([$($generic)*] $rod, [$($feature)?]; finish() -> () |rod| rod.finish());
 
             fn load(&mut self, load: &Load) {
                 Rod::load(self, load);
-            }
-            fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
-                Rod::set_span_tensions(self, tension);
-            }
-            fn span_tension(&self, k: usize, i: usize) -> f64 {
-                Rod::span_tension(self, k, i)
             }
             fn make_straight(&mut self) {
                 Rod::make_straight(self);
@@ -119,15 +124,6 @@ macro_rules! passes {
             fn negative_pivots(&self) -> usize {
                 Rod::negative_pivots(self)
             }
-            fn span_lengths(&self) -> &[f64] {
-                &self.span_lengths
-            }
-            fn angles(&self) -> &[f64] {
-                &self.angles
-            }
-            fn rates(&self, column: usize) -> &[f64] {
-                &self.columns[column].rates
-            }
             fn length(&self, i: usize) -> f64 {
                 self.lengths[i].lane(0)
             }
@@ -150,21 +146,27 @@ macro_rules! passes {
                 Box::new(self.clone())
             }
         }
-    };
-    (@hot [$($generic:tt)*] $rod:ty, []; $name:ident($($arg:ident: $type:ty),*) -> $out:ty |$self:ident| $code:expr) => {
-        fn $name(&mut self $(, $arg: $type)*) -> $out {
-            let $self = self;
-            $code
-        }
-    };
-    (@hot [] $rod:ty, [$feature:literal]; $name:ident($($arg:ident: $type:ty),*) -> $out:ty |$self:ident| $code:expr) => {
-        fn $name(&mut self $(, $arg: $type)*) -> $out {
-            #[target_feature(enable = $feature)]
-            fn pass($self: &mut $rod $(, $arg: $type)*) -> $out {
-                $code
+
+        impl<$($generic)*> Strung for $rod {
+            hot!([$($generic)*] $rod, [$($feature)?]; measure_spans(angles: bool) -> () |rod| rod.measure_spans(angles));
+            hot!([$($generic)*] $rod, [$($feature)?]; respond(column: usize, source: Option<Source>) -> () |rod| {
+                rod.respond(column, source)
+            });
+            fn span_lengths(&self) -> &[f64] {
+                &self.span_lengths
             }
-            // SAFETY: such a rod is made only where the processor has the features
-            unsafe { pass(self $(, $arg)*) }
+            fn angles(&self) -> &[f64] {
+                &self.angles
+            }
+            fn rates(&self, column: usize) -> &[f64] {
+                &self.columns[column].rates
+            }
+            fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
+                Rod::set_span_tensions(self, tension);
+            }
+            fn span_tension(&self, k: usize, i: usize) -> f64 {
+                Rod::span_tension(self, k, i)
+            }
         }
     };
 }
@@ -237,11 +239,7 @@ impl Plain {
             2 => Plain::Two(Box::new(Rod::new(robot, model))),
             4 => Plain::Four(Box::new(Rod::new(robot, model))),
             8 => Plain::Eight(Box::new(Rod::new(robot, model))),
-            n => {
-                return Err(InputError(format!(
-                    "elements is {n}, it must be 1, 2, 4 or 8"
-                )))
-            }
+            n => return Err(wrong_elements(n)),
         })
     }
 
@@ -282,4 +280,176 @@ impl Plain {
     pub fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians> {
         with_plain!(self, rod => sensitivity::jacobians(rod, segments))
     }
+}
+
+/// The passes of one moving rod, see [`Motion`] for what each does.
+pub(crate) trait Moving: Strung + Send + Sync {
+    fn begin(&mut self, duration: f64, rho: f64);
+    fn residual(&mut self) -> f64;
+    fn imbalance(&mut self) -> f64;
+    fn ready(&mut self, anew: bool) -> bool;
+    fn substitute(&mut self);
+    fn combine(&mut self, coefficients: &[f64]);
+    fn finish(&mut self, load: &Load);
+    fn local_error(&mut self) -> f64;
+    fn commit(&mut self);
+    fn record(&mut self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
+
+    fn begin_at_rest(&mut self);
+    fn commit_at_rest(&mut self, tendons: f64);
+    fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]);
+    fn set_load(&mut self, load: &Load);
+    fn set_disk_force(&mut self, disk: usize, force: Vec3);
+    fn restart(&mut self);
+    fn stop_foreseeing(&mut self);
+    fn is_fresh(&self) -> bool;
+    fn is_apart(&self) -> bool;
+    fn balance_time(&self) -> f64;
+    fn noise(&self, tensions: &[f64]) -> f64;
+    fn disk(&self, k: usize) -> Vec3;
+    fn linear_momentum(&self) -> Vec3;
+    fn energies(&self) -> &Energies;
+    fn outlook(&self) -> &Energies;
+    fn tendon_work(&self) -> f64;
+    fn account(&mut self, tendons: &Energies);
+    fn is_stable(&self, held: usize) -> bool;
+}
+
+/// The same for a moving rod.
+macro_rules! moving {
+    ([$($generic:tt)*] $motion:ty $(, $feature:literal)?) => {
+        impl<$($generic)*> Moving for $motion {
+            hot!([$($generic)*] $motion, [$($feature)?]; begin(duration: f64, rho: f64) -> () |motion| motion.begin(duration, rho));
+            hot!([$($generic)*] $motion, [$($feature)?]; residual() -> f64 |motion| motion.residual());
+            hot!([$($generic)*] $motion, [$($feature)?]; imbalance() -> f64 |motion| motion.imbalance());
+            hot!([$($generic)*] $motion, [$($feature)?]; ready(anew: bool) -> bool |motion| motion.ready(anew));
+            hot!([$($generic)*] $motion, [$($feature)?]; substitute() -> () |motion| motion.substitute(0, None));
+            hot!([$($generic)*] $motion, [$($feature)?]; combine(coefficients: &[f64]) -> () |motion| motion.combine(coefficients));
+            hot!([$($generic)*] $motion, [$($feature)?]; finish(load: &Load) -> () |motion| motion.finish(load));
+            hot!([$($generic)*] $motion, [$($feature)?]; local_error() -> f64 |motion| Motion::local_error(motion));
+            hot!([$($generic)*] $motion, [$($feature)?]; commit() -> () |motion| motion.commit());
+            hot!([$($generic)*] $motion, [$($feature)?]; record(time: f64, tensions: &[f64], points: usize, out: &mut Fields) -> () |motion| {
+                Motion::record(motion, time, tensions, points, out)
+            });
+
+            fn begin_at_rest(&mut self) {
+                Motion::begin_at_rest(self);
+            }
+            fn commit_at_rest(&mut self, tendons: f64) {
+                Motion::commit_at_rest(self, tendons);
+            }
+            fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]) {
+                Motion::take_strain(self, |i| strain[i], |k| force[k]);
+            }
+            fn set_load(&mut self, load: &Load) {
+                Motion::set_load(self, load);
+            }
+            fn set_disk_force(&mut self, disk: usize, force: Vec3) {
+                Motion::set_disk_force(self, disk, force);
+            }
+            fn restart(&mut self) {
+                Motion::restart(self);
+            }
+            fn stop_foreseeing(&mut self) {
+                Motion::stop_foreseeing(self);
+            }
+            fn is_fresh(&self) -> bool {
+                Motion::is_fresh(self)
+            }
+            fn is_apart(&self) -> bool {
+                Motion::is_apart(self)
+            }
+            fn balance_time(&self) -> f64 {
+                Motion::balance_time(self)
+            }
+            fn noise(&self, tensions: &[f64]) -> f64 {
+                Motion::noise(self, tensions)
+            }
+            fn disk(&self, k: usize) -> Vec3 {
+                Motion::disk(self, k)
+            }
+            fn linear_momentum(&self) -> Vec3 {
+                Motion::linear_momentum(self)
+            }
+            fn energies(&self) -> &Energies {
+                &self.energies
+            }
+            fn outlook(&self) -> &Energies {
+                Motion::outlook(self)
+            }
+            fn tendon_work(&self) -> f64 {
+                self.tendon_work
+            }
+            fn account(&mut self, tendons: &Energies) {
+                Motion::account(self, tendons);
+            }
+            fn is_stable(&self, held: usize) -> bool {
+                Motion::is_stable(self, held)
+            }
+        }
+
+        impl<$($generic)*> Strung for $motion {
+            hot!([$($generic)*] $motion, [$($feature)?]; measure_spans(angles: bool) -> () |motion| motion.measure_spans(angles));
+            hot!([$($generic)*] $motion, [$($feature)?]; respond(column: usize, source: Option<Source>) -> () |motion| {
+                motion.respond(column, source)
+            });
+            fn span_lengths(&self) -> &[f64] {
+                Motion::span_lengths(self)
+            }
+            fn angles(&self) -> &[f64] {
+                Motion::angles(self)
+            }
+            fn rates(&self, column: usize) -> &[f64] {
+                Motion::rates(self, column)
+            }
+            fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
+                Motion::set_span_tensions(self, tension);
+            }
+            fn span_tension(&self, k: usize, i: usize) -> f64 {
+                Motion::span_tension(self, k, i)
+            }
+        }
+    };
+}
+
+moving!([const A: usize] Motion<Scalar, A>);
+#[cfg(target_arch = "x86_64")]
+moving!([] Motion<crate::simd::Modules<crate::simd::F64x4>, 2>, "avx2,fma");
+#[cfg(target_arch = "x86_64")]
+moving!([] Motion<crate::simd::Modules<crate::simd::F64x8>, 2>, "avx512f,avx512vl,avx512dq,avx2,fma");
+
+/// The quickest moving rod of this processor, as [`quickest`].
+pub(crate) fn moving(
+    robot: &Robot,
+    model: Model,
+    elements: usize,
+    gravity: [f64; 3],
+    damping: Damping,
+) -> Result<Box<dyn Moving>, InputError> {
+    #[cfg(target_arch = "x86_64")]
+    if elements == 1 {
+        if crate::simd::has_avx512() {
+            return Ok(Box::new(Motion::<
+                crate::simd::Modules<crate::simd::F64x8>,
+                2,
+            >::new(robot, model, gravity, damping)));
+        }
+        if crate::simd::has_avx2() {
+            return Ok(Box::new(Motion::<
+                crate::simd::Modules<crate::simd::F64x4>,
+                2,
+            >::new(robot, model, gravity, damping)));
+        }
+    }
+    Ok(match elements {
+        1 => Box::new(Motion::<Scalar, 2>::new(robot, model, gravity, damping)),
+        2 => Box::new(Motion::<Scalar, 4>::new(robot, model, gravity, damping)),
+        4 => Box::new(Motion::<Scalar, 8>::new(robot, model, gravity, damping)),
+        8 => Box::new(Motion::<Scalar, 16>::new(robot, model, gravity, damping)),
+        n => return Err(wrong_elements(n)),
+    })
+}
+
+fn wrong_elements(n: usize) -> InputError {
+    InputError(format!("elements is {n}, it must be 1, 2, 4 or 8"))
 }

@@ -23,3 +23,4 @@ mod simd;
 pub mod statics;
 pub mod stress;
 mod sweep;
+mod transmission;

@@ -24,7 +24,7 @@ use crate::load::{Load, Model, TendonPath, Theory};
 use crate::module::{Constants, Gradient, Hessian, Span, State};
 use crate::real::{Layout, Real, Scalar};
 use crate::robot::Robot;
-use crate::rod::{get, get_mat, in_group, put, put_mat, Rod};
+use crate::rod::{get, get_mat, in_group, lanes, put, put_mat, Rod, Source};
 use crate::sweep::{Blocks, Eliminated};
 
 /// The unknown of a module.
@@ -89,9 +89,6 @@ struct Inertia<T, const A: usize> {
     tu: [Mat3<T>; A],
     tx: Mat3<T>,
     tt: T,
-    delta: Vec3<T>,
-    /// Step of the arcs.
-    u: [Vec3<T>; A],
 }
 
 impl<T: Real, const A: usize> Inertia<T, A> {
@@ -107,8 +104,6 @@ impl<T: Real, const A: usize> Inertia<T, A> {
             tu: [matrix; A],
             tx: matrix,
             tt: T::zero(),
-            delta: zero,
-            u: [zero; A],
         }
     }
 }
@@ -124,6 +119,16 @@ struct Joint<T, const A: usize> {
     t: Mat3<T>,
     /// Answer of `delta` to the right-hand side.
     answer: Vec3<T>,
+}
+
+/// Answer of all arcs, contact forces and spans to a right-hand side.
+#[derive(Clone)]
+struct Column<L: Layout, const A: usize> {
+    /// Rotation that every arc adds, and yielding of the ends, by groups.
+    u: Vec<[Vec3<L::Module>; A]>,
+    delta: Vec<Vec3<L::Module>>,
+    /// Change of every span's length at the end of the step, by modules and tendons.
+    rates: Vec<f64>,
 }
 
 /// Numerical damping as three weights.
@@ -160,13 +165,13 @@ pub struct Damping {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energies {
     pub kinetic: f64,
-    /// Of the backbone.
+    /// Of the backbone, and of tendons that are pulled by a length.
     pub elastic: f64,
     /// Zero with all mass at the base.
     pub gravity: f64,
-    /// Done by tendons, tip load and forces on disks since the start.
+    /// Done by motors, tip load and forces on disks since the start.
     pub work: f64,
-    /// Taken by physical damping since the start.
+    /// Taken by physical damping, friction and tendons that catch, since the start.
     pub dissipated: f64,
 }
 
@@ -220,8 +225,11 @@ pub(crate) struct Motion<L: Layout, const A: usize> {
     gravity: Vec3<L::Chain>,
     disk_force: Vec<Vec3<L::Chain>>,
     tip_force: Vec3<L::Chain>,
-    lengths: Vec<f64>,
-    next_lengths: Vec<f64>,
+    /// Lengths of spans, by modules and tendons; zero where a tendon does not pass.
+    spans: Vec<f64>,
+    next_spans: Vec<f64>,
+    /// Of the tendons on the disks in the step that was finished, J.
+    pub tendon_work: f64,
     pub energies: Energies,
     next_energies: Energies,
     /// Of all points, kg; and of the straight robot, m.
@@ -232,6 +240,7 @@ pub(crate) struct Motion<L: Layout, const A: usize> {
     scheme: Scheme,
     damping: Damping,
     duration: f64,
+    columns: Vec<Column<L, A>>,
     /// Inertia and damping that Newton's matrix was made for.
     made_for: (f64, f64),
     /// Of Newton's matrix as it was made last; not positive where the energy has no minimum.
@@ -335,8 +344,9 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             gravity: Vec3::splat(gravity),
             disk_force: vec![Vec3::zero(); n],
             tip_force: Vec3::zero(),
-            lengths: vec![0.0; robot.tendon_count()],
-            next_lengths: vec![0.0; robot.tendon_count()],
+            spans: vec![0.0; n * robot.tendon_count()],
+            next_spans: vec![0.0; n * robot.tendon_count()],
+            tendon_work: 0.0,
             energies: Energies::default(),
             next_energies: Energies::default(),
             mass: total,
@@ -345,6 +355,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             scheme: Scheme::new(1.0),
             damping,
             duration: 0.0,
+            columns: vec![],
             made_for: (f64::NAN, f64::NAN),
             least_pivot: f64::NAN,
             fresh: true,
@@ -402,14 +413,15 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
     }
 
-    /// Takes the equilibrium that was found as the state at rest.
-    pub fn commit_at_rest(&mut self) {
+    /// Takes the equilibrium that was found as the state at rest, with the energy of the tendons.
+    pub fn commit_at_rest(&mut self, tendons: f64) {
         self.remember_strain();
         self.known = 1;
         self.fresh = true;
         self.measure();
         self.energies = self.stored_energies();
-        std::mem::swap(&mut self.lengths, &mut self.next_lengths);
+        self.energies.elastic += tendons;
+        std::mem::swap(&mut self.spans, &mut self.next_spans);
         self.place = self.next_place.clone();
         for mass in [&mut self.velocity, &mut self.drift, &mut self.acceleration] {
             mass.points.fill(Vec3::zero());
@@ -605,9 +617,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         self.imbalance()
     }
 
-    /// Imbalance of arcs and contact forces under the present forces on all mass.
+    /// Imbalance of arcs and contact forces under the present tensions and forces on all mass;
+    /// returns the largest, N m.
     #[inline(always)]
-    fn imbalance(&mut self) -> f64 {
+    pub fn imbalance(&mut self) -> f64 {
         let n = self.module_count();
         // loads on every module, from the tip, in the frame of its start
         let mut total = self.tip_force;
@@ -737,29 +750,52 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
     }
 
-    /// One Newton step from the present residual. Newton's matrix of a step before is nearly
-    /// that of this one, and costs five times a residual: it is made anew where it is asked
-    /// for, or where the step or scheme differ.
+    /// Readies Newton's matrix. That of a step before is nearly that of this one, and costs five
+    /// times a residual: it is made anew where it is asked for, or where the step or scheme
+    /// differ. Returns whether it was.
     #[inline(always)]
-    pub fn improve(&mut self, anew: bool) {
+    pub fn ready(&mut self, anew: bool) -> bool {
         let (inertia, damping) = (self.factor() / self.scheme.af, self.strain_factor());
         let near = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;
-        if anew || !near(self.made_for.0, inertia) || !near(self.made_for.1, damping) {
+        let made = anew || !near(self.made_for.0, inertia) || !near(self.made_for.1, damping);
+        if made {
             self.linearise();
             self.made_for = (inertia, damping);
         }
-        self.substitute();
-        let ahead = L::Module::splat(1.0 / self.scheme.af);
+        made
+    }
+
+    /// Moves the end of the step by a sum of answers.
+    #[inline(always)]
+    pub fn combine(&mut self, coefficients: &[f64]) {
         let force_ahead = L::Module::splat(1.0 / self.force_share());
-        for g in 0..self.next.len() {
-            let (next, inertia) = (&mut self.next[g], &self.inertia[g]);
-            let gradient: &Gradient<_, A> = &self.rod.gradients[g];
-            for a in 0..A {
-                let step = gradient.to_strain[a] * inertia.u[a];
-                next.w[a] = step.scaled_add(ahead, next.w[a]);
+        for (column, factor) in self.columns.iter().zip(coefficients) {
+            let ahead = L::Module::splat(factor / self.scheme.af);
+            let force_ahead = force_ahead * L::Module::splat(*factor);
+            for g in 0..self.next.len() {
+                let (next, inertia) = (&mut self.next[g], &self.inertia[g]);
+                let gradient: &Gradient<_, A> = &self.rod.gradients[g];
+                for a in 0..A {
+                    let step = gradient.to_strain[a] * column.u[g][a];
+                    next.w[a] = step.scaled_add(ahead, next.w[a]);
+                }
+                let step = inertia.stiffness * column.delta[g];
+                next.n = step.scaled_add(force_ahead, next.n);
             }
-            next.n = (inertia.stiffness * inertia.delta).scaled_add(force_ahead, next.n);
         }
+    }
+
+    /// Whether an equilibrium is a minimum of the energy where pulls hold this many directions in
+    /// which it is not.
+    pub fn is_stable(&self, held: usize) -> bool {
+        if held == 0 {
+            return self.least_pivot > 0.0;
+        }
+        let of = |joint: &Joint<L::Chain, A>| {
+            let ends = crate::sweep::negative_pivots(&joint.inverse);
+            joint.arcs.negative_pivots() + ends
+        };
+        self.joints.iter().map(of).sum::<usize>() <= held
     }
 
     /// Second variation at the present strain, and its elimination from tip to base.
@@ -861,15 +897,49 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         self.least_pivot = least_pivot.lane(0);
     }
 
-    /// Answer of arcs, contact forces and disks to the present imbalance.
+    /// Answer of arcs, contact forces and disks to the present imbalance, or to more tension.
     #[inline(always)]
-    fn substitute(&mut self) {
+    pub fn substitute(&mut self, column: usize, source: Option<Source>) {
         let n = self.module_count();
         let splat = L::Chain::splat;
+        let groups = self.next.len();
+        while self.columns.len() <= column {
+            self.columns.push(Column {
+                u: vec![[Vec3::zero(); A]; groups],
+                delta: vec![Vec3::zero(); groups],
+                rates: vec![0.0; self.spans.len()],
+            });
+        }
+        let mut out = std::mem::replace(
+            &mut self.columns[column],
+            Column {
+                u: vec![],
+                delta: vec![],
+                rates: vec![],
+            },
+        );
+        for g in 0..groups {
+            match source {
+                None => {
+                    out.u[g] = self.rod.gradients[g].g;
+                    out.delta[g] = self.inertia[g].g_delta;
+                }
+                Some(Source { tendon, tension }) => {
+                    let w = lanes::<L>(n, g, |k| tension[k]);
+                    let span = self.rod.span(g, tendon);
+                    let force = span.direction * w;
+                    let torque = span.arm.cross(force);
+                    for a in 0..A {
+                        out.u[g][a] = torque + self.inertia[g].j[a].tr_mul(force);
+                    }
+                    out.delta[g] = force;
+                }
+            }
+        }
         let mut p = [Vec3::zero(); 2];
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let (state, inertia) = (&self.rod.states[g], &mut self.inertia[g]);
+            let (state, inertia) = (&self.rod.states[g], &self.inertia[g]);
             let joint = &mut self.joints[k];
             let s = get_mat::<L>(&state.s, i);
             let [start, end] = self.rod.modules[k].clamp;
@@ -877,14 +947,13 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let turn = s * p[0] + (s.column(2) * splat(end)).cross(push);
             let mut o = get::<L>(&state.rho, i);
             o.0[2] += splat(start);
-            let answer = joint.inverse * (get::<L>(&inertia.g_delta, i) + push);
+            let answer = joint.inverse * (get::<L>(&out.delta[g], i) + push);
             joint.answer = answer;
             let mut u = [Vec3::zero(); A];
             for a in 0..A {
-                u[a] = get::<L>(&self.rod.gradients[g].g[a], i)
-                    + turn
-                    + get_mat::<L>(&inertia.j[a], i).tr_mul(push)
-                    - joint.u[a].tr_mul(answer);
+                u[a] =
+                    get::<L>(&out.u[g][a], i) + turn + get_mat::<L>(&inertia.j[a], i).tr_mul(push)
+                        - joint.u[a].tr_mul(answer);
             }
             p = [
                 turn + o.cross(push) - joint.x.tr_mul(answer),
@@ -892,17 +961,17 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             ];
             joint.arcs.backward::<true>(&mut u, &mut p);
             for a in 0..A {
-                put::<L>(&mut inertia.u[a], i, u[a]);
+                put::<L>(&mut out.u[g][a], i, u[a]);
             }
         }
         let mut x = [Vec3::zero(); 2];
         for k in 0..n {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let (state, inertia) = (&self.rod.states[g], &mut self.inertia[g]);
+            let (state, inertia) = (&self.rod.states[g], &self.inertia[g]);
             let joint = &self.joints[k];
             let mut answer = [Vec3::zero(); A];
             for a in 0..A {
-                answer[a] = get::<L>(&inertia.u[a], i);
+                answer[a] = get::<L>(&out.u[g][a], i);
             }
             let u = joint.arcs.forward(&answer, &x);
             let mut pulled = joint.x * x[0] + joint.t * x[1];
@@ -916,13 +985,78 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 pulled += joint.u[a] * u[a];
                 turn += u[a];
                 moved += get_mat::<L>(&inertia.j[a], i) * u[a];
-                put::<L>(&mut inertia.u[a], i, u[a]);
+                put::<L>(&mut out.u[g][a], i, u[a]);
             }
             let delta = -(joint.answer + joint.inverse * pulled);
-            put::<L>(&mut inertia.delta, i, delta);
+            put::<L>(&mut out.delta[g], i, delta);
             moved += delta + turn.cross(s.column(2) * splat(end));
             x = [s.tr_mul(turn), s.tr_mul(moved)];
             self.answer[k] = x;
+        }
+        self.columns[column] = out;
+    }
+
+    /// Measures the spans where forces balance, and their lengths at the end of the step.
+    #[inline(always)]
+    pub fn measure_spans(&mut self, angles: bool) {
+        self.rod.measure_spans(angles);
+        self.measure();
+    }
+
+    /// By modules and tendons, at the end of the step, m.
+    pub fn span_lengths(&self) -> &[f64] {
+        &self.next_spans
+    }
+
+    /// Of the tendons at the holes, where forces balance, rad.
+    pub fn angles(&self) -> &[f64] {
+        &self.rod.angles
+    }
+
+    pub fn rates(&self, column: usize) -> &[f64] {
+        &self.columns[column].rates
+    }
+
+    pub fn set_span_tensions(&mut self, tension: impl Fn(usize, usize) -> f64) {
+        self.rod.set_span_tensions(tension);
+    }
+
+    pub fn span_tension(&self, k: usize, i: usize) -> f64 {
+        self.rod.span_tension(k, i)
+    }
+
+    /// Answers a right-hand side by the present elimination and measured spans.
+    #[inline(always)]
+    pub fn respond(&mut self, column: usize, source: Option<Source>) {
+        self.substitute(column, source);
+        self.rate_spans(column);
+    }
+
+    /// How an answer changes the lengths of all spans at the end of the step; by the spans where
+    /// forces balance, which is near enough for Newton's method.
+    #[inline(always)]
+    fn rate_spans(&mut self, column: usize) {
+        let n = self.module_count();
+        let count = self.rod.tendons.len();
+        let ahead = L::Module::splat(1.0 / self.scheme.af);
+        let column = &mut self.columns[column];
+        for g in 0..self.next.len() {
+            let (mut turn, mut moved) = (Vec3::zero(), column.delta[g]);
+            for a in 0..A {
+                turn += column.u[g][a];
+                moved += self.inertia[g].j[a] * column.u[g][a];
+            }
+            for (j, tendon) in self.rod.tendons.iter().enumerate() {
+                let span = self.rod.span(g, j);
+                let rate = span.direction.dot(moved + turn.cross(span.arm)) * ahead;
+                for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
+                    let k = g * L::WIDTH + i;
+                    if k > tendon.end_disk {
+                        break;
+                    }
+                    column.rates[k * count + j] = L::get(&rate, i).lane(0);
+                }
+            }
         }
     }
 
@@ -974,10 +1108,13 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
         self.measure();
         let n = self.module_count();
-        let mut work = push.lane(0);
-        for (i, tension) in load.tensions.iter().enumerate() {
-            work -= tension * (self.next_lengths[i] - self.lengths[i]);
+        let mut pulled = 0.0;
+        let tendons = load.tensions.len();
+        for (at, (next, now)) in self.next_spans.iter().zip(&self.spans).enumerate() {
+            pulled -= self.rod.span_tension(at / tendons, at % tendons) * (next - now);
         }
+        self.tendon_work = pulled;
+        let mut work = push.lane(0) + pulled;
         let tip = self.next_place.points[n * A - 1] - self.place.points[n * A - 1];
         work += Vec3(load.tip_force).dot(plain(&tip));
         if load.tip_moment != [0.0; 3] {
@@ -1033,7 +1170,6 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     #[inline(always)]
     fn measure(&mut self) {
         let n = self.module_count();
-        self.next_lengths.fill(0.0);
         self.forward = f64::INFINITY;
         for g in 0..self.next.len() {
             let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
@@ -1059,7 +1195,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                     if g * L::WIDTH + i > tendon.end_disk {
                         break;
                     }
-                    self.next_lengths[j] += L::get(&length, i).lane(0);
+                    let at = (g * L::WIDTH + i) * t.tendons.len() + j;
+                    self.next_spans[at] = L::get(&length, i).lane(0);
                     if L::get(&t.tensions[j], i).lane(0) > 0.0 {
                         self.forward = -Real::max(-self.forward, -L::get(&forward, i).lane(0));
                     }
@@ -1090,6 +1227,14 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             gravity: -self.gravity.dot(weight).lane(0),
             ..Energies::default()
         }
+    }
+
+    /// Adds what the tendons did in the step that was finished beside pulling on the disks: their
+    /// own energy, and work and loss since the start.
+    pub fn account(&mut self, tendons: &Energies) {
+        self.next_energies.elastic += tendons.elastic;
+        self.next_energies.work += tendons.work;
+        self.next_energies.dissipated += tendons.dissipated;
     }
 
     /// Energies at the end of the step that was finished.
@@ -1178,7 +1323,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         self.fresh = false;
         std::mem::swap(&mut self.place, &mut self.next_place);
         std::mem::swap(&mut self.velocity, &mut self.next_velocity);
-        std::mem::swap(&mut self.lengths, &mut self.next_lengths);
+        std::mem::swap(&mut self.spans, &mut self.next_spans);
         self.energies = self.next_energies;
     }
 
@@ -1220,6 +1365,12 @@ pub struct Fields {
     pub tendon_length: Vec<f64>,
     /// By time, disk at its end and tendon; NaN where the tendon does not pass.
     pub span_length: Vec<f64>,
+    /// By time and tendon, of a robot that is driven through its lines: length taken in since
+    /// home, and length that hangs, m.
+    pub pull: Vec<f64>,
+    pub slack: Vec<f64>,
+    /// As `span_length`: where forces balanced in the last step, N.
+    pub span_tension: Vec<f64>,
 }
 
 impl Fields {
@@ -1241,6 +1392,7 @@ impl Fields {
             tension: room(tendons),
             tendon_length: room(tendons),
             span_length: room(if points > 0 { modules * tendons } else { 0 }),
+            ..Fields::default()
         }
     }
 
@@ -1284,7 +1436,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         out.time.push(time);
         out.energies.push(self.energies);
         out.tension.extend_from_slice(tensions);
-        out.tendon_length.extend_from_slice(&self.lengths);
+        for j in 0..tensions.len() {
+            let spans = self.spans.iter().skip(j).step_by(tensions.len());
+            out.tendon_length.push(spans.sum());
+        }
         if points == 0 {
             for k in 0..n {
                 let place = &self.place.points[k * A + A - 1];
@@ -1474,10 +1629,12 @@ impl<const A: usize> Motion<Scalar, A> {
         self.begin_at_rest();
         for _ in 0..30 {
             if self.residual() < 1e-10 * self.constants[0].stiffness[0] {
-                self.commit_at_rest();
+                self.commit_at_rest(0.0);
                 return true;
             }
-            self.improve(true);
+            self.ready(true);
+            self.substitute(0, None);
+            self.combine(&[1.0]);
         }
         false
     }
@@ -1523,7 +1680,7 @@ impl<const A: usize> Motion<Scalar, A> {
                 }
                 self.inertia[j].g_delta -= still_delta[j];
             }
-            self.substitute();
+            self.substitute(0, None);
             let mut start = [Vec3::zero(); 2];
             for j in 0..n {
                 let state = &self.rod.states[j];
@@ -1539,7 +1696,7 @@ impl<const A: usize> Motion<Scalar, A> {
                     let mut moved = start[1] + start[0].cross(place);
                     for i in 0..=a {
                         let lever = self.rod.gradients[j].r[i] + state.tail[a].skew();
-                        moved += lever * self.inertia[j].u[i];
+                        moved += lever * self.columns[0].u[j][i];
                     }
                     write(a, frame * moved);
                 }
@@ -1667,7 +1824,9 @@ mod tests {
                 motion.begin(duration, rho);
                 for _ in 0..12 {
                     motion.residual();
-                    motion.improve(true);
+                    motion.ready(true);
+                    motion.substitute(0, None);
+                    motion.combine(&[1.0]);
                 }
                 motion.residual();
                 motion.finish(&load);

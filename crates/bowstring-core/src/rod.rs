@@ -39,6 +39,7 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub tensions: Vec<L::Module>,
     /// By modules.
     pub eliminated: Vec<Eliminated<L::Chain, A, 1>>,
+    symmetric: bool,
     dead: Vec<[Vec3<L::Chain>; 4]>,
     /// Of the disks, base included.
     pub rotations: Vec<Mat3<L::Chain>>,
@@ -138,7 +139,7 @@ pub(crate) fn put_mat<L: Layout>(m: &mut Mat3<L::Module>, i: usize, c: &Mat3<L::
 
 /// A number for every module of a group; zero in idle lanes.
 #[inline(always)]
-fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) -> L::Module {
+pub(crate) fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) -> L::Module {
     if L::WIDTH == 1 {
         return L::Module::splat(of(g));
     }
@@ -184,6 +185,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             asked: vec![[Vec3::zero(); 2]; groups],
             tensions: vec![L::Module::zero(); groups * robot.tendon_count()],
             eliminated: vec![Eliminated::empty(); n],
+            symmetric: true,
             dead: vec![[Vec3::zero(); 4]; n],
             rotations: vec![Mat3::identity(); n + 1],
             positions: vec![Vec3::zero(); n],
@@ -356,6 +358,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn eliminate<const SYMMETRIC: bool>(&mut self, shift: L::Chain) -> L::Chain {
         let n = self.dead.len();
         // in its log chart a rotation sees a dead moment as a skew stiffness
+        self.symmetric = SYMMETRIC;
         let moment = self.rotations[n].tr_mul(self.tip_moment);
         let mut value = (moment * L::Chain::splat(-0.5)).skew();
         let mut least_pivot = L::Chain::splat(f64::INFINITY);
@@ -471,10 +474,15 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
+    /// Of a group and tendon, as measured last.
+    pub fn span(&self, g: usize, tendon: usize) -> &Span<L::Module> {
+        &self.spans[g * self.tendons.len() + tendon]
+    }
+
     /// Answer of the rod to a right-hand side, by the present elimination and measured spans: to
     /// its own gradient, or to a change of tension.
     #[inline(always)]
-    pub fn respond(&mut self, symmetric: bool, column: usize, source: Option<Source>) {
+    pub fn respond(&mut self, column: usize, source: Option<Source>) {
         let (n, count) = (self.dead.len(), self.tendons.len());
         let groups = self.states.len();
         while self.columns.len() <= column {
@@ -515,7 +523,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 answer[a] = get::<L>(&answer_of.u[g][a], i) + p;
             }
             let mut start = [p];
-            if symmetric {
+            if self.symmetric {
                 self.eliminated[k].backward::<true>(&mut answer, &mut start);
             } else {
                 self.eliminated[k].backward::<false>(&mut answer, &mut start);

@@ -375,6 +375,62 @@ mod tests {
         }
     }
 
+    /// Whatever stands beside it, and however many there are.
+    #[test]
+    fn a_section_is_derived_by_itself() {
+        let section = |radius: f64| Section {
+            radius,
+            area: 2.0,
+            modulus: 3.0 * radius,
+            shear: 0.7,
+            bending_compliance: [0.1, 0.2, 0.3],
+            force_compliance: [1e-3, 2e-3, 3e-3],
+        };
+        let sections = [section(0.5), section(0.25), section(1.0)];
+        let (times, stations) = (7, sections.len());
+        let numbers = |size: usize, seed: f64| -> Vec<f64> {
+            let each = (0..times * stations * size).map(|i| (seed * (i + 1) as f64).sin());
+            each.collect()
+        };
+        let (position, rotation) = (numbers(3, 1.0), numbers(9, 1.7));
+        let (force, mut moment) = (numbers(3, 2.3), numbers(3, 0.9));
+        moment[30..36].fill(0.0);
+        let given = Sections {
+            sections: &sections,
+            position: &position,
+            rotation: &rotation,
+            force: &force,
+            moment: &moment,
+        };
+        let (mut whole, mut one) = (Derived::default(), Derived::default());
+        derive(given, &mut whole);
+        for i in 0..times * stations {
+            let station = i % stations;
+            let alone = Sections {
+                sections: &sections[station..=station],
+                position: &position[3 * i..3 * i + 3],
+                rotation: &rotation[9 * i..9 * i + 9],
+                force: &force[3 * i..3 * i + 3],
+                moment: &moment[3 * i..3 * i + 3],
+            };
+            derive(alone, &mut one);
+            assert_eq!(one.von_mises[0], whole.von_mises[i]);
+            assert_eq!(one.angle[0], whole.angle[i]);
+            assert_eq!(one.place[..], whole.place[3 * i..3 * i + 3]);
+            assert_eq!(one.strain[..], whole.strain[3 * i..3 * i + 3]);
+            let three = |v: &[f64]| [v[3 * i], v[3 * i + 1], v[3 * i + 2]];
+            let [sigma, tau] = sections[station].stress(three(&force), three(&moment));
+            let [value, x, y] = largest_von_mises(sigma, tau);
+            assert!((one.von_mises[0] - value).abs() < 1e-14 * value);
+            let radius = sections[station].radius;
+            for q in 0..3 {
+                let turn = &alone.rotation[3 * q..];
+                let place = alone.position[q] + radius * (turn[0] * x + turn[1] * y);
+                assert!((one.place[q] - place).abs() < 1e-8);
+            }
+        }
+    }
+
     #[test]
     fn isotropic_and_still_sections() {
         assert_eq!(largest_von_mises([0.0; 3], [0.0; 3])[0], 0.0);

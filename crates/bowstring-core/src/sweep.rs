@@ -142,13 +142,7 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
 
     /// Negative eigenvalues of the arcs' pivots.
     pub fn negative_pivots(&self) -> usize {
-        let of = |inverse: &Mat3<T>| {
-            let (_, minors) = inverse.inverse_and_minors();
-            let signs = minors.map(|m| m.lane(0) < 0.0);
-            let before = [false, signs[0], signs[1]];
-            (0..3).filter(|&i| before[i] != signs[i]).count()
-        };
-        self.inverse.iter().map(of).sum()
+        self.inverse.iter().map(negative_pivots).sum()
     }
 
     /// Solves for the module's arcs alone.
@@ -201,6 +195,14 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         }
         u
     }
+}
+
+/// Negative eigenvalues of a symmetric matrix or its inverse, in the first lane.
+pub(crate) fn negative_pivots<T: Real>(matrix: &Mat3<T>) -> usize {
+    let (_, minors) = matrix.inverse_and_minors();
+    let signs = minors.map(|m| m.lane(0) < 0.0);
+    let before = [false, signs[0], signs[1]];
+    (0..3).filter(|&i| before[i] != signs[i]).count()
 }
 
 #[inline(always)]

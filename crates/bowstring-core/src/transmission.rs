@@ -1,0 +1,880 @@
+//! The laws of the tendons: pulls, slack, stretch, and friction at the holes.
+//!
+//! Unknown beside the strain are the tension of each tendon before its base hole, `T`, and at
+//! each hole `h` the drop `y` of its logarithm, so that span `k` carries
+//!
+//! `T_k = T exp(-(y_0 + ... + y_k))`
+//!
+//! For a tendon that is pulled by a length `p` from home, with `l` the length of a span, `a` its
+//! own compliance and `c` that of all before the base hole,
+//!
+//! `slack = home - p - sum (l_k - a_k T_k) + c T >= 0,  T >= 0,  slack T = 0`
+//!
+//! At a hole the tendon slips by `v`, positive towards the base, which is the loss of
+//! `sum (l_k - a_k T_k)` beyond it since the step before. Coulomb's law for a rope on a bend
+//! `beta` (Euler, Eytelwein) is `|y| <= mu beta`, with `y = mu beta` where `v > 0`, `y = -mu beta`
+//! where `v < 0`, and `v = 0` between. A step of the path is implicit.
+//!
+//! In a step of time that balances forces at a share `a` of the way, tensions are those of the
+//! balance and lengths those of the end. With `e_0`, `e_1` what a tendon is stretched by at the
+//! start, where it hangs zero, and at the end, where hanging counts as negative,
+//!
+//! `a slack = sum a_k T_k + c T - (1 - a) e_0 - a e_1`
+//!
+//! so that stretch gives back all its energy without numerical damping (`a = 1/2`: the work
+//! `T (e_1 - e_0)` is the gain of `e^2 / (2 c)`), a tendon that catches or lets go never adds any,
+//! and one that does not stretch is as long as it must be at the end of every step. With `a = 1`
+//! it is the law of statics.
+//!
+//! The rod's own elimination answers each unknown tension and each hole that sticks, and what is
+//! left is a small complementarity problem. How the bend changes the friction is not in Newton's
+//! matrix, which stays symmetric; it is taken from the present bend, and converges with a factor
+//! of about `mu` times the bend.
+
+use crate::complementarity::{Complementarity, Side};
+use crate::linalg::Vec3;
+use crate::load::{Load, Model, TendonPath, Theory};
+use crate::motion::Energies;
+use crate::robot::{InputError, Robot, Short};
+use crate::rod::Source;
+
+/// What the laws ask of a rod, at rest or in motion.
+pub(crate) trait Strung {
+    /// Measures all spans where forces balance and at the end of the step.
+    fn measure_spans(&mut self, angles: bool);
+    /// By modules and tendons, at the end of the step, m.
+    fn span_lengths(&self) -> &[f64];
+    /// Of the tendons at the holes, where forces balance, rad.
+    fn angles(&self) -> &[f64];
+    /// Answers a right-hand side by the present elimination: its own imbalance, or more tension.
+    fn respond(&mut self, column: usize, source: Option<Source>);
+    /// Change of the span lengths by an answer.
+    fn rates(&self, column: usize) -> &[f64];
+    fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64);
+    fn span_tension(&self, k: usize, i: usize) -> f64;
+}
+
+/// What lies between a motor and the robot's end of a tendon, and how the tendon rubs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// E A of the tendon, N; infinite if it does not stretch.
+    pub stiffness: f64,
+    /// Length of tendon before the base hole, m.
+    pub free_length: f64,
+    /// Of the transmission, m/N.
+    pub compliance: f64,
+    /// Coulomb's coefficient at every hole but the anchor.
+    pub friction: f64,
+    /// Tension in the home pose, where the pull is zero, N.
+    pub pretension: f64,
+}
+
+impl Default for Line {
+    /// Does not stretch, does not rub.
+    fn default() -> Self {
+        Line {
+            stiffness: f64::INFINITY,
+            free_length: 0.0,
+            compliance: 0.0,
+            friction: 0.0,
+            pretension: 0.0,
+        }
+    }
+}
+
+/// What a motor does to its tendon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Command {
+    /// Before the base hole, N.
+    Tension(f64),
+    /// Length taken in since home, m; negative if it is paid out.
+    Pull(f64),
+}
+
+/// Where a path has come to: all that friction remembers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// Before the base hole, N.
+    pub tensions: Vec<f64>,
+    /// By modules and tendons: drop of the logarithm of tension at the hole where the span
+    /// begins, and length of the span less its creep, m.
+    pub drops: Vec<f64>,
+    pub spans: Vec<f64>,
+    /// Taken in since home, m.
+    pub pulls: Vec<f64>,
+    /// Strain of the backbone, where the next step starts from.
+    pub(crate) strain: Vec<Vec3>,
+    pub(crate) slip: Vec<Slip>,
+    /// Of the last step; the load is gravity, tip force and tip moment.
+    pub commands: Vec<Command>,
+    pub load: [[f64; 3]; 3],
+}
+
+/// What a tendon does at a hole.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum Slip {
+    Towards,
+    Away,
+    #[default]
+    Sticks,
+}
+
+/// Lines, where their path has come to, and the scratch memory of a step.
+#[derive(Clone, Default)]
+pub(crate) struct Transmission {
+    pub lines: Vec<Line>,
+    modules: usize,
+    /// Module that each tendon ends in.
+    ends: Vec<usize>,
+    /// From base hole to anchor in the straight robot, and of the robot, m.
+    straight: Vec<f64>,
+    length: f64,
+    /// By modules and tendons: own compliance of a span, m/N.
+    stretch: Vec<f64>,
+    /// The same as friction sees it: never zero, as else many a hole that sticks could carry
+    /// any tension.
+    creep: Vec<f64>,
+    /// Of all before the base hole, m/N.
+    pub before: Vec<f64>,
+    /// Length less stretch at home, m.
+    home: Vec<f64>,
+    /// Pull by tension of the straight robot, about, m/N.
+    pub scale: f64,
+    /// Compliance that makes tensions unique where neither rod nor line does, m/N.
+    ridge: Vec<f64>,
+    pub rubs: bool,
+    pub now: History,
+    /// Length that is free of tension at zero pull, m; times `share`.
+    pub slack: Vec<f64>,
+    /// Change of a drop that is none; and slip that is none, m.
+    pub fine: f64,
+    pub rest: f64,
+    /// Where in a step forces balance; and at its start, what each tendon was stretched by, and
+    /// its length from base hole to anchor, m.
+    pub share: f64,
+    stretched: Vec<f64>,
+    routed: Vec<f64>,
+    pub problem: Complementarity,
+    /// Unknowns in the order of the columns.
+    unknowns: Vec<Unknown>,
+    /// Tension by modules that goes with a unit of each unknown.
+    profile: Vec<f64>,
+    coefficients: Vec<f64>,
+    /// By columns and holes: change of a tendon's length from there on, and its own give.
+    beyond: Vec<f64>,
+    give: Vec<f64>,
+    /// By holes of one tendon.
+    slipped: Vec<f64>,
+    /// By modules and tendons: most that friction may drop.
+    bounds: Vec<f64>,
+    /// Steps in which a hole has changed its mind.
+    pub doubts: usize,
+}
+
+#[derive(Clone, Copy)]
+enum Unknown {
+    /// Before the base hole.
+    Tension(usize),
+    /// What a hole that sticks lets through more than now.
+    Drop { tendon: usize, hole: usize },
+}
+
+impl Unknown {
+    fn tendon(self) -> usize {
+        match self {
+            Unknown::Tension(i) => i,
+            Unknown::Drop { tendon, .. } => tendon,
+        }
+    }
+
+    fn hole(self) -> usize {
+        match self {
+            Unknown::Tension(_) => 0,
+            Unknown::Drop { hole, .. } => hole,
+        }
+    }
+}
+
+/// Holes with friction: all that stick are unknown together, in a dense matrix.
+const MOST_HOLES: usize = 2000;
+/// Share of `scale` that every span stretches by before its holes slip.
+const CREEP: f64 = 1e-7;
+/// Share of `scale` far below which tensions are not told apart.
+const RIDGE: f64 = 2e-10;
+
+impl Transmission {
+    /// One line for each tendon; the home pose is still to be found.
+    pub fn new(robot: &Robot, model: Model, lines: &[Line]) -> Result<Self, InputError> {
+        let fail = |what: String| Err(InputError(what));
+        let (n, m) = (robot.module_count(), robot.tendon_count());
+        if lines.len() != m {
+            return fail(format!(
+                "{} lines were given, the robot has {m} tendons",
+                lines.len()
+            ));
+        }
+        if m == 0 {
+            return fail("a robot without tendons is not driven".into());
+        }
+        let rubbing = (0..m).filter(|&i| lines[i].friction > 0.0);
+        let holes: usize = rubbing.map(|i| robot.spec().tendons[i].end_disk + 1).sum();
+        if holes > MOST_HOLES {
+            return fail(format!(
+                "tendons rub at {holes} holes; this version solves friction at {MOST_HOLES} or fewer"
+            ));
+        }
+        if model.tendon == TendonPath::Continuous {
+            return fail(
+                "pulls, slack and friction need straight spans; a continuous tendon has none"
+                    .into(),
+            );
+        }
+        for (i, line) in lines.iter().enumerate() {
+            let place = i + 1;
+            if !(line.stiffness > 0.0) {
+                return fail(format!(
+                    "stiffness of tendon {place} is {} N, it must be positive",
+                    Short(line.stiffness)
+                ));
+            }
+            for (name, value) in [
+                ("free length", line.free_length),
+                ("compliance of the transmission", line.compliance),
+                ("friction coefficient", line.friction),
+                ("pretension", line.pretension),
+            ] {
+                if !(value >= 0.0 && value.is_finite()) {
+                    return fail(format!(
+                        "{name} of tendon {place} is {}, it must not be negative",
+                        Short(value)
+                    ));
+                }
+            }
+        }
+        let mut stretch = vec![0.0; n * m];
+        let mut start = 0.0;
+        for (k, disk) in robot.spec().disks.iter().enumerate() {
+            for (i, line) in lines.iter().enumerate() {
+                if k <= robot.spec().tendons[i].end_disk {
+                    stretch[k * m + i] = (disk.station - start) / line.stiffness;
+                }
+            }
+            start = disk.station;
+        }
+        let before: Vec<_> = lines
+            .iter()
+            .map(|line| line.compliance + line.free_length / line.stiffness)
+            .collect();
+        let holes = robot.spec().tendons.iter();
+        let widest = holes
+            .map(|t| t.hole[0].hypot(t.hole[1]))
+            .fold(0.0, f64::max);
+        let scale = widest * widest / robot.moment_scale();
+        let tendons = &robot.spec().tendons;
+        let rigid = |i: usize| before[i] == 0.0 && lines[i].stiffness.is_infinite();
+        // bending about two axes and extension tell three tendons apart
+        let crowded = |i: usize| {
+            let beside =
+                || (0..m).filter(|&j| rigid(j) && tendons[j].end_disk == tendons[i].end_disk);
+            beside().count() > 3 || beside().any(|j| j != i && tendons[j].hole == tendons[i].hole)
+        };
+        let ridge = (0..m)
+            .map(|i| {
+                if rigid(i) && (model.theory == Theory::Kirchhoff || crowded(i)) {
+                    RIDGE * scale
+                } else {
+                    0.0
+                }
+            })
+            .collect();
+        let passes = |at: usize| at / m <= robot.spec().tendons[at % m].end_disk;
+        let creep = (0..n * m)
+            .map(|at| {
+                if passes(at) {
+                    stretch[at].max(CREEP * scale)
+                } else {
+                    0.0
+                }
+            })
+            .collect();
+        let stations = &robot.spec().disks;
+        Ok(Transmission {
+            creep,
+            modules: n,
+            ends: tendons.iter().map(|t| t.end_disk).collect(),
+            straight: tendons
+                .iter()
+                .map(|t| stations[t.end_disk].station)
+                .collect(),
+            length: robot.length(),
+            stretch,
+            before,
+            scale,
+            home: vec![0.0; m],
+            slack: vec![0.0; m],
+            ridge,
+            rubs: lines.iter().any(|line| line.friction > 0.0),
+            lines: lines.to_vec(),
+            fine: 1e-13,
+            rest: 1e-12 * robot.length(),
+            share: 1.0,
+            stretched: vec![0.0; m],
+            routed: vec![0.0; m],
+            ..Transmission::default()
+        })
+    }
+
+    /// Takes a pose under the pretension alone as home, by its span lengths and strain; returns
+    /// the path that begins there, without friction yet.
+    pub fn go_home(&mut self, lengths: &[f64], strain: Vec<Vec3>) -> History {
+        let (n, m) = (self.modules, self.lines.len());
+        let tensions: Vec<_> = self.lines.iter().map(|line| line.pretension).collect();
+        let mut spans = vec![0.0; n * m];
+        for (k, span) in spans.iter_mut().enumerate() {
+            *span = lengths[k] - self.creep[k] * tensions[k % m];
+        }
+        for i in 0..m {
+            let stretched =
+                (0..n).map(|k| lengths[k * m + i] - self.stretch[k * m + i] * tensions[i]);
+            self.home[i] = stretched.sum::<f64>() - self.before[i] * tensions[i];
+        }
+        self.now = History {
+            commands: tensions.iter().map(|t| Command::Tension(*t)).collect(),
+            tensions,
+            drops: vec![0.0; n * m],
+            spans,
+            pulls: vec![0.0; m],
+            strain,
+            slip: vec![Slip::Sticks; n * m],
+            load: [[0.0; 3]; 3],
+        };
+        self.now.clone()
+    }
+
+    /// Whether a ridge holds what neither rod nor line does.
+    pub fn is_rigid(&self) -> bool {
+        self.ridge.iter().any(|r| *r > 0.0)
+    }
+
+    /// Compliance before the base hole, m/N.
+    fn compliance(&self, i: usize) -> f64 {
+        self.before[i] + self.ridge[i]
+    }
+
+    /// Pull that a tendon without slack has.
+    fn pull_of(&self, history: &History, i: usize) -> f64 {
+        let m = self.lines.len();
+        let (mut tension, mut routed) = (history.tensions[i], 0.0);
+        for at in (0..self.modules).map(|k| k * m + i) {
+            tension *= (-history.drops[at]).exp();
+            routed += history.spans[at] + (self.creep[at] - self.stretch[at]) * tension;
+        }
+        self.home[i] - routed + self.before[i] * history.tensions[i]
+    }
+
+    /// Pulls of the present state, as commanded or as the tensions give them.
+    pub fn note_pulls(&mut self) {
+        for i in 0..self.lines.len() {
+            self.now.pulls[i] = match self.now.commands[i] {
+                Command::Pull(p) => p,
+                Command::Tension(_) => self.pull_of(&self.now, i),
+            };
+        }
+    }
+
+    /// Checks commands and load against the robot.
+    pub fn check(
+        &self,
+        robot: &Robot,
+        commands: &[Command],
+        load: &Load,
+    ) -> Result<(), InputError> {
+        if commands.len() != self.lines.len() {
+            return Err(InputError(format!(
+                "{} commands were given, the robot has {} tendons",
+                commands.len(),
+                self.lines.len()
+            )));
+        }
+        let mut tensions = Vec::with_capacity(commands.len());
+        for (i, command) in commands.iter().enumerate() {
+            tensions.push(match *command {
+                Command::Tension(t) => t,
+                Command::Pull(p) => {
+                    let length = self.straight[i];
+                    if !p.is_finite() {
+                        return Err(InputError(format!(
+                            "pull of tendon {} is {} m, it must be a finite number",
+                            i + 1,
+                            Short(p)
+                        )));
+                    }
+                    if p >= length {
+                        return Err(InputError(format!(
+                            "pull of tendon {} is {} m, it must be less than the tendon's \
+                             length, {} m",
+                            i + 1,
+                            Short(p),
+                            Short(length)
+                        )));
+                    }
+                    0.0
+                }
+            });
+        }
+        Load {
+            tensions: &tensions,
+            ..*load
+        }
+        .check(robot)
+    }
+
+    /// Prepares a step from `old`.
+    pub fn start(&mut self, old: &History, commands: &[Command]) {
+        self.now.clone_from(old);
+        self.now.commands.copy_from_slice(commands);
+        for (i, command) in commands.iter().enumerate() {
+            if let Command::Tension(t) = command {
+                self.now.tensions[i] = *t;
+            }
+        }
+        self.doubts = 0;
+        // a step of a path that was broken off and gone on with is the same to the last digit
+        self.unknowns.clear();
+        self.problem.size = 0;
+        self.problem.side.clear();
+    }
+
+    /// Tensions of all spans by those before the base holes and the drops.
+    pub fn apply(&mut self, rod: &mut dyn Strung) {
+        let m = self.lines.len();
+        let now = &self.now;
+        if !self.rubs {
+            rod.set_span_tensions(&|_, i| now.tensions[i]);
+            return;
+        }
+        self.profile.resize(self.modules * m, 0.0);
+        for i in 0..m {
+            let mut drop = 0.0;
+            for k in 0..self.modules {
+                drop += now.drops[k * m + i];
+                self.profile[k * m + i] = now.tensions[i] * (-drop).exp();
+            }
+        }
+        let profile = &self.profile;
+        rod.set_span_tensions(&|k, i| profile[k * m + i]);
+    }
+
+    /// Lengths less stretch, and slack, at the present pose.
+    pub fn measure(&mut self, rod: &dyn Strung) {
+        let m = self.lines.len();
+        let lengths = rod.span_lengths();
+        for (k, span) in self.now.spans.iter_mut().enumerate() {
+            let creep = self.creep[k] * rod.span_tension(k / m, k % m);
+            *span = lengths[k] - creep;
+        }
+        for i in 0..m {
+            self.slack[i] = match self.now.commands[i] {
+                Command::Tension(_) => 0.0,
+                Command::Pull(p) => {
+                    let spans = (0..self.modules).map(|k| k * m + i);
+                    let carried: f64 = spans
+                        .map(|at| self.stretch[at] * rod.span_tension(at / m, i))
+                        .sum();
+                    let stretched = self.length_of(lengths, i) - self.home[i] + p;
+                    carried + self.compliance(i) * self.now.tensions[i]
+                        - (1.0 - self.share) * self.stretched[i]
+                        - self.share * stretched
+                }
+            };
+        }
+    }
+
+    /// Length of a tendon from base hole to anchor.
+    fn length_of(&self, lengths: &[f64], i: usize) -> f64 {
+        let m = self.lines.len();
+        (0..self.modules).map(|k| lengths[k * m + i]).sum()
+    }
+
+    /// Largest length by which a tendon is too short, or hangs while it pulls.
+    pub fn length_residual(&self) -> f64 {
+        let mut most: f64 = 0.0;
+        for (i, command) in self.now.commands.iter().enumerate() {
+            if let Command::Pull(_) = command {
+                let s = self.slack[i];
+                let miss = if self.now.tensions[i] > 0.0 {
+                    s.abs()
+                } else {
+                    -s
+                };
+                most = most.max(miss);
+            }
+        }
+        most / self.share
+    }
+
+    /// Friction at the present bend: who slips, who sticks, and the drops of those that slip.
+    /// False while that still changes.
+    ///
+    /// On a `fresh` path, where nothing stuck yet, a hole that slips the wrong way slips the other.
+    pub fn slide(&mut self, rod: &dyn Strung, old: &History, fresh: bool) -> bool {
+        let m = self.lines.len();
+        let rest = self.rest;
+        self.slipped.resize(self.modules, 0.0);
+        self.bounds.resize(self.modules * m, 0.0);
+        let (mut settled, mut sure) = (true, true);
+        for i in 0..m {
+            let line = self.lines[i];
+            let end = self.ends[i];
+            if line.friction == 0.0 {
+                continue;
+            }
+            // an inextensible line tells its base hole's slip; without one the drop stays
+            let from = if old.tensions[i] > 0.0 {
+                old.pulls[i]
+            } else {
+                self.pull_of(old, i)
+            };
+            let told = match self.now.commands[i] {
+                Command::Pull(to) if self.before[i] == 0.0 => Some(to - from),
+                _ => None,
+            };
+            let mut slipped = 0.0;
+            for k in (0..=end).rev() {
+                let at = k * m + i;
+                let creep = self.creep[at] * rod.span_tension(k, i);
+                slipped -= rod.span_lengths()[at] - creep - old.spans[at];
+                self.slipped[k] = slipped;
+            }
+            let hangs = self.now.tensions[i] == 0.0;
+            for k in 0..=end {
+                let at = k * m + i;
+                let slipped = self.slipped[k];
+                let bound = line.friction * rod.angles()[at];
+                let (before, slip) = (self.now.drops[at], self.now.slip[at]);
+                self.bounds[at] = bound;
+                let mut next = match slip {
+                    _ if fresh && slipped < -rest => Slip::Away,
+                    _ if fresh => Slip::Towards,
+                    Slip::Towards if slipped < -rest => Slip::Sticks,
+                    Slip::Away if slipped > rest => Slip::Sticks,
+                    _ => slip,
+                };
+                let mut drop = match next {
+                    Slip::Towards => bound,
+                    Slip::Away => -bound,
+                    Slip::Sticks => before.clamp(-bound, bound),
+                };
+                let mut sound = next == slip;
+                if k == 0 {
+                    if let Some(change) = told {
+                        (next, drop) = if change > 0.0 {
+                            (Slip::Towards, bound)
+                        } else if change < 0.0 {
+                            (Slip::Away, -bound)
+                        } else {
+                            (Slip::Towards, old.drops[at].clamp(-bound, bound))
+                        };
+                        sound = next == slip;
+                    }
+                }
+                if hangs {
+                    (next, drop) = (Slip::Towards, bound);
+                    sound = next == slip;
+                }
+                // the bend still moves, or a hole has changed its mind
+                settled &= (drop - before).abs() <= self.fine;
+                sure &= sound;
+                (self.now.slip[at], self.now.drops[at]) = (next, drop);
+            }
+        }
+        if !sure && !fresh {
+            self.doubts += 1;
+        }
+        settled && sure
+    }
+
+    /// Columns of the unknown tensions and drops, and the complementarity problem between them.
+    ///
+    /// `caution` is compliance that keeps tensions from running away. A `thorough` search asks
+    /// every hole, not only those that stick. `kept` columns of the tensions are not made anew.
+    pub fn gather(
+        &mut self,
+        rod: &mut dyn Strung,
+        old: &History,
+        caution: f64,
+        thorough: bool,
+        kept: bool,
+    ) {
+        let (n, m) = (self.modules, self.lines.len());
+        self.unknowns.clear();
+        for (i, command) in self.now.commands.iter().enumerate() {
+            if let Command::Pull(_) = command {
+                self.unknowns.push(Unknown::Tension(i));
+            }
+        }
+        if self.rubs {
+            for (i, tension) in self.now.tensions.iter().enumerate() {
+                if *tension == 0.0 || self.lines[i].friction == 0.0 {
+                    continue;
+                }
+                // where a pull tells the slip of the base hole, there is nothing to ask
+                let told =
+                    matches!(self.now.commands[i], Command::Pull(_)) && self.before[i] == 0.0;
+                for hole in usize::from(told)..=self.ends[i] {
+                    if thorough || self.now.slip[hole * m + i] == Slip::Sticks {
+                        self.unknowns.push(Unknown::Drop { tendon: i, hole });
+                    }
+                }
+            }
+        }
+        rod.respond(0, None);
+        let size = self.unknowns.len();
+        self.problem.resize(size);
+        // tension by modules of a unit of each unknown
+        self.profile.clear();
+        self.profile.resize(size * n, 0.0);
+        for (c, unknown) in self.unknowns.iter().enumerate() {
+            let part = &mut self.profile[c * n..(c + 1) * n];
+            let tendon = match *unknown {
+                Unknown::Tension(i) => {
+                    let mut drop = 0.0;
+                    let end = self.ends[i];
+                    for (k, t) in part.iter_mut().enumerate().take(end + 1) {
+                        drop += self.now.drops[k * m + i];
+                        *t = if drop == 0.0 { 1.0 } else { (-drop).exp() };
+                    }
+                    i
+                }
+                Unknown::Drop { tendon, hole } => {
+                    let per = 1.0 / rod.span_tension(hole, tendon);
+                    for k in hole..n {
+                        part[k] = rod.span_tension(k, tendon) * per;
+                    }
+                    tendon
+                }
+            };
+            let source = Source {
+                tendon,
+                tension: part,
+            };
+            if !kept || self.rubs {
+                rod.respond(c + 1, Some(source));
+            }
+        }
+        // change of every tendon's length from each hole on, by each column
+        let spans = n * m;
+        self.beyond.resize((size + 1) * spans, 0.0);
+        for (c, sums) in self
+            .beyond
+            .chunks_exact_mut(spans)
+            .enumerate()
+            .take(size + 1)
+        {
+            sums.copy_from_slice(rod.rates(c));
+            for at in (0..spans - m).rev() {
+                sums[at] += sums[at + m];
+            }
+        }
+        // own compliance of a tendon from each hole on, times each column
+        self.give.resize(size * n, 0.0);
+        for (c, column) in self.unknowns.iter().enumerate() {
+            let i = column.tendon();
+            let mut sum = 0.0;
+            for k in (0..n).rev() {
+                sum += self.creep[k * m + i] * self.profile[c * n + k];
+                self.give[c * n + k] = sum;
+            }
+        }
+        let (unknowns, profile) = (&self.unknowns, &self.profile);
+        let stretched = |c: usize| -> f64 {
+            let i = unknowns[c].tendon();
+            (0..n)
+                .map(|k| self.stretch[k * m + i] * profile[c * n + k])
+                .sum()
+        };
+        let problem = &mut self.problem;
+        for (r, row) in self.unknowns.iter().enumerate() {
+            let i = row.tendon();
+            let hole = row.hole();
+            let at = hole * m + i;
+            let share = match *row {
+                Unknown::Tension(_) => self.share,
+                Unknown::Drop { .. } => 1.0,
+            };
+            let mut q = -share * self.beyond[at];
+            match *row {
+                Unknown::Tension(_) => {
+                    q += self.slack[i];
+                    [problem.lower[r], problem.upper[r]] = [0.0, f64::INFINITY];
+                }
+                Unknown::Drop { .. } => {
+                    for k in hole..n {
+                        q -= self.now.spans[k * m + i] - old.spans[k * m + i];
+                    }
+                    let (tension, drop) = (rod.span_tension(hole, i), self.now.drops[at]);
+                    let bound = self.bounds[at];
+                    problem.lower[r] = tension * (drop - bound);
+                    problem.upper[r] = tension * (drop + bound);
+                    problem.side[r] = match self.now.slip[at] {
+                        Slip::Towards => Side::Lower,
+                        Slip::Away => Side::Upper,
+                        Slip::Sticks => Side::Between,
+                    };
+                }
+            }
+            for (c, column) in self.unknowns.iter().enumerate() {
+                let mut entry = -share * self.beyond[(c + 1) * spans + at];
+                if column.tendon() == i {
+                    entry += match (row, column) {
+                        (Unknown::Drop { .. }, _) => self.give[c * n + hole],
+                        (Unknown::Tension(_), Unknown::Drop { .. }) => stretched(c),
+                        (Unknown::Tension(_), Unknown::Tension(_)) => {
+                            stretched(c) + self.before[i] + self.ridge[i] + caution
+                        }
+                    };
+                }
+                problem.matrix[r * size + c] = entry;
+                if let Unknown::Tension(j) = *column {
+                    // tensions as they will be, drops by their change
+                    q -= entry * self.now.tensions[j];
+                }
+            }
+            problem.q[r] = q;
+        }
+    }
+
+    /// What each column takes part in the step with, its own imbalance first.
+    pub fn coefficients(&mut self) -> &[f64] {
+        self.coefficients.clear();
+        self.coefficients.push(1.0);
+        for (unknown, z) in self.unknowns.iter().zip(&self.problem.z) {
+            self.coefficients.push(match *unknown {
+                Unknown::Tension(i) => z - self.now.tensions[i],
+                Unknown::Drop { .. } => *z,
+            });
+        }
+        &self.coefficients
+    }
+
+    /// Moves tensions and drops by a fraction of the step that was found.
+    pub fn take(&mut self, rod: &mut dyn Strung, fraction: f64) {
+        let m = self.lines.len();
+        let answer = self.problem.z.iter().zip(&self.problem.side);
+        let steps = self.unknowns.iter().zip(&self.coefficients[1..]);
+        for ((unknown, step), (z, side)) in steps.zip(answer) {
+            match *unknown {
+                // what hangs has no tension, exactly
+                Unknown::Tension(i) if fraction == 1.0 => self.now.tensions[i] = *z,
+                Unknown::Tension(i) => self.now.tensions[i] += fraction * step,
+                Unknown::Drop { tendon, hole } => {
+                    let at = hole * m + tendon;
+                    self.now.drops[at] -= fraction * step / rod.span_tension(hole, tendon);
+                    self.now.slip[at] = match side {
+                        Side::Lower => Slip::Towards,
+                        Side::Upper => Slip::Away,
+                        Side::Between => Slip::Sticks,
+                    };
+                }
+            }
+        }
+        self.apply(rod);
+    }
+
+    /// What a step of time does to the tendons, the one that leads to the present pose: energy in
+    /// those that are pulled, and what motors did and was lost beside the tendons' `work` on the
+    /// robot, J.
+    pub fn energies(&self, rod: &dyn Strung, old: &History, work: f64) -> Energies {
+        let (mut before, mut after, mut motors) = (0.0, 0.0, 0.0);
+        for (i, command) in self.now.commands.iter().enumerate() {
+            let length = self.length_of(rod.span_lengths(), i);
+            match *command {
+                Command::Tension(t) => motors += t * (self.routed[i] - length),
+                Command::Pull(p) => {
+                    motors += self.now.tensions[i] * (p - old.pulls[i]);
+                    before += self.energy(i, self.stretched[i]);
+                    after += self.energy(i, length - self.home[i] + p);
+                }
+            }
+        }
+        Energies {
+            elastic: after,
+            work: motors - work,
+            dissipated: motors - work - (after - before),
+            ..Energies::default()
+        }
+    }
+
+    /// Of all of a line, m/N.
+    fn whole_compliance(&self, i: usize) -> f64 {
+        let m = self.lines.len();
+        let spans = (0..self.modules).map(|k| self.stretch[k * m + i]);
+        self.before[i] + spans.sum::<f64>()
+    }
+
+    /// Energy of a tendon that is stretched by a length.
+    fn energy(&self, i: usize, stretched: f64) -> f64 {
+        let compliance = self.whole_compliance(i);
+        if compliance > 0.0 && stretched > 0.0 {
+            0.5 * stretched * stretched / compliance
+        } else {
+            0.0
+        }
+    }
+
+    /// Tension by what a tendon is stretched by at the end of the last step, N; none where it
+    /// does not stretch.
+    pub fn tension_of_stretch(&self, i: usize) -> Option<f64> {
+        let compliance = self.whole_compliance(i);
+        (compliance > 0.0).then(|| self.stretched[i] / compliance)
+    }
+
+    /// Ends a step of time at the present pose; returns the energy in tendons that are pulled.
+    pub fn arrive(&mut self, rod: &dyn Strung) -> f64 {
+        let mut energy = 0.0;
+        for i in 0..self.lines.len() {
+            let length = self.length_of(rod.span_lengths(), i);
+            self.routed[i] = length;
+            (self.stretched[i], self.slack[i]) = match self.now.commands[i] {
+                Command::Tension(_) => (0.0, 0.0),
+                Command::Pull(p) => {
+                    let stretched = length - self.home[i] + p;
+                    let hangs = if self.now.tensions[i] > 0.0 {
+                        0.0
+                    } else {
+                        f64::max(-stretched, 0.0)
+                    };
+                    (f64::max(stretched, 0.0), hangs)
+                }
+            };
+            energy += self.energy(i, self.stretched[i]);
+        }
+        self.note_pulls();
+        energy
+    }
+
+    /// Largest length that a ridge made up for, m.
+    pub fn given_way(&self) -> f64 {
+        let give = |i: usize| self.ridge[i] * self.now.tensions[i];
+        (0..self.lines.len()).map(give).fold(0.0, f64::max)
+    }
+
+    /// Whether some tensions may grow together and nothing moves.
+    pub fn is_undetermined(&mut self) -> bool {
+        let problem = &mut self.problem;
+        let size = problem.size;
+        let entries = (0..size).map(|i| problem.matrix[i * size + i]);
+        let most = entries.fold(0.0, f64::max);
+        let hangs = 1e-12 * self.length;
+        for (r, unknown) in self.unknowns.iter().enumerate() {
+            problem.side[r] = match *unknown {
+                Unknown::Tension(i) if self.ridge[i] > 0.0 && self.slack[i] <= hangs => {
+                    Side::Between
+                }
+                _ => Side::Lower,
+            };
+            problem.matrix[r * size + r] -= 1e-9 * most;
+        }
+        problem.negative_eigenvalues() > 0
+    }
+}
