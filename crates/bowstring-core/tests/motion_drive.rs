@@ -26,14 +26,7 @@ fn lines(robot: &Robot, line: Line) -> Vec<Line> {
 }
 
 /// At rest in the equilibrium of commands.
-fn at_rest(
-    robot: &Robot,
-    model: Model,
-    s: Settings,
-    line: Line,
-    commands: &[Command],
-    load: &Load,
-) -> (Simulator, Drive) {
+fn at_rest(robot: &Robot, model: Model, s: Settings, line: Line, commands: &[Command], load: &Load) -> (Simulator, Drive) {
     let mut simulator = Simulator::new(robot, model, 1, s).unwrap();
     let mut drive = simulator.drive(&lines(robot, line)).unwrap();
     let outcome = drive.step(commands, load).unwrap();
@@ -50,23 +43,13 @@ fn pulls(values: &[f64]) -> Vec<Command> {
 fn explore() {
     let robot = study_robot(9, 0.0);
     let stiff = Line::default();
-    let elastic = Line {
-        stiffness: 3e4,
-        ..stiff
-    };
+    let elastic = Line { stiffness: 3e4, ..stiff };
     for (name, line) in [("stiff", stiff), ("elastic", elastic)] {
         for rho in [1.0, 0.8] {
             for h in [5e-3, 2e-3, 1e-3, 5e-4] {
                 let mut s = settings(h, rho);
                 s.damping.mass = 0.5;
-                let (mut sim, _) = at_rest(
-                    &robot,
-                    Model::default(),
-                    s,
-                    line,
-                    &pulls(&[0.0; 3]),
-                    &pull(&[0.0; 3]),
-                );
+                let (mut sim, _) = at_rest(&robot, Model::default(), s, line, &pulls(&[0.0; 3]), &pull(&[0.0; 3]));
                 let mut iterations = 0;
                 let mut steps = 0;
                 let mut f = Fields::default();
@@ -77,10 +60,7 @@ fn explore() {
                     let (st, count) = sim.advance(0.01, &pull(&[p, -p / 2.0, -p / 2.0])).unwrap();
                     iterations += count.iterations;
                     steps += count.steps;
-                    if st.is_some() {
-                        stop = st;
-                        break;
-                    }
+                    if st.is_some() { stop = st; break; }
                     sim.record(0, &mut f);
                 }
                 let wall = start.elapsed().as_secs_f64();
