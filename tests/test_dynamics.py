@@ -423,6 +423,7 @@ def test_bad_tables(times: Any, values: Any, text: str) -> None:
         ({"spectral_radius": 2.0}, "spectral radius is 2"),
         ({"elements": 3}, "elements is 3"),
         ({"dt": 1e-9, "duration": 1e-6}, "rounding would drown"),
+        ({"dt": 1e-300}, "time step is 1e-300 s; below"),
         ({"duration": 1e12}, "more than 1000000 outputs"),
         ({"tolerance": 0.0}, "tolerance is 0 m"),
         ({"spectral_radius": None}, "spectral_radius is None"),

@@ -30,9 +30,9 @@ def chunk(number, times=20, robot=ROBOT):
     return made_frames(robot, 0.01 * np.arange(number * times, (number + 1) * times))
 
 
-@pytest.mark.parametrize(("name", "block"), [("amouri2019", 10_000), ("rao2021", 500)])
-def test_a_run_in_chunks_is_the_dataset(tmp_path, name, block, monkeypatch):
-    monkeypatch.setattr("bowstring.runfile._BLOCK", block)  # 500: long chunks are split
+@pytest.mark.parametrize(("name", "piece"), [("amouri2019", 10_000_000), ("rao2021", 40_000)])
+def test_a_run_in_chunks_is_the_dataset(tmp_path, name, piece, monkeypatch):
+    monkeypatch.setattr("bowstring.runfile._PIECE", piece)  # 40 kB: long chunks are split
     robot = load_robot(name)
     path = tmp_path / "run.nc"
     run = RunFile.open(path, robot, SETTINGS)

@@ -193,6 +193,22 @@ def flexibility(
     elements: int,
 ) -> tuple[str, bool | None, Floats | None, Floats | None, int]: ...
 def von_mises(sigma: Floats, tau: Floats) -> Floats: ...
+def surface_stress(sections: Floats, force: Floats, moment: Floats) -> Floats: ...
+def derive(
+    sections: Floats, position: Floats, rotation: Floats, force: Floats, moment: Floats
+) -> dict[str, Floats]: ...
+def write_records(
+    sections: Floats,
+    station: Floats,
+    time: Floats,
+    position: Floats,
+    rotation: Floats,
+    force: Floats,
+    moment: Floats,
+    others: list[Floats],
+    first: int,
+    out: NDArray[np.uint8],
+) -> None: ...
 
 @final
 class Solution:

@@ -552,9 +552,9 @@ def _deaf() -> Iterator[None]:
             for number in (signal.SIGINT, signal.SIGTERM)
             if signal.getsignal(number) is signal.default_int_handler
         ]
-    for number in heard:
-        signal.signal(number, signal.SIG_IGN)
     try:
+        for number in heard:
+            signal.signal(number, signal.SIG_IGN)
         yield
     finally:
         for number in heard:

@@ -1,8 +1,8 @@
 """Fields of a run: curvature, strain, stress, pull and energy, labelled and with units.
 
-`derive` turns raw output (`Frames`) into arrays, many output times at once, and knows no labels: it
-is the quick path that `bowstring.runfile` writes. `to_dataset` adds the labels. Both use one table,
-`FIELDS`, so that a file and a dataset agree.
+`derive` turns raw output (`Frames`) into arrays, many output times at once, and knows no labels.
+`Records` packs the same into bytes: the quick path that `bowstring.runfile` writes. `to_dataset`
+adds the labels. All use one table, `FIELDS`, so that a file and a dataset agree.
 
 Body axes of a section: z along the tangent, x and y along those of the base when it is straight.
 Force and moment are those that the part beyond exerts on the section, so a positive force z is
@@ -31,6 +31,7 @@ __all__ = [
     "SCHEMA_VERSION",
     "Field",
     "Frames",
+    "Records",
     "Section",
     "attributes",
     "check_frames",
@@ -38,7 +39,6 @@ __all__ = [
     "derive",
     "section",
     "surface_stress",
-    "times",
     "to_dataset",
     "von_mises",
 ]
@@ -210,23 +210,23 @@ class Section:
             slide = 1.0 / robot.shear_stiffness
             stretch = 1.0 / robot.axial_stiffness
             self.force_compliance = np.stack([slide, slide, stretch], axis=1)[segment] * free
+        # as the core takes them, one row a section
+        self.columns: Floats = np.column_stack(
+            [
+                self.radius,
+                self.area,
+                self.modulus,
+                self.shear,
+                self.bending_compliance,
+                self.force_compliance,
+            ]
+        )
 
 
 def section(robot: Robot, frames: Frames, settings: Mapping[str, Any]) -> Section:
     """The sections for the settings of a run (``theory``, ``twist``)."""
     theory, twist = settings.get("theory", "cosserat"), bool(settings.get("twist", True))
     return Section(robot, frames.station, frames.module, theory, twist)
-
-
-def times(frames: Frames, part: slice) -> Frames:
-    """The frames of some output times."""
-    fixed = ("station", "module")
-    return Frames(
-        **{
-            name: getattr(frames, name) if name in fixed else getattr(frames, name)[part]
-            for name in Frames.__dataclass_fields__
-        }
-    )
 
 
 def check_frames(robot: Robot, frames: Frames) -> None:
@@ -283,11 +283,10 @@ def surface_stress(sec: Section, force: Floats, moment: Floats) -> tuple[Floats,
         ``a + b cos(psi) + c sin(psi)``; sigma along the tangent, positive in tension, tau on the
         section in the direction of growing psi. Transverse shear follows the parabolic law.
     """
-    fx, fy, fz = np.ascontiguousarray(np.moveaxis(force, -1, 0))
-    mx, my, mz = np.ascontiguousarray(np.moveaxis(moment, -1, 0))
-    sigma = np.stack([fz / sec.area, -my / sec.modulus, mx / sec.modulus])
-    tau = np.stack([mz / (2.0 * sec.modulus), fy * sec.shear, -fx * sec.shear])
-    return sigma, tau
+    from bowstring import _core
+
+    found = _core.surface_stress(sec.columns, _floats(force), _floats(moment))
+    return found[0], found[1]
 
 
 def von_mises(sigma: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
@@ -305,7 +304,8 @@ def von_mises(sigma: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
     """
     from bowstring import _core
 
-    found = _core.von_mises(sigma.reshape(3, -1), tau.reshape(3, -1)).reshape(sigma.shape)
+    rows = (_floats(v).reshape(3, -1) for v in (sigma, tau))
+    found = _core.von_mises(*rows).reshape(sigma.shape)
     return found[0], found[1], found[2]
 
 
@@ -328,37 +328,75 @@ def derive(
     -------
     dict from name to ndarray (T, ...)
     """
-    sigma, tau = surface_stress(sec, frames.force, frames.moment)
-    value, cosine, sine = von_mises(sigma, tau)
-    axial = sigma[0]
-    bending = np.sqrt(sigma[1] * sigma[1] + sigma[2] * sigma[2])
-    rotation = frames.rotation
-    arm_x, arm_y = (sec.radius * cosine)[..., None], (sec.radius * sine)[..., None]
-    place = frames.position + rotation[..., 0] * arm_x + rotation[..., 1] * arm_y
+    from bowstring import _core
+
+    out = _core.derive(sec.columns, *_vectors(frames))
+    value, place = out["von_mises"], out["von_mises_place"]
     times, top = np.arange(len(frames.time)), value.argmax(axis=1)
+    out["von_mises_max"] = value[times, top]
+    out["von_mises_max_arc_length"] = frames.station[top]
+    out["von_mises_max_place"] = place[times, top]
+    out |= _of_whole(robot, frames, energy_at_start)
+    return {f.name: getattr(frames, f.name) if f.name in _RAW else out[f.name] for f in FIELDS}
+
+
+class Records:
+    """Output times as the file of a run has them: fields are derived as they are packed.
+
+    A record is time and all of `FIELDS` in their order, most significant byte first.
+
+    Parameters
+    ----------
+    robot, frames, sec, energy_at_start
+        As of `derive`, whose values these are.
+
+    """
+
+    def __init__(
+        self, robot: Robot, frames: Frames, sec: Section, energy_at_start: float | None = None
+    ) -> None:
+        whole = _of_whole(robot, frames, energy_at_start)
+        names = [f.name for f in FIELDS]
+        # those of sections come first, with what the core derives of them
+        beside = names[names.index("von_mises_max_place") + 1 :]
+        self._sections = sec.columns
+        self._station, self._time = _floats(frames.station), _floats(frames.time)
+        self._vectors = _vectors(frames)
+        self._beside = [_floats(whole[n] if n in whole else getattr(frames, n)) for n in beside]
+
+    def pack(self, first: int, out: NDArray[np.uint8]) -> None:
+        """Fill ``out`` with whole records from the output time number ``first`` on."""
+        from bowstring import _core
+
+        _core.write_records(
+            self._sections, self._station, self._time, *self._vectors, self._beside, first, out
+        )
+
+
+def _of_whole(robot: Robot, frames: Frames, energy_at_start: float | None) -> dict[str, Floats]:
+    """What is derived of other than sections."""
     energy = frames.kinetic_energy + frames.elastic_energy + frames.gravity_energy
     balance = energy - frames.work + frames.dissipated_energy
     if energy_at_start is None:
         energy_at_start = balance[0] if len(balance) else 0.0
-    out = {
-        "curvature": frames.moment * sec.bending_compliance,
-        "strain": frames.force * sec.force_compliance,
-        "axial_stress": axial,
-        "bending_stress": bending,
-        "normal_stress": bending + np.abs(axial),
-        "shear_stress": np.sqrt(tau[1] * tau[1] + tau[2] * tau[2]),
-        "torsion_stress": np.abs(tau[0]),
-        "von_mises": value,
-        "von_mises_angle": np.arctan2(sine, cosine),
-        "von_mises_place": place,
-        "von_mises_max": value[times, top],
-        "von_mises_max_arc_length": frames.station[top],
-        "von_mises_max_place": place[times, top],
+    return {
         "tip_displacement": frames.disk_position[:, -1] - (0.0, 0.0, robot.length),
         "pull": robot.disks.station_m[robot.tendons.end_disk] - frames.tendon_length,
         "energy_balance": balance - energy_at_start,
     }
-    return {f.name: getattr(frames, f.name) if f.name in _RAW else out[f.name] for f in FIELDS}
+
+
+def _vectors(frames: Frames) -> tuple[Floats, Floats, Floats, Floats]:
+    return (
+        _floats(frames.position),
+        _floats(frames.rotation),
+        _floats(frames.force),
+        _floats(frames.moment),
+    )
+
+
+def _floats(values: Floats) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float64)
 
 
 def coordinates(robot: Robot, frames: Frames) -> dict[str, tuple[str, Any, dict[str, str]]]:

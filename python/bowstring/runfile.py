@@ -15,11 +15,13 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import functools
+import math
 import os
 import shutil
 import struct
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
@@ -28,7 +30,7 @@ import numpy as np
 
 from bowstring import fields
 from bowstring.errors import InputError
-from bowstring.fields import FIELDS, Field, Frames, Section
+from bowstring.fields import FIELDS, Field, Frames, Records, Section
 from bowstring.files import check_parent
 from bowstring.robot import Robot
 
@@ -44,7 +46,7 @@ _DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
 _STATUS_BYTES: Final = 32
 _REASON_BYTES: Final = 1024
 _PAGE: Final = 4096
-_BLOCK: Final = 4000  # stations times times; more at once leave the cache
+_PIECE: Final = 100_000  # bytes written at once; more are memory that the system has to clear
 _LARGEST: Final = 2**31 - 4
 _OURS: Final = b"bowstring_version"
 
@@ -180,9 +182,7 @@ class RunFile:
             )
         elif not np.array_equal(frames.station, self._station):
             raise InputError("the stations of a run must be the same at all its times")
-        block = max(1, _BLOCK // len(frames.station))
-        for start in range(0, len(frames.time), block):
-            self._add(fields.times(frames, slice(start, start + block)))
+        self._add(frames)
 
     def finish(self, status: str = "converged", reason: str = "") -> None:
         """Say how the run ended and close the file; a second call does nothing.
@@ -232,32 +232,40 @@ class RunFile:
         self._header = _Header(self._attributes, fields.coordinates(robot, frames), FIELDS)
 
     def _add(self, frames: Frames) -> None:
-        values = fields.derive(self._robot, frames, self._section, self._energy)
-        table = np.empty((len(frames.time), self._header.record // 8), dtype=">f8")
-        table[:, 0] = frames.time
-        start = 1
-        for field in FIELDS:
-            block = values[field.name].reshape(len(table), -1)
-            table[:, start : start + block.shape[1]] = block
-            start += block.shape[1]
-        head = (self._records + len(table), float(frames.time[-1]))
+        records = Records(self._robot, frames, self._section, self._energy)
+        pieces = self._pieces(records, len(frames.time))
+        head = (self._records + len(frames.time), float(frames.time[-1]))
         try:
             if self._records == 0:
-                self._replace(self._header.bytes("running", "", *head) + table.tobytes())
+                self._replace(self._header.bytes("running", "", *head), pieces)
             else:
                 here = self._header.size + self._records * self._header.record
-                self._write(here, table.view(np.uint8).data.cast("B"))
+                for piece in pieces:
+                    self._write(here, piece)
+                    here += len(piece)
                 self._write(4, self._header.head("running", "", *head))
         except OSError as error:
             self._give_up(error)
         self._records, self.complete_to = head
 
-    def _replace(self, content: bytes) -> None:
+    def _pieces(self, records: Records, count: int) -> Iterator[memoryview]:
+        """The bytes of records, some at a time; each piece takes the place of the last."""
+        size = self._header.record
+        most = max(1, _PIECE // size)
+        room = np.empty(min(most, count) * size, dtype=np.uint8)
+        for first in range(0, count, most):
+            piece = room[: min(most, count - first) * size]
+            records.pack(first, piece)
+            yield piece.data
+
+    def _replace(self, header: bytes, content: Iterable[memoryview] = ()) -> None:
         """Put a new file in place, whole, and go on in it."""
         handle, name = tempfile.mkstemp(prefix=f".{self.path.name}-", dir=self.path.parent)
         try:
             with os.fdopen(handle, "wb") as new:
-                new.write(content)
+                new.write(header)
+                for piece in content:
+                    new.write(piece)
             umask = os.umask(0)
             os.umask(umask)
             os.chmod(name, 0o666 & ~umask)
@@ -376,9 +384,7 @@ class _Header:
         sizes = {"time": 0, "letter": 1} if coordinates else {}  # 0: the one that grows
         for dim, values, _ in coordinates.values():
             sizes[dim] = len(values)
-        names = list(sizes)
-        where = ["arc_length module segment", "disk_arc_length"]
-        aside = {"station": where[0], "disk": where[1]}  # CF: coordinates that are not dimensions
+        places = {dim: _int(i) for i, dim in enumerate(sizes)}
         fixed, rows = [], []
         for name, (dim, values, attrs) in coordinates.items():
             kind, dims = {"U": (_CHAR, [dim, "letter"]), "i": (_INT, [dim]), "f": (_DOUBLE, [dim])}[
@@ -387,34 +393,24 @@ class _Header:
             raw = values.astype({_CHAR: "S1", _INT: ">i4", _DOUBLE: ">f8"}[kind]).tobytes()
             fixed.append(_pad(raw))
             encoding = {"_Encoding": "utf-8"} if kind == _CHAR else {}
-            rows.append((name, dims, kind, {**attrs, **encoding}))
+            rows.append((name, dims, kind, _listed({**attrs, **encoding})))
         grown = []
         if coordinates:
-            rows.append(("time", ["time"], _DOUBLE, fields.TIME))
+            rows.append(("time", ["time"], _DOUBLE, _listed(fields.TIME)))
             grown.append(8)
         for field in variables:
-            dims = ["time", *field.dims]
-            attrs = fields.field_attributes(field)
-            beside = " ".join(aside[dim] for dim in dims if dim in aside)
-            if beside:
-                attrs["coordinates"] = beside
-            rows.append((field.name, dims, _DOUBLE, attrs))
-            grown.append(8 * int(np.prod([sizes[dim] for dim in field.dims])))
+            rows.append((field.name, ["time", *field.dims], _DOUBLE, _described(field)))
+            grown.append(8 * math.prod(sizes[dim] for dim in field.dims))
         self.record = sum(grown)
         if max(grown, default=0) > _LARGEST:
             raise InputError("a run of so many stations does not fit its file; take fewer")
         lengths = [len(raw) for raw in fixed] + grown
 
         table = [struct.pack(">ii", _VARIABLES if rows else 0, len(rows))]
-        for name, dims, kind, attrs in rows:
-            table.append(
-                _name(name)
-                + struct.pack(f">{1 + len(dims)}i", len(dims), *map(names.index, dims))
-                + struct.pack(">ii", _ATTRIBUTES, len(attrs))
-                + b"".join(_text(key, value) for key, value in attrs.items())
-                + struct.pack(">i", kind)
-            )
-        dimensions = struct.pack(">ii", _DIMENSIONS if names else 0, len(names))
+        for name, dims, kind, listed in rows:
+            over = b"".join([_int(len(dims)), *(places[dim] for dim in dims)])
+            table.append(b"".join([_name(name), over, listed, _int(kind)]))
+        dimensions = struct.pack(">ii", _DIMENSIONS if sizes else 0, len(sizes))
         for name, size in sizes.items():
             dimensions += _name(name) + struct.pack(">i", size)
         self._dimensions = dimensions
@@ -458,13 +454,32 @@ def _ending(status: str, reason: str) -> bytes:
     return _text("status", status, _STATUS_BYTES) + _text("reason", reason, _REASON_BYTES)
 
 
+@functools.cache
+def _described(field: Field) -> bytes:
+    """Attributes of a variable over time: the same in every file."""
+    # CF: coordinates that are not dimensions
+    aside = {"station": "arc_length module segment", "disk": "disk_arc_length"}
+    beside = " ".join(aside[dim] for dim in field.dims if dim in aside)
+    attrs = fields.field_attributes(field)
+    return _listed(attrs | {"coordinates": beside} if beside else attrs)
+
+
+def _listed(attributes: Mapping[str, str]) -> bytes:
+    texts = [_text(key, value) for key, value in attributes.items()]
+    return b"".join([_int(_ATTRIBUTES), _int(len(texts)), *texts])
+
+
+def _int(value: int) -> bytes:
+    return value.to_bytes(4, "big")
+
+
 def _pad(raw: bytes) -> bytes:
     return raw + bytes(-len(raw) % 4)
 
 
 def _name(name: str) -> bytes:
     raw = name.encode()
-    return struct.pack(">i", len(raw)) + _pad(raw)
+    return _int(len(raw)) + _pad(raw)
 
 
 def _text(name: str, value: str, room: int = 0) -> bytes:
@@ -472,4 +487,4 @@ def _text(name: str, value: str, room: int = 0) -> bytes:
     raw = value.encode()
     if room:
         raw = raw[:room].decode(errors="ignore").encode().ljust(room, b"\0")
-    return _name(name) + struct.pack(">ii", _CHAR, len(raw)) + _pad(raw)
+    return _name(name) + _int(_CHAR) + _int(len(raw)) + _pad(raw)

@@ -5,7 +5,7 @@ use crate::engine::{self, Moving};
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, OwnedLoad};
 pub use crate::motion::{Damping, Energies, Fields};
-use crate::robot::{InputError, Robot};
+use crate::robot::{InputError, Robot, Short};
 use crate::statics::{self, Outcome, Solver, Status};
 use crate::transmission::Transmission;
 
@@ -434,13 +434,15 @@ impl Simulator {
         ] {
             if !(value.is_finite() && value >= 0.0) {
                 return Err(InputError(format!(
-                    "{name} is {value} {unit}, it must not be negative"
+                    "{name} is {} {unit}, it must not be negative",
+                    Short(value)
                 )));
             }
         }
         if !(0.0..=1.0).contains(&spectral_radius) {
             return Err(InputError(format!(
-                "spectral radius is {spectral_radius}, it must lie from 0 (damps fast oscillations at once) to 1 (damps nothing)"
+                "spectral radius is {}, it must lie from 0 (damps fast oscillations at once) to 1 (damps nothing)",
+                Short(spectral_radius)
             )));
         }
         let lengths: &[(&str, f64)] = match &step {
@@ -452,7 +454,8 @@ impl Simulator {
         for (name, value) in lengths {
             if !(value.is_normal() && *value > 0.0) {
                 return Err(InputError(format!(
-                    "{name} is {value}, it must be positive"
+                    "{name} is {}, it must be positive",
+                    Short(*value)
                 )));
             }
         }
@@ -468,7 +471,8 @@ impl Simulator {
         if let Step::Fixed(step) = step {
             if step < shortest {
                 return Err(InputError(format!(
-                    "time step is {step} s; below {shortest:.1e} s rounding would drown the motion of this robot"
+                    "time step is {} s; below {shortest:.1e} s rounding would drown the motion of this robot",
+                    Short(step)
                 )));
             }
         }
@@ -726,7 +730,8 @@ impl Simulator {
         self.check(load)?;
         if !(duration.is_finite() && duration >= 0.0) {
             return Err(InputError(format!(
-                "duration is {duration} s, it must not be negative"
+                "duration is {} s, it must not be negative",
+                Short(duration)
             )));
         }
         std::mem::swap(&mut self.march.from, &mut self.march.to);

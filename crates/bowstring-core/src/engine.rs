@@ -293,6 +293,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn finish(&mut self, load: &Load);
     fn local_error(&mut self) -> f64;
     fn commit(&mut self);
+    fn record(&mut self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
 
     fn begin_at_rest(&mut self);
     fn commit_at_rest(&mut self, tendons: f64);
@@ -312,7 +313,6 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn tendon_work(&self) -> f64;
     fn account(&mut self, tendons: &Energies);
     fn is_stable(&self, held: usize) -> bool;
-    fn record(&mut self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
 }
 
 /// The same for a moving rod.
@@ -328,6 +328,9 @@ macro_rules! moving {
             hot!([$($generic)*] $motion, [$($feature)?]; finish(load: &Load) -> () |motion| motion.finish(load));
             hot!([$($generic)*] $motion, [$($feature)?]; local_error() -> f64 |motion| Motion::local_error(motion));
             hot!([$($generic)*] $motion, [$($feature)?]; commit() -> () |motion| motion.commit());
+            hot!([$($generic)*] $motion, [$($feature)?]; record(time: f64, tensions: &[f64], points: usize, out: &mut Fields) -> () |motion| {
+                Motion::record(motion, time, tensions, points, out)
+            });
 
             fn begin_at_rest(&mut self) {
                 Motion::begin_at_rest(self);
@@ -382,9 +385,6 @@ macro_rules! moving {
             }
             fn is_stable(&self, held: usize) -> bool {
                 Motion::is_stable(self, held)
-            }
-            fn record(&mut self, time: f64, tensions: &[f64], points: usize, out: &mut Fields) {
-                Motion::record(self, time, tensions, points, out);
             }
         }
 

@@ -142,6 +142,7 @@ impl<T: Real> ArcMap<T> {
     }
 
     /// Length of the arc.
+    #[inline(always)]
     pub fn length(&self) -> T {
         self.length
     }

@@ -1,6 +1,6 @@
 //! Loads and the choice of physics.
 
-use crate::robot::{InputError, Robot};
+use crate::robot::{InputError, Robot, Short};
 
 /// Rod theory of the backbone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,8 +108,9 @@ impl Load<'_> {
         for (i, t) in self.tensions.iter().enumerate() {
             if !(t.is_finite() && *t >= 0.0) {
                 return Err(InputError(format!(
-                    "tension of tendon {} is {t} N, a tendon can only pull: give zero or more",
-                    i + 1
+                    "tension of tendon {} is {} N, a tendon can only pull: give zero or more",
+                    i + 1,
+                    Short(*t)
                 )));
             }
         }

@@ -174,6 +174,7 @@ pub(crate) struct Response<T, const A: usize> {
 const MAX_ROUNDS: usize = 12;
 
 impl<T: Real, const A: usize> State<T, A> {
+    #[inline(always)]
     pub fn straight() -> Self {
         let zero = Vec3::zero();
         State {
@@ -590,20 +591,23 @@ impl<const A: usize> State<f64, A> {
         let on = along - along.clamp(0.0, c.flexible);
         Vec3([0.0, 0.0, start]) + place + turn.column(2) * on
     }
+}
 
+impl<T: Real, const A: usize> State<T, A> {
     /// Place and orientation of a section at a fraction of the flexible part, from its start.
-    pub fn section(&self, fraction: f64) -> (Vec3, Mat3) {
+    #[inline(always)]
+    pub fn section(&self, fraction: f64) -> (Vec3<T>, Mat3<T>) {
         let fraction = fraction.clamp(0.0, 1.0);
         let at = fraction * A as f64;
         let i = (at as usize).min(A - 1);
-        let part = at - i as f64;
+        let part = T::splat(at - i as f64);
         let arc = ArcMap::new(self.w[i] * part, self.arcs[i].length() * part);
-        let mut from = Vec3::zero();
+        let mut from = (self.rho - self.rho0) * T::splat(fraction);
         for j in 0..i {
             from += self.prefix[j] * self.arcs[j].end;
         }
-        let place = from + self.prefix[i] * arc.end + (self.rho - self.rho0) * fraction;
-        (place, self.prefix[i] * arc.rotation)
+        let prefix = self.prefix[i];
+        (from + prefix * arc.end, prefix * arc.rotation)
     }
 }
 

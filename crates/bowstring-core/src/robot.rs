@@ -13,6 +13,20 @@ impl fmt::Display for InputError {
 }
 impl std::error::Error for InputError {}
 
+/// A number for a sentence: short also where it is tiny or huge.
+pub(crate) struct Short(pub f64);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Short(x) = self;
+        if *x == 0.0 || !x.is_finite() || (1e-5..1e16).contains(&x.abs()) {
+            write!(f, "{x}")
+        } else {
+            write!(f, "{x:e}")
+        }
+    }
+}
+
 /// Elastic section of the backbone in one segment; SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
@@ -102,7 +116,8 @@ impl Robot {
             ] {
                 if !(value.is_finite() && value > 0.0) {
                     return fail(format!(
-                        "segment {i}: {name} is {value}, it must be positive"
+                        "segment {i}: {name} is {}, it must be positive",
+                        Short(value)
                     ));
                 }
             }
@@ -112,7 +127,8 @@ impl Robot {
             ] {
                 if !(value.is_finite() && value >= 0.0) {
                     return fail(format!(
-                        "segment {i}: {name} is {value}, it must not be negative"
+                        "segment {i}: {name} is {}, it must not be negative",
+                        Short(value)
                     ));
                 }
             }
@@ -122,8 +138,9 @@ impl Robot {
         for (i, d) in spec.disks.iter().enumerate() {
             if !(d.station.is_finite() && d.station > station) {
                 return fail(format!(
-                    "disk {i} is at {} m, it must lie beyond {station} m, where the one before it is",
-                    d.station
+                    "disk {i} is at {} m, it must lie beyond {} m, where the one before it is",
+                    Short(d.station),
+                    Short(station)
                 ));
             }
             let next = if i == 0 { 0 } else { segment + 1 };
@@ -136,13 +153,13 @@ impl Robot {
             if !(d.clamped_length.is_finite() && d.clamped_length >= 0.0) {
                 return fail(format!(
                     "disk {i}: clamped length is {} m, it must not be negative",
-                    d.clamped_length
+                    Short(d.clamped_length)
                 ));
             }
             if !(d.mass.is_finite() && d.mass >= 0.0) {
                 return fail(format!(
                     "disk {i}: mass is {} kg, it must not be negative",
-                    d.mass
+                    Short(d.mass)
                 ));
             }
             let [across, along] = d.inertia;
@@ -150,15 +167,18 @@ impl Robot {
             let possible = along >= 0.0 && across * (2.0 + 1e-12) >= along;
             if !(across.is_finite() && possible) {
                 return fail(format!(
-                    "disk {i}: moments of inertia are {across} kg m^2 about a diameter and \
-                     {along} about the axis, no body has these"
+                    "disk {i}: moments of inertia are {} kg m^2 about a diameter and \
+                     {} about the axis, no body has these",
+                    Short(across),
+                    Short(along)
                 ));
             }
             let clamp = [clamp_before, d.clamped_length / 2.0];
             let flexible = d.station - station - clamp[0] - clamp[1];
             if flexible <= 0.0 {
                 return fail(format!(
-                    "disk {i}: clamps leave {flexible} m of flexible backbone before it, some must remain"
+                    "disk {i}: clamps leave {} m of flexible backbone before it, some must remain",
+                    Short(flexible)
                 ));
             }
             modules.push(Module {

@@ -128,6 +128,15 @@ pub(crate) fn put<L: Layout>(v: &mut Vec3<L::Module>, i: usize, c: Vec3<L::Chain
     }
 }
 
+#[inline(always)]
+pub(crate) fn put_mat<L: Layout>(m: &mut Mat3<L::Module>, i: usize, c: &Mat3<L::Chain>) {
+    for (row, from) in m.0.iter_mut().zip(&c.0) {
+        for (x, y) in row.iter_mut().zip(from) {
+            L::put(x, i, *y);
+        }
+    }
+}
+
 /// A number for every module of a group; zero in idle lanes.
 #[inline(always)]
 pub(crate) fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) -> L::Module {

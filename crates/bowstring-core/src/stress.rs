@@ -1,4 +1,256 @@
-//! Stress at the surface of a round section.
+//! Strain of a round section, and stress at its surface.
+
+/// What strain and stress of a section follow from, SI.
+#[derive(Clone, Copy, Debug)]
+pub struct Section {
+    /// Of the surface.
+    pub radius: f64,
+    pub area: f64,
+    /// Second moment of area over the radius.
+    pub modulus: f64,
+    /// Largest shear stress over transverse force.
+    pub shear: f64,
+    /// Curvature over moment about x and y, and twist over torsion.
+    pub bending_compliance: [f64; 3],
+    /// Shear over transverse force, and extension over axial force.
+    pub force_compliance: [f64; 3],
+}
+
+impl Section {
+    /// Normal and shear stress around the surface by force and moment in body axes: the
+    /// coefficients of `a + b cos(psi) + c sin(psi)`, Pa.
+    #[inline(always)]
+    pub fn stress(&self, force: [f64; 3], moment: [f64; 3]) -> [[f64; 3]; 2] {
+        let ([fx, fy, fz], [mx, my, mz]) = (force, moment);
+        let sigma = [fz / self.area, -my / self.modulus, mx / self.modulus];
+        let tau = [mz / (2.0 * self.modulus), fy * self.shear, -fx * self.shear];
+        [sigma, tau]
+    }
+}
+
+/// Sections as [`derive`] takes them: one after the other along the backbone, for one time after
+/// the other; vectors flat.
+#[derive(Clone, Copy, Debug)]
+pub struct Sections<'a> {
+    pub sections: &'a [Section],
+    pub position: &'a [f64],
+    /// Body to base, by rows.
+    pub rotation: &'a [f64],
+    /// Internal, in body axes.
+    pub force: &'a [f64],
+    pub moment: &'a [f64],
+}
+
+/// Strain and stress of sections, SI; vectors flat.
+#[derive(Clone, Debug, Default)]
+pub struct Derived {
+    pub curvature: Vec<f64>,
+    pub strain: Vec<f64>,
+    /// Mean normal stress, and the largest of bending, of both, of transverse shear and of
+    /// torsion at the surface.
+    pub axial: Vec<f64>,
+    pub bending: Vec<f64>,
+    pub normal: Vec<f64>,
+    pub shear: Vec<f64>,
+    pub torsion: Vec<f64>,
+    /// The largest around the surface, and where it is: the angle from x towards y, and the
+    /// point of the surface, base frame.
+    pub von_mises: Vec<f64>,
+    pub angle: Vec<f64>,
+    pub place: Vec<f64>,
+}
+
+/// Sections worked on side by side.
+const WIDTH: usize = 8;
+type Lanes = [f64; WIDTH];
+
+/// Strain and stress of all sections; what `out` holds is replaced.
+pub fn derive(given: Sections, out: &mut Derived) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2")]
+        fn with_avx512(given: Sections, out: &mut Derived) {
+            derive_here(given, out);
+        }
+        #[target_feature(enable = "avx2")]
+        fn with_avx2(given: Sections, out: &mut Derived) {
+            derive_here(given, out);
+        }
+        // SAFETY: the processor has it
+        if crate::simd::has_avx512() {
+            return unsafe { with_avx512(given, out) };
+        }
+        if crate::simd::has_avx2() {
+            return unsafe { with_avx2(given, out) };
+        }
+    }
+    derive_here(given, out);
+}
+
+#[inline(always)]
+fn derive_here(given: Sections, out: &mut Derived) {
+    let (stations, total) = (given.sections.len(), given.force.len() / 3);
+    for vector in [&mut out.curvature, &mut out.strain, &mut out.place] {
+        vector.resize(3 * total, 0.0);
+    }
+    for scalar in [
+        &mut out.axial,
+        &mut out.bending,
+        &mut out.normal,
+        &mut out.shear,
+        &mut out.torsion,
+        &mut out.von_mises,
+        &mut out.angle,
+    ] {
+        scalar.resize(total, 0.0);
+    }
+    let mut station = 0;
+    for start in (0..total).step_by(WIDTH) {
+        let count = WIDTH.min(total - start);
+        let (mut sigma, mut tau) = ([[0.0; WIDTH]; 3], [[0.0; WIDTH]; 3]);
+        let mut radius = [0.0; WIDTH];
+        for i in 0..count {
+            let section = &given.sections[station];
+            station = if station + 1 == stations {
+                0
+            } else {
+                station + 1
+            };
+            let at = 3 * (start + i);
+            let force = &given.force[at..at + 3];
+            let moment = &given.moment[at..at + 3];
+            let (strain, curvature) = (&mut out.strain[at..at + 3], &mut out.curvature[at..at + 3]);
+            for q in 0..3 {
+                strain[q] = force[q] * section.force_compliance[q];
+                curvature[q] = moment[q] * section.bending_compliance[q];
+            }
+            let [normal, shear] = section.stress(
+                [force[0], force[1], force[2]],
+                [moment[0], moment[1], moment[2]],
+            );
+            for q in 0..3 {
+                sigma[q][i] = normal[q];
+                tau[q][i] = shear[q];
+            }
+            radius[i] = section.radius;
+        }
+        let [value, cosine, sine] = largest_side_by_side(&sigma, &tau, count);
+        let (mut bending, mut normal, mut shear) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
+        let mut torsion = [0.0; WIDTH];
+        for i in 0..WIDTH {
+            bending[i] = (sigma[1][i] * sigma[1][i] + sigma[2][i] * sigma[2][i]).sqrt();
+            normal[i] = bending[i] + sigma[0][i].abs();
+            shear[i] = (tau[1][i] * tau[1][i] + tau[2][i] * tau[2][i]).sqrt();
+            torsion[i] = tau[0][i].abs();
+        }
+        for (to, from) in [
+            (&mut out.axial, &sigma[0]),
+            (&mut out.bending, &bending),
+            (&mut out.normal, &normal),
+            (&mut out.shear, &shear),
+            (&mut out.torsion, &torsion),
+            (&mut out.von_mises, &value),
+        ] {
+            to[start..start + count].copy_from_slice(&from[..count]);
+        }
+        for i in 0..count {
+            out.angle[start + i] = sine[i].atan2(cosine[i]);
+            let (x, y) = (radius[i] * cosine[i], radius[i] * sine[i]);
+            let at = 3 * (start + i);
+            let position = &given.position[at..at + 3];
+            let rotation = &given.rotation[3 * at..3 * at + 9];
+            let place = &mut out.place[at..at + 3];
+            for q in 0..3 {
+                place[q] = position[q] + rotation[3 * q] * x + rotation[3 * q + 1] * y;
+            }
+        }
+    }
+}
+
+/// [`largest_von_mises`] of many sections at once.
+pub fn largest_of_many(sigma: [&[f64]; 3], tau: [&[f64]; 3]) -> [Vec<f64>; 3] {
+    let total = sigma[0].len();
+    let mut out = [vec![0.0; total], vec![0.0; total], vec![0.0; total]];
+    for start in (0..total).step_by(WIDTH) {
+        let count = WIDTH.min(total - start);
+        let gather = |from: [&[f64]; 3]| {
+            from.map(|row| {
+                let mut lanes = [0.0; WIDTH];
+                lanes[..count].copy_from_slice(&row[start..start + count]);
+                lanes
+            })
+        };
+        let found = largest_side_by_side(&gather(sigma), &gather(tau), count);
+        for (to, from) in out.iter_mut().zip(&found) {
+            to[start..start + count].copy_from_slice(&from[..count]);
+        }
+    }
+    out
+}
+
+/// [`largest_von_mises`] of the first `count` of some sections, step by step for all of them; those
+/// that this does not settle go one by one.
+#[inline(always)]
+fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [Lanes; 3] {
+    let zero = [0.0; WIDTH];
+    let (mut e_x, mut e_y) = (zero, zero);
+    let (mut along, mut across, mut gap) = (zero, zero, zero);
+    let (mut cosine, mut sine) = (zero, zero);
+    for i in 0..WIDTH {
+        let [s0, s1, s2] = [sigma[0][i], sigma[1][i], sigma[2][i]];
+        let [t0, t1, t2] = [tau[0][i], tau[1][i], tau[2][i]];
+        let half = 0.5 * (s1 * s1 - s2 * s2 + 3.0 * (t1 * t1 - t2 * t2));
+        let cross = s1 * s2 + 3.0 * t1 * t2;
+        let (b_x, b_y) = (s0 * s1 + 3.0 * t0 * t1, s0 * s2 + 3.0 * t0 * t2);
+        let radius = (half * half + cross * cross).sqrt();
+        let reach = radius + half.abs();
+        let x = if half < 0.0 { cross } else { reach };
+        let y = if half < 0.0 { reach } else { cross };
+        let per = 1.0 / (x * x + y * y).sqrt();
+        (e_x[i], e_y[i]) = (x * per, y * per);
+        along[i] = b_x * e_x[i] + b_y * e_y[i];
+        across[i] = b_y * e_x[i] - b_x * e_y[i];
+        gap[i] = 2.0 * radius;
+        let (x, y) = (gap[i] + along[i].abs(), across[i].abs());
+        let per = 1.0 / (x * x + y * y).sqrt();
+        (cosine[i], sine[i]) = (x * per, y * per);
+    }
+    // Newton's method of `quadrant_maximum`, by a turn of the unit vector
+    let mut settled = [false; WIDTH];
+    for _ in 0..6 {
+        for i in 0..WIDTH {
+            let (a, b) = (along[i].abs(), across[i].abs());
+            let (c, s) = (cosine[i], sine[i]);
+            let slope = c * (b - gap[i] * s) - a * s;
+            let bend = gap[i] * (c * c - s * s) + a * c + b * s;
+            let turn = slope / bend;
+            let per = 1.0 / (1.0 + turn * turn).sqrt();
+            let (to_c, to_s) = ((c - s * turn) * per, (s + c * turn) * per);
+            // what has settled stays, or a section's stress would depend on its neighbours
+            (cosine[i], sine[i]) = if settled[i] { (c, s) } else { (to_c, to_s) };
+            settled[i] |= turn.abs() < 1e-8 && bend > 0.0 && to_c >= 0.0 && to_s >= 0.0;
+        }
+        if settled == [true; WIDTH] {
+            break;
+        }
+    }
+    let mut out = [zero; 3];
+    for i in 0..WIDTH {
+        let (c, s) = (cosine[i].copysign(along[i]), sine[i].copysign(across[i]));
+        let (x, y) = (c * e_x[i] - s * e_y[i], c * e_y[i] + s * e_x[i]);
+        let normal = sigma[0][i] + sigma[1][i] * x + sigma[2][i] * y;
+        let shear = tau[0][i] + tau[1][i] * x + tau[2][i] * y;
+        out[0][i] = (normal * normal + 3.0 * shear * shear).sqrt();
+        (out[1][i], out[2][i]) = (x, y);
+    }
+    for i in 0..count {
+        if !settled[i] {
+            let one = |v: &[Lanes; 3]| [v[0][i], v[1][i], v[2][i]];
+            [out[0][i], out[1][i], out[2][i]] = largest_von_mises(one(sigma), one(tau));
+        }
+    }
+    out
+}
 
 /// Maximum of `sqrt(sigma^2 + 3 tau^2)` around a section, where `sigma` and `tau` are
 /// `a + b cos(psi) + c sin(psi)`, in Pa: the value, and cosine and sine of its place.
@@ -68,6 +320,7 @@ fn quadrant_maximum(gap: f64, a: f64, b: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::slice::from_ref;
 
     fn brute(sigma: [f64; 3], tau: [f64; 3]) -> f64 {
         let square = |psi: f64| {
@@ -109,13 +362,72 @@ mod tests {
                 5 => (sigma[0], tau[0]) = (0.0, 1e-12),
                 _ => {}
             }
-            let [value, x, y] = largest_von_mises(sigma, tau);
             let expected = brute(sigma, tau);
-            assert!(
-                (value - expected).abs() < 1e-12 * expected,
-                "{sigma:?} {tau:?}"
-            );
-            assert!((x.hypot(y) - 1.0).abs() < 1e-15);
+            let many =
+                largest_of_many(sigma.each_ref().map(from_ref), tau.each_ref().map(from_ref));
+            for [value, x, y] in [largest_von_mises(sigma, tau), many.map(|v| v[0])] {
+                assert!(
+                    (value - expected).abs() < 1e-12 * expected,
+                    "{sigma:?} {tau:?}"
+                );
+                assert!((x.hypot(y) - 1.0).abs() < 1e-15);
+            }
+        }
+    }
+
+    /// Whatever stands beside it, and however many there are.
+    #[test]
+    fn a_section_is_derived_by_itself() {
+        let section = |radius: f64| Section {
+            radius,
+            area: 2.0,
+            modulus: 3.0 * radius,
+            shear: 0.7,
+            bending_compliance: [0.1, 0.2, 0.3],
+            force_compliance: [1e-3, 2e-3, 3e-3],
+        };
+        let sections = [section(0.5), section(0.25), section(1.0)];
+        let (times, stations) = (7, sections.len());
+        let numbers = |size: usize, seed: f64| -> Vec<f64> {
+            let each = (0..times * stations * size).map(|i| (seed * (i + 1) as f64).sin());
+            each.collect()
+        };
+        let (position, rotation) = (numbers(3, 1.0), numbers(9, 1.7));
+        let (force, mut moment) = (numbers(3, 2.3), numbers(3, 0.9));
+        moment[30..36].fill(0.0);
+        let given = Sections {
+            sections: &sections,
+            position: &position,
+            rotation: &rotation,
+            force: &force,
+            moment: &moment,
+        };
+        let (mut whole, mut one) = (Derived::default(), Derived::default());
+        derive(given, &mut whole);
+        for i in 0..times * stations {
+            let station = i % stations;
+            let alone = Sections {
+                sections: &sections[station..=station],
+                position: &position[3 * i..3 * i + 3],
+                rotation: &rotation[9 * i..9 * i + 9],
+                force: &force[3 * i..3 * i + 3],
+                moment: &moment[3 * i..3 * i + 3],
+            };
+            derive(alone, &mut one);
+            assert_eq!(one.von_mises[0], whole.von_mises[i]);
+            assert_eq!(one.angle[0], whole.angle[i]);
+            assert_eq!(one.place[..], whole.place[3 * i..3 * i + 3]);
+            assert_eq!(one.strain[..], whole.strain[3 * i..3 * i + 3]);
+            let three = |v: &[f64]| [v[3 * i], v[3 * i + 1], v[3 * i + 2]];
+            let [sigma, tau] = sections[station].stress(three(&force), three(&moment));
+            let [value, x, y] = largest_von_mises(sigma, tau);
+            assert!((one.von_mises[0] - value).abs() < 1e-14 * value);
+            let radius = sections[station].radius;
+            for q in 0..3 {
+                let turn = &alone.rotation[3 * q..];
+                let place = alone.position[q] + radius * (turn[0] * x + turn[1] * y);
+                assert!((one.place[q] - place).abs() < 1e-8);
+            }
         }
     }
 

@@ -35,7 +35,7 @@ use crate::complementarity::{Complementarity, Side};
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, TendonPath, Theory};
 use crate::motion::Energies;
-use crate::robot::{InputError, Robot};
+use crate::robot::{InputError, Robot, Short};
 use crate::rod::Source;
 
 /// What the laws ask of a rod, at rest or in motion.
@@ -234,7 +234,7 @@ impl Transmission {
             if !(line.stiffness > 0.0) {
                 return fail(format!(
                     "stiffness of tendon {place} is {} N, it must be positive",
-                    line.stiffness
+                    Short(line.stiffness)
                 ));
             }
             for (name, value) in [
@@ -245,7 +245,8 @@ impl Transmission {
             ] {
                 if !(value >= 0.0 && value.is_finite()) {
                     return fail(format!(
-                        "{name} of tendon {place} is {value}, it must not be negative"
+                        "{name} of tendon {place} is {}, it must not be negative",
+                        Short(value)
                     ));
                 }
             }
@@ -403,16 +404,18 @@ impl Transmission {
                     let length = self.straight[i];
                     if !p.is_finite() {
                         return Err(InputError(format!(
-                            "pull of tendon {} is {p} m, it must be a finite number",
-                            i + 1
+                            "pull of tendon {} is {} m, it must be a finite number",
+                            i + 1,
+                            Short(p)
                         )));
                     }
                     if p >= length {
                         return Err(InputError(format!(
-                            "pull of tendon {} is {p} m, it must be less than the tendon's \
+                            "pull of tendon {} is {} m, it must be less than the tendon's \
                              length, {} m",
                             i + 1,
-                            length
+                            Short(p),
+                            Short(length)
                         )));
                     }
                     0.0

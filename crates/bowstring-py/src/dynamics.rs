@@ -6,8 +6,6 @@ use bowstring_core::dynamics::{self, Damping, Energies, Fields, Settings, Step, 
 use bowstring_core::load::Load;
 use bowstring_core::modes;
 use bowstring_core::statics::Status;
-use bowstring_core::stress::largest_von_mises;
-use numpy::ndarray::ArrayView2;
 use numpy::{
     IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyUntypedArrayMethods,
@@ -170,7 +168,8 @@ impl Simulator {
         let (force, moment) = (tip_force.as_array(), tip_moment.as_array());
         let tensions = tensions.as_array();
         let mut own = vec![0.0; m];
-        let mut fields = Fields::default();
+        let times = record.iter().filter(|wanted| **wanted).count();
+        let mut fields = Fields::with_room(times, n, m, points);
         let mut total = dynamics::Count::default();
         let mut stop = None;
         let simulator = &mut self.inner;
@@ -323,34 +322,4 @@ pub fn flexibility<'py>(
         }
         None => (status, stable, None, None, 0),
     })
-}
-
-/// Largest von Mises stress around each of K sections, Pa, and cosine and sine of its place, as
-/// the rows of (3, K); from coefficients (3, K) of normal and shear stress.
-#[pyfunction]
-pub fn von_mises<'py>(
-    py: Python<'py>,
-    sigma: PyReadonlyArray2<'py, f64>,
-    tau: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let count = sigma.shape()[1];
-    if sigma.shape() != [3, count] || tau.shape() != [3, count] {
-        return Err(refused("stress coefficients must be two arrays (3, K)"));
-    }
-    let (sigma, tau) = (sigma.as_array(), tau.as_array());
-    let mut out = vec![0.0; 3 * count];
-    py.detach(|| {
-        for k in 0..count {
-            let column = |a: &ArrayView2<f64>| [a[[0, k]], a[[1, k]], a[[2, k]]];
-            for (row, v) in largest_von_mises(column(&sigma), column(&tau))
-                .iter()
-                .enumerate()
-            {
-                out[row * count + k] = *v;
-            }
-        }
-    });
-    out.into_pyarray(py)
-        .reshape([3, count])
-        .map(|a| a.to_dyn().clone())
 }

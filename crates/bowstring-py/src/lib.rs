@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 mod arc;
 mod drive;
 mod dynamics;
+mod fields;
 mod rod;
 
 #[pymodule]
@@ -20,7 +21,9 @@ mod _core {
     #[pymodule_export]
     use crate::drive::Drive;
     #[pymodule_export]
-    use crate::dynamics::{flexibility, von_mises, Simulator};
+    use crate::dynamics::{flexibility, Simulator};
+    #[pymodule_export]
+    use crate::fields::{derive, surface_stress, von_mises, write_records};
     #[pymodule_export]
     use crate::rod::{Robot, Solution};
 
