@@ -6,15 +6,15 @@ N is the number of disks, T the number of tendons.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring import arguments
-from bowstring.drive import refuse_friction
+from bowstring import arguments, drive
+from bowstring.drive import Given
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.rod import TendonPath, Theory
 
@@ -93,10 +93,13 @@ class Modes:
 
 def modes(
     robot: Robot,
-    tensions: ArrayLike | None = None,
+    tensions: Given | None = None,
     *,
+    pulls: Given | None = None,
+    angles: Given | None = None,
     count: int = 6,
     tip_force: ArrayLike = (0.0, 0.0, 0.0),
+    history: Mapping[str, Any] | None = None,
     theory: Theory = "cosserat",
     gravity: Sequence[float] | None = None,
     tendon: TendonPath = "straight",
@@ -109,11 +112,15 @@ def modes(
     ----------
     robot : Robot
     tensions : array_like (T,), optional
-        In N; none if not given.
+        In N; none if nothing is given. They stay as they are while the robot oscillates.
+    pulls, angles : array_like (T,), optional
+        As in `bowstring.rod.solve`. A tendon that is pulled keeps its length while the robot
+        oscillates, but for its own stretch; one that hangs does nothing.
     count : int
         How many modes, the slowest.
-    tip_force, theory, gravity, tendon, twist, elements
-        As in `bowstring.rod.solve`. Tensions stay as they are while the robot oscillates.
+    tip_force, history, theory, gravity, tendon, twist, elements
+        As in `bowstring.rod.solve`. A tendon that rubs does not slip in a small oscillation: each
+        of its spans keeps its length.
 
     Returns
     -------
@@ -126,27 +133,40 @@ def modes(
     NoSolutionError
         If there is no stable equilibrium.
     """
-    from bowstring import _core, rod
+    from bowstring import _core
 
     arguments.check_robot(robot)
-    refuse_friction(robot, "modes")
-    pulls = np.zeros(len(robot.tendons.end_disk)) if tensions is None else tensions
-    row = arguments.row("tensions", pulls, len(robot.tendons.end_disk), "N")
+    if tensions is None and pulls is None and angles is None:
+        tensions = np.zeros(robot.core.tendon_count)
+    pulled, row = drive.commands(robot, tensions, pulls, angles)
     force = arguments.row("tip_force", tip_force, 3, "N")
     if not arguments.is_whole(count) or count < 1:
         raise InputError(f"count is {arguments.shown(count)}, it must be a positive whole number")
     arguments.check_choices(theory, tendon, twist, elements)
     if gravity is not None:
         gravity = arguments.row("gravity", gravity, 3, "m/s^2").tolist()
-    status, _, matrix, masses, points = _core.flexibility(
-        robot.core, row, theory, gravity, force, tendon, twist, elements
-    )
-    if matrix is None or masses is None:
+    if pulled.any() or robot.has_friction or history is not None:
+        path = drive.Path(robot, theory, tendon, twist, elements)
+        if history is not None:
+            path.resume(history)
+        solution = path.core.step(pulled, row, gravity, force, np.zeros(3))
+        status = solution.status
+        answer = _core.flexibility_at(path.core) if status == "converged" else None
+    else:
+        arguments.check_values("tensions", row)
+        status, answer = _core.flexibility(
+            robot.core, row, theory, gravity, force, tendon, twist, elements
+        )
+        solution = robot.core.solve(
+            row, theory, gravity, force, np.zeros(3), tendon, twist, elements
+        )
+    if answer is None:
         raise NoSolutionError(
             f"{robot.name}: there is no stable equilibrium to oscillate about ({status}); "
             "bowstring.solve with the same loads tells more",
             status="no_equilibrium",
         )
+    matrix, masses, points = answer
     if not (masses > 0).any():
         raise InputError(f"{robot.name} has no mass: it has no natural frequencies")
     # sqrt(M) F sqrt(M) z = z / omega^2
@@ -163,16 +183,6 @@ def modes(
     # what rounding leaves of massless freedoms is no mode
     order = order[values[order] > _ROUNDING * values[order[0]]][:count]
     shapes = (matrix @ (root[:, None] * vectors[:, order])).T / values[order][:, None]
-    solution = rod.solve(
-        robot,
-        row,
-        theory=theory,
-        gravity=gravity,
-        tip_force=force,
-        tendon=tendon,
-        twist=twist,
-        elements=elements,
-    )
     positions, frames = solution.disk_positions, solution.disk_rotations
     assert positions is not None and frames is not None
     found = shapes.reshape(len(order), len(positions), points + 1, 3)
@@ -206,5 +216,5 @@ def modes(
         rotation=turned / scale,
         position=positions,
         orientation=frames,
-        tensions=row,
+        tensions=solution.tensions,
     )

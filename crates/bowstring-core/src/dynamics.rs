@@ -346,8 +346,10 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             if let Some(driven) = &mut march.driven {
                 if let Task::Settle = task {
                     held = driven.transmission.problem.negative_eigenvalues();
+                } else {
+                    motion.measure_spans(false);
+                    driven.transmission.adopt(motion);
                 }
-                motion.measure_spans(false);
                 tendons = driven.arrive(motion);
             }
             motion.commit_at_rest(tendons);
@@ -375,6 +377,12 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             sound = grown <= GROWTH[1] * size;
         }
         if !sound {
+            motion.stop_foreseeing();
+            march.next = step / 2.0;
+            march.count.repeated += 1;
+            if march.next < f64::max(nominal * MOST_CUTS, march.shortest) {
+                return Some(Stop::StepFailed);
+            }
             continue;
         }
         if let Step::Adaptive { tolerance, .. } = march.step {

@@ -2,9 +2,10 @@
 //!
 //! With flexibility `F` and masses `M`, the eigenvalues of `sqrt(M) F sqrt(M)` are `1/omega^2`.
 
+use crate::drive::Drive;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
-use crate::motion::{Damping, Motion};
+use crate::motion::{Damping, Lock, Motion};
 use crate::real::Scalar;
 use crate::robot::{InputError, Robot};
 use crate::statics::{Outcome, Solver, Status};
@@ -42,6 +43,62 @@ pub fn flexibility(
     }
 }
 
+/// The same where a path of equilibria has come to: tendons that are pulled by a length keep it,
+/// and with friction none slips. None where the path has not come to a stable one.
+pub fn flexibility_at(drive: &Drive) -> Option<Flexibility> {
+    let solver = drive.solver();
+    match solver.elements() {
+        1 => held::<2>(drive),
+        2 => held::<4>(drive),
+        4 => held::<8>(drive),
+        _ => held::<16>(drive),
+    }
+}
+
+fn held<const A: usize>(drive: &Drive) -> Option<Flexibility> {
+    let (solver, history) = (drive.solver(), drive.history());
+    solver.tip()?;
+    let [gravity, tip_force, tip_moment] = history.load;
+    let mut motion = still::<A>(
+        solver,
+        &Load {
+            tensions: &history.tensions,
+            gravity,
+            tip_force,
+            tip_moment,
+        },
+    );
+    motion.set_span_tensions(|k, i| drive.span_tension(k, i));
+    found(motion, &drive.transmission().locks())
+}
+
+/// At rest in the pose of a solver.
+fn still<const A: usize>(solver: &Solver, load: &Load) -> Motion<Scalar, A> {
+    let n = solver.robot().module_count();
+    let (mut strain, mut force) = (vec![Vec3::zero(); A * n], vec![Vec3::zero(); n]);
+    solver.strain_and_force(&mut strain, &mut force);
+    let undamped = Damping {
+        mass: 0.0,
+        material: 0.0,
+    };
+    let mut motion = Motion::new(solver.robot(), solver.model(), load.gravity, undamped);
+    motion.take_strain(|i| strain[i], |k| force[k]);
+    motion.set_load(load);
+    motion
+}
+
+fn found<const A: usize>(mut motion: Motion<Scalar, A>, locks: &[Lock]) -> Option<Flexibility> {
+    if !motion.settle() {
+        return None;
+    }
+    let (matrix, masses) = motion.flexibility(locks);
+    Some(Flexibility {
+        matrix,
+        masses,
+        points: A,
+    })
+}
+
 fn about<const A: usize>(
     robot: &Robot,
     model: Model,
@@ -52,25 +109,9 @@ fn about<const A: usize>(
     if outcome.status != Status::Converged || outcome.stable != Some(true) {
         return Ok((outcome, None));
     }
-    let n = robot.module_count();
-    let (mut strain, mut force) = (vec![Vec3::zero(); A * n], vec![Vec3::zero(); n]);
-    solver.strain_and_force(&mut strain, &mut force);
-    let undamped = Damping {
-        mass: 0.0,
-        material: 0.0,
-    };
-    let mut motion = Motion::<Scalar, A>::new(robot, model, load.gravity, undamped);
-    motion.take_strain(|i| strain[i], |k| force[k]);
-    motion.set_load(load);
-    if !motion.settle() {
+    let found = found(still::<A>(&solver, load), &[]);
+    if found.is_none() {
         outcome.status = Status::MaxIterations;
-        return Ok((outcome, None));
     }
-    let (matrix, masses) = motion.flexibility();
-    let found = Flexibility {
-        matrix,
-        masses,
-        points: A,
-    };
-    Ok((outcome, Some(found)))
+    Ok((outcome, found))
 }

@@ -18,6 +18,7 @@
 //! the blocks of statics, and the sweep's state is rotation and translation of a disk. The
 //! contact force of a module is unknown beside its arcs, as shear and extension have inertia.
 
+use crate::complementarity::Complementarity;
 use crate::lie::log;
 use crate::linalg::{Mat3, Vec3};
 use crate::load::{Load, Model, TendonPath, Theory};
@@ -437,10 +438,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     }
 
     /// Starts the next step's search from the present strain and its rate, which do not jump:
-    /// what was before misleads. Forces that hold a constraint may jump, so that a Kirchhoff rod
-    /// has the strain alone.
+    /// what was before misleads. Where a constraint holds even the rate may mislead.
     pub fn stop_foreseeing(&mut self) {
-        self.known = self.known.min(if self.rigid { 1 } else { 2 });
+        let again = self.rigid && self.known <= 2;
+        self.known = self.known.min(if again { 1 } else { 2 });
     }
 
     /// Whether the scheme has no memory.
@@ -574,7 +575,9 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 strain = self.past[q][g].scaled_add(L::Module::splat(weight[q]), &strain);
             }
             self.next[g].w = strain.w;
-            self.next[g].n = strain.n;
+            // what holds a constraint may jump with the load
+            let jumps = self.rigid && self.known <= 2;
+            self.next[g].n = if jumps { self.past[0][g].n } else { strain.n };
         }
     }
 
@@ -1625,6 +1628,15 @@ fn spread<T: Real>(out: &mut [f64], point: usize, points: usize, values: &[T]) {
     }
 }
 
+/// Spans of a tendon that do not let it slip, together, in small oscillations.
+pub(crate) struct Lock {
+    pub tendon: usize,
+    /// Tension by modules of one newton.
+    pub spans: Vec<f64>,
+    /// Stretch, m/N.
+    pub compliance: f64,
+}
+
 impl<const A: usize> Motion<Scalar, A> {
     /// Finds the equilibrium under the present forces from the strain at hand.
     pub fn settle(&mut self) -> bool {
@@ -1644,8 +1656,8 @@ impl<const A: usize> Motion<Scalar, A> {
     /// How all mass answers forces at rest: displacement of every freedom by a unit force on
     /// every other, m/N and so on, and the mass of every freedom. Freedoms are the translation
     /// of points from base to tip, base frame, and after that of each disk its rotation, in
-    /// its own frame.
-    pub fn flexibility(&mut self) -> (Vec<f64>, Vec<f64>) {
+    /// its own frame. Locked tendons keep their lengths but for their own stretch.
+    pub fn flexibility(&mut self, locks: &[Lock]) -> (Vec<f64>, Vec<f64>) {
         let n = self.module_count();
         let per = 3 * A + 3;
         let size = n * per;
@@ -1683,33 +1695,75 @@ impl<const A: usize> Motion<Scalar, A> {
                 self.inertia[j].g_delta -= still_delta[j];
             }
             self.substitute(0, None);
-            let mut start = [Vec3::zero(); 2];
-            for j in 0..n {
-                let state = &self.rod.states[j];
-                let frame = self.rod.rotations[j];
-                let mut write = |within: usize, v: Vec3| {
-                    for q in 0..3 {
-                        matrix[(j * per + 3 * within + q) * size + column] = v[q];
-                    }
-                };
-                for a in 0..A - 1 {
-                    let mut place = state.rho0 - state.tail[a];
-                    place.0[2] += self.rod.modules[j].clamp[0];
-                    let mut moved = start[1] + start[0].cross(place);
-                    for i in 0..=a {
-                        let lever = self.rod.gradients[j].r[i] + state.tail[a].skew();
-                        moved += lever * self.columns[0].u[j][i];
-                    }
-                    write(a, frame * moved);
-                }
-                start = self.answer[j];
-                write(A - 1, self.rod.rotations[j + 1] * start[1]);
-                write(A, start[0]);
+            let moved = self.displacement(0);
+            for (row, v) in moved.iter().enumerate() {
+                matrix[row * size + column] = *v;
             }
         }
         self.force = force;
         self.moment = moment;
+        self.lock(locks, &mut matrix);
         (matrix, masses)
+    }
+
+    /// Takes off a flexibility what locked tendons hold.
+    fn lock(&mut self, locks: &[Lock], matrix: &mut [f64]) {
+        self.rod.measure_spans(false);
+        let count = self.rod.tendons.len();
+        let mut moved = vec![];
+        let mut problem = Complementarity::default();
+        problem.resize(locks.len());
+        for (c, lock) in locks.iter().enumerate() {
+            let source = Source {
+                tendon: lock.tendon,
+                tension: &lock.spans,
+            };
+            self.respond(1, Some(source));
+            moved.push(self.displacement(1));
+            let rates = &self.columns[1].rates;
+            for (r, row) in locks.iter().enumerate() {
+                let spans = row.spans.iter().enumerate();
+                let longer: f64 = spans.map(|(k, s)| s * rates[k * count + row.tendon]).sum();
+                problem.matrix[r * locks.len() + c] = -longer;
+            }
+            problem.matrix[c * locks.len() + c] += lock.compliance;
+        }
+        let size = moved.first().map_or(0, Vec::len);
+        for column in 0..size {
+            // by reciprocity a tension's displacement tells what a force does to the length
+            for (q, by_tension) in problem.q.iter_mut().zip(&moved) {
+                *q = by_tension[column];
+            }
+            problem.solve();
+            for (tension, by_tension) in problem.z.iter().zip(&moved) {
+                for (row, v) in by_tension.iter().enumerate() {
+                    matrix[row * size + column] += tension * v;
+                }
+            }
+        }
+    }
+
+    /// Displacement of all freedoms by an answer, the one that was found last.
+    fn displacement(&self, column: usize) -> Vec<f64> {
+        let mut out = Vec::with_capacity(self.module_count() * (3 * A + 3));
+        let mut start = [Vec3::zero(); 2];
+        for (j, state) in self.rod.states.iter().enumerate() {
+            let frame = self.rod.rotations[j];
+            for a in 0..A - 1 {
+                let mut place = state.rho0 - state.tail[a];
+                place.0[2] += self.rod.modules[j].clamp[0];
+                let mut moved = start[1] + start[0].cross(place);
+                for i in 0..=a {
+                    let lever = self.rod.gradients[j].r[i] + state.tail[a].skew();
+                    moved += lever * self.columns[column].u[j][i];
+                }
+                out.extend((frame * moved).0);
+            }
+            start = self.answer[j];
+            out.extend((self.rod.rotations[j + 1] * start[1]).0);
+            out.extend(start[0].0);
+        }
+        out
     }
 }
 

@@ -162,6 +162,14 @@ impl Solver {
         self.engine.contact_forces(&mut |k, n| force[k] = n);
     }
 
+    pub(crate) fn model(&self) -> Model {
+        self.model
+    }
+
+    pub(crate) fn elements(&self) -> usize {
+        self.elements
+    }
+
     pub(crate) fn settings(&self) -> &Settings {
         &self.settings
     }

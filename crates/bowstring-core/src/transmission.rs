@@ -34,7 +34,7 @@
 use crate::complementarity::{Complementarity, Side};
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, TendonPath, Theory};
-use crate::motion::Energies;
+use crate::motion::{Energies, Lock};
 use crate::robot::{InputError, Robot, Short};
 use crate::rod::Source;
 
@@ -829,6 +829,17 @@ impl Transmission {
         (compliance > 0.0).then(|| self.stretched[i] / compliance)
     }
 
+    /// Takes a pose at rest as one of this path, though it was found with another rod, which is all
+    /// but the same: home shifts by the difference, so that no tendon jerks.
+    pub fn adopt(&mut self, rod: &dyn Strung) {
+        self.measure(rod);
+        for (i, slack) in self.slack.iter().enumerate() {
+            if self.now.tensions[i] > 0.0 {
+                self.home[i] -= slack;
+            }
+        }
+    }
+
     /// Ends a step of time at the present pose; returns the energy in tendons that are pulled.
     pub fn arrive(&mut self, rod: &dyn Strung) -> f64 {
         let mut energy = 0.0;
@@ -851,6 +862,37 @@ impl Transmission {
         }
         self.note_pulls();
         energy
+    }
+
+    /// What keeps its length in small oscillations: tendons that are pulled and do not hang; where
+    /// they rub, every span by itself, for a small motion does not make them slip.
+    pub fn locks(&self) -> Vec<Lock> {
+        let (n, m) = (self.modules, self.lines.len());
+        let mut locks = vec![];
+        for i in 0..m {
+            if self.now.tensions[i] == 0.0 {
+                continue;
+            }
+            let spans = |from: usize, to: usize| -> Vec<f64> {
+                (0..n)
+                    .map(|k| f64::from(u8::from((from..=to).contains(&k))))
+                    .collect()
+            };
+            if self.lines[i].friction > 0.0 {
+                locks.extend((0..=self.ends[i]).map(|k| Lock {
+                    tendon: i,
+                    spans: spans(k, k),
+                    compliance: self.creep[k * m + i],
+                }));
+            } else if let Command::Pull(_) = self.now.commands[i] {
+                locks.push(Lock {
+                    tendon: i,
+                    spans: spans(0, self.ends[i]),
+                    compliance: self.whole_compliance(i) + self.ridge[i],
+                });
+            }
+        }
+        locks
     }
 
     /// Largest length that a ridge made up for, m.

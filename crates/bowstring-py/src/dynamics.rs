@@ -4,8 +4,7 @@ use crate::drive::Drive;
 use crate::rod::{input_error, model, numbers, refused, three, Robot};
 use bowstring_core::dynamics::{self, Damping, Energies, Fields, Settings, Step, Stop};
 use bowstring_core::load::Load;
-use bowstring_core::modes;
-use bowstring_core::statics::Status;
+use bowstring_core::modes::{self, Flexibility};
 use numpy::{
     IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyUntypedArrayMethods,
@@ -269,10 +268,38 @@ impl Simulator {
     }
 }
 
-/// Status, stability, flexibility (K, K) and masses (K,) about the equilibrium of a load, and
-/// mass points a module; the arrays are None where there is no stable equilibrium.
+/// Flexibility (K, K), masses (K,), mass points a module.
+type Arrays<'py> = (
+    Bound<'py, PyArrayDyn<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    usize,
+);
+
+fn arrays<'py>(py: Python<'py>, found: Flexibility) -> PyResult<Arrays<'py>> {
+    let size = found.masses.len();
+    let matrix = found.matrix.into_pyarray(py).reshape([size, size])?;
+    Ok((
+        matrix.to_dyn().clone(),
+        found.masses.into_pyarray(py),
+        found.points,
+    ))
+}
+
+/// The same where a drive has come to: None where that is no stable equilibrium.
 #[pyfunction]
-#[allow(clippy::too_many_arguments, clippy::type_complexity)]
+pub fn flexibility_at<'py>(
+    py: Python<'py>,
+    drive: PyRef<'py, Drive>,
+) -> PyResult<Option<Arrays<'py>>> {
+    let drive = drive.inner();
+    let found = py.detach(|| modes::flexibility_at(drive));
+    found.map(|f| arrays(py, f)).transpose()
+}
+
+/// Status, and flexibility (K, K), masses (K,) and mass points a module about the equilibrium of
+/// a load: None where there is no stable equilibrium.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)]
 pub fn flexibility<'py>(
     py: Python<'py>,
     robot: &Robot,
@@ -283,13 +310,7 @@ pub fn flexibility<'py>(
     tendon: &str,
     twist: bool,
     elements: usize,
-) -> PyResult<(
-    &'static str,
-    Option<bool>,
-    Option<Bound<'py, PyArrayDyn<f64>>>,
-    Option<Bound<'py, PyArray1<f64>>>,
-    usize,
-)> {
+) -> PyResult<(&'static str, Option<Arrays<'py>>)> {
     let robot = &robot.inner;
     let tensions = numbers(tensions, "tensions", "N", robot.tendon_count())?;
     let load = Load {
@@ -305,21 +326,6 @@ pub fn flexibility<'py>(
     let (outcome, found) = py
         .detach(|| modes::flexibility(robot, model, elements, &load))
         .map_err(input_error)?;
-    let (status, stable) = (outcome.status.word(), outcome.stable);
-    debug_assert!(found.is_none() || outcome.status == Status::Converged);
-    Ok(match found {
-        Some(f) => {
-            let size = f.masses.len();
-            let matrix = f.matrix.into_pyarray(py).reshape([size, size])?;
-            let masses = f.masses.into_pyarray(py);
-            (
-                status,
-                stable,
-                Some(matrix.to_dyn().clone()),
-                Some(masses),
-                f.points,
-            )
-        }
-        None => (status, stable, None, None, 0),
-    })
+    let found = found.map(|f| arrays(py, f)).transpose()?;
+    Ok((outcome.status.word(), found))
 }

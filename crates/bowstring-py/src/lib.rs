@@ -21,7 +21,7 @@ mod _core {
     #[pymodule_export]
     use crate::drive::Drive;
     #[pymodule_export]
-    use crate::dynamics::{flexibility, Simulator};
+    use crate::dynamics::{flexibility, flexibility_at, Simulator};
     #[pymodule_export]
     use crate::fields::{derive, surface_stress, von_mises, write_records};
     #[pymodule_export]
