@@ -12,7 +12,8 @@ use crate::transmission::Transmission;
 /// Largest moment imbalance over (bending stiffness / length) at which a step counts as solved:
 /// with numerical damping, and without it, where errors of energy add up.
 pub const TOLERANCE: [f64; 2] = [1e-6, 1e-7];
-/// Newton iterations of a step before it is cut, without and with friction.
+/// Newton iterations of a step before it is cut, without and with pulls and friction, which are
+/// but nearly in Newton's matrix.
 const MAX_ITERATIONS: [usize; 2] = [12, 30];
 /// Length, as a share of the robot's, to which pulls are met; and where rounding allows no
 /// better. Slip that is none is somewhat more.
@@ -254,7 +255,7 @@ fn solve(
     least: usize,
 ) -> bool {
     let (mut iteration, mut best, mut last) = (0, f64::INFINITY, f64::INFINITY);
-    let rubs = driven.as_ref().is_some_and(|d| d.transmission.rubs);
+    let most = MAX_ITERATIONS[usize::from(driven.is_some())];
     loop {
         let mut residual = motion.residual();
         let (mut settled, mut better) = (true, true);
@@ -267,7 +268,6 @@ fn solve(
         best = f64::min(best, residual);
         // a NaN ends it as well
         let best_of_all = f64::max(best, tolerance);
-        let most = MAX_ITERATIONS[usize::from(rubs)];
         if iteration == most || !(residual < 1e6 * best_of_all) {
             return false;
         }
