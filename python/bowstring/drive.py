@@ -25,7 +25,6 @@ __all__ = [
     "Path",
     "compliances",
     "home_lengths",
-    "refuse_friction",
 ]
 
 HISTORY_SCHEMA_VERSION: Final = 1
@@ -36,15 +35,6 @@ Bools = NDArray[np.bool_]
 Given = ArrayLike | Sequence[float | None] | Sequence[Sequence[float | None]]
 
 _GIVE: Final = "give each tendon a tension, a pull or an angle, and None where it has another"
-
-
-def refuse_friction(robot: Robot, what: str) -> None:
-    """Raise `InputError` for a robot whose tendons rub, where nothing is known of friction."""
-    if robot.has_friction:
-        raise InputError(
-            f"{robot.name} has friction at the holes of its tendons, which {what} "
-            "cannot account for yet; solve and sweep can, or set friction to 0"
-        )
 
 
 def compliances(robot: Robot) -> Floats:

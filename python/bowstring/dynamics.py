@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -426,6 +426,7 @@ def simulate(
         path = driving.Path(robot, theory, tendon, twist, elements)
         if history is not None:
             path.resume(history)
+    lines = _Lines.of(robot, theory, tendon, twist, elements)
     times = _output_times(duration, every)
     stations = _stations(robot, points)
     keep: list[Frames] = []
@@ -450,7 +451,7 @@ def simulate(
             tip = result["disk_position"][:, -1], result["disk_velocity"][:, -1]
             tips.append((result["time"], *tip))
             if points:
-                frames = _frames(result, stations)
+                frames = _frames(result, stations, lines)
                 if file is not None:
                     file.append(frames)
                 else:
@@ -637,8 +638,32 @@ def _stations(robot: Robot, points: int) -> tuple[Floats, NDArray[np.int64]]:
     return station.ravel(), np.repeat(np.arange(len(start)), points)
 
 
-def _frames(result: dict[str, Any], stations: tuple[Floats, NDArray[np.int64]]) -> Frames:
+class _Lines(NamedTuple):
+    """What tells the pulls of tendons that were given by tension, (T,)."""
+
+    home: Floats  # m
+    compliance: Floats  # m/N
+
+    @classmethod
+    def of(cls, robot: Robot, theory: str, tendon: str, twist: bool, elements: int) -> _Lines:
+        home = driving.home_lengths(robot, theory, tendon, twist, elements)
+        missing = np.full(len(robot.tendons.end_disk), np.nan)
+        return cls(missing if home is None else home, driving.compliances(robot))
+
+
+def _frames(
+    result: dict[str, Any], stations: tuple[Floats, NDArray[np.int64]], lines: _Lines
+) -> Frames:
     from bowstring.fields import Frames
+
+    if "pull" not in result:
+        tension, span = result["tension"], result["span_length"]
+        result = {
+            **result,
+            "pull": lines.home - result["tendon_length"] + lines.compliance * tension,
+            "slack": np.zeros_like(tension),
+            "span_tension": np.where(np.isnan(span), np.nan, tension[:, None, :]),
+        }
 
     names = [f.name for f in fields(Frames) if f.name not in ("station", "module")]
     return Frames(station=stations[0], module=stations[1], **{n: result[n] for n in names})
@@ -664,6 +689,7 @@ def _rows(
 def at_rest(
     robot: Robot,
     tensions: ArrayLike,
+    path: driving.Path | None,
     *,
     tip_force: ArrayLike,
     tip_moment: ArrayLike,
@@ -674,19 +700,26 @@ def at_rest(
     elements: int,
     points: int,
 ) -> Frames:
-    """Raw fields of an equilibrium, as of a run that has not begun; see `Solution.fields`."""
+    """Raw fields of an equilibrium, as of a run that has not begun; see `Solution.fields`.
+
+    Of the tensions or, if it is given, that a path has come to.
+    """
     from bowstring import _core
 
-    driving.refuse_friction(robot, "the fields of an equilibrium")
     simulator = _core.Simulator(
         robot.core, theory, tendon, twist, elements, gravity, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0
     )
     load = Load(*(np.asarray(v, dtype=float) for v in (tensions, tip_force, tip_moment)))
-    status = simulator.rest(*load)
+    if path is None:
+        status = simulator.rest(*load)
+    else:
+        status = "converged" if simulator.rest_at(path.core) else "max_iterations"
+        load = replace(load, drive=path.core.history()["commands"])
     if status != "converged":
         raise NoSolutionError(
             f"{robot.name}: there is no equilibrium to take fields of ({status})",
             status="no_equilibrium",
         )
     result = simulator.run(*_rows([0.0], [load]), np.array([True]), points)
-    return _frames(result, _stations(robot, points))
+    lines = _Lines.of(robot, theory, tendon, twist, elements)
+    return _frames(result, _stations(robot, points), lines)

@@ -43,7 +43,7 @@ __all__ = [
     "von_mises",
 ]
 
-SCHEMA_VERSION: Final = 1
+SCHEMA_VERSION: Final = 2
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -70,6 +70,10 @@ class Frames:
     tension, tendon_length : ndarray (T, m)
     span_length : ndarray (T, n, m)
         NaN where a tendon does not pass.
+    pull, slack : ndarray (T, m)
+        Length that each tendon is taken in by since the home pose, and length that hangs.
+    span_tension : ndarray (T, n, m)
+        In motion that where forces balanced in the last step. NaN where a tendon does not pass.
     kinetic_energy, elastic_energy, gravity_energy, work, dissipated_energy : ndarray (T,)
         Work is that of tendons and tip load since the start.
     """
@@ -88,6 +92,9 @@ class Frames:
     tension: Floats
     tendon_length: Floats
     span_length: Floats
+    pull: Floats
+    slack: Floats
+    span_tension: Floats
     kinetic_energy: Floats
     elastic_energy: Floats
     gravity_energy: Floats
@@ -139,15 +146,19 @@ FIELDS: Final[tuple[Field, ...]] = (
     Field("disk_velocity", _DISK_AXIS, "m/s", "base", "velocity of the disks"),
     Field("disk_angular_velocity", _DISK_AXIS, "rad/s", "base", "angular velocity of the disks"),
     Field("tip_displacement", ("axis",), "m", "base", "displacement of the tip from straight"),
-    Field("tension", _TENDON, "N", "", "tension of the tendons"),
+    Field("tension", _TENDON, "N", "", "tension of the tendons before the base hole"),
     Field("tendon_length", _TENDON, "m", "", "length of the tendons, base to end disk"),
-    Field("pull", _TENDON, "m", "", "length of the tendons at rest minus length"),
+    Field("pull", _TENDON, "m", "", "length that the tendons are taken in by since home"),
+    Field("slack", _TENDON, "m", "", "length of the tendons that hangs"),
     Field("span_length", ("disk", "tendon"), "m", "", "length of the span that ends at the disk"),
+    Field("span_tension", ("disk", "tendon"), "N", "", "tension of that span"),
     Field("kinetic_energy", (), "J", "", "kinetic energy"),
-    Field("elastic_energy", (), "J", "", "elastic energy"),
+    Field("elastic_energy", (), "J", "", "elastic energy, that of pulled tendons too"),
     Field("gravity_energy", (), "J", "", "potential energy in gravity"),
-    Field("work", (), "J", "", "work of tendons and tip load since the start"),
-    Field("dissipated_energy", (), "J", "", "energy that damping took since the start"),
+    Field("work", (), "J", "", "work of motors and tip load since the start"),
+    Field(
+        "dissipated_energy", (), "J", "", "energy that damping and friction took since the start"
+    ),
     Field(
         "energy_balance",
         (),
@@ -249,6 +260,9 @@ def check_frames(robot: Robot, frames: Frames) -> None:
         "tension": (t, m),
         "tendon_length": (t, m),
         "span_length": (t, n, m),
+        "pull": (t, m),
+        "slack": (t, m),
+        "span_tension": (t, n, m),
     }
     for name in Frames.__dataclass_fields__:
         shape = np.shape(getattr(frames, name))
@@ -381,7 +395,6 @@ def _of_whole(robot: Robot, frames: Frames, energy_at_start: float | None) -> di
         energy_at_start = balance[0] if len(balance) else 0.0
     return {
         "tip_displacement": frames.disk_position[:, -1] - (0.0, 0.0, robot.length),
-        "pull": robot.disks.station_m[robot.tendons.end_disk] - frames.tendon_length,
         "energy_balance": balance - energy_at_start,
     }
 

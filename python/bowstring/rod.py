@@ -333,15 +333,11 @@ class Solution:
         ------
         NoSolutionError
             If the solution did not converge.
-        InputError
-            With friction, and where the tensions alone do not hold the pose that the pulls hold.
         """
         from bowstring import dynamics
         from bowstring import fields as labelled
 
         self.raise_for_status()
-        drive.refuse_friction(self.robot, "the fields of an equilibrium")
-        self._check_tensions_hold()
         load: dict[str, Any] = {
             "tip_force": self.tip_force,
             "tip_moment": self.tip_moment,
@@ -351,23 +347,11 @@ class Solution:
             "twist": self.twist,
             "elements": self.elements,
         }
-        frames = dynamics.at_rest(self.robot, self.tensions, points=points, **load)
+        path = self._path if self.core.driven else None
+        frames = dynamics.at_rest(self.robot, self.tensions, path, points=points, **load)
         settings = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in load.items()}
         settings["tensions_N"] = self.tensions.tolist()
         return labelled.to_dataset(self.robot, frames, settings, status=self.status)
-
-    def _check_tensions_hold(self) -> None:
-        """Refuse if the tensions that were found lead from straight to another pose."""
-        core = self.core
-        if not core.driven:
-            return
-        load = (core.theory, core.gravity, core.tip_force, core.tip_moment)
-        alone = _solve(self.robot, core.tensions, *load, core.tendon, core.twist, core.elements)
-        if not self._is_pose_of(alone.core):
-            raise InputError(
-                "fields are taken under given tensions, and these alone do not hold the pose that "
-                "the pulls hold"
-            )
 
     def raise_for_status(self) -> Self:
         """Return self if converged, else raise.

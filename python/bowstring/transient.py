@@ -393,6 +393,7 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
             frames = dynamics.at_rest(
                 model.robot,
                 row,
+                None,
                 tip_force=(0.0, 0.0, 0.0),
                 tip_moment=(0.0, 0.0, 0.0),
                 gravity=main.gravity,
