@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.dynamics import Run
-    from bowstring.dynamics import Table as TimeTable
     from bowstring.measurements import Measurements, TendonCheck
     from bowstring.rod import Solution
 
@@ -420,6 +419,18 @@ def simulate(
     tension: Annotated[
         str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions after the rise.")
     ] = None,
+    pull: Annotated[
+        str | None,
+        typer.Option(
+            metavar="P1,P2,...",
+            help="Lengths taken in after the rise, m or with a unit. A tendon with - in one list, "
+            "another says how it is driven.",
+        ),
+    ] = None,
+    angle: Annotated[
+        str | None,
+        typer.Option(metavar="A1,A2,...", help="Motor angles after the rise, rad or with a unit."),
+    ] = None,
     rise: Annotated[
         str | None,
         typer.Option(metavar="s", help="Time of the rise; 0 is a jump.  [default: 1]"),
@@ -436,12 +447,22 @@ def simulate(
             "--rise 0, are released.  [default: none]",
         ),
     ] = None,
+    from_pull: Annotated[
+        str | None,
+        typer.Option(
+            metavar="P1,P2,...", help="Pulls of that equilibrium.  [default: those of home, 0]"
+        ),
+    ] = None,
+    history: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Start on the path of solve --save-history."),
+    ] = None,
     table: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="CSV of tensions over time, columns t_s, tension_1_N, ...; instead of --tension, "
-            "--rise and --hold.",
+            help="CSV over time, columns t_s and for each tendon tension_1_N, pull_1_mm or "
+            "angle_1_deg; instead of --tension, --pull, --angle, --rise and --hold.",
         ),
     ] = None,
     theory: Theory = "cosserat",
@@ -488,10 +509,11 @@ def simulate(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Dynamics: tensions over time to the robot's motion, from rest in equilibrium."""
+    """Dynamics: tensions and pulls over time to the robot's motion, from rest in equilibrium."""
     model = _load(robot, overrides)
-    tensions, duration = _tensions_over_time(model, tension, rise, hold, before, table)
-    start = None if before is None else _per_tendon("--from", before, "N", model)
+    wanted = (tension, pull, angle)
+    driven, duration = _driven_over_time(model, wanted, rise, hold, (before, from_pull), table)
+    path = None if history is None else _read_history(history)
     _check_elements(elements)
     mass = _not_negative("--mass-damping", mass_damping, "1/s")
     material = _not_negative("--material-damping", material_damping, "s")
@@ -529,7 +551,7 @@ def simulate(
     settings: dict[str, Any] = {
         "tip_force": _vector("--tip-force", tip_force, "N"),
         "tip_moment": moment,
-        "initial_tensions": start,
+        "history": path,
         "theory": theory,
         "gravity": None if gravity is None else _vector("--gravity", gravity, "m/s^2"),
         "elements": elements,
@@ -555,10 +577,10 @@ def simulate(
             try:
                 run = dynamics.simulate(
                     model,
-                    tensions,
-                    duration,
+                    duration=duration,
                     out=targets.out,
                     progress=lambda done: tell("motion", share * done),
+                    **driven,
                     **settings,
                 )
             except dynamics.RunInterrupted as stopped:
@@ -595,6 +617,16 @@ def modes(
     tension: Annotated[
         str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions.  [default: none]")
     ] = None,
+    pull: Annotated[
+        str | None,
+        typer.Option(
+            metavar="P1,P2,...",
+            help="Lengths taken in, which the tendons keep while the robot oscillates.",
+        ),
+    ] = None,
+    angle: Annotated[
+        str | None, typer.Option(metavar="A1,A2,...", help="Motor angles, which are kept as well.")
+    ] = None,
     count: Annotated[int, typer.Option(metavar="N", help="How many, the slowest.")] = 6,
     theory: Theory = "cosserat",
     gravity: Gravity = None,
@@ -608,11 +640,9 @@ def modes(
 ) -> None:
     """Natural frequencies and mode shapes about an equilibrium."""
     model = _load(robot, overrides)
-    tensions = (
-        [0.0] * _tendon_count(model)
-        if tension is None
-        else _per_tendon("--tension", tension, "N", model)
-    )
+    if tension is None and pull is None and angle is None:
+        tension = ",".join("0" for _ in range(_tendon_count(model)))
+    tensions, pulls, angles = _driven_by(model, tension, pull, angle)
     _check_elements(elements)
     if not 1 <= count <= 1000:
         raise InputError(f"--count: got {count}; must be from 1 to 1000.")
@@ -627,17 +657,23 @@ def modes(
         out = _of("--out", lambda path: report.check_folder(path, "modes"), out)
     provenance = _provenance(
         model,
-        tensions_N=tensions,
         count=count,
         theory=theory,
         gravity_m_per_s2=weight,
         tip_force_N=force,
         elements=elements,
+        **{
+            name: given
+            for name, given in (("pulls_m", pulls), ("angles_rad", angles))
+            if given is not None
+        },
     )
     try:
         found = dynamics.modes(
             model,
             tensions,
+            pulls=pulls,
+            angles=angles,
             count=count,
             tip_force=force,
             theory=theory,
@@ -992,36 +1028,44 @@ def _write_history(file: Path, history: dict[str, Any] | None) -> None:
         raise InputError(f"--save-history: cannot write {file}: {error.strerror}") from None
 
 
-def _tensions_over_time(
+def _driven_over_time(
     robot: Robot,
-    tension: str | None,
+    wanted: tuple[str | None, str | None, str | None],
     rise: str | None,
     hold: str | None,
-    before: str | None,
+    before: tuple[str | None, str | None],
     table: Path | None,
-) -> tuple[TimeTable, float]:
-    """What the flags of `simulate` say of tensions, and the duration."""
-    from bowstring.dynamics import Table
+) -> tuple[dict[str, Any], float]:
+    """What the flags of `simulate` say of the tendons, as it takes them, and the duration."""
+    from bowstring.courses import Table
 
+    names = {"tensions": ("--from", "N"), "pulls": ("--from-pull", "m")}
+    start: dict[str, Any] = {}
+    for (name, (flag, si)), text in zip(names.items(), before, strict=True):
+        if text is not None:
+            start[name] = _some_tendons(flag, text, si, robot)
     if table is not None:
-        from bowstring.timetable import read_tensions
+        from bowstring.timetable import read_drive
 
-        for flag, given in (("--tension", tension), ("--rise", rise), ("--hold", hold)):
+        flags = zip(("--tension", "--pull", "--angle"), wanted, strict=True)
+        for flag, given in (*flags, ("--rise", rise), ("--hold", hold)):
             if given is not None:
                 raise InputError(f"--table says it all: leave {flag} out, or --table.")
-        over_time = _of("--table", lambda path: read_tensions(path, robot), table)
-        duration = float(over_time.times[-1])
+        driven: dict[str, Any] = _of("--table", lambda path: read_drive(path, robot), table)
+        duration = float(next(iter(driven.values())).times[-1])
         if duration < SHORTEST_STEP:
             raise InputError(f"--table: it takes {duration:g} s; {_TOO_SHORT}")
         if duration > LONGEST_RUN:
             raise InputError(
                 f"--table: it takes {duration:g} s; a run of up to {LONGEST_RUN:g} s is possible."
             )
-        return over_time, duration
-    if tension is None:
-        raise InputError("tensions are missing: give --tension T1,T2,... or --table FILE.")
-    end = _per_tendon("--tension", tension, "N", robot)
-    start = [0.0] * len(end) if before is None else _per_tendon("--from", before, "N", robot)
+        return driven | {f"initial_{name}": row for name, row in start.items()}, duration
+    if wanted == (None, None, None):
+        raise InputError(
+            "what drives the tendons is missing: give --tension T1,T2,..., --pull P1,P2,..., "
+            "--angle A1,A2,... or --table FILE."
+        )
+    ends = dict(zip(("tensions", "pulls", "angles"), _driven_by(robot, *wanted), strict=True))
     rising = _not_negative("--rise", "1" if rise is None else rise, "s")
     holding = _not_negative("--hold", "1" if hold is None else hold, "s")
     duration = float(f"{rising + holding:.12g}")  # 0.1 + 0.2 is 0.3
@@ -1034,7 +1078,23 @@ def _tensions_over_time(
         raise InputError(
             f"{flag}: the run takes {duration:g} s; up to {LONGEST_RUN:g} s are possible."
         )
-    return Table([0.0, rising], [start, end]), duration
+    nan = float("nan")
+    driven = {}
+    for name, end in ends.items():
+        flag = names[name][0] if name in start else ""
+        if end is None:
+            if flag:
+                raise InputError(f"{flag}: no tendon moves by {name}, so none can start so.")
+            continue
+        begin = start.get(name, [0.0] * len(end))
+        for i, (a, b) in enumerate(zip(begin, end, strict=True)):
+            if flag and (a is None) != (b is None):
+                raise InputError(f"{flag}: give tendon {i + 1} a number in both lists or in none.")
+        rows = [
+            [nan if b is None else v for v, b in zip(r, end, strict=True)] for r in (begin, end)
+        ]
+        driven[name] = Table([0.0, rising], rows)
+    return driven, duration
 
 
 def _tendon_count(robot: Robot) -> int:

@@ -1,4 +1,4 @@
-"""Tensions over time from a CSV file."""
+"""What drives the tendons over time, from a CSV file."""
 
 from __future__ import annotations
 
@@ -9,30 +9,36 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from bowstring.dynamics import Table
+import numpy as np
+
+from bowstring.courses import Table
 from bowstring.errors import InputError
 from bowstring.robot import Robot
 from bowstring.units import quote, read_number
 
-__all__ = ["read_tensions"]
+__all__ = ["read_drive"]
 
 _LARGEST: Final = 100_000_000  # bytes
+_KINDS: Final = {"tension": ("tensions", "N"), "pull": ("pulls", "m"), "angle": ("angles", "rad")}
 
 
-def read_tensions(path: str | Path, robot: Robot) -> Table:
-    """Read a table of tensions over time.
+def read_drive(path: str | Path, robot: Robot) -> dict[str, Table]:
+    """Read a table of tensions, pulls and motor angles over time.
 
     Parameters
     ----------
     path : str or Path
-        CSV: a header, ``t_s`` and ``tension_1_N`` to the last tendon in any order, each with its
-        unit at the end (``t_ms``, ``tension_2_mN``); then a row a time. Times do not decrease; the
+        CSV: a header, ``t_s`` and for each tendon, in any order, one of ``tension_1_N``,
+        ``pull_1_mm`` and ``angle_1_deg``, each with its unit at the end (``t_ms``,
+        ``tension_2_mN``); then a row a time. Times do not decrease; the
         same time twice is a jump. Empty lines and lines that begin with # are skipped.
     robot : Robot
 
     Returns
     -------
-    Table
+    dict from name to Table
+        ``tensions``, ``pulls`` and ``angles`` as far as there are any, as `bowstring.simulate`
+        takes them.
 
     Raises
     ------
@@ -45,7 +51,7 @@ def read_tensions(path: str | Path, robot: Robot) -> Table:
         line, header = next(rows)
     except StopIteration:
         raise InputError(f"{path}: the file is empty; {_wanted(count)}") from None
-    columns = _columns(f"{path}, row {line}", header, count)
+    columns, kinds = _columns(f"{path}, row {line}", header, count)
     times: list[float] = []
     values: list[list[float]] = []
     for line, cells in rows:
@@ -53,9 +59,9 @@ def read_tensions(path: str | Path, robot: Robot) -> Table:
         if len(cells) != len(header):
             raise InputError(f"{here}: it has {len(cells)} cells, the header has {len(header)}")
         row = [_cell(here, header[i], cells[i], factor) for i, factor in columns]
-        time, tensions = row[0], row[1:]
-        for i, value in enumerate(tensions):
-            if value < 0:
+        time, given = row[0], row[1:]
+        for i, value in enumerate(given):
+            if value < 0 and kinds[i] == "tension":
                 raise InputError(
                     f"{here}: the tension of tendon {i + 1} is {value:g} N; a tendon cannot push, "
                     "give zero or more"
@@ -69,12 +75,18 @@ def read_tensions(path: str | Path, robot: Robot) -> Table:
         if len(times) > 1 and time == times[-2]:
             raise InputError(f"{here}: the time {time:g} s is there three times; a jump takes two")
         times.append(time)
-        values.append(tensions)
+        values.append(given)
     if not times:
         raise InputError(f"{path}: there is no row of numbers below the header")
     if times[-1] == 0:
         raise InputError(f"{path}: the last time is 0 s; a run takes some time")
-    return Table(times, values)
+    table = np.array(values)
+    found = {}
+    for kind, (name, _) in _KINDS.items():
+        mine = np.array([k == kind for k in kinds])
+        if mine.any():
+            found[name] = Table(times, np.where(mine, table, np.nan))
+    return found
 
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
@@ -101,31 +113,39 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
         raise InputError(f"{path}: the table cannot be read: {error}") from None
 
 
-def _columns(here: str, header: list[str], count: int) -> list[tuple[int, float]]:
-    """Place and factor to SI of time and each tension, in the robot's order."""
+def _columns(here: str, header: list[str], count: int) -> tuple[list[tuple[int, float]], list[str]]:
+    """Place and factor to SI of time and each tendon's column, in the robot's order; its kinds."""
     if any(";" in name for name in header):
         raise InputError(f"{here}: columns are separated by commas, numbers have a point")
     found: dict[int, tuple[int, float]] = {}  # 0 is time
+    kinds: dict[int, str] = {}
     for i, name in enumerate(header):
-        match = re.fullmatch(r"t_(?P<t>.+)|tension_(?P<k>[0-9]{1,4})_(?P<N>.+)", name)
+        pattern = r"t_(?P<t>.+)|(?P<kind>tension|pull|angle)_(?P<k>[0-9]{1,4})_(?P<unit>.+)"
+        match = re.fullmatch(pattern, name)
         if match is None:
             raise InputError(f"{here}: {quote(name)} is no column of a table; {_wanted(count)}")
-        si = "s" if match["t"] else "N"
+        si = "s" if match["t"] else _KINDS[match["kind"]][1]
         k = int(match["k"] or 0)
         if match["k"] and not 1 <= k <= count:
             tendons = f"{count} tendon" + ("" if count == 1 else "s")
             raise InputError(f"{here}: got {name}; the robot has {tendons}")
-        if k in found:
+        if k in found and kinds.get(k) == match["kind"]:
             raise InputError(f"{here}: {name} is there twice, as {header[found[k][0]]}")
+        if k in found:
+            raise InputError(
+                f"{here}: tendon {k} has {header[found[k][0]]} and {name}; give it one of them"
+            )
         try:
-            found[k] = (i, read_number(f"1 {match['t'] or match['N']}", si))
+            found[k] = (i, read_number(f"1 {match['t'] or match['unit']}", si))
+            kinds[k] = match["kind"]
         except ValueError as error:
             raise InputError(f"{here}: got {name}, {error}") from None
     missing = [k for k in range(count + 1) if k not in found]
     if missing:
         name = f"tension_{missing[0]}_N" if missing[0] else "t_s"
         raise InputError(f"{here}: there is no column {name}; {_wanted(count)}")
-    return [found[k] for k in range(count + 1)]
+    order = range(count + 1)
+    return [found[k] for k in order], [kinds[k] for k in order[1:]]
 
 
 def _cell(here: str, name: str, text: str, factor: float) -> float:
