@@ -9,7 +9,7 @@ use crate::load::{Load, Model};
 use crate::motion::{Damping, Energies, Fields, Motion};
 use crate::real::{Real, Scalar};
 use crate::robot::{InputError, Robot};
-use crate::rod::{Rod, Source, Step};
+use crate::rod::{Rod, Sources, Step};
 use crate::sensitivity::{self, Jacobians};
 use crate::transmission::Strung;
 
@@ -149,9 +149,7 @@ macro_rules! passes {
 
         impl<$($generic)*> Strung for $rod {
             hot!([$($generic)*] $rod, [$($feature)?]; measure_spans(angles: bool) -> () |rod| rod.measure_spans(angles));
-            hot!([$($generic)*] $rod, [$($feature)?]; respond(column: usize, source: Option<Source>) -> () |rod| {
-                rod.respond(column, source)
-            });
+            hot!([$($generic)*] $rod, [$($feature)?]; respond(sources: Sources) -> () |rod| rod.respond(sources));
             fn span_lengths(&self) -> &[f64] {
                 &self.span_lengths
             }
@@ -160,6 +158,9 @@ macro_rules! passes {
             }
             fn rates(&self, column: usize) -> &[f64] {
                 &self.columns[column].rates
+            }
+            fn stride(&self) -> usize {
+                Rod::stride(self)
             }
             fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
                 Rod::set_span_tensions(self, tension);
@@ -390,9 +391,7 @@ macro_rules! moving {
 
         impl<$($generic)*> Strung for $motion {
             hot!([$($generic)*] $motion, [$($feature)?]; measure_spans(angles: bool) -> () |motion| motion.measure_spans(angles));
-            hot!([$($generic)*] $motion, [$($feature)?]; respond(column: usize, source: Option<Source>) -> () |motion| {
-                motion.respond(column, source)
-            });
+            hot!([$($generic)*] $motion, [$($feature)?]; respond(sources: Sources) -> () |motion| motion.respond(sources));
             fn span_lengths(&self) -> &[f64] {
                 Motion::span_lengths(self)
             }
@@ -401,6 +400,9 @@ macro_rules! moving {
             }
             fn rates(&self, column: usize) -> &[f64] {
                 Motion::rates(self, column)
+            }
+            fn stride(&self) -> usize {
+                Motion::stride(self)
             }
             fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
                 Motion::set_span_tensions(self, tension);

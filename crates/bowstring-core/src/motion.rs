@@ -25,7 +25,7 @@ use crate::load::{Load, Model, TendonPath, Theory};
 use crate::module::{Constants, Gradient, Hessian, Span, State};
 use crate::real::{Layout, Real, Scalar};
 use crate::robot::Robot;
-use crate::rod::{get, get_mat, in_group, lanes, put, put_mat, Rod, Source};
+use crate::rod::{get, get_mat, in_group, lanes, put, put_mat, Rod, Sources};
 use crate::sweep::{Blocks, Eliminated};
 
 /// The unknown of a module.
@@ -128,7 +128,7 @@ struct Column<L: Layout, const A: usize> {
     /// Rotation that every arc adds, and yielding of the ends, by groups.
     u: Vec<[Vec3<L::Module>; A]>,
     delta: Vec<Vec3<L::Module>>,
-    /// Change of every span's length at the end of the step, by modules and tendons.
+    /// Change of every span's length at the end of the step, as in statics.
     rates: Vec<f64>,
 }
 
@@ -904,7 +904,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
 
     /// Answer of arcs, contact forces and disks to the present imbalance, or to more tension.
     #[inline(always)]
-    pub fn substitute(&mut self, column: usize, source: Option<Source>) {
+    pub fn substitute(&mut self, column: usize, source: Option<(usize, &[f64])>) {
         let n = self.module_count();
         let splat = L::Chain::splat;
         let groups = self.next.len();
@@ -912,7 +912,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             self.columns.push(Column {
                 u: vec![[Vec3::zero(); A]; groups],
                 delta: vec![Vec3::zero(); groups],
-                rates: vec![0.0; self.spans.len()],
+                rates: vec![0.0; groups * L::WIDTH * self.rod.tendons.len()],
             });
         }
         let mut out = std::mem::replace(
@@ -929,7 +929,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                     out.u[g] = self.rod.gradients[g].g;
                     out.delta[g] = self.inertia[g].g_delta;
                 }
-                Some(Source { tendon, tension }) => {
+                Some((tendon, tension)) => {
                     let w = lanes::<L>(n, g, |k| tension[k]);
                     let span = self.rod.span(g, tendon);
                     let force = span.direction * w;
@@ -1022,6 +1022,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         &self.columns[column].rates
     }
 
+    pub fn stride(&self) -> usize {
+        self.next.len() * L::WIDTH
+    }
+
     pub fn set_span_tensions(&mut self, tension: impl Fn(usize, usize) -> f64) {
         self.rod.set_span_tensions(tension);
     }
@@ -1030,18 +1034,23 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         self.rod.span_tension(k, i)
     }
 
-    /// Answers a right-hand side by the present elimination and measured spans.
+    /// Answers right-hand sides by the present elimination and measured spans: the own imbalance
+    /// in the first column, more tension in the next.
     #[inline(always)]
-    pub fn respond(&mut self, column: usize, source: Option<Source>) {
-        self.substitute(column, source);
-        self.rate_spans(column);
+    pub fn respond(&mut self, sources: Sources) {
+        let n = self.module_count();
+        let own = std::iter::once(None);
+        for (column, source) in own.chain(sources.iter(n).map(Some)).enumerate() {
+            self.substitute(column, source);
+            self.rate_spans(column);
+        }
     }
 
     /// How an answer changes the lengths of all spans at the end of the step; by the spans where
     /// forces balance, which is near enough for Newton's method.
     #[inline(always)]
     fn rate_spans(&mut self, column: usize) {
-        let n = self.module_count();
+        let groups = self.next.len();
         let count = self.rod.tendons.len();
         let ahead = L::Module::splat(1.0 / self.scheme.af);
         let column = &mut self.columns[column];
@@ -1051,15 +1060,13 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 turn += column.u[g][a];
                 moved += self.inertia[g].j[a] * column.u[g][a];
             }
-            for (j, tendon) in self.rod.tendons.iter().enumerate() {
+            for j in 0..count {
                 let span = self.rod.span(g, j);
                 let rate = span.direction.dot(moved + turn.cross(span.arm)) * ahead;
-                for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
-                    let k = g * L::WIDTH + i;
-                    if k > tendon.end_disk {
-                        break;
-                    }
-                    column.rates[k * count + j] = L::get(&rate, i).lane(0);
+                let rate = rate * self.rod.passes[g * count + j];
+                let out = &mut column.rates[(j * groups + g) * L::WIDTH..][..L::WIDTH];
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out = L::get(&rate, i).lane(0);
                 }
             }
         }
@@ -1709,21 +1716,18 @@ impl<const A: usize> Motion<Scalar, A> {
     /// Takes off a flexibility what locked tendons hold.
     fn lock(&mut self, locks: &[Lock], matrix: &mut [f64]) {
         self.rod.measure_spans(false);
-        let count = self.rod.tendons.len();
+        let n = self.module_count();
         let mut moved = vec![];
         let mut problem = Complementarity::default();
         problem.resize(locks.len());
         for (c, lock) in locks.iter().enumerate() {
-            let source = Source {
-                tendon: lock.tendon,
-                tension: &lock.spans,
-            };
-            self.respond(1, Some(source));
+            self.substitute(1, Some((lock.tendon, &lock.spans)));
+            self.rate_spans(1);
             moved.push(self.displacement(1));
             let rates = &self.columns[1].rates;
             for (r, row) in locks.iter().enumerate() {
                 let spans = row.spans.iter().enumerate();
-                let longer: f64 = spans.map(|(k, s)| s * rates[k * count + row.tendon]).sum();
+                let longer: f64 = spans.map(|(k, s)| s * rates[row.tendon * n + k]).sum();
                 problem.matrix[r * locks.len() + c] = -longer;
             }
             problem.matrix[c * locks.len() + c] += lock.compliance;

@@ -33,10 +33,10 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     /// Strain and contact force to go back to: the force is where the next balance starts.
     saved: Vec<[Vec3<L::Module>; A]>,
     saved_force: Vec<Vec3<L::Module>>,
-    /// Scratch of `respond`: force on the ends, and imbalance or rotation of the starts.
-    asked: Vec<[Vec3<L::Module>; 2]>,
     /// Tension of every tendon in every group, zero where it does not pass.
     pub tensions: Vec<L::Module>,
+    /// One where it passes.
+    pub passes: Vec<L::Module>,
     /// By modules.
     pub eliminated: Vec<Eliminated<L::Chain, A, 1>>,
     symmetric: bool,
@@ -61,24 +61,73 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
 pub(crate) struct Column<L: Layout, const A: usize> {
     /// Rotation that every arc adds, by groups.
     u: Vec<[Vec3<L::Module>; A]>,
-    /// Change of every span's length, by modules and tendons.
+    /// Scratch of `respond`: force on the ends, and imbalance or rotation of the starts.
+    asked: Vec<[Vec3<L::Module>; 2]>,
+    /// Change of every span's length, by tendons and, [`Strung::stride`] apart, modules.
     pub rates: Vec<f64>,
 }
 
-impl<L: Layout, const A: usize> Default for Column<L, A> {
-    fn default() -> Self {
-        Column {
-            u: vec![],
-            rates: vec![],
-        }
+/// Right-hand sides: more tension in one tendon each.
+#[derive(Clone, Copy)]
+pub(crate) struct Sources<'a> {
+    pub tendons: &'a [usize],
+    /// By sources and modules, N.
+    pub tensions: &'a [f64],
+}
+
+impl<'a> Sources<'a> {
+    /// Of a robot of `n` modules.
+    pub fn iter(self, n: usize) -> impl Iterator<Item = (usize, &'a [f64])> {
+        self.tendons
+            .iter()
+            .copied()
+            .zip(self.tensions.chunks_exact(n))
     }
 }
 
-/// A right-hand side: more tension in one tendon, N in its span of every module.
-#[derive(Clone, Copy)]
-pub(crate) struct Source<'a> {
-    pub tendon: usize,
-    pub tension: &'a [f64],
+/// The same for all columns.
+#[inline(always)]
+fn widen<L: Layout>(m: &Mat3<L::Chain>) -> Mat3<L::Module> {
+    let mut out = Mat3::zero();
+    for (row, from) in out.0.iter_mut().zip(&m.0) {
+        for (x, y) in row.iter_mut().zip(from) {
+            *x = L::Module::splat(y.lane(0));
+        }
+    }
+    out
+}
+
+/// A vector of module `i` in its group, of all columns side by side.
+#[inline(always)]
+fn abreast<L: Layout, const A: usize>(
+    columns: &[Column<L, A>],
+    i: usize,
+    of: impl Fn(&Column<L, A>) -> &Vec3<L::Module>,
+) -> Vec3<L::Module> {
+    let mut out = Vec3::<L::Module>::zero();
+    for (lane, column) in columns.iter().enumerate() {
+        let v = of(column);
+        for q in 0..3 {
+            out.0[q].set_lane(lane, L::get(&v.0[q], i).lane(0));
+        }
+    }
+    out
+}
+
+/// Gives every column its own.
+#[inline(always)]
+fn apart<L: Layout, const A: usize>(
+    columns: &mut [Column<L, A>],
+    i: usize,
+    v: &Vec3<L::Module>,
+    to: impl Fn(&mut Column<L, A>) -> &mut Vec3<L::Module>,
+) {
+    for (lane, column) in columns.iter_mut().enumerate() {
+        let place = to(column);
+        for q in 0..3 {
+            L::put(&mut place.0[q], i, L::Chain::splat(v.0[q].lane(lane)));
+        }
+    }
 }
 
 /// What the step promises.
@@ -182,8 +231,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             step: vec![zero; groups],
             saved: vec![zero; groups],
             saved_force: vec![Vec3::zero(); groups],
-            asked: vec![[Vec3::zero(); 2]; groups],
             tensions: vec![L::Module::zero(); groups * robot.tendon_count()],
+            passes: (0..groups * robot.tendon_count())
+                .map(|at| {
+                    let (g, j) = (at / robot.tendon_count(), at % robot.tendon_count());
+                    let end = robot.spec().tendons[j].end_disk;
+                    lanes::<L>(n, g, |k| f64::from(u8::from(k <= end)))
+                })
+                .collect(),
             eliminated: vec![Eliminated::empty(); n],
             symmetric: true,
             dead: vec![[Vec3::zero(); 4]; n],
@@ -479,99 +534,116 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         &self.spans[g * self.tendons.len() + tendon]
     }
 
-    /// Answer of the rod to a right-hand side, by the present elimination and measured spans: to
-    /// its own gradient, or to a change of tension.
+    /// Answers of the rod, by the present elimination and measured spans: to its own gradient in
+    /// the first column, and to more tension in the next.
     #[inline(always)]
-    pub fn respond(&mut self, column: usize, source: Option<Source>) {
+    pub fn respond(&mut self, sources: Sources) {
         let (n, count) = (self.dead.len(), self.tendons.len());
         let groups = self.states.len();
-        while self.columns.len() <= column {
+        let columns = 1 + sources.tendons.len();
+        while self.columns.len() < columns {
             self.columns.push(Column {
                 u: vec![[Vec3::zero(); A]; groups],
-                rates: vec![0.0; n * count],
+                asked: vec![[Vec3::zero(); 2]; groups],
+                rates: vec![0.0; groups * L::WIDTH * count],
             });
         }
-        // force on the end of every module and imbalance of its start
-        let mut answer_of = std::mem::take(&mut self.columns[column]);
-        for g in 0..groups {
-            let (state, response) = (&self.states[g], &self.responses[g]);
-            let (mut force, mut start) = (Vec3::zero(), Vec3::zero());
-            match source {
-                None => answer_of.u[g] = self.gradients[g].g,
-                Some(Source { tendon, tension }) => {
-                    let w = lanes::<L>(n, g, |k| tension[k]);
-                    let span = &self.spans[g * count + tendon];
-                    force = -(span.direction * w);
-                    let torque = span.arm.cross(span.direction) * w;
-                    let moved = response.d_hat * force;
-                    let turned = torque + response.k * moved;
-                    let on_end = response.m.tr_mul(force);
-                    for a in 0..A {
-                        answer_of.u[g][a] = turned - response.j[a].tr_mul(on_end);
+        self.columns[0].asked.fill([Vec3::zero(); 2]);
+        for (u, gradient) in self.columns[0].u.iter_mut().zip(&self.gradients) {
+            *u = gradient.g;
+        }
+        for (c, (tendon, tension)) in sources.iter(n).enumerate() {
+            let column = &mut self.columns[c + 1];
+            for g in 0..groups {
+                let (state, response) = (&self.states[g], &self.responses[g]);
+                let w = lanes::<L>(n, g, |k| tension[k]);
+                let span = &self.spans[g * count + tendon];
+                let force = -(span.direction * w);
+                let torque = span.arm.cross(span.direction) * w;
+                let moved = response.d_hat * force;
+                let turned = torque + response.k * moved;
+                let on_end = response.m.tr_mul(force);
+                for a in 0..A {
+                    column.u[g][a] = turned - response.j[a].tr_mul(on_end);
+                }
+                column.asked[g] = [force, state.f[0].cross(moved)];
+            }
+        }
+        for first in (0..columns).step_by(L::WIDTH) {
+            self.substitute(first, L::WIDTH.min(columns - first));
+        }
+        for column in &mut self.columns[..columns] {
+            for g in 0..groups {
+                let (state, response) = (&self.states[g], &self.responses[g]);
+                let [force, x] = column.asked[g];
+                let (mut turn, mut moved) = (Vec3::zero(), Vec3::zero());
+                for a in 0..A {
+                    turn += column.u[g][a];
+                    moved += response.j[a] * column.u[g][a];
+                }
+                let force = force + state.f[0].cross(x) - response.k.tr_mul(turn);
+                let rho = response.m * moved + response.d_hat * force;
+                for j in 0..count {
+                    let span = &self.spans[g * count + j];
+                    let rate = span.direction.dot(rho + turn.cross(span.arm));
+                    let rate = rate * self.passes[g * count + j];
+                    let out = &mut column.rates[(j * groups + g) * L::WIDTH..][..L::WIDTH];
+                    for (i, out) in out.iter_mut().enumerate() {
+                        *out = L::get(&rate, i).lane(0);
                     }
-                    start = state.f[0].cross(moved);
                 }
             }
-            self.asked[g] = [force, start];
         }
-        let mut p = Vec3::zero();
+    }
+
+    /// From one tendon to the next in the rates of a column.
+    pub fn stride(&self) -> usize {
+        self.states.len() * L::WIDTH
+    }
+
+    /// Goes through the chain with some columns side by side, in the lanes that modules have
+    /// elsewhere.
+    #[inline(always)]
+    fn substitute(&mut self, first: usize, some: usize) {
+        let n = self.dead.len();
+        let columns = &mut self.columns[first..first + some];
+        let mut p = Vec3::<L::Module>::zero();
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            p = get_mat::<L>(&self.states[g].s, i) * p;
+            let eliminated = self.eliminated[k].map(|m| widen::<L>(&m));
+            p = widen::<L>(&get_mat::<L>(&self.states[g].s, i)) * p;
             let mut answer = [Vec3::zero(); A];
             for a in 0..A {
-                answer[a] = get::<L>(&answer_of.u[g][a], i) + p;
+                answer[a] = abreast::<L, A>(columns, i, |column| &column.u[g][a]) + p;
             }
             let mut start = [p];
             if self.symmetric {
-                self.eliminated[k].backward::<true>(&mut answer, &mut start);
+                eliminated.backward::<true>(&mut answer, &mut start);
             } else {
-                self.eliminated[k].backward::<false>(&mut answer, &mut start);
+                eliminated.backward::<false>(&mut answer, &mut start);
             }
+            p = start[0] + abreast::<L, A>(columns, i, |column| &column.asked[g][1]);
             for a in 0..A {
-                put::<L>(&mut answer_of.u[g][a], i, answer[a]);
+                apart::<L, A>(columns, i, &answer[a], |column| &mut column.u[g][a]);
             }
-            p = start[0] + get::<L>(&self.asked[g][1], i);
         }
-        let mut x = Vec3::zero();
+        let mut x = Vec3::<L::Module>::zero();
         for k in 0..n {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let eliminated = self.eliminated[k].map(|m| widen::<L>(&m));
             let mut answer = [Vec3::zero(); A];
             for a in 0..A {
-                answer[a] = get::<L>(&answer_of.u[g][a], i);
+                answer[a] = abreast::<L, A>(columns, i, |column| &column.u[g][a]);
             }
-            let u = self.eliminated[k].forward(&answer, &[x]);
-            put::<L>(&mut self.asked[g][1], i, x);
+            let u = eliminated.forward(&answer, &[x]);
+            apart::<L, A>(columns, i, &x, |column| &mut column.asked[g][1]);
             let mut end = x;
             for a in 0..A {
                 end += u[a];
-                put::<L>(&mut answer_of.u[g][a], i, u[a]);
+                apart::<L, A>(columns, i, &u[a], |column| &mut column.u[g][a]);
             }
-            x = get_mat::<L>(&self.states[g].s, i).tr_mul(end);
+            x = widen::<L>(&get_mat::<L>(&self.states[g].s, i)).tr_mul(end);
         }
-        for g in 0..groups {
-            let (state, response) = (&self.states[g], &self.responses[g]);
-            let [force, x] = self.asked[g];
-            let (mut turn, mut moved) = (Vec3::zero(), Vec3::zero());
-            for a in 0..A {
-                turn += answer_of.u[g][a];
-                moved += response.j[a] * answer_of.u[g][a];
-            }
-            let force = force + state.f[0].cross(x) - response.k.tr_mul(turn);
-            let rho = response.m * moved + response.d_hat * force;
-            for (j, tendon) in self.tendons.iter().enumerate() {
-                let span = &self.spans[g * count + j];
-                let rate = span.direction.dot(rho + turn.cross(span.arm));
-                for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
-                    let k = g * L::WIDTH + i;
-                    if k > tendon.end_disk {
-                        break;
-                    }
-                    answer_of.rates[k * count + j] = L::get(&rate, i).lane(0);
-                }
-            }
-        }
-        self.columns[column] = answer_of;
     }
 
     /// Takes a sum of answers as the step; returns the largest rotation that an arc adds, rad.

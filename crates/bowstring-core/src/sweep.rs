@@ -140,6 +140,18 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         xx
     }
 
+    /// The same in other numbers.
+    #[inline(always)]
+    pub fn map<W: Real>(&self, f: impl Fn(Mat3<T>) -> Mat3<W>) -> Eliminated<W, A, S> {
+        Eliminated {
+            inverse: self.inverse.map(&f),
+            lower: self.lower.map(|row| row.map(&f)),
+            upper: self.upper.map(|row| row.map(&f)),
+            gain: self.gain.map(|row| row.map(&f)),
+            xu: self.xu.map(|row| row.map(&f)),
+        }
+    }
+
     /// Negative eigenvalues of the arcs' pivots.
     pub fn negative_pivots(&self) -> usize {
         self.inverse.iter().map(negative_pivots).sum()

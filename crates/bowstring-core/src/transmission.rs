@@ -36,7 +36,7 @@ use crate::linalg::Vec3;
 use crate::load::{Load, Model, TendonPath, Theory};
 use crate::motion::{Energies, Lock};
 use crate::robot::{InputError, Robot, Short};
-use crate::rod::Source;
+use crate::rod::Sources;
 
 /// What the laws ask of a rod, at rest or in motion.
 pub(crate) trait Strung {
@@ -46,10 +46,13 @@ pub(crate) trait Strung {
     fn span_lengths(&self) -> &[f64];
     /// Of the tendons at the holes, where forces balance, rad.
     fn angles(&self) -> &[f64];
-    /// Answers a right-hand side by the present elimination: its own imbalance, or more tension.
-    fn respond(&mut self, column: usize, source: Option<Source>);
-    /// Change of the span lengths by an answer.
+    /// Answers right-hand sides by the present elimination: in the first column its own imbalance,
+    /// in the next more tension.
+    fn respond(&mut self, sources: Sources);
+    /// Change of the span lengths by an answer, by tendons, a `stride` apart, and modules; zero
+    /// where a tendon does not pass.
     fn rates(&self, column: usize) -> &[f64];
+    fn stride(&self) -> usize;
     fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64);
     fn span_tension(&self, k: usize, i: usize) -> f64;
 }
@@ -157,6 +160,8 @@ pub(crate) struct Transmission {
     pub problem: Complementarity,
     /// Unknowns in the order of the columns.
     unknowns: Vec<Unknown>,
+    /// Tendon of each.
+    sources: Vec<usize>,
     /// Tension by modules that goes with a unit of each unknown.
     profile: Vec<f64>,
     coefficients: Vec<f64>,
@@ -628,10 +633,10 @@ impl Transmission {
                 }
             }
         }
-        rod.respond(0, None);
         let size = self.unknowns.len();
         self.problem.resize(size);
         // tension by modules of a unit of each unknown
+        self.sources.clear();
         self.profile.clear();
         self.profile.resize(size * n, 0.0);
         for (c, unknown) in self.unknowns.iter().enumerate() {
@@ -654,26 +659,29 @@ impl Transmission {
                     tendon
                 }
             };
-            let source = Source {
-                tendon,
-                tension: part,
-            };
-            if !kept || self.rubs {
-                rod.respond(c + 1, Some(source));
-            }
+            self.sources.push(tendon);
         }
+        let anew = !kept || self.rubs;
+        rod.respond(Sources {
+            tendons: if anew { &self.sources } else { &[] },
+            tensions: &self.profile,
+        });
         // change of every tendon's length from each hole on, by each column
-        let spans = n * m;
+        let (spans, stride) = (n * m, rod.stride());
         self.beyond.resize((size + 1) * spans, 0.0);
-        for (c, sums) in self
-            .beyond
-            .chunks_exact_mut(spans)
-            .enumerate()
-            .take(size + 1)
-        {
-            sums.copy_from_slice(rod.rates(c));
-            for at in (0..spans - m).rev() {
-                sums[at] += sums[at + m];
+        for (c, sums) in self.beyond.chunks_exact_mut(spans).enumerate() {
+            let rates = rod.rates(c);
+            for (i, sums) in sums.chunks_exact_mut(n).enumerate() {
+                let rates = &rates[i * stride..][..n];
+                if self.lines[i].friction == 0.0 {
+                    sums[0] = rates.iter().sum();
+                    continue;
+                }
+                let mut sum = 0.0;
+                for (k, rate) in rates.iter().enumerate().rev() {
+                    sum += rate;
+                    sums[k] = sum;
+                }
             }
         }
         // own compliance of a tendon from each hole on, times each column
@@ -702,7 +710,7 @@ impl Transmission {
                 Unknown::Tension(_) => self.share,
                 Unknown::Drop { .. } => 1.0,
             };
-            let mut q = -share * self.beyond[at];
+            let mut q = -share * self.beyond[i * n + hole];
             match *row {
                 Unknown::Tension(_) => {
                     q += self.slack[i];
@@ -724,7 +732,7 @@ impl Transmission {
                 }
             }
             for (c, column) in self.unknowns.iter().enumerate() {
-                let mut entry = -share * self.beyond[(c + 1) * spans + at];
+                let mut entry = -share * self.beyond[(c + 1) * spans + i * n + hole];
                 if column.tendon() == i {
                     entry += match (row, column) {
                         (Unknown::Drop { .. }, _) => self.give[c * n + hole],
