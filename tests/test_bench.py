@@ -438,18 +438,34 @@ def test_a_bench_is_replaced_and_nothing_else(study: Bench, tmp_path: Path) -> N
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_whole_or_not_at_all(study: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    write(study.measure(1), tmp_path / "bench.csv")
+@pytest.mark.parametrize("former", [True, False])
+@pytest.mark.parametrize("failing", ["the truth", "the table"])
+def test_whole_or_not_at_all(
+    failing: str, former: bool, study: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if former:
+        write(study.measure(1), tmp_path / "bench.csv")
     before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    write_text, move = Path.write_text, os.replace
 
-    def full(self: Path, *_: Any) -> int:
+    def no_text(self: Path, *arguments: Any) -> int:
+        write_text(self, "{")
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_text", full)  # the truth
-    with pytest.raises(InputError, match=r"cannot write the bench to .*: No space left on device"):
-        write(study.measure(2), tmp_path / "bench.csv")
+    def no_table(old: Path, new: Path) -> None:
+        if Path(new) == tmp_path / "bench.csv":
+            raise OSError(28, "No space left on device")
+        move(old, new)
+
+    with monkeypatch.context() as patch:
+        if failing == "the truth":
+            patch.setattr(Path, "write_text", no_text)
+        else:
+            patch.setattr(os, "replace", no_table)
+        with pytest.raises(InputError, match=r"cannot write the bench to .*: No space left on"):
+            write(study.measure(2), tmp_path / "bench.csv")
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
-    assert read_truth(tmp_path / "bench.csv")["seed"] == 1
+    assert not former or read_truth(tmp_path / "bench.csv")["seed"] == 1
 
 
 def test_the_truth_of_another_table(study: Bench, tmp_path: Path) -> None:
@@ -516,11 +532,13 @@ def test_what_was_measured_has_no_truth(tmp_path: Path) -> None:
         ({"gravity_frame": "world"}, "gravity_frame is 'world', it must be \"base\""),
         ({"tilt": -0.1}, "tilt is -0.1 rad, it must be zero or more"),
         ({"tilt": 4.0}, "tilt is 4 rad, it must be up to pi"),
-        ({"tilt_towards": "x"}, "tilt_towards is 'x', it must be numbers"),
+        ({"tilt_towards": "x"}, "tilt_towards is 'x', it must be a finite number"),
         ({"base": np.eye(4)}, "base is array.*, it must be a Rigid"),
         ({"base": PLACE, "tilt": 0.1}, "leave out tilt and shift, or base"),
         ({"shift": [0, 0]}, r"shift has shape \(2,\)"),
         ({"tool": [0, 0, math.nan]}, "tool is .*, all must be finite numbers"),
+        ({"shift": [0, 1e308, 0]}, "shift is 1e.308 m, it must be up to 1e.06 m"),
+        ({"noise": 1e308}, "noise is 1e.308 m, it must be up to 1e.06 m"),
         ({"tool_error": 1}, r"tool_error has shape \(\)"),
         ({"tip_force": [1, 2]}, r"tip_force has shape \(2,\)"),
         ({"drift": "far"}, "drift is 'far', it must be numbers of shape"),

@@ -69,6 +69,7 @@ STUDY: Final[dict[str, Any]] = {
 ``simulate(robot, **STUDY)``. Friction, gravity and tilt are assumed, the study gives none."""
 
 _MOST_ROWS: Final = 1_000_000
+_FAR: Final = 1e6  # m
 _SHARE: Final = re.compile(rf"({NUMBER})\s*%")
 _MOST_TRUTH: Final = 500_000_000  # bytes
 _HEAD: Final = 2000  # bytes in which a file of ours is known
@@ -305,6 +306,7 @@ def set_up(
         raise InputError(f"repeats is {shown(repeats)}, it must be a whole number from 1")
     rows, group, repeat = _path(len(by_tension), int(repeats), unload)
     sigma = number("noise", noise, "m", zero=True)
+    _lengths("noise", (sigma, 0.0, 0.0))
     other = _actual(robot, friction, actual)
     given = numbers("gravity", other.gravity if gravity is None else gravity, (3,), "m/s^2")
     pose = _pose(base, tilt, tilt_towards, shift)
@@ -313,10 +315,10 @@ def set_up(
             f'gravity_frame is {shown(gravity_frame)}, it must be "base" or "measuring"'
         )
     felt = given if gravity_frame == "base" else pose.rotation.T @ given
-    said = numbers("tool", tool, (3,), "m")
-    there = said + numbers("tool_error", tool_error, (3,), "m")
+    said = _lengths("tool", tool)
+    there = said + _lengths("tool_error", tool_error)
     force = numbers("tip_force", tip_force, (3,), "N")
-    moves = numbers("drift", drift, (3,), "m")
+    moves = _lengths("drift", drift)
 
     driven = by_tension[rows], by_pull[rows]
     found = rod.sweep(
@@ -444,11 +446,13 @@ def _path(count: int, repeats: int, unload: bool) -> tuple[Ints, NDArray[np.str_
 
 def _pose(base: Rigid | None, tilt: float, towards: float, shift: ArrayLike) -> Rigid:
     """The base in the measuring frame."""
-    moved = numbers("shift", shift, (3,), "m")
+    moved = _lengths("shift", shift)
     angle = number("tilt", tilt, "rad", zero=True)
-    direction = float(numbers("tilt_towards", towards, (), "rad"))
     if angle > math.pi:
         raise InputError(f"tilt is {angle:g} rad, it must be up to pi")
+    if not isinstance(towards, (float, int, np.number)) or not math.isfinite(towards):
+        raise InputError(f"tilt_towards is {shown(towards)}, it must be a finite number in rad")
+    direction = float(towards)
     if base is None:
         axis = [-math.sin(direction), math.cos(direction), 0.0]
         return Rigid.from_rotation_vector(np.multiply(angle, axis), moved)
@@ -457,6 +461,14 @@ def _pose(base: Rigid | None, tilt: float, towards: float, shift: ArrayLike) -> 
     if angle or direction or moved.any():
         raise InputError("base says where the base stands: leave out tilt and shift, or base")
     return base
+
+
+def _lengths(name: str, value: ArrayLike) -> Floats:
+    """A vector in m, near enough for all that is made of it to be finite."""
+    found = numbers(name, value, (3,), "m")
+    if np.abs(found).max() > _FAR:
+        raise InputError(f"{name} is {np.abs(found).max():g} m, it must be up to {_FAR:g} m")
+    return found
 
 
 # -- the actual robot ----------------------------------------------------------------------------
@@ -607,6 +619,7 @@ def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
         raise InputError(f"{measurements.name} is not of a virtual bench, it has no known truth")
     file = check_table(path)
     beside = truth_file(file)
+    former, alone = None, False
     short = {k: v for k, v in truth.items() if k not in ("rows", "actual_robot")}
     comments = [
         f"{_MADE} {truth['bowstring_version']}; nothing here was measured.",
@@ -621,11 +634,20 @@ def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
         data = {"file": file.name, "sha256": hashlib.sha256(new.read_bytes()).hexdigest()}
         text = json.dumps({**truth, "data": data}, allow_nan=False)
         (work / beside.name).write_text(text + "\n", "utf-8")
+        if beside.exists():
+            former = work / "former"
+            os.replace(beside, former)
         os.replace(work / beside.name, beside)
+        alone = True
         os.replace(new, file)
+        former, alone = None, False
     except OSError as error:
         raise InputError(f"cannot write the bench to {file}: {error.strerror}") from None
     finally:
+        if alone:  # the drive did not take the table: nor is its truth left there
+            beside.unlink(missing_ok=True)
+        if former is not None:
+            os.replace(former, beside)
         if work is not None:
             shutil.rmtree(work, ignore_errors=True)
     return file, beside
