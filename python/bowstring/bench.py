@@ -70,6 +70,7 @@ STUDY: Final[dict[str, Any]] = {
 
 _MOST_ROWS: Final = 1_000_000
 _FAR: Final = 1e6  # m
+_HEAVY: Final = 1e9  # kg
 _SHARE: Final = re.compile(rf"({NUMBER})\s*%")
 _MOST_TRUTH: Final = 500_000_000  # bytes
 _HEAD: Final = 2000  # bytes in which a file of ours is known
@@ -417,10 +418,11 @@ def _loads(
         hung = np.empty(0)
     if hung.ndim != 1 or not len(hung):
         raise InputError(f"masses is {shown(masses)}, it must be a list of numbers in kg")
-    wrong = np.flatnonzero(~(np.isfinite(hung) & (hung >= 0)))
+    wrong = np.flatnonzero(~((hung >= 0) & (hung <= _HEAVY)))
     if len(wrong):
         raise InputError(
-            f"masses: number {wrong[0] + 1} is {hung[wrong[0]]:g} kg, it must be zero or more"
+            f"masses: number {wrong[0] + 1} is {hung[wrong[0]]:g} kg, it must be from 0 to "
+            f"{_HEAVY:g} kg"
         )
     table = np.zeros((len(hung), count))
     table[:, tendon - 1] = gravity * hung
