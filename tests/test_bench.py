@@ -275,29 +275,89 @@ def test_a_disturbance_stays_after_registration(
         assert chi == pytest.approx(1.0, abs=4 * math.sqrt(2 / 294))
 
 
-def test_loading_alone_hardly_tells_friction_from_stiffness(robot: bs.Robot) -> None:
+PARAMETERS = (
+    "segments.0.backbone.E",
+    "segments.0.tendons.friction",
+    *("base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz"),
+)
+STEPS = np.array([35e6, 1e-3, *[1e-4] * 6])
+
+
+@pytest.fixture(scope="module")
+def truth() -> Array:
+    """The study's bench with a softer backbone and a base that is moved too: `PARAMETERS`, SI."""
+    return np.array([0.97 * 35e9, 0.1, 1e-3, -1e-3, 2e-3, 0.0, math.radians(0.3), 0.0])
+
+
+def bench_of(robot: bs.Robot, values: Array, **options: Any) -> Bench:
+    """A bench of these `PARAMETERS`."""
+    E, mu, *base = values.tolist()
+    place = Rigid.from_rotation_vector(base[3:], base[:3])
+    study = {k: v for k, v in STUDY.items() if k != "tilt"} | {"friction": mu} | options
+    return set_up(robot, **study, base=place, actual={"segments.0.backbone.E": E})
+
+
+@pytest.fixture(scope="module")
+def derivative(robot: bs.Robot, truth: Array) -> Array:
+    """Of the points of one run through the loads by `PARAMETERS`, (33, 3, 8), at the truth."""
+
+    def along(k: int) -> Array:
+        ahead, behind = (
+            bench_of(robot, truth + sign * STEPS * (np.arange(8) == k), repeats=1).points
+            for sign in (1, -1)
+        )
+        return (ahead - behind) / (2 * STEPS[k])
+
+    return np.stack([along(k) for k in range(8)], axis=-1)
+
+
+def test_loading_alone_hardly_tells_friction_from_stiffness(derivative: Array) -> None:
     """Correlation of the two, the base fitted too, of least squares about the truth."""
 
-    def points(E: float = 0.0, mu: float = 0.1) -> Array:
-        options = {**STUDY, "friction": mu, "repeats": 1, "noise": 0.0}
-        made = set_up(robot, **options, actual={"segments.0.backbone.E": f"{100 * E:+.9f} %"})
-        return made.points
-
-    by_stiffness = (points(E=1e-3) - points(E=-1e-3)) / 2e-3
-    by_friction = (points(mu=0.101) - points(mu=0.099)) / 2e-3
-    here = points()
-    arms = np.zeros((33, 3, 6))
-    for i, axis in enumerate(np.eye(3)):
-        arms[:, :, i], arms[:, i, 3 + i] = np.cross(axis, here), 1.0
-    columns = np.concatenate([by_stiffness[..., None], by_friction[..., None], arms], axis=2)
-
     def correlation(rows: slice) -> float:
-        by = columns[rows].reshape(-1, 8)
+        by = (derivative[rows] * STEPS).reshape(-1, 8)
         covariance = np.linalg.inv(by.T @ by)
         return float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
 
     assert correlation(slice(17)) == pytest.approx(-0.956, abs=0.01)  # loading
     assert correlation(slice(33)) == pytest.approx(-0.205, abs=0.02)  # and unloading
+
+
+def fitted(made: Bench, derivative: Array, truth: Array, noisy: Array) -> tuple[Array, Array]:
+    """Least squares about the truth: values and standard errors, as the residuals have them."""
+    by = np.tile(derivative * STEPS, (3, 1, 1)).reshape(-1, 8)
+    step, left, _, _ = np.linalg.lstsq(by, (noisy - made.points).ravel(), rcond=None)
+    variance = float(left[0]) / (len(by) - 8)
+    error = np.sqrt(variance * np.diag(np.linalg.inv(by.T @ by)))
+    return truth + STEPS * step, STEPS * error
+
+
+def test_intervals_of_400_benches(robot: bs.Robot, truth: Array, derivative: Array) -> None:
+    """Each parameter lies inside its own 95 % interval in 95 +- 3 % of them."""
+    made = bench_of(robot, truth)
+    rng = np.random.default_rng(1)
+    found = [fitted(made, derivative, truth, made.measure(rng).tip) for _ in range(400)]
+    values, errors = (np.array(column) for column in zip(*found, strict=True))
+    inside = np.mean(np.abs(values - truth) < 1.968 * errors, axis=0)  # Student's t, 289
+    assert ((inside > 0.92) & (inside < 0.98)).all(), inside
+
+
+def test_calibration_finds_the_truth(robot: bs.Robot, truth: Array, derivative: Array) -> None:
+    """Least squares about the truth are what a calibration comes to, so that the above is its."""
+    calibration = pytest.importorskip("bowstring.fit", reason="there is no calibration yet")
+    made = bench_of(robot, truth)
+    known = robot.with_({"gravity": STUDY["gravity"]})
+    for seed in (1, 2):
+        data = made.measure(seed)
+        names = [*PARAMETERS[:2], "base"]
+        found = calibration.fit(known, data, names, loss="linear")
+        values, errors = fitted(made, derivative, truth, data.tip)
+        assert found.names == list(PARAMETERS)
+        ours = np.array([found.values[name] for name in PARAMETERS])
+        np.testing.assert_allclose((ours - values) / errors, 0.0, atol=0.05)
+        unit = np.array([1e9, 1.0, *[1e-3] * 3, *[math.radians(1)] * 3])
+        sure = unit * [found[name].standard_error for name in PARAMETERS]
+        np.testing.assert_allclose(sure, errors, rtol=0.02)
 
 
 def test_noise_is_drawn_without_solving_again(
