@@ -342,6 +342,37 @@ def test_intervals_of_400_benches(robot: bs.Robot, truth: Array, derivative: Arr
     assert ((inside > 0.92) & (inside < 0.98)).all(), inside
 
 
+@pytest.mark.parametrize(
+    ("disturbance", "seen", "bias"),
+    [
+        ({}, False, False),
+        ({"drift": [0, 0.2e-3, 0]}, True, False),
+        ({"tip_force": [0.05, 0, 0]}, True, True),
+        # these two hide: a frame that is fitted takes them up, or stiffness and friction do
+        ({"tip_force": [0, 0.01, 0]}, False, False),
+        ({"gravity_frame": "measuring"}, False, True),
+    ],
+    ids=str,
+)
+def test_what_calibrated_residuals_show(
+    disturbance: dict[str, Any],
+    seen: bool,
+    bias: bool,
+    robot: bs.Robot,
+    truth: Array,
+    derivative: Array,
+) -> None:
+    """Residuals that are more than noise, and a stiffness that is off by many standard errors."""
+    made = bench_of(robot, truth)
+    data = bench_of(robot, truth, **disturbance).measure(3)
+    by = np.tile(derivative * STEPS, (3, 1, 1)).reshape(-1, 8)
+    step, left, _, _ = np.linalg.lstsq(by, (data.tip - made.points).ravel(), rcond=None)
+    error = 0.02e-3 * np.sqrt(np.linalg.inv(by.T @ by)[0, 0])
+    chi = float(left[0]) / 0.02e-3**2 / (297 - 8)
+    assert chi > 3 if seen else chi < 1.3  # four standard deviations of noise alone: 1.33
+    assert abs(step[0]) > 15 * error if bias else abs(step[0]) < 3 * error
+
+
 def test_calibration_finds_the_truth(robot: bs.Robot, truth: Array, derivative: Array) -> None:
     """Least squares about the truth are what a calibration comes to, so that the above is its."""
     calibration = pytest.importorskip("bowstring.fit", reason="there is no calibration yet")
