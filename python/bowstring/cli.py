@@ -753,7 +753,7 @@ def bench_simulate(
     tilt: Annotated[
         str,
         typer.Option(
-            metavar="ANGLE[,TOWARDS]", help="Lean of the base, and where to, from x to y."
+            metavar="ANGLE[,TOWARDS]", help="Lean of the base, and towards which angle from x."
         ),
     ] = "0",
     shift: Annotated[
