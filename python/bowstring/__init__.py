@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import arc, datasets, dynamics, errors, measurements, registration, shape
+    from bowstring import arc, bench, datasets, dynamics, errors, measurements, registration, shape
     from bowstring._core import __version__
     from bowstring.dynamics import Run, simulate
     from bowstring.oscillations import Modes, modes
@@ -36,6 +36,7 @@ __all__ = [
     "Sweep",
     "__version__",
     "arc",
+    "bench",
     "datasets",
     "dynamics",
     "errors",
@@ -74,7 +75,16 @@ _HOME = {
     "solve_batch": "rod",
     "sweep": "rod",
 }
-_MODULES = {"arc", "datasets", "dynamics", "errors", "measurements", "registration", "shape"}
+_MODULES = {
+    "arc",
+    "bench",
+    "datasets",
+    "dynamics",
+    "errors",
+    "measurements",
+    "registration",
+    "shape",
+}
 
 
 def __getattr__(name: str) -> Any:

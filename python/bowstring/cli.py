@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from bowstring.bench import Bench
     from bowstring.dynamics import Run
     from bowstring.measurements import Measurements, TendonCheck
     from bowstring.rod import Solution
@@ -47,6 +48,7 @@ LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
 MOST_OUTPUTS: Final = 1_000_000
 MOST_ISSUES: Final = 20  # that people are shown
+MOST_LOADS: Final = 100_000  # of a range
 
 _TOO_SHORT: Final = f"{SHORTEST_STEP:g} s or more are possible, less drowns in rounding."
 
@@ -738,6 +740,138 @@ def bench_check(
     _write_tables(*_measurements_tables(found, check))
 
 
+@bench_app.command("simulate")
+def bench_simulate(
+    robot: RobotSource,
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="Table to write, .csv; its truth stands beside it.")
+    ],
+    masses: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FIRST:STEP:LAST", help="Masses hung on one tendon; a list M1,M2,... as well."
+        ),
+    ] = None,
+    tensions: Annotated[
+        str | None, typer.Option(metavar="FIRST:STEP:LAST", help="Its tensions instead.")
+    ] = None,
+    pulls: Annotated[
+        str | None, typer.Option(metavar="FIRST:STEP:LAST", help="Its pulls instead.")
+    ] = None,
+    tendon: Annotated[
+        int, typer.Option(metavar="N", help="The tendon; nothing pulls the others.")
+    ] = 1,
+    g: Annotated[
+        str, typer.Option("--g", metavar="g", help="Gravity that makes tensions of masses.")
+    ] = "9.80665",
+    repeats: Annotated[int, typer.Option(metavar="N", help="Runs through the loads.")] = 1,
+    unload: Annotated[
+        bool, typer.Option("--unload/--no-unload", help="Each time also back to the first load.")
+    ] = True,
+    noise: Annotated[
+        str, typer.Option(metavar="m", help="Standard deviation of each measured coordinate.")
+    ] = "0.02 mm",
+    friction: Annotated[
+        str | None, typer.Option(metavar="mu", help="Actual friction, instead of the file's.")
+    ] = None,
+    actual: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH=VALUE",
+            help='What else is not as ROBOT says: segments.0.backbone.E="+5 %". Repeatable.',
+        ),
+    ] = None,
+    gravity: Gravity = None,
+    gravity_frame: Annotated[
+        Literal["base", "measuring"],
+        typer.Option(help="Axes of gravity: it turns with a tilted base, or stays plumb."),
+    ] = "base",
+    tilt: Annotated[
+        str,
+        typer.Option(
+            metavar="ANGLE[,TOWARDS]", help="Lean of the base, and towards which angle from x."
+        ),
+    ] = "0",
+    shift: Annotated[
+        str, typer.Option(metavar="x,y,z", help="Base in the measuring frame.")
+    ] = "0,0,0",
+    tool: Annotated[
+        str,
+        typer.Option(metavar="x,y,z", help="Measured point seen from the tip; the data say so."),
+    ] = "0,0,0",
+    tool_error: Annotated[
+        str, typer.Option(metavar="x,y,z", help="By how much it is elsewhere, unsaid.")
+    ] = "0,0,0",
+    tip_force: Annotated[
+        str, typer.Option(metavar="x,y,z", help="Disturbance: dead force at the tip, base axes.")
+    ] = "0,0,0",
+    drift: Annotated[
+        str,
+        typer.Option(metavar="x,y,z", help="Disturbance: how far the base has moved at the end."),
+    ] = "0,0,0",
+    theory: Theory = "cosserat",
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 0,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make synthetic measurements of a robot, with known truth."""
+    from bowstring import bench
+
+    model = _load(robot, overrides)
+    given = {"--masses": masses, "--tensions": tensions, "--pulls": pulls}
+    loads = _loads_of_one(model, given, tendon)
+    angles = _numbers("--tilt", tilt, "rad")
+    if len(angles) > 2:
+        raise InputError(f"--tilt: got {len(angles)} numbers; write an angle, and where to.")
+    lean, towards = angles[0], angles[1] if len(angles) == 2 else 0.0
+    if not 0 <= lean <= math.pi:
+        raise InputError(
+            f"--tilt: got {lean:g} rad; must be from 0 to 180 deg, a second angle says where to."
+        )
+    if repeats < 1:
+        raise InputError(f"--repeats: got {repeats}; must be 1 or more.")
+    if seed < 0:
+        raise InputError(f"--seed: got {seed}; must be 0 or more.")
+    settings: dict[str, Any] = {
+        **loads,
+        "tendon": tendon,
+        "g": _positive("--g", g, "m/s^2"),
+        "repeats": repeats,
+        "unload": unload,
+        "noise": _not_negative("--noise", noise, "m"),
+        "friction": None if friction is None else _not_negative("--friction", friction, ""),
+        "actual": _changes("--actual", actual, 'segments.0.backbone.E="+5 %"'),
+        "gravity": None if gravity is None else _vector("--gravity", gravity, "m/s^2"),
+        "gravity_frame": gravity_frame,
+        "tilt": lean,
+        "tilt_towards": towards,
+        "shift": _vector("--shift", shift, "m"),
+        "tool": _vector("--tool", tool, "m"),
+        "tool_error": _vector("--tool-error", tool_error, "m"),
+        "tip_force": _vector("--tip-force", tip_force, "N"),
+        "drift": _vector("--drift", drift, "m"),
+        "theory": theory,
+    }
+    _of("--out", bench.check_table, out)
+    made = bench.set_up(model, **settings)
+    found = made.measure(seed)
+    table, truth = bench.write(found, out)
+    if as_json:
+        return _write_json(
+            {
+                **_measurements_json(found, None, model, {**settings, "seed": seed}),
+                "hysteresis_m": made.hysteresis,
+                "truth": found.truth,
+                "files": {"table": table, "truth": truth},
+            }
+        )
+    _write_tables(
+        *_measurements_tables(found, None),
+        _truth_table(made),
+        f"Synthetic: nothing of this was measured.\nTable: {out}\nTruth: {bench.truth_file(out)}",
+    )
+
+
 @data_app.command("list")
 def data_list(as_json: AsJson = False) -> None:
     """List the public data sets."""
@@ -822,24 +956,38 @@ _EXAMPLES: Final = {
     "--mass-damping": "0.5",
     "--material-damping": '"1 ms"',
     "--modal-damping": '"1 %"',
+    "--g": "9.81",
+    "--masses": '0:"500 g":8',
+    "--tensions": "0:5:80",
+    "--pulls": '0:"2 mm":0.03',
+    "--noise": '"0.02 mm"',
+    "--friction": "0.1",
+    "--tilt": '"0.3 deg"',
+    "--shift": '"1 mm",0,0',
+    "--tool": '0,0,"8 mm"',
+    "--tool-error": '"1 mm",0,0',
+    "--drift": '0,"0.2 mm",0',
 }
 
 
 def _load(source: str, overrides: Sequence[str] | None) -> Robot:
     if not source.strip():
         raise InputError("ROBOT: got nothing; name a built-in robot or a robot file (YAML).")
-    changes = {}
-    for text in overrides or ():
-        path, equals, value = text.partition("=")
-        if not (path.strip() and equals):
-            raise InputError(
-                f'--set: got {quote(text)}; write for example --set segments.0.length="500 mm".'
-            )
-        changes[path.strip()] = value
-    robot = load_robot(source, changes)
+    robot = load_robot(source, _changes("--set", overrides, 'segments.0.length="500 mm"'))
     for sentence in robot.warnings:
         _say("Warning", sentence)
     return robot
+
+
+def _changes(flag: str, texts: Sequence[str] | None, example: str) -> dict[str, str]:
+    """PATH=VALUE, as often as given."""
+    changes = {}
+    for text in texts or ():
+        path, equals, value = text.partition("=")
+        if not (path.strip() and equals):
+            raise InputError(f"{flag}: got {quote(text)}; write for example {flag} {example}.")
+        changes[path.strip()] = value
+    return changes
 
 
 def _numbers(flag: str, text: str, si: str) -> list[float]:
@@ -933,6 +1081,32 @@ def _per_tendon(
     return values
 
 
+def _range(flag: str, text: str, si: str) -> list[float]:
+    """Numbers one by one, or first:step:last."""
+    parts = text.split(":")
+    if len(parts) == 1:
+        return _numbers(flag, text, si)
+    if len(parts) != 3:
+        raise InputError(
+            f"{flag}: got {quote(text)}; write first:step:last, for example {flag} "
+            f"{_EXAMPLES[flag]}."
+        )
+    first, step, last = (_number(flag, part, si) for part in parts)
+    if step == 0 or (last - first) / step < 0:
+        raise InputError(f"{flag}: steps of {step:g} {si} do not lead from {first:g} to {last:g}.")
+    steps = (last - first) / step
+    if steps > MOST_LOADS:
+        raise InputError(f"{flag}: got {steps:.3g} steps; up to {MOST_LOADS} are possible.")
+    if abs(steps - round(steps)) > 1e-6:
+        end = first + math.floor(steps) * step
+        raise InputError(
+            f"{flag}: steps of {step:g} {si} from {first:g} do not meet {last:g}; end for example "
+            f"at {end:g}."
+        )
+    # 3 * 0.1 is 0.3
+    return [float(f"{first + i * step:.12g}") for i in range(round(steps) + 1)]
+
+
 _Driven = list[float | None]
 
 
@@ -971,6 +1145,39 @@ def _driven_by(
                 f"tendon {i + 1} is driven by nothing; write a number for it in one of the lists."
             )
     return lists[0], lists[1], lists[2]
+
+
+def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> dict[str, Any]:
+    """Masses, tensions or pulls of one tendon, as `bench.set_up` takes them."""
+    given = [(flag, text) for flag, text in texts.items() if text is not None]
+    if not given:
+        raise InputError(
+            "loads are missing: give for example --masses 0:0.5:8 (kg), --tensions 0:5:80 (N) or "
+            '--pulls 0:"2 mm":0.03.'
+        )
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(flag for flag, _ in given)} are the loads; give either.")
+    count = _tendon_count(robot)
+    if not 1 <= tendon <= count:
+        raise InputError(f"--tendon: got {tendon}; {robot.name} has {_count(count, 'tendon')}.")
+    ((flag, text),) = given
+    si = {"--masses": "kg", "--tensions": "N", "--pulls": "m"}[flag]
+    values = _range(flag, text, si)
+    for value in values:
+        if flag != "--pulls" and value < 0:
+            raise InputError(
+                f"{flag}: got {value:g} {si}; must be 0 or more, a tendon cannot push."
+            )
+    if flag == "--masses":
+        return {"masses": values}
+    tensions = np.zeros((len(values), count))
+    if flag == "--tensions":
+        tensions[:, tendon - 1] = values
+        return {"tensions": tensions}
+    pulls = np.full_like(tensions, np.nan)
+    tensions[:, tendon - 1] = np.nan
+    pulls[:, tendon - 1] = values
+    return {"tensions": tensions if count > 1 else None, "pulls": pulls}
 
 
 def _some_tendons(flag: str, text: str, si: str, robot: Robot) -> _Driven:
@@ -1329,6 +1536,35 @@ def _measurements_json(
         "sha256": found.sha256,
         **provenance,
     }
+
+
+def _truth_table(made: Bench) -> Table:
+    truth = made.truth
+    table = _table("truth", "")
+    for item in truth["differences"]:
+        said = "" if item["told"] is None else f", not {_shown(item['told'])}"
+        table.add_row(item["path"], f"{_shown(item['actual'])}{said}")
+    axes = "base" if truth["gravity_frame"] == "base" else "measuring frame"
+    weight = " ".join(f"{v:g}" for v in truth["gravity_m_per_s2"])
+    table.add_row("gravity", f"{weight} m/s^2, axes of the {axes}")
+    tilt, towards = (math.degrees(truth[name]) for name in ("tilt_rad", "tilt_towards_rad"))
+    table.add_row("base", f"leans by {tilt:.4g} deg towards {towards:.4g} deg")
+    for name, values, factor, unit in (
+        ("base shifted", truth["base"]["translation_m"], 1e3, "mm"),
+        ("measured point", truth["actual_tool_m"], 1e3, "mm from the tip, its axes"),
+        ("side force", truth["disturbances"]["tip_force_N"], 1.0, "N"),
+        ("drift", truth["disturbances"]["drift_m"], 1e3, "mm up to the end"),
+    ):
+        if any(values):
+            table.add_row(name, f"{' '.join(f'{factor * v:.6g}' for v in values)} {unit}")
+    table.add_row("noise", f"{1e3 * made.noise:.4g} mm, standard deviation of each coordinate")
+    if made.hysteresis is not None:
+        table.add_row("hysteresis", f"{_fixed(1e3 * made.hysteresis, 3)} mm at most")
+    return table
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _driven(found: Measurements) -> Iterator[tuple[str, str, float, float]]:

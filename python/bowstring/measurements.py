@@ -93,6 +93,8 @@ class Measurements:
     path: Path | None = None
     sha256: str | None = None
     """Of the file."""
+    truth: dict[str, Any] | None = None
+    """Of synthetic data that `bowstring.bench` made: with what, for all the rows as made."""
 
     def __post_init__(self) -> None:
         if self.source not in SOURCES:
@@ -280,7 +282,7 @@ class _Reader:
                     parts.setdefault(name, []).append(array)
         if not parts:
             raise self.nothing()
-        arrays = {name: np.concatenate(pieces) for name, pieces in parts.items()}
+        arrays: dict[str, Any] = {name: np.concatenate(pieces) for name, pieces in parts.items()}
         if self.comma is not None and self.point is not None:
             raise InputError(
                 f"{self.table.path}: numbers have a decimal comma in line {self.comma} and a "
@@ -544,14 +546,21 @@ def _shape(cell: str) -> Floats | None:
 # -- writing -----------------------------------------------------------------------------------
 
 
-def write_measurements(measurements: Measurements, path: str | Path) -> Path:
+def write_measurements(
+    measurements: Measurements, path: str | Path, comments: Sequence[str] = ()
+) -> Path:
     """Write measurements as CSV in the tidy format, with their source in the first line.
+
+    The source of what was not measured stands in every row as well, so that it outlives programs
+    that drop comments.
 
     Parameters
     ----------
     measurements : Measurements
     path : str or Path
         Of the file, which is written whole or not at all.
+    comments : sequence of str
+        More lines above the header.
 
     Returns
     -------
@@ -571,7 +580,7 @@ def write_measurements(measurements: Measurements, path: str | Path) -> Path:
     new = path.with_name(f".{path.name}.new")
     try:
         with new.open("w", encoding="utf-8", newline="") as file:
-            file.writelines(_tidy_lines(m))
+            file.writelines(_tidy_lines(m, comments))
         os.replace(new, path)
     except OSError as error:
         new.unlink(missing_ok=True)
@@ -579,13 +588,14 @@ def write_measurements(measurements: Measurements, path: str | Path) -> Path:
     return path
 
 
-def _tidy_lines(m: Measurements) -> Iterator[str]:
+def _tidy_lines(m: Measurements, comments: Sequence[str]) -> Iterator[str]:
     yield f"# source: {m.source}\n"
     yield f"# name: {' '.join(m.name.split())}\n"
     if m.tool.any():
         yield f"# tool: {' '.join(repr(round(1e3 * v, 9)) for v in m.tool.tolist())} mm\n"
     if m.stations is not None:
         yield f"# stations: {' '.join(map(repr, m.stations.tolist()))}\n"
+    yield from (f"# {' '.join(line.split())}\n" for line in comments)
     columns: dict[str, Any] = {}
     for k in range(m.tendon_count):
         if np.isnan(m.pulls[:, k]).all():
@@ -610,6 +620,8 @@ def _tidy_lines(m: Measurements) -> Iterator[str]:
     columns["repeat"] = m.repeat
     if (m.group != "").any():
         columns["group"] = m.group
+    if m.source != "measured":
+        columns["source"] = np.full(len(m), m.source)
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(columns)

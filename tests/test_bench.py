@@ -1,0 +1,795 @@
+"""The virtual bench: exactly the sweep where nothing disturbs, and its truth is all of the truth.
+
+All data here are synthetic.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import openpyxl
+import pytest
+from numpy.typing import NDArray
+
+import bowstring as bs
+from bowstring import bench, rod
+from bowstring.bench import STUDY, Bench, check_table, read_truth, set_up, simulate, write
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.measurements import STANDARD_GRAVITY, read_measurements
+from bowstring.registration import fit_model
+from bowstring.rigid import Rigid
+from bowstring.robot import Robot
+from shell import Shell, refuses
+
+Array = NDArray[np.float64]
+
+MASSES = np.linspace(0, 8, 17)
+CLEAN: dict[str, Any] = {"noise": 0.0, "unload": False}
+PLACE = Rigid.from_rotation_vector([0.3, -0.2, 1.0], [0.5, -0.1, 0.2])
+
+
+@pytest.fixture(scope="module")
+def robot() -> bs.Robot:
+    return bs.load_robot("amouri2019")
+
+
+@pytest.fixture(scope="module")
+def study(robot: bs.Robot) -> Bench:
+    return set_up(robot, **STUDY)
+
+
+def all_sides(count: int = 20) -> Array:
+    """Tensions that bend the robot to all sides, (count, 3), N."""
+    rng = np.random.default_rng(1)
+    tensions = rng.uniform(0, 40, (count, 3))
+    tensions[np.arange(count), rng.integers(0, 3, count)] = 0.0
+    return tensions
+
+
+# -- what nothing disturbs is the sweep ------------------------------------------------------------
+
+
+def test_clean_is_the_sweep(robot: bs.Robot) -> None:
+    tensions = all_sides()
+    found = simulate(robot, tensions, **CLEAN)
+    np.testing.assert_array_equal(found.tip, bs.sweep(robot, tensions).tip_position)
+    np.testing.assert_array_equal(found.tensions, tensions)
+    assert found.source == "synthetic" and found.sigma is None and np.isnan(found.pulls).all()
+    assert set(found.group) == {""} and set(found.repeat) == {1} and not found.tool.any()
+
+
+def test_masses_are_tensions(robot: bs.Robot) -> None:
+    found = simulate(robot, masses=MASSES, tendon=2, **CLEAN)
+    tensions = np.outer(MASSES * STANDARD_GRAVITY, [0, 1, 0])
+    np.testing.assert_array_equal(found.tensions, tensions)
+    np.testing.assert_array_equal(found.tip, bs.sweep(robot, tensions).tip_position)
+    moon = simulate(robot, masses=MASSES, g=1.62, **CLEAN)
+    np.testing.assert_allclose(moon.tensions[:, 0], 1.62 * MASSES)
+
+
+def test_pulls_of_three_segments() -> None:
+    robot = bs.load_robot("crl-ftdcr-v4")
+    pulls = np.outer(np.linspace(0, 3e-3, 6), [1, -1, -1, -2, 2, -2, -2, -2, 1])
+    found = simulate(robot, pulls=pulls, **CLEAN)
+    np.testing.assert_array_equal(found.pulls, pulls)
+    np.testing.assert_array_equal(found.tip, bs.sweep(robot, pulls=pulls).tip_position)
+    assert np.isnan(found.tensions).all()
+
+
+def test_some_tendons_pulled_the_others_by_tension(robot: bs.Robot) -> None:
+    pulls = [[0.001 * i, None, None] for i in range(5)]
+    tensions = [[None, 1.0, 0.0]] * 5
+    found = simulate(robot, tensions, pulls=pulls, **CLEAN)
+    expected = bs.sweep(robot, tensions, pulls=pulls)
+    np.testing.assert_array_equal(found.tip, expected.tip_position)
+    assert found.tensions[0, 1] == 1.0 and np.isnan(found.tensions[:, 0]).all()
+    assert found.pulls[4, 0] == 0.004 and np.isnan(found.pulls[:, 1:]).all()
+
+
+def test_order_of_the_rows(robot: bs.Robot) -> None:
+    found = simulate(robot, masses=[0, 1, 2], repeats=2)
+    one_way = [0, 1, 2, 1, 0]
+    np.testing.assert_allclose(found.tensions[:, 0] / STANDARD_GRAVITY, one_way * 2)
+    assert found.group.tolist() == (["loading"] * 3 + ["unloading"] * 2) * 2
+    assert found.repeat.tolist() == [1] * 5 + [2] * 5
+    assert len(simulate(robot, masses=[3])) == 1
+    assert [len(part) for part in simulate(robot, masses=MASSES).split().values()] == [17, 16]
+
+
+def test_friction_follows_the_path(robot: bs.Robot) -> None:
+    """The whole path, all repeats, is one sweep with its history."""
+    made = set_up(robot, masses=MASSES, friction=0.1, repeats=2, noise=0.0)
+    rubbing = robot.with_({"segments.0.tendons.friction": 0.1})
+    expected = bs.sweep(rubbing, made.tensions)
+    np.testing.assert_array_equal(made.measure().tip, expected.tip_position)
+    up, down = made.points[5], made.points[32 - 5]
+    assert made.tensions[5, 0] == made.tensions[27, 0]
+    assert np.linalg.norm(up - down) > 3e-3  # the same load, another pose
+    gap = np.linalg.norm(made.points[:17] - made.points[16:33][::-1], axis=1)
+    assert made.hysteresis == pytest.approx(gap.max()) and gap.max() > 0.015
+    assert set_up(robot, masses=MASSES, unload=False).hysteresis is None
+    without = set_up(robot, masses=MASSES).hysteresis
+    assert without is not None and without < 1e-9
+    # a robot whose file has friction keeps it, or is told to lose it
+    assert set_up(rubbing, masses=MASSES).hysteresis == pytest.approx(made.hysteresis)
+    smooth = set_up(rubbing, masses=MASSES, friction=0.0).hysteresis
+    assert smooth is not None and smooth < 1e-9
+
+
+# -- what disturbs it ------------------------------------------------------------------------------
+
+
+def test_noise_is_as_said(study: Bench) -> None:
+    rng = np.random.default_rng(2)
+    noise = np.concatenate([study.measure(rng).tip - study.points for _ in range(100)])
+    assert len(noise) == 9900
+    np.testing.assert_allclose(noise.std(axis=0), 0.02e-3, rtol=0.03)  # of each coordinate
+    np.testing.assert_allclose(noise.mean(axis=0), 0.0, atol=4 * 0.02e-3 / math.sqrt(len(noise)))
+    apart = np.corrcoef(noise.T)[np.triu_indices(3, 1)]
+    assert np.abs(apart).max() < 4 / math.sqrt(len(noise))
+    found = study.measure()
+    assert found.sigma is not None and set(found.sigma) == {0.02e-3}
+
+
+def test_a_seed_gives_the_same_bench(robot: bs.Robot, study: Bench) -> None:
+    np.testing.assert_array_equal(study.measure(7).points, simulate(robot, seed=7, **STUDY).points)
+    assert (study.measure(7).points != study.measure(8).points).all()
+    assert (study.measure(None).points != study.measure(None).points).all()
+    rng = np.random.default_rng(7)
+    np.testing.assert_array_equal(study.measure(rng).points, study.measure(7).points)
+    assert (study.measure(rng).points != study.measure(7).points).all()  # it goes on
+    seeds = [study.measure(s).truth for s in (7, None, rng)]
+    assert [truth and truth["seed"] for truth in seeds] == [7, None, None]
+
+
+def test_registration_finds_the_base(robot: bs.Robot) -> None:
+    where: dict[str, Any] = {
+        "tilt": math.radians(0.3),
+        "tilt_towards": math.radians(40),
+        "shift": [1e-3, -2e-3, 3e-3],
+    }
+    predicted = bs.sweep(robot, all_sides()).tip_position
+    made = set_up(robot, all_sides(), **{**CLEAN, **where})
+    found = fit_model(made.measure().tip, predicted)
+    np.testing.assert_allclose(found.frame.rotation, made.frame.rotation, atol=1e-12)
+    np.testing.assert_allclose(found.frame.translation, made.frame.translation, atol=1e-12)
+    back = found.frame.inverse()
+    np.testing.assert_allclose(back.translation, where["shift"], atol=1e-12)
+    x, y, z = back.rotation[:, 2]
+    assert math.atan2(math.hypot(x, y), z) == pytest.approx(where["tilt"], rel=1e-9)
+    assert math.atan2(y, x) == pytest.approx(where["tilt_towards"], rel=1e-9)
+    assert made.truth["tilt_rad"] == pytest.approx(where["tilt"])
+    assert made.truth["tilt_towards_rad"] == pytest.approx(where["tilt_towards"])
+    # with noise: within four standard errors, and the residual is the noise
+    noisy = set_up(robot, all_sides(), unload=False, **where).measure(3)
+    found = fit_model(noisy.tip, predicted, sigma=noisy.sigma)
+    turn = (made.frame @ found.frame.inverse()).rotation_vector
+    assert (np.abs(turn) < 4 * np.sqrt(np.diag(found.covariance)[:3])).all()
+    assert (np.abs(turn) > 1e-7).all()
+    rms = math.sqrt(float((found.residual**2).sum()) / (60 - 6))
+    assert rms == pytest.approx(0.02e-3, rel=0.3)
+
+
+def test_any_base(robot: bs.Robot) -> None:
+    made = set_up(robot, all_sides(), base=PLACE, **CLEAN)
+    tips = bs.sweep(robot, all_sides()).tip_position
+    np.testing.assert_allclose(made.points, PLACE.apply(tips), atol=1e-15)
+    np.testing.assert_allclose(made.frame.apply(made.points), tips, atol=1e-15)
+
+
+def test_a_marker_that_is_not_where_it_is_said_to_be(robot: bs.Robot) -> None:
+    tool, error = [0.0, 0.0, 8e-3], [1e-3, -2e-3, 0.5e-3]
+    made = set_up(robot, all_sides(), tool=tool, tool_error=error, base=PLACE, **CLEAN)
+    assert made.measure().tool.tolist() == tool
+    tips = bs.sweep(robot, all_sides())
+    found = fit_model(made.points, tips.tip_position, tips.tip_rotation)
+    assert found.offset is not None
+    np.testing.assert_allclose(found.offset, np.add(tool, error), atol=1e-10)
+    np.testing.assert_allclose(made.truth["actual_tool_m"], np.add(tool, error))
+
+
+def test_the_actual_robot_is_another(robot: bs.Robot) -> None:
+    path = "segments.0.backbone.E"
+    made = set_up(robot, masses=MASSES, actual={path: "+5 %"}, **CLEAN)
+    stiff = robot.with_({path: 1.05 * 35e9})
+    assert made.robot is robot and made.actual.hash == stiff.hash != robot.hash
+    expected = bs.sweep(stiff, made.tensions).tip_position
+    np.testing.assert_array_equal(made.points, expected)
+    assert made.truth["differences"] == [{"path": path, "told": 35e9, "actual": 1.05 * 35e9}]
+    several = {
+        "segments[0].disks.clamped_length": "3 mm",
+        "segments.0.tendons.pitch_radius": "-1%",
+        "segments.0.backbone.G": "13 GPa",
+        "gravity": "0 0 -9.81",
+    }
+    made = set_up(robot, masses=MASSES, actual=several, friction=0.2, **CLEAN)
+    found = {d["path"]: (d["told"], d["actual"]) for d in made.truth["differences"]}
+    assert found.pop("segments.0.tendons.pitch_radius") == (0.029, pytest.approx(0.029 * 0.99))
+    assert found == {
+        "gravity.2": (0.0, -9.81),
+        "segments.0.backbone.G": (None, 13e9),
+        "segments.0.backbone.nu": (0.3, None),
+        "segments.0.disks.clamped_length": (0.0, 0.003),
+        "segments.0.tendons.friction": (0.0, 0.2),
+    }
+
+
+def test_gravity_turns_with_the_base_or_stays_plumb(robot: bs.Robot) -> None:
+    options = {**CLEAN, "tilt": math.radians(0.3), "gravity": (0, 0, -9.81), "masses": MASSES}
+    turning = set_up(robot, **options)
+    plumb = set_up(robot, gravity_frame="measuring", **options)
+    tips = bs.sweep(robot, turning.tensions, gravity=(0, 0, -9.81)).tip_position
+    np.testing.assert_array_equal(turning.tip_position, tips)
+    # leaning towards x, it is pulled towards x
+    felt = 9.81 * np.array([math.sin(math.radians(0.3)), 0, -math.cos(math.radians(0.3))])
+    np.testing.assert_allclose(plumb.truth["gravity_in_base_m_per_s2"], felt, atol=1e-15)
+    aslant = bs.sweep(robot, turning.tensions, gravity=felt).tip_position
+    np.testing.assert_allclose(plumb.tip_position, aslant, atol=1e-12)
+    # more than the noise: it is no detail
+    assert plumb.tip_position[0, 0] - tips[0, 0] == pytest.approx(0.408e-3, abs=1e-6)
+
+
+def test_disturbances_that_no_model_has(robot: bs.Robot) -> None:
+    force, drift = [0.0, 0.05, 0.0], np.array([0.0, 0.4e-3, 0.0])
+    tensions = all_sides()
+    pushed = set_up(robot, tensions, tip_force=force, **CLEAN)
+    expected = bs.sweep(robot, tensions, tip_force=force).tip_position
+    np.testing.assert_array_equal(pushed.points, expected)
+    moved = set_up(robot, tensions, drift=drift, base=PLACE, **CLEAN)
+    still = set_up(robot, tensions, base=PLACE, **CLEAN)
+    ramp = np.outer(np.linspace(0, 1, 20), drift)
+    np.testing.assert_allclose(moved.points - still.points, ramp, atol=1e-15)
+    assert pushed.truth["disturbances"] == {"tip_force_N": force, "drift_m": [0, 0, 0]}
+    assert moved.truth["disturbances"]["drift_m"] == drift.tolist()
+
+
+@pytest.mark.parametrize(
+    "disturbance",
+    [
+        {},
+        {"tip_force": [0.0, 0.05, 0.0]},
+        {"drift": [0.0, 0.4e-3, 0.0]},
+        {"actual": {"segments.0.disks.clamped_length": "1 mm"}},
+        {"tool_error": [0.0, 2e-3, 0.0]},
+    ],
+    ids=lambda options: next(iter(options), "none"),
+)
+def test_a_disturbance_stays_after_registration(
+    robot: bs.Robot, disturbance: dict[str, Any]
+) -> None:
+    """Registered residuals are the noise without one, and are not with one."""
+    predicted = bs.sweep(robot, all_sides(100)).tip_position
+    data = simulate(
+        robot, all_sides(100), unload=False, tilt=math.radians(0.3), seed=5, **disturbance
+    )
+    found = fit_model(data.tip, predicted, sigma=data.sigma)
+    chi = float((found.residual**2).sum()) / (0.02e-3) ** 2 / (300 - 6)
+    if disturbance:
+        assert chi > 2.0
+    else:
+        assert chi == pytest.approx(1.0, abs=4 * math.sqrt(2 / 294))
+
+
+PARAMETERS = (
+    "segments.0.backbone.E",
+    "segments.0.tendons.friction",
+    *("base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz"),
+)
+STEPS = np.array([35e6, 1e-3, *[1e-4] * 6])
+
+
+@pytest.fixture(scope="module")
+def truth() -> Array:
+    """The study's bench with a softer backbone and a base that is moved too: `PARAMETERS`, SI."""
+    return np.array([0.97 * 35e9, 0.1, 1e-3, -1e-3, 2e-3, 0.0, math.radians(0.3), 0.0])
+
+
+def bench_of(robot: bs.Robot, values: Array, **options: Any) -> Bench:
+    """A bench of these `PARAMETERS`."""
+    E, mu, *base = values.tolist()
+    place = Rigid.from_rotation_vector(base[3:], base[:3])
+    study = {k: v for k, v in STUDY.items() if k != "tilt"} | {"friction": mu} | options
+    return set_up(robot, **study, base=place, actual={"segments.0.backbone.E": E})
+
+
+@pytest.fixture(scope="module")
+def derivative(robot: bs.Robot, truth: Array) -> Array:
+    """Of the points of one run through the loads by `PARAMETERS`, (33, 3, 8), at the truth."""
+
+    def along(k: int) -> Array:
+        ahead, behind = (
+            bench_of(robot, truth + sign * STEPS * (np.arange(8) == k), repeats=1).points
+            for sign in (1, -1)
+        )
+        return (ahead - behind) / (2 * STEPS[k])
+
+    return np.stack([along(k) for k in range(8)], axis=-1)
+
+
+def test_loading_alone_hardly_tells_friction_from_stiffness(derivative: Array) -> None:
+    """Correlation of the two, the base fitted too, of least squares about the truth."""
+
+    def correlation(rows: slice) -> float:
+        by = (derivative[rows] * STEPS).reshape(-1, 8)
+        covariance = np.linalg.inv(by.T @ by)
+        return float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
+
+    assert correlation(slice(17)) == pytest.approx(-0.956, abs=0.01)  # loading
+    assert correlation(slice(33)) == pytest.approx(-0.205, abs=0.02)  # and unloading
+
+
+def fitted(made: Bench, derivative: Array, truth: Array, noisy: Array) -> tuple[Array, Array]:
+    """Least squares about the truth: values and standard errors, as the residuals have them."""
+    by = np.tile(derivative * STEPS, (3, 1, 1)).reshape(-1, 8)
+    step, left, _, _ = np.linalg.lstsq(by, (noisy - made.points).ravel(), rcond=None)
+    variance = float(left[0]) / (len(by) - 8)
+    error = np.sqrt(variance * np.diag(np.linalg.inv(by.T @ by)))
+    return truth + STEPS * step, STEPS * error
+
+
+def test_intervals_of_400_benches(robot: bs.Robot, truth: Array, derivative: Array) -> None:
+    """Each parameter lies inside its own 95 % interval in 95 +- 3 % of them."""
+    made = bench_of(robot, truth)
+    rng = np.random.default_rng(1)
+    found = [fitted(made, derivative, truth, made.measure(rng).tip) for _ in range(400)]
+    values, errors = (np.array(column) for column in zip(*found, strict=True))
+    inside = np.mean(np.abs(values - truth) < 1.968 * errors, axis=0)  # Student's t, 289
+    assert ((inside > 0.92) & (inside < 0.98)).all(), inside
+
+
+@pytest.mark.parametrize(
+    ("disturbance", "seen", "bias"),
+    [
+        ({}, False, False),
+        ({"drift": [0, 0.2e-3, 0]}, True, False),
+        ({"tip_force": [0.05, 0, 0]}, True, True),
+        # these two hide: a frame that is fitted takes them up, or stiffness and friction do
+        ({"tip_force": [0, 0.01, 0]}, False, False),
+        ({"gravity_frame": "measuring"}, False, True),
+    ],
+    ids=str,
+)
+def test_what_calibrated_residuals_show(
+    disturbance: dict[str, Any],
+    seen: bool,
+    bias: bool,
+    robot: bs.Robot,
+    truth: Array,
+    derivative: Array,
+) -> None:
+    """Residuals that are more than noise, and a stiffness that is off by many standard errors."""
+    made = bench_of(robot, truth)
+    data = bench_of(robot, truth, **disturbance).measure(3)
+    by = np.tile(derivative * STEPS, (3, 1, 1)).reshape(-1, 8)
+    step, left, _, _ = np.linalg.lstsq(by, (data.tip - made.points).ravel(), rcond=None)
+    error = 0.02e-3 * np.sqrt(np.linalg.inv(by.T @ by)[0, 0])
+    chi = float(left[0]) / 0.02e-3**2 / (297 - 8)
+    assert chi > 3 if seen else chi < 1.3  # four standard deviations of noise alone: 1.33
+    assert abs(step[0]) > 15 * error if bias else abs(step[0]) < 3 * error
+
+
+def test_calibration_finds_the_truth(robot: bs.Robot, truth: Array, derivative: Array) -> None:
+    """Least squares about the truth are what a calibration comes to, so that the above is its."""
+    calibration = pytest.importorskip("bowstring.fit", reason="there is no calibration yet")
+    made = bench_of(robot, truth)
+    known = robot.with_({"gravity": STUDY["gravity"]})
+    for seed in (1, 2):
+        data = made.measure(seed)
+        names = [*PARAMETERS[:2], "base"]
+        found = calibration.fit(known, data, names, loss="linear")
+        values, errors = fitted(made, derivative, truth, data.tip)
+        assert found.names == list(PARAMETERS)
+        ours = np.array([found.values[name] for name in PARAMETERS])
+        np.testing.assert_allclose((ours - values) / errors, 0.0, atol=0.05)
+        unit = np.array([1e9, 1.0, *[1e-3] * 3, *[math.radians(1)] * 3])
+        sure = unit * [found[name].standard_error for name in PARAMETERS]
+        np.testing.assert_allclose(sure, errors, rtol=0.02)
+
+
+def test_noise_is_drawn_without_solving_again(
+    study: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rod, "sweep", pytest.fail)
+    rng = np.random.default_rng(0)
+    assert len({study.measure(rng).tip[0, 0] for _ in range(400)}) == 400
+
+
+def test_the_study(robot: bs.Robot, study: Bench) -> None:
+    truth = study.truth
+    assert truth["loads"]["masses_kg"] == [0.5 * i for i in range(17)]
+    assert (len(study), truth["loads"]["repeats"], truth["noise_m"]) == (99, 3, 0.02e-3)
+    (friction,) = truth["differences"]
+    assert friction == {"path": "segments.0.tendons.friction", "told": 0.0, "actual": 0.1}
+    assert truth["tilt_rad"] == pytest.approx(math.radians(0.3))
+    assert truth["gravity_in_base_m_per_s2"] == [0, 0, -9.81]
+
+
+# -- the label and the truth -----------------------------------------------------------------------
+
+
+def rebuilt(truth: dict[str, Any]) -> Array:
+    """The data of a bench of masses, from its truth alone."""
+    actual = Robot.model_validate(truth["actual_robot"])
+    loads = truth["loads"]
+    way = [*loads["masses_kg"], *loads["masses_kg"][-2::-1]] if loads["unload"] else [
+        *loads["masses_kg"]
+    ]  # fmt: skip
+    tensions = np.zeros((len(way) * loads["repeats"], len(actual.tendons.angle_rad)))
+    tensions[:, loads["tendon"] - 1] = loads["g_m_per_s2"] * np.tile(way, loads["repeats"])
+    found = bs.sweep(
+        actual,
+        tensions,
+        gravity=truth["gravity_in_base_m_per_s2"],
+        tip_force=truth["disturbances"]["tip_force_N"],
+        theory=truth["theory"],
+    )
+    base = Rigid(truth["base"]["rotation"], truth["base"]["translation_m"])
+    points = base.apply(found.tip_position + found.tip_rotation @ truth["actual_tool_m"])
+    points = points + np.outer(np.linspace(0, 1, len(points)), truth["disturbances"]["drift_m"])
+    np.testing.assert_allclose(points, truth["rows"]["point_m"], atol=1e-12)
+    noise = np.random.default_rng(truth["seed"]).standard_normal(points.shape)
+    return np.asarray(points + truth["noise_m"] * noise)
+
+
+def test_the_truth_is_complete(robot: bs.Robot, tmp_path: Path) -> None:
+    data = simulate(
+        robot,
+        **STUDY,
+        seed=4,
+        actual={"segments.0.backbone.E": "-3 %"},
+        gravity_frame="measuring",
+        tilt_towards=0.7,
+        shift=[1e-3, 0, 2e-3],
+        tool=[0, 0, 8e-3],
+        tool_error=[1e-3, 0, 0],
+        tip_force=[0, 0.02, 0],
+        drift=[0, 1e-4, 0],
+        theory="kirchhoff",
+    )
+    table, _ = write(data, tmp_path / "bench.csv")
+    truth = read_truth(table)
+    np.testing.assert_allclose(rebuilt(truth), data.tip, atol=1e-12)
+    assert truth["robot_hash"] == robot.hash and truth["source"] == "synthetic"
+    frame = Rigid(truth["frame"]["rotation"], truth["frame"]["translation_m"])
+    seen = set_up(robot, masses=[0], tilt=STUDY["tilt"], tilt_towards=0.7, shift=[1e-3, 0, 2e-3])
+    np.testing.assert_allclose(frame.rotation, seen.frame.rotation, atol=1e-15)
+
+
+def test_label_and_truth_survive_the_file(study: Bench, tmp_path: Path) -> None:
+    made = study.measure(1)
+    table, truth = write(made, tmp_path / "bench.csv")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bench.csv", "bench.truth.json"]
+    found = read_measurements(table, study.robot)
+    assert found.source == "synthetic" and found.name == made.name and not found.issues
+    np.testing.assert_allclose(found.points, made.points, atol=1e-12)
+    np.testing.assert_allclose(found.tensions, made.tensions, rtol=1e-15)
+    assert found.group.tolist() == made.group.tolist()
+    assert found.repeat.tolist() == made.repeat.tolist()
+    np.testing.assert_allclose(found.sigma, made.sigma)  # type: ignore[arg-type]
+    content = read_truth(table)
+    data = content.pop("data")
+    assert data["sha256"] == found.sha256 and data["file"] == "bench.csv"
+    assert content == json.loads(json.dumps(made.truth))
+    assert json.loads(truth.read_text())["source"] == "synthetic"
+    # the table alone has the truth as well, in a comment
+    (line,) = (x for x in table.read_text().splitlines() if x.startswith("# truth: "))
+    short = json.loads(line.removeprefix("# truth: "))
+    assert short == {k: v for k, v in content.items() if k not in ("rows", "actual_robot")}
+    text = table.read_text()
+    assert text.startswith("# source: synthetic\n") and "nothing here was measured" in text
+
+
+def test_the_label_survives_other_programs(study: Bench, tmp_path: Path) -> None:
+    """Comments may be dropped, and rows be left out: each says what it is."""
+    table, _ = write(study.measure(1), tmp_path / "bench.csv")
+    rows = [x for x in table.read_text().splitlines() if not x.startswith("#")]
+    bare = tmp_path / "bare.csv"
+    bare.write_text("\n".join([rows[0], *rows[40:50]]) + "\n")
+    assert read_measurements(bare).source == "synthetic"
+    book = openpyxl.Workbook()
+    assert book.active is not None
+    for row in rows:
+        book.active.append(row.split(","))
+    book.save(tmp_path / "bench.xlsx")
+    assert read_measurements(tmp_path / "bench.xlsx").source == "synthetic"
+
+
+def test_label_and_truth_of_a_part(study: Bench) -> None:
+    part = study.measure(1).split()["unloading"]
+    assert part.source == "synthetic" and part.truth is not None and part.truth["seed"] == 1
+
+
+def test_no_noise_is_said(robot: bs.Robot, tmp_path: Path) -> None:
+    table, _ = write(simulate(robot, masses=MASSES, **CLEAN), tmp_path / "a.csv")
+    assert "# There is no noise.\n" in table.read_text()
+    assert read_measurements(table).sigma is None
+
+
+def test_a_bench_is_replaced_and_nothing_else(study: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "bench.csv"
+    write(study.measure(1), file)
+    write(study.measure(2), file)
+    assert read_truth(file)["seed"] == 2
+    for place, text in (
+        (file, "# source: measured\ntension_1_N,tip_x_mm\n"),
+        (tmp_path / "bench.truth.json", '{"mine": 1}'),
+    ):
+        kept = place.read_bytes()
+        place.write_text(text)
+        with pytest.raises(InputError, match=f"{place.name} is there and was not made by a"):
+            write(study.measure(3), file)
+        assert place.read_text() == text
+        place.write_bytes(kept)
+    assert read_truth(file)["seed"] == 2
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("former", [True, False])
+@pytest.mark.parametrize("failing", ["the truth", "the table"])
+def test_whole_or_not_at_all(
+    failing: str, former: bool, study: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if former:
+        write(study.measure(1), tmp_path / "bench.csv")
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+    write_text, move = Path.write_text, os.replace
+
+    def no_text(self: Path, *arguments: Any) -> int:
+        write_text(self, "{")
+        raise OSError(28, "No space left on device")
+
+    def no_table(old: Path, new: Path) -> None:
+        if Path(new) == tmp_path / "bench.csv":
+            raise OSError(28, "No space left on device")
+        move(old, new)
+
+    with monkeypatch.context() as patch:
+        if failing == "the truth":
+            patch.setattr(Path, "write_text", no_text)
+        else:
+            patch.setattr(os, "replace", no_table)
+        with pytest.raises(InputError, match=r"cannot write the bench to .*: No space left on"):
+            write(study.measure(2), tmp_path / "bench.csv")
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+    assert not former or read_truth(tmp_path / "bench.csv")["seed"] == 1
+
+
+def test_the_truth_of_another_table(study: Bench, tmp_path: Path) -> None:
+    file, truth = write(study.measure(1), tmp_path / "bench.csv")
+    file.write_text(file.read_text().replace("loading", "Loading"))
+    with pytest.raises(InputError, match=r"truth of another table than .*, or it was changed"):
+        read_truth(file)
+    content = json.loads(truth.read_text())
+    for text, says in (
+        ("{", "is no JSON"),
+        ("[]", "is no truth of a virtual bench"),
+        (json.dumps({**content, "schema_version": 9}), "has schema_version 9, this version"),
+    ):
+        truth.write_text(text)
+        with pytest.raises(InputError, match=says):
+            read_truth(file)
+    os.remove(truth)
+    with pytest.raises(InputError, match=r"bench\.truth\.json cannot be read: No such file"):
+        read_truth(file)
+
+
+def test_what_was_measured_has_no_truth(tmp_path: Path) -> None:
+    found = read_measurements(Path(__file__).parents[1] / "examples" / "bench.csv")
+    with pytest.raises(InputError, match="is not of a virtual bench, it has no known truth"):
+        write(found, tmp_path / "a.csv")
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"masses": None}, "there is no load: give tensions or pulls"),
+        ({"masses": []}, r"masses is \[\], it must be a list of numbers in kg"),
+        ({"masses": "heavy"}, "masses is 'heavy', it must be a list of numbers in kg"),
+        ({"masses": [0, -1]}, "masses: number 2 is -1 kg, it must be from 0 to"),
+        ({"masses": [1e308]}, "masses: number 1 is 1e.308 kg"),
+        ({"masses": [0, math.nan]}, "masses: number 2 is nan kg"),
+        ({"tensions": [[1, 0, 0]]}, "masses are instead of tensions and pulls"),
+        ({"masses": None, "tensions": [[1, 0]]}, r"tensions has shape \(1, 2\)"),
+        ({"masses": None, "tensions": np.zeros((0, 3))}, "the table has no row"),
+        ({"masses": None, "tensions": [[-1, 0, 0]]}, "tendon 1"),
+        ({"masses": None, "pulls": [[math.inf, 0, 0]]}, "pull"),
+        ({"tendon": 4}, "tendon is 4, it must be a whole number from 1 to 3"),
+        ({"tendon": 0}, "tendon is 0"),
+        ({"g": 0}, "g is 0 m/s.2, it must be positive"),
+        ({"repeats": 0}, "repeats is 0, it must be a whole number from 1"),
+        ({"repeats": 1.5}, "repeats is 1.5"),
+        ({"repeats": 100_000}, "33 loads 100000 times are 3300000 rows; up to 1000000"),
+        ({"unload": 1}, "unload is 1, it must be True or False"),
+        ({"noise": -1e-5}, "noise is -1e-05 m, it must be zero or more"),
+        ({"noise": math.nan}, "noise is nan m, it must be a finite number"),
+        ({"friction": -0.1}, "friction is -0.1, it must be zero or more"),
+        ({"friction": 11}, "friction: got 11"),
+        ({"actual": "E"}, "actual is 'E', it must be a mapping"),
+        ({"actual": {"segments.0.backbone.Em": 1}}, "unknown field; did you mean E"),
+        ({"actual": {"segments.1.length": "1 m"}}, "there is no 1 in segments"),
+        ({"actual": {"segments.0.backbone.E": "5 %"}}, 'with its sign, as in "\\+5 %"'),
+        ({"actual": {"segments.0.backbone.G": "+5 %"}}, "has no number there to take a share of"),
+        ({"actual": {"segments.0.backbone": "+5 %"}}, "has no number there to take a share of"),
+        ({"actual": {"segments.0.backbone.E": "-100 %"}}, "E: got 0"),
+        ({"actual": {"segments.0.tendons.count": 4}}, "has 4 tendons and amouri2019 3"),
+        ({"gravity": [0, 0]}, r"gravity has shape \(2,\), it must be \(3,\), in m/s.2"),
+        ({"gravity_frame": "world"}, "gravity_frame is 'world', it must be \"base\""),
+        ({"tilt": -0.1}, "tilt is -0.1 rad, it must be zero or more"),
+        ({"tilt": 4.0}, "tilt is 4 rad, it must be up to pi"),
+        ({"tilt_towards": "x"}, "tilt_towards is 'x', it must be a finite number"),
+        ({"base": np.eye(4)}, "base is array.*, it must be a Rigid"),
+        ({"base": PLACE, "tilt": 0.1}, "leave out tilt and shift, or base"),
+        ({"shift": [0, 0]}, r"shift has shape \(2,\)"),
+        ({"tool": [0, 0, math.nan]}, "tool is .*, all must be finite numbers"),
+        ({"shift": [0, 1e308, 0]}, "shift is 1e.308 m, it must be up to 1e.06 m"),
+        ({"noise": 1e308}, "noise is 1e.308 m, it must be up to 1e.06 m"),
+        ({"tool_error": 1}, r"tool_error has shape \(\)"),
+        ({"tip_force": [1, 2]}, r"tip_force has shape \(2,\)"),
+        ({"drift": "far"}, "drift is 'far', it must be numbers of shape"),
+        ({"theory": "euler"}, "theory"),
+    ],
+)
+def test_bad_input(robot: bs.Robot, options: dict[str, Any], says: str) -> None:
+    with pytest.raises(InputError, match=says) as caught:
+        set_up(robot, **{"masses": MASSES, **options})
+    assert "\n" not in str(caught.value)
+
+
+def test_more_bad_input(robot: bs.Robot, study: Bench) -> None:
+    with pytest.raises(InputError, match="robot is 'amouri2019', it must be a Robot"):
+        set_up("amouri2019", masses=MASSES)  # type: ignore[arg-type]
+    for seed in (-1, 1.5, "x", True):
+        with pytest.raises(InputError, match=r"seed is .*, it must be a whole number from"):
+            study.measure(seed)  # type: ignore[arg-type]
+    with pytest.raises(NoSolutionError, match="1 of 3 loads have no solution; the first"):
+        simulate(robot, [[1, 0, 0], [1e6, 0, 0]])
+
+
+def test_the_place_is_checked(tmp_path: Path) -> None:
+    (tmp_path / "folder.csv").mkdir()
+    for name, says in (
+        ("bench.xlsx", "a table ends in .csv; name for example bench.csv"),
+        ("nowhere/bench.csv", "nowhere does not exist"),
+        ("folder.csv", "is no file"),
+        ("a\0b.csv", "its name is not valid"),
+    ):
+        with pytest.raises(InputError, match=f"cannot write the bench to .*{says}"):
+            check_table(tmp_path / name)
+
+
+# -- the command -----------------------------------------------------------------------------------
+
+COMMAND = ("bench", "simulate", "amouri2019", "--out", "bench.csv")
+FULL = (
+    *(*COMMAND, "--masses", "0:0.5:8", "--tendon", "1", "--repeats", "3", "--seed", "1"),
+    *("--noise", "0.02 mm", "--friction", "0.1", "--tilt", "0.3 deg", "--gravity", "0,0,-9.81"),
+)
+
+
+def test_command(
+    shell: Shell, study: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = shell.json(*FULL)
+    found = read_measurements(tmp_path / "bench.csv")
+    made = study.measure(1)
+    np.testing.assert_allclose(found.points, made.points, atol=1e-12)
+    assert said["source"] == "synthetic" and said["rows"] == 99 and said["repeats"] == 3
+    assert said["groups"] == {"loading": 51, "unloading": 48}
+    assert said["hysteresis_m"] == pytest.approx(study.hysteresis)
+    assert said["truth"].keys() == made.truth.keys()
+    for name in ("seed", "differences", "loads", "actual_robot_hash", "noise_m"):
+        assert said["truth"][name] == made.truth[name], name
+    assert said["files"] == {
+        "table": str(tmp_path / "bench.csv"),
+        "truth": str(tmp_path / "bench.truth.json"),
+    }
+    assert said["robot"] == "amouri2019" and said["provenance"]["settings"]["seed"] == 1
+    code, out, err = shell(*FULL)
+    assert code == 0 and not err
+    assert "amouri2019, virtual bench: synthetic, 99 rows" in out
+    assert "Synthetic: nothing of this was measured." in out
+    assert shell.json("bench", "check", "bench.csv")["source"] == "synthetic"
+
+
+def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = {
+        "--pulls": '0:2 mm:0.006',
+        "--tilt": "0.5 deg,90 deg",
+        "--shift": "1 mm,0,0",
+        "--tool": "0,0,8 mm",
+        "--tool-error": "0,1 mm,0",
+        "--tip-force": "0,50 mN,0",
+        "--drift": "0,0,0.1 mm",
+        "--actual": "segments.0.disks.clamped_length=3 mm",
+        "--gravity": "0,0,-9.81 m/s^2",
+        "--gravity-frame": "measuring",
+        "--noise": "10 um",
+        "--set": "segments.0.backbone.E=36 GPa",
+    }  # fmt: skip
+    truth = shell.json(*COMMAND, "--no-unload", *(x for pair in options.items() for x in pair))[
+        "truth"
+    ]
+    assert truth["tilt_rad"] == pytest.approx(math.radians(0.5))
+    assert truth["tilt_towards_rad"] == pytest.approx(math.pi / 2)
+    assert truth["base"]["translation_m"] == [0.001, 0, 0]
+    assert truth["tool_m"] == [0, 0, 0.008] and truth["actual_tool_m"] == [0, 0.001, 0.008]
+    assert truth["disturbances"] == {"tip_force_N": [0, 0.05, 0], "drift_m": [0, 0, 0.0001]}
+    assert truth["noise_m"] == 1e-5 and truth["seed"] == 0 and not truth["loads"]["unload"]
+    (clamp,) = truth["differences"]
+    assert clamp["actual"] == 0.003 and truth["loads"]["by"] == "tensions and pulls"
+    found = read_measurements(tmp_path / "bench.csv")
+    np.testing.assert_allclose(found.pulls[:, 0], [0, 0.002, 0.004, 0.006])
+    assert (found.tensions[:, 1:] == 0).all() and found.tool.tolist() == [0, 0, 0.008]
+    shell.json(*COMMAND, "--tensions", "10,20,5")
+    assert read_measurements(tmp_path / "bench.csv").tensions[:, 0].tolist() == [10, 20, 5, 20, 10]
+    shell.json(*COMMAND, "--masses", "0:100 g:0.3")
+    masses = json.loads((tmp_path / "bench.truth.json").read_text())["loads"]["masses_kg"]
+    assert masses == [0, 0.1, 0.2, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((), "loads are missing: give for example --masses 0:0.5:8"),
+        (("--masses", "1", "--pulls", "0"), "--masses and --pulls are the loads; give either"),
+        (("--masses", "0:8"), '--masses: got "0:8"; write first:step:last'),
+        (("--masses", "0:0:8"), "--masses: steps of 0 kg do not lead from 0 to 8"),
+        (("--masses", "0:-1:8"), "steps of -1 kg do not lead from 0 to 8"),
+        (("--masses", "0:0.3:8"), "do not meet 8; end for example at 7.8"),
+        (("--masses", "0:1e-9:8"), "got 8e+09 steps; up to 100000 are possible"),
+        (("--masses", "0:1 N:8"), '--masses: got "1 N", but "N" is not a unit of mass'),
+        (("--masses", "1,-1"), "--masses: got -1 kg; must be 0 or more, a tendon cannot push"),
+        (("--masses", "1", "--tendon", "4"), "--tendon: got 4; amouri2019 has 3 tendons"),
+        (("--masses", "1", "--tilt", "0.3 mm"), '--tilt: got "0.3 mm", but "mm" is not a unit of'),
+        (("--masses", "1", "--tilt", "1,2,3"), "--tilt: got 3 numbers; write an angle"),
+        (("--masses", "1", "--tilt", "-1 deg"), "--tilt: got -0.0174533 rad; must be from 0"),
+        (("--masses", "1", "--noise", "-1 mm"), "--noise: got -0.001 m; must be 0 or more"),
+        (("--masses", "1", "--repeats", "0"), "--repeats: got 0; must be 1 or more"),
+        (("--masses", "1", "--seed", "-1"), "--seed: got -1; must be 0 or more"),
+        (("--masses", "1", "--friction", "x"), '--friction: got "x", which is not a number'),
+        (("--masses", "1", "--shift", "1,2"), "--shift: got 2 numbers; write x, y and z"),
+        (("--masses", "1", "--actual", "E"), '--actual: got "E"; write for example --actual'),
+        (("--masses", "1", "--actual", "segments.0.backbone.Q=1"), "unknown field"),
+        (("--masses", "1", "--gravity-frame", "world"), "--gravity-frame"),
+        (("--masses", "1", "--out", "bench.xlsx"), "a table ends in .csv"),
+        (("--masses", "1", "--out", "no/bench.csv"), "the folder"),
+        (("--masses", "1", "--g", "0"), "--g: got 0 m/s^2; must be positive"),
+    ],
+)  # fmt: skip
+def test_command_refuses(
+    arguments: tuple[str, ...],
+    says: str,
+    shell: Shell,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    refuses(shell, tmp_path, monkeypatch, says, *COMMAND, *arguments)
+
+
+def test_command_without_a_solution(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, err = shell(*COMMAND, "--tensions", "10,1e6")
+    assert (code, out) == (1, "") and "loads have no solution" in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_measured_data_are_never_replaced(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bench.csv").write_text("mass_1_kg\n1\n")
+    monkeypatch.setattr(bench, "set_up", pytest.fail)  # it is said before any work
+    assert "--out: cannot write the bench to" in shell.error(*COMMAND, "--masses", "1")
+    assert (tmp_path / "bench.csv").read_text() == "mass_1_kg\n1\n"
