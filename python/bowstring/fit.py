@@ -34,6 +34,7 @@ _SAME: Final = 1e-5
 #: Members of such a direction are those with at least this share of it.
 _MEMBER: Final = 0.1
 _EVALUATIONS: Final = 100
+_RESCALES: Final = 10
 
 
 class Measured(Protocol):
@@ -415,10 +416,14 @@ def fit(
         found = solve(first, ftol=1e-7, xtol=1e-6, max_nfev=_EVALUATIONS)
     else:
         found = solve(first, ftol=1e-3, xtol=1e-3, max_nfev=_EVALUATIONS // 2)
-        turn = _TURN * max(_spread(found.fun), 1e-9)
-        found = solve(
-            found.x, ftol=1e-7, xtol=1e-6, max_nfev=_EVALUATIONS // 2, loss=loss, f_scale=turn
-        )
+        for _ in range(_RESCALES):  # outliers that drew the fit hide in a spread too wide
+            spread = _TURN * max(_spread(found.fun), 1e-9)
+            if spread > 0.8 * turn:
+                break
+            turn = spread
+            found = solve(
+                found.x, ftol=1e-7, xtol=1e-6, max_nfev=_EVALUATIONS // 2, loss=loss, f_scale=turn
+            )
     return _result(work, found, loss, turn, _groups(data, len(commands)), theory)
 
 

@@ -163,6 +163,7 @@ class Unknowns:
         self._tree = robot.model_dump(mode="json", exclude_none=True)
         self._leaves = dict(_leaves(self._tree))
         self._held: dict[str, float] = {}
+        self._robots: dict[tuple[float, ...], Robot] = {}
         given: dict[str, float] = {}
         for name, value in (start or {}).items():
             value = _finite(name, value)
@@ -226,9 +227,7 @@ class Unknowns:
             return found
 
         angle, radius = each("hole_angle", "segments"), each("pitch_radius", "segments")
-        robot = self.robot.with_(overrides) if overrides else self.robot
-        if angle.any() or (radius != 1.0).any():
-            robot = robot.with_(_moved_holes(robot, angle, radius))
+        robot = self._made(overrides, angle, radius)
 
         def three(name: str, members: Iterable[str]) -> Floats:
             return np.array([extra.get(f"{name}.{m}", 0.0) for m in members])
@@ -244,6 +243,19 @@ class Unknowns:
             tool=three("tool", "xyz"),
             bend_gain=each("bend_gain", "segments"),
         )
+
+    def _made(self, overrides: Mapping[str, float], angle: Floats, radius: Floats) -> Robot:
+        """The robot of these numbers; most differences leave it as it was."""
+        key = (*overrides.values(), *angle.tolist(), *radius.tolist())
+        if key in self._robots:
+            return self._robots[key]
+        robot = self.robot.with_(overrides) if overrides else self.robot
+        if angle.any() or (radius != 1.0).any():
+            robot = robot.with_(_moved_holes(robot, angle, radius))
+        if len(self._robots) > 8:
+            self._robots.clear()
+        self._robots[key] = robot
+        return robot
 
     # -- names -----------------------------------------------------------------------------
 
