@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import fit as calibration
+from bowstring import samples
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.fit import Data, cross_validate, fit, score
 from bowstring.tipmodel import Prediction, TipModel, _delayed, _play
 from bowstring.unknowns import Unknowns
 
 DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+SIDE = np.array([0.0, 5.0, 2.0])  # constant loads of the three tendons, in N
 
 
 def single():
@@ -42,9 +44,11 @@ def made_up_pulls(rows, seed=0):
 
 def synthetic(robot, parameters, truth, commands, *, noise=0.0, seed=0, time=None):
     """Tips of a robot with known parameters, with noise: synthetic measurements."""
-    data = Data(points=np.zeros((len(commands["x"]), 3)), time=time, **{commands["as"]: commands["x"]})
+    data = Data(
+        points=np.zeros((len(commands["x"]), 3)), time=time, **{commands["as"]: commands["x"]}
+    )
     unknowns = Unknowns(robot, parameters, truth)
-    rows = calibration._commands(data, unknowns.robot)
+    rows = samples.commands(data, unknowns.robot)
     tips = TipModel(unknowns, rows, "rod").predict(unknowns.start).point
     tips = tips + np.random.default_rng(seed).normal(0, noise, tips.shape)
     return Data(points=tips, time=time, **{commands["as"]: commands["x"]})
@@ -83,7 +87,7 @@ def test_exact_derivatives_are_those_of_differences(mixed):
     data = Data(points=np.zeros((12, 3)), pulls=pulls, tensions=tensions, time=np.arange(12.0))
     start = {"tool.z": 0.008, "base.rx": 0.2, "backlash": 5e-5, "delay": 0.05}
     unknowns = Unknowns(robot, EXACT, start)
-    model = TipModel(unknowns, calibration._commands(data, robot), "rod")
+    model = TipModel(unknowns, samples.commands(data, robot), "rod")
     values = unknowns.start
     at = model.predict(values, keep=True)
     exact = model.jacobian(values, at)
@@ -112,7 +116,7 @@ def test_recovers_a_single_segment_synthetic():
     robot = single()
     names = ["segments.0.backbone.E", "base", "tool.z"]
     truth = {"segments.0.backbone.E": 33e9, "base.rx": 0.004, "base.z": 0.002, "tool.z": 0.01}
-    commands = {"as": "tensions", "x": masses(3) + [0.0, 5.0, 2.0]}
+    commands = {"as": "tensions", "x": masses(3) + SIDE}
     data = synthetic(robot, names, truth, commands, noise=2e-5)
     found = fit(robot, data, names)
     assert found.converged and found.message == "Converged."
@@ -153,9 +157,11 @@ def test_recovers_three_segments_pulled_synthetic():
     held = {"offset.tendons": "offset.tendons.4", "gain.segments.0": "gain.segments.0"}
     for name, value in truth.items():
         estimate = found[held.get(name, name)]
-        si = value - estimate.value * {"mm/N": 1e-3, "mm": 1e-3, "deg": np.pi / 180, "": 1.0}[
-            estimate.unit
-        ]
+        si = (
+            value
+            - estimate.value
+            * {"mm/N": 1e-3, "mm": 1e-3, "deg": np.pi / 180, "": 1.0}[estimate.unit]
+        )
         assert abs(si) <= 5 * abs(found.values[estimate.name] - value) + 1e-15
         wide = estimate.standard_error * abs(found.values[estimate.name] / estimate.value)
         assert abs(si) < 4 * wide, name
@@ -181,7 +187,7 @@ def test_intervals_hold_the_truth_synthetic(loss):
     robot = single()
     names = ["segments.0.backbone.E", "base.x", "base.rx", "base.ry"]
     truth = {"segments.0.backbone.E": 34e9, "base.rx": 0.005}
-    commands = {"as": "tensions", "x": masses() + [0.0, 5.0, 2.0]}
+    commands = {"as": "tensions", "x": masses() + SIDE}
     held, trials = np.zeros(4), 60
     for seed in range(trials):
         data = synthetic(robot, names, truth, commands, noise=2e-5, seed=seed)
@@ -195,7 +201,7 @@ def test_intervals_hold_the_truth_synthetic(loss):
 def test_outliers_hardly_move_a_robust_fit_synthetic():
     robot = single()
     names = ["segments.0.backbone.E", "base"]
-    commands = {"as": "tensions", "x": masses(2) + [0.0, 5.0, 2.0]}
+    commands = {"as": "tensions", "x": masses(2) + SIDE}
     data = synthetic(robot, names, {"segments.0.backbone.E": 33e9}, commands, noise=2e-5)
     data.points[7:13] += 0.03
     robust = fit(robot, data, names)["segments.0.backbone.E"].value
@@ -206,7 +212,7 @@ def test_outliers_hardly_move_a_robust_fit_synthetic():
 def test_what_the_model_lacks_is_said_synthetic():
     robot = single()
     names = ["segments.0.backbone.E", "base"]
-    commands = {"as": "tensions", "x": masses() + [0.0, 5.0, 2.0]}
+    commands = {"as": "tensions", "x": masses() + SIDE}
     heavy = robot.with_({"gravity": "0 0 -9.81 m/s^2"})
     data = synthetic(heavy, names, {}, commands, noise=2e-5)
     found = fit(robot, data, names)
@@ -231,7 +237,7 @@ def test_constant_curvature_with_gains_synthetic():
     truth = {"bend_gain.segments.0": 0.8, "hole_angle.segments.1": 0.1, "tool.z": 0.008}
     unknowns = Unknowns(robot, names, truth)
     empty = Data(points=np.zeros((60, 3)), pulls=pulls)
-    model = TipModel(unknowns, calibration._commands(empty, robot), "arc")
+    model = TipModel(unknowns, samples.commands(empty, robot), "arc")
     data = Data(points=model.predict(unknowns.start).point, pulls=pulls)
     found = fit(robot, data, names, model="arc", loss="linear")
     for name, value in truth.items():
@@ -281,7 +287,11 @@ def loads(**change):
         ),
         (loads(points=np.full((17, 3), np.nan)), ["base"], "no measured tip"),
         (loads(points=np.ones((16, 3))), ["base"], "one for each row"),
-        (loads(tensions=np.full((17, 3), np.nan)), ["base"], "row 0: the command of tendon 1 is nan"),
+        (
+            loads(tensions=np.full((17, 3), np.nan)),
+            ["base"],
+            "row 0: the command of tendon 1 is nan",
+        ),
         (loads(tensions=np.full((17, 3), np.inf)), ["base"], "command of tendon 1 is inf"),
         (loads(tensions=np.ones((17, 4))), ["base"], "3 columns"),
         (loads(tensions=None), ["base"], "neither tensions nor pulls"),
@@ -333,7 +343,7 @@ def test_numbers_go_through_json_synthetic():
 
 def test_scores_are_over_points():
     measured = np.zeros((2, 3))
-    found = score(measured + [[3e-3, 0, 4e-3], [3e-3, 0, 0]], measured)
+    found = score([[3e-3, 0, 4e-3], [3e-3, 0, 0]], measured)
     assert found.rmse == pytest.approx(np.sqrt(17) * 1e-3)
     assert found.mean == pytest.approx(4e-3) and found.largest == pytest.approx(5e-3)
     assert found.rmse_centred == pytest.approx(2e-3)

@@ -9,16 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, Literal, Protocol
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring import words
-from bowstring.arguments import check_robot, floats, is_whole, shown
+from bowstring import samples, words
+from bowstring.arguments import check_robot, is_whole, shown
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot import Robot
-from bowstring.tipmodel import Commands, Model, Prediction, TipModel
+from bowstring.samples import Data, Measured, Score, score
+from bowstring.tipmodel import Model, Prediction, TipModel
 from bowstring.unknowns import Unknowns
 
 __all__ = ["CrossValidation", "Data", "Estimate", "Fit", "Score", "cross_validate", "fit", "score"]
@@ -35,109 +36,6 @@ _SAME: Final = 1e-5
 _MEMBER: Final = 0.1
 _EVALUATIONS: Final = 100
 _RESCALES: Final = 10
-
-
-class Measured(Protocol):
-    """What is read of measurements: K rows, in the order in which they were taken.
-
-    ``tensions`` and ``pulls`` are (K, T) in N and m, NaN where a tendon has the other; either may
-    be None. ``points`` is (K, P, 3) in m, the last point the tip (or ``tip`` (K, 3)). ``group``
-    (K,) and ``time`` (K,) in s may be None.
-    """
-
-    @property
-    def tensions(self) -> Any: ...
-    @property
-    def pulls(self) -> Any: ...
-    @property
-    def points(self) -> Any: ...
-    @property
-    def group(self) -> Any: ...
-    @property
-    def time(self) -> Any: ...
-
-
-@dataclass(frozen=True)
-class Data:
-    """Measurements as plain arrays, in SI; any object with the same attributes will do.
-
-    Attributes
-    ----------
-    points : array_like (K, P, 3) or (K, 3)
-        Measured, the last one the tip; NaN where it was not seen.
-    tensions, pulls : array_like (K, T) or None
-        In N and m, NaN where a tendon has the other.
-    group : array_like (K,) or None
-        Names of runs or patterns, for validation.
-    time : array_like (K,) or None
-        In s.
-    """
-
-    points: ArrayLike
-    tensions: ArrayLike | None = None
-    pulls: ArrayLike | None = None
-    group: Any = None
-    time: ArrayLike | None = None
-
-
-@dataclass(frozen=True)
-class Score:
-    """Distances between predicted and measured points; lengths in m.
-
-    Attributes
-    ----------
-    count : int
-    rmse, mean, largest : float
-        Over points, of the Euclidean distance.
-    rmse_centred, mean_centred : float
-        The same after the mean error vector is taken off: not an error of the model, but what
-        others report.
-    """
-
-    count: int
-    rmse: float
-    mean: float
-    largest: float
-    rmse_centred: float
-    mean_centred: float
-
-    def __str__(self) -> str:
-        mm = 1e3
-        return (
-            f"RMSE {mm * self.rmse:.2f} mm, mean {mm * self.mean:.2f} mm, largest "
-            f"{mm * self.largest:.1f} mm; without the mean offset RMSE "
-            f"{mm * self.rmse_centred:.2f} mm, mean {mm * self.mean_centred:.2f} mm"
-        )
-
-
-def score(predicted: ArrayLike, measured: ArrayLike) -> Score:
-    """Compare points (K, 3) in m; rows with NaN in either are left out.
-
-    Raises
-    ------
-    InputError
-        If shapes differ or nothing is left.
-    """
-    a, b = np.asarray(predicted, dtype=float), np.asarray(measured, dtype=float)
-    if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
-        raise InputError(f"points have shapes {a.shape} and {b.shape}, both must be (K, 3)")
-    error = (a - b)[np.isfinite(a - b).all(axis=1)]
-    if not len(error):
-        raise InputError("there is no row with both a predicted and a measured point")
-    plain = np.linalg.norm(error, axis=1)
-    centred = np.linalg.norm(error - error.mean(axis=0), axis=1)
-    return Score(
-        count=len(error),
-        rmse=_rms(plain),
-        mean=float(plain.mean()),
-        largest=float(plain.max()),
-        rmse_centred=_rms(centred),
-        mean_centred=float(centred.mean()),
-    )
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 @dataclass(frozen=True)
@@ -253,7 +151,7 @@ class Fit:
         ndarray (K, 3)
             NaN where the model has no answer.
         """
-        commands = _commands(data, self._unknowns.robot)
+        commands = samples.commands(data, self._unknowns.robot)
         model = TipModel(self._unknowns, commands, self.model, self._theory)
         return model.predict(self._values).point
 
@@ -382,9 +280,9 @@ def fit(
         raise InputError("parameters is empty; name one at least, as segments.0.backbone.E")
     if model == "rod" and any(name.startswith("bend_gain") for name in unknowns.names):
         raise InputError('bend_gain is of constant curvature; give model="arc"')
-    commands = _commands(data, unknowns.robot)
-    measured = _tips(data, len(commands))
-    used = _rows(rows, measured)
+    commands = samples.commands(data, unknowns.robot)
+    measured = samples.tips(data, len(commands))
+    used = samples.fitted_rows(rows, measured)
     count = 3 * int(used.sum())
     if count < len(unknowns.items):
         raise InputError(
@@ -392,7 +290,7 @@ def fit(
             f"{len(unknowns.items)} parameters"
         )
     if any(name == "delay" for name in unknowns.names):
-        commands._clock()
+        commands.clock()
     work = _Work(TipModel(unknowns, commands, model, theory), measured, used)
     first = work.begin(start or {})
     low = np.array([item.low for item in unknowns.items]) / work.step
@@ -424,7 +322,7 @@ def fit(
             found = solve(
                 found.x, ftol=1e-7, xtol=1e-6, max_nfev=_EVALUATIONS // 2, loss=loss, f_scale=turn
             )
-    return _result(work, found, loss, turn, _groups(data, len(commands)), theory)
+    return _result(work, found, loss, turn, samples.groups(data, len(commands)), theory)
 
 
 class _Work:
@@ -473,7 +371,7 @@ class _Work:
         assert self._last is not None
         found = self.model.jacobian(scaled * self.step, self._last[1])[self.used]
         columns = 1e3 * found.reshape(-1, len(self.items)) * self.step
-        return np.nan_to_num(columns)  # rows without a solution pull nowhere
+        return np.array(np.nan_to_num(columns))  # rows without a solution pull nowhere
 
     def refuse_without_effect(self, scaled: Floats) -> None:
         size = np.linalg.norm(self.jacobian(scaled), axis=0)
@@ -628,7 +526,7 @@ def _aligned(local: Floats, measured: Floats) -> Floats:
     a, b = local.mean(axis=0), measured.mean(axis=0)
     u, _, v = np.linalg.svd((local - a).T @ (measured - b))
     turn = v.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(v.T @ u.T))]) @ u.T
-    rotvec = Rotation.from_matrix(turn).as_rotvec()
+    rotvec: Floats = Rotation.from_matrix(turn).as_rotvec()
     return np.concatenate((b - turn @ a, rotvec))
 
 
@@ -666,10 +564,10 @@ def cross_validate(
     """
     if not is_whole(folds) or folds < 2:
         raise InputError(f"folds is {shown(folds)}, it must be a whole number from 2")
-    commands = _commands(data, robot)
-    measured = _tips(data, len(commands))
-    used = _rows(rows, measured)
-    group = _groups(data, len(commands))
+    commands = samples.commands(data, robot)
+    measured = samples.tips(data, len(commands))
+    used = samples.fitted_rows(rows, measured)
+    group = samples.groups(data, len(commands))
     part = _blocks(group, used, int(folds))
     predicted = np.full_like(measured, np.nan)
     scores, labels, converged = [], [], True
@@ -698,7 +596,7 @@ def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
     names = list(dict.fromkeys(group.tolist()))
     if len(names) == 1:
         order = np.cumsum(used) - 1
-        return np.asarray(np.minimum(order * folds // max(int(used.sum()), 1), folds - 1))
+        return np.array(np.minimum(order * folds // max(int(used.sum()), 1), folds - 1))
     if len(names) < folds:
         raise InputError(f"folds is {folds}, there are only {len(names)} groups to leave out")
     counts = np.array([(used & (group == name)).sum() for name in names])
@@ -711,97 +609,3 @@ def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
             f"folds is {folds}, but the groups are too unequal for so many parts; take fewer"
         )
     return part
-
-
-# --------------------------------------------------------------------------------------
-# Reading measurements
-# --------------------------------------------------------------------------------------
-
-
-def _commands(data: Measured, robot: Robot) -> Commands:
-    """Pulls and tensions of all rows."""
-    count = robot.core.tendon_count
-    given = {}
-    for name in ("tensions", "pulls"):
-        table = getattr(data, name, None)
-        if table is None:
-            continue
-        try:
-            given[name] = floats(table)
-        except TypeError:
-            raise InputError(f"{name} must be numbers of shape (K, {count})") from None
-        if given[name].ndim != 2 or given[name].shape[1] != count:
-            raise InputError(
-                f"{name} has shape {given[name].shape}, it must have one row for each measurement "
-                f"and {count} columns, one for each tendon of {robot.name}"
-            )
-    if not given:
-        raise InputError("the measurements have neither tensions nor pulls")
-    if len({table.shape for table in given.values()}) > 1:
-        raise InputError("tensions and pulls must have one row each for each measurement")
-    pulled, values = drive_commands(robot, given)
-    if not np.isfinite(values).all():
-        k, t = np.argwhere(~np.isfinite(values))[0]
-        raise InputError(f"row {k}: the command of tendon {t + 1} is {values[k, t]}")
-    time = getattr(data, "time", None)
-    if time is not None:
-        time = np.asarray(time, dtype=float)
-        if time.shape != (len(values),):
-            raise InputError(f"time has shape {time.shape}, it must be ({len(values)},), in s")
-        if not np.isfinite(time).all():
-            time = None
-    return Commands(pulled, values, time)
-
-
-def drive_commands(robot: Robot, given: Mapping[str, Floats]) -> tuple[Bools, Floats]:
-    """Which tendons are pulled, and the lengths or tensions, of all rows."""
-    from bowstring import drive
-
-    return drive.commands(robot, given.get("tensions"), given.get("pulls"), None, rows=True)
-
-
-def _tips(data: Measured, count: int) -> Floats:
-    """Measured tips (K, 3) in m, NaN where none was."""
-    points = getattr(data, "points", None)
-    if points is None:
-        points = getattr(data, "tip", None)
-    try:
-        found = floats(points)
-    except TypeError:
-        raise InputError("points must be numbers of shape (K, P, 3) in m") from None
-    if found.ndim == 3:
-        found = found[:, -1, :]
-    if found.shape != (count, 3):
-        raise InputError(
-            f"points give tips of shape {found.shape}, they must be ({count}, 3): one for each row"
-        )
-    if np.isinf(found).any():
-        raise InputError(f"row {int(np.argwhere(np.isinf(found))[0, 0])}: the tip is infinite")
-    return found
-
-
-def _rows(rows: ArrayLike | None, measured: Floats) -> Bools:
-    seen = np.isfinite(measured).all(axis=1)
-    if rows is None:
-        used = seen
-    else:
-        asked = np.asarray(rows)
-        if asked.dtype != bool or asked.shape != seen.shape:
-            raise InputError(f"rows must be {len(seen)} booleans, one for each measurement")
-        if (asked & ~seen).any():
-            k = int(np.flatnonzero(asked & ~seen)[0])
-            raise InputError(f"row {k} is to be fitted, and its tip is NaN")
-        used = asked
-    if not used.any():
-        raise InputError("there is no measured tip to fit")
-    return np.asarray(used)
-
-
-def _groups(data: Measured, count: int) -> NDArray[Any]:
-    group = getattr(data, "group", None)
-    if group is None:
-        return np.zeros(count, int)
-    found = np.asarray(group)
-    if found.shape != (count,):
-        raise InputError(f"group has shape {found.shape}, it must be ({count},)")
-    return found.astype(str)

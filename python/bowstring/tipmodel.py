@@ -54,13 +54,14 @@ class Commands:
         """Pulls and tensions (K, T) after delay, backlash, gain and offset."""
         values = self.values
         if setting.delay:
-            values = _delayed(values, self._clock(), setting.delay)
+            values = _delayed(values, self.clock(), setting.delay)
         if setting.backlash.any():
             values = np.where(self.pulled, _play(values, setting.backlash), values)
         out: Floats = values * setting.gain + np.where(self.pulled, setting.offset, 0.0)
         return out
 
-    def _clock(self) -> Floats:
+    def clock(self) -> Floats:
+        """Times (K,) that a delay can be taken from."""
         if self.time is None:
             raise InputError("delay needs the time of each row, and the measurements have none")
         if not (np.diff(self.time) > 0).all():
@@ -115,7 +116,8 @@ class Prediction:
     def point(self) -> Floats:
         """The measured point (K, 3) in the measuring frame."""
         local = self.position + self.rotation @ self.setting.tool
-        return local @ rotation(self.setting.turn).T + self.setting.position
+        moved: Floats = local @ rotation(self.setting.turn).T + self.setting.position
+        return moved
 
 
 class TipModel:
@@ -179,9 +181,7 @@ class TipModel:
                 pulled, given, None, _NO_LOAD, _NO_LOAD, False, path, 0 if not path else 1
             )
             solved = found["converged"]
-            return Prediction(
-                found["tip_position"], found["tip_rotation"], solved, setting, given
-            )
+            return Prediction(found["tip_position"], found["tip_rotation"], solved, setting, given)
         solutions = []
         for held, row in zip(pulled, given, strict=True):
             way.core.reset()
@@ -203,15 +203,11 @@ class TipModel:
             piece = arc.pose(bends[:, j], phi[:, j], np.full(len(given), length[j]))
             position = position + np.einsum("...ij,...j->...i", turned, piece.position)
             turned = turned @ piece.rotation
-        return Prediction(
-            position, np.array(turned), np.ones(len(given), bool), setting, given
-        )
+        return Prediction(position, np.array(turned), np.ones(len(given), bool), setting, given)
 
     # -- derivatives -------------------------------------------------------------------------
 
-    def _column(
-        self, i: int, values: Floats, at: Prediction, exact: _Exact | None
-    ) -> Floats:
+    def _column(self, i: int, values: Floats, at: Prediction, exact: _Exact | None) -> Floats:
         item = self.unknowns.items[i]
         name = item.name
         if name.startswith(("base.", "tool.")):
@@ -233,8 +229,10 @@ class TipModel:
         def solved(setting: Setting) -> Floats:
             given = self.commands.effective(setting)
             self.solves += 1
-            found = self._arcs(setting, given) if self.model == "arc" else (
-                self._rod(setting, given, keep=False)
+            found = (
+                self._arcs(setting, given)
+                if self.model == "arc"
+                else (self._rod(setting, given, keep=False))
             )
             return found.point
 
@@ -260,9 +258,7 @@ class TipModel:
         segments = self.unknowns.robot.segments
         return all(segments[int(p.split(".")[1])].backbone.nu is not None for p in item.paths)
 
-    def _difference(
-        self, i: int, values: Floats, of: Any, small: float = _SMALL
-    ) -> Floats:
+    def _difference(self, i: int, values: Floats, of: Any, small: float = _SMALL) -> Floats:
         """Central difference, one-sided at a limit, of a function of the setting."""
         item = self.unknowns.items[i]
         found, at = [], []
@@ -343,7 +339,8 @@ class _Exact:
 
     def by_command(self, change: Floats) -> Floats:
         """(K, 3) by changes (K, T) of the commands."""
-        return np.einsum("kit,kt->ki", self.tip, change)
+        moved: Floats = np.einsum("kit,kt->ki", self.tip, change)
+        return moved
 
     def by_stiffness(self, segment: int) -> Floats:
         return self.stiff[:, :, segment]
@@ -353,11 +350,11 @@ def _arcs_of(robot: Robot, pulled: Bools, given: Floats) -> tuple[Floats, Floats
     """Curvature and direction (K, S) of each segment's arc, and the lengths (S,) that they keep."""
     lengths = np.array([segment.length for segment in robot.segments])
     if not pulled.any():
-        found = arc.robot_from_tensions(robot, given)
-        return found.kappa, found.phi, lengths
+        by_force = arc.robot_from_tensions(robot, given)
+        return by_force.kappa, by_force.phi, lengths
     if not pulled.all():
         raise InputError(
-            "constant curvature needs all tendons by pull or all by tension, and these rows mix them"
+            "constant curvature needs all tendons by pull or all by tension, these rows mix both"
         )
     tendons = robot.tendons
     rest = robot.disks.station_m[tendons.end_disk] - given
@@ -365,10 +362,10 @@ def _arcs_of(robot: Robot, pulled: Bools, given: Floats) -> tuple[Floats, Floats
     for j, length in enumerate(lengths):
         own = np.flatnonzero(tendons.segment == j)
         further = np.flatnonzero(tendons.segment > j)
-        holes = tendons.angle_rad, tendons.pitch_radius_m
-        found = arc.from_lengths(rest[:, own], *(h[own] for h in holes), length=length)
+        angle, radius = tendons.angle_rad, tendons.pitch_radius_m
+        found = arc.from_lengths(rest[:, own], angle[own], radius[own], length)
         kappa[:, j], phi[:, j] = found.kappa, found.phi
         if further.size:
-            inside = arc.lengths(found.kappa, found.phi, length, *(h[further] for h in holes))
-            rest[:, further] -= inside
+            holes = angle[further], radius[further]
+            rest[:, further] -= arc.lengths(found.kappa, found.phi, length, *holes)
     return kappa, phi, lengths

@@ -24,7 +24,7 @@ __all__ = ["Setting", "Unknown", "Unknowns"]
 Floats = NDArray[np.float64]
 
 _DEG: Final = np.pi / 180.0
-#: Parameters that no robot file has: SI start, natural step, smallest value; people's unit, SI of it
+#: Parameters that no robot file has: start, natural step, least value; people's unit, SI of one
 _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     "base.x": (0.0, 1e-3, -np.inf, "mm", 1e-3),
     "base.y": (0.0, 1e-3, -np.inf, "mm", 1e-3),
@@ -222,8 +222,8 @@ class Unknowns:
                 more = extra.get(f"{name}.segments.{i}", neutral)
                 found[where] = found[where] * more if neutral else found[where] + more
             if kind == "tendons":
-                more = [extra.get(f"{name}.tendons.{i}", neutral) for i in range(tendons)]
-                found = found * more if neutral else found + more
+                own = [extra.get(f"{name}.tendons.{i}", neutral) for i in range(tendons)]
+                found = found * own if neutral else found + own
             return found
 
         angle, radius = each("hole_angle", "segments"), each("pitch_radius", "segments")
