@@ -35,24 +35,26 @@ START = {"tool.z": 0.008}
 PCC = ["hole_angle.segments", "bend_gain.segments", "base", "tool.z"]
 FRAMES = ["base", "tool"]
 GIVE = ["segments.*.tendons.compliance"]
+GIVE_EACH = [f"segments.{i}.tendons.compliance" for i in range(3)]
 #: The model that cross-validation chose.
 CHOSEN = [*FRAMES, *GIVE, "gain.tendons", "offset.tendons", "backlash"]
 #: Eight parameters, for the time that they take.
 EIGHT = ["base", "tool.z", *GIVE]
 
+#: Each row adds to a model above it: what was the best so far, or a rival of the row before.
 ABLATION: dict[str, list[str]] = {
-    "frames alone, tendons inextensible": FRAMES,
-    "and compliance": [*FRAMES, *GIVE],
-    "and gain by segment": [*FRAMES, *GIVE, "gain.segments"],
-    "and offset by tendon": [*FRAMES, *GIVE, "gain.segments", "offset.tendons"],
-    "and gain by tendon": [*FRAMES, *GIVE, "gain.tendons", "offset.tendons"],
-    "and delay, no backlash": [*FRAMES, *GIVE, "gain.tendons", "offset.tendons", "delay"],
-    "and backlash": CHOSEN,
-    "and both": [*CHOSEN, "delay"],
-    "and backlash by segment": [*CHOSEN[:-1], "backlash.segments"],
-    "and angles of holes": [*CHOSEN, "hole_angle.segments.1", "hole_angle.segments.2"],
-    "and gravity": [*CHOSEN, "gravity.0", "gravity.1", "gravity.2"],
-    "and E by segment": [*CHOSEN, "segments.1.backbone.E", "segments.2.backbone.E"],
+    "frames alone, inextensible tendons": FRAMES,
+    "+ compliance": [*FRAMES, *GIVE],
+    "+ gain by segment": [*FRAMES, *GIVE, "gain.segments"],
+    "+ offset by tendon": [*FRAMES, *GIVE, "gain.segments", "offset.tendons"],
+    "+ gain by tendon, not by segment": [*FRAMES, *GIVE, "gain.tendons", "offset.tendons"],
+    "+ backlash": CHOSEN,
+    "with delay instead of backlash": [*CHOSEN[:-1], "delay"],
+    "with delay and backlash": [*CHOSEN, "delay"],
+    "chosen + angles of holes": [*CHOSEN, "hole_angle.segments.1", "hole_angle.segments.2"],
+    "chosen + E by segment": [*CHOSEN, "segments.1.backbone.E", "segments.2.backbone.E"],
+    "chosen + compliance by segment": [*FRAMES, *GIVE_EACH, *CHOSEN[3:]],
+    "chosen + gravity": [*CHOSEN, "gravity.0", "gravity.1", "gravity.2"],
 }
 
 

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import arc, dynamics, errors
+    from bowstring import arc, dynamics, errors, fit
     from bowstring._core import __version__
     from bowstring.dynamics import Run, simulate
     from bowstring.oscillations import Modes, modes
@@ -38,6 +38,7 @@ __all__ = [
     "arc",
     "dynamics",
     "errors",
+    "fit",
     "jacobians",
     "load_robot",
     "modes",
@@ -70,7 +71,7 @@ _HOME = {
     "solve_batch": "rod",
     "sweep": "rod",
 }
-_MODULES = {"arc", "dynamics", "errors"}
+_MODULES = {"arc", "dynamics", "errors", "fit"}
 
 
 def __getattr__(name: str) -> Any:

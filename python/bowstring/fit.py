@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -132,10 +131,6 @@ class Fit:
     def values(self) -> dict[str, float]:
         """The estimates in SI by name, as ``start`` of another fit takes them."""
         return dict(zip(self.names, self._values.tolist(), strict=True))
-
-    @cached_property
-    def _setting(self) -> Any:
-        return self._unknowns.setting(self._values)
 
     def predict(self, data: Measured) -> Floats:
         """The measured point (K, 3) in m by the calibrated model, without any further alignment.
