@@ -36,8 +36,9 @@ PCC = ["hole_angle.segments", "bend_gain.segments", "base", "tool.z"]
 FRAMES = ["base", "tool"]
 GIVE = ["segments.*.tendons.compliance"]
 GIVE_EACH = [f"segments.{i}.tendons.compliance" for i in range(3)]
-#: The model that cross-validation chose.
-CHOSEN = [*FRAMES, *GIVE, "gain.tendons", "offset.tendons", "backlash"]
+#: The model that cross-validation chose, and the same without gravity.
+WITHOUT = [*FRAMES, *GIVE, "gain.tendons", "offset.tendons", "backlash"]
+CHOSEN = [*WITHOUT, "gravity.0", "gravity.1", "gravity.2"]
 #: Eight parameters, for the time that they take.
 EIGHT = ["base", "tool.z", *GIVE]
 
@@ -48,13 +49,13 @@ ABLATION: dict[str, list[str]] = {
     "+ gain by segment": [*FRAMES, *GIVE, "gain.segments"],
     "+ offset by tendon": [*FRAMES, *GIVE, "gain.segments", "offset.tendons"],
     "+ gain by tendon, not by segment": [*FRAMES, *GIVE, "gain.tendons", "offset.tendons"],
-    "+ backlash": CHOSEN,
-    "with delay instead of backlash": [*CHOSEN[:-1], "delay"],
-    "with delay and backlash": [*CHOSEN, "delay"],
-    "chosen + angles of holes": [*CHOSEN, "hole_angle.segments.1", "hole_angle.segments.2"],
-    "chosen + E by segment": [*CHOSEN, "segments.1.backbone.E", "segments.2.backbone.E"],
-    "chosen + compliance by segment": [*FRAMES, *GIVE_EACH, *CHOSEN[3:]],
-    "chosen + gravity": [*CHOSEN, "gravity.0", "gravity.1", "gravity.2"],
+    "+ backlash": WITHOUT,
+    "  delay instead of backlash": [*WITHOUT[:-1], "delay"],
+    "  delay and backlash": [*WITHOUT, "delay"],
+    "  and angles of holes": [*WITHOUT, "hole_angle.segments.1", "hole_angle.segments.2"],
+    "  and E by segment": [*WITHOUT, "segments.1.backbone.E", "segments.2.backbone.E"],
+    "  and compliance by segment": [*FRAMES, *GIVE_EACH, *WITHOUT[3:]],
+    "+ gravity": CHOSEN,
 }
 
 
@@ -101,6 +102,17 @@ def floor(data: Data) -> None:
         )
 
 
+def hanging(data: Data) -> None:
+    """Where the tip rests while all nine tendons are paid out: one pose, were the rod elastic."""
+    rest = MM * np.asarray(data.points)[(MM * np.asarray(data.pulls) < -0.5).all(axis=1)]
+    spread = np.sqrt(((rest - rest.mean(axis=0)) ** 2).sum(axis=1).mean())
+    print(
+        f"\nAll nine tendons paid out by more than 0.5 mm: {len(rest)} rows (train), tips "
+        f"{spread:.1f} mm RMS about their mean, x from {rest[:, 0].min():.1f} to "
+        f"{rest[:, 0].max():.1f} mm, y from {rest[:, 1].min():.1f} to {rest[:, 1].max():.1f} mm"
+    )
+
+
 def ablation(train: Data) -> None:
     print("\nAblation: five-fold cross-validation inside train, RMSE and mean in mm")
     for name, parameters in ABLATION.items():
@@ -138,12 +150,14 @@ def main() -> None:
     val = np.arange(len(every.points)) >= len(train.points)
     assert np.array_equal(np.asarray(every.points)[~val], train.points)
     floor(train)
+    hanging(train)
     if "--quick" not in sys.argv:
         ablation(train)
     print("\nFitted on all of train, val predicted once")
     finals = {
         "PCC with gains": (ROBOT, PCC, "arc"),
         "physics, eight parameters": (ELASTIC, EIGHT, "rod"),
+        "physics without gravity": (ELASTIC, WITHOUT, "rod"),
         "physics, chosen": (ELASTIC, CHOSEN, "rod"),
     }
     for name, (robot, parameters, model) in finals.items():
