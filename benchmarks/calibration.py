@@ -50,6 +50,7 @@ ABLATION: dict[str, list[str]] = {
     "+ offset by tendon": [*FRAMES, *GIVE, "gain.segments", "offset.tendons"],
     "+ gain by tendon, not by segment": [*FRAMES, *GIVE, "gain.tendons", "offset.tendons"],
     "+ backlash": WITHOUT,
+    "  backlash by segment": [*WITHOUT[:-1], "backlash.segments"],
     "  delay instead of backlash": [*WITHOUT[:-1], "delay"],
     "  delay and backlash": [*WITHOUT, "delay"],
     "  and angles of holes": [*WITHOUT, "hole_angle.segments.1", "hole_angle.segments.2"],
@@ -131,18 +132,21 @@ def ablation(train: Data) -> None:
 
 
 def by_family(found: Fit, data: Data, rows: np.ndarray) -> None:
-    error = MM * (found.predict(data) - np.asarray(data.points))
+    """Errors of families, and by how much time the prediction leads (regression on its speed)."""
+    predicted = MM * found.predict(data)
+    error = predicted - MM * np.asarray(data.points)
+    gap = np.diff(np.asarray(data.time))
+    speed = np.zeros_like(error)
+    speed[1:] = np.where((gap < 1.2)[:, None], np.diff(predicted, axis=0) / gap[:, None], 0.0)
     group = np.asarray(data.group)
     for name in dict.fromkeys(group[rows]):
-        e = error[rows & (group == name)]
+        here = rows & (group == name)
+        e, v = error[here], speed[here]
         print(
             f"    {name:12s} {len(e):4d} rows  RMSE {np.sqrt((e**2).sum(1).mean()):6.2f}"
-            f"  mean error vector ({', '.join(f'{v:+.1f}' for v in e.mean(axis=0))})"
+            f"  mean error vector ({', '.join(f'{x:+.1f}' for x in e.mean(axis=0))})"
+            f"  leads by {(e * v).sum() / (v * v).sum():+.3f} s"
         )
-    way = np.gradient(np.asarray(data.points), axis=0)
-    way = way / (np.linalg.norm(way, axis=1, keepdims=True) + 1e-9)
-    along = (error * way).sum(axis=1)[rows]
-    print(f"    along the motion {along.mean():+.2f} mm in the mean (behind is negative)")
 
 
 def main() -> None:
