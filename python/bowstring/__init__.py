@@ -9,7 +9,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import arc, bench, datasets, dynamics, errors, measurements, registration, shape
+    from bowstring import (
+        arc,
+        bench,
+        datasets,
+        dynamics,
+        errors,
+        fit,
+        measurements,
+        registration,
+        shape,
+    )
     from bowstring._core import __version__
     from bowstring.dynamics import Run, simulate
     from bowstring.oscillations import Modes, modes
@@ -40,6 +50,7 @@ __all__ = [
     "datasets",
     "dynamics",
     "errors",
+    "fit",
     "jacobians",
     "load_robot",
     "measurements",
@@ -81,6 +92,7 @@ _MODULES = {
     "datasets",
     "dynamics",
     "errors",
+    "fit",
     "measurements",
     "registration",
     "shape",

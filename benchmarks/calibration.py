@@ -1,0 +1,227 @@
+"""Calibration on a measured robot with three segments: what each effect buys, and what is left.
+
+    python -m benchmarks.calibration [--quick]
+
+Data: `crl-ftdcr-mocap`, measured by others (docs/calibration.md), in `BOWSTRING_DATA` or
+../shared/data. Every parameter is fitted on train alone. Between models only cross-validation
+inside train decides: five blocks of neighbouring families of patterns, each predicted by a fit
+that never saw it. Val is predicted once by each of the final models, nothing aligned any more. All
+rows are one path in the order of the recording; of rows that are predicted only commands and times
+are used.
+--quick leaves all but the final fits out. On one core the whole takes about 40 minutes.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+import bowstring as bs
+from bowstring.fit import Data, Fit, cross_validate, fit, score
+from bowstring.samples import commands
+from bowstring.tipmodel import Model, TipModel
+from bowstring.unknowns import Unknowns
+
+DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
+FOLDER = DATA / "crl-ftdcr-mocap"
+MM = 1e3
+
+ROBOT = bs.load_robot("crl-ftdcr-v4")
+ELASTIC = ROBOT.with_({f"segments.{i}.tendons.compliance": 1e-4 for i in range(3)})
+START = {"tool.z": 0.008}
+
+PCC = ["hole_angle.segments", "bend_gain.segments", "base", "tool.z"]
+FRAMES = ["base", "tool"]
+GIVE = ["segments.*.tendons.compliance"]
+GIVE_EACH = [f"segments.{i}.tendons.compliance" for i in range(3)]
+#: The model that cross-validation chose, and the same without gravity.
+WITHOUT = [*FRAMES, *GIVE, "gain.tendons", "offset.tendons", "backlash"]
+CHOSEN = [*WITHOUT, "gravity.0", "gravity.1", "gravity.2"]
+#: Eight parameters, for the time that they take.
+EIGHT = ["base", "tool.z", *GIVE]
+
+#: Each row adds to a model above it: what was the best so far, or a rival of the row before.
+ABLATION: dict[str, list[str]] = {
+    "frames alone, inextensible tendons": FRAMES,
+    "+ compliance": [*FRAMES, *GIVE],
+    "+ gain by segment": [*FRAMES, *GIVE, "gain.segments"],
+    "+ offset by tendon": [*FRAMES, *GIVE, "gain.segments", "offset.tendons"],
+    "+ gain by tendon, not by segment": [*FRAMES, *GIVE, "gain.tendons", "offset.tendons"],
+    "+ backlash": WITHOUT,
+    "  backlash by segment": [*WITHOUT[:-1], "backlash.segments"],
+    "  delay instead of backlash": [*WITHOUT[:-1], "delay"],
+    "  delay and backlash": [*WITHOUT, "delay"],
+    "  and angles of holes": [*WITHOUT, "hole_angle.segments.1", "hole_angle.segments.2"],
+    "  and E by segment": [*WITHOUT, "segments.1.backbone.E", "segments.2.backbone.E"],
+    "  and compliance by segment": [*FRAMES, *GIVE_EACH, *WITHOUT[3:]],
+    "+ gravity": CHOSEN,
+}
+FINALS: dict[str, tuple[bs.Robot, list[str], Model]] = {
+    "PCC with gains": (ROBOT, PCC, "arc"),
+    "physics, eight parameters": (ELASTIC, EIGHT, "rod"),
+    "physics without gravity": (ELASTIC, WITHOUT, "rod"),
+    "physics, chosen": (ELASTIC, CHOSEN, "rod"),
+}
+
+
+def read(name: str) -> Data:
+    """Rows of a file in SI; columns of servos stand in the order of the tendons."""
+    with (FOLDER / f"ftdcr_v4_{name}.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    servos = [column for column in rows[0] if column.startswith("servo_")]
+    time_s = np.array([float(row["timestamp"]) for row in rows])
+    return Data(
+        points=1e-3 * np.array([[float(row[f"tip_{axis}"]) for axis in "xyz"] for row in rows]),
+        pulls=1e-3 * np.array([[float(row[servo]) for servo in servos] for row in rows]),
+        group=np.array([family(row["pattern_label"]) for row in rows]),
+        time=time_s - 1778538602.0,
+    )
+
+
+def family(label: str) -> str:
+    """`rep1_pair12_same_dir60_hold` is of the family pair12_same."""
+    name = label.removesuffix("_hold").removeprefix("rep1_")
+    return "one tendon" if name.startswith("tendon") else name.rpartition("_")[0]
+
+
+def floor(data: Data) -> None:
+    """How far apart tips are that the same nine pulls led to, at other times."""
+    pulls, tips = MM * np.asarray(data.pulls), MM * np.asarray(data.points)
+    apart = np.linalg.norm(pulls[:, None] - pulls, axis=-1)
+    later = np.asarray(data.time)[:, None] - np.asarray(data.time) > 2.0
+    i, j = np.nonzero((apart < 0.2) & later)
+    distance = np.linalg.norm(tips[i] - tips[j], axis=1)
+    way = np.gradient(pulls, axis=0)
+    size = np.linalg.norm(way, axis=1) + 1e-9
+    same = (way[i] * way[j]).sum(axis=1) / (size[i] * size[j])
+    print("\nTips of rows whose nine pulls agree to 0.2 mm in all, more than 2 s apart (train)")
+    for name, which in [
+        ("all pairs", same > -2),
+        ("moving the same way", same > 0.7),
+        ("moving opposite ways", same < -0.7),
+    ]:
+        rms = np.sqrt(np.mean(distance[which] ** 2))
+        print(
+            f"  {name}: {which.sum()} pairs, {rms:.2f} mm RMS apart; a model that knows the pulls "
+            f"alone has {rms / 2:.2f} mm RMSE on them at least"
+        )
+
+
+def hanging(data: Data) -> None:
+    """Where the tip rests while all nine tendons are paid out: one pose, were the rod elastic."""
+    rest = MM * np.asarray(data.points)[(MM * np.asarray(data.pulls) < -0.5).all(axis=1)]
+    spread = np.sqrt(((rest - rest.mean(axis=0)) ** 2).sum(axis=1).mean())
+    print(
+        f"\nAll nine tendons paid out by more than 0.5 mm: {len(rest)} rows (train), tips "
+        f"{spread:.1f} mm RMS about their mean, x from {rest[:, 0].min():.1f} to "
+        f"{rest[:, 0].max():.1f} mm, y from {rest[:, 1].min():.1f} to {rest[:, 1].max():.1f} mm"
+    )
+
+
+def ablation(train: Data) -> None:
+    print("\nAblation: five-fold cross-validation inside train, RMSE and mean in mm")
+    for name, parameters in ABLATION.items():
+        began = time.perf_counter()
+        robot = ROBOT if parameters is FRAMES else ELASTIC
+        found = cross_validate(robot, train, parameters, folds=5, start=START, loss="linear")
+        error = MM * np.linalg.norm(found.residuals, axis=1)
+        taut = np.asarray(train.group) != "one tendon"
+        print(
+            f"  {name:36s} {MM * found.score.rmse:6.2f} {MM * found.score.mean:6.2f}"
+            f"   without one-tendon rows {np.sqrt(np.mean(error[taut] ** 2)):6.2f}"
+            f"   folds {' '.join(f'{MM * fold.rmse:5.2f}' for fold in found.folds)}"
+            f"   {time.perf_counter() - began:4.0f} s",
+            flush=True,
+        )
+
+
+def friction(train: Data) -> None:
+    """Train RMSE with friction at the holes and the rows as one path, the rest fitted again.
+
+    With friction there are no exact derivatives; those without it lead downhill well enough to see
+    whether friction pays. The best of a few steps counts.
+    """
+    print("\nFriction at the holes: RMSE on train in mm, the rest fitted again")
+    found = fit(ELASTIC, train, WITHOUT, start=START, loss="linear")
+    print(f"  mu 0.00  {MM * found.score.rmse:.3f}")
+    plain = TipModel(Unknowns(ELASTIC, WITHOUT, START), commands(train, ELASTIC), "rod")
+    step = np.array([item.step for item in plain.unknowns.items])
+    low = np.array([item.low for item in plain.unknowns.items])
+    tips = np.asarray(train.points)
+    for mu in (0.02, 0.05, 0.1):
+        robot = ELASTIC.with_({f"segments.{i}.tendons.friction": mu for i in range(3)})
+        rubbing = TipModel(Unknowns(robot, WITHOUT, START), plain.commands, "rod")
+        values, best = np.array(list(found.values.values())), np.inf
+        for _ in range(4):
+            error = rubbing.predict(values).point - tips
+            reached = np.sqrt((error**2).sum(axis=1).mean())
+            if not reached < best:
+                break
+            best = reached
+            at = plain.predict(values, keep=True)
+            jacobian = plain.jacobian(values, at).reshape(error.size, -1) * step
+            values = values - step * np.linalg.lstsq(jacobian, error.ravel(), rcond=None)[0]
+            values = np.maximum(values, low)
+        print(f"  mu {mu:.2f}  {MM * best:.3f}", flush=True)
+
+
+def one_tendon(train: Data) -> None:
+    """Rows in which eight tendons hang, predicted by fits that never saw them."""
+    hang = np.asarray(train.group) == "one tendon"
+    print("\nOne-tendon rows of train, predicted by a fit to the other rows of train")
+    for name, (robot, parameters, model) in FINALS.items():
+        found = fit(robot, train, parameters, model=model, start=START, loss="linear", rows=~hang)
+        print(f"  {name}: {score(found.predict(train)[hang], np.asarray(train.points)[hang])}")
+
+
+def by_family(found: Fit, data: Data, rows: np.ndarray) -> None:
+    """Errors of families, and by how much time the prediction leads (regression on its speed)."""
+    predicted = MM * found.predict(data)
+    error = predicted - MM * np.asarray(data.points)
+    gap = np.diff(np.asarray(data.time))
+    speed = np.zeros_like(error)
+    speed[1:] = np.where((gap < 1.2)[:, None], np.diff(predicted, axis=0) / gap[:, None], 0.0)
+    group = np.asarray(data.group)
+    for name in dict.fromkeys(group[rows]):
+        here = rows & (group == name)
+        e, v = error[here], speed[here]
+        print(
+            f"    {name:12s} {len(e):4d} rows  RMSE {np.sqrt((e**2).sum(1).mean()):6.2f}"
+            f"  mean error vector ({', '.join(f'{x:+.1f}' for x in e.mean(axis=0))})"
+            f"  leads by {(e * v).sum() / (v * v).sum():+.3f} s"
+        )
+
+
+def main() -> None:
+    train, every = read("train"), read("keypoints")
+    val = np.arange(len(every.points)) >= len(train.points)
+    assert np.array_equal(np.asarray(every.points)[~val], train.points)
+    floor(train)
+    hanging(train)
+    if "--quick" not in sys.argv:
+        ablation(train)
+        friction(train)
+        one_tendon(train)
+    print("\nFitted on all of train, val predicted once")
+    for name, (robot, parameters, model) in FINALS.items():
+        began = time.perf_counter()
+        found = fit(robot, train, parameters, model=model, start=START, loss="linear")
+        spent = time.perf_counter() - began
+        predicted = found.predict(every)
+        print(f"\n  {name}: {len(found.estimates)} parameters, {spent:.1f} s")
+        print(f"    {found.message}")
+        print(f"    train: {found.score}")
+        print(f"    val:   {score(predicted[val], np.asarray(every.points)[val])}")
+        by_family(found, every, ~val)
+        by_family(found, every, val)
+        for estimate in found.estimates:
+            print(f"      {estimate}")
+
+
+if __name__ == "__main__":
+    main()
