@@ -156,11 +156,8 @@ macro_rules! passes {
             fn angles(&self) -> &[f64] {
                 &self.angles
             }
-            fn rates(&self, column: usize) -> &[f64] {
-                &self.columns[column].rates
-            }
-            fn stride(&self) -> usize {
-                Rod::stride(self)
+            fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
+                Rod::beyond(self, hole, tendon, out);
             }
             fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
                 Rod::set_span_tensions(self, tension);
@@ -398,11 +395,8 @@ macro_rules! moving {
             fn angles(&self) -> &[f64] {
                 Motion::angles(self)
             }
-            fn rates(&self, column: usize) -> &[f64] {
-                Motion::rates(self, column)
-            }
-            fn stride(&self) -> usize {
-                Motion::stride(self)
+            fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
+                Motion::beyond(self, hole, tendon, out);
             }
             fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
                 Motion::set_span_tensions(self, tension);

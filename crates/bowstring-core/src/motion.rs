@@ -128,7 +128,8 @@ struct Column<L: Layout, const A: usize> {
     /// Rotation that every arc adds, and yielding of the ends, by groups.
     u: Vec<[Vec3<L::Module>; A]>,
     delta: Vec<Vec3<L::Module>>,
-    /// Change of every span's length at the end of the step, as in statics.
+    /// Change of every span's length at the end of the step, by tendons and modules; zero where a
+    /// tendon does not pass.
     rates: Vec<f64>,
 }
 
@@ -1018,12 +1019,13 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         &self.rod.angles
     }
 
-    pub fn rates(&self, column: usize) -> &[f64] {
-        &self.columns[column].rates
-    }
-
-    pub fn stride(&self) -> usize {
-        self.next.len() * L::WIDTH
+    /// Change of a tendon's length from a hole on, by each of the answers.
+    pub fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
+        let n = self.module_count();
+        let stride = self.next.len() * L::WIDTH;
+        for (out, column) in out.iter_mut().zip(&self.columns) {
+            *out = column.rates[tendon * stride..][hole..n].iter().sum();
+        }
     }
 
     pub fn set_span_tensions(&mut self, tension: impl Fn(usize, usize) -> f64) {

@@ -22,7 +22,7 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     /// How the ends of modules answer, as of the last `linearise`.
     pub responses: Vec<Response<L::Module, A>>,
     /// Answers to right-hand sides, see `respond`.
-    pub columns: Vec<Column<L, A>>,
+    answers: Vec<Answers<L, A>>,
     /// By groups and tendons, as of the last `measure_spans`.
     spans: Vec<Span<L::Module>>,
     /// By modules and tendons, as of the last `measure_spans`: length, and angle of the tendon
@@ -56,15 +56,14 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub tip_moment: Vec3<L::Chain>,
 }
 
-/// An answer of the rod.
+/// Answers of the rod, side by side in the lanes that modules have elsewhere.
 #[derive(Clone)]
-pub(crate) struct Column<L: Layout, const A: usize> {
-    /// Rotation that every arc adds, by groups.
+struct Answers<L: Layout, const A: usize> {
+    /// By modules: rotation that every arc adds, and force on the end.
     u: Vec<[Vec3<L::Module>; A]>,
-    /// Scratch of `respond`: force on the ends, and imbalance or rotation of the starts.
-    asked: Vec<[Vec3<L::Module>; 2]>,
-    /// Change of every span's length, by tendons and, [`Strung::stride`] apart, modules.
-    pub rates: Vec<f64>,
+    force: Vec<Vec3<L::Module>>,
+    /// By modules and tendons: change of a tendon's length from the start of the module on.
+    beyond: Vec<L::Module>,
 }
 
 /// Right-hand sides: more tension in one tendon each.
@@ -85,49 +84,30 @@ impl<'a> Sources<'a> {
     }
 }
 
-/// The same for all columns.
+/// A vector of module `i` in its group, the same in all lanes.
+#[inline(always)]
+fn same<L: Layout>(v: &Vec3<L::Module>, i: usize) -> Vec3<L::Module> {
+    let mut out = Vec3::<L::Module>::zero();
+    for (x, y) in out.0.iter_mut().zip(&v.0) {
+        *x = L::Module::splat(L::get(y, i).lane(0));
+    }
+    out
+}
+
+#[inline(always)]
+fn same_mat<L: Layout>(m: &Mat3<L::Module>, i: usize) -> Mat3<L::Module> {
+    widen::<L>(&get_mat::<L>(m, i))
+}
+
 #[inline(always)]
 fn widen<L: Layout>(m: &Mat3<L::Chain>) -> Mat3<L::Module> {
-    let mut out = Mat3::zero();
+    let mut out = Mat3::<L::Module>::zero();
     for (row, from) in out.0.iter_mut().zip(&m.0) {
         for (x, y) in row.iter_mut().zip(from) {
             *x = L::Module::splat(y.lane(0));
         }
     }
     out
-}
-
-/// A vector of module `i` in its group, of all columns side by side.
-#[inline(always)]
-fn abreast<L: Layout, const A: usize>(
-    columns: &[Column<L, A>],
-    i: usize,
-    of: impl Fn(&Column<L, A>) -> &Vec3<L::Module>,
-) -> Vec3<L::Module> {
-    let mut out = Vec3::<L::Module>::zero();
-    for (lane, column) in columns.iter().enumerate() {
-        let v = of(column);
-        for q in 0..3 {
-            out.0[q].set_lane(lane, L::get(&v.0[q], i).lane(0));
-        }
-    }
-    out
-}
-
-/// Gives every column its own.
-#[inline(always)]
-fn apart<L: Layout, const A: usize>(
-    columns: &mut [Column<L, A>],
-    i: usize,
-    v: &Vec3<L::Module>,
-    to: impl Fn(&mut Column<L, A>) -> &mut Vec3<L::Module>,
-) {
-    for (lane, column) in columns.iter_mut().enumerate() {
-        let place = to(column);
-        for q in 0..3 {
-            L::put(&mut place.0[q], i, L::Chain::splat(v.0[q].lane(lane)));
-        }
-    }
 }
 
 /// What the step promises.
@@ -224,7 +204,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             gradients: vec![Gradient::empty(); groups],
             hessians: vec![Hessian::empty(); groups],
             responses: vec![Response::empty(); groups],
-            columns: vec![],
+            answers: vec![],
             spans: vec![],
             span_lengths: vec![0.0; n * robot.tendon_count()],
             angles: vec![0.0; n * robot.tendon_count()],
@@ -539,125 +519,138 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn respond(&mut self, sources: Sources) {
         let (n, count) = (self.dead.len(), self.tendons.len());
-        let groups = self.states.len();
-        let columns = 1 + sources.tendons.len();
-        while self.columns.len() < columns {
-            self.columns.push(Column {
-                u: vec![[Vec3::zero(); A]; groups],
-                asked: vec![[Vec3::zero(); 2]; groups],
-                rates: vec![0.0; groups * L::WIDTH * count],
+        let total = 1 + sources.tendons.len();
+        while self.answers.len() * L::WIDTH < total {
+            self.answers.push(Answers {
+                u: vec![[Vec3::zero(); A]; n],
+                force: vec![Vec3::zero(); n],
+                beyond: vec![L::Module::zero(); n * count],
             });
         }
-        self.columns[0].asked.fill([Vec3::zero(); 2]);
-        for (u, gradient) in self.columns[0].u.iter_mut().zip(&self.gradients) {
-            *u = gradient.g;
-        }
-        for (c, (tendon, tension)) in sources.iter(n).enumerate() {
-            let column = &mut self.columns[c + 1];
-            for g in 0..groups {
-                let (state, response) = (&self.states[g], &self.responses[g]);
-                let w = lanes::<L>(n, g, |k| tension[k]);
-                let span = &self.spans[g * count + tendon];
-                let force = -(span.direction * w);
-                let torque = span.arm.cross(span.direction) * w;
-                let moved = response.d_hat * force;
-                let turned = torque + response.k * moved;
-                let on_end = response.m.tr_mul(force);
-                for a in 0..A {
-                    column.u[g][a] = turned - response.j[a].tr_mul(on_end);
-                }
-                column.asked[g] = [force, state.f[0].cross(moved)];
-            }
-        }
-        for first in (0..columns).step_by(L::WIDTH) {
-            self.substitute(first, L::WIDTH.min(columns - first));
-        }
-        for column in &mut self.columns[..columns] {
-            for g in 0..groups {
-                let (state, response) = (&self.states[g], &self.responses[g]);
-                let [force, x] = column.asked[g];
-                let (mut turn, mut moved) = (Vec3::zero(), Vec3::zero());
-                for a in 0..A {
-                    turn += column.u[g][a];
-                    moved += response.j[a] * column.u[g][a];
-                }
-                let force = force + state.f[0].cross(x) - response.k.tr_mul(turn);
-                let rho = response.m * moved + response.d_hat * force;
-                for j in 0..count {
-                    let span = &self.spans[g * count + j];
-                    let rate = span.direction.dot(rho + turn.cross(span.arm));
-                    let rate = rate * self.passes[g * count + j];
-                    let out = &mut column.rates[(j * groups + g) * L::WIDTH..][..L::WIDTH];
-                    for (i, out) in out.iter_mut().enumerate() {
-                        *out = L::get(&rate, i).lane(0);
-                    }
-                }
-            }
+        for part in 0..total.div_ceil(L::WIDTH) {
+            let first = part * L::WIDTH;
+            self.substitute(part, first..total.min(first + L::WIDTH), &sources);
         }
     }
 
-    /// From one tendon to the next in the rates of a column.
-    pub fn stride(&self) -> usize {
-        self.states.len() * L::WIDTH
-    }
-
-    /// Goes through the chain with some columns side by side, in the lanes that modules have
-    /// elsewhere.
+    /// Goes through the chain with some of the columns.
     #[inline(always)]
-    fn substitute(&mut self, first: usize, some: usize) {
-        let n = self.dead.len();
-        let columns = &mut self.columns[first..first + some];
+    fn substitute(&mut self, part: usize, columns: std::ops::Range<usize>, sources: &Sources) {
+        let (n, count) = (self.dead.len(), self.tendons.len());
+        let out = &mut self.answers[part];
         let mut p = Vec3::<L::Module>::zero();
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let eliminated = self.eliminated[k].map(|m| widen::<L>(&m));
-            p = widen::<L>(&get_mat::<L>(&self.states[g].s, i)) * p;
+            let (state, response) = (&self.states[g], &self.responses[g]);
+            let mut force = Vec3::<L::Module>::zero();
+            let mut arm = Vec3::<L::Module>::zero();
+            for (lane, column) in columns.clone().enumerate() {
+                if column == 0 {
+                    continue;
+                }
+                let w = sources.tensions[(column - 1) * n + k];
+                if w == 0.0 {
+                    continue;
+                }
+                let span = &self.spans[g * count + sources.tendons[column - 1]];
+                for q in 0..3 {
+                    let along = L::get(&span.direction.0[q], i).lane(0);
+                    force.0[q].set_lane(lane, -along * w);
+                    arm.0[q].set_lane(lane, L::get(&span.arm.0[q], i).lane(0));
+                }
+            }
+            let moved = same_mat::<L>(&response.d_hat, i) * force;
+            let turned = same_mat::<L>(&response.k, i) * moved - arm.cross(force);
+            let on_end = same_mat::<L>(&response.m, i).tr_mul(force);
+            p = same_mat::<L>(&state.s, i) * p;
             let mut answer = [Vec3::zero(); A];
             for a in 0..A {
-                answer[a] = abreast::<L, A>(columns, i, |column| &column.u[g][a]) + p;
+                answer[a] = turned - same_mat::<L>(&response.j[a], i).tr_mul(on_end);
+                if columns.start == 0 {
+                    let own = get::<L>(&self.gradients[g].g[a], i);
+                    for q in 0..3 {
+                        answer[a].0[q].set_lane(0, own.0[q].lane(0));
+                    }
+                }
+                answer[a] += p;
             }
             let mut start = [p];
+            let eliminated = self.eliminated[k].map(|m| widen::<L>(&m));
             if self.symmetric {
                 eliminated.backward::<true>(&mut answer, &mut start);
             } else {
                 eliminated.backward::<false>(&mut answer, &mut start);
             }
-            p = start[0] + abreast::<L, A>(columns, i, |column| &column.asked[g][1]);
-            for a in 0..A {
-                apart::<L, A>(columns, i, &answer[a], |column| &mut column.u[g][a]);
-            }
+            p = start[0] + same::<L>(&state.f[0], i).cross(moved);
+            out.u[k] = answer;
+            out.force[k] = force;
         }
         let mut x = Vec3::<L::Module>::zero();
         for k in 0..n {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let (state, response) = (&self.states[g], &self.responses[g]);
             let eliminated = self.eliminated[k].map(|m| widen::<L>(&m));
-            let mut answer = [Vec3::zero(); A];
+            let u = eliminated.forward(&out.u[k], &[x]);
+            let (mut turn, mut moved) = (Vec3::<L::Module>::zero(), Vec3::<L::Module>::zero());
             for a in 0..A {
-                answer[a] = abreast::<L, A>(columns, i, |column| &column.u[g][a]);
+                turn += u[a];
+                moved += same_mat::<L>(&response.j[a], i) * u[a];
             }
-            let u = eliminated.forward(&answer, &[x]);
-            apart::<L, A>(columns, i, &x, |column| &mut column.asked[g][1]);
-            let mut end = x;
-            for a in 0..A {
-                end += u[a];
-                apart::<L, A>(columns, i, &u[a], |column| &mut column.u[g][a]);
+            let load = same::<L>(&state.f[0], i).cross(x);
+            let force = out.force[k] + load - same_mat::<L>(&response.k, i).tr_mul(turn);
+            let rho =
+                same_mat::<L>(&response.m, i) * moved + same_mat::<L>(&response.d_hat, i) * force;
+            for (j, tendon) in self.tendons.iter().enumerate() {
+                out.beyond[k * count + j] = if k <= tendon.end_disk {
+                    let span = &self.spans[g * count + j];
+                    let (arm, along) = (same::<L>(&span.arm, i), same::<L>(&span.direction, i));
+                    along.dot(rho + turn.cross(arm))
+                } else {
+                    L::Module::zero()
+                };
             }
-            x = widen::<L>(&get_mat::<L>(&self.states[g].s, i)).tr_mul(end);
+            out.u[k] = u;
+            x = same_mat::<L>(&state.s, i).tr_mul(x + turn);
+        }
+        for at in (0..(n - 1) * count).rev() {
+            let further = out.beyond[at + count];
+            out.beyond[at] += further;
+        }
+    }
+
+    /// Change of a tendon's length from a hole on, by each of the answers.
+    pub fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
+        let at = hole * self.tendons.len() + tendon;
+        for (part, answers) in out.chunks_mut(L::WIDTH).zip(&self.answers) {
+            for (lane, value) in part.iter_mut().enumerate() {
+                *value = answers.beyond[at].lane(lane);
+            }
         }
     }
 
     /// Takes a sum of answers as the step; returns the largest rotation that an arc adds, rad.
     #[inline(always)]
     pub fn combine(&mut self, coefficients: &[f64]) -> f64 {
-        let mut largest = L::Module::zero();
-        for (g, gradient) in self.gradients.iter().enumerate() {
+        for k in 0..self.dead.len() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             for a in 0..A {
-                let mut u = Vec3::zero();
-                for (column, factor) in self.columns.iter().zip(coefficients) {
-                    u = column.u[g][a].scaled_add(L::Module::splat(*factor), u);
+                let mut sum = [0.0; 3];
+                for (part, answers) in coefficients.chunks(L::WIDTH).zip(&self.answers) {
+                    let u = &answers.u[k][a];
+                    for (lane, factor) in part.iter().enumerate() {
+                        for q in 0..3 {
+                            sum[q] += factor * u.0[q].lane(lane);
+                        }
+                    }
                 }
-                largest = largest.max(u.max_abs());
-                self.step[g][a] = gradient.to_strain[a] * u;
+                put::<L>(&mut self.step[g][a], i, Vec3::splat(sum));
+            }
+        }
+        let mut largest = L::Module::zero();
+        for (step, gradient) in self.step.iter_mut().zip(&self.gradients) {
+            for a in 0..A {
+                largest = largest.max(step[a].max_abs());
+                step[a] = gradient.to_strain[a] * step[a];
             }
         }
         largest.largest()

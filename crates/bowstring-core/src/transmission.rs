@@ -49,10 +49,8 @@ pub(crate) trait Strung {
     /// Answers right-hand sides by the present elimination: in the first column its own imbalance,
     /// in the next more tension.
     fn respond(&mut self, sources: Sources);
-    /// Change of the span lengths by an answer, by tendons, a `stride` apart, and modules; zero
-    /// where a tendon does not pass.
-    fn rates(&self, column: usize) -> &[f64];
-    fn stride(&self) -> usize;
+    /// Change of a tendon's length from a hole on, by each of the answers.
+    fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]);
     fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64);
     fn span_tension(&self, k: usize, i: usize) -> f64;
 }
@@ -165,8 +163,9 @@ pub(crate) struct Transmission {
     /// Tension by modules that goes with a unit of each unknown.
     profile: Vec<f64>,
     coefficients: Vec<f64>,
-    /// By columns and holes: change of a tendon's length from there on, and its own give.
+    /// By columns: change of a tendon's length from a hole on.
     beyond: Vec<f64>,
+    /// By unknowns and holes: own give of a tendon from there on.
     give: Vec<f64>,
     /// By holes of one tendon.
     slipped: Vec<f64>,
@@ -666,24 +665,6 @@ impl Transmission {
             tendons: if anew { &self.sources } else { &[] },
             tensions: &self.profile,
         });
-        // change of every tendon's length from each hole on, by each column
-        let (spans, stride) = (n * m, rod.stride());
-        self.beyond.resize((size + 1) * spans, 0.0);
-        for (c, sums) in self.beyond.chunks_exact_mut(spans).enumerate() {
-            let rates = rod.rates(c);
-            for (i, sums) in sums.chunks_exact_mut(n).enumerate() {
-                let rates = &rates[i * stride..][..n];
-                if self.lines[i].friction == 0.0 {
-                    sums[0] = rates.iter().sum();
-                    continue;
-                }
-                let mut sum = 0.0;
-                for (k, rate) in rates.iter().enumerate().rev() {
-                    sum += rate;
-                    sums[k] = sum;
-                }
-            }
-        }
         // own compliance of a tendon from each hole on, times each column
         self.give.resize(size * n, 0.0);
         for (c, column) in self.unknowns.iter().enumerate() {
@@ -702,6 +683,7 @@ impl Transmission {
                 .sum()
         };
         let problem = &mut self.problem;
+        self.beyond.resize(size + 1, 0.0);
         for (r, row) in self.unknowns.iter().enumerate() {
             let i = row.tendon();
             let hole = row.hole();
@@ -710,7 +692,8 @@ impl Transmission {
                 Unknown::Tension(_) => self.share,
                 Unknown::Drop { .. } => 1.0,
             };
-            let mut q = -share * self.beyond[i * n + hole];
+            rod.beyond(hole, i, &mut self.beyond);
+            let mut q = -share * self.beyond[0];
             match *row {
                 Unknown::Tension(_) => {
                     q += self.slack[i];
@@ -732,7 +715,7 @@ impl Transmission {
                 }
             }
             for (c, column) in self.unknowns.iter().enumerate() {
-                let mut entry = -share * self.beyond[(c + 1) * spans + i * n + hole];
+                let mut entry = -share * self.beyond[c + 1];
                 if column.tendon() == i {
                     entry += match (row, column) {
                         (Unknown::Drop { .. }, _) => self.give[c * n + hole],
