@@ -422,7 +422,7 @@ impl Drive {
             if !solved {
                 return outcome;
             }
-            if !self.advance() {
+            if !self.advance(symmetric) {
                 return outcome;
             }
             if shift > 0.0 {
@@ -452,9 +452,13 @@ impl Drive {
     }
 
     /// Moves strain, tensions and drops by the step that was found; false if it is no number.
-    fn advance(&mut self) -> bool {
+    fn advance(&mut self, symmetric: bool) -> bool {
         let engine = &mut *self.solver.engine;
-        let largest = engine.combine(self.transmission.coefficients());
+        let largest = if self.transmission.is_bare() {
+            engine.newton_step(symmetric).largest
+        } else {
+            engine.combine(self.transmission.coefficients())
+        };
         if !largest.is_finite() {
             return false;
         }

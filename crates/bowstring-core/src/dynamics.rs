@@ -221,6 +221,11 @@ impl Driven {
         if !transmission.problem.solve() {
             return false;
         }
+        if transmission.is_bare() {
+            motion.substitute();
+            motion.combine(&[1.0]);
+            return true;
+        }
         motion.combine(transmission.coefficients());
         transmission.take(motion, 1.0);
         true

@@ -634,6 +634,9 @@ impl Transmission {
         }
         let size = self.unknowns.len();
         self.problem.resize(size);
+        if size == 0 {
+            return;
+        }
         // tension by modules of a unit of each unknown
         self.sources.clear();
         self.profile.clear();
@@ -735,6 +738,11 @@ impl Transmission {
         }
     }
 
+    /// Whether nothing but the rod is unknown, so that nothing was gathered.
+    pub fn is_bare(&self) -> bool {
+        self.unknowns.is_empty()
+    }
+
     /// What each column takes part in the step with, its own imbalance first.
     pub fn coefficients(&mut self) -> &[f64] {
         self.coefficients.clear();
@@ -752,7 +760,7 @@ impl Transmission {
     pub fn take(&mut self, rod: &mut dyn Strung, fraction: f64) {
         let m = self.lines.len();
         let answer = self.problem.z.iter().zip(&self.problem.side);
-        let steps = self.unknowns.iter().zip(&self.coefficients[1..]);
+        let steps = self.unknowns.iter().zip(self.coefficients.iter().skip(1));
         for ((unknown, step), (z, side)) in steps.zip(answer) {
             match *unknown {
                 // what hangs has no tension, exactly
