@@ -60,9 +60,10 @@ def main() -> None:
     print(f"{count} synthetic benches, loss {loss}, {spent / count:.2f} s a fit")
     print(f"two standard errors of a share: {200 * math.sqrt(0.95 * 0.05 / count):.1f} %")
     print(f"{'parameter':30s} {'truth':>8s} {'mean':>10s} {'spread':>9s} {'std.err.':>9s} inside")
+    spread = values.std(axis=0, ddof=1)
     for k, name in enumerate(found[0].names):
         print(
-            f"{name:30s} {TRUTH[k]:8.3f} {values[:, k].mean():10.5f} {values[:, k].std(ddof=1):9.2g}"
+            f"{name:30s} {TRUTH[k]:8.3f} {values[:, k].mean():10.5f} {spread[k]:9.2g}"
             f" {errors[:, k].mean():9.2g} {100 * share[k]:5.1f} %"
         )
     free = 3 * int(found[0].used.sum()) - len(TRUTH)

@@ -45,6 +45,8 @@ _SAME: Final = 1e-5
 _MEMBER: Final = 0.1
 #: Residuals that are so many times the stated uncertainty are more than that.
 _EXCESS: Final = 1.5
+#: Rows of statics that a fit takes; each holds its solution and derivatives, up to 0.25 MB.
+_MOST_ROWS: Final = 10_000
 _EVALUATIONS: Final = 100
 _RESCALES: Final = 10
 
@@ -306,6 +308,11 @@ def fit(
     commands = samples.commands(data, unknowns.robot)
     measured = samples.tips(data, len(commands))
     used = samples.fitted_rows(rows, measured)
+    if model == "rod" and len(commands) > _MOST_ROWS:
+        raise InputError(
+            f"{len(commands)} rows are too many to fit statics to, {_MOST_ROWS} are possible; keep "
+            f"one row of {-(-len(commands) // _MOST_ROWS)}"
+        )
     count = int(used.sum())
     if count < len(unknowns.items):
         what = "1 measured point is" if count == 1 else f"{count} measured points are"
@@ -572,7 +579,11 @@ def _autocorrelation(errors: Floats, used: Bools, group: NDArray[Any]) -> float:
     if near.sum() < 10:
         return float("nan")
     centred = errors - errors[used].mean(axis=0)
-    return float((centred[1:][near] * centred[:-1][near]).sum() / (centred[1:][near] ** 2).sum())
+    later, earlier = centred[1:][near], centred[:-1][near]
+    size = float((later**2).sum())
+    if size <= 1e-20 * float((errors[used] ** 2).sum()):  # one row again and again
+        return float("nan")
+    return float((later * earlier).sum()) / size
 
 
 def _excess(errors: Floats, used: Bools, sigma: Floats | None, parameters: int) -> float:
@@ -646,10 +657,13 @@ def cross_validate(
         predicted[out] = found.predict(data)[out]
         scores.append(score(predicted[out], measured[out]))
         names = list(dict.fromkeys(group[out].tolist()))
-        rows_of = np.flatnonzero(out)
-        labels.append(
-            f"{names[0]} to {names[-1]}" if len(names) > 1 else f"rows {rows_of[0]}-{rows_of[-1]}"
-        )
+        rows_of = 1 + np.flatnonzero(out)
+        if len(names) > 1:
+            labels.append(f"{names[0]} to {names[-1]}")
+        elif not (group[used & ~out] == names[0]).any():
+            labels.append(names[0])
+        else:
+            labels.append(f"rows {rows_of[0]} to {rows_of[-1]}")
         converged &= found.converged
     return CrossValidation(
         folds=tuple(scores),
