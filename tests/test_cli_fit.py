@@ -6,6 +6,7 @@ All tables here are synthetic, but for those of public data sets.
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -227,6 +228,19 @@ def test_refusals(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     refuses(shell, tmp_path, monkeypatch, says, *arguments)
+
+
+def test_a_fit_that_does_not_converge(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules["bowstring.fit"], "_EVALUATIONS", 2)
+    folder = tmp_path / "fit"
+    more = (*FIT, *NAMES, "--loss", "linear", "--out", str(folder))
+    got = shell.json(*more, code=1)
+    assert not got["converged"] and got["folder"] is None and not folder.exists()
+    assert got["message"].startswith("Not converged after 2 steps")
+    code, out, err = shell(*more)
+    assert code == 1 and "Not converged" in out and err.startswith("Error: amouri2019: Not conv")
 
 
 def table(folder: Path, change: Callable[[list[str]], list[str]]) -> str:

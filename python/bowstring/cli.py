@@ -785,7 +785,7 @@ def fit(
     if out is not None:
         from bowstring import report
 
-        out = _of("--out", lambda path: report.check_folder(path, "fit"), out)
+        _of("--out", lambda path: report.check_folder(path, "fit"), out)
     file: Path | None = measurements
     if data is not None:
         file, mapping = datasets.table(data, part), data
@@ -831,7 +831,7 @@ def fit(
     if as_json:
         _write_json({**content, "folder": folder})
     else:
-        _write_tables(*_fit_tables(found, folder))
+        _write_tables(*_fit_tables(found, out if folder else None))
     if not found.fit.converged:
         raise NoSolutionError(f"{known.name}: {found.fit.message}")
 
