@@ -377,11 +377,16 @@ class _Work:
     def begin(self, start: Mapping[str, float]) -> Floats:
         """Scaled values to begin with, the base put where it fits best."""
         values = self.model.unknowns.start.copy()
-        self.before = self._placed(values, start)
+        at = self.model.predict(values)
+        placed = values.copy()
+        self._align(placed, at, start)
+        self.before = replace(at, setting=self.model.unknowns.setting(placed)).point - self.measured
+        inside = values.copy()
         for i, item in enumerate(self.items):
             if item.low > -np.inf and values[i] <= item.low:
-                values[i] = item.low + 0.5 * item.step
-        at = self.model.predict(values)
+                inside[i] = item.low + 0.5 * item.step
+        if (inside != values).any():
+            values, at = inside, self.model.predict(inside)
         failed = np.flatnonzero(~at.solved & self.used)
         if failed.size:
             raise NoSolutionError(
@@ -391,13 +396,6 @@ class _Work:
             )
         self._align(values, at, start)
         return np.asarray(values / self.step)
-
-    def _placed(self, values: Floats, start: Mapping[str, float]) -> Floats:
-        """Predicted less measured (K, 3) before the fit, the base put where it fits best."""
-        at = self.model.predict(values)
-        moved = values.copy()
-        self._align(moved, at, start)
-        return replace(at, setting=self.model.unknowns.setting(moved)).point - self.measured
 
     def _align(self, values: Floats, at: Prediction, start: Mapping[str, float]) -> None:
         base = [i for i, item in enumerate(self.items) if item.name.startswith("base.")]
