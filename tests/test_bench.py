@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 import openpyxl
 import pytest
+from benchmarks import coverage
 from numpy.typing import NDArray
 
 import bowstring as bs
 from bowstring import bench, rod
 from bowstring.bench import STUDY, Bench, check_table, read_truth, set_up, simulate, write
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.fit import fit
 from bowstring.measurements import STANDARD_GRAVITY, read_measurements
 from bowstring.registration import fit_model
 from bowstring.rigid import Rigid
@@ -375,13 +377,12 @@ def test_what_calibrated_residuals_show(
 
 def test_calibration_finds_the_truth(robot: bs.Robot, truth: Array, derivative: Array) -> None:
     """Least squares about the truth are what a calibration comes to, so that the above is its."""
-    calibration = pytest.importorskip("bowstring.fit", reason="there is no calibration yet")
     made = bench_of(robot, truth)
     known = robot.with_({"gravity": STUDY["gravity"]})
     for seed in (1, 2):
         data = made.measure(seed)
         names = [*PARAMETERS[:2], "base"]
-        found = calibration.fit(known, data, names, loss="linear")
+        found = fit(known, data, names, loss="linear")
         values, errors = fitted(made, derivative, truth, data.tip)
         assert found.names == list(PARAMETERS)
         ours = np.array([found.values[name] for name in PARAMETERS])
@@ -389,6 +390,16 @@ def test_calibration_finds_the_truth(robot: bs.Robot, truth: Array, derivative: 
         unit = np.array([1e9, 1.0, *[1e-3] * 3, *[math.radians(1)] * 3])
         sure = unit * [found[name].standard_error for name in PARAMETERS]
         np.testing.assert_allclose(sure, errors, rtol=0.02)
+
+
+def test_full_fits_to_a_few_benches() -> None:
+    """`python -m benchmarks.coverage` makes 400 of these; docs/calibration.md has its table."""
+    for found in coverage.fits(3, "soft_l1"):
+        values = np.array([e.value for e in found.estimates])
+        errors = np.array([e.standard_error for e in found.estimates])
+        assert (np.abs(values - coverage.TRUTH) < 5 * errors).all()
+        assert found.excess == pytest.approx(1.0, abs=0.17)  # 4 / sqrt(2 x 289)
+        assert found.message == "Converged."
 
 
 def test_noise_is_drawn_without_solving_again(

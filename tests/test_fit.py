@@ -279,7 +279,7 @@ def loads(**change):
         (
             loads(points=np.ones((2, 3)), tensions=masses()[:2]),
             ["base", "tool.z"],
-            "2 measured points are 6 numbers, too few for 7",
+            "2 measured points are too few for 7 parameters",
         ),
         (loads(points=np.full((17, 3), np.nan)), ["base"], "no measured tip"),
         (loads(points=np.ones((16, 3))), ["base"], "one for each row"),
@@ -313,7 +313,7 @@ def test_bad_options_are_named():
 
 
 def test_a_start_without_solution_is_named():
-    fight = Data(points=np.ones((5, 3)), pulls=np.full((5, 3), 0.03))
+    fight = Data(points=np.ones((7, 3)), pulls=np.full((7, 3), 0.03))
     with pytest.raises(NoSolutionError, match="the first is row 0"):
         fit(single(), fight, ["base"], theory="kirchhoff")
 

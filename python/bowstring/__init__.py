@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from bowstring import (
         arc,
         bench,
+        calibration,
         datasets,
         dynamics,
         errors,
@@ -47,6 +48,7 @@ __all__ = [
     "__version__",
     "arc",
     "bench",
+    "calibration",
     "datasets",
     "dynamics",
     "errors",
@@ -89,6 +91,7 @@ _HOME = {
 _MODULES = {
     "arc",
     "bench",
+    "calibration",
     "datasets",
     "dynamics",
     "errors",

@@ -7,7 +7,7 @@ parameter and what they do not. Inside all is SI; K is the number of rows, P tha
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -21,7 +21,17 @@ from bowstring.samples import Data, Measured, Score, score
 from bowstring.tipmodel import Model, Prediction, TipModel
 from bowstring.unknowns import Unknowns
 
-__all__ = ["CrossValidation", "Data", "Estimate", "Fit", "Score", "cross_validate", "fit", "score"]
+__all__ = [
+    "CrossValidation",
+    "Data",
+    "Estimate",
+    "Fit",
+    "Score",
+    "cross_validate",
+    "fit",
+    "hold_out",
+    "score",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -33,6 +43,10 @@ _TURN: Final = 2.0
 _SAME: Final = 1e-5
 #: Members of such a direction are those with at least this share of it.
 _MEMBER: Final = 0.1
+#: Residuals that are so many times the stated uncertainty are more than that.
+_EXCESS: Final = 1.5
+#: Rows of statics that a fit takes; each holds its solution and derivatives, up to 0.25 MB.
+_MOST_ROWS: Final = 10_000
 _EVALUATIONS: Final = 100
 _RESCALES: Final = 10
 
@@ -84,10 +98,16 @@ class Fit:
         Predicted less measured, m, of all rows; NaN where there is no measurement.
     used : ndarray of bool (K,)
         Rows that were fitted.
-    score : Score
+    before : ndarray (K, 3)
+        The same before the fit, where the parameters begin; a base that is fitted whole is already
+        put where it fits best.
+    score, score_before : Score
         Of the fitted rows.
     noise : float
         Robust standard deviation of a coordinate, m.
+    excess : float
+        Residuals over what the stated uncertainties let expect, root mean square: about 1 if the
+        model lacks nothing. NaN where none are stated.
     autocorrelation : float
         Of the residuals of neighbouring rows in a group; far from 0, they are not noise and the
         intervals are too narrow. NaN with too few rows.
@@ -103,9 +123,12 @@ class Fit:
     correlation: Floats
     confused: tuple[tuple[str, ...], ...]
     residuals: Floats
+    before: Floats
     used: Bools
     score: Score
+    score_before: Score
     noise: float
+    excess: float
     autocorrelation: float
     converged: bool
     message: str
@@ -174,7 +197,10 @@ class Fit:
             "max_mm": 1e3 * self.score.largest,
             "rmse_centred_mm": 1e3 * self.score.rmse_centred,
             "mean_centred_mm": 1e3 * self.score.mean_centred,
+            "rmse_before_mm": 1e3 * self.score_before.rmse,
+            "mean_before_mm": 1e3 * self.score_before.mean,
             "noise_mm": 1e3 * self.noise,
+            "residuals_over_stated_uncertainty": plain(self.excess),
             "autocorrelation": plain(self.autocorrelation),
             "evaluations": self.evaluations,
         }
@@ -223,6 +249,8 @@ def fit(
         Where the numbers of the robot file begin.
     data : measurements
         Rows in the order in which they were taken: with friction or backlash they are one path.
+        Where they state an uncertainty that differs from row to row, rows count by it; where they
+        say where the tool is, it is held there unless it is fitted or `start` says otherwise.
     parameters : sequence of str
         Numbers of the robot file by path, ``*`` for one number shared by all:
         ``segments.0.backbone.E``, ``segments.*.tendons.compliance``. Further, for all, each
@@ -253,8 +281,8 @@ def fit(
     Raises
     ------
     InputError
-        If an argument is wrong, there are fewer numbers than parameters, or a parameter has no
-        effect.
+        If an argument is wrong, there are fewer measured points than parameters, or a parameter
+        has no effect.
     NoSolutionError
         If the model has no answer to a row to begin with.
 
@@ -270,7 +298,9 @@ def fit(
         raise InputError(f'model is {shown(model)}, it must be "rod" or "arc"')
     if loss not in ("linear", "soft_l1", "huber"):
         raise InputError(f'loss is {shown(loss)}, it must be "linear", "soft_l1" or "huber"')
-    unknowns = Unknowns(robot, parameters, start)
+    said = dict(zip(("tool.x", "tool.y", "tool.z"), samples.tool(data).tolist(), strict=True))
+    begin = {name: value for name, value in said.items() if value} | dict(start or {})
+    unknowns = Unknowns(robot, parameters, begin)
     if not unknowns.items:
         raise InputError("parameters is empty; name one at least, as segments.0.backbone.E")
     if model == "rod" and any(name.startswith("bend_gain") for name in unknowns.names):
@@ -278,15 +308,22 @@ def fit(
     commands = samples.commands(data, unknowns.robot)
     measured = samples.tips(data, len(commands))
     used = samples.fitted_rows(rows, measured)
-    count = 3 * int(used.sum())
-    if count < len(unknowns.items):
+    if model == "rod" and len(commands) > _MOST_ROWS:
         raise InputError(
-            f"{int(used.sum())} measured points are {count} numbers, too few for "
-            f"{len(unknowns.items)} parameters"
+            f"{len(commands)} rows are too many to fit statics to, {_MOST_ROWS} are possible; keep "
+            f"one row of {-(-len(commands) // _MOST_ROWS)}"
+        )
+    count = int(used.sum())
+    if count < len(unknowns.items):
+        what = "1 measured point is" if count == 1 else f"{count} measured points are"
+        raise InputError(
+            f"{what} too few for {len(unknowns.items)} parameters; measure at least as many, or "
+            "fit fewer"
         )
     if any(name == "delay" for name in unknowns.names):
         commands.clock()
-    work = _Work(TipModel(unknowns, commands, model, theory), measured, used)
+    sigma = samples.sigmas(data, len(commands))
+    work = _Work(TipModel(unknowns, commands, model, theory), measured, used, sigma)
     first = work.begin(start or {})
     low = np.array([item.low for item in unknowns.items]) / work.step
     high = np.array([item.high for item in unknowns.items]) / work.step
@@ -321,10 +358,18 @@ def fit(
 
 
 class _Work:
-    """The residuals in mm of scaled parameters, with the last answer kept for its derivatives."""
+    """The residuals in mm of scaled parameters, with the last answer kept for its derivatives.
 
-    def __init__(self, model: TipModel, measured: Floats, used: Bools) -> None:
-        self.model, self.measured, self.used = model, measured, used
+    Rows count by their uncertainty, the median of which counts once.
+    """
+
+    def __init__(
+        self, model: TipModel, measured: Floats, used: Bools, sigma: Floats | None
+    ) -> None:
+        self.model, self.measured, self.used, self.sigma = model, measured, used, sigma
+        weight = np.ones(len(used)) if sigma is None else np.median(sigma[used]) / sigma
+        self.weight = np.repeat(weight[used], 3)
+        self.before = np.full_like(measured, np.nan)
         self.items = model.unknowns.items
         self.step = np.array([item.step for item in self.items])
         self._last: tuple[Floats, Prediction] | None = None
@@ -332,10 +377,16 @@ class _Work:
     def begin(self, start: Mapping[str, float]) -> Floats:
         """Scaled values to begin with, the base put where it fits best."""
         values = self.model.unknowns.start.copy()
+        at = self.model.predict(values)
+        placed = values.copy()
+        self._align(placed, at, start)
+        self.before = replace(at, setting=self.model.unknowns.setting(placed)).point - self.measured
+        inside = values.copy()
         for i, item in enumerate(self.items):
             if item.low > -np.inf and values[i] <= item.low:
-                values[i] = item.low + 0.5 * item.step
-        at = self.model.predict(values)
+                inside[i] = item.low + 0.5 * item.step
+        if (inside != values).any():
+            values, at = inside, self.model.predict(inside)
         failed = np.flatnonzero(~at.solved & self.used)
         if failed.size:
             raise NoSolutionError(
@@ -343,11 +394,16 @@ class _Work:
                 f"no solution to begin with, the first is row {failed[0]}; begin from other "
                 "values, such as tendons with some compliance"
             )
-        base = [i for i, item in enumerate(self.items) if item.name.startswith("base.")]
-        if len(base) == 6 and not any(name.startswith("base") for name in start):
-            local = at.position + at.rotation @ at.setting.tool
-            values[base] = _aligned(local[self.used], self.measured[self.used])
+        self._align(values, at, start)
         return np.asarray(values / self.step)
+
+    def _align(self, values: Floats, at: Prediction, start: Mapping[str, float]) -> None:
+        base = [i for i, item in enumerate(self.items) if item.name.startswith("base.")]
+        known = self.used & at.solved
+        if len(base) < 6 or any(name.startswith("base") for name in start) or not known.any():
+            return
+        local = at.position + at.rotation @ at.setting.tool
+        values[base] = _aligned(local[known], self.measured[known])
 
     def residuals(self, scaled: Floats) -> Floats:
         try:
@@ -358,14 +414,14 @@ class _Work:
         self._last = scaled.copy(), at
         error = 1e3 * (at.point - self.measured)[self.used]
         error[~at.solved[self.used]] = 1e4 * self.model.unknowns.robot.length
-        return error.ravel()
+        return np.asarray(error.ravel() * self.weight)
 
     def jacobian(self, scaled: Floats) -> Floats:
         if self._last is None or not np.array_equal(self._last[0], scaled):
             self.residuals(scaled)
         assert self._last is not None
         found = self.model.jacobian(scaled * self.step, self._last[1])[self.used]
-        columns = 1e3 * found.reshape(-1, len(self.items)) * self.step
+        columns = 1e3 * found.reshape(-1, len(self.items)) * self.step * self.weight[:, None]
         return np.array(np.nan_to_num(columns))  # rows without a solution pull nowhere
 
     def refuse_without_effect(self, scaled: Floats) -> None:
@@ -452,6 +508,7 @@ def _result(
     unsolved = int((~at.solved & work.used).sum())
     converged = found.status > 0 and not unsolved
     autocorrelation = _autocorrelation(errors, work.used, group)
+    excess = _excess(errors, work.used, work.sigma, len(items))
     return Fit(
         model=work.model.model,
         robot=at.setting.robot,
@@ -459,12 +516,15 @@ def _result(
         correlation=correlation,
         confused=confused,
         residuals=errors,
+        before=work.before,
         used=work.used,
-        score=score(at.point[work.used], work.measured[work.used]),
+        score=score(errors[work.used], np.zeros_like(errors[work.used])),
+        score_before=_score_before(work),
         noise=1e-3 * _spread(residuals),
+        excess=excess,
         autocorrelation=autocorrelation,
         converged=converged,
-        message=_message(found, estimates, confused, unsolved, autocorrelation),
+        message=_message(found, estimates, confused, unsolved, autocorrelation, excess),
         evaluations=work.model.solves,
         _unknowns=work.model.unknowns,
         _values=values,
@@ -478,6 +538,7 @@ def _message(
     confused: Sequence[Sequence[str]],
     unsolved: int,
     autocorrelation: float,
+    excess: float,
 ) -> str:
     """How the fit ended and what its numbers are worth."""
     if unsolved:
@@ -497,9 +558,14 @@ def _message(
     edge = [estimate.name for estimate in estimates if estimate.at_limit]
     if edge:
         said.append(f"At the limit of what it may be: {words.listed(edge)}.")
+    signs = []
     if abs(autocorrelation) > 0.3:
+        signs.append(f"neighbours correlate by {autocorrelation:.2f}")
+    if excess > _EXCESS:
+        signs.append(f"they are {words.significant(excess, 2)} times the stated uncertainty")
+    if signs:
         said.append(
-            f"The residuals are not noise (neighbours correlate by {autocorrelation:.2f}): "
+            f"The residuals are not noise ({words.listed(signs)}): "
             "something is missing in the model, and the intervals are too narrow."
         )
     return " ".join(said)
@@ -511,7 +577,24 @@ def _autocorrelation(errors: Floats, used: Bools, group: NDArray[Any]) -> float:
     if near.sum() < 10:
         return float("nan")
     centred = errors - errors[used].mean(axis=0)
-    return float((centred[1:][near] * centred[:-1][near]).sum() / (centred[1:][near] ** 2).sum())
+    later, earlier = centred[1:][near], centred[:-1][near]
+    size = float((later**2).sum())
+    if size <= 1e-20 * float((errors[used] ** 2).sum()):  # one row again and again
+        return float("nan")
+    return float((later * earlier).sum()) / size
+
+
+def _excess(errors: Floats, used: Bools, sigma: Floats | None, parameters: int) -> float:
+    """Root of the reduced chi squared."""
+    free = 3 * int(used.sum()) - parameters
+    if sigma is None or free < 1:
+        return float("nan")
+    return float(np.sqrt(((errors[used] / sigma[used, None]) ** 2).sum() / free))
+
+
+def _score_before(work: _Work) -> Score:
+    known = work.before[work.used & np.isfinite(work.before).all(axis=1)]
+    return score(known, np.zeros_like(known)) if len(known) else Score(0, *[np.nan] * 5)
 
 
 def _aligned(local: Floats, measured: Floats) -> Floats:
@@ -572,10 +655,13 @@ def cross_validate(
         predicted[out] = found.predict(data)[out]
         scores.append(score(predicted[out], measured[out]))
         names = list(dict.fromkeys(group[out].tolist()))
-        rows_of = np.flatnonzero(out)
-        labels.append(
-            f"{names[0]} to {names[-1]}" if len(names) > 1 else f"rows {rows_of[0]}-{rows_of[-1]}"
-        )
+        rows_of = 1 + np.flatnonzero(out)
+        if len(names) > 1:
+            labels.append(f"{names[0]} to {names[-1]}")
+        elif not (group[used & ~out] == names[0]).any():
+            labels.append(names[0])
+        else:
+            labels.append(f"rows {rows_of[0]} to {rows_of[-1]}")
         converged &= found.converged
     return CrossValidation(
         folds=tuple(scores),
@@ -584,6 +670,37 @@ def cross_validate(
         residuals=predicted - measured,
         converged=converged,
     )
+
+
+def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
+    """The last rows, for a check of a fit to the others by `Fit.predict`.
+
+    Parameters
+    ----------
+    robot, data
+        As for `fit`.
+    share : float
+        Of the rows with a measured tip, about: a run of a group is not split.
+
+    Returns
+    -------
+    ndarray of bool (K,)
+    """
+    if not 0 < share < 1:
+        raise InputError(f"share is {shown(share)}, it must lie between 0 and 1")
+    count = len(samples.commands(data, robot))
+    seen = np.isfinite(samples.tips(data, count)).all(axis=1)
+    group = samples.groups(data, count)[seen]
+    order = np.cumsum(seen)
+    # the end of a run nearest to the share, so that something is left on either side
+    ends = 1 + np.flatnonzero(group[1:] != group[:-1])
+    if not len(ends):
+        ends = np.arange(1, len(group))
+    if not len(ends):
+        raise InputError(f"{len(group)} rows with a measured tip are too few to hold any out")
+    last = ends[np.argmin(np.abs(ends - (1 - share) * len(group)))]
+    out: Bools = seen & (order > last)
+    return out
 
 
 def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:

@@ -1,4 +1,4 @@
-"""The study on disk and in the terminal: report.html, figures, CSV tables, study.json; modes.
+"""The study on disk and in the terminal: report.html, figures, CSV tables, study.json; modes; fits.
 
 A folder is written beside its place under a hidden name and moved in whole when it is complete, so
 a reader finds the old study or the new one, never a mixture. A folder that this module did not
@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
 
+    from bowstring.calibration import Calibration
     from bowstring.oscillations import Modes
 
-__all__ = ["check_folder", "default_folder", "print_study", "write", "write_modes"]
+__all__ = ["check_folder", "default_folder", "print_study", "write", "write_fit", "write_modes"]
 
 Progress = Callable[[str, float], None]
 Cell = str | float | int | None
@@ -68,7 +69,7 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
     out : str or Path
         The folder; it need not exist.
     what : str
-        ``"study"`` or ``"modes"``; its JSON file lists the files that may be replaced.
+        ``"study"``, ``"modes"`` or ``"fit"``; its JSON file lists the files that may be replaced.
 
     Returns
     -------
@@ -179,6 +180,63 @@ def write_modes(
         _write_json(new / "modes.json", {**content, "files": files})
 
     write_whole(folder, "modes", fill)
+    tell("done", 1.0)
+    return folder
+
+
+def write_fit(
+    calibration: Calibration,
+    content: dict[str, Any],
+    out: str | Path,
+    *,
+    progress: Progress | None = None,
+) -> Path:
+    """Write a calibration: the robot with its calibrated numbers, all numbers, two figures.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    content : dict
+        Plain values for ``fit.json``, as ``bowstring fit --json`` prints.
+    out : str or Path
+        Folder; a former fit in it is replaced whole, after success.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Path
+        The folder, absolute: robot.yaml, fit.json, and residuals and parity as PNG and PDF.
+
+    Raises
+    ------
+    InputError
+        If the folder may not be written (see `check_folder`).
+    """
+    from bowstring import plots
+    from bowstring.robotfile import to_yaml
+
+    tell = progress or (lambda what, share: None)
+    folder = check_folder(out, "fit")
+    found, data = calibration.fit, calibration.data
+    hashed = "" if data.sha256 is None else f", SHA-256 {data.sha256}"
+    lines = [
+        f"Calibrated by Bowstring ({found.model}) on {data.source} data: {data.name}{hashed}",
+        found.message,
+        *[f"Not part of a robot file: {each}" for each in calibration.elsewhere],
+    ]
+
+    def fill(new: Path) -> None:
+        robot = to_yaml(found.robot, "\n".join(" ".join(line.split()) for line in lines))
+        (new / "robot.yaml").write_text(robot, encoding="utf-8")
+        with plots.figure_style():
+            for i, (stem, figure) in enumerate(plots.draw_fit(calibration)):
+                tell("figures", i / 2)
+                _save(figure, new / stem)
+        files = sorted([*(p.name for p in new.iterdir()), "fit.json"])
+        _write_json(new / "fit.json", {**content, "files": files})
+
+    write_whole(folder, "fit", fill)
     tell("done", 1.0)
     return folder
 

@@ -17,7 +17,18 @@ from bowstring.errors import InputError
 from bowstring.robot import Robot
 from bowstring.tipmodel import Commands
 
-__all__ = ["Data", "Measured", "Score", "commands", "fitted_rows", "groups", "score", "tips"]
+__all__ = [
+    "Data",
+    "Measured",
+    "Score",
+    "commands",
+    "fitted_rows",
+    "groups",
+    "score",
+    "sigmas",
+    "tips",
+    "tool",
+]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -28,7 +39,8 @@ class Measured(Protocol):
 
     ``tensions`` and ``pulls`` are (K, T) in N and m, NaN where a tendon has the other; either may
     be None. ``points`` is (K, P, 3) in m, the last point the tip (or ``tip`` (K, 3)). ``group``
-    (K,) and ``time`` (K,) in s may be None.
+    (K,) and ``time`` (K,) in s may be None. Read where they are there, as in
+    `bowstring.measurements.Measurements`: ``sigma`` (K,) in m, ``repeat`` (K,), ``tool`` (3,) in m.
     """
 
     @property
@@ -167,11 +179,15 @@ def tips(data: Measured, count: int) -> Floats:
     points = getattr(data, "points", None)
     if points is None:
         points = getattr(data, "tip", None)
+    if getattr(data, "scale", 1.0) is None:
+        raise InputError("points are in pixels; a fit needs them in units of length")
     try:
         found = floats(points)
     except TypeError:
         raise InputError("points must be numbers of shape (K, P, 3) in m") from None
     if found.ndim == 3:
+        if not found.shape[1]:
+            raise InputError("the measurements have angles only, a fit needs a measured tip")
         found = found[:, -1, :]
     if found.shape != (count, 3):
         raise InputError(
@@ -201,11 +217,31 @@ def fitted_rows(rows: ArrayLike | None, measured: Floats) -> Bools:
 
 
 def groups(data: Measured, count: int) -> NDArray[Any]:
-    """The group (K,) of each row; all alike where none is given."""
+    """The group (K,) of each row, of each repeat one; all alike where none is given."""
     group = getattr(data, "group", None)
-    if group is None:
-        return np.zeros(count, int)
-    found = np.asarray(group)
+    found = np.full(count, "") if group is None else np.asarray(group).astype(str)
     if found.shape != (count,):
         raise InputError(f"group has shape {found.shape}, it must be ({count},)")
-    return found.astype(str)
+    repeat = getattr(data, "repeat", None)
+    if repeat is None or len(np.unique(repeat)) < 2:
+        return found
+    named = [f"{g} repeat {r}".lstrip() for g, r in zip(found, np.asarray(repeat), strict=True)]
+    return np.array(named)
+
+
+def sigmas(data: Measured, count: int) -> Floats | None:
+    """Standard uncertainty (K,) of a measured coordinate in m; None where none is given."""
+    given = getattr(data, "sigma", None)
+    if given is None:
+        return None
+    found = np.asarray(given, dtype=float)
+    if found.shape != (count,):
+        raise InputError(f"sigma has shape {found.shape}, it must be ({count},), in m")
+    if not (found > 0).all():
+        raise InputError(f"row {int(np.argmin(found > 0))}: sigma must be positive")
+    return found
+
+
+def tool(data: Measured) -> Floats:
+    """Measured point (3,) seen from the tip, as the measurements say, in m."""
+    return np.asarray(getattr(data, "tool", np.zeros(3)), dtype=float)

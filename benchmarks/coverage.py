@@ -1,0 +1,82 @@
+"""Do the intervals of a calibration hold what they promise? Full fits to 400 synthetic benches.
+
+    python -m benchmarks.coverage [COUNT] [LOSS]
+
+The virtual bench of `amouri2019`: 17 masses on cable 1, loading and unloading, 3 repeats, gravity,
+friction 0.1, a backbone softer by 3 % than the robot file says, a base that is moved and leans by
+0.3 degrees, 0.02 mm noise. The path is solved once, noise is drawn for each bench; every bench is
+fitted as a user would, from the robot file. All of it is synthetic. About half a second a fit.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+
+import numpy as np
+
+import bowstring as bs
+from bowstring.bench import STUDY, set_up
+from bowstring.fit import Fit, Loss, fit
+from bowstring.rigid import Rigid
+
+NAMES = ["segments.0.backbone.E", "segments.0.tendons.friction", "base"]
+#: Of `NAMES`, the base one by one, in the units of the fit: GPa, 1, mm, deg.
+TRUTH = np.array([0.97 * 35.0, 0.1, 1.0, -1.0, 2.0, 0.0, 0.3, 0.0])
+
+
+def fits(count: int, loss: Loss, seed: int = 1) -> list[Fit]:
+    """Fits to so many benches that differ by their noise alone."""
+    robot = bs.load_robot("amouri2019")
+    known = robot.with_({"gravity": STUDY["gravity"]})
+    turn, shift = np.radians(TRUTH[5:]), 1e-3 * TRUTH[2:5]
+    made = set_up(
+        robot,
+        **{k: v for k, v in STUDY.items() if k != "tilt"},
+        base=Rigid.from_rotation_vector(turn, shift),
+        actual={"segments.0.backbone.E": 1e9 * float(TRUTH[0])},
+    )
+    rng = np.random.default_rng(seed)
+    return [fit(known, made.measure(rng), NAMES, loss=loss) for _ in range(count)]
+
+
+def inside(found: list[Fit]) -> np.ndarray:
+    """Whether each bench's interval (count, parameters) holds the truth."""
+    low = np.array([[e.low for e in each.estimates] for each in found])
+    high = np.array([[e.high for e in each.estimates] for each in found])
+    return np.asarray((low <= TRUTH) & (high >= TRUTH))
+
+
+def main() -> None:
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 400
+    loss: Loss = "soft_l1" if "soft_l1" in sys.argv else "linear"
+    began = time.perf_counter()
+    found = fits(count, loss)
+    spent = time.perf_counter() - began
+    share = inside(found).mean(axis=0)
+    values = np.array([[e.value for e in each.estimates] for each in found])
+    errors = np.array([[e.standard_error for e in each.estimates] for each in found])
+    print(f"{count} synthetic benches, loss {loss}, {spent / count:.2f} s a fit")
+    print(f"two standard errors of a share: {200 * math.sqrt(0.95 * 0.05 / count):.1f} %")
+    print(f"{'parameter':30s} {'truth':>8s} {'mean':>10s} {'spread':>9s} {'std.err.':>9s} inside")
+    spread = values.std(axis=0, ddof=1)
+    for k, name in enumerate(found[0].names):
+        print(
+            f"{name:30s} {TRUTH[k]:8.3f} {values[:, k].mean():10.5f} {spread[k]:9.2g}"
+            f" {errors[:, k].mean():9.2g} {100 * share[k]:5.1f} %"
+        )
+    free = 3 * int(found[0].used.sum()) - len(TRUTH)
+    chi = np.array([(each.residuals**2).sum() / STUDY["noise"] ** 2 / free for each in found])
+    print(
+        f"residual over noise (root of reduced chi squared): mean {np.sqrt(chi).mean():.4f}, "
+        f"from {np.sqrt(chi.min()):.3f} to {np.sqrt(chi.max()):.3f}"
+    )
+    shouted = sum("not noise" in each.message for each in found)
+    print(
+        f"not converged: {sum(not each.converged for each in found)}; called not noise: {shouted}"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""A calibration from a table of measurements: the fit, its validation, and what is to be told.
+
+`bowstring.fit` does the work; this puts beside it where the data came from and what they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.errors import InputError
+from bowstring.fit import CrossValidation, Fit, Loss, Score, cross_validate, fit, hold_out, score
+from bowstring.measurements import Measurements
+from bowstring.robot import Robot
+from bowstring.tendon_order import TendonCheck, check_tendons
+from bowstring.tipmodel import Model
+
+__all__ = ["Calibration", "calibrate"]
+
+Progress = Callable[[str, float], None]
+
+#: Estimates that correlate by so much hardly know one from the other.
+_STRONG: Final = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A fit to measurements and what is to be told beside it; made by `calibrate`.
+
+    K rows.
+    """
+
+    data: Measurements
+    fit: Fit
+    loss: Loss
+    tendons: TendonCheck
+    """Do the tendons move the tip as the robot file says?"""
+    held_out: NDArray[np.bool_]
+    """(K,), rows that were kept from the fit; none where no share was asked for."""
+    held_out_score: Score | None
+    """Of these rows, predicted by the fit that never saw them."""
+    folds: CrossValidation | None
+    """Of all rows, where folds were asked for."""
+
+    @property
+    def predicted(self) -> NDArray[np.float64]:
+        """(K, 3), m, measuring frame, by the calibrated model."""
+        return np.asarray(self.fit.residuals + self.data.tip)
+
+    @property
+    def correlated(self) -> list[tuple[str, str, float]]:
+        """Pairs of parameters whose estimates correlate by 0.9 or more, strongest first."""
+        table, names = self.fit.correlation, self.fit.names
+        pairs = [
+            (names[i], names[j], float(table[i, j]))
+            for i in range(len(names))
+            for j in range(i)
+            if abs(table[i, j]) >= _STRONG
+        ]
+        return sorted(((b, a, r) for a, b, r in pairs), key=lambda pair: -abs(pair[2]))
+
+    @property
+    def elsewhere(self) -> list[str]:
+        """Estimates that have no place in a robot file, as text."""
+        inside = ("segments", "gravity", "hole_angle", "pitch_radius")
+        return [str(e) for e in self.fit.estimates if e.name.partition(".")[0] not in inside]
+
+    def to_dict(self) -> dict[str, Any]:
+        """All numbers, in the units that the keys name."""
+        data, found = self.data, self.fit
+        validation: dict[str, Any] | None = None
+        if self.held_out_score is not None:
+            validation = {"kind": "holdout", **_scores(self.held_out_score)}
+        elif self.folds is not None:
+            folds = zip(self.folds.labels, self.folds.folds, strict=True)
+            validation = {
+                "kind": "folds",
+                **_scores(self.folds.score),
+                "converged": self.folds.converged,
+                "folds": [{"left_out": label, **_scores(each)} for label, each in folds],
+            }
+        return {
+            **found.to_dict(),
+            "loss": self.loss,
+            "correlated": [{"names": [a, b], "correlation": r} for a, b, r in self.correlated],
+            "validation": validation,
+            "tendon_check": {
+                "found": self.tendons.found,
+                "alarm": self.tendons.alarm,
+                "sentence": self.tendons.sentence,
+            },
+            "data": {
+                "name": data.name,
+                "source": data.source,
+                "rows": len(data),
+                "rows_left_out": data.left_out,
+                "sigma_mm": None if data.sigma is None else 1e3 * float(np.median(data.sigma)),
+                "sha256": data.sha256,
+            },
+            "lines": data.line.tolist(),
+            "residuals_mm": (1e3 * found.residuals).tolist(),
+        }
+
+
+def _scores(of: Score) -> dict[str, Any]:
+    return {
+        "rows": of.count,
+        "rmse_mm": 1e3 * of.rmse,
+        "mean_mm": 1e3 * of.mean,
+        "max_mm": 1e3 * of.largest,
+        "rmse_centred_mm": 1e3 * of.rmse_centred,
+        "mean_centred_mm": 1e3 * of.mean_centred,
+    }
+
+
+def calibrate(
+    robot: Robot,
+    data: Measurements,
+    parameters: Sequence[str],
+    *,
+    model: Model = "rod",
+    loss: Loss = "soft_l1",
+    holdout: float | None = None,
+    folds: int | None = None,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Fit parameters to measurements, and check the fit on rows that it never saw.
+
+    Parameters
+    ----------
+    robot, data, parameters, model, loss
+        As for `bowstring.fit.fit`.
+    holdout : float, optional
+        Share of the rows, the last ones, that is kept from the fit and predicted by it, as
+        `bowstring.fit.hold_out` chooses them.
+    folds : int, optional
+        Instead: the fit is to all rows, and this many more leave out a part of them each.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    InputError
+        As for `bowstring.fit.fit`.
+    NoSolutionError
+        If the model has no answer to a row to begin with.
+    """
+    if holdout is not None and folds is not None:
+        raise InputError("holdout and folds are two ways to validate; give one")
+    tell = progress or (lambda what, share: None)
+    out = np.zeros(len(data), dtype=bool)
+    rows = None
+    if holdout is not None:
+        out = hold_out(robot, data, holdout)
+        rows = ~out & np.isfinite(data.tip).all(axis=1)
+    tell("fit", 0.0)
+    found = fit(robot, data, parameters, model=model, loss=loss, rows=rows)
+    held = None
+    if holdout is not None:  # all rows are one path, so the prediction is of all
+        held = score(data.tip[out] + found.residuals[out], data.tip[out])
+    validated = None
+    if folds is not None:
+        tell("validation", 1 / (1 + folds))
+        validated = cross_validate(robot, data, parameters, folds=folds, model=model, loss=loss)
+    tell("done", 1.0)
+    return Calibration(data, found, loss, check_tendons(robot, data), out, held, validated)

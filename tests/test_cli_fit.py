@@ -1,0 +1,324 @@
+"""`bowstring fit`: a table of measurements to a calibrated robot, and refusals in one sentence.
+
+All tables here are synthetic, but for those of public data sets.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring import bench
+from bowstring.calibration import calibrate
+from bowstring.errors import InputError
+from bowstring.fit import fit, hold_out
+from bowstring.measurements import Measurements, read_measurements
+from bowstring.robot import Robot
+from shell import Shell, refuses
+
+ROOT = Path(__file__).parents[1]
+TABLE = ROOT / "examples" / "bench.csv"
+UPRIGHT = ("--set", "gravity=0 0 -9.80665 m/s^2")
+E, MU = "segments.0.backbone.E", "segments.0.tendons.friction"
+FIT = ("fit", "amouri2019", "--measurements", str(TABLE), *UPRIGHT)
+NAMES = ("--parameter", E, "--parameter", MU, "--parameter", "base")
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    """As the example's table was made, but for its friction."""
+    return bs.load_robot("amouri2019", {"gravity": [0, 0, -9.80665]})
+
+
+@pytest.fixture(scope="module")
+def data(robot: Robot) -> Measurements:
+    return read_measurements(TABLE, robot)
+
+
+def test_the_example_is_found(shell: Shell, robot: Robot, tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "fit"
+    got = shell.json(*FIT, *NAMES, "--out", str(folder))
+    found = {p["name"]: p for p in got["parameters"]}
+    for name, truth in ((E, 35.0), (MU, 0.1)):
+        assert abs(found[name]["value"] - truth) < 3 * found[name]["standard_error"]
+        assert found[name]["low"] < found[name]["value"] < found[name]["high"]
+    assert found[MU]["start"] == 0 and found[E]["unit"] == "GPa"
+    assert got["converged"] and got["cannot_tell_apart"] == []
+    assert got["residuals_over_stated_uncertainty"] == pytest.approx(1.0, abs=0.25)
+    assert got["rmse_mm"] < 0.05 < 5 < got["rmse_before_mm"]
+    assert got["data"]["source"] == "synthetic" and got["data"]["rows"] == 33
+    assert len(got["residuals_mm"]) == len(got["lines"]) == 33
+    pair = next(c for c in got["correlated"] if c["names"] == ["base.y", "base.rx"])
+    assert pair["correlation"] > 0.9
+    # the folder: all of it, and a robot file that can be used as it is
+    assert got["folder"] == str(folder)
+    kept = json.loads((folder / "fit.json").read_text())
+    assert sorted(p.name for p in folder.iterdir()) == kept.pop("files")
+    assert kept == {k: v for k, v in got.items() if k != "folder"}
+    text = (folder / "robot.yaml").read_text()
+    assert "synthetic data: bench" in text and "# Not part of a robot file: base.x = " in text
+    calibrated = bs.load_robot(folder / "robot.yaml")
+    assert calibrated.bending_stiffness[0] == pytest.approx(
+        1e9 * found[E]["value"] * np.pi * 0.005**4 / 64
+    )
+    rubs = calibrated.model_dump()["segments"][0]["tendons"]["friction"]
+    assert rubs == pytest.approx(found[MU]["value"])
+    # again with the calibrated robot: nothing is left to find, and the folder is replaced
+    again = shell.json(
+        "fit",
+        str(folder / "robot.yaml"),
+        "--measurements",
+        str(TABLE),
+        *NAMES,
+        "--out",
+        str(folder),
+    )
+    assert again["rmse_before_mm"] == pytest.approx(again["rmse_mm"], rel=1e-3)
+
+
+def test_people_see_what_the_data_are(shell: Shell) -> None:
+    weightless = FIT[: -len(UPRIGHT)]  # where E and all tensions are one number
+    code, out, err = shell(*weightless, "--parameter", E, "--parameter", "gain")
+    text = " ".join(out.split())
+    assert code == 0 and not err
+    assert "amouri2019, statics, fitted to bench (synthetic): 33 rows" in text
+    assert f"The data cannot tell {E} and gain apart: hold one." in text
+    assert text.count("unknown") == 2
+    # friction is missing in this model: the residuals show it, by order and by size
+    assert "The residuals are not noise" in text and "times the stated uncertainty" in text
+
+
+def test_rows_held_out_do_not_touch_the_fit(robot: Robot, data: Measurements) -> None:
+    out = hold_out(robot, data, 0.2)
+    np.testing.assert_array_equal(out, data.group == "unloading")  # a run is not split
+    spoilt = replace(data, points=data.points + np.where(out, 0.01, 0.0)[:, None, None])
+    names = [E, "base"]
+    plain, other = (calibrate(robot, each, names, holdout=0.2) for each in (data, spoilt))
+    assert plain.fit.values == other.fit.values
+    np.testing.assert_array_equal(plain.held_out, out)
+    assert plain.held_out_score is not None and other.held_out_score is not None
+    assert plain.held_out_score.count == 16
+    shift = 0.01 * np.ones(3)
+    left = plain.fit.residuals[out] - shift
+    rmse = float(np.sqrt((left**2).sum(axis=1).mean()))
+    assert other.held_out_score.rmse == pytest.approx(rmse)
+
+
+def test_validation_in_json(shell: Shell) -> None:
+    few = ("--parameter", E, "--loss", "linear", "--model", "rod")
+    held = shell.json(*FIT, *few, "--holdout", "20 %")["validation"]
+    assert held["kind"] == "holdout" and held["rows"] == 16 and held["rmse_mm"] > 1
+    folds = shell.json(*FIT, *few, "--folds", "2")["validation"]
+    assert folds["kind"] == "folds" and folds["rows"] == 33 and folds["converged"]
+    assert [f["left_out"] for f in folds["folds"]] == ["loading", "unloading"]
+    assert shell.json(*FIT, *few)["validation"] is None
+
+
+def test_constant_curvature_at_its_best(shell: Shell) -> None:
+    got = shell.json(*FIT, "--model", "arc", "--parameter", "bend_gain", "--parameter", "base")
+    assert got["model"] == "arc" and got["rmse_mm"] < got["rmse_before_mm"]
+    assert "not noise" in got["message"]
+
+
+def test_repeats_are_parts_of_their_own(robot: Robot) -> None:
+    made = bench.simulate(robot, masses=[0, 2, 4], repeats=3, seed=1)
+    found = calibrate(robot, made, [E], folds=3)
+    assert found.folds is not None
+    assert found.folds.labels[0] == "loading repeat 1 to unloading repeat 1"
+    # friction is in neither, so that a repeat is predicted to its noise
+    assert found.folds.score.rmse < 3 * 0.02e-3 * np.sqrt(3)
+
+
+# -- what measurements say of themselves counts ------------------------------------------------
+
+
+def test_rows_count_by_their_uncertainty(robot: Robot) -> None:
+    made = bench.simulate(robot, masses=np.linspace(0, 8, 17), seed=2)
+    assert made.sigma is not None
+    bad = np.arange(len(made)) % 3 == 0
+    scatter = np.random.default_rng(3).normal(0, 2e-3, made.points.shape)
+    points = made.points + np.where(bad[:, None, None], scatter, 0.0)
+    said = replace(made, points=points, sigma=np.where(bad, 2e-3, made.sigma))
+    unsaid = replace(said, sigma=None)
+    weighted, plain = (fit(robot, each, [E], loss="linear") for each in (said, unsaid))
+    assert abs(weighted[E].value - 35) < 4 * weighted[E].standard_error
+    assert weighted[E].standard_error < 0.05 * plain[E].standard_error
+    assert weighted.excess == pytest.approx(1.0, abs=0.35) and np.isnan(plain.excess)
+    with pytest.raises(InputError, match="sigma must be positive"):
+        fit(robot, replace(said, sigma=np.zeros(len(said))), [E])
+
+
+def test_the_tool_of_the_table_is_held(robot: Robot) -> None:
+    made = bench.simulate(robot, masses=[0, 3, 6], tool=[0, 0, 0.02], seed=1)
+    found = fit(robot, made, [E], loss="linear")
+    assert found.score.rmse < 3 * 0.02e-3
+    assert fit(robot, replace(made, tool=np.zeros(3)), [E]).score.rmse > 1e-3
+    fitted = fit(robot, made, [E, "tool.z"], loss="linear")["tool.z"]
+    assert fitted.start == pytest.approx(20) and fitted.value == pytest.approx(20, abs=0.1)
+
+
+def test_points_below_the_tip_and_blanks_are_no_tip(robot: Robot, data: Measurements) -> None:
+    plain = fit(robot, data, [E], loss="linear")
+    low = np.full_like(data.points, 7.0)
+    low[::2] = np.nan
+    more = replace(data, points=np.concatenate([low, data.points], axis=1))
+    assert fit(robot, more, [E], loss="linear").values == plain.values
+    unseen = data.points.copy()
+    unseen[4] = np.nan
+    left = fit(robot, replace(data, points=unseen), [E], loss="linear")
+    assert left.used.sum() == 32 and np.isnan(left.residuals[4]).all()
+
+
+def test_disturbances_are_told_from_noise(robot: Robot) -> None:
+    names = [E, MU, "base"]
+    study = {k: v for k, v in bench.STUDY.items() if k != "repeats"}
+    clean = fit(robot, bench.simulate(robot, **study, seed=3), names)
+    drift = fit(robot, bench.simulate(robot, **study, drift=[0, 0.4e-3, 0], seed=3), names)
+    assert "not noise" not in clean.message and clean.excess < 1.3
+    assert "not noise" in drift.message and drift.excess > 1.5
+
+
+# -- refusals ----------------------------------------------------------------------------------
+
+
+def of(*parts: str) -> tuple[str, ...]:
+    return ("fit", "amouri2019", *parts)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (of(), "Missing option '--parameter'"),
+        (of("--parameter", "gain"), "--measurements FILE or --data NAME"),
+        (of("--parameter", "gain", "--data", "tamm-spring", "--measurements", "x"), "give either"),
+        (of("--parameter", "gain", "--data", "tam-spring"), "did you mean tamm-spring?"),
+        (of("--parameter", "gain", "--data", "x", "--mapping", "y"), "--mapping is of a table"),
+        ((*FIT, "--parameter", "gain", "--part", "val"), "--part is of a public data set"),
+        ((*FIT, "--parameter", "gian"), "did you mean gain?"),
+        ((*FIT, "--parameter", "segments.0.backbone.Y"), "did you mean segments.0.backbone.E?"),
+        ((*FIT, "--parameter", "segments.4.length"), "no parameter 'segments.4.length'"),
+        ((*FIT, "--parameter", E, "--parameter", E), "is named twice"),
+        ((*FIT, "--parameter", "offset"), "offset has no effect on the tip"),
+        ((*FIT, "--parameter", "delay"), "needs the time of each row"),
+        ((*FIT, "--parameter", "bend_gain"), 'model="arc"'),
+        ((*FIT, "--parameter", E, "--holdout", "1.5"), "--holdout: got 1.5; must lie between"),
+        ((*FIT, "--parameter", E, "--holdout", "some"), '--holdout: got "some", which is not'),
+        ((*FIT, "--parameter", E, "--folds", "1"), "--folds: got 1; must be 2 or more"),
+        ((*FIT, "--parameter", E, "--folds", "9"), "only 2 groups to leave out"),
+        ((*FIT, "--parameter", E, "--folds", "2", "--holdout", "0.2"), "two ways to validate"),
+        ((*FIT, "--parameter", E, "--g", "-1"), "--g: got -1"),
+        ((*FIT, "--parameter", E, "--out", "mine"), "nothing of yours is replaced"),
+        (("fit", "rao2021", "--measurements", str(TABLE), "--parameter", E), "rao2021 has 6"),
+        (of("--measurements", "no.csv", "--parameter", E), "no.csv"),
+    ],
+)  # fmt: skip
+def test_refusals(
+    arguments: tuple[str, ...],
+    says: str,
+    shell: Shell,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    refuses(shell, tmp_path, monkeypatch, says, *arguments)
+
+
+def test_a_fit_that_does_not_converge(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.modules["bowstring.fit"], "_EVALUATIONS", 2)
+    folder = tmp_path / "fit"
+    more = (*FIT, *NAMES, "--loss", "linear", "--out", str(folder))
+    got = shell.json(*more, code=1)
+    assert not got["converged"] and got["folder"] is None and not folder.exists()
+    assert got["message"].startswith("Not converged after 2 steps")
+    code, out, err = shell(*more)
+    assert code == 1 and "Not converged" in out and err.startswith("Error: amouri2019: Not conv")
+
+
+def table(folder: Path, change: Callable[[list[str]], list[str]]) -> str:
+    """The example's table with its rows changed: header first."""
+    lines = TABLE.read_text(encoding="utf-8").splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("mass_1"))
+    file = folder / "table.csv"
+    file.write_text("\n".join([*lines[:start], *change(lines[start:])]) + "\n", encoding="utf-8")
+    return str(file)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda rows: rows[:4], "3 measured points are too few for 8 parameters"),
+        (lambda rows: rows[:1], "no row"),
+        (lambda rows: [rows[0].replace("tip_z_mm", "height"), *rows[1:]], "tip_z"),
+        (lambda rows: [rows[0].replace("tip_z_mm", "tip_z_m"), *rows[1:]], "unit"),
+        (lambda rows: [rows[0].replace("mass_3_kg", "mass_4_kg"), *rows[1:]], "mass"),
+    ],
+)
+def test_bad_tables(
+    change: Callable[[list[str]], list[str]], says: str, shell: Shell, tmp_path: Path
+) -> None:
+    file = table(tmp_path, change)
+    said = shell.error("fit", "amouri2019", "--measurements", file, *NAMES)
+    assert says in said
+
+
+def test_one_row_again_and_again_says_what_it_cannot_tell(shell: Shell, tmp_path: Path) -> None:
+    file = table(tmp_path, lambda rows: [rows[0], *[rows[9]] * 12])
+    got = shell.json("fit", "amouri2019", "--measurements", file, *UPRIGHT, *NAMES)
+    assert got["cannot_tell_apart"] and got["data"]["rows"] == 12
+    assert "cannot tell" in got["message"]
+    assert all(p["standard_error"] is None for p in got["parameters"] if p["name"] == E)
+
+
+def test_swapped_tendons_are_named(shell: Shell, tmp_path: Path) -> None:
+    robot = bs.load_robot("amouri2019")
+    rng = np.random.default_rng(1)
+    tensions = rng.uniform(0, 30, (30, 3)) * (rng.random((30, 3)) < 0.6)
+    made = bench.simulate(robot, tensions, unload=False)
+    file, _ = bench.write(replace(made, tensions=made.tensions[:, [0, 2, 1]]), tmp_path / "b.csv")
+    code, out, err = shell(*of("--measurements", str(file), "--parameter", E))
+    assert code == 0 and err.startswith("Warning: ") and err.count("\n") == 1
+    assert "tendons 2 and 3" in err and "not noise" in out
+
+
+def test_too_many_rows_are_refused(robot: Robot, data: Measurements) -> None:
+    many = data.select(np.arange(33_000) % 33)
+    with pytest.raises(InputError, match=r"33000 rows are too many.*keep one row of 4"):
+        fit(robot, many, [E])
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [({"scale": None}, "in pixels"), ({"points": np.empty((33, 0, 3))}, "angles only")],
+)
+def test_what_has_no_tip_in_metres(
+    robot: Robot, data: Measurements, change: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(InputError, match=says):
+        fit(robot, replace(data, **change), [E])
+
+
+# -- data of others ----------------------------------------------------------------------------
+
+
+def test_a_public_set_by_name(shell: Shell, public_data: Callable[[str], Path]) -> None:
+    """Measured: constant curvature with gains, fitted to the train part of a real robot."""
+    public_data("crl-ftdcr-mocap")
+    names = ("hole_angle.segments", "bend_gain.segments", "base", "tool.z")
+    got = shell.json(
+        *("fit", "crl-ftdcr-v4", "--data", "crl-ftdcr-mocap", "--part", "train"),
+        *(part for name in names for part in ("--parameter", name)),
+        *("--model", "arc", "--loss", "linear"),
+    )
+    assert got["data"]["name"] == "crl-ftdcr-mocap, train" and got["data"]["source"] == "measured"
+    assert got["rows"] == 1620 and got["rmse_mm"] == pytest.approx(13.90, abs=0.01)
+    said = shell.error("fit", "crl-ftdcr-v4", "--data", "crl-ftdcr-mocap", "--parameter", "base")
+    assert "name one" in said
