@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import arc, datasets, dynamics, errors, measurements, registration, shape
+    from bowstring import arc, datasets, dynamics, errors, fit, measurements, registration, shape
     from bowstring._core import __version__
     from bowstring.dynamics import Run, simulate
     from bowstring.oscillations import Modes, modes
@@ -39,6 +39,7 @@ __all__ = [
     "datasets",
     "dynamics",
     "errors",
+    "fit",
     "jacobians",
     "load_robot",
     "measurements",
@@ -74,7 +75,7 @@ _HOME = {
     "solve_batch": "rod",
     "sweep": "rod",
 }
-_MODULES = {"arc", "datasets", "dynamics", "errors", "measurements", "registration", "shape"}
+_MODULES = {"arc", "datasets", "dynamics", "errors", "fit", "measurements", "registration", "shape"}
 
 
 def __getattr__(name: str) -> Any:

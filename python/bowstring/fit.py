@@ -1,0 +1,606 @@
+"""Calibration: the parameters of a robot, its drive and its frames from measurements.
+
+Robust nonlinear least squares (scipy) on the measured tip, with what the data say of each
+parameter and what they do not. Inside all is SI; K is the number of rows, P that of parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring import samples, words
+from bowstring.arguments import check_robot, is_whole, shown
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot import Robot
+from bowstring.samples import Data, Measured, Score, score
+from bowstring.tipmodel import Model, Prediction, TipModel
+from bowstring.unknowns import Unknowns
+
+__all__ = ["CrossValidation", "Data", "Estimate", "Fit", "Score", "cross_validate", "fit", "score"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Loss = Literal["linear", "soft_l1", "huber"]
+
+#: A robust loss turns from squares to absolute values at so many standard deviations.
+_TURN: Final = 2.0
+#: Directions of the scaled parameters that move the tip by less than this share are not told apart.
+_SAME: Final = 1e-5
+#: Members of such a direction are those with at least this share of it.
+_MEMBER: Final = 0.1
+_EVALUATIONS: Final = 100
+_RESCALES: Final = 10
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What the data say of one parameter, in the unit that people use for it.
+
+    Attributes
+    ----------
+    name, unit : str
+    value, standard_error, low, high : float
+        The last two bound the 95 % interval; infinite where the data cannot tell.
+    start : float
+    at_limit : bool
+    """
+
+    name: str
+    unit: str
+    value: float
+    standard_error: float
+    low: float
+    high: float
+    start: float
+    at_limit: bool
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        if not np.isfinite(self.standard_error):
+            return f"{self.name} = {self.value:.5g}{unit} (not determined)"
+        return f"{self.name} = {self.value:.5g} +- {self.standard_error:.2g}{unit}"
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Calibrated parameters; made by `fit`.
+
+    Attributes
+    ----------
+    model : {"rod", "arc"}
+    robot : Robot
+        With the calibrated numbers of the robot file, and the holes as fitted.
+    estimates : tuple of Estimate
+    correlation : ndarray (P, P)
+        Of the estimates; NaN for those that the data cannot tell.
+    confused : tuple of tuples of str
+        Parameters that the data cannot tell apart; a tuple of one names one they say nothing of.
+    residuals : ndarray (K, 3)
+        Predicted less measured, m, of all rows; NaN where there is no measurement.
+    used : ndarray of bool (K,)
+        Rows that were fitted.
+    score : Score
+        Of the fitted rows.
+    noise : float
+        Robust standard deviation of a coordinate, m.
+    autocorrelation : float
+        Of the residuals of neighbouring rows in a group; far from 0, they are not noise and the
+        intervals are too narrow. NaN with too few rows.
+    converged : bool
+    message : str
+    evaluations : int
+        Passes over all rows.
+    """
+
+    model: Model
+    robot: Robot
+    estimates: tuple[Estimate, ...]
+    correlation: Floats
+    confused: tuple[tuple[str, ...], ...]
+    residuals: Floats
+    used: Bools
+    score: Score
+    noise: float
+    autocorrelation: float
+    converged: bool
+    message: str
+    evaluations: int
+    _unknowns: Unknowns
+    _values: Floats
+    _theory: str
+
+    def __repr__(self) -> str:
+        return f"<Fit of {self.robot.name}: {len(self.estimates)} parameters, {self.score}>"
+
+    def __getitem__(self, name: str) -> Estimate:
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise InputError(f"{shown(name)} was not fitted; fitted are {', '.join(self.names)}")
+
+    @property
+    def names(self) -> list[str]:
+        return [estimate.name for estimate in self.estimates]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The estimates in SI by name, as ``start`` of another fit takes them."""
+        return dict(zip(self.names, self._values.tolist(), strict=True))
+
+    def predict(self, data: Measured) -> Floats:
+        """The measured point (K, 3) in m by the calibrated model, without any further alignment.
+
+        Parameters
+        ----------
+        data : measurements
+            Of which the commands (and the time, for a delay) are used. With friction or backlash
+            the rows are one path.
+
+        Returns
+        -------
+        ndarray (K, 3)
+            NaN where the model has no answer.
+        """
+        commands = samples.commands(data, self._unknowns.robot)
+        model = TipModel(self._unknowns, commands, self.model, self._theory)
+        return model.predict(self._values).point
+
+    def to_dict(self) -> dict[str, Any]:
+        """All numbers of the fit, ready for `json.dumps`; None where there is no number."""
+        from dataclasses import asdict
+
+        def plain(value: float) -> float | None:
+            return value if np.isfinite(value) else None
+
+        estimates = [
+            {k: plain(v) if isinstance(v, float) else v for k, v in asdict(e).items()}
+            for e in self.estimates
+        ]
+        return {
+            "model": self.model,
+            "converged": self.converged,
+            "message": self.message,
+            "parameters": estimates,
+            "correlation": [[plain(v) for v in row] for row in self.correlation.tolist()],
+            "cannot_tell_apart": [list(names) for names in self.confused],
+            "rows": int(self.used.sum()),
+            "rmse_mm": 1e3 * self.score.rmse,
+            "mean_mm": 1e3 * self.score.mean,
+            "max_mm": 1e3 * self.score.largest,
+            "rmse_centred_mm": 1e3 * self.score.rmse_centred,
+            "mean_centred_mm": 1e3 * self.score.mean_centred,
+            "noise_mm": 1e3 * self.noise,
+            "autocorrelation": plain(self.autocorrelation),
+            "evaluations": self.evaluations,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """Errors on rows that were left out; made by `cross_validate`.
+
+    Attributes
+    ----------
+    folds : tuple of Score
+        Each of the rows left out, by a fit to the others.
+    labels : tuple of str
+        What each fold left out.
+    score : Score
+        Of all rows, each predicted by the fit that had not seen it.
+    residuals : ndarray (K, 3)
+    converged : bool
+        Whether all fits did.
+    """
+
+    folds: tuple[Score, ...]
+    labels: tuple[str, ...]
+    score: Score
+    residuals: Floats
+    converged: bool
+
+
+def fit(
+    robot: Robot,
+    data: Measured,
+    parameters: Sequence[str],
+    *,
+    model: Model = "rod",
+    start: Mapping[str, float] | None = None,
+    rows: ArrayLike | None = None,
+    loss: Loss = "soft_l1",
+    theory: str = "cosserat",
+) -> Fit:
+    """Fit parameters of a robot, its drive and its frames to measured tips.
+
+    Parameters
+    ----------
+    robot : Robot
+        Where the numbers of the robot file begin.
+    data : measurements
+        Rows in the order in which they were taken: with friction or backlash they are one path.
+    parameters : sequence of str
+        Numbers of the robot file by path, ``*`` for one number shared by all:
+        ``segments.0.backbone.E``, ``segments.*.tendons.compliance``. Further, for all, each
+        segment or each tendon (``gain``, ``gain.segments``, ``gain.tendons``,
+        ``gain.tendons.4``): ``gain`` of pulls or tensions; ``offset`` of pulls, positive where a
+        tendon is shorter than it should be; ``backlash``, half the dead travel of a pull; for all
+        or each segment: ``hole_angle``, turned by, ``pitch_radius``, times, ``bend_gain`` of
+        constant curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's
+        base in the measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the
+        measured point in the frame of the end disk.
+    model : {"rod", "arc"}
+        The statics of `bowstring.solve`, or constant curvature from tendon lengths (from force
+        where the rows have tensions), segments keeping their lengths.
+    start : mapping from name to float, optional
+        SI; where parameters begin, and what others are held at.
+    rows : array_like of bool (K,), optional
+        Rows to fit; the others only lead the path. All with a measured tip if left out.
+    loss : {"linear", "soft_l1", "huber"}
+        Robust losses turn at two standard deviations, found by the data.
+    theory : str
+        Of the rod, as for `bowstring.solve`.
+
+    Returns
+    -------
+    Fit
+        Look at `converged`, `message` and `confused` before its numbers.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, there are fewer numbers than parameters, or a parameter has no
+        effect.
+    NoSolutionError
+        If the model has no answer to a row to begin with.
+
+    Notes
+    -----
+    Standard errors are those of M-estimation (Huber, Robust Statistics, 1981, 7.6): they take the
+    residuals for independent noise.
+    """
+    from scipy.optimize import least_squares
+
+    check_robot(robot)
+    if model not in ("rod", "arc"):
+        raise InputError(f'model is {shown(model)}, it must be "rod" or "arc"')
+    if loss not in ("linear", "soft_l1", "huber"):
+        raise InputError(f'loss is {shown(loss)}, it must be "linear", "soft_l1" or "huber"')
+    unknowns = Unknowns(robot, parameters, start)
+    if not unknowns.items:
+        raise InputError("parameters is empty; name one at least, as segments.0.backbone.E")
+    if model == "rod" and any(name.startswith("bend_gain") for name in unknowns.names):
+        raise InputError('bend_gain is of constant curvature; give model="arc"')
+    commands = samples.commands(data, unknowns.robot)
+    measured = samples.tips(data, len(commands))
+    used = samples.fitted_rows(rows, measured)
+    count = 3 * int(used.sum())
+    if count < len(unknowns.items):
+        raise InputError(
+            f"{int(used.sum())} measured points are {count} numbers, too few for "
+            f"{len(unknowns.items)} parameters"
+        )
+    if any(name == "delay" for name in unknowns.names):
+        commands.clock()
+    work = _Work(TipModel(unknowns, commands, model, theory), measured, used)
+    first = work.begin(start or {})
+    low = np.array([item.low for item in unknowns.items]) / work.step
+    high = np.array([item.high for item in unknowns.items]) / work.step
+    work.refuse_without_effect(first)
+
+    def solve(begin: Floats, **options: Any) -> Any:
+        inside = np.clip(begin, np.nextafter(low, high), np.nextafter(high, low))
+        return least_squares(
+            work.residuals,
+            inside,
+            jac=work.jacobian,
+            bounds=(low, high),
+            x_scale="jac",
+            gtol=1e-10,
+            **options,
+        )
+
+    turn = np.inf
+    if loss == "linear":
+        found = solve(first, ftol=1e-7, xtol=1e-6, max_nfev=_EVALUATIONS)
+    else:
+        found = solve(first, ftol=1e-3, xtol=1e-3, max_nfev=_EVALUATIONS // 2)
+        for _ in range(_RESCALES):  # outliers that drew the fit hide in a spread too wide
+            spread = _TURN * max(_spread(found.fun), 1e-9)
+            if spread > 0.8 * turn:
+                break
+            turn = spread
+            found = solve(
+                found.x, ftol=1e-7, xtol=1e-6, max_nfev=_EVALUATIONS // 2, loss=loss, f_scale=turn
+            )
+    return _result(work, found, loss, turn, samples.groups(data, len(commands)), theory)
+
+
+class _Work:
+    """The residuals in mm of scaled parameters, with the last answer kept for its derivatives."""
+
+    def __init__(self, model: TipModel, measured: Floats, used: Bools) -> None:
+        self.model, self.measured, self.used = model, measured, used
+        self.items = model.unknowns.items
+        self.step = np.array([item.step for item in self.items])
+        self._last: tuple[Floats, Prediction] | None = None
+
+    def begin(self, start: Mapping[str, float]) -> Floats:
+        """Scaled values to begin with, the base put where it fits best."""
+        values = self.model.unknowns.start.copy()
+        for i, item in enumerate(self.items):
+            if item.low > -np.inf and values[i] <= item.low:
+                values[i] = item.low + 0.5 * item.step
+        at = self.model.predict(values)
+        failed = np.flatnonzero(~at.solved & self.used)
+        if failed.size:
+            raise NoSolutionError(
+                f"{self.model.unknowns.robot.name}: {failed.size} of {self.used.sum()} rows have "
+                f"no solution to begin with, the first is row {failed[0]}; begin from other "
+                "values, such as tendons with some compliance"
+            )
+        base = [i for i, item in enumerate(self.items) if item.name.startswith("base.")]
+        if len(base) == 6 and not any(name.startswith("base") for name in start):
+            local = at.position + at.rotation @ at.setting.tool
+            values[base] = _aligned(local[self.used], self.measured[self.used])
+        return np.asarray(values / self.step)
+
+    def residuals(self, scaled: Floats) -> Floats:
+        try:
+            at = self.model.predict(scaled * self.step, keep=self.model.model == "rod")
+        except InputError:  # no robot has these numbers
+            self._last = None
+            return np.full(3 * int(self.used.sum()), 1e6)
+        self._last = scaled.copy(), at
+        error = 1e3 * (at.point - self.measured)[self.used]
+        error[~at.solved[self.used]] = 1e4 * self.model.unknowns.robot.length
+        return error.ravel()
+
+    def jacobian(self, scaled: Floats) -> Floats:
+        if self._last is None or not np.array_equal(self._last[0], scaled):
+            self.residuals(scaled)
+        assert self._last is not None
+        found = self.model.jacobian(scaled * self.step, self._last[1])[self.used]
+        columns = 1e3 * found.reshape(-1, len(self.items)) * self.step
+        return np.array(np.nan_to_num(columns))  # rows without a solution pull nowhere
+
+    def refuse_without_effect(self, scaled: Floats) -> None:
+        size = np.linalg.norm(self.jacobian(scaled), axis=0)
+        for item, each in zip(self.items, size, strict=True):
+            if each <= 1e-9 * np.sqrt(self.used.sum()):
+                raise InputError(
+                    f"parameter {item.name} has no effect on the tip in these rows; leave it out"
+                )
+
+
+# --------------------------------------------------------------------------------------
+# Statistics
+# --------------------------------------------------------------------------------------
+
+
+def _spread(residuals: Floats) -> float:
+    """Robust standard deviation: 1.4826 times the median absolute value."""
+    return float(1.4826 * np.median(np.abs(residuals)))
+
+
+def _variance(residuals: Floats, loss: str, turn: float, parameters: int) -> float:
+    """Variance that a residual has for the intervals, in its unit squared."""
+    free = max(len(residuals) - parameters, 1)
+    if loss == "linear":
+        return float((residuals**2).sum() / free)
+    z = (residuals / turn) ** 2
+    if loss == "soft_l1":
+        force, slope = residuals / np.sqrt(1 + z), (1 + z) ** -1.5
+    else:
+        inside = z <= 1
+        force = np.where(inside, residuals, turn * np.sign(residuals))
+        slope = inside.astype(float)
+    mean = float(slope.mean())
+    correction = 1 + parameters / len(residuals) * float(slope.var()) / mean**2
+    return float(correction**2 * (force**2).sum() / free / mean**2)
+
+
+def _result(
+    work: _Work, found: Any, loss: Loss, turn: float, group: NDArray[Any], theory: str
+) -> Fit:
+    from scipy.stats import t as student
+
+    items = work.items
+    residuals = work.residuals(found.x)
+    jacobian = work.jacobian(found.x)
+    assert work._last is not None
+    at = work._last[1]
+    size = np.linalg.norm(jacobian, axis=0)
+    size[size == 0] = 1.0
+    _, singular, direction = np.linalg.svd(jacobian / size, full_matrices=False)
+    told = singular > _SAME * singular[0]
+    confused = tuple(
+        tuple(items[i].name for i in np.flatnonzero(np.abs(row) >= _MEMBER * np.abs(row).max()))
+        for row in direction[~told]
+    )
+    inverse = (direction[told].T / singular[told] ** 2) @ direction[told]
+    covariance = _variance(residuals, loss, turn, len(items)) * inverse / np.outer(size, size)
+    error = np.sqrt(np.diag(covariance))
+    untold = (np.abs(direction[~told]) >= 1e-3).any(axis=0) if (~told).any() else error < 0
+    correlation = covariance / np.outer(error, error)
+    correlation[untold] = np.nan
+    correlation[:, untold] = np.nan
+    error[untold] = np.inf
+    values = found.x * work.step
+    half = float(student.ppf(0.975, max(len(residuals) - len(items), 1)))
+    limit = np.asarray(found.active_mask) != 0
+    estimates = tuple(
+        Estimate(
+            name=item.name,
+            unit=item.unit,
+            value=value / item.per_unit,
+            standard_error=wide / item.per_unit,
+            low=(value - half * wide) / item.per_unit,
+            high=(value + half * wide) / item.per_unit,
+            start=item.start / item.per_unit,
+            at_limit=bool(edge),
+        )
+        for item, value, wide, edge in zip(
+            items, values.tolist(), (error * work.step).tolist(), limit, strict=True
+        )
+    )
+    errors = at.point - work.measured
+    unsolved = int((~at.solved & work.used).sum())
+    converged = found.status > 0 and not unsolved
+    autocorrelation = _autocorrelation(errors, work.used, group)
+    return Fit(
+        model=work.model.model,
+        robot=at.setting.robot,
+        estimates=estimates,
+        correlation=correlation,
+        confused=confused,
+        residuals=errors,
+        used=work.used,
+        score=score(at.point[work.used], work.measured[work.used]),
+        noise=1e-3 * _spread(residuals),
+        autocorrelation=autocorrelation,
+        converged=converged,
+        message=_message(found, estimates, confused, unsolved, autocorrelation),
+        evaluations=work.model.solves,
+        _unknowns=work.model.unknowns,
+        _values=values,
+        _theory=theory,
+    )
+
+
+def _message(
+    found: Any,
+    estimates: Sequence[Estimate],
+    confused: Sequence[Sequence[str]],
+    unsolved: int,
+    autocorrelation: float,
+) -> str:
+    """How the fit ended and what its numbers are worth."""
+    if unsolved:
+        said = [f"Not converged: {unsolved} rows have no solution at the end."]
+    elif found.status > 0:
+        said = ["Converged."]
+    else:
+        said = [
+            f"Not converged after {found.nfev} steps: begin from better values, or with fewer "
+            "parameters."
+        ]
+    for names in confused:
+        if len(names) == 1:
+            said.append(f"The data say nothing of {names[0]}.")
+        else:
+            said.append(f"The data cannot tell {words.listed(list(names))} apart: hold one.")
+    edge = [estimate.name for estimate in estimates if estimate.at_limit]
+    if edge:
+        said.append(f"At the limit of what it may be: {words.listed(edge)}.")
+    if abs(autocorrelation) > 0.3:
+        said.append(
+            f"The residuals are not noise (neighbours correlate by {autocorrelation:.2f}): "
+            "something is missing in the model, and the intervals are too narrow."
+        )
+    return " ".join(said)
+
+
+def _autocorrelation(errors: Floats, used: Bools, group: NDArray[Any]) -> float:
+    """Of neighbouring rows of a group."""
+    near = used[1:] & used[:-1] & (group[1:] == group[:-1])
+    if near.sum() < 10:
+        return float("nan")
+    centred = errors - errors[used].mean(axis=0)
+    return float((centred[1:][near] * centred[:-1][near]).sum() / (centred[1:][near] ** 2).sum())
+
+
+def _aligned(local: Floats, measured: Floats) -> Floats:
+    """The rigid motion (6,) that takes points nearest to others (Kabsch, Acta Cryst. A32, 1976)."""
+    from scipy.spatial.transform import Rotation
+
+    a, b = local.mean(axis=0), measured.mean(axis=0)
+    u, _, v = np.linalg.svd((local - a).T @ (measured - b))
+    turn = v.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(v.T @ u.T))]) @ u.T
+    rotvec: Floats = Rotation.from_matrix(turn).as_rotvec()
+    return np.concatenate((b - turn @ a, rotvec))
+
+
+# --------------------------------------------------------------------------------------
+# Validation
+# --------------------------------------------------------------------------------------
+
+
+def cross_validate(
+    robot: Robot,
+    data: Measured,
+    parameters: Sequence[str],
+    *,
+    folds: int = 5,
+    rows: ArrayLike | None = None,
+    **options: Any,
+) -> CrossValidation:
+    """Fit without a part of the rows and predict that part, for each part.
+
+    Parts are blocks of neighbouring rows that never split a group: neighbours are alike, and
+    single rows left out would be predicted by the rows beside them.
+
+    Parameters
+    ----------
+    robot, data, parameters, rows
+        As for `fit`.
+    folds : int
+        Number of parts.
+    options
+        Others of `fit`.
+
+    Returns
+    -------
+    CrossValidation
+    """
+    if not is_whole(folds) or folds < 2:
+        raise InputError(f"folds is {shown(folds)}, it must be a whole number from 2")
+    commands = samples.commands(data, robot)
+    measured = samples.tips(data, len(commands))
+    used = samples.fitted_rows(rows, measured)
+    group = samples.groups(data, len(commands))
+    part = _blocks(group, used, int(folds))
+    predicted = np.full_like(measured, np.nan)
+    scores, labels, converged = [], [], True
+    for k in range(int(folds)):
+        out = used & (part == k)
+        found = fit(robot, data, parameters, rows=used & ~out, **options)
+        predicted[out] = found.predict(data)[out]
+        scores.append(score(predicted[out], measured[out]))
+        names = list(dict.fromkeys(group[out].tolist()))
+        rows_of = np.flatnonzero(out)
+        labels.append(
+            f"{names[0]} to {names[-1]}" if len(names) > 1 else f"rows {rows_of[0]}-{rows_of[-1]}"
+        )
+        converged &= found.converged
+    return CrossValidation(
+        folds=tuple(scores),
+        labels=tuple(labels),
+        score=score(predicted[used], measured[used]),
+        residuals=predicted - measured,
+        converged=converged,
+    )
+
+
+def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
+    """Part (K,) of each row: neighbouring groups together, about as many rows in each part."""
+    names = list(dict.fromkeys(group.tolist()))
+    if len(names) == 1:
+        order = np.cumsum(used) - 1
+        return np.array(np.minimum(order * folds // max(int(used.sum()), 1), folds - 1))
+    if len(names) < folds:
+        raise InputError(f"folds is {folds}, there are only {len(names)} groups to leave out")
+    counts = np.array([(used & (group == name)).sum() for name in names])
+    middle = np.cumsum(counts) - counts / 2
+    of_name = np.minimum((middle * folds / counts.sum()).astype(int), folds - 1)
+    index = {name: int(k) for name, k in zip(names, of_name, strict=True)}
+    part = np.array([index[name] for name in group.tolist()])
+    if len(set(of_name.tolist())) < folds:
+        raise InputError(
+            f"folds is {folds}, but the groups are too unequal for so many parts; take fewer"
+        )
+    return part

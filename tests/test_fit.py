@@ -1,0 +1,349 @@
+"""Calibration: derivatives, recovery of known truth (synthetic), intervals, and a real robot."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring import samples
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.fit import Data, cross_validate, fit, score
+from bowstring.tipmodel import Prediction, TipModel, _delayed, _play
+from bowstring.unknowns import Unknowns
+
+DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
+
+SIDE = np.array([0.0, 5.0, 2.0])  # constant loads of the three tendons, in N
+
+
+def single():
+    """The study's robot, its first tendon loaded and unloaded by hanging masses."""
+    return bs.load_robot("amouri2019")
+
+
+def masses(repeats=1):
+    load = 9.80665 * np.arange(0.0, 8.1, 0.5)
+    there_and_back = np.concatenate((load, load[-2::-1]))
+    return np.outer(np.tile(there_and_back, repeats), [1.0, 0.0, 0.0])
+
+
+def three_segments(**more):
+    drive = {f"segments.{i}.tendons.compliance": 1e-4 for i in range(3)}
+    return bs.load_robot("crl-ftdcr-v4", {**drive, **more})
+
+
+def made_up_pulls(rows, seed=0):
+    """Synthetic commands: a smooth random walk of the nine pulls, in m."""
+    rng = np.random.default_rng(seed)
+    phase = rng.uniform(0, 2 * np.pi, (9, 3))
+    t = np.linspace(0, 6 * np.pi, rows)[:, None, None]
+    return 1e-3 * np.sin(t * [1.0, 0.4, 1.7] + phase).sum(axis=2)
+
+
+def synthetic(robot, parameters, truth, commands, *, noise=0.0, seed=0, time=None):
+    """Tips of a robot with known parameters, with noise: synthetic measurements."""
+    data = Data(
+        points=np.zeros((len(commands["x"]), 3)), time=time, **{commands["as"]: commands["x"]}
+    )
+    unknowns = Unknowns(robot, parameters, truth)
+    rows = samples.commands(data, unknowns.robot)
+    tips = TipModel(unknowns, rows, "rod").predict(unknowns.start).point
+    tips = tips + np.random.default_rng(seed).normal(0, noise, tips.shape)
+    return Data(points=tips, time=time, **{commands["as"]: commands["x"]})
+
+
+# -- derivatives -----------------------------------------------------------------------------
+
+EXACT = [
+    "segments.*.tendons.compliance",
+    "segments.1.backbone.E",
+    "segments.0.tendons.pretension",
+    "segments.2.tendons.axial_stiffness",
+    "segments.2.tendons.free_length",
+    "gain.tendons",
+    "offset.tendons",
+    "backlash",
+    "delay",
+    "base",
+    "tool",
+]
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_exact_derivatives_are_those_of_differences(mixed):
+    robot = three_segments(
+        **{
+            "segments.0.tendons.pretension": 0.5,
+            "segments.2.tendons.axial_stiffness": 5e3,
+            "segments.2.tendons.free_length": 0.3,
+        }
+    )
+    pulls = made_up_pulls(12)
+    tensions = np.full_like(pulls, np.nan)
+    if mixed:
+        pulls[:, 4], tensions[:, 4] = np.nan, np.linspace(0.5, 3, 12)
+    data = Data(points=np.zeros((12, 3)), pulls=pulls, tensions=tensions, time=np.arange(12.0))
+    start = {"tool.z": 0.008, "base.rx": 0.2, "backlash": 5e-5, "delay": 0.05}
+    unknowns = Unknowns(robot, EXACT, start)
+    model = TipModel(unknowns, samples.commands(data, robot), "rod")
+    values = unknowns.start
+    at = model.predict(values, keep=True)
+    exact = model.jacobian(values, at)
+    plain = Prediction(at.position, at.rotation, at.solved, at.setting, at.commands)
+    differences = model.jacobian(values, plain)
+    for i, name in enumerate(unknowns.names):
+        size = np.abs(differences[:, :, i]).max()
+        error = np.abs(exact[:, :, i] - differences[:, :, i]).max()
+        assert error <= 1e-6 * max(size, 1e-9 / unknowns.items[i].step), name
+
+
+def test_play_follows_when_pushed():
+    x = np.array([0, 1, 2, 1.5, 1, 0, 0.5])[:, None]
+    assert _play(x, np.array([0.5]))[:, 0].tolist() == [0, 0.5, 1.5, 1.5, 1.5, 0.5, 0.5]
+
+
+def test_delay_looks_back_between_rows():
+    time = np.array([0.0, 1.0, 3.0])
+    assert _delayed(np.array([[0.0], [1.0], [5.0]]), time, 0.5)[:, 0].tolist() == [0, 0.5, 4]
+
+
+# -- synthetic measurements: known truth ------------------------------------------------------
+
+
+def test_recovers_a_single_segment_synthetic():
+    robot = single()
+    names = ["segments.0.backbone.E", "base", "tool.z"]
+    truth = {"segments.0.backbone.E": 33e9, "base.rx": 0.004, "base.z": 0.002, "tool.z": 0.01}
+    commands = {"as": "tensions", "x": masses(3) + SIDE}
+    data = synthetic(robot, names, truth, commands, noise=2e-5)
+    found = fit(robot, data, names)
+    assert found.converged and found.message == "Converged."
+    assert found["segments.0.backbone.E"].unit == "GPa"
+    for name, value in {**truth, "base.x": 0.0}.items():
+        estimate = found[name]
+        per_unit = {"GPa": 1e9, "mm": 1e-3, "deg": np.pi / 180}[estimate.unit]
+        assert abs(estimate.value - value / per_unit) < 4 * estimate.standard_error, name
+    assert found.noise == pytest.approx(2e-5, rel=0.2)
+    assert found.score.rmse == pytest.approx(2e-5 * np.sqrt(3), rel=0.1)
+    assert abs(found.predict(data) - data.points).max() < 2e-4
+
+
+def test_recovers_three_segments_pulled_synthetic():
+    robot = three_segments()
+    names = [
+        "segments.*.tendons.compliance",
+        "gain.segments",
+        "offset.tendons",
+        "backlash",
+        "base",
+        "tool",
+    ]
+    truth = {
+        "segments.*.tendons.compliance": 2e-4,
+        "gain.segments.0": 1.03,
+        "gain.segments.2": 0.97,
+        "offset.tendons": 2e-4,
+        "backlash": 8e-5,
+        "base.ry": 0.05,
+        "tool.z": 0.008,
+    }
+    commands = {"as": "pulls", "x": made_up_pulls(150)}
+    data = synthetic(robot, names, truth, commands, noise=1e-4)
+    found = fit(robot, data, names, start={"tool.z": 0.005})
+    assert found.converged, found.message
+    assert found.score.rmse == pytest.approx(1e-4 * np.sqrt(3), rel=0.1)
+    held = {"offset.tendons": "offset.tendons.4", "gain.segments.0": "gain.segments.0"}
+    for name, value in truth.items():
+        estimate = found[held.get(name, name)]
+        si = (
+            value
+            - estimate.value
+            * {"mm/N": 1e-3, "mm": 1e-3, "deg": np.pi / 180, "": 1.0}[estimate.unit]
+        )
+        assert abs(si) <= 5 * abs(found.values[estimate.name] - value) + 1e-15
+        wide = estimate.standard_error * abs(found.values[estimate.name] / estimate.value)
+        assert abs(si) < 4 * wide, name
+
+
+def test_friction_from_loading_and_unloading_synthetic():
+    robot = single().with_({"segments.0.tendons.friction": 0.05})
+    names = ["segments.0.tendons.friction", "segments.0.backbone.E"]
+    truth = {"segments.0.tendons.friction": 0.1, "segments.0.backbone.E": 36e9}
+    data = synthetic(robot, names, truth, {"as": "tensions", "x": masses()}, noise=2e-5)
+    found = fit(robot, data, names, loss="linear")
+    assert found["segments.0.tendons.friction"].value == pytest.approx(0.1, rel=0.01)
+    assert found["segments.0.backbone.E"].value == pytest.approx(36, rel=0.01)
+    half = len(data.points) // 2 + 1
+    rising = fit(robot, data, names, rows=np.arange(len(data.points)) < half, loss="linear")
+    worse = [rising[n].standard_error / found[n].standard_error for n in names]
+    assert min(worse) > 4  # loading alone hardly tells friction from stiffness
+
+
+@pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber"])
+def test_intervals_hold_the_truth_synthetic(loss):
+    """95 % intervals hold the truth in about 95 % of synthetic benches."""
+    robot = single()
+    names = ["segments.0.backbone.E", "base.x", "base.rx", "base.ry"]
+    truth = {"segments.0.backbone.E": 34e9, "base.rx": 0.005}
+    commands = {"as": "tensions", "x": masses() + SIDE}
+    held, trials = np.zeros(4), 60
+    for seed in range(trials):
+        data = synthetic(robot, names, truth, commands, noise=2e-5, seed=seed)
+        found = fit(robot, data, names, loss=loss)
+        real = [34.0, 0.0, np.degrees(0.005), 0.0]
+        held += [e.low <= r <= e.high for e, r in zip(found.estimates, real, strict=True)]
+    # 240 intervals: 228 expected, standard deviation 3.4 were they independent
+    assert 216 <= held.sum() <= 239
+
+
+def test_outliers_hardly_move_a_robust_fit_synthetic():
+    robot = single()
+    names = ["segments.0.backbone.E", "base"]
+    commands = {"as": "tensions", "x": masses(2) + SIDE}
+    data = synthetic(robot, names, {"segments.0.backbone.E": 33e9}, commands, noise=2e-5)
+    data.points[7:13] += 0.03
+    robust = fit(robot, data, names)["segments.0.backbone.E"].value
+    plain = fit(robot, data, names, loss="linear")["segments.0.backbone.E"].value
+    assert abs(robust - 33) < 0.05 * abs(plain - 33)
+
+
+def test_what_the_model_lacks_is_said_synthetic():
+    robot = single()
+    names = ["segments.0.backbone.E", "base"]
+    commands = {"as": "tensions", "x": masses() + SIDE}
+    heavy = robot.with_({"gravity": "0 0 -9.81 m/s^2"})
+    data = synthetic(heavy, names, {}, commands, noise=2e-5)
+    found = fit(robot, data, names)
+    assert found.autocorrelation > 0.5 and "residuals are not noise" in found.message
+
+
+def test_parameters_that_the_data_cannot_tell_apart_synthetic():
+    robot = single()
+    names = ["segments.0.backbone.E", "gain", "base.x"]
+    data = synthetic(robot, names, {}, {"as": "tensions", "x": masses()}, noise=2e-5)
+    found = fit(robot, data, names)
+    assert found.confused == (("segments.0.backbone.E", "gain"),)
+    assert "cannot tell segments.0.backbone.E and gain apart" in found.message
+    assert np.isinf(found["gain"].standard_error) and np.isfinite(found["base.x"].standard_error)
+    assert "not determined" in str(found["gain"])
+
+
+def test_constant_curvature_with_gains_synthetic():
+    robot = three_segments()
+    names = ["bend_gain.segments", "hole_angle.segments.1", "base", "tool.z"]
+    pulls = made_up_pulls(60)
+    truth = {"bend_gain.segments.0": 0.8, "hole_angle.segments.1": 0.1, "tool.z": 0.008}
+    unknowns = Unknowns(robot, names, truth)
+    empty = Data(points=np.zeros((60, 3)), pulls=pulls)
+    model = TipModel(unknowns, samples.commands(empty, robot), "arc")
+    data = Data(points=model.predict(unknowns.start).point, pulls=pulls)
+    found = fit(robot, data, names, model="arc", loss="linear")
+    for name, value in truth.items():
+        assert found.values[name] == pytest.approx(value, rel=1e-4)
+
+
+def test_blocks_never_split_a_group_synthetic():
+    robot = single()
+    names = ["segments.0.backbone.E"]
+    data = synthetic(robot, names, {}, {"as": "tensions", "x": masses()}, noise=2e-5)
+    grouped = Data(points=data.points, tensions=data.tensions, group=np.arange(33) // 7)
+    found = cross_validate(robot, grouped, names, folds=3)
+    assert sum(part.count for part in found.folds) == 33
+    assert all(part.count % 7 in (0, 5) for part in found.folds)
+    assert found.score.rmse == pytest.approx(2e-5 * np.sqrt(3), rel=0.3)
+    with pytest.raises(InputError, match="only 5 groups"):
+        cross_validate(robot, grouped, names, folds=9)
+
+
+# -- bad input ---------------------------------------------------------------------------------
+
+
+def loads(**change):
+    base = {"points": np.ones((17, 3)), "tensions": masses()[:17]}
+    return Data(**{**base, **change})
+
+
+@pytest.mark.parametrize(
+    ("data", "names", "words"),
+    [
+        (loads(), ["segments.0.backbone.Y"], "did you mean segments.0.backbone.E?"),
+        (loads(), ["gian"], "did you mean gain?"),
+        (loads(), ["segments.3.backbone.E"], "there is no parameter"),
+        (loads(), ["segments.0.tendons.axial_stiffness"], "no value to begin with"),
+        (loads(), ["gain", "gain"], "named twice"),
+        (loads(), ["segments.0.length", "segments.*.length"], "both set segments.0.length"),
+        (loads(), [], "parameters is empty"),
+        (loads(), "base", "must be a list of names"),
+        (loads(), ["offset"], "offset has no effect"),
+        (loads(), ["segments.0.disks.mass"], "segments.0.disks.mass has no effect"),
+        (loads(), ["bend_gain"], 'give model="arc"'),
+        (loads(), ["delay"], "needs the time of each row"),
+        (
+            loads(points=np.ones((2, 3)), tensions=masses()[:2]),
+            ["base", "tool.z"],
+            "2 measured points are 6 numbers, too few for 7",
+        ),
+        (loads(points=np.full((17, 3), np.nan)), ["base"], "no measured tip"),
+        (loads(points=np.ones((16, 3))), ["base"], "one for each row"),
+        (
+            loads(tensions=np.full((17, 3), np.nan)),
+            ["base"],
+            "row 0: the command of tendon 1 is nan",
+        ),
+        (loads(tensions=np.full((17, 3), np.inf)), ["base"], "command of tendon 1 is inf"),
+        (loads(tensions=np.ones((17, 4))), ["base"], "3 columns"),
+        (loads(tensions=None), ["base"], "neither tensions nor pulls"),
+        (loads(group=[1]), ["base"], "group has shape"),
+    ],
+)
+def test_bad_input_is_named(data, names, words):
+    with pytest.raises(InputError, match=words.replace("?", r"\?").replace("*", r"\*")):
+        fit(single(), data, names)
+
+
+def test_bad_options_are_named():
+    with pytest.raises(InputError, match="loss is"):
+        fit(single(), loads(), ["base"], loss="cauchy")
+    with pytest.raises(InputError, match="model is"):
+        fit(single(), loads(), ["base"], model="pcc")
+    with pytest.raises(InputError, match="17 booleans"):
+        fit(single(), loads(), ["base"], rows=[True])
+    with pytest.raises(InputError, match="start of gain"):
+        fit(single(), loads(), ["base"], start={"gain": "big"})
+    with pytest.raises(InputError, match="robot is"):
+        fit("amouri2019", loads(), ["base"])
+
+
+def test_a_start_without_solution_is_named():
+    fight = Data(points=np.ones((5, 3)), pulls=np.full((5, 3), 0.03))
+    with pytest.raises(NoSolutionError, match="the first is row 0"):
+        fit(single(), fight, ["base"], theory="kirchhoff")
+
+
+def test_rows_without_a_tip_only_lead_the_path_synthetic():
+    robot = single()
+    names = ["segments.0.backbone.E"]
+    data = synthetic(robot, names, {}, {"as": "tensions", "x": masses()}, noise=2e-5)
+    data.points[3] = np.nan
+    found = fit(robot, data, names)
+    assert found.used.sum() == 32 and np.isnan(found.residuals[3]).all()
+
+
+def test_numbers_go_through_json_synthetic():
+    import json
+
+    robot = single()
+    names = ["segments.0.backbone.E", "gain"]
+    data = synthetic(robot, names, {}, {"as": "tensions", "x": masses()}, noise=2e-5)
+    text = json.dumps(fit(robot, data, names).to_dict(), allow_nan=False)
+    assert json.loads(text)["cannot_tell_apart"] == [names]
+
+
+def test_scores_are_over_points():
+    measured = np.zeros((2, 3))
+    found = score([[3e-3, 0, 4e-3], [3e-3, 0, 0]], measured)
+    assert found.rmse == pytest.approx(np.sqrt(17) * 1e-3)
+    assert found.mean == pytest.approx(4e-3) and found.largest == pytest.approx(5e-3)
+    assert found.rmse_centred == pytest.approx(2e-3)
