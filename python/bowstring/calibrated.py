@@ -1,0 +1,275 @@
+"""The robot and its base frame as the measurements have them: the calibration that a study makes.
+
+A study calibrates few things, the same for every robot: stiffness (or the gain of the pulls),
+friction and the base frame. `bowstring.fit`, which does it, can do more. A robot whose file has no
+gravity was still measured on Earth, and one whose base stands askew feels gravity askew: gravity is
+tried as well, and taken over only if it explains clearly more and can be gravity.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from bowstring import fit as fit_
+from bowstring import rod
+from bowstring.comparison import Theory
+from bowstring.errors import BowstringError
+from bowstring.fit import Fit
+from bowstring.measurements import STANDARD_GRAVITY, Measurements
+from bowstring.rigid import Rigid
+from bowstring.robot import Robot, TendonRing
+
+__all__ = ["Calibration", "calibrate", "calibrate_arc", "predicted"]
+
+Array = NDArray[np.float64]
+
+_CHANCE: Final = 1e-6  # that gravity explains as much by chance
+_EARTHLY: Final = 0.03  # of standard gravity, beside four standard errors
+_ASKEW: Final = 2.0  # deg, by which a base may stand beside what its file says
+_BASE: Final = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A robot, its drive and its base frame by measurements."""
+
+    robot: Robot
+    """With the calibrated numbers of the robot file."""
+    gain: float
+    """Of the commands, where it was calibrated; else 1."""
+    frame: Rigid
+    """Measuring frame to base frame."""
+    point: Array
+    """(K, 3), the measured point by the calibrated robot, m, base frame."""
+    fit: Fit
+    gravity_found: bool = False
+    """Whether gravity was calibrated."""
+    notes: tuple[str, ...] = field(default=())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Parameters with standard errors, and how the fit ended."""
+        found = self.fit.to_dict()
+        keys = ("converged", "message", "parameters", "correlation", "cannot_tell_apart", "rows")
+        return {
+            **{key: found[key] for key in keys},
+            "gravity_found": self.gravity_found,
+            "notes": list(self.notes),
+        }
+
+
+def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> rod.Sweep:
+    """The robot's answer to the commands of all rows; one path where its tendons rub.
+
+    Parameters
+    ----------
+    robot : Robot
+    data : Measurements
+    theory : {"cosserat", "kirchhoff"}
+    gain : float
+        Of the commands.
+    """
+    given: dict[str, Any] = {"theory": theory, "disks": False}
+    for name, values in (("tensions", data.tensions), ("pulls", data.pulls)):
+        if not np.isnan(values).all():
+            given[name] = gain * values
+    return rod.sweep(robot, **given) if robot.has_friction else rod.solve_batch(robot, **given)
+
+
+def calibrate(robot: Robot, data: Measurements, theory: Theory) -> Calibration:
+    """Calibrate a robot and its base frame.
+
+    Parameters
+    ----------
+    robot : Robot
+    data : Measurements
+        With tips; rows in the order in which they were taken.
+    theory : {"cosserat", "kirchhoff"}
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    InputError, NoSolutionError
+        If the data do not suffice, or the robot has no equilibrium at some rows.
+    """
+    pulled = not np.isnan(data.pulls).all()
+    names = ["gain"] if pulled else _stiffness(robot)
+    friction = _friction(robot)
+    found, notes = _without_the_untold(robot, data, [*names, *friction, "base"], theory, friction)
+    richer = _with_gravity(robot, data, found, theory)
+    gravity = False
+    if richer is not None:
+        gravity, note = _is_gravity(robot, richer)
+        found = richer if gravity else found
+        notes.append(note)
+    values = found.values
+    place = np.array([values[f"base.{axis}"] for axis in _BASE])
+    frame = Rigid.from_rotation_vector(place[3:], place[:3]).inverse()
+    return Calibration(
+        robot=found.robot,
+        gain=values.get("gain", 1.0),
+        frame=frame,
+        point=frame.apply(found.predict(data)),
+        fit=found,
+        gravity_found=gravity,
+        notes=tuple(notes),
+    )
+
+
+def calibrate_arc(
+    robot: Robot, data: Measurements, frame: Rigid | None
+) -> tuple[dict[str, float], Rigid, Array]:
+    """Constant curvature at its best: a gain on the bend of each segment.
+
+    From force where tendons are driven by tension, from lengths where they are pulled.
+
+    Parameters
+    ----------
+    robot : Robot
+    data : Measurements
+    frame : Rigid, optional
+        Measuring frame to base frame; if not given, the one that suits it best.
+
+    Returns
+    -------
+    gains : dict
+        By name.
+    frame : Rigid
+    point : array (K, 3)
+        The measured point, m, base frame.
+    """
+    names = ["bend_gain.segments" if len(robot.segments) > 1 else "bend_gain"]
+    held = _tool(data)
+    if frame is None:
+        names.append("base")
+    else:
+        back = frame.inverse()
+        place = (*back.translation.tolist(), *back.rotation_vector.tolist())
+        held |= {f"base.{axis}": value for axis, value in zip(_BASE, place, strict=True)}
+    found = fit_.fit(robot, data, names, model="arc", start=held)
+    gains = {name: v for name, v in found.values.items() if name.startswith("bend_gain")}
+    if frame is None:
+        place_found = np.array([found.values[f"base.{axis}"] for axis in _BASE])
+        frame = Rigid.from_rotation_vector(place_found[3:], place_found[:3]).inverse()
+    return gains, frame, frame.apply(found.predict(data))
+
+
+# -- which parameters --------------------------------------------------------------------------
+
+
+def _stiffness(robot: Robot) -> list[str]:
+    """One number where all segments have the same."""
+    values = {segment.backbone.E for segment in robot.segments}
+    if len(values) == 1:
+        return ["segments.*.backbone.E"]
+    return [f"segments.{k}.backbone.E" for k in range(len(robot.segments))]
+
+
+def _friction(robot: Robot) -> list[str]:
+    rings = {isinstance(segment.tendons, TendonRing) for segment in robot.segments}
+    return [
+        name
+        for ring, name in (
+            (True, "segments.*.tendons.friction"),
+            (False, "segments.*.tendons.*.friction"),
+        )
+        if ring in rings
+    ]
+
+
+def _tool(data: Measurements) -> dict[str, float]:
+    return {f"tool.{axis}": float(x) for axis, x in zip("xyz", data.tool, strict=True) if x}
+
+
+def _fit(robot: Robot, data: Measurements, names: list[str], theory: Theory) -> Fit:
+    return fit_.fit(robot, data, names, start=_tool(data), theory=theory)
+
+
+def _without_the_untold(
+    robot: Robot, data: Measurements, names: list[str], theory: Theory, optional: list[str]
+) -> tuple[Fit, list[str]]:
+    """The fit, without friction where the data cannot tell it from other parameters."""
+    found = _fit(robot, data, names, theory)
+    confused = {name for group in found.confused for name in group}
+    drop = [name for name in optional if name in confused]
+    if not drop:
+        return found, []
+    kept = [name for name in names if name not in drop]
+    note = (
+        "The data cannot tell friction from other parameters; it is held at what the robot file "
+        "has. Loading and unloading would tell it."
+    )
+    return _fit(robot, data, kept, theory), [note]
+
+
+def _with_gravity(robot: Robot, data: Measurements, plain: Fit, theory: Theory) -> Fit | None:
+    """The fit with gravity, if that explains clearly more."""
+    names = [*plain.names, *(f"gravity.{i}" for i in range(3))]
+    try:
+        richer = _fit(robot, data, names, theory)
+    except BowstringError:
+        return None
+    return richer if _clearly_better(plain, richer) else None
+
+
+def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
+    """Whether the gravity that was fitted can be gravity, and a sentence on it."""
+    vector, size, error = _gravity(richer)
+    said = np.array(robot.gravity)
+    whole = float(np.linalg.norm(said))
+    wanted = whole if whole > 0.0 else STANDARD_GRAVITY
+    real = abs(size - wanted) <= 4.0 * error + _EARTHLY * wanted
+    if whole == 0.0:
+        if real:
+            return True, (
+                f"The robot file has no gravity, the data do: {size:.2f} +- {error:.1g} m/s2 "
+                "explain them clearly better than none. Give gravity in the robot file to hold it."
+            )
+        return False, (
+            f"The robot file has no gravity. A gravity of {size:.3g} m/s2 would explain the data "
+            "better, but that is not Earth's: another load acts, and none was taken over."
+        )
+    angle = math.degrees(math.acos(min(1.0, float(vector @ said) / (size * whole))))
+    if real and angle <= _ASKEW:
+        return True, (
+            f"Gravity turned by {angle:.2g} deg against that of the robot file explains the data "
+            "clearly better, as where the base stands askew; it was taken over. A small load to "
+            "one side looks alike."
+        )
+    return False, (
+        f"Gravity of {size:.3g} m/s2, turned by {angle:.2g} deg against that of the robot file, "
+        "would explain the data better, but a base does not stand so askew: another load acts, and "
+        "that of the file was kept."
+    )
+
+
+def _clearly_better(plain: Fit, richer: Fit) -> bool:
+    """Whether more parameters explain more than chance would, by the F test."""
+    if not richer.converged or richer.confused:
+        return False
+    before, after = (float(np.nansum(f.residuals[f.used] ** 2)) for f in (plain, richer))
+    more = len(richer.estimates) - len(plain.estimates)
+    dof = 3 * int(richer.used.sum()) - len(richer.estimates)
+    if dof <= 0 or after >= before:
+        return False
+    return bool(stats.f.sf((before - after) / more / (after / dof), more, dof) < _CHANCE)
+
+
+def _gravity(found: Fit) -> tuple[Array, float, float]:
+    """The fitted gravity (3,), its size, and the standard error of that, m/s^2."""
+    place = [found.names.index(f"gravity.{i}") for i in range(3)]
+    vector = np.array([found.estimates[i].value for i in place])
+    errors = np.array([found.estimates[i].standard_error for i in place])
+    size = float(np.linalg.norm(vector))
+    covariance = found.correlation[np.ix_(place, place)] * np.outer(errors, errors)
+    along = vector / size if size > 0.0 else np.zeros(3)
+    square = float(along @ covariance @ along)
+    return vector, size, math.sqrt(square) if square > 0.0 else math.inf
