@@ -325,6 +325,7 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
     if float(np.ptp(data.tip, axis=0).max()) == 0.0:
         raise InputError(f"{name}: the tip is in the same place in all rows; it was not measured")
     order = check_tendons(robot, data)
+    # "unclear" is for the comparison to judge
     if order.found in ("swapped", "mirrored"):
         raise InputError(f"{name}: {order.sentence.rstrip('.')}; mend the table or its mapping")
 
@@ -492,6 +493,7 @@ def judge_data(
             loads.cell,
             len(calibration.fit.estimates),
             data.sigma,
+            other_load=calibration.other_load,
         )
     tell(1.0)
     out = AgainstData(

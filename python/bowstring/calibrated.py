@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 
 _CHANCE: Final = 1e-6  # that gravity explains as much by chance
 _EARTHLY: Final = 0.03  # of standard gravity, beside four standard errors
+_MOST_SLOW: Final = 400  # rows on which friction and gravity are fitted, in seconds
 _ASKEW: Final = 2.0  # deg, by which a base may stand beside what its file says
 _BASE: Final = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -50,6 +51,8 @@ class Calibration:
     fit: Fit
     gravity_found: bool = False
     """Whether gravity was calibrated."""
+    other_load: bool = False
+    """Whether a constant load that is not gravity would explain the data clearly better."""
     notes: tuple[str, ...] = field(default=())
 
     def to_dict(self) -> dict[str, Any]:
@@ -59,6 +62,7 @@ class Calibration:
         return {
             **{key: found[key] for key in keys},
             "gravity_found": self.gravity_found,
+            "other_load": self.other_load,
             "notes": list(self.notes),
         }
 
@@ -102,9 +106,15 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> Calibration:
     """
     pulled = not np.isnan(data.pulls).all()
     names = ["gain"] if pulled else _stiffness(robot)
-    friction = _friction(robot)
+    few = len(data) <= _MOST_SLOW
+    friction = _friction(robot) if few else []
     found, notes = _without_the_untold(robot, data, [*names, *friction, "base"], theory, friction)
-    richer = _with_gravity(robot, data, found, theory)
+    if not few:
+        notes.append(
+            f"With more than {_MOST_SLOW} rows a study holds friction and gravity at what the "
+            "robot file has; bowstring.fit fits them in its time."
+        )
+    richer = _with_gravity(robot, data, found, theory) if few else None
     gravity = False
     if richer is not None:
         gravity, note = _is_gravity(robot, richer)
@@ -120,6 +130,7 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> Calibration:
         point=frame.apply(found.predict(data)),
         fit=found,
         gravity_found=gravity,
+        other_load=richer is not None and not gravity,
         notes=tuple(notes),
     )
 
@@ -222,32 +233,35 @@ def _with_gravity(robot: Robot, data: Measurements, plain: Fit, theory: Theory) 
 
 def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
     """Whether the gravity that was fitted can be gravity, and a sentence on it."""
-    vector, size, error = _gravity(richer)
+    vector, size, error, turned = _gravity(richer)
     said = np.array(robot.gravity)
     whole = float(np.linalg.norm(said))
     wanted = whole if whole > 0.0 else STANDARD_GRAVITY
     real = abs(size - wanted) <= 4.0 * error + _EARTHLY * wanted
-    if whole == 0.0:
-        if real:
-            return True, (
-                f"The robot file has no gravity, the data do: {size:.2f} +- {error:.1g} m/s2 "
-                "explain them clearly better than none. Give gravity in the robot file to hold it."
-            )
+    found = f"{size:.2f} +- {error:.1g} m/s2"
+    if whole > 0.0:
+        askew = _angle(abs(float(vector @ said)) / (size * whole))
+        where = f"{askew:.2g} deg from that of the robot file"
+    else:
+        upright = _angle(abs(float(vector[2])) / size)
+        askew = min(upright, 90.0 - upright)
+        way = "lying" if upright > 45.0 else "hanging" if vector[2] > 0.0 else "upright"
+        where = f"{askew:.2g} deg from that of a robot {way}"
+    if not (real and askew <= _ASKEW + 3.0 * turned):
         return False, (
-            f"The robot file has no gravity. A gravity of {size:.3g} m/s2 would explain the data "
-            "better, but that is not Earth's: another load acts, and none was taken over."
+            f"A load like a gravity of {found}, {where}, would explain the data clearly better, "
+            "but that is not how gravity can be. Another load acts; none was taken over. If the "
+            "robot does stand so, give gravity in its file."
         )
-    angle = math.degrees(math.acos(min(1.0, float(vector @ said) / (size * whole))))
-    if real and angle <= _ASKEW:
+    if whole > 0.0:
         return True, (
-            f"Gravity turned by {angle:.2g} deg against that of the robot file explains the data "
-            "clearly better, as where the base stands askew; it was taken over. A small load to "
-            "one side looks alike."
+            f"Gravity of {found}, {where}, explains the data clearly better, as where the base "
+            "stands askew; it was taken over. A small load to one side looks alike."
         )
-    return False, (
-        f"Gravity of {size:.3g} m/s2, turned by {angle:.2g} deg against that of the robot file, "
-        "would explain the data better, but a base does not stand so askew: another load acts, and "
-        "that of the file was kept."
+    return True, (
+        f"The robot file has no gravity, the data do: {found}, {where}, explains them clearly "
+        "better than none. Give gravity in the robot file to hold it. A small load to one side "
+        "looks alike."
     )
 
 
@@ -263,13 +277,19 @@ def _clearly_better(plain: Fit, richer: Fit) -> bool:
     return bool(stats.f.sf((before - after) / more / (after / dof), more, dof) < _CHANCE)
 
 
-def _gravity(found: Fit) -> tuple[Array, float, float]:
-    """The fitted gravity (3,), its size, and the standard error of that, m/s^2."""
+def _angle(cosine: float) -> float:
+    return math.degrees(math.acos(min(1.0, cosine)))
+
+
+def _gravity(found: Fit) -> tuple[Array, float, float, float]:
+    """The fitted gravity (3,), its size and the standard error of that, m/s^2; of its way, deg."""
     place = [found.names.index(f"gravity.{i}") for i in range(3)]
     vector = np.array([found.estimates[i].value for i in place])
     errors = np.array([found.estimates[i].standard_error for i in place])
-    size = float(np.linalg.norm(vector))
+    size = max(float(np.linalg.norm(vector)), 1e-9)
     covariance = found.correlation[np.ix_(place, place)] * np.outer(errors, errors)
-    along = vector / size if size > 0.0 else np.zeros(3)
-    square = float(along @ covariance @ along)
-    return vector, size, math.sqrt(square) if square > 0.0 else math.inf
+    along = vector / size
+    beside = np.eye(3) - np.outer(along, along)
+    turned = float(np.linalg.eigvalsh(beside @ covariance @ beside)[-1])
+    error = float(along @ covariance @ along)
+    return vector, size, math.sqrt(max(error, 0.0)), math.degrees(math.sqrt(max(turned, 0)) / size)

@@ -49,6 +49,8 @@ class NoiseTest:
     order_chance: float
     far: int
     """Rows with a coordinate beyond five standard deviations."""
+    other_load: bool = False
+    """Whether a constant load that the model does not have would explain clearly more."""
 
     @property
     def wrong_size(self) -> bool:
@@ -70,12 +72,14 @@ class NoiseTest:
     @property
     def is_noise(self) -> bool | None:
         """None where nothing could be tested."""
-        return not (self.wrong_size or self.in_order) if self.tested else None
+        if self.other_load or self.wrong_size or self.in_order:
+            return False
+        return True if self.tested else None
 
     @property
     def text(self) -> str:
         """One or two sentences."""
-        if not self.tested:
+        if self.is_noise is None:
             return (
                 "Whether the residuals are noise cannot be said: the table states no uncertainty, "
                 "has no repeats, and too few rows."
@@ -99,6 +103,8 @@ class NoiseTest:
                 f"neighbours along the load correlate by {self.autocorrelation:.2f} "
                 f"({_chance(self.order_chance)})"
             )
+        if self.other_load:
+            parts.append("a constant load that the model does not have would explain them in part")
         said = "; ".join(parts)
         if self.is_noise:
             out = f"The residuals are noise, as far as these data can tell: {said}."
@@ -131,6 +137,7 @@ class NoiseTest:
             "order_chance": self.order_chance,
             "chance_below_which_not_noise": CHANCE,
             "far_rows": self.far,
+            "other_load": self.other_load,
             "text": self.text,
         }
 
@@ -145,6 +152,8 @@ def noise_test(
     cell: NDArray[np.int64],
     parameters: int,
     sigma: Array | None = None,
+    *,
+    other_load: bool = False,
 ) -> NoiseTest:
     """Test the residuals of a fitted model.
 
@@ -161,6 +170,8 @@ def noise_test(
         Fitted ones.
     sigma : array (K,), optional
         Stated standard deviation of a coordinate, m.
+    other_load : bool
+        Whether a calibration with one more constant load explained clearly more.
 
     Returns
     -------
@@ -223,4 +234,5 @@ def noise_test(
         autocorrelation=correlation,
         order_chance=order_chance,
         far=far,
+        other_load=other_load,
     )

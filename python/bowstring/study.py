@@ -163,8 +163,8 @@ DATA_FIGURES: Final = (
         "fig09_measured_tip",
         "Measured tip against load",
         "The tip in the base frame against the load, as Fig. 9 of the study, and what the models "
-        "say. Full markers and solid lines: loading. Hollow markers and dotted lines: unloading. All "
-        "repeats are drawn.",
+        "say. Full markers and solid lines: loading. Hollow markers and dotted lines: unloading. "
+        "All repeats are drawn.",
     ),
     Figure(
         "fig10_measured_errors",
