@@ -753,8 +753,7 @@ def _measured_tip(study: Study) -> Figure:
                 )
         axes.set(ylabel=f"tip {'xyz'[k]} (mm)")
         _room(axes, found.point[:, k] * 1e3)
-    _legend_above(panels[0], 2)
-    panels[0].set_title(_label(found), fontsize=8.5, pad=58)
+    _title_and_legend(panels[0], _label(found))
     panels[-1].set(xlabel=loads.label)
     return figure
 
@@ -765,6 +764,12 @@ def _room(axes: Axes, values: Array) -> None:
     if high - low < 1.0:
         middle = float(np.mean(values))
         axes.set_ylim(middle - 0.5, middle + 0.5)
+
+
+def _title_and_legend(axes: Axes, title: str) -> None:
+    _legend_above(axes, 2)
+    rows = -(-len(axes.get_legend_handles_labels()[1]) // 2)
+    axes.set_title(title, fontsize=8.5, pad=10 + 12 * rows)
 
 
 def _label(found: AgainstData) -> str:
@@ -796,8 +801,7 @@ def _measured_errors(study: Study) -> Figure:
         axes.axhline(0.0, color=_LIGHT["muted"], linewidth=0.8)
         axes.set(ylabel=f"{'xyz'[k]}: model minus\n{found.data.source} (mm)")
         _room(axes, np.zeros(1))
-    _legend_above(panels[0], 2)
-    panels[0].set_title(_label(found), fontsize=8.5, pad=46)
+    _title_and_legend(panels[0], _label(found))
     panels[-1].set(xlabel=found.loads.label)
     return figure
 
