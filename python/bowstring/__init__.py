@@ -9,7 +9,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import arc, datasets, dynamics, errors, fit, measurements, registration, shape
+    from bowstring import (
+        arc,
+        datasets,
+        dynamics,
+        errors,
+        fit,
+        measurements,
+        registration,
+        shape,
+        study,
+    )
     from bowstring._core import __version__
     from bowstring.dynamics import Run, simulate
     from bowstring.oscillations import Modes, modes
@@ -52,6 +62,7 @@ __all__ = [
     "simulate",
     "solve",
     "solve_batch",
+    "study",
     "sweep",
 ]
 
@@ -75,7 +86,17 @@ _HOME = {
     "solve_batch": "rod",
     "sweep": "rod",
 }
-_MODULES = {"arc", "datasets", "dynamics", "errors", "fit", "measurements", "registration", "shape"}
+_MODULES = {
+    "arc",
+    "datasets",
+    "dynamics",
+    "errors",
+    "fit",
+    "measurements",
+    "registration",
+    "shape",
+    "study",
+}
 
 
 def __getattr__(name: str) -> Any:
