@@ -195,6 +195,16 @@ def test_loads_runs_and_ways(verdict: AgainstData) -> None:
     assert loads.label == "tension of tendon 1 (N)"
 
 
+def test_what_is_resampled(verdict: AgainstData, bench: Measurements) -> None:
+    unit, words = verdict.loads.resampled
+    assert len(np.unique(unit)) == 17 and "17 loads" in words
+    assert any("17 loads" in note for note in verdict.notes)
+    rng = np.random.default_rng(1)
+    loads = replace(verdict.loads, unit=np.arange(400)[rng.permutation(400)])
+    unit, words = loads.resampled
+    assert np.bincount(unit).tolist() == [20] * 20 and "20 neighbouring rows" in words
+
+
 def test_loading_alone_hardly_tells_friction_from_stiffness(
     robot: bs.Robot, verdict: AgainstData
 ) -> None:

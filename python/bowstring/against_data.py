@@ -74,6 +74,7 @@ FRAMES: Final = {
 _FEWEST_ROWS: Final = 4
 _FEWEST_LOADS: Final = 3
 _MOST_ROWS: Final = 20_000
+_LONG: Final = 100  # rows without repeats that are a path
 _SAME: Final = 1e-9  # of the largest command: the same load
 
 
@@ -89,16 +90,34 @@ class Loads:
     label: str
     """With its unit."""
     unit: Ints
-    """(K,), the same number for the same commands; these rows are resampled together."""
+    """(K,), the same number for the same commands."""
     loading: Bools
-    """(K,), whether the command rises on the way to the row; else it falls."""
+    """(K,), whether the command that changes most rises on the way to the row; else it falls."""
     run: Ints
     """(K,), number of the repeated run."""
+
+    @property
+    def single(self) -> bool:
+        """Whether one command alone changes; else rows are drawn in their order."""
+        return self.label != "row"
 
     @property
     def count(self) -> int:
         """Number of different loads."""
         return int(self.unit.max()) + 1
+
+    @property
+    def resampled(self) -> tuple[Ints, str]:
+        """(K,) rows with the same number are resampled together, and what these are in words.
+
+        Loads; where none comes twice in a long path, blocks of it, because neighbours err alike.
+        """
+        rows = len(self.unit)
+        if self.count < rows or rows < _LONG:
+            return self.unit, f"load, with all its rows ({self.count} loads)"
+        block = math.ceil(math.sqrt(rows))
+        blocks = np.arange(rows) // block
+        return blocks, f"block of {block} neighbouring rows ({int(blocks[-1]) + 1} blocks)"
 
     @property
     def cell(self) -> Ints:
@@ -233,7 +252,7 @@ class AgainstData:
             "issues": [{"line": line, "text": text} for line, text in d.issues],
             "loads": self.loads.count,
             "repeats": len(np.unique(self.loads.run)),
-            "unloading_rows": int((~self.loads.loading).sum()),
+            "unloading_rows": int((~self.loads.loading).sum()) if self.loads.single else None,
             "registration": {
                 "by": self.frame_by,
                 **self.frame.to_dict(),
@@ -255,8 +274,8 @@ class AgainstData:
             "bootstrap": {
                 "resamples": RESAMPLES,
                 "level": LEVEL,
-                "unit": "load, with all its rows",
-                "units": self.loads.count,
+                "unit": self.loads.resampled[1],
+                "units": len(np.unique(self.loads.resampled[0])),
             },
             "text": list(self.text),
             "notes": list(self.notes),
@@ -447,6 +466,10 @@ def judge_data(
         )
     tell(0.6)
 
+    without = [DATA_MODELS[name] for name in points if name not in own]
+    if without:
+        notes.append(f"No base frame of its own was found for: {listed(without)}.")
+
     gains: dict[str, float] = {}
     at_best = None
     try:
@@ -479,7 +502,7 @@ def judge_data(
                     kind,
                 )
             )
-    intervals = bootstrap([c.difference for c in made], loads.unit)
+    intervals = bootstrap([c.difference for c in made], loads.resampled[0])
     comparisons = tuple(replace(c, intervals=i) for c, i in zip(made, intervals, strict=True))
     tell(0.8)
 
@@ -655,7 +678,7 @@ def _decomposition(
         return math.nan, ()
     for d in differences:
         d[~known] = np.nan
-    found = dict(zip(sets, bootstrap(differences, loads.unit), strict=True))
+    found = dict(zip(sets, bootstrap(differences, loads.resampled[0]), strict=True))
     means = {
         on: float(np.mean(np.linalg.norm(d[known], axis=1)))
         for on, d in zip(sets, differences, strict=True)
@@ -689,6 +712,8 @@ def _in_words(found: AgainstData, tolerance: float) -> tuple[str, ...]:
     data, loads = found.data, found.loads
     repeats = len(np.unique(loads.run))
     ways = "loading and unloading" if not loads.loading.all() else "loading only"
+    if not loads.single:
+        ways = "several commands change"
     left = f" {data.left_out} rows of the table are left out." if data.left_out else ""
     out = [
         f"{data.source.capitalize()} data, {data.name}: {len(data)} rows at {loads.count} loads, "
@@ -776,6 +801,8 @@ def _said(estimate: Estimate) -> str:
         if segment.isdecimal():
             name += f" of segment {int(segment) + 1}"
     unit = f" {estimate.unit}" if estimate.unit else ""
+    if estimate.at_limit:
+        return f"{name} {significant(round(estimate.value, 9), 4)}{unit} (its limit)"
     if not math.isfinite(estimate.standard_error):
         return f"{name} {significant(estimate.value, 4)}{unit} (not determined)"
     return f"{name} {significant(estimate.value, 4)} +- {estimate.standard_error:.1g}{unit}"
@@ -784,17 +811,17 @@ def _said(estimate: Estimate) -> str:
 def _notes(data: Measurements, loads: Loads, calibration: Calibration | None) -> tuple[str, ...]:
     out = [
         {
-            "measured": "The data are measured, as their table says.",
+            "measured": "The data count as measured: their table says so, or says nothing.",
             "synthetic": "The data are synthetic: made by simulation, nothing was measured.",
             "computed": "The data are computed by another program, nothing was measured.",
         }[data.source],
         "Registered means: one base frame for all models, that of the calibrated rod. Each model "
         "is also shown in the base frame that suits it best, which mends what a rigid motion can "
         "mend of its own errors, and not registered.",
-        f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). The load is "
-        f"resampled, with all its rows ({loads.count} loads); the same resamples for all models. "
-        "Calibration and registration are held meanwhile: their own uncertainty is in the standard "
-        "errors of the parameters.",
+        f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). What is resampled is "
+        f"the {loads.resampled[1]}; the same resamples for all models. "
+        "Calibration and registration are held meanwhile: their own uncertainty is in the "
+        "standard errors of the parameters.",
     ]
     if calibration is not None:
         out.append(

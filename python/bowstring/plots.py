@@ -708,9 +708,9 @@ def _data_of(study: Study) -> AgainstData:
 def _by_load(found: AgainstData, values: Array, up: bool) -> tuple[Array, Array]:
     """Means of repeats against the axis: (n,) and (n, 3), one way, in the order of the axis."""
     loads = found.loads
+    if not loads.single:  # all as they stand, once
+        return (loads.axis, values) if up else (np.zeros(0), np.zeros((0, 3)))
     rows = np.flatnonzero((loads.loading == up) & np.isfinite(values).all(axis=1))
-    if loads.label == "row":  # no single load: as they stand
-        return loads.axis[rows], values[rows]
     unit, first, place = np.unique(loads.unit[rows], return_index=True, return_inverse=True)
     means = np.zeros((len(unit), 3))
     np.add.at(means, place.ravel(), values[rows])
@@ -739,17 +739,18 @@ def _measured_tip(study: Study) -> Figure:
                     label=label if up else None,
                 )
         for up in (True, False):
-            rows = loads.loading == up
+            rows = (loads.loading == up) if loads.single else np.full(len(found.point), up)
+            what = f"{found.data.source}, {'loading' if up else 'unloading'}"
             if rows.any():
                 axes.plot(
                     loads.axis[rows],
                     found.point[rows, k] * 1e3,
                     linestyle="none",
                     marker="o",
-                    markersize=3.5,
+                    markersize=3.5 if loads.single else 1.5,
                     color=_LIGHT["ink"],
                     markerfacecolor=_LIGHT["ink"] if up else "none",
-                    label=f"{found.data.source}, {'loading' if up else 'unloading'}",
+                    label=what if loads.single else found.data.source,
                 )
         axes.set(ylabel=f"tip {'xyz'[k]} (mm)")
         _room(axes, found.point[:, k] * 1e3)
@@ -793,7 +794,7 @@ def _measured_errors(study: Study) -> Figure:
                     color=_LIGHT[colour],
                     linestyle="-" if up else ":",
                     linewidth=1.2,
-                    marker=marker,
+                    marker=marker if found.loads.single else None,
                     markersize=3.5,
                     markerfacecolor=_LIGHT[colour] if up else "none",
                     label=label if up else None,
@@ -872,11 +873,12 @@ def _measured_residuals(study: Study) -> Figure:
     row = np.arange(1, len(difference) + 1)
     up = found.loads.loading
     for k, (axes, (axis, colour, marker)) in enumerate(zip(panels, _AXES, strict=True)):
-        style: dict[str, Any] = {"color": _LIGHT[colour], "marker": marker, "markersize": 3.5}
+        small = 3.5 if found.loads.single else 1.5
+        style: dict[str, Any] = {"color": _LIGHT[colour], "marker": marker, "markersize": small}
         axes.plot(row, difference[:, k], color=_LIGHT[colour], linewidth=0.5)
         for way in (True, False):
             face = _LIGHT[colour] if way else "none"
-            rows = up == way
+            rows = (up == way) if found.loads.single else np.full(len(row), way)
             axes.plot(
                 row[rows], difference[rows, k], linestyle="none", markerfacecolor=face, **style
             )

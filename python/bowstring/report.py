@@ -404,6 +404,7 @@ def _data_tables(found: AgainstData) -> Iterable[tuple[str, list[str], list[Sequ
     position = [f"{axis}_mm" for axis in _AXES]
     data, loads = found.data, found.loads
     models = [found.comparison(name) for name in found.models]
+    ways = {True: "loading", False: "unloading"}
     header = ["source", "line", "run", "way", *(f"tension_{t + 1}_N" for t in _of(data.tensions))]
     header += [f"pull_{t + 1}_mm" for t in _of(data.pulls)]
     header += [f"measured_{p}" for p in position] + [f"registered_{p}" for p in position]
@@ -421,7 +422,7 @@ def _data_tables(found: AgainstData) -> Iterable[tuple[str, list[str], list[Sequ
         "measured",
         header,
         [
-            [data.source, line, run + 1, "loading" if up else "unloading", *row]
+            [data.source, line, run + 1, ways[bool(up)] if loads.single else None, *row]
             for line, run, up, row in zip(
                 data.line.tolist(), loads.run.tolist(), loads.loading, numbers, strict=True
             )
