@@ -8,7 +8,7 @@ inside train decides: five blocks of neighbouring families of patterns, each pre
 that never saw it. Val is predicted once by each of the final models, nothing aligned any more. All
 rows are one path in the order of the recording; of rows that are predicted only commands and times
 are used.
---quick leaves the ablation out. On one core the whole takes about 40 minutes.
+--quick leaves all but the final fits out. On one core the whole takes about 40 minutes.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ import numpy as np
 
 import bowstring as bs
 from bowstring.fit import Data, Fit, cross_validate, fit, score
+from bowstring.samples import commands
+from bowstring.tipmodel import Model, TipModel
+from bowstring.unknowns import Unknowns
 
 DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
 FOLDER = DATA / "crl-ftdcr-mocap"
@@ -36,8 +39,9 @@ PCC = ["hole_angle.segments", "bend_gain.segments", "base", "tool.z"]
 FRAMES = ["base", "tool"]
 GIVE = ["segments.*.tendons.compliance"]
 GIVE_EACH = [f"segments.{i}.tendons.compliance" for i in range(3)]
-#: The model that cross-validation chose.
-CHOSEN = [*FRAMES, *GIVE, "gain.tendons", "offset.tendons", "backlash"]
+#: The model that cross-validation chose, and the same without gravity.
+WITHOUT = [*FRAMES, *GIVE, "gain.tendons", "offset.tendons", "backlash"]
+CHOSEN = [*WITHOUT, "gravity.0", "gravity.1", "gravity.2"]
 #: Eight parameters, for the time that they take.
 EIGHT = ["base", "tool.z", *GIVE]
 
@@ -48,13 +52,20 @@ ABLATION: dict[str, list[str]] = {
     "+ gain by segment": [*FRAMES, *GIVE, "gain.segments"],
     "+ offset by tendon": [*FRAMES, *GIVE, "gain.segments", "offset.tendons"],
     "+ gain by tendon, not by segment": [*FRAMES, *GIVE, "gain.tendons", "offset.tendons"],
-    "+ backlash": CHOSEN,
-    "with delay instead of backlash": [*CHOSEN[:-1], "delay"],
-    "with delay and backlash": [*CHOSEN, "delay"],
-    "chosen + angles of holes": [*CHOSEN, "hole_angle.segments.1", "hole_angle.segments.2"],
-    "chosen + E by segment": [*CHOSEN, "segments.1.backbone.E", "segments.2.backbone.E"],
-    "chosen + compliance by segment": [*FRAMES, *GIVE_EACH, *CHOSEN[3:]],
-    "chosen + gravity": [*CHOSEN, "gravity.0", "gravity.1", "gravity.2"],
+    "+ backlash": WITHOUT,
+    "  backlash by segment": [*WITHOUT[:-1], "backlash.segments"],
+    "  delay instead of backlash": [*WITHOUT[:-1], "delay"],
+    "  delay and backlash": [*WITHOUT, "delay"],
+    "  and angles of holes": [*WITHOUT, "hole_angle.segments.1", "hole_angle.segments.2"],
+    "  and E by segment": [*WITHOUT, "segments.1.backbone.E", "segments.2.backbone.E"],
+    "  and compliance by segment": [*FRAMES, *GIVE_EACH, *WITHOUT[3:]],
+    "+ gravity": CHOSEN,
+}
+FINALS: dict[str, tuple[bs.Robot, list[str], Model]] = {
+    "PCC with gains": (ROBOT, PCC, "arc"),
+    "physics, eight parameters": (ELASTIC, EIGHT, "rod"),
+    "physics without gravity": (ELASTIC, WITHOUT, "rod"),
+    "physics, chosen": (ELASTIC, CHOSEN, "rod"),
 }
 
 
@@ -101,6 +112,17 @@ def floor(data: Data) -> None:
         )
 
 
+def hanging(data: Data) -> None:
+    """Where the tip rests while all nine tendons are paid out: one pose, were the rod elastic."""
+    rest = MM * np.asarray(data.points)[(MM * np.asarray(data.pulls) < -0.5).all(axis=1)]
+    spread = np.sqrt(((rest - rest.mean(axis=0)) ** 2).sum(axis=1).mean())
+    print(
+        f"\nAll nine tendons paid out by more than 0.5 mm: {len(rest)} rows (train), tips "
+        f"{spread:.1f} mm RMS about their mean, x from {rest[:, 0].min():.1f} to "
+        f"{rest[:, 0].max():.1f} mm, y from {rest[:, 1].min():.1f} to {rest[:, 1].max():.1f} mm"
+    )
+
+
 def ablation(train: Data) -> None:
     print("\nAblation: five-fold cross-validation inside train, RMSE and mean in mm")
     for name, parameters in ABLATION.items():
@@ -118,19 +140,61 @@ def ablation(train: Data) -> None:
         )
 
 
+def friction(train: Data) -> None:
+    """Train RMSE with friction at the holes and the rows as one path, the rest fitted again.
+
+    With friction there are no exact derivatives; those without it lead downhill well enough to see
+    whether friction pays. The best of a few steps counts.
+    """
+    print("\nFriction at the holes: RMSE on train in mm, the rest fitted again")
+    found = fit(ELASTIC, train, WITHOUT, start=START, loss="linear")
+    print(f"  mu 0.00  {MM * found.score.rmse:.3f}")
+    plain = TipModel(Unknowns(ELASTIC, WITHOUT, START), commands(train, ELASTIC), "rod")
+    step = np.array([item.step for item in plain.unknowns.items])
+    low = np.array([item.low for item in plain.unknowns.items])
+    tips = np.asarray(train.points)
+    for mu in (0.02, 0.05, 0.1):
+        robot = ELASTIC.with_({f"segments.{i}.tendons.friction": mu for i in range(3)})
+        rubbing = TipModel(Unknowns(robot, WITHOUT, START), plain.commands, "rod")
+        values, best = np.array(list(found.values.values())), np.inf
+        for _ in range(4):
+            error = rubbing.predict(values).point - tips
+            reached = np.sqrt((error**2).sum(axis=1).mean())
+            if not reached < best:
+                break
+            best = reached
+            at = plain.predict(values, keep=True)
+            jacobian = plain.jacobian(values, at).reshape(error.size, -1) * step
+            values = values - step * np.linalg.lstsq(jacobian, error.ravel(), rcond=None)[0]
+            values = np.maximum(values, low)
+        print(f"  mu {mu:.2f}  {MM * best:.3f}", flush=True)
+
+
+def one_tendon(train: Data) -> None:
+    """Rows in which eight tendons hang, predicted by fits that never saw them."""
+    hang = np.asarray(train.group) == "one tendon"
+    print("\nOne-tendon rows of train, predicted by a fit to the other rows of train")
+    for name, (robot, parameters, model) in FINALS.items():
+        found = fit(robot, train, parameters, model=model, start=START, loss="linear", rows=~hang)
+        print(f"  {name}: {score(found.predict(train)[hang], np.asarray(train.points)[hang])}")
+
+
 def by_family(found: Fit, data: Data, rows: np.ndarray) -> None:
-    error = MM * (found.predict(data) - np.asarray(data.points))
+    """Errors of families, and by how much time the prediction leads (regression on its speed)."""
+    predicted = MM * found.predict(data)
+    error = predicted - MM * np.asarray(data.points)
+    gap = np.diff(np.asarray(data.time))
+    speed = np.zeros_like(error)
+    speed[1:] = np.where((gap < 1.2)[:, None], np.diff(predicted, axis=0) / gap[:, None], 0.0)
     group = np.asarray(data.group)
     for name in dict.fromkeys(group[rows]):
-        e = error[rows & (group == name)]
+        here = rows & (group == name)
+        e, v = error[here], speed[here]
         print(
             f"    {name:12s} {len(e):4d} rows  RMSE {np.sqrt((e**2).sum(1).mean()):6.2f}"
-            f"  mean error vector ({', '.join(f'{v:+.1f}' for v in e.mean(axis=0))})"
+            f"  mean error vector ({', '.join(f'{x:+.1f}' for x in e.mean(axis=0))})"
+            f"  leads by {(e * v).sum() / (v * v).sum():+.3f} s"
         )
-    way = np.gradient(np.asarray(data.points), axis=0)
-    way = way / (np.linalg.norm(way, axis=1, keepdims=True) + 1e-9)
-    along = (error * way).sum(axis=1)[rows]
-    print(f"    along the motion {along.mean():+.2f} mm in the mean (behind is negative)")
 
 
 def main() -> None:
@@ -138,15 +202,13 @@ def main() -> None:
     val = np.arange(len(every.points)) >= len(train.points)
     assert np.array_equal(np.asarray(every.points)[~val], train.points)
     floor(train)
+    hanging(train)
     if "--quick" not in sys.argv:
         ablation(train)
+        friction(train)
+        one_tendon(train)
     print("\nFitted on all of train, val predicted once")
-    finals = {
-        "PCC with gains": (ROBOT, PCC, "arc"),
-        "physics, eight parameters": (ELASTIC, EIGHT, "rod"),
-        "physics, chosen": (ELASTIC, CHOSEN, "rod"),
-    }
-    for name, (robot, parameters, model) in finals.items():
+    for name, (robot, parameters, model) in FINALS.items():
         began = time.perf_counter()
         found = fit(robot, train, parameters, model=model, start=START, loss="linear")
         spent = time.perf_counter() - began

@@ -1,10 +1,8 @@
 """Calibration: derivatives, recovery of known truth (synthetic), intervals, and a real robot."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
+from benchmarks import calibration
 
 import bowstring as bs
 from bowstring import samples
@@ -12,8 +10,6 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.fit import Data, cross_validate, fit, score
 from bowstring.tipmodel import Prediction, TipModel, _delayed, _play
 from bowstring.unknowns import Unknowns
-
-DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
 
 SIDE = np.array([0.0, 5.0, 2.0])  # constant loads of the three tendons, in N
 
@@ -181,7 +177,7 @@ def test_friction_from_loading_and_unloading_synthetic():
     assert min(worse) > 4  # loading alone hardly tells friction from stiffness
 
 
-@pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber"])
+@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
 def test_intervals_hold_the_truth_synthetic(loss):
     """95 % intervals hold the truth in about 95 % of synthetic benches."""
     robot = single()
@@ -347,3 +343,83 @@ def test_scores_are_over_points():
     assert found.rmse == pytest.approx(np.sqrt(17) * 1e-3)
     assert found.mean == pytest.approx(4e-3) and found.largest == pytest.approx(5e-3)
     assert found.rmse_centred == pytest.approx(2e-3)
+
+
+# -- a real robot (measured) --------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def mocap():
+    """The recording of a robot with three segments: train, all rows, and which are val."""
+    if not calibration.FOLDER.exists():
+        pytest.skip(f"needs the data of others, crl-ftdcr-mocap, in {calibration.DATA}")
+    train, every = calibration.read("train"), calibration.read("keypoints")
+    return train, every, np.arange(len(every.points)) >= len(train.points)
+
+
+def on_val(found, every, val):
+    """Val predicted by a fit to train: one path over all rows, nothing aligned."""
+    return score(found.predict(every)[val], every.points[val])
+
+
+def test_plain_constant_curvature_on_the_real_robot(mocap):
+    train, every, val = mocap
+    names = calibration.PCC
+    found = fit(
+        calibration.ROBOT, train, names, model="arc", start=calibration.START, loss="linear"
+    )
+    assert found.converged
+    assert ("base.rz" in found.confused[0]) and len(found.confused) == 1
+    assert 1e3 * on_val(found, every, val).mean == pytest.approx(10.65, abs=0.05)
+
+
+#: What `python -m benchmarks.calibration` finds on train from `calibration.START`, in SI.
+FOUND = {
+    "base.x": 0.00022818, "base.y": -0.00017141, "base.z": -0.0022158, "base.rx": -0.01085,
+    "base.ry": -0.027475, "base.rz": 0.0094724, "tool.x": 0.00029213, "tool.y": -0.0004088,
+    "tool.z": 0.0037722, "segments.*.tendons.compliance": 0.00014318, "gain.tendons.0": 1.0016,
+    "gain.tendons.1": 0.9339, "gain.tendons.2": 0.89922, "gain.tendons.3": 1.003,
+    "gain.tendons.4": 0.99361, "gain.tendons.5": 0.94483, "gain.tendons.6": 0.98893,
+    "gain.tendons.7": 1.0497, "gain.tendons.8": 0.9767, "offset.tendons.0": -4.332e-05,
+    "offset.tendons.1": -1.9009e-05, "offset.tendons.2": 0.00013437,
+    "offset.tendons.3": -0.00016587, "offset.tendons.4": 7.0992e-05,
+    "offset.tendons.5": 0.00035359, "offset.tendons.6": -0.00011005,
+    "offset.tendons.7": 0.00046153, "offset.tendons.8": 0.00040645, "backlash": 5.4473e-05,
+    "gravity.0": 0.81759, "gravity.1": 3.1988, "gravity.2": -25.095,
+}  # fmt: skip
+
+
+def test_calibrated_physics_on_the_real_robot(mocap):
+    """Goal: RMSE under 6 mm on val, beside 12.55 by constant curvature, 8.8 by kernel ridge
+    regression and 12.11 by the authors' simulator with its mean offset removed."""
+    train, every, val = mocap
+    unknowns = Unknowns(calibration.ELASTIC, calibration.CHOSEN, FOUND)
+    model = TipModel(unknowns, samples.commands(train, unknowns.robot), "rod")
+    at = model.predict(unknowns.start, keep=True)
+    assert 1e3 * score(at.point, train.points).rmse == pytest.approx(3.50, abs=0.01)
+    # it is the optimum on train: the best step of all parameters gains nothing there
+    error = (at.point - train.points).ravel()
+    jacobian = model.jacobian(unknowns.start, at).reshape(len(error), -1)
+    jacobian *= [item.step for item in unknowns.items]
+    gain = jacobian @ np.linalg.lstsq(jacobian, error, rcond=None)[0]
+    assert (gain**2).sum() < 1e-3 * (error**2).sum()
+    path = TipModel(unknowns, samples.commands(every, unknowns.robot), "rod")
+    reached = score(path.predict(unknowns.start).point[val], every.points[val])
+    assert 1e3 * reached.rmse == pytest.approx(5.79, abs=0.02)
+    assert 1e3 * reached.mean == pytest.approx(4.98, abs=0.02)
+    assert 1e3 * reached.rmse_centred == pytest.approx(5.61, abs=0.02)
+    assert reached.rmse < 6e-3
+
+
+def test_eight_parameters_of_the_real_robot(mocap):
+    train, every, val = mocap
+    options = {"start": calibration.START, "loss": "linear"}
+    found = fit(calibration.ELASTIC, train, calibration.EIGHT, **options)
+    assert found.converged and not found.confused and len(found.estimates) == 8
+    assert 1e3 * found.score.rmse == pytest.approx(5.42, abs=0.01)
+    reached = on_val(found, every, val)
+    assert 1e3 * reached.rmse == pytest.approx(6.84, abs=0.03)
+    assert 1e3 * reached.mean == pytest.approx(5.80, abs=0.03)
+    assert found.evaluations <= 12  # each, with its derivatives, under 1 s on one core
+    # of this robot the residuals are not noise, and the fit says so
+    assert "residuals are not noise" in found.message

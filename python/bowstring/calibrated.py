@@ -233,20 +233,28 @@ def _with_gravity(robot: Robot, data: Measurements, plain: Fit, theory: Theory) 
 
 def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
     """Whether the gravity that was fitted can be gravity, and a sentence on it."""
-    vector, size, error, turned = _gravity(richer)
+    vector, covariance = _gravity(richer)
+    size = max(float(np.linalg.norm(vector)), 1e-9)
+    error = _spread(covariance, vector)
     said = np.array(robot.gravity)
     whole = float(np.linalg.norm(said))
     wanted = whole if whole > 0.0 else STANDARD_GRAVITY
     real = abs(size - wanted) <= 4.0 * error + _EARTHLY * wanted
     found = f"{size:.2f} +- {error:.1g} m/s2"
     if whole > 0.0:
-        askew = _angle(abs(float(vector @ said)) / (size * whole))
-        where = f"{askew:.2g} deg from that of the robot file"
+        beside = vector - said * float(vector @ said) / whole**2
+        whose = "the robot file"
+    elif abs(vector[2]) > math.sqrt(0.5) * size:
+        beside = vector * [1.0, 1.0, 0.0]
+        whose = "a robot hanging" if vector[2] > 0.0 else "a robot upright"
     else:
-        upright = _angle(abs(float(vector[2])) / size)
-        askew = min(upright, 90.0 - upright)
-        way = "lying" if upright > 45.0 else "hanging" if vector[2] > 0.0 else "upright"
-        where = f"{askew:.2g} deg from that of a robot {way}"
+        beside = vector * [0.0, 0.0, 1.0]
+        whose = "a robot lying"
+    askew = math.degrees(math.asin(min(1.0, float(np.linalg.norm(beside)) / size)))
+    if whole > 0.0 and float(vector @ said) < 0.0:
+        askew = 180.0 - askew
+    turned = math.degrees(_spread(covariance, beside) / size)
+    where = f"{askew:.2g} deg from that of {whose}"
     if not (real and askew <= _ASKEW + 3.0 * turned):
         return False, (
             f"A load like a gravity of {found}, {where}, would explain the data clearly better, "
@@ -277,19 +285,15 @@ def _clearly_better(plain: Fit, richer: Fit) -> bool:
     return bool(stats.f.sf((before - after) / more / (after / dof), more, dof) < _CHANCE)
 
 
-def _angle(cosine: float) -> float:
-    return math.degrees(math.acos(min(1.0, cosine)))
-
-
-def _gravity(found: Fit) -> tuple[Array, float, float, float]:
-    """The fitted gravity (3,), its size and the standard error of that, m/s^2; of its way, deg."""
+def _gravity(found: Fit) -> tuple[Array, Array]:
+    """The fitted gravity (3,), m/s^2, and its covariance (3, 3)."""
     place = [found.names.index(f"gravity.{i}") for i in range(3)]
     vector = np.array([found.estimates[i].value for i in place])
     errors = np.array([found.estimates[i].standard_error for i in place])
-    size = max(float(np.linalg.norm(vector)), 1e-9)
-    covariance = found.correlation[np.ix_(place, place)] * np.outer(errors, errors)
-    along = vector / size
-    beside = np.eye(3) - np.outer(along, along)
-    turned = float(np.linalg.eigvalsh(beside @ covariance @ beside)[-1])
-    error = float(along @ covariance @ along)
-    return vector, size, math.sqrt(max(error, 0.0)), math.degrees(math.sqrt(max(turned, 0)) / size)
+    return vector, found.correlation[np.ix_(place, place)] * np.outer(errors, errors)
+
+
+def _spread(covariance: Array, way: Array) -> float:
+    """Standard error along a way."""
+    size = float(np.linalg.norm(way))
+    return math.sqrt(max(float(way @ covariance @ way), 0.0)) / size if size > 0.0 else 0.0

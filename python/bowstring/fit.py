@@ -306,7 +306,7 @@ def fit(
 
     turn = np.inf
     if loss == "linear":
-        found = solve(first, ftol=1e-7, xtol=1e-6, max_nfev=_EVALUATIONS)
+        found = solve(first, ftol=1e-6, xtol=1e-6, max_nfev=_EVALUATIONS)
     else:
         found = solve(first, ftol=1e-3, xtol=1e-3, max_nfev=_EVALUATIONS // 2)
         for _ in range(_RESCALES):  # outliers that drew the fit hide in a spread too wide
@@ -315,7 +315,7 @@ def fit(
                 break
             turn = spread
             found = solve(
-                found.x, ftol=1e-7, xtol=1e-6, max_nfev=_EVALUATIONS // 2, loss=loss, f_scale=turn
+                found.x, ftol=1e-6, xtol=1e-6, max_nfev=_EVALUATIONS // 2, loss=loss, f_scale=turn
             )
     return _result(work, found, loss, turn, samples.groups(data, len(commands)), theory)
 
