@@ -118,8 +118,17 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> Calibration:
     gravity = False
     if richer is not None:
         gravity, note = _is_gravity(robot, richer)
-        found = richer if gravity else found
         notes.append(note)
+        if gravity:
+            found = richer
+        elif not any(robot.gravity):
+            held = _standing(robot, data, found, _gravity(richer)[0], theory)
+            if held is not None:
+                found = held
+                notes.append(
+                    f"Earth's gravity ({', '.join(f'{g:.4g}' for g in held.robot.gravity)}) m/s2 "
+                    "explains most of that and is held: assumed, not calibrated."
+                )
     values = found.values
     place = np.array([values[f"base.{axis}"] for axis in _BASE])
     frame = Rigid.from_rotation_vector(place[3:], place[:3]).inverse()
@@ -258,8 +267,8 @@ def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
     if not (real and askew <= _ASKEW + 3.0 * turned):
         return False, (
             f"A load like a gravity of {found}, {where}, would explain the data clearly better, "
-            "but that is not how gravity can be. Another load acts; none was taken over. If the "
-            "robot does stand so, give gravity in its file."
+            "but that is not how gravity can be: another load acts. If the robot does stand so, "
+            "give gravity in its file."
         )
     if whole > 0.0:
         return True, (
@@ -271,6 +280,22 @@ def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
         "better than none. Give gravity in the robot file to hold it. A small load to one side "
         "looks alike."
     )
+
+
+def _standing(
+    robot: Robot, data: Measurements, plain: Fit, like: Array, theory: Theory
+) -> Fit | None:
+    """The fit in Earth's gravity, standing, hanging or lying; None if squares do not halve."""
+    axis = np.array([0.0, 0.0, 1.0])
+    upright = abs(like[2]) > math.sqrt(0.5) * float(np.linalg.norm(like))
+    way = like * (axis if upright else 1.0 - axis)
+    gravity = way * (STANDARD_GRAVITY / float(np.linalg.norm(way)))
+    try:
+        held = _fit(robot.with_({"gravity": gravity.tolist()}), data, plain.names, theory)
+    except BowstringError:
+        return None
+    before, after = (float(np.nansum(f.residuals[f.used] ** 2)) for f in (plain, held))
+    return held if held.converged and after < 0.5 * before else None
 
 
 def _clearly_better(plain: Fit, richer: Fit) -> bool:
