@@ -11,6 +11,7 @@ import json
 import math
 import re
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,10 +29,11 @@ from bowstring.against_data import (
     judge_data,
 )
 from bowstring.errors import InputError
-from bowstring.measurements import STANDARD_GRAVITY, Measurements, write_measurements
+from bowstring.measurements import STANDARD_GRAVITY, Measurements, load, write_measurements
 from bowstring.rigid import Rigid
 from bowstring.robot import load_robot
 from shell import Shell
+from test_report import read
 
 NOISE = 2e-5
 GRAVITY = (0.0, 0.0, -9.81)
@@ -277,6 +279,21 @@ def test_a_tool_is_compared_where_it_is(robot: bs.Robot, bench: Measurements) ->
     assert any("from the tip in its axes" in note for note in found.notes)
 
 
+def test_a_real_robot(public_data: Callable[[str], Path]) -> None:
+    """Measured: three segments, nine tendons driven by pulls, motion capture."""
+    public_data("crl-ftdcr-mocap")
+    data = load("crl-ftdcr-mocap", "train").select(slice(0, 401))
+    found = judge_data(load_robot("crl-ftdcr-v4"), data, 0.01)
+    assert found.label == "measured: crl-ftdcr-mocap, train"
+    order = [found.comparison(n).mean for n in ("rod_calibrated", "rod", "cc_from_lengths")]
+    assert order == sorted(order) and order[0] < 7e-3 < 15e-3 < order[2]
+    assert found.comparison("cc_calibrated").mean > order[0]
+    assert found.residuals is not None and found.residuals.is_noise is False
+    assert "cc_from_force" not in found.models and len(found.gains) == 3
+    assert any("holds friction and gravity" in note for note in found.notes)
+    assert "neighbouring rows" in found.loads.resampled[1]
+
+
 # -- bad input ---------------------------------------------------------------------------------
 
 
@@ -376,6 +393,9 @@ def test_the_page_has_the_figures_and_says_what_the_data_are(
         drawn = re.search(rf'id="{figure.stem}">.*?</svg>', source, flags=re.DOTALL)
         assert drawn is not None and "synthetic" in drawn.group()
         assert re.search(rf'id="{figure.stem}">.*?Synthetic: a made bench\. ', source, re.DOTALL)
+    page = read(written / "report.html")
+    assert page.open == [] and len(page.ids) == len(set(page.ids))
+    assert all(r.startswith("#") and r[1:] in page.ids for r in page.references)
     assert "not registered" in text and "bootstrap intervals at 95 %" in text
     assert len(re.findall("<caption>", source)) == len(re.findall("<table>", source))
     assert "measured tip (mm)" not in text  # nothing here was measured
