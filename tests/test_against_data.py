@@ -45,6 +45,7 @@ def made(
     *,
     stiffness: float = 1.05,
     friction: float = 0.1,
+    gravity: tuple[float, float, float] = GRAVITY,
     side: tuple[float, float, float] = (0.0, 0.0, 0.0),
     repeats: int = 3,
     unload: bool = True,
@@ -55,7 +56,7 @@ def made(
     robot = load_robot("amouri2019")
     actual = robot.with_(
         {
-            "gravity": list(GRAVITY),
+            "gravity": list(gravity),
             "segments.0.tendons.friction": friction,
             "segments.0.backbone.E": stiffness * robot.segments[0].backbone.E,
         }
@@ -229,17 +230,42 @@ def test_a_side_force_is_not_noise(robot: bs.Robot, side: tuple[float, float, fl
         assert found.residuals is not None and found.residuals.is_noise is False
         assert "The residuals are not noise" in found.text[-1]
         assert found.calibration is not None
-        assert found.calibration.other_load and not found.calibration.gravity_found
+        assert found.calibration.other_load and found.calibration.gravity != "calibrated"
 
 
-def test_gravity_that_the_file_lacks_is_found_and_said(bench: Measurements) -> None:
+def test_gravity_that_the_file_lacks_is_seen_and_said(
+    bench: Measurements, verdict: AgainstData
+) -> None:
     found = judge_data(load_robot("amouri2019"), bench, 0.01)
-    assert found.calibration is not None and found.calibration.gravity_found
-    gravity = np.array(found.calibration.robot.gravity)
-    errors = [found.calibration.fit[f"gravity.{i}"].standard_error for i in range(3)]
-    assert np.all(np.abs(gravity - GRAVITY) < 4.0 * np.array(errors))
+    assert found.calibration is not None and verdict.calibration is not None
+    assert found.calibration.gravity == "assumed" and verdict.calibration.gravity == "file"
+    assert found.calibration.robot.gravity == pytest.approx((0.0, 0.0, -STANDARD_GRAVITY))
     assert found.residuals is not None and found.residuals.is_noise is True
     assert any("has no gravity, the data do" in note for note in found.notes)
+    # what is held is known as well as if the file had said it
+    name = "segments.*.backbone.E"
+    errors = [v.calibration.fit[name].standard_error for v in (found, verdict) if v.calibration]
+    assert errors[0] == pytest.approx(errors[1], rel=0.1)
+
+
+def test_gravity_of_a_base_askew_is_calibrated() -> None:
+    lean = np.radians(1.5)
+    askew = 9.81 * np.array([math.sin(lean), 0.0, -math.cos(lean)])
+    data = made(gravity=(askew[0], askew[1], askew[2]))
+    for file in ([0.0, 0.0, 0.0], list(GRAVITY)):
+        found = judge_data(load_robot("amouri2019").with_({"gravity": file}), data, 0.01)
+        assert found.calibration is not None and found.calibration.gravity == "calibrated"
+        gravity = np.array(found.calibration.robot.gravity)
+        errors = [found.calibration.fit[f"gravity.{i}"].standard_error for i in range(3)]
+        assert np.all(np.abs(gravity - askew) < 4.0 * np.array(errors))
+        assert found.residuals is not None and found.residuals.is_noise is True
+
+
+def test_without_gravity_none_is_seen() -> None:
+    found = judge_data(load_robot("amouri2019"), made(gravity=(0.0, 0.0, 0.0)), 0.01)
+    assert found.calibration is not None and found.calibration.gravity == "file"
+    assert not any(found.calibration.robot.gravity) and not found.calibration.other_load
+    assert [e.name for e in found.effects] == ["friction", "stiffness", "registration"]
 
 
 def test_a_robot_driven_by_pulls_knows_its_lengths() -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from bowstring.robot import Robot, TendonRing
 __all__ = ["Calibration", "calibrate", "calibrate_arc", "predicted"]
 
 Array = NDArray[np.float64]
+GravityFrom = Literal["file", "assumed", "calibrated"]
 
 _CHANCE: Final = 1e-6  # that gravity explains as much by chance
 _EARTHLY: Final = 0.03  # of standard gravity, beside four standard errors
@@ -49,8 +50,8 @@ class Calibration:
     point: Array
     """(K, 3), the measured point by the calibrated robot, m, base frame."""
     fit: Fit
-    gravity_found: bool = False
-    """Whether gravity was calibrated."""
+    gravity: GravityFrom = "file"
+    """Where the gravity of `robot` comes from."""
     other_load: bool = False
     """Whether a constant load that is not gravity would explain the data clearly better."""
     notes: tuple[str, ...] = field(default=())
@@ -61,7 +62,8 @@ class Calibration:
         keys = ("converged", "message", "parameters", "correlation", "cannot_tell_apart", "rows")
         return {
             **{key: found[key] for key in keys},
-            "gravity_found": self.gravity_found,
+            "gravity_is": self.gravity,
+            "gravity_m_per_s2": list(self.robot.gravity),
             "other_load": self.other_load,
             "notes": list(self.notes),
         }
@@ -115,20 +117,11 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> Calibration:
             "robot file has; bowstring.fit fits them in its time."
         )
     richer = _with_gravity(robot, data, found, theory) if few else None
-    gravity = False
+    gravity: GravityFrom = "file"
+    other_load = False
     if richer is not None:
-        gravity, note = _is_gravity(robot, richer)
-        notes.append(note)
-        if gravity:
-            found = richer
-        elif not any(robot.gravity):
-            held = _standing(robot, data, found, _gravity(richer)[0], theory)
-            if held is not None:
-                found = held
-                notes.append(
-                    f"Earth's gravity ({', '.join(f'{g:.4g}' for g in held.robot.gravity)}) m/s2 "
-                    "explains most of that and is held: assumed, not calibrated."
-                )
+        found, gravity, other_load, said = _weighed(robot, data, found, richer, theory)
+        notes += said
     values = found.values
     place = np.array([values[f"base.{axis}"] for axis in _BASE])
     frame = Rigid.from_rotation_vector(place[3:], place[:3]).inverse()
@@ -138,8 +131,8 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> Calibration:
         frame=frame,
         point=frame.apply(found.predict(data)),
         fit=found,
-        gravity_found=gravity,
-        other_load=richer is not None and not gravity,
+        gravity=gravity,
+        other_load=other_load,
         notes=tuple(notes),
     )
 
@@ -240,8 +233,53 @@ def _with_gravity(robot: Robot, data: Measurements, plain: Fit, theory: Theory) 
     return richer if _clearly_better(plain, richer) else None
 
 
+def _weighed(
+    robot: Robot, data: Measurements, plain: Fit, richer: Fit, theory: Theory
+) -> tuple[Fit, GravityFrom, bool, list[str]]:
+    """Which fit to take where gravity explains more; whether another load acts; and why."""
+    real, like = _is_gravity(robot, richer)
+    if any(robot.gravity):
+        if real:
+            note = (
+                f"Gravity of {like}, explains the data clearly better, as where the base stands "
+                "askew; it was taken over. A small load to one side looks alike."
+            )
+            return richer, "calibrated", False, [note]
+        note = (
+            f"A load like a gravity of {like}, would explain the data clearly better, but that is "
+            "not how gravity can be: another load acts. The gravity of the robot file was kept."
+        )
+        return plain, "file", True, [note]
+    held = _standing(robot, data, plain, _gravity(richer)[0], theory)
+    earth = ""
+    if held is not None:
+        earth = f"({', '.join(f'{g:.6g}' for g in held.robot.gravity)}) m/s2"
+    if held is not None and not _clearly_better(held, richer):
+        note = (
+            f"The robot file has no gravity, the data do: like {like}. Earth's, {earth}, explains "
+            "them as well and is held: assumed, not calibrated. Give gravity in the robot file."
+        )
+        return held, "assumed", False, [note]
+    if real:
+        note = (
+            f"The robot file has no gravity, the data do: {like}, explains them clearly better "
+            "than none and was taken over. A small load to one side looks alike. Give gravity in "
+            "the robot file to hold it."
+        )
+        return richer, "calibrated", False, [note]
+    note = (
+        f"A load like a gravity of {like}, would explain the data clearly better, but that is not "
+        "how gravity can be: another load acts. If the robot does stand so, give gravity in its "
+        "file."
+    )
+    if held is None:
+        return plain, "file", True, [note]
+    why = f"Earth's gravity, {earth}, explains most of that and is held: assumed, not calibrated."
+    return held, "assumed", True, [note, why]
+
+
 def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
-    """Whether the gravity that was fitted can be gravity, and a sentence on it."""
+    """Whether the gravity that was fitted can be gravity, and what it is like."""
     vector, covariance = _gravity(richer)
     size = max(float(np.linalg.norm(vector)), 1e-9)
     error = _spread(covariance, vector)
@@ -249,7 +287,6 @@ def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
     whole = float(np.linalg.norm(said))
     wanted = whole if whole > 0.0 else STANDARD_GRAVITY
     real = abs(size - wanted) <= 4.0 * error + _EARTHLY * wanted
-    found = f"{size:.2f} +- {error:.1g} m/s2"
     if whole > 0.0:
         beside = vector - said * float(vector @ said) / whole**2
         whose = "the robot file"
@@ -263,23 +300,8 @@ def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
     if whole > 0.0 and float(vector @ said) < 0.0:
         askew = 180.0 - askew
     turned = math.degrees(_spread(covariance, beside) / size)
-    where = f"{askew:.2g} deg from that of {whose}"
-    if not (real and askew <= _ASKEW + 3.0 * turned):
-        return False, (
-            f"A load like a gravity of {found}, {where}, would explain the data clearly better, "
-            "but that is not how gravity can be: another load acts. If the robot does stand so, "
-            "give gravity in its file."
-        )
-    if whole > 0.0:
-        return True, (
-            f"Gravity of {found}, {where}, explains the data clearly better, as where the base "
-            "stands askew; it was taken over. A small load to one side looks alike."
-        )
-    return True, (
-        f"The robot file has no gravity, the data do: {found}, {where}, explains them clearly "
-        "better than none. Give gravity in the robot file to hold it. A small load to one side "
-        "looks alike."
-    )
+    like = f"{size:.2f} +- {error:.1g} m/s2, {askew:.2g} deg from that of {whose}"
+    return real and askew <= _ASKEW + 3.0 * turned, like
 
 
 def _standing(
