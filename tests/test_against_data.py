@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import report, study
+from bowstring import calibrated, report, study
 from bowstring.against_data import (
     DATA_MODELS,
     FRAMES,
@@ -28,7 +28,7 @@ from bowstring.against_data import (
     check_measurements,
     judge_data,
 )
-from bowstring.errors import InputError
+from bowstring.errors import InputError, NoSolutionError
 from bowstring.measurements import STANDARD_GRAVITY, Measurements, load, write_measurements
 from bowstring.rigid import Rigid
 from bowstring.robot import load_robot
@@ -440,6 +440,33 @@ def test_the_tables_say_in_each_row_what_the_data_are(written: Path, whole: stud
     assert len(table) == 21 and {row["registered"] for row in table} == {"yes", "no"}
     with (written / "tables" / "comparisons.csv").open(encoding="utf-8") as file:
         assert all(row["against"] != "measurement" for row in csv.DictReader(file))
+
+
+def test_without_a_calibration_the_rest_is_there(
+    robot: bs.Robot, bench: Measurements, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: Any) -> None:
+        raise NoSolutionError("99 rows have no solution to begin with")
+
+    monkeypatch.setattr(calibrated, "calibrate", fails)
+    found = study.run(robot, measurements=bench, points=3)
+    assert found.data is not None
+    assert "rod_calibrated" not in found.data.models and found.data.frame_by == "rod"
+    assert {"cc_from_force", "cc_calibrated", "rod"} <= set(found.data.models)
+    assert any("99 rows have no solution to begin with" in note for note in found.data.notes)
+    content = found.to_dict()["measurements"]
+    assert content["calibration"] is None and content["residuals"] is None
+    folder = report.write(found, tmp_path / "out")
+    source = (folder / "report.html").read_text(encoding="utf-8")
+    assert 'id="fig12_measured_comparison"' in source
+    assert 'id="measured_residuals"' not in source
+
+
+def test_the_fewest_rows_are_judged(robot: bs.Robot, bench: Measurements) -> None:
+    found = judge_data(robot, bench.select([0, 5, 10, 16]), 0.01)
+    assert found.comparison("rod").n == 4
+    assert found.residuals is not None
+    assert found.residuals.order_chance != found.residuals.order_chance  # not tested
 
 
 def test_the_command(shell: Shell, bench: Measurements, tmp_path: Path) -> None:

@@ -815,9 +815,10 @@ def _notes(data: Measurements, loads: Loads, calibration: Calibration | None) ->
             "synthetic": "The data are synthetic: made by simulation, nothing was measured.",
             "computed": "The data are computed by another program, nothing was measured.",
         }[data.source],
-        "Registered means: one base frame for all models, that of the calibrated rod. Each model "
-        "is also shown in the base frame that suits it best, which mends what a rigid motion can "
-        "mend of its own errors, and not registered.",
+        "Registered means: one base frame for all models, "
+        + ("that of the calibrated rod" if calibration else "said below")
+        + ". Each model is also shown in the base frame that suits it best, which mends what a "
+        "rigid motion can mend of its own errors, and not registered.",
         f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). What is resampled is "
         f"the {loads.resampled[1]}; the same resamples for all models. "
         "Calibration and registration are held meanwhile: their own uncertainty is in the "
