@@ -32,7 +32,7 @@ GravityFrom = Literal["file", "assumed", "calibrated"]
 
 _CHANCE: Final = 1e-6  # that gravity explains as much by chance
 _EARTHLY: Final = 0.03  # of standard gravity, beside four standard errors
-_MOST_SLOW: Final = 400  # rows on which friction and gravity are fitted, in seconds
+_MOST_SLOW: Final = 1200  # rows times tendons on which friction and gravity are fitted, in seconds
 _ASKEW: Final = 2.0  # deg, by which a base may stand beside what its file says
 _BASE: Final = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -108,13 +108,13 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> Calibration:
     """
     pulled = not np.isnan(data.pulls).all()
     names = ["gain"] if pulled else _stiffness(robot)
-    few = len(data) <= _MOST_SLOW
+    few = len(data) * data.tendon_count <= _MOST_SLOW
     friction = _friction(robot) if few else []
     found, notes = _without_the_untold(robot, data, [*names, *friction, "base"], theory, friction)
     if not few:
         notes.append(
-            f"With more than {_MOST_SLOW} rows a study holds friction and gravity at what the "
-            "robot file has; bowstring.fit fits them in its time."
+            f"With more than {_MOST_SLOW} commands (rows times tendons) a study holds friction and "
+            "gravity at what the robot file has; bowstring.fit fits them in its time."
         )
     richer = _with_gravity(robot, data, found, theory) if few else None
     gravity: GravityFrom = "file"
