@@ -232,7 +232,7 @@ def test_study_of_an_own_robot(
 @pytest.mark.parametrize(
     ("flags", "says"),
     [
-        (["--measurements", "data.csv"], "--measurements is not available yet"),
+        (["--measurements", "data.csv"], "data.csv"),
         (["--tolerance", "0"], "tolerance"),
         (["--tolerance", "150 %"], "tolerance"),
         (["--tolerance", "nan"], "not a number"),

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         measurements,
         registration,
         shape,
+        study,
     )
     from bowstring._core import __version__
     from bowstring.dynamics import Run, simulate
@@ -65,6 +66,7 @@ __all__ = [
     "simulate",
     "solve",
     "solve_batch",
+    "study",
     "sweep",
 ]
 
@@ -99,6 +101,7 @@ _MODULES = {
     "measurements",
     "registration",
     "shape",
+    "study",
 }
 
 

@@ -344,7 +344,16 @@ def solve(
 def study(
     robot: RobotSource = "amouri2019",
     measurements: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Measured tips (not available yet).")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Table of measurements (docs/bench.md): all models against them."
+        ),
+    ] = None,
+    mapping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE", help="Mapping of a table that is not in the tidy format (YAML)."
+        ),
     ] = None,
     out: Annotated[
         Path | None,
@@ -370,9 +379,9 @@ def study(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare constant curvature with statics and dynamics; write a report."""
-    if measurements is not None:
-        raise InputError("--measurements is not available yet: this version compares simulations.")
+    """Compare constant curvature with statics, dynamics and measurements; write a report."""
+    if mapping is not None and measurements is None:
+        raise InputError("--mapping is of a table; name the table by --measurements.")
     share = _share("--tolerance", tolerance)
     if not 0 < share < 1:
         raise InputError(
@@ -407,6 +416,8 @@ def study(
             theory=theory,
             rise=seconds,
             modal_damping=damping,
+            measurements=measurements,
+            mapping=mapping,
             progress=lambda what, done: tell(what, 0.5 * done),
         )
         folder = report.write(

@@ -19,7 +19,7 @@ import numpy as np
 
 from bowstring.actuation import COMMANDED
 from bowstring.budget import BudgetRow
-from bowstring.comparison import COMPARISONS, MEANINGS, Case
+from bowstring.comparison import COMPARISONS, MEANINGS, Case, Comparison
 from bowstring.errors import InputError
 from bowstring.files import write_whole
 from bowstring.robot import Robot
@@ -29,7 +29,9 @@ from bowstring.words import number, signed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
+    from rich.table import Table
 
+    from bowstring.against_data import AgainstData
     from bowstring.calibration import Calibration
     from bowstring.oscillations import Modes
 
@@ -399,7 +401,7 @@ def _tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]
                 d["mean_percent"],
                 *d["mean_by_axis_mm"],
             ]
-            for d in (c.to_dict() for c in study.comparisons)
+            for d in (c.to_dict() for c in _simulated(study))
         ],
     )
     yield (
@@ -415,7 +417,7 @@ def _tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]
         ],
         [
             [c.name, c.against, *row]
-            for c in study.comparisons
+            for c in _simulated(study)
             for row in np.column_stack(
                 [
                     s.tension,
@@ -427,6 +429,8 @@ def _tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]
             ).tolist()
         ],
     )
+    if study.data is not None:
+        yield from _data_tables(study.data)
     v = study.verdict
     yield (
         "verdict_sweep",
@@ -446,6 +450,80 @@ def _tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]
                 [d[command], *(d[f"tip_{kind}_mm"] for kind in kinds), loop.apart * 1e3]
             ).tolist(),
         )
+
+
+def _simulated(study: Study) -> list[Comparison]:
+    """Comparisons with simulations, which have the loads of the sweep."""
+    return [c for c in study.comparisons if c.against != "measurement"]
+
+
+def _data_tables(found: AgainstData) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]]]:
+    """Tables of the verdict on data; each row says what the data are."""
+    position = [f"{axis}_mm" for axis in _AXES]
+    data, loads = found.data, found.loads
+    models = [found.comparison(name) for name in found.models]
+    ways = {True: "loading", False: "unloading"}
+    header = ["source", "line", "run", "way", *(f"tension_{t + 1}_N" for t in _of(data.tensions))]
+    header += [f"pull_{t + 1}_mm" for t in _of(data.pulls)]
+    header += [f"measured_{p}" for p in position] + [f"registered_{p}" for p in position]
+    header += [f"{c.name}_{p}" for c in models for p in position]
+    numbers = np.column_stack(
+        [
+            data.tensions[:, _of(data.tensions)],
+            data.pulls[:, _of(data.pulls)] * 1e3,
+            data.tip * 1e3,
+            found.point * 1e3,
+            *(c.tip_position * 1e3 for c in models),
+        ]
+    ).tolist()
+    yield (
+        "measured",
+        header,
+        [
+            [data.source, line, run + 1, ways[bool(up)] if loads.single else None, *row]
+            for line, run, up, row in zip(
+                data.line.tolist(), loads.run.tolist(), loads.loading, numbers, strict=True
+            )
+        ],
+    )
+    header = ["source", "name", "frame", "registered", "n", "mean_mm", "mean_low_mm"]
+    header += ["mean_high_mm", "max_mm", "rms_mm", "mean_percent"]
+    header += [f"{kind}_{p}" for kind in ("mean", "max") for p in position]
+    rows: list[Sequence[Cell]] = []
+    for c in found.comparisons:
+        d = c.to_dict()
+        rows.append(
+            [
+                data.source,
+                c.name,
+                c.frame,
+                "yes" if c.registered else "no",
+                c.n,
+                d["mean_mm"],
+                *d["interval_95"]["mean_mm"],
+                *(d[k] for k in ("max_mm", "rms_mm", "mean_percent")),
+                *d["mean_by_axis_mm"],
+                *d["max_by_axis_mm"],
+            ]
+        )
+    yield "measured_comparisons", header, rows
+    if found.effects:
+        steps = [effect.to_dict() for effect in found.effects]
+        first: list[Cell] = [data.source, "none", "none of the below", found.plain * 1e3]
+        yield (
+            "measured_decomposition",
+            ["source", *(k for k in steps[0] if "interval" not in k)],
+            [first, *([data.source, *_plain_cells(step)] for step in steps)],
+        )
+
+
+def _plain_cells(step: dict[str, Any]) -> list[Cell]:
+    return [value for key, value in step.items() if "interval" not in key]
+
+
+def _of(commands: Any) -> list[int]:
+    """Tendons that are driven so."""
+    return [int(t) for t in np.flatnonzero(~np.isnan(commands).all(axis=0))]
 
 
 def _budget_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
@@ -529,7 +607,8 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
     page = environment.get_template("report.html.j2").render(
         study=study,
         content=content,
-        comparisons=[(COMPARISONS[c["name"]], c) for c in content["comparisons"]],
+        comparisons=[(COMPARISONS[c.name], c.to_dict()) for c in _simulated(study)],
+        data=None if study.data is None else _data_page(study.data),
         sweep=_sweep_rows(study),
         # drawn by this program, ids and text escaped by matplotlib
         figures=[(f, Markup(drawn[f.stem])) for f in study.figures],
@@ -538,6 +617,29 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
         provenance=content["provenance"],
     )
     return page + "\n"
+
+
+def _data_page(found: AgainstData) -> dict[str, Any]:
+    """What the page shows of the verdict on data."""
+    from bowstring.against_data import DATA_MODELS, FRAMES
+
+    label = found.label[0].upper() + found.label[1:]
+    return {
+        "label": label,
+        "models": [
+            (
+                DATA_MODELS[name],
+                [
+                    (FRAMES[c.frame], c.to_dict())
+                    for kind in FRAMES
+                    for c in found.comparisons
+                    if (c.name, c.frame) == (name, kind)
+                ],
+            )
+            for name in found.models
+        ],
+        **found.to_dict(),
+    }
 
 
 def _sweep_rows(study: Study) -> list[dict[str, Any]]:
@@ -612,7 +714,7 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
                 *(number(v) for v in d["mean_by_axis_mm"]),
             )
     console.print(errors)
-    for c in study.comparisons:
+    for c in _simulated(study):
         if c.n < len(study.statics.tension):
             note = (
                 f"{_short(COMPARISONS[c.name])}, against {c.against}: {c.n} of "
@@ -702,6 +804,8 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
         console.print(Text(f"* {gap}", style="dim"))
     console.print()
 
+    if study.data is not None:
+        _print_data(study.data, console, table)
     percent = f"{study.verdict.tolerance * 100:.3g} % of length"
     console.print(Text(f"Verdict at {percent}", style="bold"))
     for sentence in study.verdict.text:
@@ -712,6 +816,45 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
         console.print(Text("Report: "), end="")
         # a path must stay one line, to be clicked or copied
         console.print(Text(str(folder / "report.html")), soft_wrap=True)
+
+
+def _print_data(found: AgainstData, console: Console, table: Callable[..., Table]) -> None:
+    """The verdict on data: errors by model, and its sentences."""
+    from rich.padding import Padding
+    from rich.text import Text
+
+    from bowstring.against_data import DATA_MODELS, FRAMES
+
+    errors = table(
+        f"Tip error against the data; {found.label}",
+        "model",
+        "mean mm",
+        "95 %",
+        "max mm",
+        "mean %",
+        "x mm",
+        "y mm",
+        "z mm",
+    )
+    for kind, title in FRAMES.items():
+        errors.add_row(Text(title, style="italic"))
+        for c in found.comparisons:
+            if c.frame != kind:
+                continue
+            d = c.to_dict()
+            low, high = (number(v, 2) for v in d["interval_95"]["mean_mm"])
+            errors.add_row(
+                _short(DATA_MODELS[c.name]).replace(", as the robot file has it", " as in file"),
+                number(d["mean_mm"]),
+                f"{low} to {high}",
+                *(number(d[k]) for k in ("max_mm", "mean_percent")),
+                *(number(v) for v in d["mean_by_axis_mm"]),
+            )
+    console.print(errors)
+    console.print(Text("Against the data", style="bold"))
+    for sentence in found.text:
+        console.print(Padding(Text(sentence), (0, 0, 0, 2)))
+    console.print()
 
 
 def _short(label: str) -> str:

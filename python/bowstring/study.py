@@ -12,7 +12,9 @@
 5. an error budget: physical effects one by one, added to the plainest physics and removed from the
    fullest (`bowstring.budget`); friction, elastic tendons and pulled lengths along a path of
    loading and unloading (`bowstring.actuation`);
-6. a verdict at a stated tolerance (`bowstring.verdict`).
+6. a verdict at a stated tolerance (`bowstring.verdict`);
+7. with measurements, every model against them, registered and not, what explains the error, and
+   whether what is left is noise (`bowstring.against_data`).
 
 Budget and verdict are about statics, which needs no rise time and no damping to be chosen. Friction
 at the holes is in the part of the budget that is about the drive, and nowhere else.
@@ -24,10 +26,12 @@ all is SI and radians; `Study.to_dict` is for people and files, in mm, degrees a
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass, field, replace
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +53,15 @@ from bowstring.transient import (
 from bowstring.verdict import Meaning, Verdict, judge
 from bowstring.words import in_mm, in_percent, round_down, significant
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from bowstring.against_data import AgainstData
+    from bowstring.mapping import Mapping
+    from bowstring.measurements import Measurements
+
 __all__ = [
+    "DATA_FIGURES",
     "FIGURES",
     "Budget",
     "BudgetRow",
@@ -146,6 +158,37 @@ FIGURES: Final = (
     ),
 )
 
+DATA_FIGURES: Final = (
+    Figure(
+        "fig09_measured_tip",
+        "Measured tip against load",
+        "The tip in the base frame against the load, as Fig. 9 of the study, and what the models "
+        "say. Full markers and solid lines: loading. Hollow markers and dotted lines: unloading. "
+        "All repeats are drawn.",
+    ),
+    Figure(
+        "fig10_measured_errors",
+        "Tip error by axis against load",
+        "Model minus measurement along each axis, as Fig. 10 of the study, all in the one base "
+        "frame for all models; repeats averaged. Solid: loading. Dotted: unloading.",
+    ),
+    Figure(
+        "fig12_measured_comparison",
+        "Comparison of errors by model",
+        "Mean tip error of each model with its bootstrap interval at 95 %, as Fig. 12 of the "
+        "study; the thin mark is the largest error. Not registered, in the one base frame for "
+        "all, and each model in the base frame that suits it best.",
+    ),
+    Figure(
+        "measured_residuals",
+        "What the calibrated rod leaves",
+        "Calibrated rod minus measurement along each axis, row by row in the order of the table. "
+        "Band: two standard deviations of a coordinate, as stated or as the repeats scatter. "
+        "Residuals that are noise show no course.",
+    ),
+)
+"""Those that a study has besides when it has measurements."""
+
 
 # -- what is computed --------------------------------------------------------------------------
 
@@ -235,11 +278,13 @@ class Study:
     without_dynamics: str
     """Why there is no dynamics, where there is none."""
     comparisons: tuple[Comparison, ...]
-    """Against statics, then against dynamics."""
+    """Against statics, then against dynamics, then against the measurement."""
     budget: Budget
     verdict: Verdict
     claim: PublishedClaim | None
     notes: tuple[str, ...] = field(default=())
+    data: AgainstData | None = None
+    """All models against measurements, where there are any."""
 
     @property
     def length(self) -> float:
@@ -247,17 +292,27 @@ class Study:
         return self.robot.length
 
     def comparison(self, name: str, against: str = "statics") -> Comparison:
-        """The comparison of that name against that physics."""
+        """The comparison of that name against that physics; registered against a measurement."""
         return next(c for c in self.comparisons if (c.name, c.against) == (name, against))
 
     def against(self, physics: str) -> tuple[Comparison, ...]:
-        """All comparisons against ``"statics"`` or ``"dynamics"``."""
+        """All comparisons against ``"statics"``, ``"dynamics"`` or ``"measurement"``."""
         return tuple(c for c in self.comparisons if c.against == physics)
 
     @property
     def figures(self) -> tuple[Figure, ...]:
         """Those of `FIGURES` that this study has."""
-        return tuple(f for f in FIGURES if self.dynamics or f.stem != "fig05_over_time")
+        found = [f for f in FIGURES if self.dynamics or f.stem != "fig05_over_time"]
+        if self.data is None:
+            return tuple(found)
+        label = self.data.label
+        label = label[0].upper() + label[1:]
+        of_data = [
+            replace(f, caption=f"{label}. {f.caption}")
+            for f in DATA_FIGURES
+            if self.data.calibration or f.stem != "measured_residuals"
+        ]
+        return (*of_data, *found)
 
     @property
     def dynamics_text(self) -> tuple[str, ...]:
@@ -266,7 +321,7 @@ class Study:
 
     def to_dict(self) -> dict[str, Any]:
         """The study as JSON values only; what is not a number is None."""
-        s, g = self.statics, self.geometry
+        s, g, d = self.statics, self.geometry, self.data
         out = {
             "robot": self.robot.name,
             "length_m": self.length,
@@ -291,8 +346,9 @@ class Study:
                 "smaller_than_percent": self.claim.mean_percent,
                 "beside": self.claim.ours,
             },
-            "data": "simulated",
-            "registered": False,
+            "data": "simulated" if d is None else f"simulated; {d.label}",
+            "registered": d is not None,
+            "measurements": None if d is None else d.to_dict(),
             "notes": list(self.notes),
             "warnings": list(self.robot.warnings),
             "sweep": {
@@ -350,6 +406,8 @@ def run(
     theory: Theory = "cosserat",
     rise: float | None = None,
     modal_damping: float = MODAL_DAMPING,
+    measurements: Measurements | str | Path | None = None,
+    mapping: str | Path | Mapping | None = None,
     progress: Progress | None = None,
 ) -> Study:
     """Study how good constant curvature is for a robot.
@@ -375,6 +433,11 @@ def run(
         the slowest mode. If not given, 20 of them: near statics.
     modal_damping : float
         In dynamics, of the slowest modes; a share of critical damping.
+    measurements : Measurements, str or Path, optional
+        Of this robot, or the table of them; all models are compared with them as well
+        (`bowstring.against_data`).
+    mapping : str, Path or Mapping, optional
+        Of a table that is not in the tidy format, as for `bowstring.measurements`.
     progress : callable, optional
         Is told what is being done and the share that is done, from 0 to 1.
 
@@ -385,7 +448,7 @@ def run(
     Raises
     ------
     InputError
-        If a setting is out of its range.
+        If a setting is out of its range, or the measurements cannot be read or judged.
     NoSolutionError
         If no load of the sweep has an equilibrium.
     """
@@ -393,6 +456,19 @@ def run(
     settings = _settings(
         robot, tolerance, max_tension, points, theory, rise=rise, modal_damping=modal_damping
     )
+    data = None
+    if measurements is not None:
+        from bowstring.against_data import judge_data
+
+        tell("measurements", 0.0)
+        data = judge_data(
+            robot,
+            _read(robot, measurements, mapping),
+            settings.tolerance,
+            settings.theory,
+            lambda share: tell("measurements", 0.2 * share),
+        )
+    tell = _after(tell, 0.2 if data is not None else 0.0)
     model = Model(robot, settings.tendon, settings.theory)
 
     tell("geometric sweep", 0.0)
@@ -429,12 +505,34 @@ def run(
         statics=statics,
         dynamics=motion,
         without_dynamics=without,
-        comparisons=(*comparisons.values(), *in_time.values()),
+        comparisons=(
+            *comparisons.values(),
+            *in_time.values(),
+            *(() if data is None else data.comparisons),
+        ),
         budget=budget,
         verdict=verdict,
         claim=_claim(robot, settings, comparisons, in_time),
-        notes=_notes(robot, settings, statics, comparisons, in_time),
+        notes=_notes(robot, settings, statics, comparisons, in_time, data),
+        data=data,
     )
+
+
+def _after(tell: Progress, share: float) -> Progress:
+    """Progress of what comes after a share of the work."""
+    return lambda what, done: tell(what, share + (1.0 - share) * done)
+
+
+def _read(
+    robot: Robot, measurements: Measurements | str | Path, mapping: str | Path | Mapping | None
+) -> Measurements:
+    from bowstring.measurements import Measurements, read_measurements
+
+    if not isinstance(measurements, Measurements):
+        return read_measurements(measurements, robot, mapping)
+    if mapping is not None:
+        raise InputError("a mapping is for a file of measurements; these are read already")
+    return measurements
 
 
 def _settings(
@@ -619,11 +717,16 @@ def _notes(
     statics: Statics,
     comparisons: dict[str, Comparison],
     in_time: dict[str, Comparison],
+    data: AgainstData | None,
 ) -> tuple[str, ...]:
+    simulated = (
+        "constant curvature is compared with the statics and the dynamics of this program, not "
+        "with a measurement. All share the base frame, so nothing was registered."
+    )
     out = [
-        "All data are simulated: constant curvature is compared with the statics and the dynamics "
-        "of this program, not with a measurement. All share the base frame, so nothing was "
-        "registered.",
+        f"All data are simulated: {simulated}"
+        if data is None
+        else f"Apart from 'Against the data', all is simulated: {simulated}",
         "Errors are Euclidean at the tip unless an axis is named; means and RMS are over loads "
         "(zero load included), never over coordinates.",
         f"Physics of the main sweep: {settings.theory.capitalize()} rod, frictionless tendons "
@@ -680,3 +783,13 @@ def _plain(value: Any) -> Any:
         return value
     number = float(value)
     return number if math.isfinite(number) else None
+
+
+class _CallableModule(ModuleType):
+    """This module: ``bs.study(robot)`` is ``bs.study.run(robot)``, as ``bs.solve`` is a solve."""
+
+    def __call__(self, *args: Any, **options: Any) -> Study:
+        return run(*args, **options)
+
+
+sys.modules[__name__].__class__ = _CallableModule

@@ -1,0 +1,839 @@
+"""The verdict on data: constant curvature and physics, each against the measured tip.
+
+Seven models at the commands of the table: constant curvature from lengths and from force, plain and
+corrected, with a fitted gain; the rod as the robot file has it, and calibrated. Each is compared in
+three frames, because a base that stands a little askew looks like an error of the model:
+
+- ``as_measured``: the measuring frame is taken for the base frame. Not registered.
+- ``calibrated``: one base frame for all, that of the calibrated rod. Registered; this is meant
+  where nothing else is said.
+- ``own``: each model in the base frame that suits it best. It mends whatever a rigid motion can
+  mend of the model's own errors, so it flatters; it is the least that can be said against a model.
+
+Differences are model minus measurement at the measured point (the tip, or the tool that the table
+gives), in base axes. SI; K is the number of rows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring import arc, calibrated
+from bowstring.calibrated import Calibration
+from bowstring.comparison import Comparison, Theory, with_tendons
+from bowstring.errors import BowstringError, InputError
+from bowstring.fit import Estimate
+from bowstring.measurements import Measurements, check_tendons
+from bowstring.noise import NoiseTest, noise_test
+from bowstring.registration import fit_model
+from bowstring.resampling import LEVEL, RESAMPLES, Intervals, bootstrap
+from bowstring.rigid import Rigid
+from bowstring.robot import Robot
+from bowstring.words import in_mm, in_percent, listed, significant
+
+__all__ = [
+    "DATA_MODELS",
+    "FRAMES",
+    "AgainstData",
+    "DataComparison",
+    "Effect",
+    "Loads",
+    "check_measurements",
+    "judge_data",
+]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Frame = Literal["calibrated", "as_measured", "own"]
+
+DATA_MODELS: Final = {
+    "cc_from_lengths": "CC from lengths (Eq. 5)",
+    "cc_from_force": "CC from force (linear law)",
+    "cc_from_lengths_chord": "CC from lengths, chords",
+    "cc_from_force_arm": "CC from force, mean arm",
+    "cc_calibrated": "CC calibrated (fitted gain)",
+    "rod": "rod, as the robot file has it",
+    "rod_calibrated": "rod calibrated",
+}
+"""Names of the models and what people call them."""
+
+FRAMES: Final = {
+    "calibrated": "registered, one frame for all",
+    "as_measured": "not registered",
+    "own": "registered, each its own frame",
+}
+"""The three frames and what people call them; the first is meant where nothing is said."""
+
+_FEWEST_ROWS: Final = 4
+_FEWEST_LOADS: Final = 3
+_MOST_ROWS: Final = 20_000
+_LONG: Final = 100  # rows without repeats that are a path
+_SAME: Final = 1e-9  # of the largest command: the same load
+
+
+# -- what is computed --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Loads:
+    """The commands as an axis, in groups, and in the order of the bench."""
+
+    axis: Array
+    """(K,), what stands under a figure: the command that changes most, or the row's number."""
+    label: str
+    """With its unit."""
+    unit: Ints
+    """(K,), the same number for the same commands."""
+    loading: Bools
+    """(K,), whether the command that changes most rises on the way to the row; else it falls."""
+    run: Ints
+    """(K,), number of the repeated run."""
+
+    @property
+    def single(self) -> bool:
+        """Whether one command alone changes; else rows are drawn in their order."""
+        return self.label != "row"
+
+    @property
+    def count(self) -> int:
+        """Number of different loads."""
+        return int(self.unit.max()) + 1
+
+    @property
+    def resampled(self) -> tuple[Ints, str]:
+        """(K,) rows with the same number are resampled together, and what these are in words.
+
+        Loads; where none comes twice in a long path, blocks of it, because neighbours err alike.
+        """
+        rows = len(self.unit)
+        if self.count < rows or rows < _LONG:
+            return self.unit, f"load, with all its rows ({self.count} loads)"
+        block = math.ceil(math.sqrt(rows))
+        blocks = np.arange(rows) // block
+        return blocks, f"block of {block} neighbouring rows ({int(blocks[-1]) + 1} blocks)"
+
+    @property
+    def cell(self) -> Ints:
+        """(K,), the same number for repeats: the same load, reached the same way."""
+        return np.asarray(2 * self.unit + self.loading, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class DataComparison(Comparison):
+    """A model against the measurement in one frame, with its intervals."""
+
+    frame: Frame = "calibrated"
+    intervals: Intervals | None = field(default=None, compare=False)
+
+    @property
+    def registered(self) -> bool:
+        """Whether a base frame was fitted."""
+        return self.frame != "as_measured"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The comparison in mm and percent, with bootstrap intervals at 95 %."""
+        out = super().to_dict()
+        out["max_by_axis_mm"] = (self.max_by_axis * 1e3).tolist()
+        out["registered"] = self.registered
+        out["frame"] = self.frame
+        if self.intervals is not None:
+            mean = self.intervals.mean * 1e3
+            out["interval_95"] = {
+                "mean_mm": mean.tolist(),
+                "rms_mm": (self.intervals.rms * 1e3).tolist(),
+                "mean_percent": (mean / self.length / 10.0).tolist(),
+                "mean_by_axis_mm": (self.intervals.mean_by_axis * 1e3).tolist(),
+            }
+        return out
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One step of the decomposition of the rod's error."""
+
+    name: str
+    label: str
+    added: float
+    """Mean error with this effect and all before it in the list switched on, m."""
+    explains: float
+    """By how much the step lowers the mean error, m; negative if it raises it."""
+    explains_interval: Array
+    """(2,), m."""
+    without: float
+    """Mean error of the calibrated robot with this effect alone left out, m."""
+    costs: float
+    """By how much leaving it out raises the mean error, m."""
+    costs_interval: Array
+    """(2,), m."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The step in mm."""
+        return {
+            "effect": self.name,
+            "label": self.label,
+            "mean_with_it_and_those_before_mm": self.added * 1e3,
+            "explains_mm": self.explains * 1e3,
+            "explains_interval_95_mm": (self.explains_interval * 1e3).tolist(),
+            "mean_without_it_alone_mm": self.without * 1e3,
+            "costs_mm": self.costs * 1e3,
+            "costs_interval_95_mm": (self.costs_interval * 1e3).tolist(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class AgainstData:
+    """All that a study says about measurements."""
+
+    data: Measurements
+    loads: Loads
+    frame: Rigid
+    """Measuring frame to base frame, the one for all models."""
+    frame_by: str
+    """What found it: ``rod_calibrated``, or another model where there is no calibration."""
+    point: Array
+    """(K, 3), the measured point in that frame, m."""
+    comparisons: tuple[DataComparison, ...]
+    """By model in the order of `DATA_MODELS`, each in the frames of `FRAMES`."""
+    own_frames: dict[str, Rigid]
+    """By model."""
+    gains: dict[str, float]
+    """Of calibrated constant curvature, in the one frame for all."""
+    calibration: Calibration | None
+    plain: float
+    """Mean error of the plainest rod, with which the decomposition begins, m."""
+    effects: tuple[Effect, ...]
+    residuals: NoiseTest | None
+    """Of the calibrated rod."""
+    text: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """What the data are, and their name."""
+        return f"{self.data.source}: {self.data.name}"
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Names of the models that there are."""
+        return tuple(dict.fromkeys(c.name for c in self.comparisons))
+
+    def comparison(self, name: str, frame: Frame = "calibrated") -> DataComparison:
+        """The comparison of that model in that frame."""
+        return next(c for c in self.comparisons if (c.name, c.frame) == (name, frame))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The block ``measurements`` of a study."""
+        d, c = self.data, self.calibration
+        base = None
+        if c is not None:
+            base = {
+                e.name.removeprefix("base."): {
+                    "value": e.value,
+                    "standard_error": e.standard_error,
+                    "unit": e.unit,
+                }
+                for e in c.fit.estimates
+                if e.name.startswith("base.")
+            }
+        return {
+            "source": d.source,
+            "name": d.name,
+            "file": None if d.path is None else str(d.path),
+            "sha256": d.sha256,
+            "rows": len(d),
+            "left_out": d.left_out,
+            "issues": [{"line": line, "text": text} for line, text in d.issues],
+            "loads": self.loads.count,
+            "repeats": len(np.unique(self.loads.run)),
+            "unloading_rows": int((~self.loads.loading).sum()) if self.loads.single else None,
+            "registration": {
+                "by": self.frame_by,
+                **self.frame.to_dict(),
+                "turned_deg": _turn(self.frame),
+                "base_in_measuring_frame": base,
+                "own_frames": {
+                    name: {**frame.to_dict(), "turned_deg": _turn(frame)}
+                    for name, frame in self.own_frames.items()
+                },
+            },
+            "calibration": None
+            if c is None
+            else {**c.to_dict(), "constant_curvature_gains": self.gains},
+            "residuals": None if self.residuals is None else self.residuals.to_dict(),
+            "decomposition": {
+                "begins_mm": self.plain * 1e3,
+                "effects": [effect.to_dict() for effect in self.effects],
+            },
+            "bootstrap": {
+                "resamples": RESAMPLES,
+                "level": LEVEL,
+                "unit": self.loads.resampled[1],
+                "units": len(np.unique(self.loads.resampled[0])),
+            },
+            "text": list(self.text),
+            "notes": list(self.notes),
+        }
+
+
+def _turn(frame: Rigid) -> float:
+    return math.degrees(float(np.linalg.norm(frame.rotation_vector)))
+
+
+# -- before the work ---------------------------------------------------------------------------
+
+
+def check_measurements(robot: Robot, data: Measurements) -> None:
+    """Say before any work whether a study can be made of these measurements.
+
+    Raises
+    ------
+    InputError
+        For another robot's data, data without tips or without a scale, too few rows or loads, far
+        too many, and for tendons that are swapped or numbered the wrong way round.
+    """
+    name = data.name if data.path is None else str(data.path)
+    count = len(robot.tendons.segment)
+    if data.tendon_count != count:
+        raise InputError(
+            f"{name}: the measurements drive {data.tendon_count} "
+            f"tendon{'s' * (data.tendon_count != 1)}, {robot.name} has {count}; name the robot "
+            "that was measured"
+        )
+    if data.points.shape[1] == 0:
+        raise InputError(
+            f"{name}: there are angles only and no measured tip; a study compares tip positions, "
+            "give tip_x_mm, tip_y_mm and tip_z_mm"
+        )
+    if data.scale is None:
+        raise InputError(
+            f"{name}: the points are in pixels and have no scale; give tips in mm for a study"
+        )
+    unseen = ~np.isfinite(data.tip).all(axis=1)
+    if unseen.any():
+        lines = ", ".join(map(str, data.line[unseen][:5].tolist()))
+        more = ", ..." if unseen.sum() > 5 else ""
+        raise InputError(
+            f"{name}: {int(unseen.sum())} of {len(data)} rows have no measured tip (lines {lines}"
+            f"{more}); leave them out"
+        )
+    if len(data) < _FEWEST_ROWS:
+        rows = "there is one row" if len(data) == 1 else f"there are {len(data)} rows"
+        raise InputError(
+            f"{name}: {rows} of measurements; a study needs {_FEWEST_ROWS} or more, at "
+            f"{_FEWEST_LOADS} different loads or more"
+        )
+    if len(data) > _MOST_ROWS:
+        raise InputError(
+            f"{name}: {len(data)} rows are too many for a study, which takes up to {_MOST_ROWS}; "
+            "average neighbouring rows, or take every tenth"
+        )
+    loads = _loads(data).count
+    if loads < _FEWEST_LOADS:
+        at = "all rows are at one load" if loads == 1 else f"the rows are at {loads} loads only"
+        raise InputError(
+            f"{name}: {at}; how an error grows with the load needs {_FEWEST_LOADS} different "
+            "loads or more"
+        )
+    if float(np.ptp(data.tip, axis=0).max()) == 0.0:
+        raise InputError(f"{name}: the tip is in the same place in all rows; it was not measured")
+    order = check_tendons(robot, data)
+    # "unclear" is for the comparison to judge
+    if order.found in ("swapped", "mirrored"):
+        raise InputError(f"{name}: {order.sentence.rstrip('.')}; mend the table or its mapping")
+
+
+def _loads(data: Measurements) -> Loads:
+    """What drives the robot, row by row."""
+    pulled = ~np.isnan(data.pulls)
+    commands = np.where(pulled, data.pulls, data.tensions)
+    span = np.ptp(commands, axis=0)
+    kinds = [np.where(kind, span, 0.0) for kind in (~pulled.any(axis=0), pulled.any(axis=0))]
+    by_tension = float(kinds[0].max(initial=0.0)) > 0.0
+    changing = kinds[0 if by_tension else 1]
+    tendon = int(np.argmax(changing))
+    # the same command within rounding
+    scale = np.where(span > 0.0, span, np.maximum(np.abs(commands).max(axis=0), 1.0))
+    rounded = np.round(commands / scale, 9)
+    _, unit = np.unique(rounded, axis=0, return_inverse=True)
+    main = commands[:, tendon]
+    alone = not np.any(np.delete(span, tendon) > _SAME * np.delete(scale, tendon))
+    run = np.unique(data.repeat, return_inverse=True)[1]
+    run = np.cumsum(np.r_[False, run[1:] != run[:-1]])
+    loading = np.ones(len(data), bool)
+    for k in range(1, len(data)):
+        if run[k] != run[k - 1]:
+            continue
+        step = main[k] - main[k - 1]
+        small = abs(step) <= _SAME * scale[tendon]
+        loading[k] = loading[k - 1] if small else step > 0.0
+    # a run that begins anew comes down in one step to where it rises from
+    falls = np.flatnonzero(~loading[:-1] & loading[1:])
+    lowest = main <= main.min() + _SAME * scale[tendon]
+    for k in falls.tolist():
+        if lowest[k] and (k == 0 or loading[k - 1]):
+            loading[k] = True
+    if alone:
+        what = (
+            f"pull of tendon {tendon + 1} (mm)"
+            if not by_tension
+            else (f"tension of tendon {tendon + 1} (N)")
+        )
+        axis = main * (1.0 if by_tension else 1e3)
+    else:
+        what, axis = "row", np.arange(1.0, len(data) + 1)
+    return Loads(
+        axis=np.asarray(axis),
+        label=what,
+        unit=np.asarray(unit.ravel(), dtype=np.int64),
+        loading=loading,
+        run=np.asarray(run, dtype=np.int64),
+    )
+
+
+# -- the verdict -------------------------------------------------------------------------------
+
+
+def judge_data(
+    robot: Robot,
+    data: Measurements,
+    tolerance: float,
+    theory: Theory = "cosserat",
+    progress: Callable[[float], None] | None = None,
+) -> AgainstData:
+    """Compare all models with measurements.
+
+    Parameters
+    ----------
+    robot : Robot
+        As the file has it; what it gets wrong is what calibration finds.
+    data : Measurements
+        Checked by `check_measurements`.
+    tolerance : float
+        Tolerated error, a share of the length.
+    theory : {"cosserat", "kirchhoff"}
+    progress : callable, optional
+        Is told the share that is done.
+
+    Returns
+    -------
+    AgainstData
+
+    Raises
+    ------
+    InputError
+        If the data cannot be judged.
+    """
+    tell = progress or (lambda share: None)
+    check_measurements(robot, data)
+    loads = _loads(data)
+    notes: list[str] = []
+    calibration: Calibration | None = None
+    try:
+        calibration = calibrated.calibrate(robot, data, theory)
+        notes += calibration.notes
+        if not calibration.fit.converged:
+            notes.append(f"The calibration did not settle. {calibration.fit.message}")
+    except BowstringError as error:
+        notes.append(f"The rod is not calibrated: {str(error).rstrip('.')}.")
+    tell(0.5)
+
+    points, why = _points(robot, data, theory, calibration)
+    notes += why
+    if not points:
+        raise InputError(f"{data.name}: no model has an answer to these commands. {' '.join(why)}")
+    own = {}
+    for name, found in points.items():
+        frame = _own_frame(data, found)
+        if frame is not None:
+            own[name] = frame
+    if calibration is not None:
+        frame_by, frame = "rod_calibrated", calibration.frame
+        own["rod_calibrated"] = frame
+    else:
+        frame_by = next((n for n in ("rod", "cc_from_lengths", *points) if n in own), "")
+        frame = own.get(frame_by, Rigid.identity())
+        notes.append(
+            f"The base frame for all models is the one that suits {DATA_MODELS[frame_by]} best."
+            if frame_by
+            else "No model gives a base frame: nothing is registered."
+        )
+    tell(0.6)
+
+    without = [DATA_MODELS[name] for name in points if name not in own]
+    if without:
+        notes.append(f"No base frame of its own was found for: {listed(without)}.")
+
+    gains: dict[str, float] = {}
+    at_best = None
+    try:
+        gains, _, points["cc_calibrated"] = calibrated.calibrate_arc(robot, data, frame)
+        _, own["cc_calibrated"], at_best = calibrated.calibrate_arc(robot, data, None)
+    except BowstringError as error:
+        notes.append(f"Calibrated constant curvature is left out: {str(error).rstrip('.')}.")
+    tell(0.7)
+
+    measured = data.tip
+    made: list[DataComparison] = []
+    for name in DATA_MODELS:
+        if name not in points:
+            continue
+        places: dict[Frame, Rigid] = {"calibrated": frame, "as_measured": Rigid.identity()}
+        if name in own:
+            places["own"] = own[name]
+        for kind, place in places.items():
+            own_gain = kind == "own" and name == "cc_calibrated" and at_best is not None
+            model = at_best if own_gain else points[name]
+            assert model is not None
+            moved = place.apply(measured)
+            made.append(
+                DataComparison(
+                    name,
+                    "measurement",
+                    robot.length,
+                    model,
+                    model - moved,
+                    kind,
+                )
+            )
+    intervals = bootstrap([c.difference for c in made], loads.resampled[0])
+    comparisons = tuple(replace(c, intervals=i) for c, i in zip(made, intervals, strict=True))
+    tell(0.8)
+
+    plain, effects = math.nan, tuple[Effect, ...]()
+    residuals = None
+    if calibration is not None:
+        plain, effects = _decomposition(robot, data, theory, calibration, loads)
+        residuals = noise_test(
+            calibration.point - calibration.frame.apply(measured),
+            loads.run,
+            loads.cell,
+            len(calibration.fit.estimates),
+            data.sigma,
+            other_load=calibration.other_load,
+        )
+    tell(1.0)
+    out = AgainstData(
+        data=data,
+        loads=loads,
+        frame=frame,
+        frame_by=frame_by,
+        point=frame.apply(measured),
+        comparisons=comparisons,
+        own_frames=own,
+        gains=gains,
+        calibration=calibration,
+        plain=plain,
+        effects=effects,
+        residuals=residuals,
+        notes=(*_notes(data, loads, calibration), *notes),
+    )
+    return replace(out, text=_in_words(out, tolerance))
+
+
+def _points(
+    robot: Robot, data: Measurements, theory: Theory, calibration: Calibration | None
+) -> tuple[dict[str, Array], list[str]]:
+    """The measured point (K, 3) by each model but calibrated CC, m, base frame; and why not."""
+    why = []
+    out: dict[str, Array] = {}
+    file = calibrated.predicted(robot, data, theory)
+    sweeps = [(file, "the rod as the robot file has it")]
+    if np.any(file.converged):
+        out["rod"] = file.tip_position + file.tip_rotation @ data.tool
+    else:
+        why.append("The rod as the robot file has it has no equilibrium at any row.")
+    lengths = None
+    if calibration is not None:
+        out["rod_calibrated"] = calibration.point
+        best = calibrated.predicted(calibration.robot, data, theory, calibration.gain)
+        sweeps.insert(0, (best, "the calibrated rod"))
+    whole = not np.isnan(data.pulls).any()
+    if whole:
+        tendons = robot.tendons
+        lengths = robot.disks.station_m[tendons.end_disk] - data.pulls
+    else:
+        sweep, name = sweeps[0]
+        lengths = sweep.tendon_lengths
+        why.append(
+            "Tendon lengths were not measured: constant curvature from lengths gets those that "
+            f"{name} has at the same commands."
+        )
+    for name, correction in (("cc_from_lengths", None), ("cc_from_lengths_chord", "chord")):
+
+        def by_lengths(rows: Array, correction: Any = correction) -> arc.RobotArcs:
+            return arc.robot_fk(robot, rows, correction)
+
+        out |= _by_arcs(name, by_lengths, lengths, data, why)
+    if np.isnan(data.tensions).any():
+        why.append(
+            "The tendons are not driven by known tensions: constant curvature from force has "
+            "nothing to start from."
+        )
+    else:
+        for name, law in (("cc_from_force", "linear"), ("cc_from_force_arm", "arm")):
+
+            def by_force(rows: Array, law: Any = law) -> arc.RobotArcs:
+                return arc.robot_from_tensions(robot, rows, law=law)
+
+            out |= _by_arcs(name, by_force, data.tensions, data, why)
+    for name, found in out.items():
+        gaps = int((~np.isfinite(found).all(axis=1)).sum())
+        if gaps:
+            why.append(
+                f"{DATA_MODELS[name]} has no answer to {gaps} of {len(data)} rows; its numbers are "
+                "over the others."
+            )
+    return out, why
+
+
+def _by_arcs(
+    name: str,
+    function: Callable[[Array], arc.RobotArcs],
+    values: Array,
+    data: Measurements,
+    why: list[str],
+) -> dict[str, Array]:
+    """The measured point by arcs, of all rows at once, or one by one where some have none."""
+    out = np.full((len(values), 3), math.nan)
+    good = np.flatnonzero(np.isfinite(values).all(axis=1))
+    reason = ""
+
+    def points(rows: Any) -> Array:
+        tip = function(values[rows]).tip
+        return np.asarray(tip.position + tip.rotation @ data.tool)
+
+    try:
+        out[good] = points(good)
+    except BowstringError:
+        for i in good:
+            try:
+                out[i] = points([i])[0]
+            except BowstringError as error:
+                reason = str(error)
+    if np.isfinite(out).any():
+        return {name: out}
+    why.append(f"{DATA_MODELS[name]} is left out: {reason.rstrip('.') or 'it has no arcs'}.")
+    return {}
+
+
+def _own_frame(data: Measurements, points: Array) -> Rigid | None:
+    """The base frame that suits a model best; None where the rows that it has do not give one."""
+    good = np.isfinite(points).all(axis=1)
+    try:
+        return fit_model(data.tip[good], points[good]).frame
+    except BowstringError:
+        return None
+
+
+# -- what explains the error -------------------------------------------------------------------
+
+
+def _decomposition(
+    robot: Robot, data: Measurements, theory: Theory, calibration: Calibration, loads: Loads
+) -> tuple[float, tuple[Effect, ...]]:
+    """What gravity, friction, stiffness (or gain) and registration explain of the rod's error."""
+    full = calibration.robot
+    stiff = [s.backbone.E for s in full.segments] != [s.backbone.E for s in robot.segments]
+    effects = [
+        ("gravity", "gravity", any(full.gravity)),
+        ("friction", "friction at the holes", full.has_friction),
+        ("stiffness", "stiffness as calibrated", stiff),
+        ("gain", "gain of the commands", calibration.gain != 1.0),
+        ("registration", "registration", True),
+    ]
+    names = [name for name, _, acts in effects if acts]
+    labels = {name: label for name, label, _ in effects}
+
+    def difference(on: frozenset[str]) -> Array:
+        made = full
+        if "gravity" not in on:
+            made = made.with_({"gravity": [0.0, 0.0, 0.0]})
+        if "friction" not in on:
+            made = with_tendons(made, {"friction": 0.0})
+        if "stiffness" not in on and stiff:
+            made = made.with_(
+                {f"segments.{k}.backbone.E": s.backbone.E for k, s in enumerate(robot.segments)}
+            )
+        gain = calibration.gain if "gain" in on else 1.0
+        sweep = calibrated.predicted(made, data, theory, gain)
+        point = sweep.tip_position + sweep.tip_rotation @ data.tool
+        frame = calibration.frame if "registration" in on else Rigid.identity()
+        return np.asarray(point - frame.apply(data.tip))
+
+    everything = frozenset(names)
+    steps = [frozenset(names[:i]) for i in range(len(names) + 1)]
+    without = [everything - {name} for name in names]
+    sets = list(dict.fromkeys([*steps, *without]))
+    differences = [difference(on) for on in sets]
+    # a change of the mean is over the rows that both have
+    known = np.all([np.isfinite(d).all(axis=1) for d in differences], axis=0)
+    if not known.any():
+        return math.nan, ()
+    for d in differences:
+        d[~known] = np.nan
+    found = dict(zip(sets, bootstrap(differences, loads.resampled[0]), strict=True))
+    means = {
+        on: float(np.mean(np.linalg.norm(d[known], axis=1)))
+        for on, d in zip(sets, differences, strict=True)
+    }
+    tails = [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL]
+
+    def interval(more: frozenset[str], less: frozenset[str]) -> Array:
+        change = found[less].means - found[more].means
+        return np.asarray(np.quantile(change[np.isfinite(change)], tails))
+
+    out = tuple(
+        Effect(
+            name=name,
+            label=labels[name],
+            added=means[steps[i + 1]],
+            explains=means[steps[i]] - means[steps[i + 1]],
+            explains_interval=interval(steps[i + 1], steps[i]),
+            without=means[without[i]],
+            costs=means[without[i]] - means[everything],
+            costs_interval=interval(everything, without[i]),
+        )
+        for i, name in enumerate(names)
+    )
+    return means[steps[0]], out
+
+
+# -- in words ----------------------------------------------------------------------------------
+
+
+def _in_words(found: AgainstData, tolerance: float) -> tuple[str, ...]:
+    data, loads = found.data, found.loads
+    repeats = len(np.unique(loads.run))
+    ways = "loading and unloading" if not loads.loading.all() else "loading only"
+    if not loads.single:
+        ways = "several commands change"
+    left = f" {data.left_out} rows of the table are left out." if data.left_out else ""
+    out = [
+        f"{data.source.capitalize()} data, {data.name}: {len(data)} rows at {loads.count} loads, "
+        f"{ways}{f', {repeats} runs' if repeats > 1 else ''}.{left}"
+    ]
+    for name in ("cc_from_force", "cc_from_lengths", "cc_calibrated"):
+        if name in found.models:
+            out.append(_sentence(found, name, tolerance))
+    out.append(_of_the_rod(found))
+    if found.effects:
+        parts = [
+            f"{e.name} {'lowers' if e.explains >= 0 else 'raises'} it by {in_mm(abs(e.explains))}"
+            for e in found.effects
+        ]
+        worth = max(found.effects, key=lambda e: e.costs)
+        out.append(
+            "What explains the rod's error, switched on one after another: without any of them it "
+            f"is {in_mm(found.plain)} in the mean; {listed(parts)}; "
+            f"{in_mm(found.effects[-1].added)} is left. Of what is left out alone of the "
+            f"calibrated rod, {worth.name} costs most, {in_mm(worth.costs)}."
+        )
+    if found.residuals is not None:
+        out.append(found.residuals.text)
+    return tuple(out)
+
+
+_SUBJECT: Final = {
+    "cc_from_force": "Constant curvature from force",
+    "cc_from_lengths": "Constant curvature from lengths",
+    "cc_calibrated": "Constant curvature calibrated to these data",
+}
+
+
+def _mean(c: DataComparison) -> str:
+    if c.intervals is None or c.n == 0:
+        return in_mm(c.mean)
+    low, high = (significant(x * 1e3) for x in c.intervals.mean)
+    return f"{in_mm(c.mean)} [{low}, {high}]"
+
+
+def _sentence(found: AgainstData, name: str, tolerance: float) -> str:
+    registered, raw = found.comparison(name), found.comparison(name, "as_measured")
+    subject = _SUBJECT[name]
+    if name == "cc_calibrated" and found.gains:
+        gains = ", ".join(significant(g, 4) for g in found.gains.values())
+        subject += f" (gain {gains})"
+    out = (
+        f"{subject} is off by {_mean(registered)} in the mean, "
+        f"{in_percent(registered.mean / registered.length)} of length, and by up to "
+        f"{in_mm(registered.maximum)}; not registered by {_mean(raw)}"
+    )
+    if name in found.own_frames:
+        out += f", in the base frame that suits it best by {_mean(found.comparison(name, 'own'))}"
+    share = registered.mean / registered.length
+    beyond = "beyond" if share > tolerance else "within"
+    return f"{out}. In the mean that is {beyond} the tolerance of {in_percent(tolerance)}."
+
+
+def _of_the_rod(found: AgainstData) -> str:
+    out = []
+    for name, what in (("rod", "as the robot file has it"), ("rod_calibrated", "calibrated")):
+        if name in found.models:
+            registered, raw = found.comparison(name), found.comparison(name, "as_measured")
+            out.append(f"{_mean(registered)} {what} (not registered {_mean(raw)})")
+    if not out:
+        return "Physics has no answer to these commands."
+    text = f"Physics, the rod, is off by {' and by '.join(out)} in the mean."
+    if found.calibration is not None:
+        estimates = [e for e in found.calibration.fit.estimates if "base." not in e.name]
+        text += (
+            f" Calibrated are {listed([_said(e) for e in estimates])}; the base is turned by "
+            f"{_turn(found.frame):.2g} deg against the measuring frame."
+        )
+    return text
+
+
+def _said(estimate: Estimate) -> str:
+    """A parameter as people call it, with its standard error."""
+    path, _, leaf = estimate.name.rpartition(".")
+    if path == "gravity":
+        name = f"gravity along {'xyz'[int(leaf)]}"
+    else:
+        name = {"E": "Young's modulus", "gain": "gain of the commands"}.get(leaf, leaf)
+        segment = path.split(".")[1] if path.startswith("segments.") else "*"
+        if segment.isdecimal():
+            name += f" of segment {int(segment) + 1}"
+    unit = f" {estimate.unit}" if estimate.unit else ""
+    if estimate.at_limit:
+        return f"{name} {significant(round(estimate.value, 9), 4)}{unit} (its limit)"
+    if not math.isfinite(estimate.standard_error):
+        return f"{name} {significant(estimate.value, 4)}{unit} (not determined)"
+    return f"{name} {significant(estimate.value, 4)} +- {estimate.standard_error:.1g}{unit}"
+
+
+def _notes(data: Measurements, loads: Loads, calibration: Calibration | None) -> tuple[str, ...]:
+    out = [
+        {
+            "measured": "The data count as measured: their table says so, or says nothing.",
+            "synthetic": "The data are synthetic: made by simulation, nothing was measured.",
+            "computed": "The data are computed by another program, nothing was measured.",
+        }[data.source],
+        "Registered means: one base frame for all models, "
+        + ("that of the calibrated rod" if calibration else "said below")
+        + ". Each model is also shown in the base frame that suits it best, which mends what a "
+        "rigid motion can mend of its own errors, and not registered.",
+        f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). What is resampled is "
+        f"the {loads.resampled[1]}; the same resamples for all models. "
+        "Calibration and registration are held meanwhile: their own uncertainty is in the "
+        "standard errors of the parameters.",
+    ]
+    if calibration is not None:
+        out.append(
+            "The calibrated models are judged on the rows that they were fitted to; nothing was "
+            "held out."
+        )
+        out.append(
+            "Effects of the decomposition interact: what one explains depends on those before it, "
+            "and leaving one out alone, nothing refitted, need not cost the same."
+        )
+    if data.tool.any():
+        tool = ", ".join(f"{1e3 * x:g}" for x in data.tool)
+        out.append(f"Errors are those of the measured point, ({tool}) mm from the tip in its axes.")
+    return tuple(out)

@@ -1,0 +1,504 @@
+"""The verdict on data: benches with a known truth, what the report says of them, bad input.
+
+All data here are synthetic: made by `bowstring.sweep` with friction, gravity, a base that stands
+askew, and noise.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring import calibrated, report, study
+from bowstring.against_data import (
+    DATA_MODELS,
+    FRAMES,
+    AgainstData,
+    check_measurements,
+    judge_data,
+)
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.measurements import STANDARD_GRAVITY, Measurements, load, write_measurements
+from bowstring.rigid import Rigid
+from bowstring.robot import load_robot
+from shell import Shell
+from test_report import read
+
+NOISE = 2e-5
+GRAVITY = (0.0, 0.0, -9.81)
+FRAME = Rigid.from_rotation_vector(np.radians(0.3) * np.array([0.6, 0.8, 0.0]), [1e-3, -5e-4, 2e-4])
+"""Measuring frame to base frame."""
+
+
+def made(
+    *,
+    stiffness: float = 1.05,
+    friction: float = 0.1,
+    gravity: tuple[float, float, float] = GRAVITY,
+    side: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    repeats: int = 3,
+    unload: bool = True,
+    source: str = "synthetic",
+    seed: int = 0,
+) -> Measurements:
+    """The study's bench, 0:0.5:8 kg on cable 1."""
+    robot = load_robot("amouri2019")
+    actual = robot.with_(
+        {
+            "gravity": list(gravity),
+            "segments.0.tendons.friction": friction,
+            "segments.0.backbone.E": stiffness * robot.segments[0].backbone.E,
+        }
+    )
+    up = STANDARD_GRAVITY * np.arange(0.0, 8.1, 0.5)
+    way = np.concatenate([up, up[-2::-1]]) if unload else up
+    tensions = np.outer(np.tile(way, repeats), [1.0, 0.0, 0.0])
+    found = bs.sweep(actual, tensions, tip_force=side, disks=False).raise_for_status()
+    tips = FRAME.inverse().apply(found.tip_position)
+    tips += np.random.default_rng(seed).normal(scale=NOISE, size=tips.shape)
+    count = len(tips)
+    return Measurements(
+        source=source,
+        name="a made bench",
+        tensions=tensions,
+        pulls=np.full((count, 3), np.nan),
+        points=tips[:, None],
+        line=np.arange(count) + 2,
+        group=np.full(count, ""),
+        repeat=np.repeat(np.arange(1, repeats + 1), len(way)),
+        sigma=np.full(count, NOISE),
+    )
+
+
+@pytest.fixture(scope="module")
+def robot() -> bs.Robot:
+    return load_robot("amouri2019").with_({"gravity": list(GRAVITY)})
+
+
+@pytest.fixture(scope="module")
+def bench() -> Measurements:
+    return made()
+
+
+@pytest.fixture(scope="module")
+def verdict(robot: bs.Robot, bench: Measurements) -> AgainstData:
+    return judge_data(robot, bench, 0.01)
+
+
+# -- a known truth -----------------------------------------------------------------------------
+
+
+def test_the_calibrated_rod_is_within_the_noise_and_what_is_left_is_noise(
+    verdict: AgainstData,
+) -> None:
+    best = verdict.comparison("rod_calibrated")
+    assert best.rms == pytest.approx(math.sqrt(3.0) * NOISE, rel=0.1)
+    assert best.maximum < 5.0 * NOISE
+    assert verdict.residuals is not None and verdict.residuals.is_noise is True
+    assert verdict.text[-1] == verdict.residuals.text
+    assert "The residuals are noise" in verdict.residuals.text
+
+
+def test_parameters_and_frame_are_the_truth(verdict: AgainstData) -> None:
+    calibration = verdict.calibration
+    assert calibration is not None
+    modulus = calibration.robot.segments[0].backbone.E
+    assert modulus == pytest.approx(1.05 * 35e9, rel=1e-3)
+    assert calibration.robot.tendons.friction == pytest.approx(np.full(3, 0.1), rel=0.01)
+    # the frame where the robot is: noise and a shift along y that the plane hardly tells
+    tip = np.array([0.0, 0.0, 0.641])
+    missed = verdict.frame.apply(FRAME.inverse().apply(tip)) - tip
+    assert np.linalg.norm(missed) < 3 * NOISE
+
+
+def test_all_models_in_all_frames_with_intervals(verdict: AgainstData) -> None:
+    assert verdict.models == tuple(DATA_MODELS)
+    for name in DATA_MODELS:
+        for frame in FRAMES:
+            c = verdict.comparison(name, frame)  # type: ignore[arg-type]
+            assert c.n == 99 and c.against == "measurement"
+            assert c.intervals is not None
+            low, high = c.intervals.mean
+            assert low <= c.mean <= high
+            for axis in range(3):
+                low, high = c.intervals.mean_by_axis[axis]
+                assert low <= c.mean_by_axis[axis] <= high
+            assert c.registered == (frame != "as_measured")
+    # its own frame is the best there is, in the sum of squares
+    for name in DATA_MODELS:
+        own, shared = verdict.comparison(name, "own"), verdict.comparison(name)
+        assert own.rms <= shared.rms * (1 + 1e-6)
+
+
+def test_differences_are_model_minus_measurement_in_base_axes(
+    verdict: AgainstData, robot: bs.Robot, bench: Measurements
+) -> None:
+    raw = verdict.comparison("rod", "as_measured")
+    expected = bs.solve_batch(robot, bench.tensions).tip_position - bench.tip
+    assert raw.difference == pytest.approx(expected, abs=1e-9)
+    force = bs.arc.robot_from_tensions(robot, bench.tensions).tip.position
+    shared = verdict.comparison("cc_from_force")
+    assert shared.difference == pytest.approx(force - verdict.frame.apply(bench.tip), abs=1e-12)
+    # lengths are those of the calibrated rod, as none were measured
+    assert verdict.calibration is not None
+    actual = bs.sweep(verdict.calibration.robot, bench.tensions)
+    lengths = bs.arc.robot_fk(robot, actual.tendon_lengths).tip.position
+    assert verdict.comparison("cc_from_lengths").tip_position == pytest.approx(lengths, abs=1e-9)
+    assert any("lengths were not measured" in note for note in verdict.notes)
+
+
+def test_calibrated_constant_curvature_has_its_best_gain(
+    verdict: AgainstData, robot: bs.Robot, bench: Measurements
+) -> None:
+    (gain,) = verdict.gains.values()
+    angle = bs.arc.robot_from_tensions(robot, bench.tensions)
+
+    def mean(factor: float) -> float:
+        tips = bs.arc.pose(factor * angle.kappa[:, 0], angle.phi[:, 0], angle.length[:, 0]).position
+        return float(np.linalg.norm(tips - verdict.point, axis=1).mean())
+
+    mine = verdict.comparison("cc_calibrated").mean
+    assert mine == pytest.approx(mean(gain), rel=1e-6)
+    assert mine < verdict.comparison("cc_from_force").mean
+    # the robust loss lies between squares and absolute values
+    assert mine < 1.05 * min(mean(g) for g in np.linspace(0.8, 1.3, 501))
+
+
+def test_effects_one_after_another_end_at_the_calibrated_rod(verdict: AgainstData) -> None:
+    assert [e.name for e in verdict.effects] == ["gravity", "friction", "stiffness", "registration"]
+    best = verdict.comparison("rod_calibrated").mean
+    assert verdict.effects[-1].added == pytest.approx(best, rel=1e-6)
+    explained = sum(e.explains for e in verdict.effects)
+    assert verdict.plain - explained == pytest.approx(best, rel=1e-6)
+    for effect in verdict.effects:
+        assert effect.costs == pytest.approx(effect.without - best, abs=1e-12)
+        assert effect.costs_interval[0] <= effect.costs <= effect.costs_interval[1]
+        assert effect.costs > 1e-3  # each of them matters on this bench
+    # registration alone: what the misplaced base makes of a perfect model
+    moved = np.linalg.norm(verdict.point - verdict.data.tip, axis=1).mean()
+    assert verdict.effects[-1].without == pytest.approx(moved, rel=0.01)
+
+
+def test_loads_runs_and_ways(verdict: AgainstData) -> None:
+    loads = verdict.loads
+    assert loads.count == 17 and len(np.unique(loads.run)) == 3
+    assert loads.loading.reshape(3, 33)[0].tolist() == [True] * 17 + [False] * 16
+    assert len(np.unique(loads.cell)) == 33
+    assert loads.label == "tension of tendon 1 (N)"
+
+
+def test_what_is_resampled(verdict: AgainstData, bench: Measurements) -> None:
+    unit, words = verdict.loads.resampled
+    assert len(np.unique(unit)) == 17 and "17 loads" in words
+    assert any("17 loads" in note for note in verdict.notes)
+    rng = np.random.default_rng(1)
+    loads = replace(verdict.loads, unit=np.arange(400)[rng.permutation(400)])
+    unit, words = loads.resampled
+    assert np.bincount(unit).tolist() == [20] * 20 and "20 neighbouring rows" in words
+
+
+def test_loading_alone_hardly_tells_friction_from_stiffness(
+    robot: bs.Robot, verdict: AgainstData
+) -> None:
+    alone = judge_data(robot, made(unload=False), 0.01)
+    assert alone.loads.loading.all()
+    assert alone.calibration is not None and verdict.calibration is not None
+    for name in ("segments.*.backbone.E", "segments.*.tendons.friction"):
+        both = verdict.calibration.fit[name].standard_error
+        assert alone.calibration.fit[name].standard_error > 3 * both
+    assert "loading only" in alone.text[0]
+
+
+# -- what the model does not have --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", [(0.1, 0.0, 0.0), (0.0, 0.3, 0.0)])
+def test_a_side_force_is_not_noise(robot: bs.Robot, side: tuple[float, float, float]) -> None:
+    for model in (robot, load_robot("amouri2019")):
+        found = judge_data(model, made(side=side), 0.01)
+        assert found.residuals is not None and found.residuals.is_noise is False
+        assert "The residuals are not noise" in found.text[-1]
+        assert found.calibration is not None
+        assert found.calibration.other_load and found.calibration.gravity != "calibrated"
+
+
+def test_gravity_that_the_file_lacks_is_seen_and_said(
+    bench: Measurements, verdict: AgainstData
+) -> None:
+    found = judge_data(load_robot("amouri2019"), bench, 0.01)
+    assert found.calibration is not None and verdict.calibration is not None
+    assert found.calibration.gravity == "assumed" and verdict.calibration.gravity == "file"
+    assert found.calibration.robot.gravity == pytest.approx((0.0, 0.0, -STANDARD_GRAVITY))
+    assert found.residuals is not None and found.residuals.is_noise is True
+    assert any("has no gravity, the data do" in note for note in found.notes)
+    # what is held is known as well as if the file had said it
+    name = "segments.*.backbone.E"
+    errors = [v.calibration.fit[name].standard_error for v in (found, verdict) if v.calibration]
+    assert errors[0] == pytest.approx(errors[1], rel=0.1)
+
+
+def test_gravity_of_a_base_askew_is_calibrated() -> None:
+    lean = np.radians(1.5)
+    askew = 9.81 * np.array([math.sin(lean), 0.0, -math.cos(lean)])
+    data = made(gravity=(askew[0], askew[1], askew[2]))
+    for file in ([0.0, 0.0, 0.0], list(GRAVITY)):
+        found = judge_data(load_robot("amouri2019").with_({"gravity": file}), data, 0.01)
+        assert found.calibration is not None and found.calibration.gravity == "calibrated"
+        gravity = np.array(found.calibration.robot.gravity)
+        errors = [found.calibration.fit[f"gravity.{i}"].standard_error for i in range(3)]
+        assert np.all(np.abs(gravity - askew) < 4.0 * np.array(errors))
+        assert found.residuals is not None and found.residuals.is_noise is True
+
+
+def test_without_gravity_none_is_seen() -> None:
+    found = judge_data(load_robot("amouri2019"), made(gravity=(0.0, 0.0, 0.0)), 0.01)
+    assert found.calibration is not None and found.calibration.gravity == "file"
+    assert not any(found.calibration.robot.gravity) and not found.calibration.other_load
+    assert [e.name for e in found.effects] == ["friction", "stiffness", "registration"]
+
+
+def test_a_robot_driven_by_pulls_knows_its_lengths() -> None:
+    robot = load_robot("amouri2019").with_({"segments.0.tendons.compliance": 1e-5})
+    bend = np.linspace(0.02, 0.7, 24)
+    towards = np.linspace(0.0, 2.5, 24)
+    pulls = 0.029 * bend[:, None] * np.cos(towards[:, None] - np.radians([0.0, 120.0, 240.0]))
+    tips = bs.solve_batch(robot, pulls=1.02 * pulls).tip_position
+    rng = np.random.default_rng(1)
+    data = replace(
+        made(repeats=1, unload=True).select(np.arange(24)),
+        tensions=np.full((24, 3), np.nan),
+        pulls=pulls,
+        points=(FRAME.inverse().apply(tips) + rng.normal(scale=NOISE, size=tips.shape))[:, None],
+        repeat=np.ones(24, int),
+    )
+    found = judge_data(robot, data, 0.01)
+    assert "cc_from_force" not in found.models
+    expected = bs.arc.robot_fk(robot, 0.641 - pulls).tip.position
+    assert found.comparison("cc_from_lengths").tip_position == pytest.approx(expected)
+    assert found.calibration is not None
+    assert found.calibration.gain == pytest.approx(1.02, abs=2e-3)
+    assert found.comparison("rod_calibrated").mean < 3 * NOISE
+    assert found.loads.label == "row"
+    assert not any("lengths were not measured" in note for note in found.notes)
+
+
+def test_a_tool_is_compared_where_it_is(robot: bs.Robot, bench: Measurements) -> None:
+    tool = np.array([0.0, 0.0, 0.02])
+    assert robot.hash != load_robot("amouri2019").hash
+    plain = made(repeats=1)
+    actual = robot.with_({"segments.0.tendons.friction": 0.1, "segments.0.backbone.E": 1.05 * 35e9})
+    turned = bs.sweep(actual, plain.tensions, disks=False).tip_rotation
+    moved = FRAME.inverse().apply(FRAME.apply(plain.tip) + turned @ tool)
+    found = judge_data(robot, replace(plain, points=moved[:, None], tool=tool), 0.01)
+    assert found.comparison("rod_calibrated").mean < 3 * NOISE
+    assert any("from the tip in its axes" in note for note in found.notes)
+
+
+def test_a_real_robot(public_data: Callable[[str], Path]) -> None:
+    """Measured: three segments, nine tendons driven by pulls, motion capture."""
+    public_data("crl-ftdcr-mocap")
+    data = load("crl-ftdcr-mocap", "train").select(slice(0, 400))
+    found = judge_data(load_robot("crl-ftdcr-v4"), data, 0.01)
+    assert found.label == "measured: crl-ftdcr-mocap, train"
+    order = [found.comparison(n).mean for n in ("rod_calibrated", "rod", "cc_from_lengths")]
+    assert order == sorted(order) and order[0] < 7e-3 < 15e-3 < order[2]
+    assert found.comparison("cc_calibrated").mean > order[0]
+    assert found.residuals is not None and found.residuals.is_noise is False
+    assert "cc_from_force" not in found.models and len(found.gains) == 3
+    assert any("a study holds friction" in note for note in found.notes)
+    assert "neighbouring rows" in found.loads.resampled[1]
+
+
+# -- bad input ---------------------------------------------------------------------------------
+
+
+def test_measurements_that_cannot_be_judged(robot: bs.Robot, bench: Measurements) -> None:
+    count = len(bench)
+    gap = bench.points.copy()
+    gap[4] = np.nan
+    still = np.broadcast_to(bench.points[:1], bench.points.shape)
+    cases: list[tuple[Measurements, str]] = [
+        (bench.select([3]), "there is one row"),
+        (bench.select([1, 5, 9]), "there are 3 rows"),
+        (bench.select(np.flatnonzero(bench.tensions[:, 0] == 0.0)), "all rows are at one load"),
+        (bench.select(np.flatnonzero(bench.tensions[:, 0] < 6.0)), "at 2 loads only"),
+        (replace(bench, points=gap), "1 of 99 rows have no measured tip (lines 6)"),
+        (replace(bench, points=still), "the tip is in the same place"),
+        (replace(bench, points=np.zeros((count, 0, 3)), bend=np.zeros(count)), "angles only"),
+        (replace(bench, scale=None), "in pixels"),
+    ]
+    for data, words in cases:
+        with pytest.raises(InputError, match=re.escape(words)):
+            check_measurements(robot, data)
+    with pytest.raises(InputError, match="drive 3 tendons, rao2021 has 6"):
+        check_measurements(load_robot("rao2021"), bench)
+    many = bench.select(np.arange(count).repeat(300))
+    with pytest.raises(InputError, match="29700 rows are too many"):
+        check_measurements(robot, many)
+
+
+def test_swapped_tendons_are_named_before_any_work() -> None:
+    robot = load_robot("rao2021")
+    rng = np.random.default_rng(1)
+    tensions = rng.uniform(0, 1.5, (40, 6)) * (rng.random((40, 6)) < 0.5)
+    tips = bs.solve_batch(robot, tensions).tip_position
+    data = Measurements(
+        source="synthetic",
+        name="swapped",
+        tensions=tensions[:, [0, 1, 2, 4, 3, 5]],
+        pulls=np.full((40, 6), np.nan),
+        points=tips[:, None],
+        line=np.arange(40),
+        group=np.full(40, ""),
+        repeat=np.ones(40, int),
+    )
+    with pytest.raises(InputError, match="4 and 5"):
+        check_measurements(robot, data)
+
+
+# -- the study and its report ------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def whole(robot: bs.Robot, bench: Measurements) -> study.Study:
+    return bs.study(robot, measurements=bench, points=5)  # type: ignore[operator]
+
+
+@pytest.fixture(scope="module")
+def written(whole: study.Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return report.write(whole, tmp_path_factory.mktemp("study") / "out")
+
+
+def test_the_json_has_the_comparisons_and_the_block(written: Path, whole: study.Study) -> None:
+    content = json.loads((written / "study.json").read_text(encoding="utf-8"))
+    against = [c for c in content["comparisons"] if c["against"] == "measurement"]
+    assert {c["name"] for c in against} == set(DATA_MODELS)
+    for name in ("cc_from_lengths", "cc_from_force", "cc_calibrated", "rod", "rod_calibrated"):
+        first, *others = (c for c in against if c["name"] == name)
+        assert first["registered"] is True and first["frame"] == "calibrated"
+        assert {c["frame"] for c in others} == {"as_measured", "own"}
+        assert first["interval_95"]["mean_mm"][0] <= first["mean_mm"]
+    block = content["measurements"]
+    assert {"source", "name", "rows", "left_out", "registration", "calibration", "residuals"} <= (
+        set(block)
+    )
+    assert block["source"] == "synthetic" and block["rows"] == 99 and block["left_out"] == 0
+    assert block["residuals"]["noise"] is True
+    assert block["bootstrap"]["resamples"] == 2000 and block["bootstrap"]["units"] == 17
+    assert content["data"] == "simulated; synthetic: a made bench"
+    assert whole.comparison("rod_calibrated", "measurement").registered  # type: ignore[attr-defined]
+    # the simulated part is the one without measurements
+    assert [c for c in content["comparisons"] if c["against"] != "measurement"] == [
+        c.to_dict() for c in study.run(whole.robot, points=5).comparisons
+    ]
+
+
+def test_the_page_has_the_figures_and_says_what_the_data_are(
+    written: Path, whole: study.Study
+) -> None:
+    source = (written / "report.html").read_text(encoding="utf-8")
+    text = " ".join(re.sub(r"<svg.*?</svg>|<[^>]*>", " ", source, flags=re.DOTALL).split())
+    assert whole.data is not None
+    for sentence in (*whole.data.text, *whole.data.notes):
+        assert " ".join(sentence.split()) in text.replace("&#39;", "'").replace("&amp;", "&")
+    for figure in study.DATA_FIGURES:
+        assert f'id="{figure.stem}"' in source
+        for ending in ("png", "pdf"):
+            assert (written / "figures" / f"{figure.stem}.{ending}").is_file()
+        drawn = re.search(rf'id="{figure.stem}">.*?</svg>', source, flags=re.DOTALL)
+        assert drawn is not None and "synthetic" in drawn.group()
+        assert re.search(rf'id="{figure.stem}">.*?Synthetic: a made bench\. ', source, re.DOTALL)
+    page = read(written / "report.html")
+    assert page.open == [] and len(page.ids) == len(set(page.ids))
+    assert all(r.startswith("#") and r[1:] in page.ids for r in page.references)
+    assert "not registered" in text and "bootstrap intervals at 95 %" in text
+    assert len(re.findall("<caption>", source)) == len(re.findall("<table>", source))
+    assert "measured tip (mm)" not in text  # nothing here was measured
+
+
+def test_the_tables_say_in_each_row_what_the_data_are(written: Path, whole: study.Study) -> None:
+    with (written / "tables" / "measured.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 99 and {row["source"] for row in rows} == {"synthetic"}
+    assert whole.data is not None
+    assert float(rows[5]["registered_x_mm"]) == pytest.approx(whole.data.point[5, 0] * 1e3)
+    best = whole.data.comparison("rod_calibrated").tip_position[5, 2] * 1e3
+    assert float(rows[5]["rod_calibrated_z_mm"]) == pytest.approx(best)
+    with (written / "tables" / "measured_comparisons.csv").open(encoding="utf-8") as file:
+        table = list(csv.DictReader(file))
+    assert len(table) == 21 and {row["registered"] for row in table} == {"yes", "no"}
+    with (written / "tables" / "comparisons.csv").open(encoding="utf-8") as file:
+        assert all(row["against"] != "measurement" for row in csv.DictReader(file))
+
+
+def test_without_a_calibration_the_rest_is_there(
+    robot: bs.Robot, bench: Measurements, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: Any) -> None:
+        raise NoSolutionError("99 rows have no solution to begin with")
+
+    monkeypatch.setattr(calibrated, "calibrate", fails)
+    found = study.run(robot, measurements=bench, points=3)
+    assert found.data is not None
+    assert "rod_calibrated" not in found.data.models and found.data.frame_by == "rod"
+    assert {"cc_from_force", "cc_calibrated", "rod"} <= set(found.data.models)
+    assert any("99 rows have no solution to begin with" in note for note in found.data.notes)
+    content = found.to_dict()["measurements"]
+    assert content["calibration"] is None and content["residuals"] is None
+    folder = report.write(found, tmp_path / "out")
+    source = (folder / "report.html").read_text(encoding="utf-8")
+    assert 'id="fig12_measured_comparison"' in source
+    assert 'id="measured_residuals"' not in source
+
+
+def test_the_fewest_rows_are_judged(robot: bs.Robot, bench: Measurements) -> None:
+    found = judge_data(robot, bench.select([0, 5, 10, 16]), 0.01)
+    assert found.comparison("rod").n == 4
+    assert found.residuals is not None
+    assert found.residuals.order_chance != found.residuals.order_chance  # not tested
+
+
+def test_the_command(shell: Shell, bench: Measurements, tmp_path: Path) -> None:
+    table = write_measurements(bench.select(bench.repeat == 1), tmp_path / "bench.csv")
+    set_gravity = ("--set", "gravity=0 0 -9.81 m/s^2")
+    code, out, _ = shell(
+        "study", "amouri2019", "--measurements", str(table), "--points", "3", *set_gravity,
+        "--out", str(tmp_path / "out"),
+    )  # fmt: skip
+    assert code == 0
+    assert "Tip error against the data; synthetic: a made bench" in out
+    assert "The residuals are noise" in " ".join(out.split())
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_what_the_command_refuses(shell: Shell, bench: Measurements, tmp_path: Path) -> None:
+    one = write_measurements(bench.select([3]), tmp_path / "one.csv")
+    for args, words in (
+        (["amouri2019", "--measurements", str(one)], "there is one row"),
+        (["rao2021", "--measurements", str(one)], "drives 3 tendons"),
+        (["amouri2019", "--measurements", str(tmp_path / "none.csv")], "none.csv"),
+        (["amouri2019", "--mapping", "m.yaml"], "name the table by --measurements"),
+    ):
+        assert words in shell.error("study", *args, "--out", str(tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_study_of_51_points_is_quick(tmp_path: Path) -> None:
+    data: Any = made(unload=False)
+    assert len(data) == 51
+    robot = load_robot("amouri2019")
+    before = time.process_time()
+    judge_data(robot, data, 0.01)
+    # of 15 s for the whole study; what is left is drawing. CPU time: other work may run beside
+    assert time.process_time() - before < 5.0

@@ -1,0 +1,83 @@
+"""Whether residuals are called noise when they are, and only then."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bowstring.noise import CHANCE, noise_test
+
+SIGMA = 2e-5
+ROWS = 99
+
+
+def made(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """White noise, three runs, 33 cells that repeat in each."""
+    rng = np.random.default_rng(seed)
+    return (
+        rng.normal(scale=SIGMA, size=(ROWS, 3)),
+        np.repeat([0, 1, 2], 33),
+        np.tile(np.arange(33), 3),
+    )
+
+
+def test_noise_is_called_noise_as_often_as_the_tests_say() -> None:
+    alarms = 0
+    for seed in range(300):
+        residual, run, cell = made(seed)
+        alarms += not noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA)).is_noise
+    # two tests decide, each at CHANCE; 300 draws of 1 % give 8 with a chance of 1 %
+    assert alarms <= 8
+    assert pytest.approx(0.005) == CHANCE
+
+
+def test_a_course_along_the_load_is_not_noise() -> None:
+    residual, run, cell = made(1)
+    course = SIGMA * np.sin(2.0 * np.pi * cell / 33.0)
+    found = noise_test(residual + 1.5 * course[:, None], run, cell, 0)
+    assert found.in_order and found.wrong_size and found.is_noise is False
+    assert "are not noise" in found.text and "correlate" in found.text
+
+
+def test_a_course_without_repeats_or_sigma_is_still_seen() -> None:
+    residual, run, _ = made(2)
+    course = 2.0 * SIGMA * np.sin(np.arange(ROWS) / 5.0)
+    found = noise_test(residual + course[:, None], run, np.arange(ROWS), 0)
+    assert math.isnan(found.size_chance) and math.isnan(found.fit_chance)
+    assert found.is_noise is False
+
+
+def test_a_stated_sigma_that_is_too_small_is_told_from_a_wrong_model() -> None:
+    residual, run, cell = made(3)
+    found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA / 2))
+    assert found.size_chance < CHANCE and found.is_noise is True
+    assert "stated uncertainty is too small" in found.text
+    # without repeats nothing else can be to blame
+    alone = noise_test(residual, run, np.arange(ROWS), 0, np.full(ROWS, SIGMA / 2))
+    assert alone.is_noise is False
+
+
+def test_a_shift_between_runs_is_seen_though_it_widens_the_scatter() -> None:
+    residual, run, cell = made(4)
+    found = noise_test(residual + 3.0 * SIGMA * (run[:, None] - 1), run, cell, 0)
+    assert not found.wrong_size and found.in_order
+
+
+def test_sizes_are_those_of_the_data() -> None:
+    residual, run, cell = made(5)
+    found = noise_test(residual, run, cell, 8, np.full(ROWS, SIGMA))
+    assert found.dof == 3 * ROWS - 8
+    assert found.rms == pytest.approx(np.sqrt(np.sum(residual**2) / found.dof))
+    assert found.scatter == pytest.approx(SIGMA, rel=0.15)
+    far = residual.copy()
+    far[7, 2] = 20 * SIGMA
+    assert noise_test(far, run, cell, 8, np.full(ROWS, SIGMA)).far == 1
+
+
+def test_too_little_is_not_tested() -> None:
+    residual, run, cell = (a[:4] for a in made(6))
+    found = noise_test(residual, run, cell, 0)
+    assert found.is_noise is None and "cannot be said" in found.text
+    assert noise_test(residual, run, cell, 0, other_load=True).is_noise is False
