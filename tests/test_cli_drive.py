@@ -147,11 +147,3 @@ def test_a_history_of_something_else(shell: Shell, tmp_path: Path) -> None:
     assert "is no history" in shell.error(*SOLVE, "--pull", "0,0,0", *again)
     file.write_text("[" * 100_000)
     assert "is no JSON" in shell.error(*SOLVE, "--pull", "0,0,0", *again)
-
-
-def test_commands_that_do_not_know_friction(shell: Shell) -> None:
-    for arguments in (
-        ("simulate", "amouri2019", "--tension", "1,0,0"),
-        ("modes", "amouri2019"),
-    ):
-        assert "friction" in shell.error(*arguments, *RUBS)
