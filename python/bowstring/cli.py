@@ -815,6 +815,7 @@ _EXAMPLES: Final = {
     "--tolerance": '"1 %"',
     "--max-tension": "80",
     "--from": "40,0,0",
+    "--from-pull": '"10 mm",-0.005,-0.005',
     "--rise": '"500 ms"',
     "--hold": '"2 s"',
     "--dt": '"1 ms"',
