@@ -252,9 +252,11 @@ def test_a_second_interrupt_does_not_spoil_the_file(
     def stop(share: float) -> None:
         # both wait until the interpreter looks at them
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-        os.kill(os.getpid(), signal.SIGINT)
-        os.kill(os.getpid(), signal.SIGTERM)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), signal.SIGTERM)
+        finally:  # another thread may hear the first at once; children inherit the mask
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
 
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     monkeypatch.setattr(RunFile, "finish", again)
