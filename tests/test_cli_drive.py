@@ -1,4 +1,4 @@
-"""The command `solve` with pulled tendons, motor angles and histories."""
+"""`solve`, `simulate` and `modes` with pulled tendons, motor angles, friction and histories."""
 
 from __future__ import annotations
 
@@ -9,10 +9,16 @@ import numpy as np
 import pytest
 
 import bowstring as bs
+from bowstring.dynamics import Table, ramp
+from bowstring.runfile import read_run
 from shell import Shell, refuses
 
 SOLVE = ("solve", "amouri2019")
 RUBS = ("--set", "segments.0.tendons.friction=0.1")
+SPOOL = ("--set", "segments.0.tendons.spool_radius=10 mm")
+SIMULATE = ("simulate", "amouri2019")
+BRIEF = ("--rise", "0.1", "--hold", "0.1")
+NAN = float("nan")
 
 
 def test_pulls(shell: Shell) -> None:
@@ -149,9 +155,145 @@ def test_a_history_of_something_else(shell: Shell, tmp_path: Path) -> None:
     assert "is no JSON" in shell.error(*SOLVE, "--pull", "0,0,0", *again)
 
 
-def test_commands_that_do_not_know_friction(shell: Shell) -> None:
-    for arguments in (
-        ("simulate", "amouri2019", "--tension", "1,0,0"),
-        ("modes", "amouri2019"),
-    ):
-        assert "friction" in shell.error(*arguments, *RUBS)
+# -- simulate and modes ------------------------------------------------------------------------
+
+
+def spooled() -> bs.Robot:
+    return bs.load_robot("amouri2019", {"segments.0.tendons.spool_radius": "10 mm"})
+
+
+def test_motion_by_pulls(shell: Shell) -> None:
+    found = shell.json(*SIMULATE, "--pull", "20 mm,-0.03,-3 cm", *BRIEF, "--mass-damping", "5")
+    expected = bs.simulate(
+        bs.load_robot("amouri2019"),
+        pulls=ramp([0.02, -0.03, -0.03], 0.1),
+        duration=0.2,
+        mass_damping=5.0,
+    )
+    np.testing.assert_allclose(found["tip_position_m"], expected.tip_position, atol=1e-9)
+    settings = found["provenance"]["settings"]
+    assert settings["pulls_m"]["values"] == [[0, 0, 0], [0.02, -0.03, -0.03]]
+    assert settings["initial_pulls_m"] == [0, 0, 0] and "initial_tensions_N" not in settings
+
+
+def test_motion_by_a_mix_from_a_start(shell: Shell) -> None:
+    """What a list of the start leaves out starts from nothing."""
+    flags = ("--tension", "5,-,-", "--pull", "-,2 mm,-", "--angle=-,-,-0.1")
+    found = shell.json(*SIMULATE, *SPOOL, *flags, "--from-pull=-,1 mm,0.5 mm", *BRIEF)
+    expected = bs.simulate(
+        spooled(),
+        Table([0, 0.1], [[0, NAN, NAN], [5, NAN, NAN]]),
+        0.2,
+        pulls=Table([0, 0.1], [[NAN, 0.001, NAN], [NAN, 0.002, NAN]]),
+        angles=Table([0, 0.1], [[NAN, NAN, 0.05], [NAN, NAN, -0.1]]),
+    )
+    np.testing.assert_allclose(found["tip_position_m"], expected.tip_position, atol=1e-9)
+    assert found["tip_position_m"][0][1] != 0
+
+
+def test_a_release_of_elastic_tendons(shell: Shell) -> None:
+    elastic = ("--set", "segments.0.tendons.axial_stiffness=20 kN")
+    flags = ("--pull", "0,0,0", "--from-pull", "10 mm,-1 cm,-0.01", "--rise", "0", "--hold", "0.1")
+    found = shell.json(*SIMULATE, *elastic, *flags)
+    assert found["tip_position_m"][0][0] > 0.09 > found["tip_position_m"][-1][0]
+
+
+TABLE = "t_s,tension_1_N,pull_2_mm,angle_3_deg\n0,0,0,0\n0.1,5,1,-10\n0.2,5,1,-10\n"
+
+
+def test_a_table_of_mixed_columns(shell: Shell, tmp_path: Path) -> None:
+    path = tmp_path / "mixed.csv"
+    path.write_text(TABLE)
+    found = shell.json(*SIMULATE, *SPOOL, "--table", str(path))
+    run = bs.simulate(
+        spooled(),
+        ramp([5, NAN, NAN], 0.1),
+        0.2,
+        pulls=ramp([NAN, 0.001, NAN], 0.1),
+        angles=ramp([NAN, NAN, np.deg2rad(-10)], 0.1),
+    )
+    np.testing.assert_allclose(found["tip_position_m"], run.tip_position, atol=1e-9)
+    started = shell.json(*SIMULATE, *SPOOL, "--table", str(path), "--from", "1,-,-")
+    settings = started["provenance"]["settings"]
+    assert settings["initial_tensions_N"] == [1, None, None]
+    assert settings["initial_pulls_m"] == [None, 0, 0]
+    assert "has no spool_radius" in shell.error(*SIMULATE, "--table", str(path))
+
+
+@pytest.mark.parametrize(
+    ("header", "says"),
+    [
+        ("t_s,tension_1_N,pull_1_m,tension_2_N,tension_3_N", "tendon 1 has tension_1_N and pull_1"),
+        ("t_s,pull_1_m,pull_1_mm,tension_2_N,tension_3_N", "pull_1_mm is there twice, as pull_1_m"),
+        ("t_s,pull_1_N,tension_2_N,tension_3_N,tension_4_N", 'got pull_1_N, but "N" is not a unit'),
+        ("t_s,pull_1_m,tension_2_N,tension_3_N,tension_4_N", "got tension_4_N; the robot has 3"),
+        ("t_s,pull_1_m,tension_2_N", "there is no column tension_3_N; write the header t_s"),
+    ],
+)
+def test_bad_columns(shell: Shell, tmp_path: Path, header: str, says: str) -> None:
+    path = tmp_path / "bad.csv"
+    row = ",0" * header.count(",")
+    path.write_text(f"{header}\n0{row}\n1{row}\n")
+    assert says in shell.error(*SIMULATE, "--table", str(path))
+
+
+def test_motion_with_friction_goes_on_from_a_history(shell: Shell, tmp_path: Path) -> None:
+    file, run = tmp_path / "path.json", tmp_path / "run.nc"
+    shell.json(*SOLVE, *RUBS, "--tension", "40,0,0", "--save-history", str(file))
+    loaded = shell.json(
+        *SOLVE, *RUBS, "--tension", "20,0,0", "--history", str(file), "--save-history", str(file)
+    )
+    flags = ("--tension", "20,0,0", "--from", "20,0,0", "--history", str(file), *BRIEF)
+    found = shell.json(*SIMULATE, *RUBS, *flags, "--modal-damping", "5 %", "--out", str(run))
+    tip = np.array(found["tip_position_m"])
+    np.testing.assert_allclose(tip, [loaded["tip"]["position_m"]] * len(tip), atol=1e-8)
+    assert read_run(run).span_tension[0, 8, 0] > 20.5  # it was let out
+    assert "of another robot" in shell.error(*SIMULATE, *flags)
+
+
+def test_pictures_of_a_pulled_motion(shell: Shell, tmp_path: Path) -> None:
+    vtk, gif = tmp_path / "series", tmp_path / "run.gif"
+    flags = ("--pull", "0.02,-0.03,-0.03", "--rise", "0.05", "--hold", "0.05")
+    shell.json(*SIMULATE, *flags, "--vtk", str(vtk), "--animation", str(gif))
+    assert (vtk / "run.pvd").is_file() and gif.stat().st_size > 1000
+
+
+def test_modes_of_pulls(shell: Shell) -> None:
+    robot = spooled()
+    given = {"pulls": [0.02, -0.03, -0.03]}
+    expected = bs.modes(robot, **given)
+    found = shell.json("modes", "amouri2019", "--pull", "20 mm,-30 mm,-30 mm")
+    assert [m["frequency_hz"] for m in found["modes"]] == pytest.approx(expected.frequency_hz)
+    assert found["tensions_N"] == pytest.approx(expected.tensions)
+    turned = shell.json("modes", "amouri2019", *SPOOL, "--angle=2,-3,-3")
+    assert turned["modes"][0]["frequency_hz"] == pytest.approx(expected.frequency_hz[0])
+    assert found["provenance"]["settings"]["pulls_m"] == given["pulls"]
+    stuck = shell.json("modes", "amouri2019", *RUBS, "--tension", "20,0,0")
+    free = shell.json("modes", "amouri2019", "--tension", "20,0,0")
+    assert stuck["modes"][1]["frequency_hz"] > 2 * free["modes"][1]["frequency_hz"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--pull", "0.01,-,0"], 'got "-", which is not a number'),
+        (["--pull", "0.7,0,0"], "it must be less than the tendon's length, 0.641 m"),
+        (["--pull", "0.01,0,0", "--rise", "0"], "jumps from 0 m to 0.01 m at 0 s, but its line"),
+        (["--tension", "1,-,-", "--pull", "0,0,0"], "tendon 1 has --tension and --pull"),
+        (["--tension", "1,0,0", "--from-pull", "0,0,0"], "--from-pull: got 0 for tendon 1, which"),
+        (["--pull", "0,0,0", "--from", "0,0,0"], "--from: got 0 for tendon 1, which no tension"),
+        (["--pull", "0,0,0", "--from-pull", "0,0"], "--from-pull: got 2 entries"),
+        (["--pull", "0,0,0", "--from-pull", "x,0,0"], '--from-pull: got "x"'),
+        (["--angle", "1,0,0"], "tendon 1 of amouri2019 has no spool_radius"),
+        (["--pull", "0,0,0", "--table", "a.csv"], "leave --pull out"),
+        (["--pull", "0,0,0", "--history", "none.json"], "--history: none.json cannot be read"),
+    ],
+)
+def test_bad_motion(
+    shell: Shell,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    says: str,
+) -> None:
+    refuses(shell, tmp_path, monkeypatch, says, *SIMULATE, *arguments, "--out", "run.nc")

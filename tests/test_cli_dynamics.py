@@ -17,7 +17,7 @@ import pytest
 import bowstring as bs
 from bowstring import dynamics
 from bowstring.runfile import read_run
-from bowstring.timetable import read_tensions
+from bowstring.timetable import read_drive
 from shell import Shell, process, refuses
 
 SIMULATE = ("simulate", "amouri2019")
@@ -101,7 +101,7 @@ def test_table(shell: Shell, tmp_path: Path) -> None:
 def test_table_may_jump(tmp_path: Path, robot: bs.Robot) -> None:
     path = tmp_path / "pull.csv"
     path.write_text("t_s,tension_1_N,tension_2_N,tension_3_N\n0,5,0,0\n1,5,0,0\n1,8,0,0\n2,8,0,0\n")
-    table = read_tensions(path, robot)
+    table = read_drive(path, robot)["tensions"]
     assert table.at(1.0, before=True)[0] == 5 and table.at(1.0)[0] == 8
 
 
@@ -198,10 +198,10 @@ def test_no_equilibrium_at_the_start(shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("flags", "says"),
     [
-        ([], "give --tension T1,T2,... or --table FILE"),
+        ([], "give --tension T1,T2,..., --pull P1,P2,..., --angle A1,A2,... or --table FILE"),
         (["--tension", "80,0"], "--tension: got 2 numbers"),
         (["--tension", "80,0,-1"], "a tendon cannot push"),
-        (["--tension", "80,0,0", "--from", "1"], "--from: got 1 number"),
+        (["--tension", "80,0,0", "--from", "1"], "--from: got 1 entry"),
         (["--tension", "80,0,0", "--rise", "-1"], "--rise: got -1 s; must be 0 or more"),
         (["--tension", "80,0,0", "--hold=-2 ms"], "--hold: got -0.002 s; must be 0 or more"),
         (["--tension", "80,0,0", "--rise", "nan"], '--rise: got "nan"'),

@@ -355,8 +355,11 @@ def test_fields_are_those_of_the_tensions(robot):
     found = bs.solve(robot, pulls=[0.02, -0.03, -0.03])
     fields = found.fields()
     alone = bs.solve(robot, found.tensions).fields()
+    # a tendon that hangs is paid out farther; bent by one tendon, all modules are loaded alike
+    differ = {"pull", "slack", "von_mises_max_arc_length", "von_mises_max_place"}
+    np.testing.assert_allclose(fields.pull + fields.slack, alone.pull, rtol=0, atol=1e-12)
     for name in alone.data_vars:
-        if alone[name].dtype.kind == "f":
+        if alone[name].dtype.kind == "f" and name not in differ:
             np.testing.assert_allclose(fields[name], alone[name], rtol=1e-6, atol=1e-9)
 
 
@@ -420,11 +423,8 @@ def test_pull_jacobian_of_other_drives(robot):
 def test_what_does_not_know_friction_says_so(rubbing):
     found = bs.solve(rubbing, [10, 0, 0]).raise_for_status()
     for attempt in (
-        lambda: bs.simulate(rubbing, [1, 0, 0], 0.1),
-        lambda: bs.modes(rubbing),
         lambda: bs.jacobians(found),
         lambda: bs.pull_jacobian(found),
-        lambda: found.fields(),
     ):
         with pytest.raises(InputError, match=r"friction|rub") as error:
             attempt()

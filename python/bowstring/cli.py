@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -1092,6 +1092,7 @@ _EXAMPLES: Final = {
     "--tolerance": '"1 %"',
     "--max-tension": "80",
     "--from": "40,0,0",
+    "--from-pull": '"10 mm",-0.005,-0.005',
     "--rise": '"500 ms"',
     "--hold": '"2 s"',
     "--dt": '"1 ms"',
@@ -1390,11 +1391,10 @@ def _driven_over_time(
     """What the flags of `simulate` say of the tendons, as it takes them, and the duration."""
     from bowstring.courses import Table
 
-    names = {"tensions": ("--from", "N"), "pulls": ("--from-pull", "m")}
-    start: dict[str, Any] = {}
-    for (name, (flag, si)), text in zip(names.items(), before, strict=True):
-        if text is not None:
-            start[name] = _some_tendons(flag, text, si, robot)
+    starts = {
+        flag: None if text is None else _some_tendons(flag, text, si, robot)
+        for (flag, si), text in zip((("--from", "N"), ("--from-pull", "m")), before, strict=True)
+    }
     if table is not None:
         from bowstring.timetable import read_drive
 
@@ -1410,7 +1410,9 @@ def _driven_over_time(
             raise InputError(
                 f"--table: it takes {duration:g} s; a run of up to {LONGEST_RUN:g} s is possible."
             )
-        return driven | {f"initial_{name}": row for name, row in start.items()}, duration
+        at_zero = {name: course.at(0.0, before=True).tolist() for name, course in driven.items()}
+        begin = _starts(robot, starts, at_zero)
+        return driven | {f"initial_{name}": row for name, row in begin.items()}, duration
     if wanted == (None, None, None):
         raise InputError(
             "what drives the tendons is missing: give --tension T1,T2,..., --pull P1,P2,..., "
@@ -1430,22 +1432,43 @@ def _driven_over_time(
             f"{flag}: the run takes {duration:g} s; up to {LONGEST_RUN:g} s are possible."
         )
     nan = float("nan")
-    driven = {}
-    for name, end in ends.items():
-        flag = names[name][0] if name in start else ""
-        if end is None:
-            if flag:
-                raise InputError(f"{flag}: no tendon moves by {name}, so none can start so.")
-            continue
-        begin = start.get(name, [0.0] * len(end))
-        for i, (a, b) in enumerate(zip(begin, end, strict=True)):
-            if flag and (a is None) != (b is None):
-                raise InputError(f"{flag}: give tendon {i + 1} a number in both lists or in none.")
-        rows = [
-            [nan if b is None else v for v, b in zip(r, end, strict=True)] for r in (begin, end)
-        ]
-        driven[name] = Table([0.0, rising], rows)
-    return driven, duration
+    rows = {
+        name: [nan if v is None else v for v in end]
+        for name, end in ends.items()
+        if end is not None
+    }
+    at_zero = {name: [0.0 * v for v in row] for name, row in rows.items()}
+    begin = at_zero | _starts(robot, starts, at_zero)
+    return {name: Table([0.0, rising], [begin[name], row]) for name, row in rows.items()}, duration
+
+
+def _starts(
+    robot: Robot, starts: Mapping[str, _Driven | None], at_zero: Mapping[str, list[float]]
+) -> dict[str, list[float]]:
+    """Tensions, pulls and angles of the start: those of --from and --from-pull, else at time 0.
+
+    NaN stands for a tendon that is driven otherwise; nothing if nothing is asked for.
+    """
+    found = {name: list(row) for name, row in at_zero.items()}
+    asked = False
+    for flag, start in starts.items():
+        kinds = ("tensions",) if flag == "--from" else ("pulls", "angles")
+        for i, value in enumerate(start or ()):
+            mine = [name for name in kinds if name in found and not math.isnan(found[name][i])]
+            if value is None:
+                continue
+            if not mine:
+                other = "tension" if flag == "--from" else "pull or angle"
+                raise InputError(
+                    f"{flag}: got {value:g} for tendon {i + 1}, which no {other} moves; write - "
+                    "for it."
+                )
+            asked = True
+            radius = float(robot.tendons.spool_radius_m[i])
+            if mine == ["angles"] and not math.isnan(radius):  # else simulate says what is missing
+                value /= radius
+            found[mine[0]][i] = value
+    return found if asked else {}
 
 
 def _tendon_count(robot: Robot) -> int:

@@ -64,7 +64,10 @@ class Table:
         for name, array in (("times", self.times), ("values", self.values[:, said])):
             if not np.isfinite(array).all():
                 row = int(np.argwhere(~np.isfinite(array))[0][0])
-                raise InputError(f"the {name} of a table over time are not finite in row {row}")
+                text = f"the {name} of a table over time are not finite in row {row}"
+                if name == "values" and not np.isinf(array).any():
+                    text += "; a tendon that is driven otherwise has NaN in all rows"
+                raise InputError(text)
         gaps = np.diff(self.times)
         if (gaps < 0).any():
             row = int(np.argmax(gaps < 0)) + 1
@@ -219,15 +222,34 @@ class Driven:
             if value is not None
         }
         self._alone = self._courses["tensions"] if alone else None
+        self._longest = robot.disks.station_m[robot.tendons.end_disk]
         self.pulled: Bools = np.zeros(count, bool)
         if not alone:
             self.pulled, _ = self._commands(0.0, before=True)
+            if not self.is_sampled:  # what is wrong later on is wrong before the work
+                knots = np.array(sorted({0.0, *self.knots()}))
+                for before in (True, False):
+                    self.rows(knots, before=before)
 
     def _commands(self, time: float, *, before: bool) -> tuple[Bools, Floats]:
         rows = {name: c.at(time, before=before) for name, c in self._courses.items()}
-        return drive.commands(
-            self._robot, rows.get("tensions"), rows.get("pulls"), rows.get("angles")
-        )
+        try:
+            return drive.commands(
+                self._robot, rows.get("tensions"), rows.get("pulls"), rows.get("angles")
+            )
+        except InputError as error:
+            if not self.is_sampled:
+                raise
+            raise InputError(f"at {time:.6g} s: {error}") from None
+
+    def _check_lengths(self, times: Floats, values: Floats) -> None:
+        long = self.pulled & (values >= self._longest)
+        if long.any():
+            k, i = np.argwhere(long)[0]
+            raise InputError(
+                f"the pull of tendon {i + 1} is {values[k, i]:g} m at {times[k]:.6g} s, it must be "
+                f"less than the tendon's length, {self._longest[i]:g} m"
+            )
 
     def at(self, time: float, *, before: bool = False) -> Floats:
         """Tension in N or pull in m of each tendon (T,) at a time, after a jump or before it."""
@@ -240,13 +262,21 @@ class Driven:
                 f"tendon {i + 1} changes between a tension and a pull at {time:.6g} s; in a "
                 "motion each stays what it is"
             )
+        self._check_lengths(np.array([time]), values[None, :])
         return values
 
     def rows(self, times: Floats, *, before: bool = False) -> Floats:
         """The same at several times (K,): (K, T)."""
         if self._alone is not None:
             return self._alone.rows(times, before=before)
-        return np.array([self.at(t, before=before) for t in times.tolist()])
+        if self.is_sampled:
+            return np.array([self.at(t, before=before) for t in times.tolist()])
+        rows = {name: c.rows(times, before=before) for name, c in self._courses.items()}
+        _, values = drive.commands(
+            self._robot, rows.get("tensions"), rows.get("pulls"), rows.get("angles"), rows=True
+        )
+        self._check_lengths(times, values)
+        return values
 
     def knots(self) -> set[float]:
         """The times of corners and jumps."""

@@ -180,7 +180,16 @@ class Path:
 
     __slots__ = ("core", "robot", "settings")
 
-    def __init__(self, robot: Robot, theory: str, tendon: str, twist: bool, elements: int) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        theory: str,
+        tendon: str,
+        twist: bool,
+        elements: int,
+        *,
+        rubs: bool = True,
+    ) -> None:
         from bowstring import _core
 
         tendons = robot.tendons
@@ -195,7 +204,7 @@ class Path:
             tendons.axial_stiffness_N,
             tendons.free_length_m,
             tendons.compliance_m_per_N,
-            tendons.friction,
+            tendons.friction if rubs else np.zeros_like(tendons.friction),
             tendons.pretension_N,
         )
 

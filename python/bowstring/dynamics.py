@@ -25,7 +25,7 @@ from bowstring import drive as driving
 from bowstring.courses import Driven, Load, Loads, OverTime, Table, over_time, ramp, step
 from bowstring.drive import Given
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.oscillations import Modes, modes
+from bowstring.oscillations import Modes, about, modes
 from bowstring.rod import TendonPath, Theory
 
 if TYPE_CHECKING:
@@ -255,7 +255,8 @@ def simulate(
         Length that each tendon is taken in by since the home pose in m, negative if it is paid out;
         or the angle of its motor in rad, by the robot's ``spool_radius``. Each tendon has one of
         tension, pull and angle, and NaN or None (in a table a column of NaN) in the others. A pull
-        jumps only where the tendon's line stretches.
+        jumps only where the tendon's line stretches (it has ``axial_stiffness`` or
+        ``compliance``).
     tip_force, tip_moment : Table, callable or array_like (3,)
         Dead loads at the tip over time, base axes, N and N m.
     initial_tensions, initial_pulls, initial_angles : array_like (T,), optional
@@ -277,7 +278,7 @@ def simulate(
     modal_damping : float, optional
         Instead of these two: a ratio of critical damping (0.01 is 1 %) that the slowest mode has,
         and the first that is at least twice as fast, about the equilibrium at the start (forces on
-        disks left out).
+        disks and friction left out). There a tendon that is pulled keeps its length if it is taut.
     spectral_radius : float
         Numerical damping: what a long step leaves of the fastest oscillation, 0 to 1. At 1 there
         is none, and energy is conserved.
@@ -370,6 +371,7 @@ def simulate(
                 f"initial_disk_forces must be finite, of shape ({len(robot.disks.station_m)}, 3) "
                 f"in N; got shape {holding.shape}"
             )
+    _check_jumps(robot, loads.drive, initial.drive, duration)
     settings: dict[str, Any] = {
         "theory": theory,
         "gravity_m_per_s2": [float(g) for g in (robot.gravity if gravity is None else gravity)],
@@ -384,8 +386,7 @@ def simulate(
         "tolerance_m": None if dt is not None else tolerance,
         "every_s": every,
         **loads.to_dict(),
-        "initial_drive": initial.drive.tolist(),
-        "pulled": loads.drive.pulled.tolist(),
+        **_told(loads.drive.pulled, initial.drive),
         "initial_tip_force_N": initial.tip_force.tolist(),
         "initial_tip_moment_Nm": initial.tip_moment.tolist(),
         "initial_disk_forces_N": None if holding is None else holding.tolist(),
@@ -395,10 +396,10 @@ def simulate(
         if mass_damping or material_damping:
             raise InputError("give modal_damping, or mass and material damping, not both")
         ratio = arguments.number("modal_damping", modal_damping, zero=True)
-        physics = {"theory": theory, "gravity": gravity, "tendon": tendon}
+        physics = (theory, tendon, twist, elements)
         try:
             mass_damping, material_damping = _rayleigh(
-                robot, ratio, initial, twist=twist, elements=elements, **physics
+                robot, ratio, loads.drive.pulled, initial, physics, gravity
             )
         except NoSolutionError as error:
             settings["mass_damping_per_s"] = settings["material_damping_s"] = None
@@ -518,7 +519,10 @@ def simulate(
             run.wall_s += clock.perf_counter() - begun
             take(result)
             if result["stop"] is not None:
-                finish(result["stop"], _WHY[result["stop"]])
+                why = _WHY[result["stop"]]
+                if result["stop"] == "step_failed" and loads.drive.pulled.any():
+                    why += _PULLS
+                finish(result["stop"], why)
                 return run
             reached += float(stretches[0].sum())
             for jump in jumps:
@@ -567,6 +571,7 @@ _WHY: Final[dict[str, str]] = {
     "motion (a little), or give a larger tolerance",
     "collision": "two neighbouring disks met: the load closes the gap between them",
 }
+_PULLS: Final = "; bowstring.solve tells whether the pulls of that time fight each other"
 
 
 def _given(name: str, value: ArrayLike | None, otherwise: Floats) -> Floats:
@@ -588,6 +593,11 @@ def _initial(
     if pulls is None and angles is None and not course.pulled.any():
         return arguments.row("initial_tensions", tensions, len(otherwise), "N")
     pulled, values = driving.commands(robot, tensions, pulls, angles)
+    if np.isnan(values).any():
+        raise InputError(
+            f"tendon {int(np.argmax(np.isnan(values))) + 1} has no start; give it one of "
+            "initial_tensions, initial_pulls and initial_angles"
+        )
     if (pulled != course.pulled).any():
         i = int(np.argmax(pulled != course.pulled))
         raise InputError(
@@ -595,6 +605,33 @@ def _initial(
             f"{'a pull' if course.pulled[i] else 'a tension'}; give it the same in both"
         )
     return values
+
+
+def _told(pulled: NDArray[np.bool_], row: Floats) -> dict[str, list[float | None]]:
+    """How each tendon is driven at the start, for a file; None where it is driven otherwise."""
+    kinds = {"initial_tensions_N": ~pulled, "initial_pulls_m": pulled}
+    return {
+        name: [v if own else None for v, own in zip(row.tolist(), mine.tolist(), strict=True)]
+        for name, mine in kinds.items()
+        if mine.any()
+    }
+
+
+def _check_jumps(robot: Robot, course: Driven, initial: Floats, duration: float) -> None:
+    """Refuse a pull that jumps where nothing gives way to it."""
+    stiff = course.pulled & (driving.compliances(robot) == 0)
+    if not stiff.any():
+        return
+    jumps = sorted(time for time in course.jumps() if 0 < time < duration)
+    for time in (0.0, *jumps):
+        old = course.at(time, before=True) if time else initial
+        new = course.at(time)
+        for i in np.flatnonzero(stiff & (old != new))[:1].tolist():
+            raise InputError(
+                f"the pull of tendon {i + 1} jumps from {old[i]:g} m to {new[i]:g} m at "
+                f"{time:g} s, but its line does not stretch; let it take some time, or give the "
+                "tendon an axial_stiffness or a compliance"
+            )
 
 
 def _output_times(duration: float, every: float) -> Floats:
@@ -611,11 +648,29 @@ def _output_times(duration: float, every: float) -> Floats:
     return times
 
 
-def _rayleigh(robot: Robot, ratio: float, load: Load, **physics: Any) -> tuple[float, float]:
+def _rayleigh(
+    robot: Robot,
+    ratio: float,
+    pulled: NDArray[np.bool_],
+    load: Load,
+    physics: tuple[Theory, TendonPath, bool, int],
+    gravity: Sequence[float] | None,
+) -> tuple[float, float]:
     """Mass damping in 1/s and material damping in s that give two modes a damping ratio."""
     if load.tip_moment.any():
         raise InputError("modal_damping needs modes, and a tip moment leaves none: give the others")
-    found = modes(robot, load.drive, tip_force=load.tip_force, count=12, **physics)
+    # holes that stick would lock spans that slip as soon as the robot moves
+    path = driving.Path(robot, *physics, rubs=False) if pulled.any() else None
+    found = about(
+        robot,
+        pulled,
+        load.drive,
+        path,
+        physics,
+        gravity=gravity,
+        tip_force=load.tip_force,
+        count=12,
+    )
     slow = 2.0 * np.pi * float(found.frequency_hz[0])
     faster = found.frequency_hz[found.frequency_hz >= 2.0 * found.frequency_hz[0]]
     fast = 2.0 * np.pi * float(faster[0]) if len(faster) else 10.0 * slow

@@ -133,8 +133,6 @@ def modes(
     NoSolutionError
         If there is no stable equilibrium.
     """
-    from bowstring import _core
-
     arguments.check_robot(robot)
     if tensions is None and pulls is None and angles is None:
         tensions = np.zeros(robot.core.tendon_count)
@@ -145,20 +143,42 @@ def modes(
     arguments.check_choices(theory, tendon, twist, elements)
     if gravity is not None:
         gravity = arguments.row("gravity", gravity, 3, "m/s^2").tolist()
+    physics = (theory, tendon, twist, int(elements))
+    path = None
     if pulled.any() or robot.has_friction or history is not None:
-        path = drive.Path(robot, theory, tendon, twist, elements)
+        path = drive.Path(robot, *physics)
         if history is not None:
             path.resume(history)
-        solution = path.core.step(pulled, row, gravity, force, np.zeros(3))
+    else:
+        arguments.check_values("tensions", row)
+    return about(robot, pulled, row, path, physics, gravity=gravity, tip_force=force, count=count)
+
+
+def about(
+    robot: Robot,
+    pulled: NDArray[np.bool_],
+    row: Floats,
+    path: drive.Path | None,
+    physics: tuple[Theory, TendonPath, bool, int],
+    *,
+    gravity: Sequence[float] | None,
+    tip_force: Floats,
+    count: int,
+) -> Modes:
+    """Modes about the next step of a path or, if there is none, about tensions."""
+    from bowstring import _core
+
+    if path is not None:
+        solution = path.core.step(pulled, row, gravity, tip_force, np.zeros(3))
         status = solution.status
         answer = _core.flexibility_at(path.core) if status == "converged" else None
     else:
-        arguments.check_values("tensions", row)
+        theory, tendon, twist, elements = physics
         status, answer = _core.flexibility(
-            robot.core, row, theory, gravity, force, tendon, twist, elements
+            robot.core, row, theory, gravity, tip_force, tendon, twist, elements
         )
         solution = robot.core.solve(
-            row, theory, gravity, force, np.zeros(3), tendon, twist, elements
+            row, theory, gravity, tip_force, np.zeros(3), tendon, twist, elements
         )
     if answer is None:
         raise NoSolutionError(

@@ -159,4 +159,5 @@ def _wanted(count: int) -> str:
     names = ["t_s", "tension_1_N"] + (["tension_2_N"] if count > 1 else [])
     if count > 2:
         names += (["..."] if count > 3 else []) + [f"tension_{count}_N"]
-    return f"write the header {','.join(names)}"
+    text = f"write the header {','.join(names)}"
+    return text + " (or pull_1_mm, angle_1_deg for a tendon that is driven so)"

@@ -143,6 +143,8 @@ struct Driven {
     transmission: Transmission,
     /// At the start of the step.
     old: History,
+    /// Length of each tendon that hangs there, m.
+    slack: Vec<f64>,
     /// Of the step.
     commands: Vec<Command>,
     /// What each tendon lacks or has too much in the iteration before, m.
@@ -156,6 +158,7 @@ impl Driven {
         transmission.fine = FINE;
         transmission.rest = REST * length;
         Driven {
+            slack: transmission.slack.clone(),
             transmission,
             old: drive.history().clone(),
             commands: drive.history().commands.clone(),
@@ -171,6 +174,19 @@ impl Driven {
             Some(tension) if !self.transmission.rubs => tension,
             _ => self.old.tensions[i],
         }
+    }
+
+    /// Tension of a tendon's spans from base to tip at the last balance of forces, N; what a step
+    /// that failed has left in the rod is not looked at.
+    fn spans(&self, i: usize) -> impl Iterator<Item = f64> + '_ {
+        let (m, rubs) = (self.commands.len(), self.transmission.rubs);
+        let mut drop = 0.0;
+        (0..).map(move |k| {
+            if rubs {
+                drop += self.old.drops[k * m + i];
+            }
+            self.old.tensions[i] * (-drop).exp()
+        })
     }
 
     /// Whether a tendon is pulled by a length and does not stretch.
@@ -236,6 +252,7 @@ impl Driven {
     fn arrive(&mut self, motion: &dyn Moving) -> f64 {
         let energy = self.transmission.arrive(motion);
         self.old.clone_from(&self.transmission.now);
+        self.slack.clone_from(&self.transmission.slack);
         energy
     }
 }
@@ -808,14 +825,13 @@ impl Simulator {
                     .collect();
                 self.engine.record(time, &tensions, points, fields);
                 fields.pull.extend(&driven.old.pulls);
-                fields.slack.extend(&driven.transmission.slack);
-                for k in 0..self.robot.module_count() {
-                    for (i, tendon) in self.robot.spec().tendons.iter().enumerate() {
-                        fields.span_tension.push(if k <= tendon.end_disk {
-                            self.engine.span_tension(k, i)
-                        } else {
-                            f64::NAN
-                        });
+                fields.slack.extend(&driven.slack);
+                let (n, m) = (self.robot.module_count(), now.len());
+                let first = fields.span_tension.len();
+                fields.span_tension.resize(first + n * m, f64::NAN);
+                for (i, tendon) in self.robot.spec().tendons.iter().enumerate() {
+                    for (k, span) in driven.spans(i).take(tendon.end_disk + 1).enumerate() {
+                        fields.span_tension[first + k * m + i] = span;
                     }
                 }
             }

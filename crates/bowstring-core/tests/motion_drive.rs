@@ -215,11 +215,8 @@ fn slow_motion_follows_the_path() {
         let apart = |duration: f64| {
             let mut s = settings(2e-3, 0.8);
             s.damping.mass = 20.0;
-            let (most, kind): (f64, fn(&[f64]) -> Vec<Command>) = if pulled {
-                (0.012, pulls)
-            } else {
-                (40.0, tensions)
-            };
+            let most = if pulled { 0.012 } else { 40.0 };
+            let kind = if pulled { pulls } else { tensions };
             let (mut simulator, mut drive) = at_rest(
                 &robot,
                 Model::default(),

@@ -1,0 +1,419 @@
+"""Motion and modes of robots that are driven by pulls and angles, hang slack, stretch and rub."""
+
+from __future__ import annotations
+
+import json
+import math
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.dynamics import NoStart, RunInterrupted, Table, modes, ramp, simulate, step
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.runfile import read_run
+
+NAN = math.nan
+TENDONS = "segments.0.tendons."
+STIFF = bs.load_robot("amouri2019")
+ELASTIC = bs.load_robot(
+    "amouri2019",
+    {
+        TENDONS + "axial_stiffness": "20 kN",
+        TENDONS + "free_length": "300 mm",
+        TENDONS + "pretension": "5 N",
+        TENDONS + "spool_radius": "10 mm",
+    },
+)
+RUBBING = bs.load_robot("amouri2019", {TENDONS + "friction": 0.1})
+RAO = bs.load_robot("rao2021")
+CRL = bs.load_robot("crl-ftdcr-v4")
+THREADS = {"stiff": STIFF, "elastic": ELASTIC, "rubbing": RUBBING}
+
+
+# -- motion ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("robot", "pulls"),
+    [
+        (STIFF, [0.02, -0.03, -0.03]),
+        (STIFF, [0.012, -0.0058, -0.0062]),
+        (ELASTIC, [0.004, -0.002, -0.002]),
+        (RAO, [0.004, -0.01, -0.01, 0.003, -0.01, -0.01]),
+    ],
+)
+def test_a_ramp_ends_in_the_equilibrium_of_its_pulls(robot: bs.Robot, pulls: list[float]) -> None:
+    run = simulate(
+        robot, pulls=ramp(pulls, 0.5), duration=5.0, mass_damping=15.0, material_damping=2e-3
+    ).raise_for_status()
+    rest = bs.solve(robot, pulls=pulls).raise_for_status()
+    assert rest.tip is not None and rest.slack_lengths is not None and rest.pulls is not None
+    assert np.linalg.norm(run.tip_position[-1] - rest.tip.position) < 1e-6
+    end = run.dataset.isel(time=-1)
+    np.testing.assert_allclose(end.tension, rest.tensions, rtol=0, atol=1e-3)
+    np.testing.assert_allclose(end.slack, rest.slack_lengths, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(end.pull, pulls, rtol=0, atol=1e-15)
+
+
+def test_a_tendon_hangs_by_its_surplus_or_pulls() -> None:
+    """At every output time, in a motion that throws tendons loose and catches them."""
+    for robot in (STIFF, ELASTIC):
+        pulls = [0.02, -0.01, -0.012]
+        run = simulate(robot, pulls=ramp(pulls, 0.1), duration=0.6, mass_damping=1.0)
+        fields = run.raise_for_status().dataset
+        home = bs.solve(robot, pulls=[0, 0, 0]).tendon_lengths
+        if robot is ELASTIC:
+            home = home - (0.3 + robot.length) / 20e3 * 5.0  # its stretch under the pretension
+        slack = fields.slack.values
+        surplus = home - fields.pull.values - fields.tendon_length.values
+        assert (slack >= 0).all() and (fields.tension.values >= 0).all()
+        hangs = slack > 1e-9
+        assert hangs.any(axis=0).sum() >= 2 and not hangs.all()
+        np.testing.assert_allclose(slack[hangs], surplus[hangs], rtol=0, atol=1e-12)
+        # one that is taut stretches; one that does not stretch is as long as its pull says
+        taut = ~hangs & (fields.time.values > 0)[:, None]
+        assert (surplus[taut] < 1e-9).all()
+        if robot is STIFF:
+            np.testing.assert_allclose(surplus[taut], 0, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["stiff", "elastic"])
+def test_energy_is_kept_after_a_release(name: str) -> None:
+    """Without damping, and from one output to the next: tendons that catch lose some."""
+    run = simulate(
+        THREADS[name],
+        pulls=[0.01, -0.02, -0.02],
+        duration=1.0,
+        initial_tip_force=[0.5, 0.3, 0.0],
+        spectral_radius=1.0,
+        dt=1e-3,
+    )
+    fields = run.raise_for_status().dataset
+    size = float((fields.kinetic_energy + fields.elastic_energy).max())
+    assert float(abs(fields.energy_balance).max()) < 1e-3 * size
+    assert np.diff(fields.dissipated_energy).min() > -1e-6 * size
+    assert float(abs(fields.work).max()) < 1e-9  # motors stand still
+
+
+def test_friction_takes_what_the_balance_says() -> None:
+    course = Table([0, 1, 2], [[0, 0, 0], [40, 0, 0], [0, 0, 0]])
+    fields = simulate(RUBBING, course, 2.0, spectral_radius=1.0, dt=2e-3).dataset
+    work = float(fields.work.max())
+    assert float(abs(fields.energy_balance).max()) < 2e-3 * work
+    assert np.diff(fields.dissipated_energy).min() > -1e-6 * work
+    assert float(fields.dissipated_energy[-1]) > 0.02 * work
+
+
+def test_slow_load_and_unload_follow_the_path() -> None:
+    """Tension up and down: the motion goes through the hysteresis loop of statics."""
+    course = Table([0, 10, 20], [[0, 0, 0], [40, 0, 0], [0, 0, 0]])
+    run = simulate(RUBBING, course, 20.0, mass_damping=2.0, every=0.25)
+    path = bs.sweep(RUBBING, run.raise_for_status().dataset.tension.values)
+    x, static = run.tip_position[:, 0], path.tip_position[:, 0]
+    width = static[::-1] - static
+    assert width[20] > 2e-3  # half way up, 20 N
+    assert abs(x - static).max() < 1e-3
+    assert (x[::-1] - x)[20] == pytest.approx(width[20], rel=0.2)
+
+
+def test_a_history_goes_on() -> None:
+    """From 20 N on the way down from 40 N, where friction holds the robot farther bent."""
+    path = bs.sweep(RUBBING, [[20, 0, 0], [40, 0, 0], [30, 0, 0], [20, 0, 0]])
+    history = json.loads(json.dumps(path.history))
+    run = simulate(RUBBING, [20, 0, 0], 0.1, history=history).raise_for_status()
+    np.testing.assert_allclose(run.tip_position[:, 0], path.tip_position[3, 0], atol=1e-9)
+    fresh = simulate(RUBBING, [20, 0, 0], 0.1)
+    assert fresh.tip_position[0, 0] < path.tip_position[3, 0] - 2e-3
+
+
+def test_lines_without_a_law_change_nothing() -> None:
+    """Tensions beside a history of a robot that neither stretches nor rubs."""
+    course = ramp([40, 0, 0], 0.2)
+    plain = simulate(STIFF, course, 0.5, dt=2e-3)
+    driven = simulate(STIFF, course, 0.5, dt=2e-3, history=bs.solve(STIFF, pulls=[0, 0, 0]).history)
+    np.testing.assert_allclose(driven.tip_position, plain.tip_position, rtol=0, atol=1e-9)
+
+
+def test_angles_wind_the_pulls() -> None:
+    angles = np.array([0.4, -0.2, -0.2])
+    turned = simulate(ELASTIC, angles=ramp(angles, 0.1), duration=0.2)
+    pulled = simulate(ELASTIC, pulls=ramp(0.01 * angles, 0.1), duration=0.2)
+    np.testing.assert_allclose(turned.tip_position, pulled.tip_position, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(turned.dataset.pull[-1], 0.01 * angles, rtol=0, atol=1e-15)
+    begun = simulate(ELASTIC, angles=angles, duration=0.01, initial_angles=angles)
+    assert begun.settings["initial_pulls_m"] == pytest.approx(0.01 * angles)
+
+
+@pytest.mark.parametrize("as_function", [False, True])
+def test_a_mix_over_time(as_function: bool) -> None:
+    tensions = ramp([5, NAN, NAN], 0.1)
+    pulls = ramp([NAN, 0.002, NAN], 0.1)
+    angles = ramp([NAN, NAN, -0.1], 0.1)
+    if as_function:
+        courses = [lambda t, c=course: c.at(t).tolist() for course in (tensions, pulls, angles)]
+    else:
+        courses = [tensions, pulls, angles]
+    run = simulate(ELASTIC, courses[0], 0.3, pulls=courses[1], angles=courses[2], dt=1e-3)
+    fields = run.raise_for_status().dataset
+    rise = np.clip(run.time / 0.1, 0, 1)
+    np.testing.assert_allclose(fields.tension[1:, 0], 5 * rise[1:], rtol=0, atol=0.05)
+    np.testing.assert_allclose(fields.pull[:, 1], 0.002 * rise, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fields.pull[:, 2], -0.001 * rise, rtol=0, atol=1e-12)
+    assert run.settings["initial_tensions_N"] == [0, None, None]
+    assert run.settings["initial_pulls_m"] == [None, 0, 0]
+    json.dumps(run.settings, allow_nan=False)
+
+
+def test_a_pull_that_stretches_may_jump() -> None:
+    run = simulate(ELASTIC, pulls=step([0.004, -0.002, -0.002], 0.02), duration=0.1)
+    assert run.converged and abs(run.tip_position[:3, 0]).max() < 1e-9
+    assert run.tip_position[-1, 0] > 5e-3
+    back = simulate(ELASTIC, pulls=[0, 0, 0], initial_pulls=[0.004, -0.002, -0.002], duration=0.1)
+    assert back.tip_position[0, 0] > back.tip_position[-1, 0] + 5e-3
+
+
+@pytest.mark.parametrize(("robot", "pull"), [(RAO, 0.004), (CRL, 0.004)])
+def test_several_segments(robot: bs.Robot, pull: float) -> None:
+    count = len(robot.tendons.end_disk)
+    pulls = np.full(count, -2 * pull)
+    pulls[0] = pull
+    run = simulate(robot, pulls=ramp(pulls, 0.2), duration=0.3, mass_damping=1.0, every=0.05)
+    fields = run.raise_for_status().dataset
+    np.testing.assert_allclose(fields.pull[-1], pulls, rtol=0, atol=1e-15)
+    assert float(fields.tension[:, 0].max()) > 0
+    size = float(abs(fields.work).max())
+    assert float(abs(fields.energy_balance).max()) < 2e-2 * size
+
+
+def test_modal_damping_knows_pulls_and_leaves_friction_out() -> None:
+    """Taut tendons that keep their length make the slowest mode faster, and its damping with it."""
+    pulls = [0.004, -0.002, -0.002]
+    damped = simulate(ELASTIC, pulls=pulls, duration=0.01, modal_damping=0.05)
+    found = modes(ELASTIC, pulls=pulls, count=12).frequency_hz
+    slow, fast = 2 * math.pi * found[0], 2 * math.pi * found[found >= 2 * found[0]][0]
+    mass, material = (damped.settings[k] for k in ("mass_damping_per_s", "material_damping_s"))
+    for w in (slow, fast):
+        assert mass / (2 * w) + material * w / 2 == pytest.approx(0.05, rel=1e-9)
+    alone = simulate(STIFF, [20, 0, 0], 0.01, modal_damping=0.05).settings
+    rubs = simulate(RUBBING, [20, 0, 0], 0.01, modal_damping=0.05).settings
+    assert rubs["mass_damping_per_s"] == pytest.approx(alone["mass_damping_per_s"], rel=1e-9)
+
+
+# -- modes -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("robot", "given"),
+    [
+        (ELASTIC, {"pulls": [0.004, -0.002, -0.002]}),
+        (STIFF, {"pulls": [0.012, -0.0065, -0.0065]}),  # two hang
+        (RUBBING, {"tensions": [20, 0, 0]}),
+    ],
+    ids=["elastic", "two hang", "rubbing"],
+)
+def test_modes_move_as_the_robot_does(robot: bs.Robot, given: dict[str, Any]) -> None:
+    """Let go from forces that are those of a mode, the robot oscillates at its frequency."""
+    found = modes(robot, **given, count=2)
+    rest = bs.solve(robot, **given).disk_positions
+    for frequency, shape in zip(found.frequency_hz, found.displacement, strict=True):
+        run = simulate(
+            robot,
+            duration=6 / frequency,
+            initial_disk_forces=1e-2 * shape,
+            spectral_radius=1.0,
+            dt=1e-3,
+            every=1e-3,
+            points=2,
+            **given,
+        )
+        moved = run.raise_for_status().dataset.disk_position.values - rest
+        share = np.einsum("tni,ni->t", moved, shape)
+        up = np.flatnonzero((share[:-1] < 0) & (share[1:] >= 0))
+        crossed = run.time[up] - share[up] * 1e-3 / (share[up + 1] - share[up])
+        period = (crossed[-1] - crossed[0]) / (len(crossed) - 1)
+        assert len(crossed) >= 5 and 1 / period == pytest.approx(frequency, rel=2e-3)
+
+
+def test_what_is_held_is_faster() -> None:
+    """Tendons that keep their length stiffen the robot; those that stick in their holes too."""
+    tensions = [20, 12, 10]
+    free = modes(STIFF, tensions).frequency_hz
+    pulled = modes(STIFF, pulls=bs.solve(STIFF, tensions).pulls).frequency_hz
+    stuck = modes(RUBBING, tensions).frequency_hz
+    assert (pulled >= free * (1 - 1e-6)).all() and (stuck >= free * (1 - 1e-6)).all()
+    assert pulled[0] > 1.3 * free[0] and stuck[0] > pulled[0]
+
+
+def test_modes_of_a_robot_whose_tendons_hang_are_its_own() -> None:
+    paid_out = modes(STIFF, pulls=[-0.01, -0.01, -0.01])
+    np.testing.assert_allclose(paid_out.frequency_hz, modes(STIFF).frequency_hz, rtol=1e-9)
+    assert (paid_out.tensions == 0).all()
+
+
+def test_modes_of_angles_and_of_a_mix() -> None:
+    by_angle = modes(ELASTIC, angles=[0.4, -0.2, -0.2])
+    by_pull = modes(ELASTIC, pulls=[0.004, -0.002, -0.002])
+    np.testing.assert_allclose(by_angle.frequency_hz, by_pull.frequency_hz, rtol=1e-12)
+    mixed = modes(ELASTIC, [5, None, None], pulls=[None, 0, 0])
+    assert mixed.tensions[0] == 5
+    assert modes(ELASTIC, [5, 5, 5]).frequency_hz[0] < mixed.frequency_hz[1]
+
+
+# -- fields and files --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("robot", "given"),
+    [
+        (STIFF, {"pulls": [0.02, -0.03, -0.03]}),
+        (ELASTIC, {"tensions": [5, None, None], "pulls": [None, 0.002, -0.001]}),
+        (RUBBING, {"pulls": [0.02, -0.012, -0.03]}),
+        (RUBBING, {"tensions": [40, 0, 0]}),
+        (RAO, {"pulls": [0.004, -0.01, -0.01, 0.003, -0.01, -0.01]}),
+        (RAO, {"tensions": [1, 0, 0, 1, 0, 0]}),
+    ],
+)
+def test_fields_of_an_equilibrium_are_the_solutions(robot: bs.Robot, given: dict[str, Any]) -> None:
+    solution = bs.solve(robot, **given).raise_for_status()
+    fields = solution.fields().isel(time=0)
+    assert solution.tendon_lengths is not None
+    for name, expected, error in (
+        ("tension", solution.tensions, 1e-9),
+        ("pull", solution.pulls, 1e-12),
+        ("slack", solution.slack_lengths, 1e-12),
+        ("span_tension", solution.span_tensions, 1e-9),
+        ("tendon_length", solution.tendon_lengths, 1e-12),
+        ("disk_position", solution.disk_positions, 1e-12),
+    ):
+        np.testing.assert_allclose(fields[name], expected, rtol=0, atol=error, err_msg=name)
+
+
+def test_a_file_has_the_new_fields(tmp_path: Path) -> None:
+    arguments: dict[str, Any] = {
+        "tensions": ramp([5, NAN, NAN], 0.05),
+        "pulls": ramp([NAN, 0.002, -0.02], 0.05),
+        "duration": 0.1,
+    }
+    kept = simulate(RUBBING, **arguments)
+    file = tmp_path / "run.nc"
+    simulate(RUBBING, **arguments, out=file)
+    read = read_run(file)
+    for name in ("tension", "pull", "slack", "span_tension"):
+        np.testing.assert_array_equal(read[name], kept.dataset[name])
+        assert read[name].attrs["units"] == ("N" if "tension" in name else "m")
+    settings = json.loads(read.attrs["settings"])
+    assert settings["pulls_m"]["values"][1] == [None, 0.002, -0.02]
+    assert settings["initial_pulls_m"] == [None, 0, 0]
+    assert float(read.slack[-1, 2]) > 0.01 and not (read.tension[:, 2] > 0).any()
+
+
+def test_without_friction_all_spans_carry_the_tension() -> None:
+    """Also where nothing but tensions drives the robot, and beyond a tendon's end is nothing."""
+    fields = simulate(RAO, [1, 0, 0, 1, 0, 0], 0.02).dataset.isel(time=-1)
+    passes = np.arange(20)[:, None] <= RAO.tendons.end_disk
+    assert (np.isnan(fields.span_tension) == ~passes).all()
+    spread = np.where(passes, fields.tension.values, NAN)
+    np.testing.assert_array_equal(fields.span_tension, spread)
+    assert (fields.slack == 0).all() and float(fields.pull[0]) > 0
+
+
+def test_runs_are_copied(tmp_path: Path) -> None:
+    run = simulate(ELASTIC, pulls=ramp([0.004, -0.002, -0.002], 0.05), duration=0.1)
+    again = pickle.loads(pickle.dumps(run))
+    np.testing.assert_array_equal(again.dataset.pull, run.dataset.pull)
+    assert again.settings == run.settings
+
+
+def test_an_interrupted_run_keeps_its_pulls(tmp_path: Path) -> None:
+    def stop(t: float) -> list[float]:
+        if t > 0.05:
+            raise KeyboardInterrupt
+        return [0.1 * t, -0.02, -0.02]
+
+    with pytest.raises(RunInterrupted) as caught:
+        simulate(STIFF, pulls=stop, duration=1.0, out=tmp_path / "run.nc")
+    read = read_run(tmp_path / "run.nc")
+    assert read.attrs["status"] == "interrupted" and 0.03 < caught.value.run.end <= 0.05
+    assert float(read.pull[-1, 0]) == pytest.approx(0.1 * float(read.time[-1]))
+
+
+# -- what is refused ---------------------------------------------------------------------------
+
+OTHER = bs.solve(STIFF.with_({TENDONS + "friction": 0.2}), [10, 0, 0]).history
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({}, "tensions is None, and so are pulls and angles"),
+        ({"tensions": [1, 0, 0], "pulls": [0, 0, 0]}, "tendon 1 has a tension and a pull"),
+        ({"pulls": [0.01, None, 0]}, "tendon 2 is driven by nothing"),
+        ({"pulls": [0.01, 0]}, "pulls is .* it must be 3 numbers in m"),
+        ({"pulls": "20 mm"}, "pulls is '20 mm', it must be 3 numbers in m"),
+        ({"pulls": [0, 0, math.inf]}, "all must be finite numbers"),
+        ({"tensions": [-1, None, None], "pulls": [None, 0, 0]}, "a tendon can only pull"),
+        ({"tensions": ramp([5, NAN, 0], 0.1)}, "all must be finite numbers"),
+        ({"pulls": ramp([0.01, 0], 0.1)}, "the table for pulls has 2 columns"),
+        ({"pulls": ramp([0.7, 0, 0], 0.1)}, "0.7 m at 0.1 s, it must be less than the tendon's"),
+        (
+            {"pulls": lambda t: [0.7 if t else 0, 0, 0]},
+            "it must be less than the tendon's length, 0.641 m",
+        ),
+        ({"pulls": lambda t: [0, 0, NAN]}, "at 0 s: tendon 3 is driven by nothing"),
+        ({"pulls": lambda t: [0, 0]}, r"returned shape \(2,\)"),
+        ({"pulls": lambda t: [0, 0, 1 / 0]}, "function for pulls failed at 0 s: ZeroDivision"),
+        (
+            {
+                "tensions": lambda t: [5, NAN, NAN] if t < 0.05 else [NAN, 5, NAN],
+                "pulls": lambda t: [NAN, 0, 0] if t < 0.05 else [0, NAN, 0],
+            },
+            "tendon 1 changes between a tension and a pull at 0.05",
+        ),
+        ({"pulls": step([0.01, -0.03, -0.03])}, "jumps from 0 m to 0.01 m at 0 s, but its line"),
+        ({"pulls": step([0, -0.01, 0], 0.05)}, "tendon 2 jumps from 0 m to -0.01 m at 0.05 s"),
+        ({"pulls": [0, 0, 0], "initial_pulls": [0.01, 0, 0]}, "jumps from 0.01 m to 0 m at 0 s"),
+        ({"pulls": [0, 0, 0], "initial_tensions": [1, 0, 0]}, "starts with a tension but moves by"),
+        ({"tensions": [1, 0, 0], "initial_pulls": [0, 0, 0]}, "starts with a pull but moves by a"),
+        (
+            {
+                "tensions": [1, None, None],
+                "pulls": [None, 0, 0],
+                "initial_tensions": [1, None, None],
+            },
+            "tendon 2 has no start; give it one of initial_tensions",
+        ),
+        ({"angles": [1, 0, 0]}, "tendon 1 of amouri2019 has no spool_radius"),
+        ({"pulls": [0, 0, 0], "tendon": "continuous"}, "need straight spans"),
+        ({"pulls": [0, 0, 0], "history": OTHER}, "history is of another robot"),
+        ({"pulls": [0, 0, 0], "history": [1]}, "the history is none"),
+    ],
+)
+def test_bad_drives(given: dict[str, Any], says: str, tmp_path: Path) -> None:
+    file = tmp_path / "run.nc"
+    with pytest.raises(InputError, match=says) as error:
+        simulate(STIFF, **{"duration": 0.1, **given}, out=file)
+    assert "\n" not in str(error.value)
+    late = any(callable(given.get(name)) for name in ("tensions", "pulls"))
+    assert late or not file.exists()
+
+
+def test_pulls_that_fight() -> None:
+    """Three tendons of a backbone that does not shorten."""
+    run = simulate(STIFF, pulls=ramp([0.03] * 3, 0.1), duration=0.1, theory="kirchhoff")
+    assert run.status == "step_failed"
+    assert "bowstring.solve tells whether the pulls of that time fight" in run.message
+    # a backbone that shortens follows for a while; what it stopped at is as sound as before
+    fields = simulate(STIFF, pulls=ramp([0.03] * 3, 0.3), duration=0.3).dataset
+    assert fields.attrs["status"] == "step_failed" and len(fields.time) > 3
+    assert (fields.slack == 0).all() and (fields.tension[1:] > 0).all()
+    np.testing.assert_array_equal(
+        fields.span_tension, np.repeat(fields.tension.values[:, None], 9, axis=1)
+    )
+    with pytest.raises(NoStart, match="no equilibrium to start from"):
+        simulate(STIFF, pulls=[0.03] * 3, duration=0.1, theory="kirchhoff")
+    with pytest.raises(NoSolutionError, match="no stable equilibrium"):
+        modes(STIFF, pulls=[0.03] * 3, theory="kirchhoff")
