@@ -417,3 +417,52 @@ def test_pulls_that_fight() -> None:
         simulate(STIFF, pulls=[0.03] * 3, duration=0.1, theory="kirchhoff")
     with pytest.raises(NoSolutionError, match="no stable equilibrium"):
         modes(STIFF, pulls=[0.03] * 3, theory="kirchhoff")
+
+
+def test_a_pull_that_jumps_acts_at_once() -> None:
+    """Not over a step, which would be late by half of one: the error falls faster than the step."""
+    robot = bs.load_robot("amouri2019").with_(
+        {
+            "segments.0.tendons.axial_stiffness": "20 kN",
+            "segments.0.tendons.pretension": "20 N",
+        }
+    )
+
+    def early(dt: float) -> np.ndarray:
+        jump = bs.dynamics.step([0.004, -0.002, -0.002])
+        run = bs.simulate(robot, duration=0.004, pulls=jump, dt=dt, every=0.004, points=0)
+        assert run.converged
+        return run.tip_position[-1]
+
+    limit = early(2e-5)
+    coarse, fine = (np.linalg.norm(early(dt) - limit) for dt in (1e-3, 5e-4))
+    assert fine < 0.35 * coarse
+
+
+def test_rounding_is_no_jump_and_no_slip() -> None:
+    times, pulls = [0.0, 0.1, 0.2, 0.3], [0.0, -0.02, -0.007, 0.0]
+    table = bs.dynamics.Table(times, np.array([pulls, np.zeros(4), np.zeros(4)]).T)
+    force = bs.dynamics.Table([0.0, 0.2, 0.2, 0.3], [[0, 0, 0], [0, 0, 0], [0.01, 0, 0], [0, 0, 0]])
+    run = bs.simulate(bs.load_robot("amouri2019"), duration=0.3, pulls=table, tip_force=force)
+    assert run.converged
+    # a pull that rises and then stays does not turn friction round at the base hole
+    rubbing = bs.load_robot("amouri2019").with_(
+        {
+            "segments.0.tendons.axial_stiffness": "20 kN",
+            "segments.0.tendons.pretension": "5 N",
+            "segments.0.tendons.friction": 0.3,
+        }
+    )
+    path = np.array([0.0, 0.001, 0.010, 0.010])
+    table = bs.dynamics.Table([0.0, 0.1, 0.5, 0.7], np.stack([path, -path / 2, -path / 2], axis=1))
+    run = bs.simulate(rubbing, duration=0.7, pulls=table, mass_damping=5.0)
+    data = run.dataset
+    ratio = (data.tension / data.span_tension.isel(disk=0)).sel(tendon=1).values
+    assert run.converged and (ratio[-15:] > 1.0).all()
+
+
+def test_holes_without_bend_hold_nothing() -> None:
+    plain = bs.load_robot("amouri2019")
+    rubbing = plain.with_({"segments.0.tendons.friction": 0.1})
+    straight = bs.modes(rubbing, [10, 10, 10]).frequency_hz
+    np.testing.assert_allclose(straight, bs.modes(plain, [10, 10, 10]).frequency_hz, rtol=1e-6)

@@ -90,7 +90,8 @@ class Table:
         gap = self.times[b] - self.times[a]
         share = np.where(gap > 0, (times - self.times[a]) / np.where(gap > 0, gap, 1.0), 0.0)
         low, high = self.values[a], self.values[b]
-        return np.asarray(low + np.clip(share, 0.0, 1.0)[:, None] * (high - low))
+        between = low + share[:, None] * (high - low)
+        return np.asarray(np.where(share[:, None] >= 1.0, high, between))  # the end is met exactly
 
     def knots(self) -> set[float]:
         """The times of its corners and jumps."""

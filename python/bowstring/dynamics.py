@@ -58,6 +58,7 @@ _SHORTEST: Final = 1e-6  # s, between two outputs
 _LOOK: Final = 0.1  # seconds between two looks at the keyboard
 _MOST_OUTPUTS: Final = 1_000_000
 _LONGEST_WHY: Final = 300  # letters of an error of a user's function
+_STILL: Final = 1e-11  # of the length: a pull that does not jump
 _INCREMENTS: Final = 20  # in which forces on disks are put on
 _NONE: Final = (0.0, 0.0, 0.0)
 
@@ -390,6 +391,8 @@ def simulate(
         "initial_tip_force_N": initial.tip_force.tolist(),
         "initial_tip_moment_Nm": initial.tip_moment.tolist(),
         "initial_disk_forces_N": None if holding is None else holding.tolist(),
+        "modal_damping": modal_damping,
+        "history": None,
     }
     run = Run(robot, settings)
     if modal_damping is not None:
@@ -427,6 +430,7 @@ def simulate(
         path = driving.Path(robot, theory, tendon, twist, elements)
         if history is not None:
             path.resume(history)
+            settings["history"] = dict(history)
     lines = _Lines.of(robot, theory, tendon, twist, elements)
     times = _output_times(duration, every)
     stations = _stations(robot, points)
@@ -626,7 +630,7 @@ def _check_jumps(robot: Robot, course: Driven, initial: Floats, duration: float)
     for time in (0.0, *jumps):
         old = course.at(time, before=True) if time else initial
         new = course.at(time)
-        for i in np.flatnonzero(stiff & (old != new))[:1].tolist():
+        for i in np.flatnonzero(stiff & (abs(new - old) > _STILL * robot.length))[:1].tolist():
             raise InputError(
                 f"the pull of tendon {i + 1} jumps from {old[i]:g} m to {new[i]:g} m at "
                 f"{time:g} s, but its line does not stretch; let it take some time, or give the "

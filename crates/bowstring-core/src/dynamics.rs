@@ -251,7 +251,7 @@ impl Driven {
     /// tendons that are pulled, J.
     fn arrive(&mut self, motion: &dyn Moving) -> f64 {
         let energy = self.transmission.arrive(motion);
-        self.old.clone_from(&self.transmission.now);
+        self.old.copy_from(&self.transmission.now);
         self.slack.clone_from(&self.transmission.slack);
         energy
     }
@@ -383,7 +383,7 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             motion.finish(&march.between.borrow());
             if let Some(driven) = &march.driven {
                 let work = motion.tendon_work();
-                let energies = driven.transmission.energies(motion, &driven.old, work);
+                let energies = driven.transmission.energies(motion, work);
                 motion.account(&energies);
             }
             error = motion.local_error();
@@ -588,7 +588,10 @@ impl Simulator {
             vec![Vec3::zero(); 2 * self.elements * n],
             vec![Vec3::zero(); n],
         );
-        if drive.robot().spec() != self.robot.spec() || history.strain.len() != strain.len() {
+        if drive.robot().spec() != self.robot.spec()
+            || drive.solver().model() != self.model
+            || history.strain.len() != strain.len()
+        {
             return Err(InputError("the path is one of another robot".into()));
         }
         let [gravity, tip_force, tip_moment] = history.load;
@@ -729,11 +732,12 @@ impl Simulator {
     /// # Errors
     /// If a number does not fit the robot, or a pull jumps that nothing gives way to.
     pub fn jump(&mut self, load: &Load) -> Result<(), InputError> {
+        self.check_ready()?;
         self.check(load)?;
-        if let Some(driven) = &self.march.driven {
+        if let Some(driven) = &mut self.march.driven {
             let pairs = load.tensions.iter().zip(&self.march.to.tensions);
             for (i, (to, from)) in pairs.enumerate() {
-                if to != from && driven.is_stiff(i) {
+                if (to - from).abs() > REST * driven.length && driven.is_stiff(i) {
                     return Err(InputError(format!(
                         "the pull of tendon {} jumps from {from} m to {to} m, which would take an \
                          infinite force: its line does not stretch; let it take its time",
@@ -741,6 +745,8 @@ impl Simulator {
                     )));
                 }
             }
+            let energy = driven.transmission.jump(load.tensions, &mut driven.slack);
+            self.engine.put_in(energy);
         }
         self.march.to.set(load);
         self.engine.restart();
@@ -824,7 +830,8 @@ impl Simulator {
                     })
                     .collect();
                 self.engine.record(time, &tensions, points, fields);
-                fields.pull.extend(&driven.old.pulls);
+                let pull = |i| driven.transmission.pull_now(i, &driven.old);
+                fields.pull.extend((0..now.len()).map(pull));
                 fields.slack.extend(&driven.slack);
                 let (n, m) = (self.robot.module_count(), now.len());
                 let first = fields.span_tension.len();

@@ -310,6 +310,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn outlook(&self) -> &Energies;
     fn tendon_work(&self) -> f64;
     fn account(&mut self, tendons: &Energies);
+    fn put_in(&mut self, energy: f64);
     fn is_stable(&self, held: usize) -> bool;
 }
 
@@ -380,6 +381,10 @@ macro_rules! moving {
             }
             fn account(&mut self, tendons: &Energies) {
                 Motion::account(self, tendons);
+            }
+            fn put_in(&mut self, energy: f64) {
+                self.energies.elastic += energy;
+                self.energies.work += energy;
             }
             fn is_stable(&self, held: usize) -> bool {
                 Motion::is_stable(self, held)

@@ -84,7 +84,9 @@ impl OwnedLoad {
 
     /// Takes on a load a share of the way from one to another, gravity aside.
     pub(crate) fn between(&mut self, from: &Self, to: &Self, share: f64) {
-        let mix = |a: f64, b: f64| a + share * (b - a);
+        // the end is met exactly
+        let whole = (share - 1.0).abs() < 1e-12;
+        let mix = |a: f64, b: f64| if whole { b } else { a + share * (b - a) };
         for i in 0..self.tensions.len() {
             self.tensions[i] = mix(from.tensions[i], to.tensions[i]);
         }

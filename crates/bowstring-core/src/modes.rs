@@ -59,6 +59,9 @@ fn held<const A: usize>(drive: &Drive) -> Option<Flexibility> {
     let (solver, history) = (drive.solver(), drive.history());
     solver.tip()?;
     let [gravity, tip_force, tip_moment] = history.load;
+    if tip_moment != [0.0; 3] {
+        return None; // no potential
+    }
     let mut motion = still::<A>(
         solver,
         &Load {
@@ -91,7 +94,7 @@ fn found<const A: usize>(mut motion: Motion<Scalar, A>, locks: &[Lock]) -> Optio
     if !motion.settle() {
         return None;
     }
-    let (matrix, masses) = motion.flexibility(locks);
+    let (matrix, masses) = motion.flexibility(locks)?;
     Some(Flexibility {
         matrix,
         masses,

@@ -381,6 +381,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             }
             put::<L>(&mut state.n, i, Vec3::splat(force(k).0));
         }
+        // whatever was before does not count
+        self.remember_strain();
     }
 
     /// Sets tensions and tip load; gravity stays.
@@ -1055,9 +1057,11 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         let groups = self.next.len();
         let count = self.rod.tendons.len();
         let ahead = L::Module::splat(1.0 / self.scheme.af);
+        // contact forces may be taken elsewhere in the step
+        let yields = L::Module::splat(self.scheme.af / self.force_share());
         let column = &mut self.columns[column];
         for g in 0..self.next.len() {
-            let (mut turn, mut moved) = (Vec3::zero(), column.delta[g]);
+            let (mut turn, mut moved) = (Vec3::zero(), column.delta[g] * yields);
             for a in 0..A {
                 turn += column.u[g][a];
                 moved += self.inertia[g].j[a] * column.u[g][a];
@@ -1666,7 +1670,8 @@ impl<const A: usize> Motion<Scalar, A> {
     /// every other, m/N and so on, and the mass of every freedom. Freedoms are the translation
     /// of points from base to tip, base frame, and after that of each disk its rotation, in
     /// its own frame. Locked tendons keep their lengths but for their own stretch.
-    pub fn flexibility(&mut self, locks: &[Lock]) -> (Vec<f64>, Vec<f64>) {
+    /// None where that has no answer.
+    pub fn flexibility(&mut self, locks: &[Lock]) -> Option<(Vec<f64>, Vec<f64>)> {
         let n = self.module_count();
         let per = 3 * A + 3;
         let size = n * per;
@@ -1711,12 +1716,11 @@ impl<const A: usize> Motion<Scalar, A> {
         }
         self.force = force;
         self.moment = moment;
-        self.lock(locks, &mut matrix);
-        (matrix, masses)
+        self.lock(locks, &mut matrix).then_some((matrix, masses))
     }
 
     /// Takes off a flexibility what locked tendons hold.
-    fn lock(&mut self, locks: &[Lock], matrix: &mut [f64]) {
+    fn lock(&mut self, locks: &[Lock], matrix: &mut [f64]) -> bool {
         self.rod.measure_spans(false);
         let n = self.module_count();
         let mut moved = vec![];
@@ -1740,13 +1744,16 @@ impl<const A: usize> Motion<Scalar, A> {
             for (q, by_tension) in problem.q.iter_mut().zip(&moved) {
                 *q = by_tension[column];
             }
-            problem.solve();
+            if !problem.solve() {
+                return false;
+            }
             for (tension, by_tension) in problem.z.iter().zip(&moved) {
                 for (row, v) in by_tension.iter().enumerate() {
                     matrix[row * size + column] += tension * v;
                 }
             }
         }
+        true
     }
 
     /// Displacement of all freedoms by an answer, the one that was found last.

@@ -111,6 +111,20 @@ pub struct History {
     pub load: [[f64; 3]; 3],
 }
 
+impl History {
+    /// Takes on another of the same robot; allocates nothing.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.tensions.clone_from(&other.tensions);
+        self.drops.clone_from(&other.drops);
+        self.spans.clone_from(&other.spans);
+        self.pulls.clone_from(&other.pulls);
+        self.strain.clone_from(&other.strain);
+        self.slip.clone_from(&other.slip);
+        self.commands.clone_from(&other.commands);
+        self.load = other.load;
+    }
+}
+
 /// What a tendon does at a hole.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum Slip {
@@ -155,6 +169,8 @@ pub(crate) struct Transmission {
     pub share: f64,
     stretched: Vec<f64>,
     routed: Vec<f64>,
+    /// Pulls up to which the work of motors is counted, m.
+    counted: Vec<f64>,
     pub problem: Complementarity,
     /// Unknowns in the order of the columns.
     unknowns: Vec<Unknown>,
@@ -201,6 +217,8 @@ impl Unknown {
 
 /// Holes with friction: all that stick are unknown together, in a dense matrix.
 const MOST_HOLES: usize = 2000;
+/// Drop of the logarithm of a tension that a hole holds in small oscillations.
+const HOLDS: f64 = 1e-6;
 /// Share of `scale` that every span stretches by before its holes slip.
 const CREEP: f64 = 1e-7;
 /// Share of `scale` far below which tensions are not told apart.
@@ -269,6 +287,13 @@ impl Transmission {
             .iter()
             .map(|line| line.compliance + line.free_length / line.stiffness)
             .collect();
+        if let Some(at) = stretch.iter().position(|c| !c.is_finite()) {
+            return fail(format!(
+                "stiffness of tendon {} is {:e} N, too small to reckon with",
+                at % m + 1,
+                lines[at % m].stiffness
+            ));
+        }
         let holes = robot.spec().tendons.iter();
         let widest = holes
             .map(|t| t.hole[0].hypot(t.hole[1]))
@@ -324,6 +349,7 @@ impl Transmission {
             share: 1.0,
             stretched: vec![0.0; m],
             routed: vec![0.0; m],
+            counted: vec![0.0; m],
             ..Transmission::default()
         })
     }
@@ -435,7 +461,7 @@ impl Transmission {
 
     /// Prepares a step from `old`.
     pub fn start(&mut self, old: &History, commands: &[Command]) {
-        self.now.clone_from(old);
+        self.now.copy_from(old);
         self.now.commands.copy_from_slice(commands);
         for (i, command) in commands.iter().enumerate() {
             if let Command::Tension(t) = command {
@@ -572,9 +598,9 @@ impl Transmission {
                 let mut sound = next == slip;
                 if k == 0 {
                     if let Some(change) = told {
-                        (next, drop) = if change > 0.0 {
+                        (next, drop) = if change > rest {
                             (Slip::Towards, bound)
-                        } else if change < 0.0 {
+                        } else if change < -rest {
                             (Slip::Away, -bound)
                         } else {
                             (Slip::Towards, old.drops[at].clamp(-bound, bound))
@@ -783,23 +809,30 @@ impl Transmission {
     /// What a step of time does to the tendons, the one that leads to the present pose: energy in
     /// those that are pulled, and what motors did and was lost beside the tendons' `work` on the
     /// robot, J.
-    pub fn energies(&self, rod: &dyn Strung, old: &History, work: f64) -> Energies {
+    pub fn energies(&self, rod: &dyn Strung, work: f64) -> Energies {
         let (mut before, mut after, mut motors) = (0.0, 0.0, 0.0);
+        // what numerical damping takes is no loss
+        let mut numerical = 0.0;
         for (i, command) in self.now.commands.iter().enumerate() {
             let length = self.length_of(rod.span_lengths(), i);
             match *command {
                 Command::Tension(t) => motors += t * (self.routed[i] - length),
                 Command::Pull(p) => {
-                    motors += self.now.tensions[i] * (p - old.pulls[i]);
+                    let stretched = length - self.home[i] + p;
+                    motors += self.now.tensions[i] * (p - self.counted[i]);
                     before += self.energy(i, self.stretched[i]);
-                    after += self.energy(i, length - self.home[i] + p);
+                    after += self.energy(i, stretched);
+                    if self.now.tensions[i] > 0.0 && self.lines[i].friction == 0.0 {
+                        let more = stretched - self.stretched[i];
+                        numerical += (2.0 * self.share - 1.0) * self.energy(i, more.abs());
+                    }
                 }
             }
         }
         Energies {
             elastic: after,
             work: motors - work,
-            dissipated: motors - work - (after - before),
+            dissipated: motors - work - (after - before) - numerical,
             ..Energies::default()
         }
     }
@@ -828,6 +861,32 @@ impl Transmission {
         (compliance > 0.0).then(|| self.stretched[i] / compliance)
     }
 
+    /// Lets pulls jump; returns the energy that motors put into the tendons at once, J.
+    pub fn jump(&mut self, values: &[f64], slack: &mut [f64]) -> f64 {
+        let mut energy = 0.0;
+        for (i, to) in values.iter().enumerate() {
+            if let Command::Pull(_) = self.now.commands[i] {
+                let stretched = self.routed[i] - self.home[i] + to;
+                let now = f64::max(stretched, 0.0);
+                energy += self.energy(i, now) - self.energy(i, self.stretched[i]);
+                self.stretched[i] = now;
+                if self.whole_compliance(i) > 0.0 {
+                    slack[i] = f64::max(-stretched, 0.0);
+                }
+                self.counted[i] = *to;
+            }
+        }
+        energy
+    }
+
+    /// Pull of a tendon now, m.
+    pub fn pull_now(&self, i: usize, old: &History) -> f64 {
+        match self.now.commands[i] {
+            Command::Pull(_) => self.counted[i],
+            Command::Tension(_) => old.pulls[i],
+        }
+    }
+
     /// Takes a pose at rest as one of this path, though it was found with another rod, which is all
     /// but the same: home shifts by the difference, so that no tendon jerks.
     pub fn adopt(&mut self, rod: &dyn Strung) {
@@ -849,11 +908,14 @@ impl Transmission {
                 Command::Tension(_) => (0.0, 0.0),
                 Command::Pull(p) => {
                     let stretched = length - self.home[i] + p;
-                    let hangs = if self.now.tensions[i] > 0.0 {
+                    // what pulls and does not stretch is but rounding off
+                    let stiff = self.whole_compliance(i) == 0.0;
+                    let hangs = if stiff && self.now.tensions[i] > 0.0 {
                         0.0
                     } else {
                         f64::max(-stretched, 0.0)
                     };
+                    self.counted[i] = p;
                     (f64::max(stretched, 0.0), hangs)
                 }
             };
@@ -864,7 +926,8 @@ impl Transmission {
     }
 
     /// What keeps its length in small oscillations: tendons that are pulled and do not hang; where
-    /// they rub, every span by itself, for a small motion does not make them slip.
+    /// they rub, every stretch between two holes that hold, for a small motion does not make them
+    /// slip. A hole without bend holds nothing.
     pub fn locks(&self) -> Vec<Lock> {
         let (n, m) = (self.modules, self.lines.len());
         let mut locks = vec![];
@@ -872,22 +935,31 @@ impl Transmission {
             if self.now.tensions[i] == 0.0 {
                 continue;
             }
-            let spans = |from: usize, to: usize| -> Vec<f64> {
-                (0..n)
-                    .map(|k| f64::from(u8::from((from..=to).contains(&k))))
-                    .collect()
-            };
-            if self.lines[i].friction > 0.0 {
-                locks.extend((0..=self.ends[i]).map(|k| Lock {
-                    tendon: i,
-                    spans: spans(k, k),
-                    compliance: self.creep[k * m + i],
-                }));
-            } else if let Command::Pull(_) = self.now.commands[i] {
+            let rubs = self.lines[i].friction > 0.0;
+            let holds = |k: usize| rubs && self.bounds[k * m + i] > HOLDS;
+            let pulled = matches!(self.now.commands[i], Command::Pull(_));
+            let mut start = 0;
+            for k in 0..=self.ends[i] {
+                let last = k == self.ends[i];
+                if !last && !holds(k + 1) {
+                    continue;
+                }
+                let free = start == 0 && !holds(0);
+                let from = std::mem::replace(&mut start, k + 1);
+                if free && !pulled {
+                    continue;
+                }
+                let own = if rubs { &self.creep } else { &self.stretch };
+                let mut compliance: f64 = (from..=k).map(|k| own[k * m + i]).sum();
+                if free {
+                    compliance += self.before[i] + self.ridge[i];
+                }
                 locks.push(Lock {
                     tendon: i,
-                    spans: spans(0, self.ends[i]),
-                    compliance: self.whole_compliance(i) + self.ridge[i],
+                    spans: (0..n)
+                        .map(|at| f64::from(u8::from((from..=k).contains(&at))))
+                        .collect(),
+                    compliance,
                 });
             }
         }
