@@ -427,15 +427,18 @@ def test_a_pull_that_jumps_acts_at_once() -> None:
             "segments.0.tendons.pretension": "20 N",
         }
     )
+    jump = bs.dynamics.step([0.004, -0.002, -0.002])
+    first = bs.simulate(robot, duration=1e-4, pulls=jump, dt=1e-4, every=1e-4).dataset
+    stretch = 0.004 * 20e3 / 0.641
+    assert float(first.tension[-1, 0]) == pytest.approx(20.0 + stretch, rel=0.05)
 
     def early(dt: float) -> np.ndarray:
-        jump = bs.dynamics.step([0.004, -0.002, -0.002])
-        run = bs.simulate(robot, duration=0.004, pulls=jump, dt=dt, every=0.004, points=0)
+        run = bs.simulate(robot, duration=1e-3, pulls=jump, dt=dt, every=1e-3, points=0)
         assert run.converged
         return run.tip_position[-1]
 
-    limit = early(2e-5)
-    coarse, fine = (np.linalg.norm(early(dt) - limit) for dt in (1e-3, 5e-4))
+    limit = early(5e-6)
+    coarse, fine = (np.linalg.norm(early(dt) - limit) for dt in (2e-4, 1e-4))
     assert fine < 0.35 * coarse
 
 
