@@ -119,8 +119,8 @@ def modes(
     count : int
         How many modes, the slowest.
     tip_force, history, theory, gravity, tendon, twist, elements
-        As in `bowstring.rod.solve`. A tendon that rubs does not slip in a small oscillation: each
-        of its spans keeps its length.
+        As in `bowstring.rod.solve`. Where a tendon that rubs bends at a hole it does not slip in
+        a small oscillation: each stretch between two such holes keeps its length.
 
     Returns
     -------
