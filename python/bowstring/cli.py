@@ -95,6 +95,14 @@ TipForce = Annotated[
     str, typer.Option(metavar="x,y,z", help="Dead force at the tip, base axes, all the time.")
 ]
 
+MappingFile = Annotated[
+    str | None,
+    typer.Option(metavar="FILE", help="Mapping of a table that is not in the tidy format (YAML)."),
+]
+OfMasses = Annotated[
+    str, typer.Option("--g", metavar="g", help="Gravity that makes tensions of masses.")
+]
+
 
 class _Stopped(Exception):
     """Ctrl-C where something is kept; the text says what."""
@@ -349,12 +357,7 @@ def study(
             metavar="FILE", help="Table of measurements (docs/bench.md): all models against them."
         ),
     ] = None,
-    mapping: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="Mapping of a table that is not in the tidy format (YAML)."
-        ),
-    ] = None,
+    mapping: MappingFile = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -732,21 +735,14 @@ def fit(
         Path | None,
         typer.Option(metavar="FILE", help="Table of measurements: CSV, TSV or .xlsx."),
     ] = None,
-    mapping: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="Mapping of a table that is not in the tidy format (YAML)."
-        ),
-    ] = None,
+    mapping: MappingFile = None,
     data: Annotated[
         str | None, typer.Option(metavar="NAME", help="A public data set instead of a table.")
     ] = None,
     part: Annotated[
         str | None, typer.Option(metavar="PART", help="Which of its tables, if there are several.")
     ] = None,
-    g: Annotated[
-        str, typer.Option("--g", metavar="g", help="Gravity that makes tensions of masses.")
-    ] = "9.80665",
+    g: OfMasses = "9.80665",
     model: Annotated[
         Literal["rod", "arc"], typer.Option(help="Statics, or constant curvature.")
     ] = "rod",
@@ -856,15 +852,8 @@ def bench_check(
         str | None,
         typer.Option(metavar="ROBOT", help="Robot that was measured; checks its tendons' order."),
     ] = None,
-    mapping: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE", help="Mapping of a table that is not in the tidy format (YAML)."
-        ),
-    ] = None,
-    g: Annotated[
-        str, typer.Option("--g", metavar="g", help="Gravity that makes tensions of masses.")
-    ] = "9.80665",
+    mapping: MappingFile = None,
+    g: OfMasses = "9.80665",
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -904,9 +893,7 @@ def bench_simulate(
     tendon: Annotated[
         int, typer.Option(metavar="N", help="The tendon; nothing pulls the others.")
     ] = 1,
-    g: Annotated[
-        str, typer.Option("--g", metavar="g", help="Gravity that makes tensions of masses.")
-    ] = "9.80665",
+    g: OfMasses = "9.80665",
     repeats: Annotated[int, typer.Option(metavar="N", help="Runs through the loads.")] = 1,
     unload: Annotated[
         bool, typer.Option("--unload/--no-unload", help="Each time also back to the first load.")

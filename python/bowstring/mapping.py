@@ -25,14 +25,13 @@ from bowstring.columns import (
     nearest,
 )
 from bowstring.errors import InputError
-from bowstring.safe_yaml import read_yaml
+from bowstring.safe_yaml import read_yaml, reading, text_of
 from bowstring.tables import Table
 from bowstring.units import Text, quote, wrong
 
 __all__ = ["Mapping", "load_mapping", "mapping_names"]
 
 _BUILT_IN: Final = Path(__file__).with_name("mappings")
-_MAX_BYTES: Final = 1_000_000
 _MOST_POINTS: Final = 1_000
 
 Floats = NDArray[np.float64]
@@ -363,7 +362,7 @@ def load_mapping(source: str | Path) -> Mapping:
 
 
 def _text(path: Path, label: str, names: Sequence[str]) -> str:
-    try:
+    with reading(label):
         if path.is_dir():
             raise InputError(f"{label} is a folder; give a mapping file (YAML).")
         if not path.exists():
@@ -373,20 +372,7 @@ def _text(path: Path, label: str, names: Sequence[str]) -> str:
                 f"{label} is neither a file nor the name of one that comes with Bowstring; {hint}"
                 f"these are {', '.join(names)}."
             )
-        with path.open("rb") as file:
-            data = file.read(_MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        reason = getattr(error, "strerror", None) or "its name is not valid"
-        raise InputError(f"{label} cannot be read: {reason}.") from None
-    if len(data) > _MAX_BYTES:
-        raise InputError(f"{label} is too large; a mapping file has at most 1 MB.")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise InputError(f"{label}, line {line}: not UTF-8 text; save the file as UTF-8.") from None
+        return text_of(path, label, "mapping")
 
 
 _MODELS: Final[dict[tuple[str, ...], type[BaseModel]]] = {

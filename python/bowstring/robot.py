@@ -32,7 +32,7 @@ from pydantic_core import PydanticCustomError
 
 from bowstring.errors import InputError
 from bowstring.plausibility import doubts
-from bowstring.safe_yaml import read_yaml
+from bowstring.safe_yaml import read_yaml, reading, text_of
 from bowstring.units import NUMBER, Count, Quantity, Text, number_with_unit, quote, wrong
 
 __all__ = [
@@ -50,7 +50,6 @@ __all__ = [
 ]
 
 _BUILT_IN: Final = Path(__file__).with_name("robots")
-_MAX_BYTES: Final = 1_000_000
 _MAX_SEGMENTS: Final = 100
 _MAX_DISKS: Final = 100_000
 _MAX_TENDONS: Final = 1_000
@@ -772,7 +771,7 @@ def load_robot(source: str | Path, overrides: Mapping[str, Any] | None = None) -
 
 
 def _read_text(path: Path, label: str, names: list[str]) -> str:
-    try:
+    with reading(label):
         if not path.exists():
             near = difflib.get_close_matches(label, names, n=1)
             hint = f"did you mean {near[0]}? " if near else ""
@@ -783,20 +782,7 @@ def _read_text(path: Path, label: str, names: list[str]) -> str:
         if not path.is_file():
             what = "folder" if path.is_dir() else "device or pipe"
             raise InputError(f"{label} is a {what}; give a robot file (YAML).")
-        with path.open("rb") as file:
-            data = file.read(_MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        reason = getattr(error, "strerror", None) or "its name is not valid"
-        raise InputError(f"{label} cannot be read: {reason}.") from error
-    if len(data) > _MAX_BYTES:
-        raise InputError(f"{label} is too large; a robot file has at most 1 MB.")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise InputError(f"{label}, line {line}: not UTF-8 text; save the file as UTF-8.") from None
+        return text_of(path, label, "robot")
 
 
 # Setting one of a pair removes the other, so that an override need not know the file's choice.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, Final
 
 import yaml
@@ -11,6 +13,32 @@ from bowstring.errors import InputError
 from bowstring.units import quote
 
 _MAX_DEPTH: Final = 20
+_MAX_BYTES: Final = 1_000_000
+
+
+@contextmanager
+def reading(label: str) -> Iterator[None]:
+    """Say in one sentence what keeps a file from being looked at or read."""
+    try:
+        yield
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        reason = getattr(error, "strerror", None) or "its name is not valid"
+        raise InputError(f"{label} cannot be read: {reason}.") from None
+
+
+def text_of(path: Path, label: str, what: str) -> str:
+    """The text of a file of `what`, which is not large; within `reading`."""
+    with path.open("rb") as file:
+        data = file.read(_MAX_BYTES + 1)
+    if len(data) > _MAX_BYTES:
+        raise InputError(f"{label} is too large; a {what} file has at most 1 MB.")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise InputError(f"{label}, line {line}: not UTF-8 text; save the file as UTF-8.") from None
 
 
 def read_yaml(
