@@ -50,9 +50,6 @@ const MAX_STEPS: usize = 60;
 const NEAR: f64 = 1e-2;
 /// Steps in which a hole of a path that begins may turn from slip to slip.
 const FRESH_STEPS: usize = 5;
-/// Steps with a hole that has changed its mind; after these all that may stick are unknown
-/// together.
-pub(crate) const BOLD_STEPS: usize = 8;
 /// Newton steps in all, and increments, of the way to a load after which it is given up.
 const MOST_ITERATIONS: usize = 400;
 const MAX_INCREMENTS: usize = 60;
@@ -393,10 +390,8 @@ impl Drive {
             } else {
                 0.0
             };
-            let thorough = self.transmission.doubts > BOLD_STEPS;
             let engine = &mut *self.solver.engine;
-            self.transmission
-                .gather(engine, old, caution, thorough, false);
+            self.transmission.gather(engine, old, caution, false);
             let solved = self.transmission.problem.solve();
             if symmetric && pivot <= 1e-12 * unit {
                 // what the pulls hold does not count

@@ -1,6 +1,6 @@
 //! Nonlinear dynamics: an implicit march in time, with an honest status.
 
-use crate::drive::{Command, Drive, History, Line, BOLD_STEPS};
+use crate::drive::{Command, Drive, History, Line};
 use crate::engine::{self, Moving};
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, OwnedLoad};
@@ -232,8 +232,7 @@ impl Driven {
     /// is new.
     fn improve(&mut self, motion: &mut dyn Moving, made: bool) -> bool {
         let transmission = &mut self.transmission;
-        let thorough = transmission.doubts > BOLD_STEPS;
-        transmission.gather(motion, &self.old, 0.0, thorough, !made);
+        transmission.gather(motion, &self.old, 0.0, !made);
         if !transmission.problem.solve() {
             return false;
         }

@@ -188,7 +188,7 @@ pub(crate) struct Transmission {
     /// By modules and tendons: most that friction may drop.
     bounds: Vec<f64>,
     /// Steps in which a hole has changed its mind.
-    pub doubts: usize,
+    doubts: usize,
 }
 
 #[derive(Clone, Copy)]
@@ -217,6 +217,9 @@ impl Unknown {
 
 /// Holes with friction: all that stick are unknown together, in a dense matrix.
 const MOST_HOLES: usize = 2000;
+/// Steps with a hole that has changed its mind; after these all that may stick are unknown
+/// together.
+const BOLD_STEPS: usize = 8;
 /// Drop of the logarithm of a tension that a hole holds in small oscillations.
 const HOLDS: f64 = 1e-6;
 /// Share of `scale` that every span stretches by before its holes slip.
@@ -626,17 +629,11 @@ impl Transmission {
 
     /// Columns of the unknown tensions and drops, and the complementarity problem between them.
     ///
-    /// `caution` is compliance that keeps tensions from running away. A `thorough` search asks
-    /// every hole, not only those that stick. `kept` columns of the tensions are not made anew.
-    pub fn gather(
-        &mut self,
-        rod: &mut dyn Strung,
-        old: &History,
-        caution: f64,
-        thorough: bool,
-        kept: bool,
-    ) {
+    /// `caution` is compliance that keeps tensions from running away. `kept` columns of the tensions are not made anew.
+    pub fn gather(&mut self, rod: &mut dyn Strung, old: &History, caution: f64, kept: bool) {
         let (n, m) = (self.modules, self.lines.len());
+        // asks every hole, not only those that stick
+        let thorough = self.doubts > BOLD_STEPS;
         self.unknowns.clear();
         for (i, command) in self.now.commands.iter().enumerate() {
             if let Command::Pull(_) = command {
