@@ -20,6 +20,7 @@ from jsonschema import Draft202012Validator
 
 import bowstring as bs
 from bowstring import cli
+from bowstring.commands import statics
 from shell import Shell, process, refuses
 
 ROOT = Path(__file__).parents[1]
@@ -461,7 +462,7 @@ def test_a_bug_is_not_called_bad_input(shell: Shell, monkeypatch: pytest.MonkeyP
     def broken(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(cli, "robot_names", broken)
+    monkeypatch.setattr(statics, "robot_names", broken)
     code, out, err = shell("robots")
     assert code == 70 and not out
     assert "ZeroDivisionError" in err and err.endswith("report it with the lines above.\n")
@@ -471,7 +472,7 @@ def test_stopped_by_the_user(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> N
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "robot_names", stopped)
+    monkeypatch.setattr(statics, "robot_names", stopped)
     assert shell("robots") == (130, "", "Stopped: nothing was written.\n")
 
 

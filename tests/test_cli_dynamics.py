@@ -372,7 +372,7 @@ def test_stopped_while_the_result_is_printed(
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("bowstring.cli._write", stopped)
+    monkeypatch.setattr("bowstring.commands.output.write", stopped)
     out = tmp_path / "run.nc"
     says = f"the result is not printed whole; the run is in {out}.\n"
     for flags in ([], ["--json"]):

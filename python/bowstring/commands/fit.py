@@ -1,0 +1,219 @@
+"""The command fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+import typer
+
+from bowstring.commands.options import (
+    AsJson,
+    MappingFile,
+    OfMasses,
+    Overrides,
+    RobotSource,
+    load,
+    of_flag,
+    positive,
+    share_of,
+)
+from bowstring.commands.output import (
+    _plain,
+    counted,
+    fixed,
+    new_table,
+    progress_bar,
+    provenance_of,
+    say,
+    write_json,
+    write_tables,
+)
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.units import quote, rounded
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from bowstring.calibration import Calibration
+
+
+def fit(
+    robot: RobotSource,
+    parameter: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME",
+            help="To fit: a number of the robot file (segments.0.backbone.E), base, tool, gain, "
+            "offset, backlash, delay, hole_angle, pitch_radius, bend_gain. Repeatable.",
+        ),
+    ],
+    measurements: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Table of measurements: CSV, TSV or .xlsx."),
+    ] = None,
+    mapping: MappingFile = None,
+    data: Annotated[
+        str | None, typer.Option(metavar="NAME", help="A public data set instead of a table.")
+    ] = None,
+    part: Annotated[
+        str | None, typer.Option(metavar="PART", help="Which of its tables, if there are several.")
+    ] = None,
+    g: OfMasses = "9.80665",
+    model: Annotated[
+        Literal["rod", "arc"], typer.Option(help="Statics, or constant curvature.")
+    ] = "rod",
+    loss: Annotated[
+        Literal["linear", "soft_l1", "huber"],
+        typer.Option(help="Least squares, or robust against outliers."),
+    ] = "soft_l1",
+    holdout: Annotated[
+        str | None,
+        typer.Option(metavar="SHARE", help="Keep the last rows from the fit, and predict them."),
+    ] = None,
+    folds: Annotated[
+        int | None,
+        typer.Option(metavar="K", help="Predict each of K parts by a fit to the others."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the calibrated robot file, and of figures."),
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate a robot: parameters from measured tips, and what the data know of them."""
+    from bowstring import calibration, datasets
+    from bowstring.measurements import read_measurements
+
+    gravity = positive("--g", g, "m/s^2")
+    if (measurements is None) == (data is None):
+        raise InputError(
+            "give either --measurements FILE or --data NAME, a public data set (bowstring data "
+            "list)."
+        )
+    if data is None and part is not None:
+        raise InputError("--part is of a public data set; name it by --data.")
+    if data is not None and mapping is not None:
+        raise InputError("--mapping is of a table; a set of --data brings its own.")
+    if holdout is not None and folds is not None:
+        raise InputError("--holdout and --folds are two ways to validate; give one.")
+    share = None if holdout is None else share_of("--holdout", holdout)
+    if share is not None and not 0 < share < 1:
+        raise InputError(
+            f"--holdout: got {quote(str(holdout))}; must lie between 0 and 1, or 0 % and 100 %."
+        )
+    if folds is not None and folds < 2:
+        raise InputError(f"--folds: got {folds}; must be 2 or more.")
+    known = load(robot, overrides)
+    if out is not None:
+        from bowstring import report
+
+        of_flag("--out", lambda path: report.check_folder(path, "fit"), out)
+    file: Path | None = measurements
+    if data is not None:
+        file, mapping = datasets.table(data, part), data
+    assert file is not None
+    table = read_measurements(file, known, mapping, g=gravity)
+    if data is not None:
+        table = replace(table, name=data if part is None else f"{data}, {part}")
+    with progress_bar() as tell:
+        found = calibration.calibrate(
+            known,
+            table,
+            parameter,
+            model=model,
+            loss=loss,
+            holdout=share,
+            folds=folds,
+            progress=tell,
+        )
+    if found.tendons.alarm:
+        say("Warning", found.tendons.sentence)
+    content = _plain(
+        {
+            **found.to_dict(),
+            **provenance_of(
+                known,
+                measurements=measurements,
+                mapping=mapping,
+                data=data,
+                part=part,
+                g_m_per_s2=gravity,
+                parameters=parameter,
+                model=model,
+                loss=loss,
+                holdout=share,
+                folds=folds,
+            ),
+        }
+    )
+    folder = None
+    if out is not None and found.fit.converged:
+        with progress_bar() as tell:
+            folder = report.write_fit(found, content, out, progress=tell)
+    if as_json:
+        write_json({**content, "folder": folder})
+    else:
+        write_tables(*_fit_tables(found, out if folder else None))
+    if not found.fit.converged:
+        raise NoSolutionError(f"{known.name}: {found.fit.message}")
+
+
+def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str]:
+    fit, data = found.fit, found.data
+    left = f", {data.left_out} left out" if data.left_out else ""
+    kept = f", {counted(int(found.held_out.sum()), 'row')} held out" if found.held_out.any() else ""
+    what = "statics" if fit.model == "rod" else "constant curvature"
+    yield (
+        f"{fit.robot.name}, {what}, fitted to {data.name} ({data.source}): "
+        f"{counted(int(fit.used.sum()), 'row')}{kept}{left}"
+    )
+    table = new_table(
+        "parameter", ">value", ">std. error", ">95 % from", ">to", ">began at", "unit"
+    )
+    for e in fit.estimates:
+        digits = _digits(e.standard_error, e.value)
+        told = math.isfinite(e.standard_error)
+        table.add_row(
+            e.name,
+            fixed(e.value, digits),
+            rounded(e.standard_error, 2) if told else "unknown",
+            *([fixed(e.low, digits), fixed(e.high, digits)] if told else ["-", "-"]),
+            f"{e.start:.6g}",
+            e.unit,
+        )
+    yield table
+    yield fit.message
+    if found.correlated:
+        pairs = [f"{a} and {b} by {r:.3f}" for a, b, r in found.correlated]
+        yield "Estimates correlate: " + "; ".join(pairs) + "."
+    scores = new_table("tip error", ">rows", ">RMSE mm", ">mean mm", ">largest mm")
+    placed = {"base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz"} <= set(fit.names)
+    before = "before, base put in place" if placed else "before"
+    rows = [(before, fit.score_before), ("after", fit.score)]
+    if found.held_out_score is not None:
+        rows.append(("rows held out", found.held_out_score))
+    if found.folds is not None:
+        rows.append((f"{len(found.folds.folds)} folds", found.folds.score))
+        rows += [(f"  {n}", s) for n, s in zip(found.folds.labels, found.folds.folds, strict=True)]
+    for name, score in rows:
+        cells = [fixed(1e3 * v, 3) for v in (score.rmse, score.mean, score.largest)]
+        scores.add_row(name, str(score.count), *cells)
+    yield scores
+    said = ""
+    if data.sigma is not None:
+        said = f"; the table says {rounded(1e3 * float(np.median(data.sigma)), 3)} mm"
+    yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}."
+    if folder is not None:
+        yield f"Calibrated robot: {folder / 'robot.yaml'}"
+
+
+def _digits(error: float, value: float) -> int:
+    """Digits after the point that an estimate is worth: two of its error."""
+    size = error if math.isfinite(error) and error > 0 else abs(value) * 1e-4 or 1e-4
+    return min(12, max(0, 1 - math.floor(math.log10(size))))

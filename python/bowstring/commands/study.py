@@ -1,0 +1,107 @@
+"""The command study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bowstring.commands.options import (
+    AsJson,
+    MappingFile,
+    Overrides,
+    RobotSource,
+    Theory,
+    load,
+    number_of,
+    of_flag,
+    share_of,
+)
+from bowstring.commands.output import progress_bar, write_json, write_rich
+from bowstring.errors import InputError
+from bowstring.units import quote
+
+
+def study(
+    robot: RobotSource = "amouri2019",
+    measurements: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Table of measurements (docs/bench.md): all models against them."
+        ),
+    ] = None,
+    mapping: MappingFile = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of the report.  [default: bowstring-study/NAME OF ROBOT]"
+        ),
+    ] = None,
+    tolerance: Annotated[
+        str, typer.Option(help='Tolerated tip error, a share of the length: 0.01 or "1 %".')
+    ] = "1 %",
+    max_tension: Annotated[
+        str | None, typer.Option(metavar="T", help="End of the sweep; chosen if not given.")
+    ] = None,
+    points: Annotated[int, typer.Option(metavar="N", help="Loads of the sweep.")] = 17,
+    theory: Theory = "cosserat",
+    rise: Annotated[
+        str | None,
+        typer.Option(metavar="s", help="Rise of the tension in dynamics; chosen if not given."),
+    ] = None,
+    modal_damping: Annotated[
+        str, typer.Option(help='Damping in dynamics, a share of critical: 0.05 or "5 %".')
+    ] = "5 %",
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare constant curvature with statics, dynamics and measurements; write a report."""
+    if mapping is not None and measurements is None:
+        raise InputError("--mapping is of a table; name the table by --measurements.")
+    share = share_of("--tolerance", tolerance)
+    if not 0 < share < 1:
+        raise InputError(
+            f"--tolerance: got {quote(tolerance)}; must lie between 0 and 1, or 0 % and 100 %."
+        )
+    limit = None if max_tension is None else number_of("--max-tension", max_tension, "N")
+    if limit is not None and limit <= 0:
+        raise InputError(f"--max-tension: got {limit:g} N; must be positive.")
+    if not 2 <= points <= 1000:
+        raise InputError(f"--points: got {points}; must be from 2 to 1000.")
+    seconds = None if rise is None else number_of("--rise", rise, "s")
+    if seconds is not None and seconds <= 0:
+        raise InputError(f"--rise: got {seconds:g} s; must be positive.")
+    damping = share_of("--modal-damping", modal_damping)
+    if not 0 <= damping < 1:
+        raise InputError(
+            f"--modal-damping: got {quote(modal_damping)}; must lie from 0 to below 1, or 0 % to "
+            "below 100 %."
+        )
+    model = load(robot, overrides)
+
+    from bowstring import report
+    from bowstring import study as study_
+
+    folder = of_flag(
+        "--out", report.check_folder, report.default_folder(model) if out is None else out
+    )
+    with progress_bar() as tell:
+        found = study_.run(
+            model,
+            tolerance=share,
+            max_tension=limit,
+            points=points,
+            theory=theory,
+            rise=seconds,
+            modal_damping=damping,
+            measurements=measurements,
+            mapping=mapping,
+            progress=lambda what, done: tell(what, 0.5 * done),
+        )
+        folder = report.write(
+            found, folder, progress=lambda what, done: tell(what, 0.5 + 0.5 * done)
+        )
+    if as_json:
+        return write_json({**found.to_dict(), "folder": folder})
+    write_rich(lambda console: report.print_study(found, console, folder))
