@@ -12,6 +12,11 @@ use crate::transmission::Transmission;
 /// Largest moment imbalance over (bending stiffness / length) at which a step counts as solved:
 /// with numerical damping, and without it, where errors of energy add up.
 pub const TOLERANCE: [f64; 2] = [1e-6, 1e-7];
+/// Share of a step's estimated error that an imbalance may add to it, and the largest imbalance
+/// that may: a step need not be solved better than it follows the motion. Only with numerical
+/// damping, and by tension.
+const SHARE_OF_ERROR: f64 = 0.01;
+const LOOSEST: f64 = 1e-4;
 /// Newton iterations of a step before it is cut, without and with pulls and friction, which are
 /// but nearly in Newton's matrix.
 const MAX_ITERATIONS: [usize; 2] = [12, 30];
@@ -117,6 +122,7 @@ struct March {
     spectral_radius: f64,
     tolerance: f64,
     at_rest_tolerance: f64,
+    loosest: f64,
     /// Step below which rounding would drown the motion, s.
     shortest: f64,
     /// In the place of a tension, the pull of a tendon that is driven so.
@@ -128,6 +134,8 @@ struct March {
     driven: Option<Driven>,
     /// Step to try next, s.
     next: f64,
+    /// Estimated error of the last step, m; infinite if unknown.
+    error: f64,
     /// Least energy left, and the largest energy, since the last jump of the load; J.
     left: f64,
     size: f64,
@@ -347,8 +355,14 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             march.end.between(&march.from, &march.to, end);
             driven.begin(motion, &march.between.tensions, &march.end.tensions, share);
         }
-        let at_rest = march.at_rest_tolerance;
-        let tolerance = if settling { at_rest } else { march.tolerance };
+        let tolerance = if settling {
+            march.at_rest_tolerance
+        } else if march.driven.is_none() && march.error.is_finite() {
+            let left = motion.effort(SHARE_OF_ERROR * march.error);
+            f64::max(march.tolerance, f64::min(left, march.loosest))
+        } else {
+            march.tolerance
+        };
         let noise = motion.noise(match &march.driven {
             Some(driven) => &driven.old.tensions,
             None => &march.between.tensions,
@@ -378,6 +392,7 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             return (!sound).then_some(Stop::StepFailed);
         }
         let mut error = f64::INFINITY;
+        march.error = error;
         if sound {
             motion.finish(&march.between.borrow());
             if let Some(driven) = &march.driven {
@@ -421,6 +436,7 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             driven.arrive(motion);
         }
         motion.commit();
+        march.error = error;
         march.left = f64::min(march.left, motion.energies().left());
         march.size = f64::max(march.size, motion.energies().size());
         march.elapsed += step;
@@ -522,6 +538,11 @@ impl Simulator {
                 spectral_radius,
                 tolerance: TOLERANCE[usize::from(spectral_radius == 1.0)] * scale,
                 at_rest_tolerance: statics::TOLERANCE * scale,
+                loosest: if spectral_radius == 1.0 {
+                    0.0
+                } else {
+                    LOOSEST * scale
+                },
                 shortest,
                 from: forces.clone(),
                 to: forces.clone(),
@@ -529,6 +550,7 @@ impl Simulator {
                 end: forces,
                 driven: None,
                 next: 0.0,
+                error: f64::INFINITY,
                 left: 0.0,
                 size: 0.0,
                 count: Count::default(),
@@ -720,6 +742,7 @@ impl Simulator {
         let energies = *self.energies();
         self.march.left = energies.left();
         self.march.size = energies.size();
+        self.march.error = f64::INFINITY;
         self.march.next = match self.settings.step {
             Step::Fixed(step) => step,
             Step::Adaptive { longest, .. } => longest / 20.0,

@@ -304,6 +304,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn is_apart(&self) -> bool;
     fn balance_time(&self) -> f64;
     fn noise(&self, tensions: &[f64]) -> f64;
+    fn effort(&self, distance: f64) -> f64;
     fn disk(&self, k: usize) -> Vec3;
     fn linear_momentum(&self) -> Vec3;
     fn energies(&self) -> &Energies;
@@ -363,6 +364,9 @@ macro_rules! moving {
             }
             fn noise(&self, tensions: &[f64]) -> f64 {
                 Motion::noise(self, tensions)
+            }
+            fn effort(&self, distance: f64) -> f64 {
+                Motion::effort(self, distance)
             }
             fn disk(&self, k: usize) -> Vec3 {
                 Motion::disk(self, k)

@@ -596,9 +596,14 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     pub fn noise(&self, tensions: &[f64]) -> f64 {
         let pull: f64 = tensions.iter().sum();
         let weight = self.gravity.norm().lane(0) * self.mass;
-        let inertia = self.factor() * self.mass * self.length;
+        let inertia = self.effort(1.0);
         let force = pull + weight + inertia + self.tip_force.norm().lane(0);
         4.0 * f64::EPSILON * force * self.length
+    }
+
+    /// Moment that moves all mass by so much further within this step, N m.
+    pub fn effort(&self, distance: f64) -> f64 {
+        distance * self.factor() * self.mass * self.length
     }
 
     /// Forces at the present strain; returns the largest moment imbalance, N m.
