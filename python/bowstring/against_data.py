@@ -516,6 +516,7 @@ def judge_data(
             loads.cell,
             len(calibration.fit.estimates),
             data.sigma,
+            line=data.line,
             other_load=calibration.other_load,
         )
     tell(1.0)
@@ -785,7 +786,7 @@ def _of_the_rod(found: AgainstData) -> str:
         estimates = [e for e in found.calibration.fit.estimates if "base." not in e.name]
         text += (
             f" Calibrated are {listed([_said(e) for e in estimates])}; the base is turned by "
-            f"{_turn(found.frame):.2g} deg against the measuring frame."
+            f"{significant(_turn(found.frame))} deg against the measuring frame."
         )
     return text
 
