@@ -289,6 +289,13 @@ def test_swapped_tendons_are_named(shell: Shell, tmp_path: Path) -> None:
     assert "tendons 2 and 3" in err and "not noise" in out
 
 
+def test_masses_in_another_unit_are_named(shell: Shell, tmp_path: Path) -> None:
+    file = table(tmp_path, lambda rows: [rows[0].replace("_kg", "_t"), *rows[1:]])
+    code, _, err = shell(*of("--measurements", str(file), "--parameter", E))
+    assert code == 1 and "rows have no solution" in err
+    assert "check the unit of the tensions or masses" in err
+
+
 def test_too_many_rows_are_refused(robot: Robot, data: Measurements) -> None:
     many = data.select(np.arange(33_000) % 33)
     with pytest.raises(InputError, match=r"33000 rows are too many.*keep one row of 4"):

@@ -334,6 +334,28 @@ def test_one_repeated_row_is_told_and_kept(file: Write) -> None:
     assert found.issues == ((5, "the same, cell by cell, as line 3; it is kept"),)
 
 
+def test_tips_that_the_robot_cannot_have_are_told(file: Write) -> None:
+    robot = bs.load_robot("amouri2019")
+    with (ROOT / "examples" / "bench.csv").open(encoding="utf-8") as table:
+        text = "".join(line for line in table if not line.startswith("#"))
+    assert read_measurements(file(text), robot).issues == ()
+    in_metres = text
+    for axis in "xyz":
+        in_metres = in_metres.replace(f"tip_{axis}_mm", f"tip_{axis}_m")
+    says = r"amouri2019 is 641 mm long; check the unit of the tip's columns"
+    with pytest.raises(InputError, match=says):
+        read_measurements(file(in_metres), robot)
+    assert len(read_measurements(file(in_metres))) == 33  # of a robot that is not named
+    lines = text.splitlines()
+    cells = lines[12].split(",")
+    cells[lines[0].split(",").index("tip_x_mm")] = "5000"
+    lines[12] = ",".join(cells)
+    found = read_measurements(file("\n".join(lines)), robot)
+    assert len(found) == 33 and found.left_out == 0
+    [(line, told)] = found.issues
+    assert line == 13 and "from the middle of all" in told and "it is kept" in told
+
+
 def test_columns_that_are_not_read_are_told(file: Write) -> None:
     text = "\n".join(f"{row},{extra}" for row, extra in
                      zip(GOOD.splitlines(), ["sgima_mm", "1", "1", "1"], strict=True))  # fmt: skip

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.errors import InputError
+from bowstring.errors import InputError, NoSolutionError
 from bowstring.fit import CrossValidation, Fit, Loss, Score, cross_validate, fit, hold_out, score
 from bowstring.measurements import Measurements
 from bowstring.robot import Robot
@@ -162,7 +162,13 @@ def calibrate(
         out = hold_out(robot, data, holdout)
         rows = ~out & np.isfinite(data.tip).all(axis=1)
     tell("fit", 0.0)
-    found = fit(robot, data, parameters, model=model, loss=loss, rows=rows)
+    order = check_tendons(robot, data)
+    try:
+        found = fit(robot, data, parameters, model=model, loss=loss, rows=rows)
+    except NoSolutionError as error:
+        if order.alarm:  # the likelier reason
+            raise NoSolutionError(f"{str(error).rstrip('.')}. {order.sentence}") from None
+        raise
     held = None
     if holdout is not None:  # all rows are one path, so the prediction is of all
         held = score(data.tip[out] + found.residuals[out], data.tip[out])
@@ -171,4 +177,4 @@ def calibrate(
         tell("validation", 1 / (1 + folds))
         validated = cross_validate(robot, data, parameters, folds=folds, model=model, loss=loss)
     tell("done", 1.0)
-    return Calibration(data, found, loss, check_tendons(robot, data), out, held, validated)
+    return Calibration(data, found, loss, order, out, held, validated)

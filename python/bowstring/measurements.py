@@ -28,6 +28,7 @@ from bowstring.robot import Robot
 from bowstring.tables import Row, Table, open_table
 from bowstring.tendon_order import TendonCheck, check_tendons
 from bowstring.units import quote
+from bowstring.words import in_mm
 
 __all__ = [
     "STANDARD_GRAVITY",
@@ -43,6 +44,7 @@ STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
 _MOST_ISSUES: Final = 1_000
 _MOST_LABELS: Final = 100
 _LARGEST: Final = 1e30  # what is larger may overflow on its way to SI
+_REACH: Final = 3.0  # lengths between a tip and the middle of all, at most 1 + root of 3
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
@@ -216,7 +218,7 @@ def read_measurements(
         In the tidy format (docs/bench.md): a row for each measurement, columns with units such as
         ``mass_1_kg``, ``tension_1_N``, ``pull_1_mm``, ``tip_x_mm``; or any other with a mapping.
     robot : Robot, optional
-        If given, the table must have a column for each of its tendons.
+        If given, the table must have a column for each of its tendons, and tips within its reach.
     mapping : str, Path or Mapping, optional
         A mapping file, or the name of a public data set.
     g : float
@@ -244,7 +246,32 @@ def read_measurements(
     count = len(layout.tendons)
     if robot is not None and count != len(robot.tendons.angle_rad):
         raise _wrong_count(table, robot, count)
-    return _Reader(table, layout).read()
+    found = _Reader(table, layout).read()
+    return found if robot is None else _within_reach(found, robot)
+
+
+def _within_reach(found: Measurements, robot: Robot) -> Measurements:
+    """Note tips that the robot cannot have; refuse a table where most of them are such."""
+    if found.points.shape[1] == 0 or found.scale is None:
+        return found
+    reach = _REACH * (robot.length + float(np.linalg.norm(found.tool)))
+    distance = np.linalg.norm(found.tip - np.median(found.tip, axis=0), axis=1)
+    far = distance > reach
+    if far.mean() > 0.5:
+        raise InputError(
+            f"{found.path}: the tips lie up to {in_mm(float(np.ptp(found.tip, axis=0).max()))} "
+            f"apart, and {robot.name} is {in_mm(robot.length)} long; check the unit of the tip's "
+            "columns"
+        )
+    notes = [
+        (
+            int(found.line[i]),
+            f"the tip is {in_mm(float(distance[i]))} from the middle of all, and {robot.name} is "
+            f"{in_mm(robot.length)} long; it is kept",
+        )
+        for i in np.flatnonzero(far)[:_MOST_ISSUES]
+    ]
+    return replace(found, issues=tuple(sorted((*found.issues, *notes))))
 
 
 def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
