@@ -108,3 +108,10 @@ def test_too_little_is_not_tested() -> None:
     found = noise_test(residual, run, cell, 0)
     assert found.is_noise is None and "cannot be said" in found.text
     assert noise_test(residual, run, cell, 0, other_load=True).is_noise is False
+
+
+def test_what_a_solver_leaves_of_data_without_noise_is_not_judged() -> None:
+    _, run, cell = made(9)
+    course = 1e-9 * np.sin(2.0 * np.pi * cell / 33.0)[:, None] * np.ones(3)
+    found = noise_test(course, run, cell, 8)
+    assert found.is_noise is None and "no measurement allows" in found.text

@@ -25,6 +25,10 @@ Progress = Callable[[str, float], None]
 
 #: Estimates that correlate by so much hardly know one from the other.
 _STRONG: Final = 0.9
+#: Standard deviations of a coordinate; noise has rows beyond in one table of a million.
+_FAR: Final = 8.0
+_FEW_ROWS: Final = 0.05  # share of the rows
+_NOTHING: Final = 1e-8  # m: data without noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,19 @@ class Calibration:
         return sorted(((b, a, r) for a, b, r in pairs), key=lambda pair: -abs(pair[2]))
 
     @property
+    def far(self) -> list[tuple[int, float]]:
+        """Line and distance, m, of fitted rows far beyond the others' scatter, farthest first.
+
+        None where many are: then the model is wrong and not a row.
+        """
+        distance = np.linalg.norm(self.fit.residuals, axis=1)
+        rows = np.flatnonzero(self.fit.used & (distance > _FAR * self.fit.noise))
+        if self.fit.noise < _NOTHING or len(rows) > max(1, _FEW_ROWS * self.fit.used.sum()):
+            return []
+        rows = rows[np.argsort(-distance[rows])]
+        return [(int(self.data.line[i]), float(distance[i])) for i in rows]
+
+    @property
     def elsewhere(self) -> list[str]:
         """Estimates that have no place in a robot file, as text."""
         inside = ("segments", "gravity", "hole_angle", "pitch_radius")
@@ -101,6 +118,7 @@ class Calibration:
                 "sigma_mm": None if data.sigma is None else 1e3 * float(np.median(data.sigma)),
                 "sha256": data.sha256,
             },
+            "far": [{"line": line, "distance_mm": 1e3 * away} for line, away in self.far],
             "lines": data.line.tolist(),
             "residuals_mm": (1e3 * found.residuals).tolist(),
         }

@@ -26,6 +26,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.files import check_parent
 from bowstring.robot import Robot, load_robot, robot_names, robot_schema
 from bowstring.units import quote, read_number, rounded
+from bowstring.words import in_mm
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -1819,6 +1820,10 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     if data.sigma is not None:
         said = f"; the table says {rounded(1e3 * float(np.median(data.sigma)), 3)} mm"
     yield f"Scatter of a coordinate: {_fixed(1e3 * fit.noise, 4)} mm{said}."
+    if found.far:
+        named = [f"line {line} ({in_mm(away)})" for line, away in found.far[:5]]
+        more = f" and {len(found.far) - 5} more" if len(found.far) > 5 else ""
+        yield f"Far off, look at: {', '.join(named)}{more}."
     if folder is not None:
         yield f"Calibrated robot: {folder / 'robot.yaml'}"
 

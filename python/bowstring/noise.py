@@ -25,6 +25,7 @@ CHANCE: Final = 0.005
 _FEW: Final = 8  # pairs of neighbours, below which they tell nothing
 _FAR: Final = 5.0  # standard deviations of a coordinate
 _WRONG: Final = 10.0  # robust ones, beyond which repeats that are not there call a row a mistake
+_NOTHING: Final = 1e-8  # m: no device measures so well, what is left are rounding and tolerances
 _MOST_LINES: Final = 5  # named in a sentence
 
 
@@ -73,13 +74,22 @@ class NoiseTest:
         return self.order_chance < CHANCE
 
     @property
+    def nothing_left(self) -> bool:
+        """Whether the data have no noise that could be told from anything, as a simulation."""
+        return self.rms < _NOTHING
+
+    @property
     def tested(self) -> bool:
         """Whether there was any test."""
-        return any(map(math.isfinite, (self.size_chance, self.fit_chance, self.order_chance)))
+        return not self.nothing_left and any(
+            map(math.isfinite, (self.size_chance, self.fit_chance, self.order_chance))
+        )
 
     @property
     def is_noise(self) -> bool | None:
         """None where nothing could be tested."""
+        if self.nothing_left:
+            return None
         if self.other_load or self.wrong_size or self.in_order:
             return False
         return True if self.tested else None
@@ -87,6 +97,11 @@ class NoiseTest:
     @property
     def text(self) -> str:
         """One or two sentences."""
+        if self.nothing_left:
+            return (
+                "Nothing is left to be tested: the calibrated model meets the data to 0.00001 mm, "
+                "which no measurement allows."
+            )
         if self.is_noise is None:
             return (
                 "Whether the residuals are noise cannot be said: the table states no uncertainty, "
