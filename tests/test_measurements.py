@@ -161,6 +161,12 @@ def test_a_workbook(sheet: Write) -> None:
     assert 'mass_3_kg is "x"' in found.issues[1][1]
 
 
+def test_a_workbook_whose_table_is_on_another_sheet(sheet: Write) -> None:
+    says = 'no column says.*; only the first sheet, "Sheet", is read, not "data"'
+    with pytest.raises(InputError, match=says):
+        read_measurements(sheet([["notes"], ["made in May"]], data=[["mass_1_kg", "tip_x_mm"]]))
+
+
 @pytest.mark.parametrize("label", ["measured", "synthetic", "computed"])
 def test_what_the_data_are_goes_with_them(label: str, file: Write) -> None:
     assert read_measurements(file(f"# source: {label}\n{GOOD}")).source == label
