@@ -1159,14 +1159,14 @@ def _share(flag: str, text: str) -> float:
 def _positive(flag: str, text: str, si: str) -> float:
     value = _number(flag, text, si)
     if value <= 0:
-        raise InputError(f"{flag}: got {value:g} {si}; must be positive.")
+        raise InputError(f"{flag}: got {f'{value:g} {si}'.strip()}; must be positive.")
     return value
 
 
 def _not_negative(flag: str, text: str, si: str) -> float:
     value = _number(flag, text, si)
     if value < 0:
-        raise InputError(f"{flag}: got {value:g} {si}; must be 0 or more.")
+        raise InputError(f"{flag}: got {f'{value:g} {si}'.strip()}; must be 0 or more.")
     return value
 
 
