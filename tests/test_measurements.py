@@ -362,6 +362,20 @@ def test_tips_that_the_robot_cannot_have_are_told(file: Write) -> None:
     assert line == 13 and "from the middle of all" in told and "it is kept" in told
 
 
+def test_a_table_sorted_afterwards_is_told(file: Write) -> None:
+    header = "tension_1_N,tip_x_mm,tip_y_mm,tip_z_mm,repeat,time_s\n"
+    rows = [f"{f},{f},0,640,{run},{10 * run + f}\n" for run in (1, 2) for f in (0, 1, 2)]
+    assert read_measurements(file(header + "".join(rows))).issues == ()
+    found = read_measurements(file(header + "".join(sorted(rows))))
+    assert len(found) == 6 and found.left_out == 0
+    assert found.issues == (
+        (4, "repeat comes again (the first of 4 times): rows must stand in the order in which they "
+            "were measured"),
+        (4, "time goes back (the first of 2 times): rows must stand in the order in which they "
+            "were measured"),
+    )  # fmt: skip
+
+
 def test_columns_that_are_not_read_are_told(file: Write) -> None:
     text = "\n".join(f"{row},{extra}" for row, extra in
                      zip(GOOD.splitlines(), ["sgima_mm", "1", "1", "1"], strict=True))  # fmt: skip

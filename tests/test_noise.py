@@ -103,6 +103,13 @@ def test_a_load_that_errs_in_all_repeats_is_no_mistyped_row() -> None:
     assert found.wrong_lines == () and found.is_noise is False
 
 
+def test_repeats_that_are_none_are_no_mistyped_rows() -> None:
+    residual, run, cell = made(10)
+    residual[::9] += 1e-3
+    found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA))
+    assert found.wrong_lines == () and found.size_chance < CHANCE
+
+
 def test_too_little_is_not_tested() -> None:
     residual, run, cell = (a[:4] for a in made(6))
     found = noise_test(residual, run, cell, 0)

@@ -323,6 +323,7 @@ class _Reader:
         if self.comma is not None:
             self.issues.append((self.comma, "numbers have a decimal comma, and are read so"))
         self.note_repeated_rows(arrays["line"], arrays.pop("key"))
+        self.note_order(arrays)
         if self.unlisted[0]:
             count, last = self.unlisted
             rows = "one more row is" if count == 1 else f"{count} more rows are"
@@ -513,6 +514,19 @@ class _Reader:
         empty = np.full((self.point_count, 3), np.nan)
         stacked = np.array([empty if points is None else points for points in found])
         return column.factor * stacked.reshape(len(found), self.point_count, 3)
+
+    def note_order(self, arrays: dict[str, Any]) -> None:
+        """Rows are a path: a table that was sorted afterwards is told by its repeats or times."""
+        lines, runs = arrays["line"], arrays["repeat"]
+        begins = np.flatnonzero(np.r_[True, runs[1:] != runs[:-1]])
+        _, first = np.unique(runs[begins], return_index=True)
+        again = np.setdiff1d(np.arange(len(begins)), first)
+        back = np.flatnonzero(np.diff(arrays["time"]) < 0) + 1 if "time" in arrays else again[:0]
+        for rows, what in ((begins[again], "repeat comes again"), (back, "time goes back")):
+            if len(rows):
+                times = f" (the first of {len(rows)} times)" if len(rows) > 1 else ""
+                text = f"{what}{times}: rows must stand in the order in which they were measured"
+                self.issues.append((int(lines[rows[0]]), text))
 
     def note_repeated_rows(self, lines: Ints, keys: Ints) -> None:
         _, first, place = np.unique(keys, return_index=True, return_inverse=True)

@@ -25,6 +25,7 @@ CHANCE: Final = 0.005
 _FEW: Final = 8  # pairs of neighbours, below which they tell nothing
 _FAR: Final = 5.0  # standard deviations of a coordinate
 _WRONG: Final = 10.0  # robust ones, beyond which repeats that are not there call a row a mistake
+_FEW_WRONG: Final = 0.05  # share of the rows
 _NOTHING: Final = 1e-8  # m: no device measures so well, what is left are rounding and tolerances
 _MOST_LINES: Final = 5  # named in a sentence
 
@@ -193,7 +194,9 @@ def _wrong(e: Array, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
     off = np.abs(e).max(axis=1, initial=0.0) > _WRONG * usual
     _, place = np.unique(cells, return_inverse=True)
     has_good = np.bincount(place, ~off) > 0
-    return np.asarray(off & has_good[place] & (usual > 0.0))
+    wrong = off & has_good[place] & (usual > 0.0)
+    # so many are no mistakes, but repeats that are none
+    return np.asarray(wrong & (wrong.sum() <= max(1, _FEW_WRONG * len(e))))
 
 
 def noise_test(
