@@ -367,6 +367,23 @@ def test_swapped_tendons_are_named_before_any_work() -> None:
         check_measurements(robot, data)
 
 
+def test_a_base_that_must_be_turned_is_said(robot: bs.Robot, bench: Measurements) -> None:
+    # tendon 2 pulls where tendon 1 is said to: in one plane a turned base explains it as well
+    data = replace(bench, tensions=bench.tensions[:, [1, 0, 2]])
+    check_measurements(robot, data)
+    text = " ".join(judge_data(robot, data, 0.01).text)
+    assert "the base is turned by 120 deg against" in text
+    assert "if it is not, tendons 1 and 2 are swapped" in text
+
+
+def test_a_mean_over_some_rows_says_so(robot: bs.Robot, bench: Measurements) -> None:
+    # kg where g were meant: nothing but the unloaded rows has an equilibrium
+    found = judge_data(robot, replace(bench, tensions=1e3 * bench.tensions), 0.01)
+    rod = found.comparison("rod")
+    assert 0 < rod.n < len(bench)
+    assert f"as the robot file has it over {rod.n} of {len(bench)} rows" in " ".join(found.text)
+
+
 # -- the study and its report ------------------------------------------------------------------
 
 

@@ -767,6 +767,7 @@ def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.Mo
         (("--masses", "1", "--noise", "-1 mm"), "--noise: got -0.001 m; must be 0 or more"),
         (("--masses", "1", "--repeats", "0"), "--repeats: got 0; must be 1 or more"),
         (("--masses", "1", "--seed", "-1"), "--seed: got -1; must be 0 or more"),
+        (("--masses", "1", "--friction", "-0.1"), "--friction: got -0.1; must be 0 or more"),
         (("--masses", "1", "--friction", "x"), '--friction: got "x", which is not a number'),
         (("--masses", "1", "--shift", "1,2"), "--shift: got 2 numbers; write x, y and z"),
         (("--masses", "1", "--actual", "E"), '--actual: got "E"; write for example --actual'),

@@ -289,6 +289,34 @@ def test_swapped_tendons_are_named(shell: Shell, tmp_path: Path) -> None:
     assert "tendons 2 and 3" in err and "not noise" in out
 
 
+def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path) -> None:
+    def mistyped(rows: list[str]) -> list[str]:
+        cells = rows[9].split(",")
+        cells[3] = str(float(cells[3]) + 50.0)
+        return [*rows[:9], ",".join(cells), *rows[10:]]
+
+    args = ("fit", "amouri2019", "--measurements", table(tmp_path, mistyped), *UPRIGHT)
+    got = shell.json(*args, "--parameter", E, "--parameter", MU)
+    [far] = got["far"]
+    assert far["line"] == 14 and far["distance_mm"] == pytest.approx(50.0, abs=0.5)
+    assert got["parameters"][0]["value"] == pytest.approx(35.0, abs=0.01)
+    _, out, _ = shell(*args, "--parameter", E, "--parameter", MU)
+    assert "Far off, look at: line 14 (50 mm)." in out
+
+
+def test_data_without_noise_lack_nothing(robot: Robot) -> None:
+    made = bench.simulate(robot, np.outer(np.linspace(0, 60, 13), [1, 0, 0]), noise=0.0)
+    found = fit(robot, made, [E, "base.x"])
+    assert found.score.rmse < 1e-8 and found.message == "Converged."
+
+
+def test_masses_in_another_unit_are_named(shell: Shell, tmp_path: Path) -> None:
+    file = table(tmp_path, lambda rows: [rows[0].replace("_kg", "_t"), *rows[1:]])
+    code, _, err = shell(*of("--measurements", str(file), "--parameter", E))
+    assert code == 1 and "rows have no solution" in err
+    assert "check the unit of the tensions or masses" in err
+
+
 def test_too_many_rows_are_refused(robot: Robot, data: Measurements) -> None:
     many = data.select(np.arange(33_000) % 33)
     with pytest.raises(InputError, match=r"33000 rows are too many.*keep one row of 4"):

@@ -76,7 +76,7 @@ def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ("name", "says"),
     [
         ("tamm", 'there is no data set "tamm"; did you mean tamm-spring?'),
-        ("zzz", "There are crl-ftdcr-mocap, sorosim-rods, tamm-spring and ucl-planar-shape."),
+        ("zzz", "; there are crl-ftdcr-mocap, sorosim-rods, tamm-spring and ucl-planar-shape."),
         ("sorosim-rods", "there is no folder sorosim-rods in it"),
         ("tamm-spring", "is not the file published at commit 81db7953fe9a"),
     ],

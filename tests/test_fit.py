@@ -265,7 +265,8 @@ def loads(**change):
     ("data", "names", "words"),
     [
         (loads(), ["segments.0.backbone.Y"], "did you mean segments.0.backbone.E?"),
-        (loads(), ["gian"], "did you mean gain?"),
+        (loads(), ["gian"], "did you mean gain? It must be"),
+        (loads(), ["zzz"], "; it must be a number of the robot file"),
         (loads(), ["segments.3.backbone.E"], "there is no parameter"),
         (loads(), ["segments.0.tendons.axial_stiffness"], "no value to begin with"),
         (loads(), ["gain", "gain"], "named twice"),

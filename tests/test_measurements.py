@@ -161,6 +161,12 @@ def test_a_workbook(sheet: Write) -> None:
     assert 'mass_3_kg is "x"' in found.issues[1][1]
 
 
+def test_a_workbook_whose_table_is_on_another_sheet(sheet: Write) -> None:
+    says = 'no column says.*; only the first sheet, "Sheet", is read, not "data"'
+    with pytest.raises(InputError, match=says):
+        read_measurements(sheet([["notes"], ["made in May"]], data=[["mass_1_kg", "tip_x_mm"]]))
+
+
 @pytest.mark.parametrize("label", ["measured", "synthetic", "computed"])
 def test_what_the_data_are_goes_with_them(label: str, file: Write) -> None:
     assert read_measurements(file(f"# source: {label}\n{GOOD}")).source == label
@@ -332,6 +338,42 @@ def test_one_repeated_row_is_told_and_kept(file: Write) -> None:
     found = read_measurements(file(GOOD + "0.5,0,0,30.5,0.1,640\n"))
     assert len(found) == 4
     assert found.issues == ((5, "the same, cell by cell, as line 3; it is kept"),)
+
+
+def test_tips_that_the_robot_cannot_have_are_told(file: Write) -> None:
+    robot = bs.load_robot("amouri2019")
+    with (ROOT / "examples" / "bench.csv").open(encoding="utf-8") as table:
+        text = "".join(line for line in table if not line.startswith("#"))
+    assert read_measurements(file(text), robot).issues == ()
+    in_metres = text
+    for axis in "xyz":
+        in_metres = in_metres.replace(f"tip_{axis}_mm", f"tip_{axis}_m")
+    says = r"amouri2019 is 641 mm long; check the unit of the tip's columns"
+    with pytest.raises(InputError, match=says):
+        read_measurements(file(in_metres), robot)
+    assert len(read_measurements(file(in_metres))) == 33  # of a robot that is not named
+    lines = text.splitlines()
+    cells = lines[12].split(",")
+    cells[lines[0].split(",").index("tip_x_mm")] = "5000"
+    lines[12] = ",".join(cells)
+    found = read_measurements(file("\n".join(lines)), robot)
+    assert len(found) == 33 and found.left_out == 0
+    [(line, told)] = found.issues
+    assert line == 13 and "from the middle of all" in told and "it is kept" in told
+
+
+def test_a_table_sorted_afterwards_is_told(file: Write) -> None:
+    header = "tension_1_N,tip_x_mm,tip_y_mm,tip_z_mm,repeat,time_s\n"
+    rows = [f"{f},{f},0,640,{run},{10 * run + f}\n" for run in (1, 2) for f in (0, 1, 2)]
+    assert read_measurements(file(header + "".join(rows))).issues == ()
+    found = read_measurements(file(header + "".join(sorted(rows))))
+    assert len(found) == 6 and found.left_out == 0
+    assert found.issues == (
+        (4, "repeat comes again (the first of 4 times): rows must stand in the order in which they "
+            "were measured"),
+        (4, "time goes back (the first of 2 times): rows must stand in the order in which they "
+            "were measured"),
+    )  # fmt: skip
 
 
 def test_columns_that_are_not_read_are_told(file: Write) -> None:

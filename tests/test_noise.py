@@ -73,7 +73,41 @@ def test_sizes_are_those_of_the_data() -> None:
     assert found.scatter == pytest.approx(SIGMA, rel=0.15)
     far = residual.copy()
     far[7, 2] = 20 * SIGMA
-    assert noise_test(far, run, cell, 8, np.full(ROWS, SIGMA)).far == 1
+    found = noise_test(far, run, np.arange(ROWS), 8, np.full(ROWS, SIGMA))
+    assert found.far == 1 and "One row is more than five standard deviations away (line 8)." in (
+        found.text
+    )
+
+
+def test_one_mistyped_row_is_named_and_hides_nothing() -> None:
+    sigma = np.full(ROWS, SIGMA)
+    residual, run, cell = made(7)
+    mistyped = residual.copy()
+    mistyped[50, 0] += 1.0
+    found = noise_test(mistyped, run, cell, 0, sigma, line=np.arange(ROWS) + 2)
+    assert found.wrong_lines == (52,) and found.is_noise
+    assert found.rms == pytest.approx(SIGMA, rel=0.1)
+    assert found.scatter == pytest.approx(SIGMA, rel=0.15)
+    assert "Line 52 errs by 1000 mm, and repeats of the same load do not" in found.text
+    assert "too small" not in found.text
+    # what a wrong model leaves is still seen beside it
+    course = 3.0 * SIGMA * np.sin(2.0 * np.pi * cell / 33.0)
+    found = noise_test(mistyped + course[:, None], run, cell, 0, sigma)
+    assert found.wrong_lines == (51,) and found.is_noise is False
+
+
+def test_a_load_that_errs_in_all_repeats_is_no_mistyped_row() -> None:
+    residual, run, cell = made(8)
+    residual = residual + 1e-3 * (cell == 12)[:, None]
+    found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA))
+    assert found.wrong_lines == () and found.is_noise is False
+
+
+def test_repeats_that_are_none_are_no_mistyped_rows() -> None:
+    residual, run, cell = made(10)
+    residual[::9] += 1e-3
+    found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA))
+    assert found.wrong_lines == () and found.size_chance < CHANCE
 
 
 def test_too_little_is_not_tested() -> None:
@@ -81,3 +115,10 @@ def test_too_little_is_not_tested() -> None:
     found = noise_test(residual, run, cell, 0)
     assert found.is_noise is None and "cannot be said" in found.text
     assert noise_test(residual, run, cell, 0, other_load=True).is_noise is False
+
+
+def test_what_a_solver_leaves_of_data_without_noise_is_not_judged() -> None:
+    _, run, cell = made(9)
+    course = 1e-9 * np.sin(2.0 * np.pi * cell / 33.0)[:, None] * np.ones(3)
+    found = noise_test(course, run, cell, 8)
+    assert found.is_noise is None and "no measurement allows" in found.text

@@ -185,6 +185,7 @@ def test_noise_is_rarely_called_left_handed() -> None:
         (CORNERS, CORNERS[:3], "4 fiducials are measured and 3 given"),
         (CORNERS[[0, 1, 2, 1]], CORNERS, "fiducials 2 and 4 are in one place in the measured"),
         (CORNERS, CORNERS[[0, 0, 1, 2]], "fiducials 1 and 2 are in one place in the base"),
+        (1e3 * CORNERS, CORNERS, "give both in m, and in the same order"),
         (np.outer([0, 1, 3], [1, 2, 3]), CORNERS[:3], "measured fiducials lie on one line"),
         (CORNERS[:3], np.outer([0, 1, 3], [1, 2, 3]), "base fiducials lie on one line"),
         (CORNERS * [[1], [1], [1], [np.nan]], CORNERS, "point 4 of measured"),

@@ -171,3 +171,24 @@ def test_measured_angles(public_data: Callable[[str], Path]) -> None:
     assert data.direction is not None
     clockwise = check_tendons(robot, replace(data, direction=-data.direction))
     assert clockwise.found == "mirrored"
+
+
+# -- tensions in another unit ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("factor", "says"), [(1e3, "would wind amouri2019"), (1e-3, "the tip moves far more")]
+)
+def test_tensions_a_thousand_times_off_are_doubted(factor: float, says: str) -> None:
+    data = made(STUDY, PLANE, gravity=(0, 0, -9.81))
+    assert not check_tendons(STUDY, data).alarm
+    found = check_tendons(STUDY, replace(data, tensions=factor * data.tensions))
+    assert found.found == "unclear" and found.alarm
+    assert says in found.sentence and "check the unit of the tensions or masses" in found.sentence
+
+
+@pytest.mark.parametrize("times", [0.3, 3.0])
+def test_a_stiffness_to_be_calibrated_is_not_doubted(times: float) -> None:
+    data = made(STUDY, 0.25 * STAR)
+    other = STUDY.with_({"segments.0.backbone.E": times * 35e9})
+    assert not check_tendons(other, data).alarm

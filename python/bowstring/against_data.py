@@ -29,7 +29,7 @@ from bowstring.calibrated import Calibration
 from bowstring.comparison import Comparison, Theory, with_tendons
 from bowstring.errors import BowstringError, InputError
 from bowstring.fit import Estimate
-from bowstring.measurements import Measurements, check_tendons
+from bowstring.measurements import Measurements, TendonCheck, check_tendons
 from bowstring.noise import NoiseTest, noise_test
 from bowstring.registration import fit_model
 from bowstring.resampling import LEVEL, RESAMPLES, Intervals, bootstrap
@@ -516,6 +516,7 @@ def judge_data(
             loads.cell,
             len(calibration.fit.estimates),
             data.sigma,
+            line=data.line,
             other_load=calibration.other_load,
         )
     tell(1.0)
@@ -534,7 +535,7 @@ def judge_data(
         residuals=residuals,
         notes=(*_notes(data, loads, calibration), *notes),
     )
-    return replace(out, text=_in_words(out, tolerance))
+    return replace(out, text=_in_words(out, tolerance, check_tendons(robot, data)))
 
 
 def _points(
@@ -708,7 +709,7 @@ def _decomposition(
 # -- in words ----------------------------------------------------------------------------------
 
 
-def _in_words(found: AgainstData, tolerance: float) -> tuple[str, ...]:
+def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple[str, ...]:
     data, loads = found.data, found.loads
     repeats = len(np.unique(loads.run))
     ways = "loading and unloading" if not loads.loading.all() else "loading only"
@@ -723,6 +724,8 @@ def _in_words(found: AgainstData, tolerance: float) -> tuple[str, ...]:
         if name in found.models:
             out.append(_sentence(found, name, tolerance))
     out.append(_of_the_rod(found))
+    if order.found in ("turned", "unclear"):  # what a fitted base frame would take up in silence
+        out.append(order.sentence)
     if found.effects:
         parts = [
             f"{e.name} {'lowers' if e.explains >= 0 else 'raises'} it by {in_mm(abs(e.explains))}"
@@ -754,6 +757,11 @@ def _mean(c: DataComparison) -> str:
     return f"{in_mm(c.mean)} [{low}, {high}]"
 
 
+def _over(c: DataComparison, found: AgainstData) -> str:
+    """Said where a model has no answer to some rows, for its mean is then not of the table."""
+    return f" over {c.n} of {len(found.data)} rows" if c.n < len(found.data) else ""
+
+
 def _sentence(found: AgainstData, name: str, tolerance: float) -> str:
     registered, raw = found.comparison(name), found.comparison(name, "as_measured")
     subject = _SUBJECT[name]
@@ -761,7 +769,7 @@ def _sentence(found: AgainstData, name: str, tolerance: float) -> str:
         gains = ", ".join(significant(g, 4) for g in found.gains.values())
         subject += f" (gain {gains})"
     out = (
-        f"{subject} is off by {_mean(registered)} in the mean, "
+        f"{subject} is off by {_mean(registered)} in the mean{_over(registered, found)}, "
         f"{in_percent(registered.mean / registered.length)} of length, and by up to "
         f"{in_mm(registered.maximum)}; not registered by {_mean(raw)}"
     )
@@ -777,6 +785,7 @@ def _of_the_rod(found: AgainstData) -> str:
     for name, what in (("rod", "as the robot file has it"), ("rod_calibrated", "calibrated")):
         if name in found.models:
             registered, raw = found.comparison(name), found.comparison(name, "as_measured")
+            what += _over(registered, found)
             out.append(f"{_mean(registered)} {what} (not registered {_mean(raw)})")
     if not out:
         return "Physics has no answer to these commands."
@@ -785,7 +794,7 @@ def _of_the_rod(found: AgainstData) -> str:
         estimates = [e for e in found.calibration.fit.estimates if "base." not in e.name]
         text += (
             f" Calibrated are {listed([_said(e) for e in estimates])}; the base is turned by "
-            f"{_turn(found.frame):.2g} deg against the measuring frame."
+            f"{significant(_turn(found.frame))} deg against the measuring frame."
         )
     return text
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.errors import InputError
+from bowstring.errors import InputError, NoSolutionError
 from bowstring.fit import CrossValidation, Fit, Loss, Score, cross_validate, fit, hold_out, score
 from bowstring.measurements import Measurements
 from bowstring.robot import Robot
@@ -25,6 +25,10 @@ Progress = Callable[[str, float], None]
 
 #: Estimates that correlate by so much hardly know one from the other.
 _STRONG: Final = 0.9
+#: Standard deviations of a coordinate; noise has rows beyond in one table of a million.
+_FAR: Final = 8.0
+_FEW_ROWS: Final = 0.05  # share of the rows
+_NOTHING: Final = 1e-8  # m: data without noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +68,19 @@ class Calibration:
         return sorted(((b, a, r) for a, b, r in pairs), key=lambda pair: -abs(pair[2]))
 
     @property
+    def far(self) -> list[tuple[int, float]]:
+        """Line and distance, m, of fitted rows far beyond the others' scatter, farthest first.
+
+        None where many are: then the model is wrong and not a row.
+        """
+        distance = np.linalg.norm(self.fit.residuals, axis=1)
+        rows = np.flatnonzero(self.fit.used & (distance > _FAR * self.fit.noise))
+        if self.fit.noise < _NOTHING or len(rows) > max(1, _FEW_ROWS * self.fit.used.sum()):
+            return []
+        rows = rows[np.argsort(-distance[rows])]
+        return [(int(self.data.line[i]), float(distance[i])) for i in rows]
+
+    @property
     def elsewhere(self) -> list[str]:
         """Estimates that have no place in a robot file, as text."""
         inside = ("segments", "gravity", "hole_angle", "pitch_radius")
@@ -101,6 +118,7 @@ class Calibration:
                 "sigma_mm": None if data.sigma is None else 1e3 * float(np.median(data.sigma)),
                 "sha256": data.sha256,
             },
+            "far": [{"line": line, "distance_mm": 1e3 * away} for line, away in self.far],
             "lines": data.line.tolist(),
             "residuals_mm": (1e3 * found.residuals).tolist(),
         }
@@ -162,7 +180,13 @@ def calibrate(
         out = hold_out(robot, data, holdout)
         rows = ~out & np.isfinite(data.tip).all(axis=1)
     tell("fit", 0.0)
-    found = fit(robot, data, parameters, model=model, loss=loss, rows=rows)
+    order = check_tendons(robot, data)
+    try:
+        found = fit(robot, data, parameters, model=model, loss=loss, rows=rows)
+    except NoSolutionError as error:
+        if order.alarm:  # the likelier reason
+            raise NoSolutionError(f"{str(error).rstrip('.')}. {order.sentence}") from None
+        raise
     held = None
     if holdout is not None:  # all rows are one path, so the prediction is of all
         held = score(data.tip[out] + found.residuals[out], data.tip[out])
@@ -171,4 +195,4 @@ def calibrate(
         tell("validation", 1 / (1 + folds))
         validated = cross_validate(robot, data, parameters, folds=folds, model=model, loss=loss)
     tell("done", 1.0)
-    return Calibration(data, found, loss, check_tendons(robot, data), out, held, validated)
+    return Calibration(data, found, loss, order, out, held, validated)

@@ -265,7 +265,8 @@ class _Header:
              if near and near.startswith(like)),
             "",
         )  # fmt: skip
-        return self.fail(f"{what}{hint}")
+        notes = "".join(f"; {text}" for _, text in self.table.notes)  # of another sheet
+        return self.fail(f"{what}{hint}{notes}")
 
     def tendons(self, found: dict[int, tuple[Kind, Column]]) -> list[tuple[Kind, Column]]:
         if 0 in found:

@@ -226,8 +226,8 @@ def describe(name: str) -> DataSet:
     if name in _SETS:
         return _SETS[name]
     near = difflib.get_close_matches(str(name).lower(), available(), n=1, cutoff=0.4)
-    hint = f"did you mean {near[0]}? " if near else ""
-    raise InputError(f"there is no data set {quote(name)}; {hint}There are {_listed(available())}.")
+    hint = f"did you mean {near[0]}? There" if near else "there"
+    raise InputError(f"there is no data set {quote(name)}; {hint} are {_listed(available())}.")
 
 
 def path(name: str) -> Path:

@@ -43,6 +43,8 @@ _TURN: Final = 2.0
 _SAME: Final = 1e-5
 #: Members of such a direction are those with at least this share of it.
 _MEMBER: Final = 0.1
+#: RMSE of data without noise, m: no device measures so well.
+_NOTHING: Final = 1e-8
 #: Residuals that are so many times the stated uncertainty are more than that.
 _EXCESS: Final = 1.5
 #: Rows of statics that a fit takes; each holds its solution and derivatives, up to 0.25 MB.
@@ -509,6 +511,9 @@ def _result(
     converged = found.status > 0 and not unsolved
     autocorrelation = _autocorrelation(errors, work.used, group)
     excess = _excess(errors, work.used, work.sigma, len(items))
+    found_score = score(errors[work.used], np.zeros_like(errors[work.used]))
+    # of data without noise rounding is left, of which nothing follows
+    judged = autocorrelation if found_score.rmse > _NOTHING else np.nan
     return Fit(
         model=work.model.model,
         robot=at.setting.robot,
@@ -518,13 +523,13 @@ def _result(
         residuals=errors,
         before=work.before,
         used=work.used,
-        score=score(errors[work.used], np.zeros_like(errors[work.used])),
+        score=found_score,
         score_before=_score_before(work),
         noise=1e-3 * _spread(residuals),
         excess=excess,
         autocorrelation=autocorrelation,
         converged=converged,
-        message=_message(found, estimates, confused, unsolved, autocorrelation, excess),
+        message=_message(found, estimates, confused, unsolved, judged, excess),
         evaluations=work.model.solves,
         _unknowns=work.model.unknowns,
         _values=values,

@@ -28,6 +28,7 @@ from bowstring.robot import Robot
 from bowstring.tables import Row, Table, open_table
 from bowstring.tendon_order import TendonCheck, check_tendons
 from bowstring.units import quote
+from bowstring.words import in_mm
 
 __all__ = [
     "STANDARD_GRAVITY",
@@ -43,6 +44,7 @@ STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
 _MOST_ISSUES: Final = 1_000
 _MOST_LABELS: Final = 100
 _LARGEST: Final = 1e30  # what is larger may overflow on its way to SI
+_REACH: Final = 3.0  # lengths between a tip and the middle of all, at most 1 + root of 3
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
@@ -216,7 +218,7 @@ def read_measurements(
         In the tidy format (docs/bench.md): a row for each measurement, columns with units such as
         ``mass_1_kg``, ``tension_1_N``, ``pull_1_mm``, ``tip_x_mm``; or any other with a mapping.
     robot : Robot, optional
-        If given, the table must have a column for each of its tendons.
+        If given, the table must have a column for each of its tendons, and tips within its reach.
     mapping : str, Path or Mapping, optional
         A mapping file, or the name of a public data set.
     g : float
@@ -244,7 +246,32 @@ def read_measurements(
     count = len(layout.tendons)
     if robot is not None and count != len(robot.tendons.angle_rad):
         raise _wrong_count(table, robot, count)
-    return _Reader(table, layout).read()
+    found = _Reader(table, layout).read()
+    return found if robot is None else _within_reach(found, robot)
+
+
+def _within_reach(found: Measurements, robot: Robot) -> Measurements:
+    """Note tips that the robot cannot have; refuse a table where most of them are such."""
+    if found.points.shape[1] == 0 or found.scale is None:
+        return found
+    reach = _REACH * (robot.length + float(np.linalg.norm(found.tool)))
+    distance = np.linalg.norm(found.tip - np.median(found.tip, axis=0), axis=1)
+    far = distance > reach
+    if far.mean() > 0.5:
+        raise InputError(
+            f"{found.path}: the tips lie up to {in_mm(float(np.ptp(found.tip, axis=0).max()))} "
+            f"apart, and {robot.name} is {in_mm(robot.length)} long; check the unit of the tip's "
+            "columns"
+        )
+    notes = [
+        (
+            int(found.line[i]),
+            f"the tip is {in_mm(float(distance[i]))} from the middle of all, and {robot.name} is "
+            f"{in_mm(robot.length)} long; it is kept",
+        )
+        for i in np.flatnonzero(far)[:_MOST_ISSUES]
+    ]
+    return replace(found, issues=tuple(sorted((*found.issues, *notes))))
 
 
 def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
@@ -296,6 +323,7 @@ class _Reader:
         if self.comma is not None:
             self.issues.append((self.comma, "numbers have a decimal comma, and are read so"))
         self.note_repeated_rows(arrays["line"], arrays.pop("key"))
+        self.note_order(arrays)
         if self.unlisted[0]:
             count, last = self.unlisted
             rows = "one more row is" if count == 1 else f"{count} more rows are"
@@ -486,6 +514,19 @@ class _Reader:
         empty = np.full((self.point_count, 3), np.nan)
         stacked = np.array([empty if points is None else points for points in found])
         return column.factor * stacked.reshape(len(found), self.point_count, 3)
+
+    def note_order(self, arrays: dict[str, Any]) -> None:
+        """Rows are a path: a table that was sorted afterwards is told by its repeats or times."""
+        lines, runs = arrays["line"], arrays["repeat"]
+        begins = np.flatnonzero(np.r_[True, runs[1:] != runs[:-1]])
+        _, first = np.unique(runs[begins], return_index=True)
+        again = np.setdiff1d(np.arange(len(begins)), first)
+        back = np.flatnonzero(np.diff(arrays["time"]) < 0) + 1 if "time" in arrays else again[:0]
+        for rows, what in ((begins[again], "repeat comes again"), (back, "time goes back")):
+            if len(rows):
+                times = f" (the first of {len(rows)} times)" if len(rows) > 1 else ""
+                text = f"{what}{times}: rows must stand in the order in which they were measured"
+                self.issues.append((int(lines[rows[0]]), text))
 
     def note_repeated_rows(self, lines: Ints, keys: Ints) -> None:
         _, first, place = np.unique(keys, return_index=True, return_inverse=True)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from bowstring.words import in_mm, significant
+from bowstring.words import in_mm, listed, significant
 
 __all__ = ["CHANCE", "NoiseTest", "noise_test"]
 
@@ -24,6 +24,10 @@ CHANCE: Final = 0.005
 """Below this probability a test says that residuals are not noise."""
 _FEW: Final = 8  # pairs of neighbours, below which they tell nothing
 _FAR: Final = 5.0  # standard deviations of a coordinate
+_WRONG: Final = 10.0  # robust ones, beyond which repeats that are not there call a row a mistake
+_FEW_WRONG: Final = 0.05  # share of the rows
+_NOTHING: Final = 1e-8  # m: no device measures so well, what is left are rounding and tolerances
+_MOST_LINES: Final = 5  # named in a sentence
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,12 @@ class NoiseTest:
     order_chance: float
     far: int
     """Rows with a coordinate beyond five standard deviations."""
+    far_lines: tuple[int, ...] = ()
+    """Their lines."""
+    wrong_lines: tuple[int, ...] = ()
+    """Lines of rows whose own repeats say that they are mistakes; the tests leave them out."""
+    wrong_by: float = 0.0
+    """Largest coordinate of these, m."""
     other_load: bool = False
     """Whether a constant load that the model does not have would explain clearly more."""
 
@@ -65,13 +75,22 @@ class NoiseTest:
         return self.order_chance < CHANCE
 
     @property
+    def nothing_left(self) -> bool:
+        """Whether the data have no noise that could be told from anything, as a simulation."""
+        return self.rms < _NOTHING
+
+    @property
     def tested(self) -> bool:
         """Whether there was any test."""
-        return any(map(math.isfinite, (self.size_chance, self.fit_chance, self.order_chance)))
+        return not self.nothing_left and any(
+            map(math.isfinite, (self.size_chance, self.fit_chance, self.order_chance))
+        )
 
     @property
     def is_noise(self) -> bool | None:
         """None where nothing could be tested."""
+        if self.nothing_left:
+            return None
         if self.other_load or self.wrong_size or self.in_order:
             return False
         return True if self.tested else None
@@ -79,6 +98,11 @@ class NoiseTest:
     @property
     def text(self) -> str:
         """One or two sentences."""
+        if self.nothing_left:
+            return (
+                "Nothing is left to be tested: the calibrated model meets the data to 0.00001 mm, "
+                "which no measurement allows."
+            )
         if self.is_noise is None:
             return (
                 "Whether the residuals are noise cannot be said: the table states no uncertainty, "
@@ -118,7 +142,17 @@ class NoiseTest:
             )
         if self.far:
             rows = "One row is" if self.far == 1 else f"{self.far} rows are"
-            out += f" {rows} more than five standard deviations away."
+            out += f" {rows} more than five standard deviations away ({_lines(self.far_lines)})."
+        if self.wrong_lines:
+            one = len(self.wrong_lines) == 1
+            how = (
+                f"errs by {in_mm(self.wrong_by)}" if one else f"err by up to {in_mm(self.wrong_by)}"
+            )
+            out += (
+                f" {_lines(self.wrong_lines).capitalize()} {how}, and repeats of the same load do "
+                f"not: these tests leave {'it' if one else 'them'} out, all other numbers have "
+                f"{'it' if one else 'them'}; look at {'it' if one else 'them'}."
+            )
         return out
 
     def to_dict(self) -> dict[str, Any]:
@@ -137,6 +171,7 @@ class NoiseTest:
             "order_chance": self.order_chance,
             "chance_below_which_not_noise": CHANCE,
             "far_rows": self.far,
+            "lines_against_their_repeats": list(self.wrong_lines),
             "other_load": self.other_load,
             "text": self.text,
         }
@@ -146,6 +181,24 @@ def _chance(probability: float) -> str:
     return "p < 0.0001" if probability < 1e-4 else f"p = {significant(probability, 2)}"
 
 
+def _lines(lines: tuple[int, ...]) -> str:
+    named = [str(line) for line in lines[:_MOST_LINES]]
+    if len(lines) > _MOST_LINES:
+        return f"lines {', '.join(named)} and {len(lines) - _MOST_LINES} more"
+    return f"line{'s' * (len(lines) > 1)} {listed(named)}"
+
+
+def _wrong(e: Array, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(K,), rows far off while another row of the same cell is not; a model cannot err so."""
+    usual = 1.4826 * float(np.median(np.abs(e))) if len(e) else 0.0
+    off = np.abs(e).max(axis=1, initial=0.0) > _WRONG * usual
+    _, place = np.unique(cells, return_inverse=True)
+    has_good = np.bincount(place, ~off) > 0
+    wrong = off & has_good[place] & (usual > 0.0)
+    # so many are no mistakes, but repeats that are none
+    return np.asarray(wrong & (wrong.sum() <= max(1, _FEW_WRONG * len(e))))
+
+
 def noise_test(
     residual: Array,
     run: NDArray[np.int64],
@@ -153,6 +206,7 @@ def noise_test(
     parameters: int,
     sigma: Array | None = None,
     *,
+    line: NDArray[np.int64] | None = None,
     other_load: bool = False,
 ) -> NoiseTest:
     """Test the residuals of a fitted model.
@@ -170,6 +224,8 @@ def noise_test(
         Fitted ones.
     sigma : array (K,), optional
         Stated standard deviation of a coordinate, m.
+    line : array of int (K,), optional
+        What rows are called; their numbers from 1 if left out.
     other_load : bool
         Whether a calibration with one more constant load explained clearly more.
 
@@ -182,15 +238,20 @@ def noise_test(
     Size against the stated sigma: chi-square. Against repeats: the F test for lack of fit (Draper
     and Smith, Applied Regression Analysis, 1998, 2.1). Order: the autocorrelation of neighbours,
     all axes together, against its normal limit under independence; a fit lowers it a little, which
-    is on the safe side.
+    is on the safe side. One mistyped row would widen the scatter of its repeats until anything
+    passes for noise, so a row far off whose repeats are not is named and left out.
     """
     good = np.isfinite(residual).all(axis=1)
+    lines = np.arange(1, len(residual) + 1) if line is None else line
+    wrong = np.zeros(len(residual), dtype=bool)
+    wrong[good] = _wrong(residual[good], cell[good])
+    good &= ~wrong
     e, runs, cells = residual[good], run[good], cell[good]
     count = len(e)
     dof = 3 * count - parameters
     rms = math.sqrt(float(np.sum(e**2)) / dof) if dof > 0 else math.nan
 
-    stated, chi_square, size_chance, far = math.nan, math.nan, math.nan, 0
+    stated, chi_square, size_chance = math.nan, math.nan, math.nan
     if sigma is not None and dof > 0:
         spread = sigma[good]
         stated = float(np.sqrt(np.mean(spread**2)))
@@ -219,9 +280,10 @@ def noise_test(
         deviation = math.sqrt(share * float(np.sum(squares**2)) / count) / float(squares.sum())
         order_chance = float(stats.norm.sf(correlation / deviation))
 
+    far = np.zeros(count, dtype=bool)
     limit = scatter if math.isfinite(scatter) else stated
     if math.isfinite(limit) and limit > 0.0:
-        far = int(np.sum(np.abs(e).max(axis=1) > _FAR * limit))
+        far = np.abs(e).max(axis=1) > _FAR * limit
     return NoiseTest(
         rms=rms,
         sigma=stated,
@@ -233,6 +295,9 @@ def noise_test(
         fit_chance=fit_chance,
         autocorrelation=correlation,
         order_chance=order_chance,
-        far=far,
+        far=int(far.sum()),
+        far_lines=tuple(lines[good][far].tolist()),
+        wrong_lines=tuple(lines[wrong].tolist()),
+        wrong_by=float(np.abs(residual[wrong]).max(initial=0.0)),
         other_load=other_load,
     )

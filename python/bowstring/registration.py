@@ -58,6 +58,7 @@ PARAMETERS: Final = (
 )
 """What a fit finds, in the order of its covariance; the first six without an offset."""
 
+_OTHER_UNIT: Final = 5.0  # times the size: the span of points turns by root of 3 at most
 _FLAT: Final = 1e-4  # of the size of the fiducials: thinner than that is a line
 _LOST: Final = 1e-7  # of the largest singular value: no movement at all
 _WEAK: Final = 0.02  # of the largest: fifty times less well known
@@ -267,8 +268,8 @@ def fit_fiducials(
     Raises
     ------
     InputError
-        For fewer than three fiducials, for fiducials on one line or in one place, and for a
-        left-handed measuring frame.
+        For fewer than three fiducials, for fiducials on one line or in one place, for two lists in
+        different units, and for a left-handed measuring frame.
 
     Notes
     -----
@@ -289,6 +290,12 @@ def fit_fiducials(
     weight = np.ones(len(ours)) if spread is None else (spread.min() / spread) ** 2
     for name, points in (("measured", ours), ("base", theirs)):
         _check_fiducials(name, points)
+    sizes = [float(np.linalg.norm(np.ptp(points, axis=0))) for points in (ours, theirs)]
+    if max(sizes) > _OTHER_UNIT * min(sizes):
+        raise InputError(
+            f"the measured fiducials span {sizes[0]:.4g} m and those of the base {sizes[1]:.4g} m: "
+            "give both in m, and in the same order"
+        )
     frame, left, mirror_left = _kabsch(ours, theirs, weight)
     dof = 3 * len(ours) - 6
     _check_handed(left, mirror_left, dof, ours, theirs, weight)

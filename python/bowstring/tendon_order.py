@@ -9,7 +9,7 @@ as a motion that would have to mirror. What cannot be told apart is not told.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring import arc
-from bowstring.words import listed
+from bowstring.words import listed, significant
 
 if TYPE_CHECKING:
     from bowstring.measurements import Measurements
@@ -38,6 +38,8 @@ _POOR: Final = 0.65  # left as said: an order that explains so little is doubted
 _TIE: Final = 1.15
 _STILL: Final = 0.005  # of the length: less motion says nothing
 _TURNED: Final = np.radians(20)
+_WOUND: Final = 4 * 2 * np.pi  # rad by the linear law: no robot is bent so far by its tendons
+_UNMOVED: Final = 20.0  # times less bend than motion, which no weight or load makes up for
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ class TendonCheck:
     ----------
     found : str
         "as_said"; "turned": as said if the measuring frame is turned about z; "swapped";
-        "mirrored"; "unclear": none of these fits; "unchecked": the data cannot tell.
+        "mirrored"; "unclear": none of these fits, or the tensions are far too large or too small
+        for the motion; "unchecked": the data cannot tell.
     sentence : str
     tendons : tuple of int
         The two that look swapped, from 1; empty if none do.
@@ -106,6 +109,18 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
     problem, bends, measured = _data(robot, measurements)
     if problem:
         return TendonCheck("unchecked", f"The order of the tendons is not checked: {problem}.")
+    found = _order(robot, measurements, bends, measured)
+    doubt = _doubted_tensions(robot, measurements, bends, measured)
+    if not doubt or found.found in ("swapped", "mirrored"):
+        return found
+    # what an order that is unclear would say is no news then
+    sentence = doubt if found.found == "unclear" else f"{doubt} {found.sentence}"
+    return replace(found, found="unclear", sentence=sentence)
+
+
+def _order(
+    robot: Robot, measurements: Measurements, bends: _Bends, measured: Floats
+) -> TendonCheck:
     with_tip = measurements.points.shape[1] > 0
     tool = np.asarray(measurements.tool) if with_tip else np.zeros(3)
 
@@ -182,6 +197,25 @@ def _agreed(
         "wrong"
     )
     return TendonCheck("turned", f"{text}.", named[0] if len(named) == 1 else (), said.left, turn)
+
+
+def _doubted_tensions(robot: Robot, m: Measurements, bends: _Bends, measured: Floats) -> str:
+    """A sentence where the linear law and the motion differ by as much as a wrong unit makes."""
+    if np.isnan(m.tensions).any():
+        return ""
+    bend = float(np.linalg.norm(bends(np.arange(m.tendon_count)), axis=2).max())
+    largest = f"{significant(float(m.tensions.max()))} N, the largest tension,"
+    advice = "check the unit of the tensions or masses, and E of the robot file."
+    if bend > _WOUND:
+        turns = significant(bend / (2 * np.pi), 2)
+        return f"By the linear law {largest} would wind {robot.name} {turns} times around: {advice}"
+    moved = _spread(measured) / (robot.length if m.points.shape[1] else 1.0)
+    if moved > _UNMOVED * bend:
+        return (
+            f"By the linear law {largest} would bend {robot.name} by "
+            f"{significant(np.degrees(bend), 2)} degrees only, and the tip moves far more: {advice}"
+        )
+    return ""
 
 
 def _or(pairs: list[tuple[int, int]]) -> str:

@@ -298,7 +298,6 @@ class Unknowns:
         )
 
     def _no_such(self, name: str) -> InputError:
-        parts = [""]
         if name.partition(".")[0] in ("segments", "gravity"):
             leaf = name.rsplit(".", 1)[-1]
             if leaf == "axial_stiffness" and ".tendons" in name:
@@ -309,9 +308,9 @@ class Unknowns:
         known = [*self._leaves, *_EXTRA, *_FRAMES]
         known += [f"{name}.{kind}" for name, kinds in _EACH.items() for kind in kinds if kind]
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
-        parts = [f"did you mean {near[0]}? "] if near else parts
+        hint = f"did you mean {near[0]}? It" if near else "it"
         return InputError(
-            f"there is no parameter {shown(name)}; {parts[0]}It must be a number of the robot "
+            f"there is no parameter {shown(name)}; {hint} must be a number of the robot "
             f"file, as segments.0.backbone.E, or one of {', '.join([*_FRAMES, 'delay', *_EACH])}"
         )
 

@@ -35,6 +35,7 @@ from bowstring.commands.output import (
 )
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.units import quote, rounded
+from bowstring.words import in_mm
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -209,6 +210,10 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     if data.sigma is not None:
         said = f"; the table says {rounded(1e3 * float(np.median(data.sigma)), 3)} mm"
     yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}."
+    if found.far:
+        named = [f"line {line} ({in_mm(away)})" for line, away in found.far[:5]]
+        more = f" and {len(found.far) - 5} more" if len(found.far) > 5 else ""
+        yield f"Far off, look at: {', '.join(named)}{more}."
     if folder is not None:
         yield f"Calibrated robot: {folder / 'robot.yaml'}"
 

@@ -145,14 +145,14 @@ def share_of(flag: str, text: str) -> float:
 def positive(flag: str, text: str, si: str) -> float:
     value = number_of(flag, text, si)
     if value <= 0:
-        raise InputError(f"{flag}: got {value:g} {si}; must be positive.")
+        raise InputError(f"{flag}: got {f'{value:g} {si}'.strip()}; must be positive.")
     return value
 
 
 def not_negative(flag: str, text: str, si: str) -> float:
     value = number_of(flag, text, si)
     if value < 0:
-        raise InputError(f"{flag}: got {value:g} {si}; must be 0 or more.")
+        raise InputError(f"{flag}: got {f'{value:g} {si}'.strip()}; must be 0 or more.")
     return value
 
 
