@@ -215,6 +215,21 @@ def test_what_the_model_lacks_is_said_synthetic():
     assert found.autocorrelation > 0.5 and "residuals are not noise" in found.message
 
 
+def test_noise_of_a_short_table_is_called_noise_and_its_size_is_right_synthetic():
+    """Few more numbers than parameters: the fit takes a good part of the noise into them."""
+    robot = single()
+    names = ["segments.0.backbone.E", "base"]
+    commands = {"as": "tensions", "x": masses()[:17:2] + SIDE}
+    sizes = []
+    for seed in range(40):
+        data = synthetic(robot, names, {}, commands, noise=2e-5, seed=seed)
+        found = fit(robot, data, names)
+        assert found.message == "Converged."
+        sizes.append(found.noise)
+    # 27 coordinates, 7 parameters: without the degrees of freedom it is 0.8 of the truth
+    assert np.mean(sizes) == pytest.approx(2e-5, rel=0.1)
+
+
 def test_parameters_that_the_data_cannot_tell_apart_synthetic():
     robot = single()
     names = ["segments.0.backbone.E", "gain", "base.x"]

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import samples, words
 from bowstring.arguments import check_robot, is_whole, shown
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.noise import CHANCE, autocorrelation
 from bowstring.robot import Robot
 from bowstring.samples import Data, Measured, Score, score
 from bowstring.tipmodel import Model, Prediction, TipModel
@@ -43,8 +44,12 @@ _TURN: Final = 2.0
 _SAME: Final = 1e-5
 #: Members of such a direction are those with at least this share of it.
 _MEMBER: Final = 0.1
-#: Residuals that are so many times the stated uncertainty are more than that.
+#: Residuals that are so many times the stated uncertainty are more than that, if not by chance.
 _EXCESS: Final = 1.5
+#: Neighbours that correlate by so much err alike, if not by chance.
+_ALIKE: Final = 0.3
+#: Residuals below are rounding, m.
+_EXACT: Final = 1e-12
 #: Rows of statics that a fit takes; each holds its solution and derivatives, up to 0.25 MB.
 _MOST_ROWS: Final = 10_000
 _EVALUATIONS: Final = 100
@@ -109,8 +114,8 @@ class Fit:
         Residuals over what the stated uncertainties let expect, root mean square: about 1 if the
         model lacks nothing. NaN where none are stated.
     autocorrelation : float
-        Of the residuals of neighbouring rows in a group; far from 0, they are not noise and the
-        intervals are too narrow. NaN with too few rows.
+        Of the residuals of neighbouring rows in a group; above 0.3, and by more than chance, they
+        are not noise and the intervals are too narrow. NaN with too few rows.
     converged : bool
     message : str
     evaluations : int
@@ -347,7 +352,7 @@ def fit(
     else:
         found = solve(first, ftol=1e-3, xtol=1e-3, max_nfev=_EVALUATIONS // 2)
         for _ in range(_RESCALES):  # outliers that drew the fit hide in a spread too wide
-            spread = _TURN * max(_spread(found.fun), 1e-9)
+            spread = _TURN * max(_spread(found.fun, len(first)), 1e-9)
             if spread > 0.8 * turn:
                 break
             turn = spread
@@ -438,9 +443,10 @@ class _Work:
 # --------------------------------------------------------------------------------------
 
 
-def _spread(residuals: Floats) -> float:
-    """Robust standard deviation: 1.4826 times the median absolute value."""
-    return float(1.4826 * np.median(np.abs(residuals)))
+def _spread(residuals: Floats, parameters: int) -> float:
+    """Robust standard deviation: 1.4826 times the median absolute value, for the free ones."""
+    share = max(len(residuals) - parameters, 1) / len(residuals)
+    return float(1.4826 * np.median(np.abs(residuals)) / np.sqrt(share))
 
 
 def _variance(residuals: Floats, loss: str, turn: float, parameters: int) -> float:
@@ -507,8 +513,8 @@ def _result(
     errors = at.point - work.measured
     unsolved = int((~at.solved & work.used).sum())
     converged = found.status > 0 and not unsolved
-    autocorrelation = _autocorrelation(errors, work.used, group)
-    excess = _excess(errors, work.used, work.sigma, len(items))
+    alike = _alike(errors, work.used, group)
+    excess, excess_chance = _excess(errors, work.used, work.sigma, len(items))
     return Fit(
         model=work.model.model,
         robot=at.setting.robot,
@@ -520,11 +526,11 @@ def _result(
         used=work.used,
         score=score(errors[work.used], np.zeros_like(errors[work.used])),
         score_before=_score_before(work),
-        noise=1e-3 * _spread(residuals),
+        noise=1e-3 * _spread(residuals, len(items)),
         excess=excess,
-        autocorrelation=autocorrelation,
+        autocorrelation=alike[0],
         converged=converged,
-        message=_message(found, estimates, confused, unsolved, autocorrelation, excess),
+        message=_message(found, estimates, confused, unsolved, alike, (excess, excess_chance)),
         evaluations=work.model.solves,
         _unknowns=work.model.unknowns,
         _values=values,
@@ -537,10 +543,10 @@ def _message(
     estimates: Sequence[Estimate],
     confused: Sequence[Sequence[str]],
     unsolved: int,
-    autocorrelation: float,
-    excess: float,
+    alike: tuple[float, float],
+    excess: tuple[float, float],
 ) -> str:
-    """How the fit ended and what its numbers are worth."""
+    """How the fit ended and what its numbers are worth; the last two with their chance."""
     if unsolved:
         said = [f"Not converged: {unsolved} rows have no solution at the end."]
     elif found.status > 0:
@@ -559,10 +565,10 @@ def _message(
     if edge:
         said.append(f"At the limit of what it may be: {words.listed(edge)}.")
     signs = []
-    if abs(autocorrelation) > 0.3:
-        signs.append(f"neighbours correlate by {autocorrelation:.2f}")
-    if excess > _EXCESS:
-        signs.append(f"they are {words.significant(excess, 2)} times the stated uncertainty")
+    if alike[0] > _ALIKE and alike[1] < CHANCE:
+        signs.append(f"neighbours correlate by {alike[0]:.2f}")
+    if excess[0] > _EXCESS and excess[1] < CHANCE:
+        signs.append(f"they are {words.significant(excess[0], 2)} times the stated uncertainty")
     if signs:
         said.append(
             f"The residuals are not noise ({words.listed(signs)}): "
@@ -571,25 +577,25 @@ def _message(
     return " ".join(said)
 
 
-def _autocorrelation(errors: Floats, used: Bools, group: NDArray[Any]) -> float:
-    """Of neighbouring rows of a group."""
-    near = used[1:] & used[:-1] & (group[1:] == group[:-1])
-    if near.sum() < 10:
-        return float("nan")
-    centred = errors - errors[used].mean(axis=0)
-    later, earlier = centred[1:][near], centred[:-1][near]
-    size = float((later**2).sum())
-    if size <= 1e-20 * float((errors[used] ** 2).sum()):  # one row again and again
-        return float("nan")
-    return float((later * earlier).sum()) / size
+def _alike(errors: Floats, used: Bools, group: NDArray[Any]) -> tuple[float, float]:
+    """Autocorrelation of neighbouring rows of a group, and the chance of it from noise."""
+    at = np.flatnonzero(used)
+    if np.abs(errors[at]).max() < _EXACT:
+        return float("nan"), float("nan")
+    return autocorrelation(errors[at], (np.diff(at) == 1) & (group[at[1:]] == group[at[:-1]]))
 
 
-def _excess(errors: Floats, used: Bools, sigma: Floats | None, parameters: int) -> float:
-    """Root of the reduced chi squared."""
+def _excess(
+    errors: Floats, used: Bools, sigma: Floats | None, parameters: int
+) -> tuple[float, float]:
+    """Root of the reduced chi squared, and the chance of one as large from noise."""
+    from scipy.stats import chi2
+
     free = 3 * int(used.sum()) - parameters
     if sigma is None or free < 1:
-        return float("nan")
-    return float(np.sqrt(((errors[used] / sigma[used, None]) ** 2).sum() / free))
+        return float("nan"), float("nan")
+    square = float(((errors[used] / sigma[used, None]) ** 2).sum())
+    return float(np.sqrt(square / free)), float(chi2.sf(square, free))
 
 
 def _score_before(work: _Work) -> Score:
