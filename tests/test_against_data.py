@@ -176,7 +176,7 @@ def test_calibrated_constant_curvature_has_its_best_gain(
 
 
 def test_effects_one_after_another_end_at_the_calibrated_rod(verdict: AgainstData) -> None:
-    assert [e.name for e in verdict.effects] == ["gravity", "friction", "stiffness", "registration"]
+    assert [e.name for e in verdict.effects] == ["registration", "gravity", "friction", "stiffness"]
     best = verdict.comparison("rod_calibrated").mean
     assert verdict.effects[-1].added == pytest.approx(best, rel=1e-6)
     explained = sum(e.explains for e in verdict.effects)
@@ -187,7 +187,19 @@ def test_effects_one_after_another_end_at_the_calibrated_rod(verdict: AgainstDat
         assert effect.costs > 1e-3  # each of them matters on this bench
     # registration alone: what the misplaced base makes of a perfect model
     moved = np.linalg.norm(verdict.point - verdict.data.tip, axis=1).mean()
-    assert verdict.effects[-1].without == pytest.approx(moved, rel=0.01)
+    assert verdict.effects[0].without == pytest.approx(moved, rel=0.01)
+
+
+def test_where_the_measuring_frame_stands_changes_no_effect_but_registration(
+    robot: bs.Robot, bench: Measurements, verdict: AgainstData
+) -> None:
+    far = replace(bench, points=bench.points + [0.5, 0.0, 1.0])
+    found = judge_data(robot, far, 0.01).effects
+    assert [e.name for e in found] == [e.name for e in verdict.effects]
+    for there, here in zip(found[1:], verdict.effects[1:], strict=True):
+        assert there.explains == pytest.approx(here.explains, abs=1e-6)
+        assert there.costs == pytest.approx(here.costs, abs=1e-6)
+    assert found[0].explains > 0.9 * math.hypot(0.5, 1.0)
 
 
 def test_loads_runs_and_ways(verdict: AgainstData) -> None:
@@ -265,7 +277,7 @@ def test_without_gravity_none_is_seen() -> None:
     found = judge_data(load_robot("amouri2019"), made(gravity=(0.0, 0.0, 0.0)), 0.01)
     assert found.calibration is not None and found.calibration.gravity == "file"
     assert not any(found.calibration.robot.gravity) and not found.calibration.other_load
-    assert [e.name for e in found.effects] == ["friction", "stiffness", "registration"]
+    assert [e.name for e in found.effects] == ["registration", "friction", "stiffness"]
 
 
 def test_a_robot_driven_by_pulls_knows_its_lengths() -> None:

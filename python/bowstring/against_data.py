@@ -638,15 +638,19 @@ def _own_frame(data: Measurements, points: Array) -> Rigid | None:
 def _decomposition(
     robot: Robot, data: Measurements, theory: Theory, calibration: Calibration, loads: Loads
 ) -> tuple[float, tuple[Effect, ...]]:
-    """What gravity, friction, stiffness (or gain) and registration explain of the rod's error."""
+    """What registration, gravity, friction, stiffness (or gain) explain of the rod's error.
+
+    Registration comes first: beside a frame that is far off, what any other effect adds to the
+    distance depends on where that frame happens to stand.
+    """
     full = calibration.robot
     stiff = [s.backbone.E for s in full.segments] != [s.backbone.E for s in robot.segments]
     effects = [
+        ("registration", "registration", True),
         ("gravity", "gravity", any(full.gravity)),
         ("friction", "friction at the holes", full.has_friction),
         ("stiffness", "stiffness as calibrated", stiff),
         ("gain", "gain of the commands", calibration.gain != 1.0),
-        ("registration", "registration", True),
     ]
     names = [name for name, _, acts in effects if acts]
     labels = {name: label for name, label, _ in effects}
