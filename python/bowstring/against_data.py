@@ -74,7 +74,7 @@ FRAMES: Final = {
 _FEWEST_ROWS: Final = 4
 _FEWEST_LOADS: Final = 3
 _MOST_ROWS: Final = 20_000
-_LONG: Final = 100  # rows without repeats that are a path
+_LONG: Final = 100  # rows, most without repeats, that are a path
 _SAME: Final = 1e-9  # of the largest command: the same load
 
 
@@ -110,10 +110,10 @@ class Loads:
     def resampled(self) -> tuple[Ints, str]:
         """(K,) rows with the same number are resampled together, and what these are in words.
 
-        Loads; where none comes twice in a long path, blocks of it, because neighbours err alike.
+        Loads; where most come once in a long path, blocks of it, because neighbours err alike.
         """
         rows = len(self.unit)
-        if self.count < rows or rows < _LONG:
+        if 2 * self.count <= rows or rows < _LONG:
             return self.unit, f"load, with all its rows ({self.count} loads)"
         block = math.ceil(math.sqrt(rows))
         blocks = np.arange(rows) // block
