@@ -342,6 +342,35 @@ def test_rows_without_a_tip_only_lead_the_path_synthetic():
     assert found.used.sum() == 32 and np.isnan(found.residuals[3]).all()
 
 
+def test_a_prediction_is_of_the_tool_of_its_table_synthetic():
+    robot = single()
+    names = ["segments.0.backbone.E", "base.x"]
+    data = synthetic(robot, names, {}, {"as": "tensions", "x": masses()}, noise=2e-5)
+
+    class Table(Data):
+        tool = np.zeros(3)
+
+    plain = Table(points=data.points, tensions=data.tensions)
+    longer = Table(points=data.points, tensions=data.tensions)
+    longer.tool = np.array([0.0, 0.0, 0.02])
+    found = fit(robot, plain, names)
+    apart = np.linalg.norm(found.predict(longer) - found.predict(plain), axis=1)
+    assert apart == pytest.approx(np.full(33, 0.02))
+    # where the fit has found the tool, or was told it, it stays
+    for held in (
+        fit(robot, plain, [*names, "tool.z"]),
+        fit(robot, plain, names, start={"tool": 0.0}),
+    ):
+        assert held.predict(longer)[:, 2] == pytest.approx(held.predict(plain)[:, 2])
+
+
+def test_one_of_many_begins_where_all_are_held():
+    names = ["segments.0.tendons.compliance"]
+    found = Unknowns(three_segments(), names, {"segments.*.tendons.compliance": 3e-4})
+    assert found.start == pytest.approx([3e-4])
+    assert [s.tendons.compliance for s in found.robot.segments] == [3e-4] * 3
+
+
 def test_numbers_go_through_json_synthetic():
     import json
 

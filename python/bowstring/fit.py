@@ -141,6 +141,7 @@ class Fit:
     _unknowns: Unknowns
     _values: Floats
     _theory: str
+    _tool_said: Bools
 
     def __repr__(self) -> str:
         return f"<Fit of {self.robot.name}: {len(self.estimates)} parameters, {self.score}>"
@@ -166,8 +167,8 @@ class Fit:
         Parameters
         ----------
         data : measurements
-            Of which the commands (and the time, for a delay) are used. With friction or backlash
-            the rows are one path.
+            Of which the commands (and the time, for a delay) are used, and the tool, where it was
+            the fitted measurements that said it. With friction or backlash the rows are one path.
 
         Returns
         -------
@@ -176,7 +177,9 @@ class Fit:
         """
         commands = samples.commands(data, self._unknowns.robot)
         model = TipModel(self._unknowns, commands, self.model, self._theory)
-        return model.predict(self._values).point
+        found = model.predict(self._values)
+        tool = np.where(self._tool_said, samples.tool(data, found.setting.tool), found.setting.tool)
+        return replace(found, setting=replace(found.setting, tool=tool)).point
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers of the fit, ready for `json.dumps`; None where there is no number."""
@@ -359,7 +362,10 @@ def fit(
             found = solve(
                 found.x, ftol=1e-6, xtol=1e-6, max_nfev=_EVALUATIONS // 2, loss=loss, f_scale=turn
             )
-    return _result(work, found, loss, turn, samples.groups(data, len(commands)), theory)
+    own = {*unknowns.names, *(start or {})}
+    tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
+    group = samples.groups(data, len(commands))
+    return _result(work, found, loss, turn, group, theory, tool_said)
 
 
 class _Work:
@@ -467,7 +473,13 @@ def _variance(residuals: Floats, loss: str, turn: float, parameters: int) -> flo
 
 
 def _result(
-    work: _Work, found: Any, loss: Loss, turn: float, group: NDArray[Any], theory: str
+    work: _Work,
+    found: Any,
+    loss: Loss,
+    turn: float,
+    group: NDArray[Any],
+    theory: str,
+    tool_said: Bools,
 ) -> Fit:
     from scipy.stats import t as student
 
@@ -535,6 +547,7 @@ def _result(
         _unknowns=work.model.unknowns,
         _values=values,
         _theory=theory,
+        _tool_said=tool_said,
     )
 
 

@@ -242,6 +242,7 @@ def sigmas(data: Measured, count: int) -> Floats | None:
     return found
 
 
-def tool(data: Measured) -> Floats:
-    """Measured point (3,) seen from the tip, as the measurements say, in m."""
-    return np.asarray(getattr(data, "tool", np.zeros(3)), dtype=float)
+def tool(data: Measured, unsaid: Floats | None = None) -> Floats:
+    """Measured point (3,) seen from the tip, as the measurements say, in m; zero if they do not."""
+    none = np.zeros(3) if unsaid is None else unsaid
+    return np.asarray(getattr(data, "tool", none), dtype=float)
