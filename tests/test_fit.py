@@ -264,7 +264,7 @@ def test_blocks_never_split_a_group_synthetic():
     assert sum(part.count for part in found.folds) == 33
     assert all(part.count % 7 in (0, 5) for part in found.folds)
     assert found.score.rmse == pytest.approx(2e-5 * np.sqrt(3), rel=0.3)
-    with pytest.raises(InputError, match="only 5 groups"):
+    with pytest.raises(InputError, match="only 5 groups or loads"):
         cross_validate(robot, grouped, names, folds=9)
 
 

@@ -24,7 +24,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import arc, calibrated
+from bowstring import arc, calibrated, samples
 from bowstring.calibrated import Calibration
 from bowstring.comparison import Comparison, Theory, with_tendons
 from bowstring.errors import BowstringError, InputError
@@ -113,7 +113,7 @@ class Loads:
         Loads; where most come once in a long path, blocks of it, because neighbours err alike.
         """
         rows = len(self.unit)
-        if 2 * self.count <= rows or rows < _LONG:
+        if rows < _LONG or samples.come_again(self.unit):
             return self.unit, f"load, with all its rows ({self.count} loads)"
         block = math.ceil(math.sqrt(rows))
         blocks = np.arange(rows) // block
@@ -358,10 +358,7 @@ def _loads(data: Measurements) -> Loads:
     by_tension = float(kinds[0].max(initial=0.0)) > 0.0
     changing = kinds[0 if by_tension else 1]
     tendon = int(np.argmax(changing))
-    # the same command within rounding
     scale = np.where(span > 0.0, span, np.maximum(np.abs(commands).max(axis=0), 1.0))
-    rounded = np.round(commands / scale, 9)
-    _, unit = np.unique(rounded, axis=0, return_inverse=True)
     main = commands[:, tendon]
     alone = not np.any(np.delete(span, tendon) > _SAME * np.delete(scale, tendon))
     run = np.unique(data.repeat, return_inverse=True)[1]
@@ -391,7 +388,7 @@ def _loads(data: Measurements) -> Loads:
     return Loads(
         axis=np.asarray(axis),
         label=what,
-        unit=np.asarray(unit.ravel(), dtype=np.int64),
+        unit=samples.loads(commands),
         loading=loading,
         run=np.asarray(run, dtype=np.int64),
     )

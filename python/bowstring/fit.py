@@ -644,7 +644,9 @@ def cross_validate(
     """Fit without a part of the rows and predict that part, for each part.
 
     Parts are blocks of neighbouring rows that never split a group: neighbours are alike, and
-    single rows left out would be predicted by the rows beside them.
+    single rows left out would be predicted by the rows beside them. Where loads come again, in
+    repeats or, without groups, on the way back, a part has neighbouring loads with all their rows:
+    else each row left out would be predicted by its twin.
 
     Parameters
     ----------
@@ -665,6 +667,9 @@ def cross_validate(
     measured = samples.tips(data, len(commands))
     used = samples.fitted_rows(rows, measured)
     group = samples.groups(data, len(commands))
+    load = samples.loads(commands.values)
+    if samples.come_again(load[used]) and not _grouped_alone(data, group):
+        group = np.array([f"load {number}" for number in (1 + load).tolist()])
     part = _blocks(group, used, int(folds))
     predicted = np.full_like(measured, np.nan)
     scores, labels, converged = [], [], True
@@ -722,6 +727,12 @@ def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
     return out
 
 
+def _grouped_alone(data: Measured, group: NDArray[Any]) -> bool:
+    """Whether rows are in groups, and not because they are repeated."""
+    repeat = getattr(data, "repeat", None)
+    return len(np.unique(group)) > 1 and (repeat is None or len(np.unique(repeat)) < 2)
+
+
 def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
     """Part (K,) of each row: neighbouring groups together, about as many rows in each part."""
     names = list(dict.fromkeys(group.tolist()))
@@ -729,7 +740,9 @@ def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
         order = np.cumsum(used) - 1
         return np.array(np.minimum(order * folds // max(int(used.sum()), 1), folds - 1))
     if len(names) < folds:
-        raise InputError(f"folds is {folds}, there are only {len(names)} groups to leave out")
+        raise InputError(
+            f"folds is {folds}, there are only {len(names)} groups or loads to leave out"
+        )
     counts = np.array([(used & (group == name)).sum() for name in names])
     middle = np.cumsum(counts) - counts / 2
     of_name = np.minimum((middle * folds / counts.sum()).astype(int), folds - 1)
@@ -737,6 +750,7 @@ def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
     part = np.array([index[name] for name in group.tolist()])
     if len(set(of_name.tolist())) < folds:
         raise InputError(
-            f"folds is {folds}, but the groups are too unequal for so many parts; take fewer"
+            f"folds is {folds}, but the groups or loads are too unequal for so many parts; take "
+            "fewer"
         )
     return part

@@ -21,9 +21,11 @@ __all__ = [
     "Data",
     "Measured",
     "Score",
+    "come_again",
     "commands",
     "fitted_rows",
     "groups",
+    "loads",
     "score",
     "sigmas",
     "tips",
@@ -227,6 +229,23 @@ def groups(data: Measured, count: int) -> NDArray[Any]:
         return found
     named = [f"{g} repeat {r}".lstrip() for g, r in zip(found, np.asarray(repeat), strict=True)]
     return np.array(named)
+
+
+def loads(values: Floats) -> NDArray[np.int64]:
+    """Number (K,) of the load of each row: the same for the same commands (K, T) within rounding.
+
+    Numbers count from 0 in the order in which loads come first.
+    """
+    span = np.ptp(values, axis=0)
+    scale = np.where(span > 0.0, span, np.maximum(np.abs(values).max(axis=0), 1.0))
+    rounded = np.round(values / scale, 9)
+    _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[place.ravel()], dtype=np.int64)
+
+
+def come_again(load: NDArray[np.int64]) -> bool:
+    """Whether most rows have a load that other rows have as well."""
+    return bool(np.mean(np.bincount(load)[load] > 1) > 0.5)
 
 
 def sigmas(data: Measured, count: int) -> Floats | None:
