@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import bench
+from bowstring import bench, cli
 from bowstring.calibration import calibrate
 from bowstring.errors import InputError
 from bowstring.fit import fit, hold_out, score
@@ -110,6 +110,31 @@ def test_rows_held_out_do_not_touch_the_fit(robot: Robot, data: Measurements) ->
     left = plain.fit.residuals[out] - shift
     rmse = float(np.sqrt((left**2).sum(axis=1).mean()))
     assert other.held_out_score.rmse == pytest.approx(rmse)
+
+
+def test_rows_without_an_answer_are_counted_in_no_score_and_said() -> None:
+    robot = bs.load_robot("amouri2019")
+    bend = np.linspace(0.02, 0.5, 20)
+    pulls = 0.029 * bend[:, None] * np.cos(np.radians([0.0, 120.0, 240.0]))
+    tips = bs.solve_batch(robot, pulls=pulls).tip_position
+    tips += np.random.default_rng(0).normal(0.0, 2e-5, tips.shape)
+    pulls[-3:] = 0.03  # three inextensible tendons that all pull have no solution
+    data = Measurements(
+        source="synthetic",
+        name="made",
+        tensions=np.full((20, 3), np.nan),
+        pulls=pulls,
+        points=tips[:, None],
+        line=np.arange(20),
+        group=np.full(20, ""),
+        repeat=np.ones(20, int),
+    )
+    found = calibrate(robot, data, ["gain", "base"], holdout=0.25)
+    assert found.held_out.sum() == 5 and found.unanswered == 3
+    assert found.held_out_score is not None and found.held_out_score.count == 2
+    assert found.to_dict()["validation"]["rows_unanswered"] == 3
+    said = " ".join(str(part) for part in cli._fit_tables(found, None))
+    assert "To 3 rows of the validation the calibrated model has no answer" in said
 
 
 def test_validation_in_json(shell: Shell) -> None:

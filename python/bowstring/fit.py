@@ -227,6 +227,9 @@ class CrossValidation:
     score : Score
         Of all rows, each predicted by the fit that had not seen it.
     residuals : ndarray (K, 3)
+        NaN where there is no measurement, or the model has no answer.
+    unanswered : int
+        Rows left out to which the model has no answer; they are in no score.
     converged : bool
         Whether all fits did.
     """
@@ -235,6 +238,7 @@ class CrossValidation:
     labels: tuple[str, ...]
     score: Score
     residuals: Floats
+    unanswered: int
     converged: bool
 
 
@@ -692,6 +696,7 @@ def cross_validate(
         labels=tuple(labels),
         score=score(predicted[used], measured[used]),
         residuals=predicted - measured,
+        unanswered=int(np.isnan(predicted[used]).any(axis=1).sum()),
         converged=converged,
     )
 
