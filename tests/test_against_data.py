@@ -110,6 +110,19 @@ def test_the_calibrated_rod_is_within_the_noise_and_what_is_left_is_noise(
     assert "The residuals are noise" in verdict.residuals.text
 
 
+def test_what_is_expected_of_the_calibrated_rod_is_its_error_at_a_new_bench(
+    verdict: AgainstData,
+) -> None:
+    assert verdict.expected is not None and verdict.calibration is not None
+    anew = made(seed=99)
+    predicted = verdict.calibration.frame.inverse().apply(verdict.calibration.point)
+    real = np.linalg.norm(predicted - anew.tip, axis=1).mean()
+    low, high = verdict.expected.interval
+    assert low <= real <= high
+    assert verdict.comparison("rod_calibrated").mean < verdict.expected.mean
+    assert "at rows of this kind that it was not fitted to" in " ".join(verdict.text)
+
+
 def test_parameters_and_frame_are_the_truth(verdict: AgainstData) -> None:
     calibration = verdict.calibration
     assert calibration is not None

@@ -32,7 +32,7 @@ from bowstring.fit import Estimate
 from bowstring.measurements import Measurements, check_tendons
 from bowstring.noise import NoiseTest, noise_test
 from bowstring.registration import fit_model
-from bowstring.resampling import LEVEL, RESAMPLES, Intervals, bootstrap
+from bowstring.resampling import LEVEL, RESAMPLES, Expected, Intervals, bootstrap, refitted
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot
 from bowstring.words import in_mm, in_percent, listed, significant
@@ -211,6 +211,8 @@ class AgainstData:
     effects: tuple[Effect, ...]
     residuals: NoiseTest | None
     """Of the calibrated rod."""
+    expected: Expected | None
+    """Of the calibrated rod at rows that it was not fitted to."""
     text: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -276,6 +278,7 @@ class AgainstData:
                 "level": LEVEL,
                 "unit": self.loads.resampled[1],
                 "units": len(np.unique(self.loads.resampled[0])),
+                "calibrated_rod_at_other_rows": self.expected and self.expected.to_dict(),
             },
             "text": list(self.text),
             "notes": list(self.notes),
@@ -504,7 +507,7 @@ def judge_data(
     tell(0.8)
 
     plain, effects = math.nan, tuple[Effect, ...]()
-    residuals = None
+    residuals = expected = None
     if calibration is not None:
         plain, effects = _decomposition(robot, data, theory, calibration, loads)
         residuals = noise_test(
@@ -515,6 +518,9 @@ def judge_data(
             data.sigma,
             other_load=calibration.other_load,
         )
+        used, unit = calibration.fit.used, loads.resampled[0]
+        if np.isfinite(calibration.fit.residuals[used]).all():
+            expected = refitted(calibration.fit.residuals[used], calibration.fit.linear, unit[used])
     tell(1.0)
     out = AgainstData(
         data=data,
@@ -529,6 +535,7 @@ def judge_data(
         plain=plain,
         effects=effects,
         residuals=residuals,
+        expected=expected,
         notes=(*_notes(data, loads, calibration), *notes),
     )
     return replace(out, text=_in_words(out, tolerance))
@@ -782,6 +789,12 @@ def _of_the_rod(found: AgainstData) -> str:
     if not out:
         return "Physics has no answer to these commands."
     text = f"Physics, the rod, is off by {' and by '.join(out)} in the mean."
+    if found.expected is not None:
+        low, high = (significant(x * 1e3) for x in found.expected.interval)
+        text += (
+            f" Calibrated, it is expected to be off by {in_mm(found.expected.mean)} [{low}, {high}]"
+            " at rows of this kind that it was not fitted to."
+        )
     if found.calibration is not None:
         estimates = [e for e in found.calibration.fit.estimates if "base." not in e.name]
         text += (
@@ -822,13 +835,13 @@ def _notes(data: Measurements, loads: Loads, calibration: Calibration | None) ->
         "rigid motion can mend of its own errors, and not registered.",
         f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). What is resampled is "
         f"the {loads.resampled[1]}; the same resamples for all models. "
-        "Calibration and registration are held meanwhile: their own uncertainty is in the "
-        "standard errors of the parameters.",
+        "Calibration and registration are held meanwhile, but in what is expected of the "
+        "calibrated rod at other rows: there each resample is fitted anew, by derivatives.",
     ]
     if calibration is not None:
         out.append(
             "The calibrated models are judged on the rows that they were fitted to; nothing was "
-            "held out."
+            "held out. What is expected of the rod at other rows takes that into account."
         )
         out.append(
             "Effects of the decomposition interact: what one explains depends on those before it, "

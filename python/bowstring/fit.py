@@ -17,6 +17,7 @@ from bowstring import samples, words
 from bowstring.arguments import check_robot, is_whole, shown
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.noise import CHANCE, autocorrelation
+from bowstring.resampling import Linear
 from bowstring.robot import Robot
 from bowstring.samples import Data, Measured, Score, score
 from bowstring.tipmodel import Model, Prediction, TipModel
@@ -120,6 +121,8 @@ class Fit:
     message : str
     evaluations : int
         Passes over all rows.
+    linear : Linear
+        The fit near its end, for `bowstring.resampling.refitted`.
     """
 
     model: Model
@@ -138,6 +141,7 @@ class Fit:
     converged: bool
     message: str
     evaluations: int
+    linear: Linear
     _unknowns: Unknowns
     _values: Floats
     _theory: str
@@ -459,21 +463,35 @@ def _spread(residuals: Floats, parameters: int) -> float:
     return float(1.4826 * np.median(np.abs(residuals)) / np.sqrt(share))
 
 
-def _variance(residuals: Floats, loss: str, turn: float, parameters: int) -> float:
-    """Variance that a residual has for the intervals, in its unit squared."""
-    free = max(len(residuals) - parameters, 1)
+def _pull(residuals: Floats, loss: str, turn: float) -> tuple[Floats, Floats]:
+    """Derivative of half the loss by each residual, and its own derivative."""
     if loss == "linear":
-        return float((residuals**2).sum() / free)
+        return residuals, np.ones_like(residuals)
     z = (residuals / turn) ** 2
     if loss == "soft_l1":
-        force, slope = residuals / np.sqrt(1 + z), (1 + z) ** -1.5
-    else:
-        inside = z <= 1
-        force = np.where(inside, residuals, turn * np.sign(residuals))
-        slope = inside.astype(float)
+        return residuals / np.sqrt(1 + z), (1 + z) ** -1.5
+    inside = z <= 1
+    return np.where(inside, residuals, turn * np.sign(residuals)), inside.astype(float)
+
+
+def _variance(residuals: Floats, loss: str, turn: float, parameters: int) -> float:
+    """Variance that a residual has for the intervals, in its unit squared."""
+    force, slope = _pull(residuals, loss, turn)
+    free = max(len(residuals) - parameters, 1)
     mean = float(slope.mean())
     correction = 1 + parameters / len(residuals) * float(slope.var()) / mean**2
     return float(correction**2 * (force**2).sum() / free / mean**2)
+
+
+def _linear(work: _Work, residuals: Floats, jacobian: Floats, loss: str, turn: float) -> Linear:
+    """The fit near its end, in m and scaled parameters; loss and weights of rows in it."""
+    force, slope = _pull(residuals, loss, turn)
+    weight = work.weight[:, None]
+    return Linear(
+        by_parameter=(1e-3 * jacobian / weight).reshape(-1, 3, len(work.items)),
+        force=(1e-3 * force * work.weight).reshape(-1, 3),
+        slope=(slope * work.weight**2).reshape(-1, 3),
+    )
 
 
 def _result(
@@ -550,6 +568,7 @@ def _result(
         evaluations=work.model.solves,
         _unknowns=work.model.unknowns,
         _values=values,
+        linear=_linear(work, residuals, jacobian, loss, turn),
         _theory=theory,
         _tool_said=tool_said,
     )
