@@ -305,7 +305,8 @@ def fit(
     Notes
     -----
     Standard errors are those of M-estimation (Huber, Robust Statistics, 1981, 7.6): they take the
-    residuals for independent noise.
+    residuals for independent noise, as large in all rows (or as stated), and along each axis of the
+    measuring frame as large as it is there.
     """
     from scipy.optimize import least_squares
 
@@ -474,13 +475,25 @@ def _pull(residuals: Floats, loss: str, turn: float) -> tuple[Floats, Floats]:
     return np.where(inside, residuals, turn * np.sign(residuals)), inside.astype(float)
 
 
-def _variance(residuals: Floats, loss: str, turn: float, parameters: int) -> float:
-    """Variance that a residual has for the intervals, in its unit squared."""
+def _covariance(residuals: Floats, rows: Floats, told: Floats, loss: str, turn: float) -> Any:
+    """Covariance (P, P) of the estimates, and degrees of freedom of the axis that has least.
+
+    Noise may differ from axis to axis. `rows` (3 n, P) is the derivative, `told` (R, P) are the
+    directions that the data tell.
+    """
     force, slope = _pull(residuals, loss, turn)
-    free = max(len(residuals) - parameters, 1)
-    mean = float(slope.mean())
-    correction = 1 + parameters / len(residuals) * float(slope.var()) / mean**2
-    return float(correction**2 * (force**2).sum() / free / mean**2)
+    by = (rows @ told.T).reshape(-1, 3, len(told))
+    count, parameters = len(by), len(told)
+    square = np.einsum("kap,kaq->apq", by, by)
+    mean = slope.reshape(-1, 3).mean(axis=0)
+    inverse = np.linalg.inv(np.tensordot(mean, square, 1))
+    taken = mean * np.einsum("apq,qp->a", square, inverse)  # of each axis' rows, by the parameters
+    free = np.maximum(count - taken, 1.0)
+    spread = (force.reshape(-1, 3) ** 2).sum(axis=0) / free
+    correction = 1 + parameters / len(slope) * float(slope.var()) / float(slope.mean()) ** 2
+    half = told.T @ inverse
+    covariance = correction**2 * half @ np.tensordot(spread, square, 1) @ half.T
+    return covariance, float(free.min())
 
 
 def _linear(work: _Work, residuals: Floats, jacobian: Floats, loss: str, turn: float) -> Linear:
@@ -518,8 +531,8 @@ def _result(
         tuple(items[i].name for i in np.flatnonzero(np.abs(row) >= _MEMBER * np.abs(row).max()))
         for row in direction[~told]
     )
-    inverse = (direction[told].T / singular[told] ** 2) @ direction[told]
-    covariance = _variance(residuals, loss, turn, len(items)) * inverse / np.outer(size, size)
+    covariance, free = _covariance(residuals, jacobian / size, direction[told], loss, turn)
+    covariance = covariance / np.outer(size, size)
     error = np.sqrt(np.diag(covariance))
     untold = (np.abs(direction[~told]) >= 1e-3).any(axis=0) if (~told).any() else error < 0
     correlation = covariance / np.outer(error, error)
@@ -527,7 +540,7 @@ def _result(
     correlation[:, untold] = np.nan
     error[untold] = np.inf
     values = found.x * work.step
-    half = float(student.ppf(0.975, max(len(residuals) - len(items), 1)))
+    half = float(student.ppf(0.975, free))
     limit = np.asarray(found.active_mask) != 0
     estimates = tuple(
         Estimate(
