@@ -110,6 +110,19 @@ def test_the_calibrated_rod_is_within_the_noise_and_what_is_left_is_noise(
     assert "The residuals are noise" in verdict.residuals.text
 
 
+def test_what_is_expected_of_the_calibrated_rod_is_its_error_at_a_new_bench(
+    verdict: AgainstData,
+) -> None:
+    assert verdict.expected is not None and verdict.calibration is not None
+    anew = made(seed=99)
+    predicted = verdict.calibration.frame.inverse().apply(verdict.calibration.point)
+    real = np.linalg.norm(predicted - anew.tip, axis=1).mean()
+    low, high = verdict.expected.interval
+    assert low <= real <= high
+    assert verdict.comparison("rod_calibrated").mean < verdict.expected.mean
+    assert "at rows of this kind that it was not fitted to" in " ".join(verdict.text)
+
+
 def test_parameters_and_frame_are_the_truth(verdict: AgainstData) -> None:
     calibration = verdict.calibration
     assert calibration is not None
@@ -176,7 +189,7 @@ def test_calibrated_constant_curvature_has_its_best_gain(
 
 
 def test_effects_one_after_another_end_at_the_calibrated_rod(verdict: AgainstData) -> None:
-    assert [e.name for e in verdict.effects] == ["gravity", "friction", "stiffness", "registration"]
+    assert [e.name for e in verdict.effects] == ["registration", "gravity", "friction", "stiffness"]
     best = verdict.comparison("rod_calibrated").mean
     assert verdict.effects[-1].added == pytest.approx(best, rel=1e-6)
     explained = sum(e.explains for e in verdict.effects)
@@ -187,7 +200,19 @@ def test_effects_one_after_another_end_at_the_calibrated_rod(verdict: AgainstDat
         assert effect.costs > 1e-3  # each of them matters on this bench
     # registration alone: what the misplaced base makes of a perfect model
     moved = np.linalg.norm(verdict.point - verdict.data.tip, axis=1).mean()
-    assert verdict.effects[-1].without == pytest.approx(moved, rel=0.01)
+    assert verdict.effects[0].without == pytest.approx(moved, rel=0.01)
+
+
+def test_where_the_measuring_frame_stands_changes_no_effect_but_registration(
+    robot: bs.Robot, bench: Measurements, verdict: AgainstData
+) -> None:
+    far = replace(bench, points=np.add(bench.points, [0.5, 0.0, 1.0]))
+    found = judge_data(robot, far, 0.01).effects
+    assert [e.name for e in found] == [e.name for e in verdict.effects]
+    for there, here in zip(found[1:], verdict.effects[1:], strict=True):
+        assert there.explains == pytest.approx(here.explains, abs=1e-6)
+        assert there.costs == pytest.approx(here.costs, abs=1e-6)
+    assert found[0].explains > 0.9 * math.hypot(0.5, 1.0)
 
 
 def test_loads_runs_and_ways(verdict: AgainstData) -> None:
@@ -206,6 +231,9 @@ def test_what_is_resampled(verdict: AgainstData, bench: Measurements) -> None:
     loads = replace(verdict.loads, unit=np.arange(400)[rng.permutation(400)])
     unit, words = loads.resampled
     assert np.bincount(unit).tolist() == [20] * 20 and "20 neighbouring rows" in words
+    # a path that comes home now and then is still a path
+    home = np.where(np.arange(400) % 10 == 0, 0, np.arange(400))
+    assert np.bincount(replace(loads, unit=home).resampled[0]).tolist() == [20] * 20
 
 
 def test_loading_alone_hardly_tells_friction_from_stiffness(
@@ -265,7 +293,7 @@ def test_without_gravity_none_is_seen() -> None:
     found = judge_data(load_robot("amouri2019"), made(gravity=(0.0, 0.0, 0.0)), 0.01)
     assert found.calibration is not None and found.calibration.gravity == "file"
     assert not any(found.calibration.robot.gravity) and not found.calibration.other_load
-    assert [e.name for e in found.effects] == ["friction", "stiffness", "registration"]
+    assert [e.name for e in found.effects] == ["registration", "friction", "stiffness"]
 
 
 def test_a_robot_driven_by_pulls_knows_its_lengths() -> None:

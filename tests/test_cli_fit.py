@@ -19,7 +19,7 @@ import bowstring as bs
 from bowstring import bench
 from bowstring.calibration import calibrate
 from bowstring.errors import InputError
-from bowstring.fit import fit, hold_out
+from bowstring.fit import fit, hold_out, score
 from bowstring.measurements import Measurements, read_measurements
 from bowstring.robot import Robot
 from shell import Shell, refuses
@@ -112,6 +112,31 @@ def test_rows_held_out_do_not_touch_the_fit(robot: Robot, data: Measurements) ->
     assert other.held_out_score.rmse == pytest.approx(rmse)
 
 
+def test_rows_without_an_answer_are_counted_in_no_score_and_said() -> None:
+    robot = bs.load_robot("amouri2019")
+    bend = np.linspace(0.02, 0.5, 20)
+    pulls = 0.029 * bend[:, None] * np.cos(np.radians([0.0, 120.0, 240.0]))
+    tips = bs.solve_batch(robot, pulls=pulls).tip_position
+    tips += np.random.default_rng(0).normal(0.0, 2e-5, tips.shape)
+    pulls[-3:] = 0.03  # three inextensible tendons that all pull have no solution
+    data = Measurements(
+        source="synthetic",
+        name="made",
+        tensions=np.full((20, 3), np.nan),
+        pulls=pulls,
+        points=tips[:, None],
+        line=np.arange(20),
+        group=np.full(20, ""),
+        repeat=np.ones(20, int),
+    )
+    found = calibrate(robot, data, ["gain", "base"], holdout=0.25)
+    assert found.held_out.sum() == 5 and found.unanswered == 3
+    assert found.held_out_score is not None and found.held_out_score.count == 2
+    assert found.to_dict()["validation"]["rows_unanswered"] == 3
+    said = " ".join(str(part) for part in _fit_tables(found, None))
+    assert "To 3 rows of the validation the calibrated model has no answer" in said
+
+
 def test_validation_in_json(shell: Shell) -> None:
     few = ("--parameter", E, "--loss", "linear", "--model", "rod")
     held = shell.json(*FIT, *few, "--holdout", "20 %")["validation"]
@@ -128,13 +153,28 @@ def test_constant_curvature_at_its_best(shell: Shell) -> None:
     assert "not noise" in got["message"]
 
 
-def test_repeats_are_parts_of_their_own(robot: Robot) -> None:
+def test_a_part_has_all_repeats_of_its_loads(robot: Robot) -> None:
     made = bench.simulate(robot, masses=[0, 2, 4], repeats=3, seed=1)
     found = calibrate(robot, made, [E], folds=3)
     assert found.folds is not None
-    assert found.folds.labels[0] == "loading repeat 1 to unloading repeat 1"
-    # friction is in neither, so that a repeat is predicted to its noise
+    assert found.folds.labels == ("load 1", "load 2", "load 3")
+    assert [part.count for part in found.folds.folds] == [6, 6, 3]  # the last is measured once
+    # friction is in neither, so that a load is predicted to its noise
     assert found.folds.score.rmse < 3 * 0.02e-3 * np.sqrt(3)
+
+
+def test_folds_see_that_a_model_bends_to_the_loads_that_it_was_fitted_to(robot: Robot) -> None:
+    """Friction is in the bench alone, and frames and radius imitate it at five loads."""
+    names = [E, "segments.0.tendons.pitch_radius", "base", "tool"]
+    heavy = robot.with_({"gravity": [0.0, 0.0, -9.81]})
+    given = {"friction": 0.1, "noise": 0.5e-3}
+    few = bench.simulate(heavy, masses=[0, 1.5, 3, 5.5, 8], repeats=3, seed=1, **given)
+    found = calibrate(heavy, few, names, folds=5, loss="linear")
+    others = bench.simulate(heavy, masses=np.arange(0, 8.1, 0.5), seed=2, **given)
+    real = score(found.fit.predict(others), others.tip).rmse
+    assert found.folds is not None
+    assert real > 1.2 * found.fit.score.rmse  # what the fit says of itself flatters
+    assert found.folds.score.rmse > real
 
 
 # -- what measurements say of themselves counts ------------------------------------------------
@@ -212,7 +252,7 @@ def of(*parts: str) -> tuple[str, ...]:
         ((*FIT, "--parameter", E, "--holdout", "1.5"), "--holdout: got 1.5; must lie between"),
         ((*FIT, "--parameter", E, "--holdout", "some"), '--holdout: got "some", which is not'),
         ((*FIT, "--parameter", E, "--folds", "1"), "--folds: got 1; must be 2 or more"),
-        ((*FIT, "--parameter", E, "--folds", "9"), "only 2 groups to leave out"),
+        ((*FIT, "--parameter", E, "--folds", "9"), "only 2 groups or loads to leave out"),
         ((*FIT, "--parameter", E, "--folds", "2", "--holdout", "0.2"), "two ways to validate"),
         ((*FIT, "--parameter", E, "--g", "-1"), "--g: got -1"),
         ((*FIT, "--parameter", E, "--out", "mine"), "nothing of yours is replaced"),

@@ -467,6 +467,10 @@ def test_a_spreadsheet_bomb_is_not_opened(tmp_path: Path, monkeypatch: pytest.Mo
     laughs = _archive(tmp_path / "laughs.xlsx", {"xl/workbook.xml": entities})
     with pytest.raises(InputError, match="document type definition"):
         read_measurements(laughs)
+    wide = b'<?xml version="1.0" encoding="UTF-16"?>' + entities
+    laughs = _archive(tmp_path / "wide.xlsx", {"xl/workbook.xml": wide.decode().encode("utf-16")})
+    with pytest.raises(InputError, match="document type definition"):
+        read_measurements(laughs)
     other = _archive(tmp_path / "other.xlsx", {"hello.txt": b"hello"})
     with pytest.raises(InputError, match="no Excel workbook"):
         read_measurements(other)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bowstring.resampling import bootstrap
+from bowstring.resampling import Linear, bootstrap, refitted
 
 
 def test_intervals_hold_the_mean_over_all_loads() -> None:
@@ -59,3 +59,52 @@ def test_a_model_without_an_answer_has_no_interval() -> None:
     good, none = bootstrap([np.ones((5, 3)), gap], np.arange(5))
     assert np.isnan(none.mean).all() and np.isnan(none.means).all()
     assert good.mean == pytest.approx([np.sqrt(3.0)] * 2)
+
+
+def fitted(seed: int, rows: int = 24) -> tuple[np.ndarray, Linear, np.ndarray, float]:
+    """Six linear parameters fitted to noise, and the mean error of the fit at the rows anew."""
+    rng = np.random.default_rng(seed)
+    jacobian = np.random.default_rng(7).normal(size=(rows, 3, 6))
+    measured = rng.normal(size=(rows, 3))
+    flat = jacobian.reshape(-1, 6)
+    predicted = (flat @ np.linalg.lstsq(flat, measured.ravel(), rcond=None)[0]).reshape(rows, 3)
+    residual = predicted - measured
+    anew = np.linalg.norm(predicted - rng.normal(size=(400, rows, 3)), axis=2).mean()
+    return residual, Linear(jacobian, residual, np.ones((rows, 3))), np.arange(rows), float(anew)
+
+
+def test_what_is_expected_of_a_fit_is_its_error_at_new_rows() -> None:
+    trials, held, honest = 150, 0, 0
+    means, seen, real = [], [], []
+    for seed in range(trials):
+        residual, linear, unit, anew = fitted(seed)
+        found = refitted(residual, linear, unit, resamples=400)
+        assert found is not None
+        means.append(found.mean)
+        seen.append(np.linalg.norm(residual, axis=1).mean())
+        real.append(anew)
+        low, high = bootstrap([residual], unit, resamples=400)[0].mean
+        held += low <= anew <= high
+        honest += found.interval[0] <= anew <= found.interval[1]
+    assert np.mean(seen) < 0.94 * np.mean(real)  # on its own rows a fit flatters itself
+    assert np.mean(means) == pytest.approx(np.mean(real), rel=0.02)
+    assert honest / trials > 0.87 and held < honest
+
+
+def test_one_step_is_a_fit_to_the_resample() -> None:
+    residual, linear, unit, _ = fitted(1)
+    flat = linear.by_parameter.reshape(-1, 6)
+    random, own, whole = np.random.default_rng(5), [], []
+    for _ in range(600):
+        drawn = random.integers(0, len(unit), len(unit))
+        rows = (3 * drawn[:, None] + np.arange(3)).ravel()
+        change = np.linalg.lstsq(flat[rows], -residual.ravel()[rows], rcond=None)[0]
+        error = np.linalg.norm((residual.ravel() + flat @ change).reshape(-1, 3), axis=1)
+        own.append(error[drawn].mean())
+        whole.append(error.mean())
+    mean = np.linalg.norm(residual, axis=1).mean() + np.mean(whole) - np.mean(own)
+    found = refitted(residual, linear, unit)
+    assert found is not None and found.mean == pytest.approx(mean, rel=0.01)
+    width = np.subtract(*np.quantile(own, [0.975, 0.025]))
+    assert np.diff(found.interval)[0] == pytest.approx(width, rel=0.1)
+    assert refitted(residual[:5], linear, unit[:5]) is None

@@ -24,7 +24,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import arc, calibrated
+from bowstring import arc, calibrated, samples
 from bowstring.calibrated import Calibration
 from bowstring.comparison import Comparison, Theory, with_tendons
 from bowstring.errors import BowstringError, InputError
@@ -32,7 +32,7 @@ from bowstring.fit import Estimate
 from bowstring.measurements import Measurements, TendonCheck, check_tendons
 from bowstring.noise import NoiseTest, noise_test
 from bowstring.registration import fit_model
-from bowstring.resampling import LEVEL, RESAMPLES, Intervals, bootstrap
+from bowstring.resampling import LEVEL, RESAMPLES, Expected, Intervals, bootstrap, refitted
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot
 from bowstring.words import in_mm, in_percent, listed, significant
@@ -74,7 +74,7 @@ FRAMES: Final = {
 _FEWEST_ROWS: Final = 4
 _FEWEST_LOADS: Final = 3
 _MOST_ROWS: Final = 20_000
-_LONG: Final = 100  # rows without repeats that are a path
+_LONG: Final = 100  # rows, most without repeats, that are a path
 _SAME: Final = 1e-9  # of the largest command: the same load
 
 
@@ -110,10 +110,10 @@ class Loads:
     def resampled(self) -> tuple[Ints, str]:
         """(K,) rows with the same number are resampled together, and what these are in words.
 
-        Loads; where none comes twice in a long path, blocks of it, because neighbours err alike.
+        Loads; where most come once in a long path, blocks of it, because neighbours err alike.
         """
         rows = len(self.unit)
-        if self.count < rows or rows < _LONG:
+        if rows < _LONG or samples.come_again(self.unit):
             return self.unit, f"load, with all its rows ({self.count} loads)"
         block = math.ceil(math.sqrt(rows))
         blocks = np.arange(rows) // block
@@ -211,6 +211,8 @@ class AgainstData:
     effects: tuple[Effect, ...]
     residuals: NoiseTest | None
     """Of the calibrated rod."""
+    expected: Expected | None
+    """Of the calibrated rod at rows that it was not fitted to."""
     text: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -276,6 +278,7 @@ class AgainstData:
                 "level": LEVEL,
                 "unit": self.loads.resampled[1],
                 "units": len(np.unique(self.loads.resampled[0])),
+                "calibrated_rod_at_other_rows": self.expected and self.expected.to_dict(),
             },
             "text": list(self.text),
             "notes": list(self.notes),
@@ -358,10 +361,7 @@ def _loads(data: Measurements) -> Loads:
     by_tension = float(kinds[0].max(initial=0.0)) > 0.0
     changing = kinds[0 if by_tension else 1]
     tendon = int(np.argmax(changing))
-    # the same command within rounding
     scale = np.where(span > 0.0, span, np.maximum(np.abs(commands).max(axis=0), 1.0))
-    rounded = np.round(commands / scale, 9)
-    _, unit = np.unique(rounded, axis=0, return_inverse=True)
     main = commands[:, tendon]
     alone = not np.any(np.delete(span, tendon) > _SAME * np.delete(scale, tendon))
     run = np.unique(data.repeat, return_inverse=True)[1]
@@ -391,7 +391,7 @@ def _loads(data: Measurements) -> Loads:
     return Loads(
         axis=np.asarray(axis),
         label=what,
-        unit=np.asarray(unit.ravel(), dtype=np.int64),
+        unit=samples.loads(commands),
         loading=loading,
         run=np.asarray(run, dtype=np.int64),
     )
@@ -507,7 +507,7 @@ def judge_data(
     tell(0.8)
 
     plain, effects = math.nan, tuple[Effect, ...]()
-    residuals = None
+    residuals = expected = None
     if calibration is not None:
         plain, effects = _decomposition(robot, data, theory, calibration, loads)
         residuals = noise_test(
@@ -519,6 +519,9 @@ def judge_data(
             line=data.line,
             other_load=calibration.other_load,
         )
+        used, unit = calibration.fit.used, loads.resampled[0]
+        if np.isfinite(calibration.fit.residuals[used]).all():
+            expected = refitted(calibration.fit.residuals[used], calibration.fit.linear, unit[used])
     tell(1.0)
     out = AgainstData(
         data=data,
@@ -533,6 +536,7 @@ def judge_data(
         plain=plain,
         effects=effects,
         residuals=residuals,
+        expected=expected,
         notes=(*_notes(data, loads, calibration), *notes),
     )
     return replace(out, text=_in_words(out, tolerance, check_tendons(robot, data)))
@@ -639,15 +643,19 @@ def _own_frame(data: Measurements, points: Array) -> Rigid | None:
 def _decomposition(
     robot: Robot, data: Measurements, theory: Theory, calibration: Calibration, loads: Loads
 ) -> tuple[float, tuple[Effect, ...]]:
-    """What gravity, friction, stiffness (or gain) and registration explain of the rod's error."""
+    """What registration, gravity, friction, stiffness (or gain) explain of the rod's error.
+
+    Registration comes first: beside a frame that is far off, what any other effect adds to the
+    distance depends on where that frame happens to stand.
+    """
     full = calibration.robot
     stiff = [s.backbone.E for s in full.segments] != [s.backbone.E for s in robot.segments]
     effects = [
+        ("registration", "registration", True),
         ("gravity", "gravity", any(full.gravity)),
         ("friction", "friction at the holes", full.has_friction),
         ("stiffness", "stiffness as calibrated", stiff),
         ("gain", "gain of the commands", calibration.gain != 1.0),
-        ("registration", "registration", True),
     ]
     names = [name for name, _, acts in effects if acts]
     labels = {name: label for name, label, _ in effects}
@@ -790,6 +798,12 @@ def _of_the_rod(found: AgainstData) -> str:
     if not out:
         return "Physics has no answer to these commands."
     text = f"Physics, the rod, is off by {' and by '.join(out)} in the mean."
+    if found.expected is not None:
+        low, high = (significant(x * 1e3) for x in found.expected.interval)
+        text += (
+            f" Calibrated, it is expected to be off by {in_mm(found.expected.mean)} [{low}, {high}]"
+            " at rows of this kind that it was not fitted to."
+        )
     if found.calibration is not None:
         estimates = [e for e in found.calibration.fit.estimates if "base." not in e.name]
         text += (
@@ -830,13 +844,13 @@ def _notes(data: Measurements, loads: Loads, calibration: Calibration | None) ->
         "rigid motion can mend of its own errors, and not registered.",
         f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). What is resampled is "
         f"the {loads.resampled[1]}; the same resamples for all models. "
-        "Calibration and registration are held meanwhile: their own uncertainty is in the "
-        "standard errors of the parameters.",
+        "Calibration and registration are held meanwhile, but in what is expected of the "
+        "calibrated rod at other rows: there each resample is fitted anew, by derivatives.",
     ]
     if calibration is not None:
         out.append(
             "The calibrated models are judged on the rows that they were fitted to; nothing was "
-            "held out."
+            "held out. What is expected of the rod at other rows takes that into account."
         )
         out.append(
             "Effects of the decomposition interact: what one explains depends on those before it, "

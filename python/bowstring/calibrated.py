@@ -160,13 +160,13 @@ def calibrate_arc(
         The measured point, m, base frame.
     """
     names = ["bend_gain.segments" if len(robot.segments) > 1 else "bend_gain"]
-    held = _tool(data)
+    held: dict[str, float] = {}
     if frame is None:
         names.append("base")
     else:
         back = frame.inverse()
         place = (*back.translation.tolist(), *back.rotation_vector.tolist())
-        held |= {f"base.{axis}": value for axis, value in zip(_BASE, place, strict=True)}
+        held = {f"base.{axis}": value for axis, value in zip(_BASE, place, strict=True)}
     found = fit_.fit(robot, data, names, model="arc", start=held)
     gains = {name: v for name, v in found.values.items() if name.startswith("bend_gain")}
     if frame is None:
@@ -198,12 +198,8 @@ def _friction(robot: Robot) -> list[str]:
     ]
 
 
-def _tool(data: Measurements) -> dict[str, float]:
-    return {f"tool.{axis}": float(x) for axis, x in zip("xyz", data.tool, strict=True) if x}
-
-
 def _fit(robot: Robot, data: Measurements, names: list[str], theory: Theory) -> Fit:
-    return fit_.fit(robot, data, names, start=_tool(data), theory=theory)
+    return fit_.fit(robot, data, names, theory=theory)
 
 
 def _without_the_untold(

@@ -56,6 +56,13 @@ class Calibration:
         return np.asarray(self.fit.residuals + self.data.tip)
 
     @property
+    def unanswered(self) -> int:
+        """Rows of the validation to which the calibrated model has no answer; in no score."""
+        if self.folds is not None:
+            return self.folds.unanswered
+        return int(np.isnan(self.fit.residuals[self.held_out]).any(axis=1).sum())
+
+    @property
     def correlated(self) -> list[tuple[str, str, float]]:
         """Pairs of parameters whose estimates correlate by 0.9 or more, strongest first."""
         table, names = self.fit.correlation, self.fit.names
@@ -104,7 +111,7 @@ class Calibration:
             **found.to_dict(),
             "loss": self.loss,
             "correlated": [{"names": [a, b], "correlation": r} for a, b, r in self.correlated],
-            "validation": validation,
+            "validation": validation and {**validation, "rows_unanswered": self.unanswered},
             "tendon_check": {
                 "found": self.tendons.found,
                 "alarm": self.tendons.alarm,

@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import samples, words
 from bowstring.arguments import check_robot, is_whole, shown
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.noise import CHANCE, autocorrelation
+from bowstring.resampling import Linear
 from bowstring.robot import Robot
 from bowstring.samples import Data, Measured, Score, score
 from bowstring.tipmodel import Model, Prediction, TipModel
@@ -43,10 +45,12 @@ _TURN: Final = 2.0
 _SAME: Final = 1e-5
 #: Members of such a direction are those with at least this share of it.
 _MEMBER: Final = 0.1
-#: RMSE of data without noise, m: no device measures so well.
-_NOTHING: Final = 1e-8
-#: Residuals that are so many times the stated uncertainty are more than that.
+#: Residuals that are so many times the stated uncertainty are more than that, if not by chance.
 _EXCESS: Final = 1.5
+#: Neighbours that correlate by so much err alike, if not by chance.
+_ALIKE: Final = 0.3
+#: Residuals of data without noise, m: no device measures so well.
+_EXACT: Final = 1e-8
 #: Rows of statics that a fit takes; each holds its solution and derivatives, up to 0.25 MB.
 _MOST_ROWS: Final = 10_000
 _EVALUATIONS: Final = 100
@@ -111,12 +115,14 @@ class Fit:
         Residuals over what the stated uncertainties let expect, root mean square: about 1 if the
         model lacks nothing. NaN where none are stated.
     autocorrelation : float
-        Of the residuals of neighbouring rows in a group; far from 0, they are not noise and the
-        intervals are too narrow. NaN with too few rows.
+        Of the residuals of neighbouring rows in a group; above 0.3, and by more than chance, they
+        are not noise and the intervals are too narrow. NaN with too few rows.
     converged : bool
     message : str
     evaluations : int
         Passes over all rows.
+    linear : Linear
+        The fit near its end, for `bowstring.resampling.refitted`.
     """
 
     model: Model
@@ -135,9 +141,11 @@ class Fit:
     converged: bool
     message: str
     evaluations: int
+    linear: Linear
     _unknowns: Unknowns
     _values: Floats
     _theory: str
+    _tool_said: Bools
 
     def __repr__(self) -> str:
         return f"<Fit of {self.robot.name}: {len(self.estimates)} parameters, {self.score}>"
@@ -163,8 +171,8 @@ class Fit:
         Parameters
         ----------
         data : measurements
-            Of which the commands (and the time, for a delay) are used. With friction or backlash
-            the rows are one path.
+            Of which the commands (and the time, for a delay) are used, and the tool, where it was
+            the fitted measurements that said it. With friction or backlash the rows are one path.
 
         Returns
         -------
@@ -173,7 +181,9 @@ class Fit:
         """
         commands = samples.commands(data, self._unknowns.robot)
         model = TipModel(self._unknowns, commands, self.model, self._theory)
-        return model.predict(self._values).point
+        found = model.predict(self._values)
+        tool = np.where(self._tool_said, samples.tool(data, found.setting.tool), found.setting.tool)
+        return replace(found, setting=replace(found.setting, tool=tool)).point
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers of the fit, ready for `json.dumps`; None where there is no number."""
@@ -221,6 +231,9 @@ class CrossValidation:
     score : Score
         Of all rows, each predicted by the fit that had not seen it.
     residuals : ndarray (K, 3)
+        NaN where there is no measurement, or the model has no answer.
+    unanswered : int
+        Rows left out to which the model has no answer; they are in no score.
     converged : bool
         Whether all fits did.
     """
@@ -229,6 +242,7 @@ class CrossValidation:
     labels: tuple[str, ...]
     score: Score
     residuals: Floats
+    unanswered: int
     converged: bool
 
 
@@ -291,7 +305,8 @@ def fit(
     Notes
     -----
     Standard errors are those of M-estimation (Huber, Robust Statistics, 1981, 7.6): they take the
-    residuals for independent noise.
+    residuals for independent noise, as large in all rows (or as stated), and along each axis of the
+    measuring frame as large as it is there.
     """
     from scipy.optimize import least_squares
 
@@ -349,14 +364,17 @@ def fit(
     else:
         found = solve(first, ftol=1e-3, xtol=1e-3, max_nfev=_EVALUATIONS // 2)
         for _ in range(_RESCALES):  # outliers that drew the fit hide in a spread too wide
-            spread = _TURN * max(_spread(found.fun), 1e-9)
+            spread = _TURN * max(_spread(found.fun, len(first)), 1e-9)
             if spread > 0.8 * turn:
                 break
             turn = spread
             found = solve(
                 found.x, ftol=1e-6, xtol=1e-6, max_nfev=_EVALUATIONS // 2, loss=loss, f_scale=turn
             )
-    return _result(work, found, loss, turn, samples.groups(data, len(commands)), theory)
+    own = {*unknowns.names, *(start or {})}
+    tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
+    group = samples.groups(data, len(commands))
+    return _result(work, found, loss, turn, group, theory, tool_said)
 
 
 class _Work:
@@ -440,30 +458,63 @@ class _Work:
 # --------------------------------------------------------------------------------------
 
 
-def _spread(residuals: Floats) -> float:
-    """Robust standard deviation: 1.4826 times the median absolute value."""
-    return float(1.4826 * np.median(np.abs(residuals)))
+def _spread(residuals: Floats, parameters: int) -> float:
+    """Robust standard deviation: 1.4826 times the median absolute value, for the free ones."""
+    share = max(len(residuals) - parameters, 1) / len(residuals)
+    return float(1.4826 * np.median(np.abs(residuals)) / np.sqrt(share))
 
 
-def _variance(residuals: Floats, loss: str, turn: float, parameters: int) -> float:
-    """Variance that a residual has for the intervals, in its unit squared."""
-    free = max(len(residuals) - parameters, 1)
+def _pull(residuals: Floats, loss: str, turn: float) -> tuple[Floats, Floats]:
+    """Derivative of half the loss by each residual, and its own derivative."""
     if loss == "linear":
-        return float((residuals**2).sum() / free)
+        return residuals, np.ones_like(residuals)
     z = (residuals / turn) ** 2
     if loss == "soft_l1":
-        force, slope = residuals / np.sqrt(1 + z), (1 + z) ** -1.5
-    else:
-        inside = z <= 1
-        force = np.where(inside, residuals, turn * np.sign(residuals))
-        slope = inside.astype(float)
-    mean = float(slope.mean())
-    correction = 1 + parameters / len(residuals) * float(slope.var()) / mean**2
-    return float(correction**2 * (force**2).sum() / free / mean**2)
+        return residuals / np.sqrt(1 + z), (1 + z) ** -1.5
+    inside = z <= 1
+    return np.where(inside, residuals, turn * np.sign(residuals)), inside.astype(float)
+
+
+def _covariance(residuals: Floats, rows: Floats, told: Floats, loss: str, turn: float) -> Any:
+    """Covariance (P, P) of the estimates, and degrees of freedom of the axis that has least.
+
+    Noise may differ from axis to axis. `rows` (3 n, P) is the derivative, `told` (R, P) are the
+    directions that the data tell.
+    """
+    force, slope = _pull(residuals, loss, turn)
+    by = (rows @ told.T).reshape(-1, 3, len(told))
+    count, parameters = len(by), len(told)
+    square = np.einsum("kap,kaq->apq", by, by)
+    mean = slope.reshape(-1, 3).mean(axis=0)
+    inverse = np.linalg.inv(np.tensordot(mean, square, 1))
+    taken = mean * np.einsum("apq,qp->a", square, inverse)  # of each axis' rows, by the parameters
+    free = np.maximum(count - taken, 1.0)
+    spread = (force.reshape(-1, 3) ** 2).sum(axis=0) / free
+    correction = 1 + parameters / len(slope) * float(slope.var()) / float(slope.mean()) ** 2
+    half = told.T @ inverse
+    covariance = correction**2 * half @ np.tensordot(spread, square, 1) @ half.T
+    return covariance, float(free.min())
+
+
+def _linear(work: _Work, residuals: Floats, jacobian: Floats, loss: str, turn: float) -> Linear:
+    """The fit near its end, in m and scaled parameters; loss and weights of rows in it."""
+    force, slope = _pull(residuals, loss, turn)
+    weight = work.weight[:, None]
+    return Linear(
+        by_parameter=(1e-3 * jacobian / weight).reshape(-1, 3, len(work.items)),
+        force=(1e-3 * force * work.weight).reshape(-1, 3),
+        slope=(slope * work.weight**2).reshape(-1, 3),
+    )
 
 
 def _result(
-    work: _Work, found: Any, loss: Loss, turn: float, group: NDArray[Any], theory: str
+    work: _Work,
+    found: Any,
+    loss: Loss,
+    turn: float,
+    group: NDArray[Any],
+    theory: str,
+    tool_said: Bools,
 ) -> Fit:
     from scipy.stats import t as student
 
@@ -480,8 +531,8 @@ def _result(
         tuple(items[i].name for i in np.flatnonzero(np.abs(row) >= _MEMBER * np.abs(row).max()))
         for row in direction[~told]
     )
-    inverse = (direction[told].T / singular[told] ** 2) @ direction[told]
-    covariance = _variance(residuals, loss, turn, len(items)) * inverse / np.outer(size, size)
+    covariance, free = _covariance(residuals, jacobian / size, direction[told], loss, turn)
+    covariance = covariance / np.outer(size, size)
     error = np.sqrt(np.diag(covariance))
     untold = (np.abs(direction[~told]) >= 1e-3).any(axis=0) if (~told).any() else error < 0
     correlation = covariance / np.outer(error, error)
@@ -489,7 +540,7 @@ def _result(
     correlation[:, untold] = np.nan
     error[untold] = np.inf
     values = found.x * work.step
-    half = float(student.ppf(0.975, max(len(residuals) - len(items), 1)))
+    half = float(student.ppf(0.975, free))
     limit = np.asarray(found.active_mask) != 0
     estimates = tuple(
         Estimate(
@@ -509,11 +560,8 @@ def _result(
     errors = at.point - work.measured
     unsolved = int((~at.solved & work.used).sum())
     converged = found.status > 0 and not unsolved
-    autocorrelation = _autocorrelation(errors, work.used, group)
-    excess = _excess(errors, work.used, work.sigma, len(items))
-    found_score = score(errors[work.used], np.zeros_like(errors[work.used]))
-    # of data without noise rounding is left, of which nothing follows
-    judged = autocorrelation if found_score.rmse > _NOTHING else np.nan
+    alike = _alike(errors, work.used, group)
+    excess, excess_chance = _excess(errors, work.used, work.sigma, len(items))
     return Fit(
         model=work.model.model,
         robot=at.setting.robot,
@@ -523,17 +571,19 @@ def _result(
         residuals=errors,
         before=work.before,
         used=work.used,
-        score=found_score,
+        score=score(errors[work.used], np.zeros_like(errors[work.used])),
         score_before=_score_before(work),
-        noise=1e-3 * _spread(residuals),
+        noise=1e-3 * _spread(residuals, len(items)),
         excess=excess,
-        autocorrelation=autocorrelation,
+        autocorrelation=alike[0],
         converged=converged,
-        message=_message(found, estimates, confused, unsolved, judged, excess),
+        message=_message(found, estimates, confused, unsolved, alike, (excess, excess_chance)),
         evaluations=work.model.solves,
         _unknowns=work.model.unknowns,
         _values=values,
+        linear=_linear(work, residuals, jacobian, loss, turn),
         _theory=theory,
+        _tool_said=tool_said,
     )
 
 
@@ -542,10 +592,10 @@ def _message(
     estimates: Sequence[Estimate],
     confused: Sequence[Sequence[str]],
     unsolved: int,
-    autocorrelation: float,
-    excess: float,
+    alike: tuple[float, float],
+    excess: tuple[float, float],
 ) -> str:
-    """How the fit ended and what its numbers are worth."""
+    """How the fit ended and what its numbers are worth; the last two with their chance."""
     if unsolved:
         said = [f"Not converged: {unsolved} rows have no solution at the end."]
     elif found.status > 0:
@@ -564,10 +614,10 @@ def _message(
     if edge:
         said.append(f"At the limit of what it may be: {words.listed(edge)}.")
     signs = []
-    if abs(autocorrelation) > 0.3:
-        signs.append(f"neighbours correlate by {autocorrelation:.2f}")
-    if excess > _EXCESS:
-        signs.append(f"they are {words.significant(excess, 2)} times the stated uncertainty")
+    if alike[0] > _ALIKE and alike[1] < CHANCE:
+        signs.append(f"neighbours correlate by {alike[0]:.2f}")
+    if excess[0] > _EXCESS and excess[1] < CHANCE:
+        signs.append(f"they are {words.significant(excess[0], 2)} times the stated uncertainty")
     if signs:
         said.append(
             f"The residuals are not noise ({words.listed(signs)}): "
@@ -576,25 +626,25 @@ def _message(
     return " ".join(said)
 
 
-def _autocorrelation(errors: Floats, used: Bools, group: NDArray[Any]) -> float:
-    """Of neighbouring rows of a group."""
-    near = used[1:] & used[:-1] & (group[1:] == group[:-1])
-    if near.sum() < 10:
-        return float("nan")
-    centred = errors - errors[used].mean(axis=0)
-    later, earlier = centred[1:][near], centred[:-1][near]
-    size = float((later**2).sum())
-    if size <= 1e-20 * float((errors[used] ** 2).sum()):  # one row again and again
-        return float("nan")
-    return float((later * earlier).sum()) / size
+def _alike(errors: Floats, used: Bools, group: NDArray[Any]) -> tuple[float, float]:
+    """Autocorrelation of neighbouring rows of a group, and the chance of it from noise."""
+    at = np.flatnonzero(used)
+    if np.abs(errors[at]).max() < _EXACT:
+        return float("nan"), float("nan")
+    return autocorrelation(errors[at], (np.diff(at) == 1) & (group[at[1:]] == group[at[:-1]]))
 
 
-def _excess(errors: Floats, used: Bools, sigma: Floats | None, parameters: int) -> float:
-    """Root of the reduced chi squared."""
+def _excess(
+    errors: Floats, used: Bools, sigma: Floats | None, parameters: int
+) -> tuple[float, float]:
+    """Root of the reduced chi squared, and the chance of one as large from noise."""
+    from scipy.stats import chi2
+
     free = 3 * int(used.sum()) - parameters
     if sigma is None or free < 1:
-        return float("nan")
-    return float(np.sqrt(((errors[used] / sigma[used, None]) ** 2).sum() / free))
+        return float("nan"), float("nan")
+    square = float(((errors[used] / sigma[used, None]) ** 2).sum())
+    return float(np.sqrt(square / free)), float(chi2.sf(square, free))
 
 
 def _score_before(work: _Work) -> Score:
@@ -630,7 +680,9 @@ def cross_validate(
     """Fit without a part of the rows and predict that part, for each part.
 
     Parts are blocks of neighbouring rows that never split a group: neighbours are alike, and
-    single rows left out would be predicted by the rows beside them.
+    single rows left out would be predicted by the rows beside them. Where loads come again, in
+    repeats or, without groups, on the way back, a part has neighbouring loads with all their rows:
+    else each row left out would be predicted by its twin.
 
     Parameters
     ----------
@@ -651,6 +703,9 @@ def cross_validate(
     measured = samples.tips(data, len(commands))
     used = samples.fitted_rows(rows, measured)
     group = samples.groups(data, len(commands))
+    load = samples.loads(commands.values)
+    if samples.come_again(load[used]) and not _grouped_alone(data, group):
+        group = np.array([f"load {number}" for number in (1 + load).tolist()])
     part = _blocks(group, used, int(folds))
     predicted = np.full_like(measured, np.nan)
     scores, labels, converged = [], [], True
@@ -673,6 +728,7 @@ def cross_validate(
         labels=tuple(labels),
         score=score(predicted[used], measured[used]),
         residuals=predicted - measured,
+        unanswered=int(np.isnan(predicted[used]).any(axis=1).sum()),
         converged=converged,
     )
 
@@ -708,6 +764,12 @@ def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
     return out
 
 
+def _grouped_alone(data: Measured, group: NDArray[Any]) -> bool:
+    """Whether rows are in groups, and not because they are repeated."""
+    repeat = getattr(data, "repeat", None)
+    return len(np.unique(group)) > 1 and (repeat is None or len(np.unique(repeat)) < 2)
+
+
 def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
     """Part (K,) of each row: neighbouring groups together, about as many rows in each part."""
     names = list(dict.fromkeys(group.tolist()))
@@ -715,7 +777,9 @@ def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
         order = np.cumsum(used) - 1
         return np.array(np.minimum(order * folds // max(int(used.sum()), 1), folds - 1))
     if len(names) < folds:
-        raise InputError(f"folds is {folds}, there are only {len(names)} groups to leave out")
+        raise InputError(
+            f"folds is {folds}, there are only {len(names)} groups or loads to leave out"
+        )
     counts = np.array([(used & (group == name)).sum() for name in names])
     middle = np.cumsum(counts) - counts / 2
     of_name = np.minimum((middle * folds / counts.sum()).astype(int), folds - 1)
@@ -723,6 +787,7 @@ def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
     part = np.array([index[name] for name in group.tolist()])
     if len(set(of_name.tolist())) < folds:
         raise InputError(
-            f"folds is {folds}, but the groups are too unequal for so many parts; take fewer"
+            f"folds is {folds}, but the groups or loads are too unequal for so many parts; take "
+            "fewer"
         )
     return part

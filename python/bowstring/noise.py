@@ -16,7 +16,7 @@ from scipy import stats
 
 from bowstring.words import in_mm, listed, significant
 
-__all__ = ["CHANCE", "NoiseTest", "noise_test"]
+__all__ = ["CHANCE", "NoiseTest", "autocorrelation", "noise_test"]
 
 Array = NDArray[np.float64]
 
@@ -199,6 +199,33 @@ def _wrong(e: Array, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
     return np.asarray(wrong & (wrong.sum() <= max(1, _FEW_WRONG * len(e))))
 
 
+def autocorrelation(residual: Array, near: NDArray[np.bool_]) -> tuple[float, float]:
+    """How alike neighbours err, all axes together, and the probability of that from noise.
+
+    Parameters
+    ----------
+    residual : array (K, 3)
+        Model minus measurement, m.
+    near : array of bool (K - 1,)
+        Whether a row and the next are neighbours.
+
+    Returns
+    -------
+    correlation, chance : float
+        NaN with too few neighbours. The chance is that of a correlation so far above zero, by its
+        normal limit; a fit lowers the correlation a little, which is on the safe side.
+    """
+    squares = np.sum(residual**2, axis=0)
+    pairs, count = int(near.sum()), len(residual)
+    if pairs < _FEW or squares.sum() == 0.0:
+        return math.nan, math.nan
+    products = float(np.sum(residual[1:][near] * residual[:-1][near]))
+    # independent axes, of different size
+    deviation = math.sqrt(pairs * float(np.sum(squares**2))) / count
+    correlation = products / pairs * count / float(squares.sum())
+    return min(max(correlation, -1.0), 1.0), float(stats.norm.sf(products / deviation))
+
+
 def noise_test(
     residual: Array,
     run: NDArray[np.int64],
@@ -270,15 +297,7 @@ def noise_test(
             ratio = float(size @ np.sum(means**2, axis=1)) / common / within
             fit_chance = float(stats.f.sf(ratio, common, own))
 
-    correlation, order_chance = math.nan, math.nan
-    near = runs[1:] == runs[:-1]
-    squares = np.sum(e**2, axis=0)
-    if near.sum() >= _FEW and squares.sum() > 0.0:
-        correlation = float(np.sum(e[1:][near] * e[:-1][near]) / squares.sum())
-        share = float(near.sum()) / count
-        # independent axes, of different size
-        deviation = math.sqrt(share * float(np.sum(squares**2)) / count) / float(squares.sum())
-        order_chance = float(stats.norm.sf(correlation / deviation))
+    correlation, order_chance = autocorrelation(e, runs[1:] == runs[:-1])
 
     far = np.zeros(count, dtype=bool)
     limit = scatter if math.isfinite(scatter) else stated

@@ -21,9 +21,11 @@ __all__ = [
     "Data",
     "Measured",
     "Score",
+    "come_again",
     "commands",
     "fitted_rows",
     "groups",
+    "loads",
     "score",
     "sigmas",
     "tips",
@@ -229,6 +231,23 @@ def groups(data: Measured, count: int) -> NDArray[Any]:
     return np.array(named)
 
 
+def loads(values: Floats) -> NDArray[np.int64]:
+    """Number (K,) of the load of each row: the same for the same commands (K, T) within rounding.
+
+    Numbers count from 0 in the order in which loads come first.
+    """
+    span = np.ptp(values, axis=0)
+    scale = np.where(span > 0.0, span, np.maximum(np.abs(values).max(axis=0), 1.0))
+    rounded = np.round(values / scale, 9)
+    _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[place.ravel()], dtype=np.int64)
+
+
+def come_again(load: NDArray[np.int64]) -> bool:
+    """Whether most rows have a load that other rows have as well."""
+    return bool(np.mean(np.bincount(load)[load] > 1) > 0.5)
+
+
 def sigmas(data: Measured, count: int) -> Floats | None:
     """Standard uncertainty (K,) of a measured coordinate in m; None where none is given."""
     given = getattr(data, "sigma", None)
@@ -242,6 +261,7 @@ def sigmas(data: Measured, count: int) -> Floats | None:
     return found
 
 
-def tool(data: Measured) -> Floats:
-    """Measured point (3,) seen from the tip, as the measurements say, in m."""
-    return np.asarray(getattr(data, "tool", np.zeros(3)), dtype=float)
+def tool(data: Measured, unsaid: Floats | None = None) -> Floats:
+    """Measured point (3,) seen from the tip, as the measurements say, in m; zero if they do not."""
+    none = np.zeros(3) if unsaid is None else unsaid
+    return np.asarray(getattr(data, "tool", none), dtype=float)

@@ -320,7 +320,7 @@ def _check_xml(path: Path, file: IO[bytes]) -> None:
     since, tail = 0, b""
     first = True
     while block := file.read(1_000_000):
-        if first and b"<!DOCTYPE" in block:
+        if first and b"<!DOCTYPE" in block.replace(b"\0", b""):  # in UTF-16 as well
             raise InputError(
                 f"{path}: the workbook holds a document type definition, which no spreadsheet "
                 "writes, and is not opened; save the table as CSV"

@@ -168,13 +168,12 @@ class Unknowns:
         for name, value in (start or {}).items():
             value = _finite(name, value)
             given.update(dict.fromkeys(self._expand(name), value))
-        self.items: list[Unknown] = []
+        fitted: list[str] = []
         for name in names:
             for each in self._expand(name):
-                if any(each == item.name for item in self.items):
+                if each in fitted:
                     raise InputError(f"parameter {each} is named twice")
-                self.items.append(self._unknown(each, given))
-        fitted = {item.name for item in self.items}
+                fitted.append(each)
         overrides: dict[str, float] = {}
         for name, value in given.items():
             if name in fitted:
@@ -185,6 +184,8 @@ class Unknowns:
                 self._held[name] = value
         if overrides:
             self.robot = robot.with_(overrides)
+            self._leaves.update(overrides)  # one of many begins where all of them are held
+        self.items = [self._unknown(each, given) for each in fitted]
         self._check_overlap()
 
     @property

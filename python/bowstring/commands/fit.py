@@ -206,6 +206,11 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         cells = [fixed(1e3 * v, 3) for v in (score.rmse, score.mean, score.largest)]
         scores.add_row(name, str(score.count), *cells)
     yield scores
+    if found.unanswered:
+        yield (
+            f"To {counted(found.unanswered, 'row')} of the validation the calibrated model has no "
+            "answer; these are in none of its numbers."
+        )
     said = ""
     if data.sigma is not None:
         said = f"; the table says {rounded(1e3 * float(np.median(data.sigma)), 3)} mm"
