@@ -17,6 +17,7 @@ import pytest
 
 import bowstring as bs
 from bowstring import bench
+from bowstring.commands.fit import _fit_tables
 from bowstring.calibration import calibrate
 from bowstring.errors import InputError
 from bowstring.fit import fit, hold_out, score
