@@ -17,8 +17,8 @@ import pytest
 
 import bowstring as bs
 from bowstring import bench
-from bowstring.commands.fit import _fit_tables
 from bowstring.calibration import calibrate
+from bowstring.commands.fit import _fit_tables
 from bowstring.errors import InputError
 from bowstring.fit import fit, hold_out, score
 from bowstring.measurements import Measurements, read_measurements
