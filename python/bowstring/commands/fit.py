@@ -23,10 +23,10 @@ from bowstring.commands.options import (
     share_of,
 )
 from bowstring.commands.output import (
-    _plain,
     counted,
     fixed,
     new_table,
+    plain,
     progress_bar,
     provenance_of,
     say,
@@ -135,7 +135,7 @@ def fit(
         )
     if found.tendons.alarm:
         say("Warning", found.tendons.sentence)
-    content = _plain(
+    content = plain(
         {
             **found.to_dict(),
             **provenance_of(
