@@ -96,10 +96,10 @@ def sizes_of(robot: Robot) -> Sizes:
             continue
         holes[k] = min(_HOLE * wanted[thick], _USED_ROOM * room)
         if holes[k] <= np.nan_to_num(tendons.diameter_m[passing]).max():
-            diameter = float(np.nanmax(tendons.diameter_m[passing]))
+            widest = float(np.nanmax(tendons.diameter_m[passing]))
             raise InputError(
                 f"{robot.name}: the disks of segments[{k}] do not hold holes for a tendon of "
-                f"{number_with_unit(diameter, 'm')}: wider than {number_with_unit(room, 'm')} "
+                f"{number_with_unit(widest, 'm')}: wider than {number_with_unit(room, 'm')} "
                 f"{fault}; write a smaller tendons.diameter or disks.hole_diameter"
             )
         why = (

@@ -16,6 +16,7 @@ import re
 import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -113,6 +114,8 @@ class Solid:
         With those that were assumed.
     parts : tuple of Part
         Base, backbones, disks, tendons, each from base to tip.
+    tendon_paths : tuple of ndarray (k + 1, 3)
+        The holes that each tendon passes, from the base to its end disk k, in m.
     posed : bool
         False if straight, as it was built.
     """
@@ -120,6 +123,7 @@ class Solid:
     robot: Robot
     sizes: Sizes
     parts: tuple[Part, ...]
+    tendon_paths: tuple[Floats, ...]
     posed: bool
 
     def __getitem__(self, name: str) -> Part:
@@ -189,13 +193,14 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
     check_cad()
     sizes = sizes_of(robot)
     data = None if pose is None else _one_time(robot, pose)
+    paths = _paths(robot, data)
     parts = [
         Part("base", "base", _BASE, _base(robot, sizes), None),
         *_backbones(robot, data),
         *_disks(robot, sizes, data),
-        *_tendons(robot, sizes, data),
+        *_tendons(sizes, paths, data is not None),
     ]
-    return Solid(robot, sizes, tuple(parts), data is not None)
+    return Solid(robot, sizes, tuple(parts), paths, data is not None)
 
 
 def _one_time(robot: Robot, pose: Any) -> xr.Dataset:
@@ -245,7 +250,10 @@ def _disks(robot: Robot, sizes: Sizes, data: xr.Dataset | None) -> Iterator[Part
     position = np.stack([0 * disks.station_m, 0 * disks.station_m, disks.station_m], axis=1)
     rotation = np.broadcast_to(np.eye(3), (count, 3, 3))
     if data is not None:
-        position, rotation = data["disk_position"].to_numpy()[0], data["disk_rotation"].to_numpy()[0]
+        position, rotation = (
+            data["disk_position"].to_numpy()[0],
+            data["disk_rotation"].to_numpy()[0],
+        )
     for d in range(count):
         k = int(disks.segment[d])
         # a shape of its own: disks that share one lose their names in some CAD programs
@@ -303,8 +311,8 @@ def _tube(walls: list[list[Floats]]) -> Any:
                 points = [[bd.Vector(*p) for p in row] for row in net[:, q].tolist()]
                 weights = [[1.0, _HALF, 1.0]] * len(points)
                 faces.append(bd.Face.make_bezier_surface(points, weights))
-    for piece, ring in ((0, 0), (-1, -1)):
-        outer, *inner = [_ring(wall[piece][ring]) for wall in walls]
+    for end in (0, -1):
+        outer, *inner = [_ring(wall[end][end]) for wall in walls]
         faces.append(bd.Face(outer, inner))
     return bd.Solid(bd.Shell(faces))
 
@@ -345,7 +353,8 @@ def _rod(bd: Any, length: float, diameters: list[float]) -> Any:
 
 def _rings(piece: tuple[Floats, Floats], circle: Floats) -> Floats:
     position, rotation = piece
-    return position[:, None, None] + np.einsum("nij,qcj->nqci", rotation, circle)
+    arms: Floats = np.einsum("nij,qcj->nqci", rotation, circle)
+    return position[:, None, None] + arms
 
 
 def _pieces(robot: Robot, data: xr.Dataset, segment: int) -> Iterator[tuple[Floats, Floats]]:
@@ -376,23 +385,26 @@ def _pieces(robot: Robot, data: xr.Dataset, segment: int) -> Iterator[tuple[Floa
         here, turned = end, disk_rotation[d]
 
 
-def _tendons(robot: Robot, sizes: Sizes, data: xr.Dataset | None) -> Iterator[Part]:
-    bd, tendons = check_cad(), robot.tendons
-    if data is None:
-        station = robot.disks.station_m
-        paths = [
-            np.array([[x, y, 0.0], [x, y, station[end]]])
-            for (x, y), end in zip(tendons.hole_m, tendons.end_disk, strict=True)
-        ]
-    else:
-        paths = [path[0] for path in holes(robot, data)]
+def _paths(robot: Robot, data: xr.Dataset | None) -> tuple[Floats, ...]:
+    if data is not None:
+        return tuple(path[0] for path in holes(robot, data))
+    station = np.concatenate([[0.0], robot.disks.station_m])
+    ends = zip(robot.tendons.hole_m, robot.tendons.end_disk, strict=True)
+    return tuple(
+        np.stack([np.full(end + 2, x), np.full(end + 2, y), station[: end + 2]], axis=1)
+        for (x, y), end in ends
+    )
+
+
+def _tendons(sizes: Sizes, paths: tuple[Floats, ...], posed: bool) -> Iterator[Part]:
+    bd = check_cad()
     for i, path in enumerate(paths):
         diameter = float(sizes.tendon_m[i])
-        if data is None:
-            at = bd.Location(tuple((_MM * path[0]).tolist()))
-            shape = _rod(bd, float(path[1, 2]), [diameter]).moved(at)
-        else:
+        if posed:
             shape = _tube([_mitred(path, 0.5 * diameter)])
+        else:
+            at = bd.Location(tuple((_MM * path[0]).tolist()))
+            shape = _rod(bd, float(path[-1, 2]), [diameter]).moved(at)
         yield Part(f"tendon_{i + 1}", "tendon", _TENDONS[i % len(_TENDONS)], shape, None)
 
 
@@ -407,7 +419,7 @@ def _mitred(path: Floats, radius: float) -> list[Floats]:
     along /= np.linalg.norm(along, axis=1)[:, None]
     circle = _circle(radius) @ _upright(along[0]).T
     rings = [points[0] + circle]
-    for i, (before, after) in enumerate(zip(along[:-1], along[1:], strict=True), 1):
+    for i, (before, after) in enumerate(pairwise(along), 1):
         normal = before + after
         rings.append(points[i] + circle - (circle @ normal)[..., None] / (before @ normal) * before)
         # the smallest turn from one direction to the next (Rodrigues)
@@ -418,7 +430,7 @@ def _mitred(path: Floats, radius: float) -> list[Floats]:
             + (circle @ axis)[..., None] / (1 + cosine) * axis
         )
     rings.append(points[-1] + circle)
-    return [np.stack(pair) for pair in zip(rings[:-1], rings[1:], strict=True)]
+    return [np.stack(pair) for pair in pairwise(rings)]
 
 
 def _upright(direction: Floats) -> Floats:
