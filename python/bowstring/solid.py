@@ -174,7 +174,7 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
     ----------
     robot : Robot
     pose : Solution or xarray.Dataset, optional
-        An equilibrium, or one output time of a run (``run.fields().isel(time=[k])``); straight and
+        An equilibrium, or one output time of a run (``run.dataset.isel(time=[k])``); straight and
         unloaded if not given.
 
     Returns
