@@ -116,26 +116,31 @@ def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> Non
     rods = [part for part in solid.parts if part.kind == "backbone"]
     right = camera.axes[0]
     rim = float(solid.robot.disks.radius_m[0])
-    wanted = [
-        (disks[-1], "end disk", disks[-1].centre_m + rim * right, ink),
-        (solid["base"], "base", solid["base"].centre_m + rim * right, ink),
-        (rods[0], "backbone", _between(disks, len(disks) // 3), rods[0].colour),
+    wanted: list[tuple[list[Part], str, Floats, str]] = [
+        ([disks[-1]], "end disk", disks[-1].centre_m + rim * right, ink),
+        ([solid["base"]], "base", solid["base"].centre_m + rim * right, ink),
+        (rods[:1], "backbone", _between(disks, len(disks) // 3), rods[0].colour),
     ]
     if len(disks) > 1:
         middle = disks[len(disks) // 2]
-        wanted.append((middle, "spacer disk", middle.centre_m + rim * right, ink))
+        wanted.append(([middle], "spacer disk", middle.centre_m + rim * right, ink))
     tendons = [part for part in solid.parts if part.kind == "tendon"]
-    for i, part in enumerate(tendons[:_MOST_NAMED]):
-        path = solid.tendon_paths[i]
+    for i, alike in enumerate(_sharing(solid)[:_MOST_NAMED]):
+        path = solid.tendon_paths[alike[0]]
         span = min(1 + i, len(path) - 2)
         place = 0.5 * (path[span] + path[span + 1])
-        wanted.append((part, part.name.replace("_", " "), place, part.colour))
+        numbers = ", ".join(str(k + 1) for k in alike)
+        text = f"tendon{'s' if len(alike) > 1 else ''} {numbers}"
+        wanted.append(([tendons[k] for k in alike], text, place, tendons[alike[0]].colour))
     named = []
-    for part, text, place, colour in wanted:
-        rows, columns = np.nonzero(part_seen == solid.parts.index(part))
+    for parts, text, place, colour in wanted:
+        which = [k for k, part in enumerate(solid.parts) if any(part is one for one in parts)]
+        rows, columns = np.nonzero(np.isin(part_seen, which))
         if len(rows):
             x, y, _ = camera.see(1e3 * place[None])[0]
             nearest = int(np.hypot(columns - x, rows - y).argmin())
+            if len(parts) > 1:  # that of the one in front
+                colour = solid.parts[part_seen[rows[nearest], columns[nearest]]].colour
             named.append((text, float(columns[nearest]), float(rows[nearest]), colour))
     named.sort(key=lambda name: name[2])
     long = max(camera.width, camera.height)
@@ -158,6 +163,21 @@ def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> Non
                 "relpos": (0.0, 0.5),
             },
         )
+
+
+def _sharing(solid: Solid) -> list[list[int]]:
+    """Tendons (from 0) by their hole; those that share one hide each other."""
+    groups: list[list[int]] = []
+    start = np.array([path[0] for path in solid.tendon_paths])
+    for i, place in enumerate(start):
+        near = 1e-6 * float(np.hypot(*place[:2]))
+        same = (g for g in groups if np.linalg.norm(start[g[0]] - place) < near)
+        found = next(same, None)
+        if found is None:
+            groups.append([i])
+        else:
+            found.append(i)
+    return groups
 
 
 def _spread(wanted: Floats, gap: float, height: float) -> Floats:
