@@ -122,7 +122,8 @@ def cad(
             "assumed, because the robot file does not say it:\n"
             + "\n".join(f"  {size}" for size in sizes.assumed)
         )
-    lines.append("\n".join(f"{what}: {file}" for what, file in files.items()))
+    given = {"solid": out, "picture": picture, "drawing": drawing}
+    lines.append("\n".join(f"{what}: {file}" for what, file in given.items() if file))
     write_tables(*lines)
 
 
