@@ -140,3 +140,19 @@ def test_a_load_without_an_equilibrium_writes_nothing(shell: Shell, here: Path) 
     pytest.importorskip("build123d")
     code, out, err = shell(*CAD, "--out", "robot.step", "--tension", "1000000,0,0")
     assert (code, out) == (1, "") and err.startswith("Error: ") and not list(here.iterdir())
+
+
+def test_the_study_shows_the_solid(shell: Shell, here: Path) -> None:
+    pytest.importorskip("build123d")
+    found = shell.json("study", "--points", "3", "--rise", "0.5", "--solid", "--out", "study")
+    assert [Path(f["png"]).stem for f in found["figures"]][:2] == ["fig01_robot", "fig02_disk"]
+    page = (here / "study" / "report.html").read_text("utf-8")
+    assert 'id="fig01_robot"' in page and "data:image/png;base64," in page
+    assert (here / "study" / "figures" / "fig02_disk.pdf").is_file()
+
+
+def test_the_study_without_the_extra(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "build123d", None)
+    refuses(shell, tmp_path, monkeypatch, "solids need build123d", "study", "--solid")

@@ -25,7 +25,6 @@ _SUFFIXES: Final = (".svg", ".pdf", ".png")
 _DPI: Final = 200
 _MOST: Final = 12  # kinds of disks in one drawing
 _MM: Final = 1e3
-_PLATE: Final = "#eef1f5"
 
 
 class _Kind(NamedTuple):
@@ -93,7 +92,7 @@ def draw_disks(robot: Robot) -> Figure:
     for i, kind in enumerate(kinds):
         low = (foot + row * (len(kinds) - 1 - i)) / high
         axes: Any = figure.add_axes((0.0, low, 1.0, row / high))
-        _draw(axes, kind, COLOURS["ink"][0], COLOURS["muted"][0])
+        _draw(axes, kind)
     if any(kind.assumed for kind in kinds):
         figure.text(
             0.03,
@@ -146,10 +145,13 @@ def _size(value: float) -> str:
     return f"{float(f'{value:.4g}'):g}"
 
 
-def _draw(axes: Any, kind: _Kind, ink: str, muted: str) -> None:
+def _draw(axes: Any, kind: _Kind) -> None:
     """Front view, and beside it a section through the axis and the first hole."""
     from matplotlib.patches import Circle, Rectangle
 
+    from bowstring.plots import COLOURS
+
+    ink, muted, plate, paper = (COLOURS[c][0] for c in ("ink", "muted", "grid", "paper"))
     r = kind.radius
     star = "*" if kind.assumed else ""
     at = 2.5 * r + kind.thickness / 2
@@ -162,10 +164,10 @@ def _draw(axes: Any, kind: _Kind, ink: str, muted: str) -> None:
     thin = {"color": muted, "linewidth": 0.6}
     centre = {**thin, "dashes": (10, 2, 2, 2)}
 
-    axes.add_patch(Circle((0, 0), r, facecolor=_PLATE, edgecolor=ink, linewidth=1.3))
-    axes.add_patch(Circle((0, 0), kind.bore / 2, facecolor="white", edgecolor=ink, linewidth=1.1))
+    axes.add_patch(Circle((0, 0), r, facecolor=plate, edgecolor=ink, linewidth=1.3))
+    axes.add_patch(Circle((0, 0), kind.bore / 2, facecolor=paper, edgecolor=ink, linewidth=1.1))
     for x, y in kind.places:
-        hole = Circle((x, y), kind.hole / 2, facecolor="white", edgecolor=ink, linewidth=1.1)
+        hole = Circle((x, y), kind.hole / 2, facecolor=paper, edgecolor=ink, linewidth=1.1)
         axes.add_patch(hole)
         reach = max(kind.hole, 0.05 * r)
         out = np.array([x, y]) / math.hypot(x, y)
@@ -209,18 +211,16 @@ def _draw(axes: Any, kind: _Kind, ink: str, muted: str) -> None:
     )
     label = f"{count}Ø{_size(kind.hole)}{star}\non {on}"
     _leader(axes, (x, y), (1.22 * r, 0.85 * r), label, ink)
-    _angles(axes, kind, muted, ink)
+    _angles(axes, kind, muted, ink, plate)
 
     # section at x = 0, seen along x
     half = kind.thickness / 2
     left, right = at - half, at + half
     axes.add_patch(
-        Rectangle((left, -r), 2 * half, 2 * r, facecolor=_PLATE, edgecolor=ink, linewidth=1.1)
+        Rectangle((left, -r), 2 * half, 2 * r, facecolor=plate, edgecolor=ink, linewidth=1.1)
     )
     axes.add_patch(
-        Rectangle(
-            (left, -bore), 2 * half, 2 * bore, facecolor="white", edgecolor=ink, linewidth=0.9
-        )
+        Rectangle((left, -bore), 2 * half, 2 * bore, facecolor=paper, edgecolor=ink, linewidth=0.9)
     )
     for y in sorted({round(float(y), 6) for _, y in kind.places}):
         for edge in (y - kind.hole / 2, y + kind.hole / 2):
@@ -252,7 +252,7 @@ def _leader(
     )
 
 
-def _angles(axes: Any, kind: _Kind, muted: str, ink: str) -> None:
+def _angles(axes: Any, kind: _Kind, muted: str, ink: str, plate: str) -> None:
     """The angle of the first hole from x, and to the next one."""
     angles = np.sort(np.degrees(np.arctan2(kind.places[:, 1], kind.places[:, 0])) % 360.0)
     angles[np.isclose(angles, 360.0, atol=1e-6)] = 0.0
@@ -276,7 +276,7 @@ def _angles(axes: Any, kind: _Kind, muted: str, ink: str) -> None:
             ha="left" if math.cos(mid) > 0 else "right",
             va="bottom" if math.sin(mid) > -0.2 else "top",
             color=ink,
-            bbox={"facecolor": _PLATE, "edgecolor": "none", "pad": 0.5},
+            bbox={"facecolor": plate, "edgecolor": "none", "pad": 0.5},
         )
 
 

@@ -119,7 +119,7 @@ def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> Non
     wanted: list[tuple[list[Part], str, Floats, str]] = [
         ([disks[-1]], "end disk", disks[-1].centre_m + rim * right, ink),
         ([solid["base"]], "base", solid["base"].centre_m + rim * right, ink),
-        (rods[:1], "backbone", _between(disks, len(disks) // 3), rods[0].colour),
+        (rods[:1], "backbone", _between(disks, len(disks) // 3), ink),
     ]
     if len(disks) > 1:
         middle = disks[len(disks) // 2]
