@@ -15,7 +15,7 @@ from bowstring.errors import InputError
 from bowstring.files import write_whole_file
 from bowstring.solid import make_solid
 
-bd = pytest.importorskip("build123d")
+bd = pytest.importorskip("build123d", exc_type=ImportError)
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_bent_robot_as_files(shell: Shell, here: Path) -> None:
-    bd = pytest.importorskip("build123d")
+    bd = pytest.importorskip("build123d", exc_type=ImportError)
     files = ("--out", "robot.step", "--picture", "robot.png", "--drawing", "disk.svg")
     found = shell.json(*CAD, "--tension", "60,0,0", *files)
     assert set(found) == {
@@ -55,7 +55,7 @@ def test_a_bent_robot_as_files(shell: Shell, here: Path) -> None:
 
 
 def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
-    pytest.importorskip("build123d")
+    pytest.importorskip("build123d", exc_type=ImportError)
     heavy = (
         "--set",
         "segments.0.disks.density=1200",
@@ -75,7 +75,7 @@ def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
 
 
 def test_the_straight_robot_in_words(shell: Shell, here: Path) -> None:
-    pytest.importorskip("build123d")
+    pytest.importorskip("build123d", exc_type=ImportError)
     code, out, err = shell(*CAD, "--out", "robot.stl")
     assert (code, err) == (0, "")
     assert "amouri2019, straight, as built" in out and "tip" not in out
@@ -137,13 +137,13 @@ def test_without_the_extra(
 
 
 def test_a_load_without_an_equilibrium_writes_nothing(shell: Shell, here: Path) -> None:
-    pytest.importorskip("build123d")
+    pytest.importorskip("build123d", exc_type=ImportError)
     code, out, err = shell(*CAD, "--out", "robot.step", "--tension", "1000000,0,0")
     assert (code, out) == (1, "") and err.startswith("Error: ") and not list(here.iterdir())
 
 
 def test_the_study_shows_the_solid(shell: Shell, here: Path) -> None:
-    pytest.importorskip("build123d")
+    pytest.importorskip("build123d", exc_type=ImportError)
     found = shell.json("study", "--points", "3", "--rise", "0.5", "--solid", "--out", "study")
     assert [Path(f["png"]).stem for f in found["figures"]][:2] == ["fig01_robot", "fig02_disk"]
     page = (here / "study" / "report.html").read_text("utf-8")

@@ -129,7 +129,7 @@ def canvas():
 
 @pytest.mark.parametrize("name", bs.robot_names())
 def test_a_picture_names_its_parts(name, canvas, tmp_path):
-    pytest.importorskip("build123d")
+    pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.picture import draw_solid, write_picture
     from bowstring.solid import make_solid
 
@@ -151,7 +151,7 @@ def test_a_picture_names_its_parts(name, canvas, tmp_path):
 
 
 def test_normals_are_smooth_around_a_rod_and_break_at_its_ends():
-    bd = pytest.importorskip("build123d")
+    bd = pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.picture import mesh_of
     from bowstring.solid import Part
 

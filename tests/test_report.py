@@ -117,7 +117,7 @@ def test_the_page_tells_a_reader_everything(written: Path, paper: study.Study) -
 
 
 def test_the_robot_as_a_solid_opens_the_page(paper: study.Study) -> None:
-    pytest.importorskip("build123d")
+    pytest.importorskip("build123d", exc_type=ImportError)
     whole = replace(paper, solid=True)
     assert [f.stem for f in whole.figures[:2]] == ["fig01_robot", "fig02_disk"]
     assert whole.figures[2:] == paper.figures

@@ -14,7 +14,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.sizes import sizes_of
 from bowstring.solid import check_cad, make_solid, plain_name
 
-bd = pytest.importorskip("build123d")
+bd = pytest.importorskip("build123d", exc_type=ImportError)
 
 TUBE = {
     "segments.0.backbone.inner_diameter": "3 mm",
@@ -329,3 +329,20 @@ def test_without_the_extra_there_is_a_sentence(monkeypatch):
 def test_names_are_plain_letters():
     assert plain_name("Röbot 机 nº 2") == "Robot_no_2"
     assert plain_name("机") == "robot"
+
+
+def test_without_opengl_there_is_another_sentence(monkeypatch):
+    said = "libGL.so.1: cannot open shared object file: No such file or directory"
+
+    class Finder:
+        """Stands in for the loader where the library is missing."""
+
+        @staticmethod
+        def find_spec(name, *_):
+            if name == "build123d":
+                raise ImportError(said)
+
+    monkeypatch.delitem(sys.modules, "build123d")
+    monkeypatch.setattr(sys, "meta_path", [Finder, *sys.meta_path])
+    with pytest.raises(InputError, match=r"\(libGL.*\); install .* apt-get install libgl1"):
+        check_cad()

@@ -153,7 +153,12 @@ def check_cad() -> Any:
     try:
         import build123d
     except ImportError as error:
-        why = "" if getattr(error, "name", None) == "build123d" else f" ({error})"
+        why = "" if error.name == "build123d" else f" ({error})"
+        if "libGL" in why:  # the kernel is there, and what it draws with is not
+            raise InputError(
+                f"solids need build123d, which cannot be loaded{why}; install the system's OpenGL "
+                "library, on Debian and Ubuntu: apt-get install libgl1"
+            ) from None
         raise InputError(
             f"solids need build123d, which cannot be loaded{why}; install Bowstring with its "
             "extra cad: pip install '.[cad]' in its folder, or pip install build123d"
