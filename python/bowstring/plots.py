@@ -1071,7 +1071,31 @@ def _force_label(study: Study) -> str:
     return f"tension of tendon {study.settings.tendon + 1} (N)"
 
 
+def _solid(study: Study) -> Figure:
+    """The robot bent by the largest load of the sweep that has an equilibrium."""
+    from bowstring import rod
+    from bowstring.comparison import with_tendons
+    from bowstring.picture import draw_solid
+    from bowstring.solid import make_solid
+
+    statics = study.statics
+    found = np.flatnonzero(np.array(statics.status) == "converged")
+    robot = with_tendons(study.robot, {"friction": 0.0})  # as in the sweep
+    tensions = np.zeros(len(robot.tendons.angle_rad))
+    tensions[study.settings.tendon] = statics.tension[found[-1]]
+    pose = rod.solve(robot, tensions, theory=study.settings.theory)
+    return draw_solid(make_solid(robot, pose if pose.converged else None), pixels=900)
+
+
+def _disk(study: Study) -> Figure:
+    from bowstring.drawing import draw_disks
+
+    return draw_disks(study.robot)
+
+
 _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
+    "fig01_robot": _solid,
+    "fig02_disk": _disk,
     "fig05_tip_against_force": _tip_against_force,
     "fig05_over_time": _over_time,
     "pull_against_force": _pull_against_force,

@@ -97,6 +97,21 @@ class Figure:
     caption: str
 
 
+SOLID_FIGURES: Final = (
+    Figure(
+        "fig01_robot",
+        "The robot as a solid",
+        "As in Fig. 1 of the study: base, backbone, spacer disks and tendons, bent by the largest "
+        "load of the sweep; simulated, statics.",
+    ),
+    Figure(
+        "fig02_disk",
+        "Spacer disks",
+        "As in Fig. 2 of the study, in mm. Sizes with a star are assumed.",
+    ),
+)
+"""Those of a study with the solid, which needs the extra ``cad``."""
+
 FIGURES: Final = (
     Figure(
         "fig05_tip_against_force",
@@ -285,6 +300,8 @@ class Study:
     notes: tuple[str, ...] = field(default=())
     data: AgainstData | None = None
     """All models against measurements, where there are any."""
+    solid: bool = False
+    """Whether the report shows the robot as a solid."""
 
     @property
     def length(self) -> float:
@@ -301,8 +318,9 @@ class Study:
 
     @property
     def figures(self) -> tuple[Figure, ...]:
-        """Those of `FIGURES` that this study has."""
+        """Those of `SOLID_FIGURES`, `FIGURES` and `DATA_FIGURES` that this study has."""
         found = [f for f in FIGURES if self.dynamics or f.stem != "fig05_over_time"]
+        found = [*(SOLID_FIGURES if self.solid else ()), *found]
         if self.data is None:
             return tuple(found)
         label = self.data.label
@@ -408,6 +426,7 @@ def run(
     modal_damping: float = MODAL_DAMPING,
     measurements: Measurements | str | Path | None = None,
     mapping: str | Path | Mapping | None = None,
+    solid: bool = False,
     progress: Progress | None = None,
 ) -> Study:
     """Study how good constant curvature is for a robot.
@@ -438,6 +457,8 @@ def run(
         (`bowstring.against_data`).
     mapping : str, Path or Mapping, optional
         Of a table that is not in the tidy format, as for `bowstring.measurements`.
+    solid : bool
+        Show the robot as a solid in the report (`bowstring.solid`), which takes some seconds more.
     progress : callable, optional
         Is told what is being done and the share that is done, from 0 to 1.
 
@@ -448,7 +469,8 @@ def run(
     Raises
     ------
     InputError
-        If a setting is out of its range, or the measurements cannot be read or judged.
+        If a setting is out of its range, the measurements cannot be read or judged, or there can
+        be no solid.
     NoSolutionError
         If no load of the sweep has an equilibrium.
     """
@@ -456,6 +478,12 @@ def run(
     settings = _settings(
         robot, tolerance, max_tension, points, theory, rise=rise, modal_damping=modal_damping
     )
+    if solid:
+        from bowstring.sizes import sizes_of
+        from bowstring.solid import check_cad
+
+        check_cad()
+        sizes_of(robot)
     data = None
     if measurements is not None:
         from bowstring.against_data import judge_data
@@ -515,6 +543,7 @@ def run(
         claim=_claim(robot, settings, comparisons, in_time),
         notes=_notes(robot, settings, statics, comparisons, in_time, data),
         data=data,
+        solid=solid,
     )
 
 

@@ -53,6 +53,10 @@ def study(
     modal_damping: Annotated[
         str, typer.Option(help='Damping in dynamics, a share of critical: 0.05 or "5 %".')
     ] = "5 %",
+    solid: Annotated[
+        bool,
+        typer.Option("--solid", help="Show the robot as a solid in the report (extra cad)."),
+    ] = False,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -97,6 +101,7 @@ def study(
             modal_damping=damping,
             measurements=measurements,
             mapping=mapping,
+            solid=solid,
             progress=lambda what, done: tell(what, 0.5 * done),
         )
         folder = report.write(
