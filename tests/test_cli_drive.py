@@ -238,7 +238,7 @@ def test_bad_columns(shell: Shell, tmp_path: Path, header: str, says: str) -> No
 
 
 def test_modes_after_a_history(shell: Shell, tmp_path: Path) -> None:
-    """On the way back friction holds the robot bent, and stiffer or softer than on the way there."""
+    """On the way back friction holds the robot farther bent than on the way there."""
     file = tmp_path / "path.json"
     shell.json(*SOLVE, *RUBS, "--tension", "40,0,0", "--save-history", str(file))
     flags = (*RUBS, "--tension", "20,0,0", "--count", "1")
