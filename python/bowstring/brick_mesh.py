@@ -270,9 +270,7 @@ def quad_shape(xi: Floats, eta: Floats) -> tuple[Floats, Floats, Floats]:
     tall_y = -y * np.concatenate([1 + x, 1 - x], axis=-1)
 
     def join(c: Floats, f: Floats, t: Floats) -> Floats:
-        return np.concatenate(
-            [c, f[..., :1], t[..., :1], f[..., 1:], t[..., 1:]], axis=-1
-        )
+        return np.concatenate([c, f[..., :1], t[..., :1], f[..., 1:], t[..., 1:]], axis=-1)
 
     return join(corner, flat, tall), join(by_x, flat_x, tall_x), join(by_y, flat_y, tall_y)
 
@@ -382,7 +380,8 @@ class _Builder:
 
     def _station_rows(self, levels: Floats) -> Ints:
         stations = self.robot.disks.station_m
-        return 2 * np.abs(levels[None] - stations[:, None]).argmin(axis=1)
+        found: Ints = 2 * np.abs(levels[None] - stations[:, None]).argmin(axis=1)
+        return found
 
     def _arms(
         self, one: _Section, start: list[int], station_row: Ints
@@ -436,13 +435,9 @@ class _Builder:
             layers.append(([*inner, base + edge], [*out, tip, *side]))
         for k in (0, 2):
             (il, ol), (im, om), (ih, oh) = layers[k : k + 3]
-            self.bricks.append(
-                [il[0], ol[0], ol[1], il[1]]
-                + [ih[0], oh[0], oh[1], ih[1]]
-                + [ol[3], ol[2], ol[4], il[2]]
-                + [oh[3], oh[2], oh[4], ih[2]]
-                + [im[0], om[0], om[1], im[1]]
-            )
+            corners = [il[0], ol[0], ol[1], il[1], ih[0], oh[0], oh[1], ih[1]]
+            edges = [ol[3], ol[2], ol[4], il[2], oh[3], oh[2], oh[4], ih[2]]
+            self.bricks.append([*corners, *edges, im[0], om[0], om[1], im[1]])
             self._mark(int(self.robot.disks.segment[disk]), True, True)
         return [layers[k][1][2] for k in (0, 2, 4)]
 
@@ -457,4 +452,3 @@ def _graded(count: int, slenderness: float) -> Floats:
     t = np.linspace(0.0, 1.0, count // 2 + 1)
     half = 0.5 * np.expm1(steep * t) / math.expm1(steep)
     return np.concatenate([half[1:], 1.0 - half[-2::-1]])
-
