@@ -257,15 +257,18 @@ def _elastic_energy(mesh: BrickMesh, state: State) -> float:
 def at_nodes(mesh: BrickMesh, values: Floats) -> Floats:
     """Values (f, 8, k) at integration points, taken to nodes (n, k) and averaged there.
 
-    Only free bricks of one backbone count, so that a disk's edge shows the stress of the backbone.
+    In each brick by the best fit that is linear across and along the backbone: bending's own form,
+    also where bricks have round sides. Only free bricks of one backbone count, so that a disk's edge shows the stress of the backbone.
     NaN at nodes of no free brick.
     """
     free = np.flatnonzero(~mesh.stiff)
-    to_corner = np.prod(0.5 * (1.0 + 3.0 * _CORNERS[:, None] * _POINTS[None]), axis=2)  # (8, 8)
-    corner = np.einsum("cp,fpk->fck", to_corner, values)
-    pairs = [[np.flatnonzero((_CORNERS * e == e * e).all(axis=1))] for e in _EDGES]
-    edge = np.stack([corner[:, pair[0]].mean(axis=1) for pair in pairs], axis=1)
-    whole = np.concatenate([corner, edge], axis=1)
+    place = mesh.nodes[mesh.bricks[free]]  # (f, 20, 3)
+    centre = place.mean(axis=1, keepdims=True)
+    size = np.ptp(place, axis=1, keepdims=True)
+    points, _ = _shape(_POINTS)
+    here = _plane((np.einsum("pn,fni->fpi", points, place) - centre) / size)
+    there = _plane((place - centre) / size)
+    whole = there @ (np.linalg.pinv(here) @ values)
     total = np.zeros((len(mesh.nodes), values.shape[2]))
     count = np.zeros(len(mesh.nodes))
     nodes = mesh.bricks[free].ravel()
@@ -274,6 +277,13 @@ def at_nodes(mesh: BrickMesh, values: Floats) -> Floats:
     with np.errstate(invalid="ignore"):
         found: Floats = np.where(count[:, None] > 0, total / count[:, None], np.nan)
     return found
+
+
+def _plane(place: Floats) -> Floats:
+    """Products of 1, x, y and 1, z at places (f, p, 3)."""
+    x, y, z = place[..., 0], place[..., 1], place[..., 2]
+    one = np.ones_like(x)
+    return np.stack([one, x, y, z, x * z, y * z], axis=-1)
 
 
 def section_stress(mesh: BrickMesh, state: State) -> SectionStress:

@@ -338,7 +338,7 @@ def ramp(
     steps = [
         ccx_deck.Step(tuple(row), every, first, first) for row in np.outer(share, last).tolist()
     ]
-    time: Floats = every * np.arange(1, len(steps) + 1)
+    time = every * np.arange(1, len(steps) + 1, dtype=np.float64)
     asked = {"rise_s": rise, "hold_s": hold, "dt_s": dt, "every_s": every}
     return _run(robot, steps, time, asked, _NONE, gravity, settings, keep, progress)
 
