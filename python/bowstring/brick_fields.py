@@ -258,8 +258,8 @@ def at_nodes(mesh: BrickMesh, values: Floats) -> Floats:
     """Values (f, 8, k) at integration points, taken to nodes (n, k) and averaged there.
 
     In each brick by the best fit that is linear across and along the backbone: bending's own form,
-    also where bricks have round sides. Only free bricks of one backbone count, so that a disk's edge shows the stress of the backbone.
-    NaN at nodes of no free brick.
+    also where bricks have round sides. Only free bricks count, so that a disk's edge shows the
+    stress of the backbone; NaN at nodes of none.
     """
     free = np.flatnonzero(~mesh.stiff)
     place = mesh.nodes[mesh.bricks[free]]  # (f, 20, 3)
