@@ -60,7 +60,7 @@ def read_dat(file: Path, start: int = 0) -> list[Table]:
         return []
     text = text[: text.rfind(b"\n") + 1]
     heads = list(_HEAD.finditer(text))
-    ends = [head.start() for head in heads[1:]] + [len(text)]
+    ends = [head.start() for head in heads][1:] + [len(text)][: len(heads)]
     found = []
     for head, end in zip(heads, ends, strict=True):
         body = text[head.end() : end].split(b"\n")
