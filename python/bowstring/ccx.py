@@ -86,7 +86,8 @@ def run(program: Path, folder: Path, job: str, look: Callable[[], None]) -> End:
         the program.
     """
     log = folder / f"{job}.log"
-    environment = {"OMP_NUM_THREADS": "1", **os.environ}
+    # tables are written line by line, or those of a step that is done would wait in a buffer
+    environment = {"OMP_NUM_THREADS": "1", **os.environ, "GFORTRAN_UNBUFFERED_ALL": "y"}
     with log.open("wb") as output:
         try:
             child = subprocess.Popen(

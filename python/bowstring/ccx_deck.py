@@ -35,7 +35,7 @@ _MPA: Final = 1e-6
 _T_PER_MM3: Final = 1e-12
 _LIGHT: Final = 1e-6  # density of arms, by that of the backbone
 _FAR: Final = 1e6  # mm, beyond any elongation
-_LEAST: Final = 1e-9  # of a step: the shortest increment that is tried
+_LEAST: Final = 1e-4  # of a step: the shortest increment that is tried
 
 
 class Step(NamedTuple):

@@ -66,9 +66,10 @@ def read_dat(file: Path, start: int = 0) -> list[Table]:
         body = text[head.end() : end].split(b"\n")
         lines = [line.split() for line in body if line.strip()]
         width = len(lines[0]) if lines else 0
-        rows = np.array([line for line in lines if len(line) == width], dtype=float)
+        whole = [line for line in lines if len(line) == width]
+        rows = np.array(whole, dtype=float).reshape(len(whole), width)
         kind, name, time = head[1].decode(), head[2].decode(), float(head[3])
-        found.append(Table(kind, name, time, rows.reshape(-1, width), start + end))
+        found.append(Table(kind, name, time, rows, start + end))
     return found
 
 

@@ -452,7 +452,7 @@ def _key(robot: Robot, given: dict[str, Any], todo: Sequence[ccx_deck.Step]) -> 
     content = {
         "format": _FORMAT,
         "robot": robot.hash,
-        "given": given,
+        "given": {name: value for name, value in given.items() if name != "tensions_N"},
         "steps": [list(step) for step in todo],
     }
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
