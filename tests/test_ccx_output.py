@@ -62,6 +62,8 @@ def test_increments_are_those_that_converged(tmp_path: Path) -> None:
 
 
 def test_errors_are_named() -> None:
-    text = " iteration 3\n *ERROR in e_c3d: nonpositive jacobian\n        determinant in element 5\n"
+    text = (
+        " iteration 3\n *ERROR in e_c3d: nonpositive jacobian\n        determinant in element 5\n"
+    )
     assert reason(text) == "in e_c3d: nonpositive jacobian determinant in element 5"
     assert reason("all is well") == ""

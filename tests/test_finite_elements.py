@@ -129,9 +129,7 @@ def test_two_tubes_under_gravity_and_a_tip_force() -> None:
 
 @needs_ccx
 def test_motion_is_near_the_rods() -> None:
-    run = ramp(
-        small_robot(), [40.0, 0.0, 0.0], rise=0.05, every=0.025, dt=0.0025, settings=COARSE
-    )
+    run = ramp(small_robot(), [40.0, 0.0, 0.0], rise=0.05, every=0.025, dt=0.0025, settings=COARSE)
     beside = beside_rod(run.raise_for_status())
     np.testing.assert_allclose(run.time, [0.025, 0.05])
     np.testing.assert_allclose(run.tensions[:, 0], [20.0, 40.0])
@@ -235,9 +233,7 @@ def test_an_early_end_is_told(
 
 
 @needs_ccx
-def test_what_came_before_a_kill_is_kept(
-    own_cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_came_before_a_kill_is_kept(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The real program, killed in its second step; then let work."""
     script = """REAL "$1" > out.txt & child=$!
 while kill -0 $child 2>/dev/null; do
