@@ -20,7 +20,15 @@ from bowstring.brick_mesh import BrickMesh
 from bowstring.fields import Frames
 from bowstring.robot import Robot
 
-__all__ = ["SectionStress", "State", "at_nodes", "frames", "section_stress", "span_tension"]
+__all__ = [
+    "VOIGT",
+    "SectionStress",
+    "State",
+    "at_nodes",
+    "frames",
+    "section_stress",
+    "span_tension",
+]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -39,7 +47,8 @@ _EDGES: Final = np.array(
     dtype=float,
 )
 _OVER_TIME: Final = set(Frames.__dataclass_fields__) - {"time", "station", "module"}
-_VOIGT: Final = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])  # xx, yy, zz, xy, xz, yz
+VOIGT: Final = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
+"""Where the components of a tensor are among xx, yy, zz, xy, xz, yz."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +155,7 @@ def _section_forces(
     """Force and moment (2 F, 3) about the centres that the part beyond exerts on each plane."""
     bricks = mesh.bricks[mesh.slices[free]]  # (F, q, 20)
     number = np.cumsum(~mesh.stiff) - 1
-    stress = state.stress[number[mesh.slices[free]]][..., _VOIGT]  # (F, q, 8, 3, 3)
+    stress = state.stress[number[mesh.slices[free]]][..., VOIGT]  # (F, q, 8, 3, 3)
     place = (mesh.nodes + state.displacement)[bricks]
     value, slope = _shape(_POINTS)
     x = np.einsum("pn,fqni->fqpi", value, place)
@@ -288,7 +297,7 @@ def _plane(place: Floats) -> Floats:
 
 def section_stress(mesh: BrickMesh, state: State) -> SectionStress:
     """Largest normal stress on the outline of each section between slices, and at their ends."""
-    stress = at_nodes(mesh, state.stress)[:, _VOIGT]
+    stress = at_nodes(mesh, state.stress)[:, VOIGT]
     fit = _fit(mesh, mesh.nodes + state.displacement)
     normal = _axes(fit[:, 1], fit[:, 2])[..., 2]
     reach = np.hypot(*mesh.nodes[mesh.rows[0]].T[:2])

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.robot import Robot
 
-__all__ = ["BrickMesh", "Fineness", "brick_mesh", "quad_shape"]
+__all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_robot", "quad_shape"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -400,7 +400,8 @@ class _Builder:
                 hole[i + 1, t] = ends[1]
             for a in range(masses.shape[1]):
                 # four point masses at this radius have the moments of the disk
-                reach = disks.radius_m[i] / math.sqrt(2.0)
+                axial, mass = disks.inertia_kg_m2[i, 1], disks.mass_kg[i]
+                reach = math.sqrt(axial / mass) if mass > 0 else disks.radius_m[i]
                 end = reach * np.array([math.cos(a * math.pi / 2), math.sin(a * math.pi / 2)])
                 masses[i, a] = self._one_arm(one, start, int(station_row[i]), i, end, half[i])
         return hole, masses, half

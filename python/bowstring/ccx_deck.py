@@ -200,7 +200,8 @@ def _masses(robot: Robot, mesh: BrickMesh) -> Iterator[str]:
         if mass == 0:
             continue
         # half of each arm's mass that stands off the station's plane, below and above
-        off = disks.thickness_m[i] ** 2 / (24.0 * mesh.mass_height[i] ** 2)
+        across, axial = disks.inertia_kg_m2[i]
+        off = max(0.0, across - 0.5 * axial) / (2.0 * mass * mesh.mass_height[i] ** 2)
         for k, share in enumerate((off, 1.0 - 2.0 * off, off)):
             name = f"MASS{i + 1}_{k + 1}"
             if share == 0:

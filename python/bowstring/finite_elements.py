@@ -28,7 +28,7 @@ from bowstring.brick_fields import (
     section_stress,
     span_tension,
 )
-from bowstring.brick_mesh import BrickMesh, Fineness, brick_mesh
+from bowstring.brick_mesh import BrickMesh, Fineness, brick_mesh, check_robot
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot import Robot
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from bowstring.fields import Frames
 
-__all__ = ["BrickRun", "RunInterrupted", "Settings", "cache_folder", "ramp", "sweep"]
+__all__ = ["BrickRun", "RunInterrupted", "Settings", "cache_folder", "check", "ramp", "sweep"]
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -231,6 +231,18 @@ class BrickRun:
         if not self.converged:
             raise NoSolutionError(f"{self.robot.name}: {self.message}", status=self.status)
         return self
+
+
+def check(robot: Robot) -> None:
+    """Say before any work whether finite elements can be had for a robot.
+
+    Raises
+    ------
+    InputError
+        If it cannot be meshed, or there is no CalculiX.
+    """
+    check_robot(robot)
+    ccx.version(ccx.find())
 
 
 def sweep(

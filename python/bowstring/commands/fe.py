@@ -25,10 +25,10 @@ from bowstring.commands.options import (
 )
 from bowstring.commands.output import (
     Stopped,
-    _plain,
     counted,
     fixed,
     new_table,
+    plain,
     progress_bar,
     provenance_of,
     write_json,
@@ -167,7 +167,7 @@ def fe(
     from bowstring.brick_comparison import beside_rod
 
     beside = beside_rod(run)
-    content = _plain({**_content(run, beside, limit), **_provenance(run, settings)})
+    content = plain({**_content(run, beside, limit), **_provenance(run, settings)})
     folder = None
     if out is not None and run.states and not interrupted:
         with progress_bar() as tell:
