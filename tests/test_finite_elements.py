@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring import ccx, finite_elements, rod
+from bowstring import ccx, ccx_deck, finite_elements, rod
 from bowstring.brick_comparison import beside_rod
 from bowstring.brick_mesh import Fineness
 from bowstring.errors import InputError, NoSolutionError
@@ -138,6 +138,18 @@ def test_motion_is_near_the_rods() -> None:
     assert (beside.difference < 0.03 * moved).all()  # a coarse mesh is stiffer
     velocity = run.dataset.disk_velocity.sel(axis="x").isel(disk=-1)
     assert 0.05 < float(velocity[0]) < 0.5
+
+
+def test_outputs_fit_rise_and_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[list[ccx_deck.Step], np.ndarray]] = []
+    monkeypatch.setattr(
+        finite_elements, "_run", lambda robot, steps, time, *_: asked.append((steps, time))
+    )
+    ramp(small_robot(), [40.0, 0.0, 8.0], rise=0.11, hold=0.03, every=0.05, dt=0.01)
+    ((steps, time),) = asked
+    np.testing.assert_allclose(time, [0.11 / 3, 0.22 / 3, 0.11, 0.14])
+    np.testing.assert_allclose([s.tensions[0] for s in steps], [40 / 3, 80 / 3, 40, 40])
+    np.testing.assert_allclose([s.first * s.duration for s in steps], 0.01)
 
 
 @needs_ccx

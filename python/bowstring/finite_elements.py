@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -325,7 +326,7 @@ def ramp(
     dt : float
         Longest time step, in s.
     every : float
-        Time between two outputs, in s; the rise and the hold are made of whole ones.
+        Longest time between two outputs, in s; rise and hold have whole numbers of them.
     gravity, settings, keep, progress
         As of `sweep`. Under gravity the motion starts at rest in equilibrium.
 
@@ -339,18 +340,16 @@ def ramp(
     hold = arguments.number("hold", hold, "s", zero=True)
     dt = arguments.number("dt", dt, "s")
     every = arguments.number("every", every, "s")
-    counts = []
-    for name, length in (("rise", rise), ("hold", hold)):
-        count = round(length / every)
-        if abs(count * every - length) > 1e-9 * max(length, every):
-            raise InputError(f"{name} is {length:g} s; must be whole outputs, every {every:g} s")
-        counts.append(count)
-    share = np.minimum(np.arange(1, sum(counts) + 1) / counts[0], 1.0)
-    first = min(1.0, dt / every)
+    lengths, shares = [], []
+    for length, ends in ((rise, (0.0, 1.0)), (hold, (1.0, 1.0))):
+        count = math.ceil(length / every - 1e-9)
+        lengths += [length / count] * count if count else []
+        shares += np.linspace(*ends, count + 1)[1:].tolist()
     steps = [
-        ccx_deck.Step(tuple(row), every, first, first) for row in np.outer(share, last).tolist()
+        ccx_deck.Step(tuple(row), length, min(1.0, dt / length), min(1.0, dt / length))
+        for row, length in zip(np.outer(shares, last).tolist(), lengths, strict=True)
     ]
-    time = every * np.arange(1, len(steps) + 1, dtype=np.float64)
+    time = np.cumsum(np.array(lengths, dtype=np.float64))
     asked = {"rise_s": rise, "hold_s": hold, "dt_s": dt, "every_s": every}
     return _run(robot, steps, time, asked, _NONE, gravity, settings, keep, progress)
 
