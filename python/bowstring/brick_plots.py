@@ -124,7 +124,7 @@ def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
     axes.set_xlabel("arc length in mm")
     axes.set_ylabel("axial stress at the surface in MPa")
     axes.set_title("Largest axial stress; what stands out at disks' edges is the clamps'")
-    axes.legend(loc="best")
+    figure.legend(loc="outside lower center", ncols=3)
     return figure
 
 
@@ -170,7 +170,7 @@ def field(run: BrickRun) -> Figure:
     faces = paint(axes)
     axes.set_xlabel("towards the tip in mm")
     axes.set_ylabel("z in mm")
-    axes.set_title("Axial stress on the backbone (finite elements)")
+    axes.set_title("Axial stress (finite elements)")
     figure.colorbar(faces, ax=axes, label="MPa, positive in tension", shrink=0.8)
     paint(close)
     middle = 1e3 * np.array([tip @ towards, tip @ up])
