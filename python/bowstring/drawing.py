@@ -76,7 +76,7 @@ def draw_disks(robot: Robot) -> Figure:
     """The drawing as a matplotlib figure; see `write_drawing`."""
     from matplotlib.figure import Figure
 
-    from bowstring.plots import COLOURS
+    from bowstring.colours import COLOURS
 
     sizes = sizes_of(robot)
     kinds = _kinds(robot, sizes)
@@ -149,7 +149,7 @@ def _draw(axes: Any, kind: _Kind) -> None:
     """Front view, and beside it a section through the axis and the first hole."""
     from matplotlib.patches import Circle, Rectangle
 
-    from bowstring.plots import COLOURS
+    from bowstring.colours import COLOURS
 
     ink, muted, plate, paper = (COLOURS[c][0] for c in ("ink", "muted", "grid", "paper"))
     r = kind.radius

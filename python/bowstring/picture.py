@@ -109,7 +109,7 @@ def _azimuth(solid: Solid) -> float:
 
 def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> None:
     """Names at the right, in the order of their places, each with a line to what is seen of it."""
-    from bowstring.plots import COLOURS
+    from bowstring.colours import COLOURS
 
     ink, muted = COLOURS["ink"][0], COLOURS["muted"][0]
     disks = [part for part in solid.parts if part.kind == "disk"]

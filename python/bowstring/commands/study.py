@@ -57,6 +57,13 @@ def study(
         bool,
         typer.Option("--solid", help="Show the robot as a solid in the report (extra cad)."),
     ] = False,
+    fe: Annotated[
+        bool,
+        typer.Option(
+            "--fe",
+            help="Solve the sweep by 3-D finite elements too (CalculiX, docs/fe.md); minutes.",
+        ),
+    ] = False,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -102,6 +109,7 @@ def study(
             measurements=measurements,
             mapping=mapping,
             solid=solid,
+            fe=fe,
             progress=lambda what, done: tell(what, 0.5 * done),
         )
         folder = report.write(
