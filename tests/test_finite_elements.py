@@ -6,6 +6,7 @@ import os
 import shutil
 import stat
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -330,3 +331,18 @@ def test_tensions_that_are_none_are_refused(tensions: object, says: str) -> None
 def test_a_stiffness_that_is_none_is_refused() -> None:
     with pytest.raises(InputError, match="10 to 1e6"):
         sweep(small_robot(), LOADS, settings=Settings(stiffness=1.0))
+
+
+@needs_ccx
+def test_what_parts_bricks_from_the_rod_is_how_disks_hold_across() -> None:
+    """Bonded disks stiffen the backbone next to them; where it may contract, the rod is met."""
+    robot = small_robot()
+    by_rod = rod.solve(robot, [40, 0, 0], elements=4).tip
+    assert by_rod is not None
+    off = {}
+    grips: tuple[Literal["bonded", "sliding"], ...] = ("bonded", "sliding")
+    for grip in grips:
+        run = sweep(robot, [[40, 0, 0]], settings=Settings(Fineness(4, 8, 1), grip=grip))
+        off[grip] = float(run.raise_for_status().tip_position[0, 0] / by_rod.position[0] - 1.0)
+    assert -5e-3 < off["bonded"] < -2e-3
+    assert abs(off["sliding"]) < 5e-4

@@ -34,6 +34,7 @@ MM: Final = 1e3
 _MPA: Final = 1e-6
 _T_PER_MM3: Final = 1e-12
 _LIGHT: Final = 1e-6  # density of arms, by that of the backbone
+_ACROSS: Final = 0.01  # of the backbone: what a disk that is not bonded has across
 _FAR: Final = 1e6  # mm, beyond any elongation
 _LEAST: Final = 1e-4  # of a step: the shortest increment that is tried
 
@@ -63,11 +64,12 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True)
 class Loading:
-    """What is the same in all steps: dead loads (3,), stiffness of disks, criterion of Newton."""
+    """What is the same in all steps: dead loads (3,), how disks hold, criterion of Newton."""
 
     gravity: tuple[float, ...]
     tip_force: tuple[float, ...]
     stiffness: float
+    bonded: bool
     residual: float
 
 
@@ -113,9 +115,9 @@ def model(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step])
         All of them: how the tensions of those in motion go on is a part of the model.
     """
     lines = [*_nodes(mesh), *_bricks(mesh), *_springs(mesh), *_masses(robot, mesh)]
-    lines += _materials(robot, mesh, loading.stiffness)
+    lines += _materials(robot, mesh, loading)
     lines += _courses(todo)
-    lines += ["*BOUNDARY", "BASE,1,3", "BASEHOLES,1,3"]
+    lines += ["*BOUNDARY", *_base(mesh, loading.bonded), "BASEHOLES,1,3"]
     lines += ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "NALL,0."]
     lines += ["*RESTART, WRITE, FREQUENCY=1"]
     return "\n".join(lines) + "\n"
@@ -214,7 +216,21 @@ def _masses(robot: Robot, mesh: BrickMesh) -> Iterator[str]:
             yield f"{1e-3 * mass * share / 4.0:.9g}"
 
 
-def _materials(robot: Robot, mesh: BrickMesh, stiffness: float) -> Iterator[str]:
+def _base(mesh: BrickMesh, bonded: bool) -> Iterator[str]:
+    if bonded:
+        yield "BASE,1,3"
+        return
+    yield "BASE,3,3"
+    # three more take away what motion is left, and no change of the section's shape
+    place = mesh.nodes[mesh.base, :2]
+    radius = np.hypot(*place.T).max()
+    for x, y, axis in ((radius, 0.0, 2), (-radius, 0.0, 2), (0.0, radius, 1)):
+        node = mesh.base[np.hypot(place[:, 0] - x, place[:, 1] - y).argmin()]
+        yield f"{node + 1},{axis},{axis}"
+
+
+def _materials(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str]:
+    stiffness = loading.stiffness
     for name, k, which in _parts(mesh):
         rod = robot.segments[k].backbone
         young, poisson = rod.E * _MPA, rod.E / (2.0 * rod.shear_modulus) - 1.0
@@ -226,7 +242,14 @@ def _materials(robot: Robot, mesh: BrickMesh, stiffness: float) -> Iterator[str]
         if len(which) == 0:
             continue
         yield f"*MATERIAL, NAME={name}"
-        yield f"*ELASTIC\n{young:.10g},{poisson:.10g}"
+        if name.startswith("HELD") and not loading.bonded:
+            # stiff along and in shear, yielding across
+            soft = _ACROSS * rod.E * _MPA
+            along = f"{soft:.10g},{soft:.10g},{young:.10g},0.,0.,0."
+            yield f"*ELASTIC, TYPE=ENGINEERING CONSTANTS\n{along},{soft / 2:.10g},{young / 2:.10g}"
+            yield f"{young / 2:.10g}"
+        else:
+            yield f"*ELASTIC\n{young:.10g},{poisson:.10g}"
         yield f"*DENSITY\n{density:.10g}"
         yield f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"
 

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -60,17 +60,23 @@ class Settings:
     fineness : Fineness
     stiffness : float
         Young's modulus of disks by that of the backbone.
+    grip : {"bonded", "sliding"}
+        Whether disks and base hold the backbone across too, as glue does, or it may widen and
+        narrow within them, as a rod takes for granted.
     residual : float
         Out of balance force over the mean force at which Newton's iteration ends.
     """
 
     fineness: Fineness = field(default_factory=Fineness)
     stiffness: float = 1000.0
+    grip: Literal["bonded", "sliding"] = "bonded"
     residual: float = 1e-4
 
     def check(self) -> None:
         """Raise `InputError` for a stiffness that is none, or that drowns the rest in rounding."""
         self.fineness.check()
+        if self.grip not in ("bonded", "sliding"):
+            raise InputError(f'grip is {self.grip!r}, it must be "bonded" or "sliding"')
         if not 10.0 <= self.stiffness <= 1e6:
             raise InputError(
                 f"disks are {self.stiffness:g} times as stiff as the backbone; must be from 10 to "
@@ -397,7 +403,11 @@ def _run(
     weight = arguments.row("gravity", robot.gravity if gravity is None else gravity, 3, "m/s^2")
     force = arguments.row("tip_force", tip_force, 3, "N")
     loading = ccx_deck.Loading(
-        tuple(weight.tolist()), tuple(force.tolist()), settings.stiffness, settings.residual
+        tuple(weight.tolist()),
+        tuple(force.tolist()),
+        settings.stiffness,
+        settings.grip == "bonded",
+        settings.residual,
     )
     motion = asked["rise_s"] is not None
     mesh = brick_mesh(robot, settings.fineness, mass_arms=motion)
@@ -407,6 +417,7 @@ def _run(
     given = {
         "mesh": str(settings.fineness),
         "stiffness": settings.stiffness,
+        "grip": settings.grip,
         "residual": settings.residual,
         "gravity": weight.tolist(),
         "tip_force": force.tolist(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -77,6 +77,10 @@ def fe(
     stiffness: Annotated[
         float, typer.Option(metavar="K", help="Young's modulus of disks by the backbone's.")
     ] = 1000.0,
+    grip: Annotated[
+        Literal["bonded", "sliding"],
+        typer.Option(help="Disks hold the backbone across too, or let it widen and narrow."),
+    ] = "bonded",
     study: Annotated[
         bool,
         typer.Option(
@@ -115,7 +119,7 @@ def fe(
 
     from bowstring import brick_report, finite_elements
 
-    settings = of_flag("--mesh", _settings, (mesh, stiffness))
+    settings = of_flag("--mesh", _settings, (mesh, stiffness, grip))
     if out is not None:
         out = of_flag("--out", brick_report.check_folder, out)
     if keep is not None:
@@ -181,11 +185,11 @@ def fe(
     run.raise_for_status()
 
 
-def _settings(given: tuple[str, float]) -> Settings:
+def _settings(given: tuple[str, float, Literal["bonded", "sliding"]]) -> Settings:
     from bowstring.brick_mesh import Fineness
     from bowstring.finite_elements import Settings
 
-    mesh, stiffness = given
+    mesh, stiffness, grip = given
     try:
         module, around, rings = (int(part) for part in mesh.split(","))
     except ValueError:
@@ -193,7 +197,7 @@ def _settings(given: tuple[str, float]) -> Settings:
             f"got {mesh}; write three whole numbers, bricks along a module, around and rings, "
             "for example 8,8,1"
         ) from None
-    settings = Settings(Fineness(module, around, rings), stiffness)
+    settings = Settings(Fineness(module, around, rings), stiffness, grip)
     settings.check()
     return settings
 
