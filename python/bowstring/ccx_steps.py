@@ -254,11 +254,11 @@ def _save(kept: Path, number: int, state: State, restart: Path) -> None:
             new = _restart(kept, number)
             shutil.copyfile(restart, new.with_suffix(".new"))
             os.replace(new.with_suffix(".new"), new)
-            _restart(kept, number - 1).unlink(missing_ok=True)
         part = _file(kept, number).with_suffix(".new")
         with part.open("wb") as stream:
             np.savez_compressed(stream, **arrays)
         os.replace(part, _file(kept, number))
+        _restart(kept, number - 1).unlink(missing_ok=True)  # not before: one of them must be there
     except OSError as error:
         raise InputError(
             f"results cannot be kept in {kept}: {error.strerror}; make room there, or name "

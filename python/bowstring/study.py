@@ -528,7 +528,7 @@ def run(
             lambda share: tell("measurements", 0.2 * share),
         )
     tell = _after(tell, 0.2 if data is not None else 0.0)
-    whole, tell = tell, (lambda what, share: whole(what, 0.2 * share)) if fe else tell
+    whole, tell = tell, _until(tell, 0.2 if fe else 1.0)  # finite elements take most of the time
     model = Model(robot, settings.tendon, settings.theory)
 
     tell("geometric sweep", 0.0)
@@ -559,7 +559,7 @@ def run(
     verdict = judge(model, settings.tolerance, settings.max_tension, comparisons, budget)
 
     bricks, by_bricks = None, {}
-    if fe:  # last, as it takes most of the time
+    if fe:
         bricks = third.solve(
             robot,
             model.tensions(statics.tension),
@@ -569,7 +569,7 @@ def run(
         by_bricks = model.compare(
             statics.tension, bricks.tip_position, bricks.tendon_lengths, tuple(COMPARISONS), "fe"
         )
-    tell("done", 1.0)
+    whole("done", 1.0)
     return Study(
         robot=robot,
         settings=settings,
@@ -596,6 +596,11 @@ def run(
 def _after(tell: Progress, share: float) -> Progress:
     """Progress of what comes after a share of the work."""
     return lambda what, done: tell(what, share + (1.0 - share) * done)
+
+
+def _until(tell: Progress, share: float) -> Progress:
+    """Progress of what comes before a share of the work is done."""
+    return lambda what, done: tell(what, share * done)
 
 
 def _read(
