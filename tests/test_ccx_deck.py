@@ -11,7 +11,7 @@ from bowstring import ccx_deck
 from bowstring.brick_mesh import Fineness, brick_mesh
 from bricks import small_robot, two_segments
 
-LOADING = ccx_deck.Loading((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1000.0, 1e-4)
+LOADING = ccx_deck.Loading((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1000.0, True, 1e-4)
 
 
 def test_every_span_begins_at_a_node_of_its_own() -> None:
