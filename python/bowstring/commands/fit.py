@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.calibration import Calibration
+    from bowstring.measurements import Measurements
 
 
 def fit(
@@ -80,6 +81,22 @@ def fit(
         int | None,
         typer.Option(metavar="K", help="Predict each of K parts by a fit to the others."),
     ] = None,
+    validate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Predict another table once (with --data another of its parts); nothing is "
+            "aligned to it.",
+        ),
+    ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="calibration.json of a former fit: base, tool and drive begin there, or are "
+            "held there.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder of the calibrated robot file, and of figures."),
@@ -101,8 +118,8 @@ def fit(
         raise InputError("--part is of a public data set; name it by --data.")
     if data is not None and mapping is not None:
         raise InputError("--mapping is of a table; a set of --data brings its own.")
-    if holdout is not None and folds is not None:
-        raise InputError("--holdout and --folds are two ways to validate; give one.")
+    if sum(way is not None for way in (holdout, folds, validate)) > 1:
+        raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
     share = None if holdout is None else share_of("--holdout", holdout)
     if share is not None and not 0 < share < 1:
         raise InputError(
@@ -115,13 +132,17 @@ def fit(
         from bowstring import report
 
         of_flag("--out", lambda path: report.check_folder(path, "fit"), out)
-    file: Path | None = measurements
-    if data is not None:
-        file, mapping = datasets.table(data, part), data
-    assert file is not None
-    table = read_measurements(file, known, mapping, g=gravity)
-    if data is not None:
-        table = replace(table, name=data if part is None else f"{data}, {part}")
+    begin = None if start is None else calibration.read_start(start)
+
+    def read(file: str | Path | None, part: str | None) -> Measurements:
+        if data is None:
+            assert file is not None
+            return read_measurements(file, known, mapping, g=gravity)
+        found = read_measurements(datasets.table(data, part), known, data, g=gravity)
+        return replace(found, name=data if part is None else f"{data}, {part}")
+
+    table = read(measurements, part)
+    other = None if validate is None else read(validate, validate)
     with progress_bar() as tell:
         found = calibration.calibrate(
             known,
@@ -131,6 +152,8 @@ def fit(
             loss=loss,
             holdout=share,
             folds=folds,
+            validate=other,
+            start=begin,
             progress=tell,
         )
     if found.tendons.alarm:
@@ -141,7 +164,7 @@ def fit(
             **provenance_of(
                 known,
                 measurements=measurements,
-                mapping=mapping,
+                mapping=mapping if data is None else data,
                 data=data,
                 part=part,
                 g_m_per_s2=gravity,
@@ -150,6 +173,8 @@ def fit(
                 loss=loss,
                 holdout=share,
                 folds=folds,
+                validate=validate,
+                start=begin,
             ),
         }
     )
@@ -166,6 +191,8 @@ def fit(
 
 
 def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str]:
+    from bowstring import calibration
+
     fit, data = found.fit, found.data
     left = f", {data.left_out} left out" if data.left_out else ""
     kept = f", {counted(int(found.held_out.sum()), 'row')} held out" if found.held_out.any() else ""
@@ -199,6 +226,9 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     rows = [(before, fit.score_before), ("after", fit.score)]
     if found.held_out_score is not None:
         rows.append(("rows held out", found.held_out_score))
+    if found.other is not None and found.other_score is not None:
+        of = f"{found.other.name} ({found.other.source})"
+        rows.append((of, found.other_score))
     if found.folds is not None:
         rows.append((f"{len(found.folds.folds)} folds", found.folds.score))
         rows += [(f"  {n}", s) for n, s in zip(found.folds.labels, found.folds.folds, strict=True)]
@@ -206,6 +236,13 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         cells = [fixed(1e3 * v, 3) for v in (score.rmse, score.mean, score.largest)]
         scores.add_row(name, str(score.count), *cells)
     yield scores
+    if found.other is not None and found.other_score is not None:
+        own = found.other_score
+        yield (
+            f"{found.other.name} was not fitted, and nothing was aligned to it. Without the mean "
+            f"offset its RMSE is {fixed(1e3 * own.rmse_centred, 3)} mm, its mean "
+            f"{fixed(1e3 * own.mean_centred, 3)} mm."
+        )
     if found.unanswered:
         yield (
             f"To {counted(found.unanswered, 'row')} of the validation the calibrated model has no "
@@ -221,6 +258,8 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         yield f"Far off, look at: {', '.join(named)}{more}."
     if folder is not None:
         yield f"Calibrated robot: {folder / 'robot.yaml'}"
+        if found.beside:
+            yield f"Base, tool and drive, for --start: {folder / calibration.BESIDE}"
 
 
 def _digits(error: float, value: float) -> int:
