@@ -392,6 +392,30 @@ def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path)
     assert "Far off, look at: line 14 (50 mm)." in out
 
 
+def test_rows_without_a_tip_keep_the_path_whole(shell: Shell, tmp_path: Path) -> None:
+    """Seven tips round the peak load are blank; with their commands gone too, the path breaks."""
+
+    def blanked(cells: slice) -> Callable[[list[str]], list[str]]:
+        def change(rows: list[str]) -> list[str]:
+            out = [row.split(",") for row in rows]
+            for row in out[14:21]:
+                row[cells] = [""] * len(row[cells])
+            return [",".join(row) for row in out]
+
+        return change
+
+    given = (*UPRIGHT, "--parameter", E, "--parameter", MU)
+    kept = table(tmp_path, blanked(slice(3, 6)))
+    code, out, err = shell("fit", "amouri2019", "--measurements", kept, *given)
+    assert code == 0 and not err and "26 rows, 7 without a tip" in " ".join(out.split())
+    got = shell.json("fit", "amouri2019", "--measurements", kept, *given)
+    assert got["rows"] == 26 and got["rmse_mm"] < 0.05
+    assert got["data"]["rows"] == 33 and got["data"]["rows_without_tip"] == 7
+    lost = table(tmp_path, blanked(slice(2, 6)))
+    code, _, err = shell("fit", "amouri2019", "--measurements", lost, *given)
+    assert code == 0 and "with friction the rows are one path, and 7 rows were left out" in err
+
+
 def test_data_without_noise_lack_nothing(robot: Robot) -> None:
     made = bench.simulate(robot, np.outer(np.linspace(0, 60, 13), [1, 0, 0]), noise=0.0)
     found = fit(robot, made, [E, "base.x"])

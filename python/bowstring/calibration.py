@@ -75,8 +75,7 @@ class Calibration:
         if self.folds is not None:
             return self.folds.unanswered
         if self.other is not None and self.other_score is not None:
-            seen = np.isfinite(self.other.tip).all(axis=1)
-            return int(seen.sum()) - self.other_score.count
+            return int(self.other.seen.sum()) - self.other_score.count
         return int(np.isnan(self.fit.residuals[self.held_out]).any(axis=1).sum())
 
     @property
@@ -103,6 +102,19 @@ class Calibration:
             return []
         rows = rows[np.argsort(-distance[rows])]
         return [(int(self.data.line[i]), float(distance[i])) for i in rows]
+
+    @property
+    def broken_path(self) -> str:
+        """A sentence where rows were left out of a path that matters; else empty."""
+        remember = any(name.startswith("backlash") for name in self.beside)
+        if not self.data.left_out or not (self.fit.robot.has_friction or remember):
+            return ""
+        rows = "a row was" if self.data.left_out == 1 else f"{self.data.left_out} rows were"
+        what = "backlash" if remember else "friction"
+        return (
+            f"with {what} the rows are one path, and {rows} left out of it: the prediction after "
+            "these may be far off; mend them, or leave their tip alone blank."
+        )
 
     @property
     def elsewhere(self) -> list[str]:
@@ -166,6 +178,7 @@ class Calibration:
                 "source": data.source,
                 "rows": len(data),
                 "rows_left_out": data.left_out,
+                "rows_without_tip": data.without_tip,
                 "sigma_mm": None if data.sigma is None else 1e3 * float(np.median(data.sigma)),
                 "sha256": data.sha256,
             },
@@ -242,7 +255,7 @@ def calibrate(
     rows = None
     if holdout is not None:
         out = hold_out(robot, data, holdout)
-        rows = ~out & np.isfinite(data.tip).all(axis=1)
+        rows = ~out & data.seen
     tell("fit", 0.0)
     order = check_tendons(robot, data)
     try:
@@ -273,7 +286,7 @@ def calibrate(
 def _judged(found: Fit, data: Measurements) -> Score:
     """A table that was not fitted, predicted."""
     predicted = found.predict(data)
-    if not np.isfinite(data.tip).all(axis=1).any():
+    if not data.seen.any():
         raise InputError(f"{data.name} has no measured tip to validate with")
     if not np.isfinite(predicted + data.tip).all(axis=1).any():
         raise NoSolutionError(f"the calibrated model has no answer to any row of {data.name}")

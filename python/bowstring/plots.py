@@ -841,7 +841,7 @@ def _room(axes: Axes, values: Array) -> None:
     """At least 1 mm, so that noise across the bending plane is not blown up to a course."""
     low, high = axes.get_ylim()
     if high - low < 1.0:
-        middle = float(np.mean(values))
+        middle = float(np.nanmean(values))
         axes.set_ylim(middle - 0.5, middle + 0.5)
 
 

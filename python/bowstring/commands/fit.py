@@ -158,6 +158,8 @@ def fit(
         )
     if found.tendons.alarm:
         say("Warning", found.tendons.sentence)
+    if found.broken_path:
+        say("Warning", found.broken_path)
     content = _plain(
         {
             **found.to_dict(),
@@ -194,7 +196,8 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     from bowstring import calibration
 
     fit, data = found.fit, found.data
-    left = f", {data.left_out} left out" if data.left_out else ""
+    left = f", {data.without_tip} without a tip" if data.without_tip else ""
+    left += f", {data.left_out} left out" if data.left_out else ""
     kept = f", {counted(int(found.held_out.sum()), 'row')} held out" if found.held_out.any() else ""
     what = "statics" if fit.model == "rod" else "constant curvature"
     yield (
