@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import bench
+from bowstring import bench, plots
 from bowstring.calibration import calibrate, read_start
 from bowstring.commands.fit import _fit_tables
 from bowstring.errors import InputError
@@ -293,7 +293,7 @@ def of(*parts: str) -> tuple[str, ...]:
         ((*FIT, "--parameter", E, "--parameter", E), "is named twice"),
         ((*FIT, "--parameter", "offset"), "offset has no effect on the tip"),
         ((*FIT, "--parameter", "delay"), "needs the time of each row"),
-        ((*FIT, "--parameter", "bend_gain"), 'model="arc"'),
+        ((*FIT, "--parameter", "bend_gain"), "give --model arc"),
         ((*FIT, "--parameter", E, "--holdout", "1.5"), "--holdout: got 1.5; must lie between"),
         ((*FIT, "--parameter", E, "--holdout", "some"), '--holdout: got "some", which is not'),
         ((*FIT, "--parameter", E, "--folds", "1"), "--folds: got 1; must be 2 or more"),
@@ -414,6 +414,30 @@ def test_rows_without_a_tip_keep_the_path_whole(shell: Shell, tmp_path: Path) ->
     lost = table(tmp_path, blanked(slice(2, 6)))
     code, _, err = shell("fit", "amouri2019", "--measurements", lost, *given)
     assert code == 0 and "with friction the rows are one path, and 7 rows were left out" in err
+
+
+def test_the_scatter_says_that_it_is_a_median(shell: Shell) -> None:
+    """A rod without friction misses most rows by far more than its median: synthetic table."""
+    args = (*FIT, "--parameter", "segments.0.tendons.pitch_radius")
+    got = shell.json(*args)
+    whole = got["rmse_mm"] / np.sqrt(3)
+    _, out, _ = shell(*args)
+    text = " ".join(out.split())
+    assert whole > 2 * got["noise_mm"]
+    assert f"That is by their median; their root mean square is {whole:.4f} mm: some rows" in text
+    _, out, _ = shell(*FIT, *NAMES)
+    assert "by their median" not in out
+
+
+@pytest.mark.parametrize("times", [1, 10])
+def test_many_rows_are_drawn_thin(robot: Robot, data: Measurements, times: int) -> None:
+    rows = data.select(np.tile(np.arange(33), times))
+    found = calibrate(robot, rows, ["bend_gain"], model="arc")
+    parity = dict(plots.draw_fit(found))["parity"]
+    marks = [line for line in parity.axes[0].lines if line.get_marker() not in ("None", "")]
+    assert len(marks) > 3
+    for line in marks:
+        assert line.get_alpha() == (None if times == 1 else 0.35)
 
 
 def test_data_without_noise_lack_nothing(robot: Robot) -> None:

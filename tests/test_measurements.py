@@ -351,6 +351,12 @@ def test_rows_without_a_tip_are_kept_as_part_of_the_path(file: Write, shell: She
         read_measurements(file("\n".join([HEADER, *rows[1:3]])))
 
 
+def test_quoted_numbers_with_decimal_commas_are_told(file: Write) -> None:
+    found = read_measurements(file(GOOD + '0.5,0,0,"30,5",0.1,640\n'))
+    says = "; with decimal commas, separate the cells by semicolons"
+    assert found.left_out == 1 and found.issues[0][1].endswith(f"not a finite number{says}")
+
+
 def test_one_repeated_row_is_told_and_kept(file: Write) -> None:
     found = read_measurements(file(GOOD + "0.5,0,0,30.5,0.1,640\n"))
     assert len(found) == 4

@@ -7,8 +7,9 @@ three frames, because a base that stands a little askew looks like an error of t
 - ``as_measured``: the measuring frame is taken for the base frame. Not registered.
 - ``calibrated``: one base frame for all, that of the calibrated rod. Registered; this is meant
   where nothing else is said.
-- ``own``: each model in the base frame that suits it best. It mends whatever a rigid motion can
-  mend of the model's own errors, so it flatters; it is the least that can be said against a model.
+- ``own``: each model in the base frame that suits it best, by least squares. It mends whatever a
+  rigid motion can mend of the model's own errors, so it flatters; its RMS is the least that can be
+  said against a model, its mean need not be.
 
 Differences are model minus measurement at the measured point (the tip, or the tool that the table
 gives), in base axes. SI; K is the number of rows.
@@ -35,7 +36,7 @@ from bowstring.registration import fit_model
 from bowstring.resampling import LEVEL, RESAMPLES, Expected, Intervals, bootstrap, refitted
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot
-from bowstring.words import in_mm, in_percent, listed, significant
+from bowstring.words import in_mm, in_percent, listed, significant, with_error
 
 __all__ = [
     "DATA_MODELS",
@@ -835,7 +836,7 @@ def _said(estimate: Estimate) -> str:
         return f"{name} {significant(round(estimate.value, 9), 4)}{unit} (its limit)"
     if not math.isfinite(estimate.standard_error):
         return f"{name} {significant(estimate.value, 4)}{unit} (not determined)"
-    return f"{name} {significant(estimate.value, 4)} +- {estimate.standard_error:.1g}{unit}"
+    return f"{name} {with_error(estimate.value, estimate.standard_error)}{unit}"
 
 
 def _notes(data: Measurements, loads: Loads, calibration: Calibration | None) -> tuple[str, ...]:
@@ -848,7 +849,8 @@ def _notes(data: Measurements, loads: Loads, calibration: Calibration | None) ->
         "Registered means: one base frame for all models, "
         + ("that of the calibrated rod" if calibration else "said below")
         + ". Each model is also shown in the base frame that suits it best, which mends what a "
-        "rigid motion can mend of its own errors, and not registered.",
+        "rigid motion can mend of its own errors, and not registered. The frame that suits best "
+        "has the least sum of squares; the mean error in it can be larger than in another.",
         f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). What is resampled is "
         f"the {loads.resampled[1]}; the same resamples for all models. "
         "Calibration and registration are held meanwhile, but in what is expected of the "

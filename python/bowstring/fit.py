@@ -86,7 +86,7 @@ class Estimate:
         unit = f" {self.unit}" if self.unit else ""
         if not np.isfinite(self.standard_error):
             return f"{self.name} = {self.value:.5g}{unit} (not determined)"
-        return f"{self.name} = {self.value:.5g} +- {self.standard_error:.2g}{unit}"
+        return f"{self.name} = {words.with_error(self.value, self.standard_error)}{unit}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +114,8 @@ class Fit:
     score, score_before : Score
         Of the fitted rows.
     noise : float
-        Robust standard deviation of a coordinate, m.
+        Robust standard deviation of a coordinate, m: 1.48 times the median of its error's size, so
+        that rows that err by far more than most hardly count.
     excess : float
         Residuals over what the stated uncertainties let expect, root mean square: about 1 if the
         model lacks nothing. NaN where none are stated.

@@ -45,6 +45,7 @@ _MOST_ISSUES: Final = 1_000
 _MOST_LABELS: Final = 100
 _LARGEST: Final = 1e30  # what is larger may overflow on its way to SI
 _REACH: Final = 3.0  # lengths between a tip and the middle of all, at most 1 + root of 3
+_DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
@@ -603,7 +604,10 @@ def _reason(column: Column, cell: str, value: float, why: str) -> str:
     if not cell.strip():
         return f"{column.name} is empty"
     if not np.isfinite(value):
-        return f"{column.name} is {quote(cell)}, which is not a finite number"
+        text = f"{column.name} is {quote(cell)}, which is not a finite number"
+        if _DECIMAL_COMMA.fullmatch(cell):
+            text += "; with decimal commas, separate the cells by semicolons"
+        return text
     if abs(value) >= _LARGEST:
         return f"{column.name} is {quote(cell)}, which is too large"
     if why == "tension":

@@ -848,7 +848,9 @@ def _print_data(found: AgainstData, console: Console, table: Callable[..., Table
             d = c.to_dict()
             low, high = (number(v, 2) for v in d["interval_95"]["mean_mm"])
             errors.add_row(
-                _short(DATA_MODELS[c.name]).replace(", as the robot file has it", " as in file"),
+                _short(DATA_MODELS[c.name]).replace(
+                    ", as the robot file has it", " as in the file"
+                ),
                 number(d["mean_mm"]),
                 f"{low} to {high}",
                 *(number(d[k]) for k in ("max_mm", "mean_percent")),

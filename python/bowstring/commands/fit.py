@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
 import typer
@@ -41,7 +41,12 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.calibration import Calibration
+    from bowstring.fit import Fit
     from bowstring.measurements import Measurements
+
+#: Times the robust scatter of a coordinate that its root mean square is, so that it is said.
+_FAR_MORE: Final = 2.0
+_EXACT: Final = 1e-8  # m: data without noise
 
 
 def fit(
@@ -109,6 +114,8 @@ def fit(
     from bowstring.measurements import read_measurements
 
     gravity = positive("--g", g, "m/s^2")
+    if model == "rod" and any(name.startswith("bend_gain") for name in parameter):
+        raise InputError("--parameter bend_gain is of constant curvature; give --model arc.")
     if (measurements is None) == (data is None):
         raise InputError(
             "give either --measurements FILE or --data NAME, a public data set (bowstring data "
@@ -254,7 +261,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     said = ""
     if data.sigma is not None:
         said = f"; the table says {rounded(1e3 * float(np.median(data.sigma)), 3)} mm"
-    yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}."
+    yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}.{_of_others(fit)}"
     if found.far:
         named = [f"line {line} ({in_mm(away)})" for line, away in found.far[:5]]
         more = f" and {len(found.far) - 5} more" if len(found.far) > 5 else ""
@@ -263,6 +270,17 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         yield f"Calibrated robot: {folder / 'robot.yaml'}"
         if found.beside:
             yield f"Base, tool and drive, for --start: {folder / calibration.BESIDE}"
+
+
+def _of_others(fit: Fit) -> str:
+    """What the scatter, a median, does not say where some rows err by far more than most."""
+    whole = fit.score.rmse / math.sqrt(3.0)
+    if whole < _FAR_MORE * fit.noise or whole < _EXACT:
+        return ""
+    return (
+        f" That is by their median; their root mean square is {fixed(1e3 * whole, 4)} mm: some "
+        "rows err by far more than most."
+    )
 
 
 def _digits(error: float, value: float) -> int:
