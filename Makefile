@@ -50,5 +50,5 @@ clean:
 	rm -rf $(VENV) .venv-peers target
 
 lock: ## renew the lock file (needs uv)
-	uv pip compile --universal --python-version 3.10 --no-header --no-annotate pyproject.toml requirements/dev.in -o requirements/dev.lock
+	uv pip compile --universal --python-version 3.10 --no-header --no-annotate --extra cad pyproject.toml requirements/dev.in -o requirements/dev.lock
 	uv pip compile --universal --python-version 3.10 --no-header --no-annotate requirements/peers.in -o requirements/peers.lock

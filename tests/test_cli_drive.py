@@ -237,6 +237,23 @@ def test_bad_columns(shell: Shell, tmp_path: Path, header: str, says: str) -> No
     assert says in shell.error(*SIMULATE, "--table", str(path))
 
 
+def test_modes_after_a_history(shell: Shell, tmp_path: Path) -> None:
+    """On the way back friction holds the robot farther bent than on the way there."""
+    file = tmp_path / "path.json"
+    shell.json(*SOLVE, *RUBS, "--tension", "40,0,0", "--save-history", str(file))
+    flags = (*RUBS, "--tension", "20,0,0", "--count", "1")
+    there = shell.json("modes", "amouri2019", *flags)
+    back = shell.json("modes", "amouri2019", *flags, "--history", str(file))
+    assert back["provenance"]["settings"]["history"] == str(file)
+    tips = [found["disks"][-1]["position_m"][0] for found in (there, back)]
+    assert tips[1] > tips[0] + 2e-3
+    history = json.loads(file.read_text())
+    robot = bs.load_robot("amouri2019", {"segments.0.tendons.friction": "0.1"})
+    known = bs.modes(robot, [20, 0, 0], count=1, history=history)
+    assert back["modes"][0]["frequency_hz"] == known.frequency_hz[0]
+    assert back["modes"][0]["frequency_hz"] != there["modes"][0]["frequency_hz"]
+
+
 def test_motion_with_friction_goes_on_from_a_history(shell: Shell, tmp_path: Path) -> None:
     file, run = tmp_path / "path.json", tmp_path / "run.nc"
     shell.json(*SOLVE, *RUBS, "--tension", "40,0,0", "--save-history", str(file))

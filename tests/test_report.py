@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -113,6 +114,20 @@ def test_the_page_tells_a_reader_everything(written: Path, paper: study.Study) -
     source = (written / "report.html").read_text(encoding="utf-8")
     assert "prefers-color-scheme: dark" in source and "width=device-width" in source
     assert source.count('role="img"') == len(study.FIGURES)
+
+
+def test_the_robot_as_a_solid_opens_the_page(paper: study.Study) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    whole = replace(paper, solid=True)
+    assert [f.stem for f in whole.figures[:2]] == ["fig01_robot", "fig02_disk"]
+    assert whole.figures[2:] == paper.figures
+    with plots.figure_style():
+        for (stem, figure), title in zip(
+            plots.draw(whole), ("simulated pose", "disks"), strict=False
+        ):
+            drawing = plots.svg(stem, figure)
+            assert re.findall(r"(?:fill|stroke): #[0-9a-f]{3,6}", drawing) == []
+            assert any(title in text.get_text() for text in figure.texts)
 
 
 def test_every_colour_follows_the_theme(written: Path) -> None:

@@ -236,7 +236,8 @@ def test_a_ring_drives_all_of_its_tendons_alike(load):
     # the same as a list, which is the same robot
     tree = robot.model_dump(mode="json", exclude_none=True)
     tree["segments"][0]["tendons"] = [
-        tendon.model_dump(mode="json") for tendon in robot.segments[0].tendon_list
+        tendon.model_dump(mode="json", exclude_none=True)
+        for tendon in robot.segments[0].tendon_list
     ]
     listed = Robot.model_validate(tree)
     assert arrays(listed) == arrays(robot) and listed.hash == robot.hash
@@ -661,14 +662,14 @@ def test_positions_forms(load):
             "three",
             'segments[0].tendons: got "three"; must be a set of fields: '
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "friction, pretension, spool_radius.",
+            "friction, pretension, spool_radius, diameter.",
         ),
         (
             "pitch_radius: 12 mm",
             "pitch_radius: 12 mm, mu: 0.1",
             "segments[0].tendons.mu: unknown field; did you mean friction? Known here: "
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "friction, pretension, spool_radius.",
+            "friction, pretension, spool_radius, diameter.",
         ),
         (
             "thickness: 3 mm",
@@ -681,7 +682,8 @@ def test_positions_forms(load):
             "thickness: 3 mm",
             "thickness: 3 mm, clamped: 1 mm",
             "segments[0].disks.clamped: unknown field; did you mean clamped_length? Known here: "
-            "count, positions, mass, radius, thickness, clamped_length.",
+            "count, positions, mass, density, radius, thickness, hole_diameter, "
+            "clamped_length.",
         ),
         (
             "diameter:",
@@ -878,7 +880,8 @@ def test_overrides_of_whole_parts():
             "segments.0.disks.clamp",
             1,
             "amouri2019: segments[0].disks.clamp: unknown field; did you mean clamped_length? "
-            "Known here: count, positions, mass, radius, thickness, clamped_length.",
+            "Known here: count, positions, mass, density, radius, thickness, hole_diameter, "
+            "clamped_length.",
         ),
         (
             "segment.0.length",

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         solve_batch,
         sweep,
     )
+    from bowstring.solid import make_solid
 
 __all__ = [
     "Jacobians",
@@ -56,6 +57,7 @@ __all__ = [
     "fit",
     "jacobians",
     "load_robot",
+    "make_solid",
     "measurements",
     "modes",
     "pull_jacobian",
@@ -89,6 +91,7 @@ _HOME = {
     "solve": "rod",
     "solve_batch": "rod",
     "sweep": "rod",
+    "make_solid": "solid",
 }
 _MODULES = {
     "arc",

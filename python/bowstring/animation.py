@@ -169,7 +169,7 @@ class _Scene:
         from matplotlib.figure import Figure
         from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-        from bowstring.plots import COLOURS
+        from bowstring.colours import COLOURS
 
         colour = {key: light for key, (light, _) in COLOURS.items()}
         self._time = data["time"].to_numpy()

@@ -15,7 +15,7 @@ from typing import Annotated, Final
 import typer
 
 from bowstring import __version__
-from bowstring.commands import bench, data, dynamics, fit, statics, study
+from bowstring.commands import bench, cad, data, dynamics, fe, fit, statics, study
 from bowstring.commands.output import Stopped, say, write
 from bowstring.errors import InputError, NoSolutionError
 
@@ -46,6 +46,8 @@ for _command in (
     dynamics.simulate,
     dynamics.modes,
     fit.fit,
+    cad.cad,
+    fe.fe,
 ):
     app.command()(_command)
 bench_app.command("check")(bench.check)

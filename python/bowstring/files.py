@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from bowstring.errors import InputError
 
-__all__ = ["check_parent", "write_whole"]
+__all__ = ["check_file", "check_parent", "write_whole", "write_whole_file"]
 
 
 def check_parent(file: Path, why: str) -> None:
@@ -18,6 +19,77 @@ def check_parent(file: Path, why: str) -> None:
     if not file.parent.is_dir():
         what = "is a file" if file.parent.exists() else "does not exist"
         raise InputError(f"{why}: the folder {file.parent} {what}")
+
+
+def check_file(file: Path, what: str, suffixes: Sequence[str]) -> Path:
+    """Say before any work whether a file may be written.
+
+    Parameters
+    ----------
+    file : Path
+    what : str
+        Stands in the error.
+    suffixes : sequence of str
+        One of them must end its name, such as ``".png"``; upper case is the same.
+
+    Returns
+    -------
+    Path
+        The same file, absolute, links resolved.
+
+    Raises
+    ------
+    InputError
+        If its name ends otherwise, it is a folder, or its folder does not exist or may not be
+        written.
+    """
+    why = f"cannot write the {what} to {file}"
+    if file.suffix.lower() not in suffixes:
+        *most, last = suffixes
+        names = f"{', '.join(most)} or {last}" if most else last
+        raise InputError(f"{why}: its name must end in {names}")
+    found = file.resolve()
+    check_parent(found, why)
+    if found.is_dir():
+        raise InputError(f"{why}: it is a folder")
+    if not os.access(found.parent, os.W_OK):
+        raise InputError(f"{why}: the folder {found.parent} may not be written")
+    return found
+
+
+def write_whole_file(file: Path, what: str, fill: Callable[[Path], None]) -> None:
+    """Fill a new file beside its place, then put it there in exchange for a former one.
+
+    Parameters
+    ----------
+    file : Path
+        Checked before.
+    what : str
+        Stands in the error.
+    fill : callable
+        Is given the new file's path, which has the same suffix.
+
+    Raises
+    ------
+    InputError
+        If the drive does not take it; what was there before stays.
+    """
+    name = ""
+    try:
+        handle, name = tempfile.mkstemp(
+            prefix=f".{file.stem[:50]}-", suffix=file.suffix, dir=file.parent
+        )
+        os.close(handle)
+        fill(Path(name))
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(name, 0o666 & ~umask)  # a temporary file is its owner's only
+        os.replace(name, file)
+    except OSError as error:
+        raise InputError(f"cannot write the {what} to {file}: {error.strerror or error}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(name)
 
 
 def write_whole(folder: Path, what: str, fill: Callable[[Path], None]) -> None:

@@ -68,6 +68,12 @@ def doubts(robot: Robot) -> Iterator[str]:
                     f"radius and thickness would have a density of {rounded(mean)} kg/m^3; "
                     f"is the mass in {unit}?"
                 )
+        material = s.disks.density
+        if material and not _DISK_DENSITY[0] <= material <= _DISK_DENSITY[1]:
+            yield (
+                f"{here}.disks.density = {rounded(material, 4)} kg/m^3: no material has it; is it "
+                "in the wrong unit (kg/m^3, g/cm^3)?"
+            )
         if s.backbone.G is not None:
             nu = s.backbone.E / (2 * s.backbone.G) - 1
             if not -1 < nu <= 0.5:
@@ -157,10 +163,11 @@ def _buckling_doubts(robot: Robot) -> Iterator[str]:
     if ratio > 1:
         k = int(np.argmin(robot.bending_stiffness))
         s = robot.segments[k]
+        mass = float(disks.mass_kg[disks.segment == k][0])
         yield (
             f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}: the upright "
             f"backbone buckles under its own weight, {rounded(ratio)} times what it can carry; "
             "check the unit of E (MPa, GPa), "
             f"diameter = {number_with_unit(s.backbone.diameter, 'm')}, "
-            f"disks.mass = {number_with_unit(s.disks.mass, 'kg')} and the sign of gravity"
+            f"disks.mass = {number_with_unit(mass, 'kg')} and the sign of gravity"
         )

@@ -18,7 +18,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring import brick_plots
 from bowstring.actuation import COMMANDED, DriveBudget
+from bowstring.colours import COLOURS
 from bowstring.comparison import Case, known_max
 from bowstring.errors import InputError
 from bowstring.robot import Robot
@@ -37,19 +39,6 @@ if TYPE_CHECKING:
 __all__ = ["backbone_shapes", "draw", "draw_fit", "draw_modes", "figure_style", "svg"]
 
 Array = NDArray[np.float64]
-
-COLOURS: Final = {
-    "ink": ("#1b1f24", "#e6e9ee"),
-    "muted": ("#5d6673", "#a3adba"),
-    "grid": ("#d5dae1", "#3a424d"),
-    "paper": ("#ffffff", "#14181d"),
-    "blue": ("#0072b2", "#56b4e9"),
-    "red": ("#c94f00", "#ff8a3d"),
-    "green": ("#007a5a", "#2fc79a"),
-    "purple": ("#9c4c83", "#dc94c2"),
-    "amber": ("#9a6a00", "#e8b44a"),
-}
-"""Each colour on light and on dark ground."""
 
 _LIGHT: Final = {name: light for name, (light, _) in COLOURS.items()}
 _WIDTH: Final = 4.6  # inches
@@ -332,9 +321,13 @@ def _tip_against_force(study: Study) -> Figure:
             marker="x",
             markersize=6,
         )
+    if study.bricks is not None:
+        cross: dict[str, Any] = {"linestyle": "none", "marker": "+", "markersize": 8}
+        tip.plot(s.tension, study.bricks.tip_position * 1e3, color=_LIGHT["ink"], **cross)
+        tip.plot([], [], color=_LIGHT["ink"], label="finite elements", **cross)
     tip.plot([], [], color=_LIGHT["ink"], linestyle="none", marker="x", label="CC from force")
     tip.set(ylabel="tip coordinate (mm)")
-    _legend_above(tip, 4)
+    _legend_above(tip, 4 if study.bricks is None else 5)
     how = "lines: dynamics, markers: statics" if motion else "statics"
     tip.set_title(f"simulated; {how}", fontsize=8.5, loc="right", pad=22)
 
@@ -512,12 +505,16 @@ def _overlay(study: Study) -> Figure:
         axes.plot(*lengths, label="CC from lengths", markerfacecolor="none", markersize=8, **blue)
         red: dict[str, Any] = {"linestyle": "--", "color": _LIGHT["red"], "marker": "x"}
         axes.plot(*force, label="CC from force", linewidth=1.0, markersize=6, **red)
+        if study.bricks is not None:
+            bricks = path(study.bricks.tip_position)
+            green: dict[str, Any] = {"linestyle": "none", "color": _LIGHT["green"], "marker": "+"}
+            axes.plot(*bricks, label="finite elements", markersize=9, **green)
 
     draw_on(axes)
     direction = "x" if abs(towards[1]) < 1e-9 and towards[0] > 0 else "towards the pulled tendon"
     axes.set(xlabel=f"tip, {direction} (mm)", ylabel="tip, z (mm)")
     axes.set_aspect("equal", adjustable="datalim")
-    _legend_above(axes, 3)
+    _legend_above(axes, 3 if study.bricks is None else 2)
 
     # the last loads large, in the corner that a bent robot leaves free
     ends = np.concatenate(
@@ -556,6 +553,15 @@ def _errors(study: Study) -> Figure:
             color=_LIGHT["ink"],
             label="Euclidean",
         )
+        if study.bricks is not None:
+            axes.plot(
+                tension,
+                study.comparison(name, "fe").error * 1e3,
+                color=_LIGHT["green"],
+                linestyle="none",
+                marker="+",
+                label="Euclidean, from finite elements",
+            )
         limit = study.verdict.tolerance_length * 1e3
         largest = np.nanmax(comparison.error, initial=0.0) * 1e3
         if largest > 0.3 * limit:
@@ -1087,7 +1093,41 @@ def _force_label(study: Study) -> str:
     return f"tension of tendon {study.settings.tendon + 1} (N)"
 
 
+def _solid(study: Study) -> Figure:
+    """The robot bent by the largest load of the sweep that has an equilibrium."""
+    from bowstring import rod
+    from bowstring.comparison import with_tendons
+    from bowstring.picture import draw_solid
+    from bowstring.solid import make_solid
+
+    statics = study.statics
+    found = np.flatnonzero(np.array(statics.status) == "converged")
+    robot = with_tendons(study.robot, {"friction": 0.0})  # as in the sweep
+    tensions = np.zeros(len(robot.tendons.angle_rad))
+    tensions[study.settings.tendon] = statics.tension[found[-1]]
+    pose = rod.solve(robot, tensions, theory=study.settings.theory)
+    return draw_solid(make_solid(robot, pose if pose.converged else None), pixels=900)
+
+
+def _disk(study: Study) -> Figure:
+    from bowstring.drawing import draw_disks
+
+    return draw_disks(study.robot)
+
+
+def _fe_stress(study: Study) -> Figure:
+    assert study.bricks is not None
+    return brick_plots.stress_along(study.bricks.run, study.bricks.beside)
+
+
+def _fe_field(study: Study) -> Figure:
+    assert study.bricks is not None
+    return brick_plots.field(study.bricks.run)
+
+
 _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
+    "fig01_robot": _solid,
+    "fig02_disk": _disk,
     "fig05_tip_against_force": _tip_against_force,
     "fig05_over_time": _over_time,
     "pull_against_force": _pull_against_force,
@@ -1095,6 +1135,8 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig07_configurations": _configurations,
     "fig10_overlay": _overlay,
     "fig11_errors": _errors,
+    "fe_stress": _fe_stress,
+    "fe_field": _fe_field,
     "error_budget": _error_budget,
     "hysteresis": _hysteresis,
     "fig09_measured_tip": _measured_tip,

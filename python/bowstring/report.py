@@ -606,7 +606,7 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
     )
     environment.filters["number"] = number
     environment.filters["signed"] = signed
-    from bowstring.plots import COLOURS
+    from bowstring.colours import COLOURS
 
     page = environment.get_template("report.html.j2").render(
         study=study,
@@ -707,10 +707,10 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
         "y mm",
         "z mm",
     )
-    for physics in ("statics", "dynamics"):
+    for physics, called in (("statics", ""), ("dynamics", ""), ("fe", "finite elements")):
         for i, c in enumerate(study.against(physics)):
             if i == 0:
-                errors.add_row(Text(f"vs {physics}", style="italic"))
+                errors.add_row(Text(f"vs {called or physics}", style="italic"))
             d = c.to_dict()
             errors.add_row(
                 _short(COMPARISONS[c.name]).removeprefix("from "),
@@ -728,6 +728,10 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
     console.print(Text("Dynamics", style="bold"))
     for sentence in study.dynamics_text:
         console.print(Padding(Text(sentence), (0, 0, 0, 2)))
+    if study.bricks is not None:
+        console.print(Text("Finite elements", style="bold"))
+        for sentence in study.bricks.text:
+            console.print(Padding(Text(sentence), (0, 0, 0, 2)))
     console.print()
 
     plainest, fullest = study.budget.plainest, study.budget.fullest

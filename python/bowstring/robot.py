@@ -30,6 +30,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from bowstring.disk import distinct_holes, drilled_disk, room_for_holes
 from bowstring.errors import InputError
 from bowstring.plausibility import doubts
 from bowstring.safe_yaml import read_yaml, reading, text_of
@@ -142,13 +143,21 @@ class Disks(_Part):
         Number of evenly spaced disks; None where ``positions`` is given.
     positions : tuple of float
         Distances from the segment's start in m; None where ``count`` is given.
-    mass, radius, thickness : float
-        Of each disk, in kg, m and m; mass and thickness give its inertia.
+    mass : float
+        Of each disk in kg, as if of a full cylinder; None where ``density`` is given.
+    density : float
+        Of the material in kg/m^3; with the holes it gives mass and inertia. None where ``mass`` is.
+    radius, thickness : float
+        Of each disk, in m.
+    hole_diameter : float
+        Of the holes of the tendons in m; None where it is not known.
     clamped_length : float
         Length of backbone that each disk holds rigid, centred on the disk, in m.
     """
 
-    model_config = ConfigDict(json_schema_extra=_one_of("count", "positions"))
+    model_config = ConfigDict(
+        json_schema_extra={"allOf": [_one_of("count", "positions"), _one_of("mass", "density")]}
+    )
 
     count: Annotated[int | None, Count(_MAX_DISKS, "9")] = Field(
         None, description="Number of evenly spaced disks, the last at the segment's end."
@@ -160,14 +169,22 @@ class Disks(_Part):
         description="Distances from the segment's start, increasing, the last at its end; "
         "instead of count.",
     )
-    mass: Annotated[float, Quantity("kg", "20 g", "0 g", "10000 kg")] = Field(
-        description="Mass of each disk."
+    mass: Annotated[float | None, Quantity("kg", "20 g", "0 g", "10000 kg")] = Field(
+        None, description="Mass of each disk; give this or density."
+    )
+    density: Annotated[
+        float | None, Quantity("kg/m^3", "1200 kg/m^3", "0 kg/m^3", "1e5 kg/m^3")
+    ] = Field(
+        None, description="Mass by volume of the disks' material; needs hole_diameter as well."
     )
     radius: Annotated[float, Quantity("m", "32 mm", "1 um", "100 m")] = Field(
         description="Outer radius of each disk; the holes lie within it."
     )
     thickness: Annotated[float, Quantity("m", "3 mm", "0 mm", "100 m")] = Field(
         description="Thickness of each disk, for its inertia."
+    )
+    hole_diameter: Annotated[float | None, Quantity("m", "2 mm", "1 um", "100 m")] = Field(
+        None, description="Diameter of the holes that the tendons pass."
     )
     clamped_length: Annotated[float, Quantity("m", "3 mm", "0 mm", "100 m")] = Field(
         0.0, description="Length of backbone that each disk holds rigid; 0 if left out."
@@ -176,6 +193,12 @@ class Disks(_Part):
     @model_validator(mode="after")
     def _check(self) -> Disks:
         _exactly_one(self, "count", "positions")
+        _exactly_one(self, "mass", "density")
+        if self.density is not None and self.hole_diameter is None:
+            raise wrong(
+                "hole_diameter: missing; with density the mass is that of the disk without its "
+                'holes, write for example "hole_diameter: 2 mm"'
+            )
         return self
 
 
@@ -184,7 +207,7 @@ _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 
 
 class _TendonDrive(_Part):
-    """What ring and list say alike: how a tendon stretches, rubs and is driven.
+    """What ring and list say alike: how a tendon stretches, rubs and is driven, how thick it is.
 
     Left out, a tendon is inextensible, frictionless and directly driven.
     """
@@ -207,6 +230,9 @@ class _TendonDrive(_Part):
     spool_radius: Annotated[float | None, Quantity("m", "10 mm", "1 um", "100 m")] = Field(
         None, description="Radius at which a spool winds the tendon; needed for motor angles."
     )
+    diameter: Annotated[float | None, Quantity("m", "1 mm", "1 um", "100 m")] = Field(
+        None, description="Diameter of the tendon; only its solid has it."
+    )
 
 
 class TendonRing(_TendonDrive):
@@ -220,7 +246,7 @@ class TendonRing(_TendonDrive):
         Distance of the holes from the backbone's axis in m.
     first_angle : float
         Angle of the first tendon from x in rad.
-    axial_stiffness, free_length, compliance, friction, pretension, spool_radius : float
+    axial_stiffness, free_length, compliance, friction, pretension, spool_radius, diameter : float
         Of each tendon, as in `Tendon`.
     """
 
@@ -254,6 +280,8 @@ class Tendon(_TendonDrive):
         Tension in the home pose, where the pull is zero, in N.
     spool_radius : float or None
         In m; None where no spool is given, hence no motor angle.
+    diameter : float or None
+        In m; only the solid has it.
     """
 
     angle: Annotated[float, _ANGLE] = Field(description="Angle from x, counter-clockwise.")
@@ -321,6 +349,7 @@ class RobotDisks:
     """All disks from base to tip (N of them, the base excluded), in SI.
 
     ``inertia_kg_m2`` (N, 2) are the moments of inertia about a diameter and about the axis.
+    ``bore_m`` are the diameters of the holes that the backbone passes.
     """
 
     station_m: Floats
@@ -329,6 +358,7 @@ class RobotDisks:
     inertia_kg_m2: Floats
     radius_m: Floats
     thickness_m: Floats
+    bore_m: Floats
     segment: Ints
 
 
@@ -338,7 +368,7 @@ class RobotTendons:
 
     ``hole_m`` are x and y of the holes in the base frame, ``end_disk`` the index (from 0) of the
     disk at which a tendon ends. ``axial_stiffness_N`` is infinite where a tendon is inextensible,
-    ``spool_radius_m`` is NaN where it has no spool.
+    ``spool_radius_m`` is NaN where it has no spool, ``diameter_m`` where it is not known.
     """
 
     hole_m: Floats
@@ -352,6 +382,7 @@ class RobotTendons:
     friction: Floats
     pretension_N: Floats
     spool_radius_m: Floats
+    diameter_m: Floats
 
 
 def _frozen(values: object, dtype: type = float) -> NDArray[Any]:
@@ -454,17 +485,39 @@ class Robot(_Part):
 
         def each(field: str) -> Floats:
             values = np.array([getattr(s.disks, field) for s in self.segments], dtype=float)
-            return _frozen(values[index])
+            return values[index]
 
         mass, radius, thickness = each("mass"), each("radius"), each("thickness")
-        across = mass * (3.0 * radius**2 + thickness**2) / 12.0
+        inertia = np.stack(
+            [mass * (3.0 * radius**2 + thickness**2) / 12.0, mass * radius**2 / 2.0], axis=1
+        )
+        bore = _bores(self.segments)[index]
+        ends = np.flatnonzero(np.diff(index))  # an end disk also holds the backbone beyond it
+        bore[ends] = np.maximum(bore[ends], bore[ends + 1])
+        for k, s in enumerate(self.segments):
+            if s.disks.density is None or s.disks.hole_diameter is None:
+                continue
+            holes = self.holes(k)
+            for width in set(bore[index == k].tolist()):
+                drilled = drilled_disk(
+                    s.disks.density,
+                    s.disks.radius,
+                    s.disks.thickness,
+                    width,
+                    holes,
+                    s.disks.hole_diameter,
+                )
+                same = (index == k) & (bore == width)
+                mass[same] = drilled.mass
+                inertia[same] = drilled.across, drilled.axial
         return RobotDisks(
             station_m=_frozen(stations),
-            clamped_length_m=each("clamped_length"),
-            mass_kg=mass,
-            inertia_kg_m2=_frozen(np.stack([across, mass * radius**2 / 2.0], axis=1)),
-            radius_m=radius,
-            thickness_m=thickness,
+            clamped_length_m=_frozen(each("clamped_length")),
+            mass_kg=_frozen(mass),
+            inertia_kg_m2=_frozen(inertia),
+            radius_m=_frozen(radius),
+            thickness_m=_frozen(thickness),
+            bore_m=_frozen(bore),
             segment=_frozen(index, np.int64),
         )
 
@@ -494,7 +547,12 @@ class Robot(_Part):
             friction=each("friction"),
             pretension_N=each("pretension"),
             spool_radius_m=each("spool_radius"),
+            diameter_m=each("diameter"),
         )
+
+    def holes(self, segment: int) -> Floats:
+        """Places (H, 2) of the holes in the disks of a segment (from 0), x and y in m."""
+        return distinct_holes(self.tendons.hole_m[self.tendons.segment >= segment])
 
     @cached_property
     def has_friction(self) -> bool:
@@ -551,9 +609,18 @@ class Robot(_Part):
             drive = {
                 name: exact(getattr(t, name))
                 for name, field in _TendonDrive.model_fields.items()
-                if getattr(t, name) != field.default
+                if getattr(t, name) != field.default and name != "diameter"
             }
             return [exact(t.angle), exact(t.pitch_radius), *([drive] if drive else [])]
+
+        def weight(disks: Disks) -> dict[str, str]:
+            if disks.density is None or disks.hole_diameter is None:
+                assert disks.mass is not None
+                return {"disk_mass": exact(disks.mass)}
+            return {
+                "disk_density": exact(disks.density),
+                "hole_diameter": exact(disks.hole_diameter),
+            }
 
         content = {
             "format": 1,
@@ -567,7 +634,7 @@ class Robot(_Part):
                     "G": exact(s.backbone.shear_modulus),
                     "density": exact(s.backbone.density),
                     "disk_positions": [exact(p) for p in s.disk_positions],
-                    "disk_mass": exact(s.disks.mass),
+                    **weight(s.disks),
                     "disk_radius": exact(s.disks.radius),
                     "disk_thickness": exact(s.disks.thickness),
                     "clamped_length": exact(s.disks.clamped_length),
@@ -635,6 +702,7 @@ def _problems_across_fields(robot: Robot) -> Iterator[str]:
         yield f"segments: got {tendon_count} tendons in all; must be at most {_MAX_TENDONS}"
         return
     yield from _hole_problems(parts)
+    yield from _drill_problems(parts)
     yield from _clamp_problems(parts)
 
 
@@ -675,6 +743,45 @@ def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
                 yield f"{where}: got {number_with_unit(r, 'm')}, a hole {fault}"
                 if ring:
                     break
+
+
+def _bores(parts: tuple[Segment, ...]) -> Floats:
+    """Diameter of the hole that the backbone passes in the disks of each segment."""
+    return np.array([s.backbone.diameter for s in parts])
+
+
+def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
+    """Holes of a given diameter lie within their disk, apart, and let their tendons through."""
+    bores = _bores(parts)
+    for k, s in enumerate(parts):
+        width, radius = s.disks.hole_diameter, s.disks.radius
+        if width is None:
+            continue
+        passing = [
+            (j, i, t) for j in range(k, len(parts)) for i, t in enumerate(parts[j].tendon_list)
+        ]
+        for j, i, tendon in passing:
+            if tendon.diameter is not None and tendon.diameter >= width:
+                ring = isinstance(parts[j].tendons, TendonRing)
+                where = f"segments[{j}].tendons" + ("" if ring else f"[{i}]") + ".diameter"
+                yield (
+                    f"{where}: got {number_with_unit(tendon.diameter, 'm')}; must be smaller than "
+                    f"the holes that it passes, segments[{k}].disks.hole_diameter = "
+                    f"{number_with_unit(width, 'm')}"
+                )
+                break
+        away = np.array([t.pitch_radius for _, _, t in passing])
+        angle = np.array([t.angle for _, _, t in passing])
+        if not np.all((away > bores[k] / 2) & (away < radius)):
+            continue  # reported with the holes
+        holes = distinct_holes(np.stack([away * np.cos(angle), away * np.sin(angle)], axis=1))
+        limit, fault = room_for_holes(holes, radius, float(bores[k : k + 2].max()))
+        if width >= limit:
+            yield (
+                f"segments[{k}].disks.hole_diameter: got {number_with_unit(width, 'm')}; the disk "
+                f"does not hold such holes, {fault}; must be smaller than "
+                f"{number_with_unit(limit, 'm')}"
+            )
 
 
 def _clamp_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
@@ -786,7 +893,10 @@ def _read_text(path: Path, label: str, names: list[str]) -> str:
 
 
 # Setting one of a pair removes the other, so that an override need not know the file's choice.
-_EITHER: Final = {"G": "nu", "nu": "G", "count": "positions", "positions": "count"}
+_EITHER: Final = {
+    **{"G": "nu", "nu": "G", "count": "positions", "positions": "count"},
+    **{"mass": "density", "density": "mass"},
+}
 
 
 def _override(tree: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
@@ -869,6 +979,7 @@ _SYNONYMS: Final = {
     "alpha": "angle",
     "ea": "axial_stiffness",
     "mu": "friction",
+    "hole": "hole_diameter",
     "preload": "pretension",
 }
 _PARTS: Final[dict[tuple[str, ...], type[BaseModel]]] = {

@@ -477,6 +477,7 @@ def _pad(raw: bytes) -> bytes:
     return raw + bytes(-len(raw) % 4)
 
 
+@functools.cache
 def _name(name: str) -> bytes:
     raw = name.encode()
     return _int(len(raw)) + _pad(raw)

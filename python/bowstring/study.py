@@ -56,11 +56,13 @@ from bowstring.words import in_mm, in_percent, round_down, significant
 
 if TYPE_CHECKING:
     from bowstring.against_data import AgainstData
+    from bowstring.brick_study import FiniteElements
     from bowstring.mapping import Mapping
     from bowstring.measurements import Measurements
 
 __all__ = [
     "DATA_FIGURES",
+    "FE_FIGURES",
     "FIGURES",
     "Budget",
     "BudgetRow",
@@ -95,6 +97,21 @@ class Figure:
     title: str
     caption: str
 
+
+SOLID_FIGURES: Final = (
+    Figure(
+        "fig01_robot",
+        "The robot as a solid",
+        "As in Fig. 1 of the study: base, backbone, spacer disks and tendons, bent by the largest "
+        "load of the sweep; simulated, statics.",
+    ),
+    Figure(
+        "fig02_disk",
+        "Spacer disks",
+        "As in Fig. 2 of the study, in mm. Sizes with a star are assumed.",
+    ),
+)
+"""Those of a study with the solid, which needs the extra ``cad``."""
 
 FIGURES: Final = (
     Figure(
@@ -156,6 +173,22 @@ FIGURES: Final = (
         "without friction and stretch.",
     ),
 )
+
+FE_FIGURES: Final = (
+    Figure(
+        "fe_stress",
+        "Stress along the backbone by finite elements",
+        "Largest axial stress at the surface at the last load, by 3-D finite elements and by the "
+        "rod. What stands out at the disks' edges is their clamps': a rod has no such thing.",
+    ),
+    Figure(
+        "fe_field",
+        "Stress on the backbone by finite elements",
+        "Axial stress on the surface of the backbone at the last load, by 3-D finite elements; "
+        "what the disks clamp is left out.",
+    ),
+)
+"""Those that a study has besides when finite elements have solved its sweep."""
 
 DATA_FIGURES: Final = (
     Figure(
@@ -277,13 +310,17 @@ class Study:
     without_dynamics: str
     """Why there is no dynamics, where there is none."""
     comparisons: tuple[Comparison, ...]
-    """Against statics, then against dynamics, then against the measurement."""
+    """Against statics, dynamics, finite elements, and the measurement."""
     budget: Budget
     verdict: Verdict
     claim: PublishedClaim | None
     notes: tuple[str, ...] = field(default=())
     data: AgainstData | None = None
     """All models against measurements, where there are any."""
+    solid: bool = False
+    """Whether the report shows the robot as a solid."""
+    bricks: FiniteElements | None = None
+    """The sweep by finite elements, where they were asked for."""
 
     @property
     def length(self) -> float:
@@ -295,13 +332,16 @@ class Study:
         return next(c for c in self.comparisons if (c.name, c.against) == (name, against))
 
     def against(self, physics: str) -> tuple[Comparison, ...]:
-        """All comparisons against ``"statics"``, ``"dynamics"`` or ``"measurement"``."""
+        """All comparisons against ``"statics"``, ``"dynamics"``, ``"fe"`` or ``"measurement"``."""
         return tuple(c for c in self.comparisons if c.against == physics)
 
     @property
     def figures(self) -> tuple[Figure, ...]:
-        """Those of `FIGURES` that this study has."""
+        """Those of `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES` and `DATA_FIGURES` that it has."""
         found = [f for f in FIGURES if self.dynamics or f.stem != "fig05_over_time"]
+        found = [*(SOLID_FIGURES if self.solid else ()), *found]
+        if self.bricks is not None and len(self.bricks.run.states) > 1:
+            found += FE_FIGURES
         if self.data is None:
             return tuple(found)
         label = self.data.label
@@ -364,6 +404,7 @@ class Study:
             "dynamics": {"status": "left_out", "text": list(self.dynamics_text)}
             if self.dynamics is None
             else {**self.dynamics.to_dict(), "errors_mm": self._errors_mm("dynamics")},
+            "finite_elements": None if self.bricks is None else self.bricks.to_dict(),
             "geometric_sweep": {
                 "pull_mm": (g.pull * 1e3).tolist(),
                 "tip_position_mm": (g.tip_position * 1e3).tolist(),
@@ -407,6 +448,8 @@ def run(
     modal_damping: float = MODAL_DAMPING,
     measurements: Measurements | str | Path | None = None,
     mapping: str | Path | Mapping | None = None,
+    solid: bool = False,
+    fe: bool = False,
     progress: Progress | None = None,
 ) -> Study:
     """Study how good constant curvature is for a robot.
@@ -437,6 +480,11 @@ def run(
         (`bowstring.against_data`).
     mapping : str, Path or Mapping, optional
         Of a table that is not in the tidy format, as for `bowstring.measurements`.
+    solid : bool
+        Show the robot as a solid in the report (`bowstring.solid`), which takes some seconds more.
+    fe : bool
+        Whether the sweep is solved by 3-D finite elements as well (`bowstring.finite_elements`),
+        a matter of minutes.
     progress : callable, optional
         Is told what is being done and the share that is done, from 0 to 1.
 
@@ -447,7 +495,8 @@ def run(
     Raises
     ------
     InputError
-        If a setting is out of its range, or the measurements cannot be read or judged.
+        If a setting is out of its range, the measurements cannot be read or judged, or there can
+        be no solid or no finite elements.
     NoSolutionError
         If no load of the sweep has an equilibrium.
     """
@@ -455,6 +504,16 @@ def run(
     settings = _settings(
         robot, tolerance, max_tension, points, theory, rise=rise, modal_damping=modal_damping
     )
+    if solid:
+        from bowstring.sizes import sizes_of
+        from bowstring.solid import check_cad
+
+        check_cad()
+        sizes_of(robot)
+    if fe:
+        from bowstring import brick_study as third
+
+        third.check(robot)
     data = None
     if measurements is not None:
         from bowstring.against_data import judge_data
@@ -468,6 +527,7 @@ def run(
             lambda share: tell("measurements", 0.2 * share),
         )
     tell = _after(tell, 0.2 if data is not None else 0.0)
+    whole, tell = tell, (lambda what, share: whole(what, 0.2 * share)) if fe else tell
     model = Model(robot, settings.tendon, settings.theory)
 
     tell("geometric sweep", 0.0)
@@ -496,6 +556,18 @@ def run(
 
     tell("verdict", 0.8)
     verdict = judge(model, settings.tolerance, settings.max_tension, comparisons, budget)
+
+    bricks, by_bricks = None, {}
+    if fe:  # last, as it takes most of the time
+        bricks = third.solve(
+            robot,
+            model.tensions(statics.tension),
+            statics.tip_position,
+            lambda share: whole("finite elements", 0.2 + 0.8 * share),
+        )
+        by_bricks = model.compare(
+            statics.tension, bricks.tip_position, bricks.tendon_lengths, tuple(COMPARISONS), "fe"
+        )
     tell("done", 1.0)
     return Study(
         robot=robot,
@@ -507,6 +579,7 @@ def run(
         comparisons=(
             *comparisons.values(),
             *in_time.values(),
+            *by_bricks.values(),
             *(() if data is None else data.comparisons),
         ),
         budget=budget,
@@ -514,6 +587,8 @@ def run(
         claim=_claim(robot, settings, comparisons, in_time),
         notes=_notes(robot, settings, statics, comparisons, in_time, data),
         data=data,
+        solid=solid,
+        bricks=bricks,
     )
 
 

@@ -14,7 +14,7 @@ import re
 import shutil
 import struct
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from xml.sax.saxutils import quoteattr
@@ -30,7 +30,7 @@ from bowstring.robot import Robot
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["check_folder", "write_vtk"]
+__all__ = ["Part", "Tendons", "check_folder", "write_series", "write_vtk"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -126,7 +126,22 @@ def write_vtk(
         raise InputError(f"angles is {angles}, it must be 3 to 1000")
     check_data(robot, data)
     folder = check_folder(out)
-    parts = [_Backbone(robot, data, angles), _Disks(robot, data), _Tendons(robot, data)]
+    parts = [_Backbone(robot, data, angles), _Disks(robot, data), Tendons(robot, data)]
+    return write_series(folder, parts, data, tell)
+
+
+def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, tell: Progress) -> Path:
+    """Write parts at the times of ``data``; see `write_vtk`.
+
+    Parameters
+    ----------
+    folder : Path
+        As `check_folder` returns it.
+    parts : sequence of Part
+    data : xarray.Dataset
+        Has the times, and in its attributes where it comes from.
+    tell : callable
+    """
     times = data["time"].to_numpy()
 
     def fill(new: Path) -> None:
@@ -180,7 +195,7 @@ def check_data(robot: Robot, data: xr.Dataset) -> None:
 # -- the parts ---------------------------------------------------------------------------------
 
 
-class _Part:
+class Part:
     """What is the same at all times of a part: its cells, and its points when straight."""
 
     name: str
@@ -213,7 +228,7 @@ class _Part:
         )
 
 
-class _Backbone(_Part):
+class _Backbone(Part):
     name = "backbone"
 
     def __init__(self, robot: Robot, data: xr.Dataset, angles: int) -> None:
@@ -254,7 +269,7 @@ class _Backbone(_Part):
         }
 
 
-class _Disks(_Part):
+class _Disks(Part):
     name = "disks"
 
     def __init__(self, robot: Robot, data: xr.Dataset) -> None:
@@ -292,7 +307,7 @@ class _Disks(_Part):
         }
 
 
-class _Tendons(_Part):
+class Tendons(Part):
     name = "tendons"
 
     def __init__(self, robot: Robot, data: xr.Dataset) -> None:

@@ -76,7 +76,8 @@ fn tensions(values: &[f64]) -> Vec<Command> {
 fn lines_without_a_law_change_nothing() {
     let robot = study_robot(9, 0.0);
     let model = Model::default();
-    let s = settings(2e-3, 0.8);
+    // with numerical damping only a motion by tension leaves its steps an imbalance
+    let s = settings(2e-3, 1.0);
     let nothing = pull(&[0.0; 3]);
     let (mut driven, _) = at_rest(
         &robot,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -12,7 +11,7 @@ from typing import Any, Final
 from bowstring.commands.options import not_negative, numbers_of, of_flag, per_tendon, tendon_count
 from bowstring.commands.output import counted
 from bowstring.errors import InputError
-from bowstring.files import check_parent
+from bowstring.files import check_parent, write_whole_file
 from bowstring.robot import Robot
 
 LONGEST_RUN: Final = 10_000.0  # s
@@ -105,14 +104,15 @@ def check_history_file(file: Path) -> None:
 
 
 def write_history(file: Path, history: dict[str, Any] | None) -> None:
-    """Whole or not at all: beside its place first."""
-    new = file.with_name(f".{file.name}.new")
-    try:
+    """Whole or not at all."""
+
+    def fill(new: Path) -> None:
         new.write_text(json.dumps(history, allow_nan=False) + "\n", "utf-8")
-        os.replace(new, file)
-    except OSError as error:
-        new.unlink(missing_ok=True)
-        raise InputError(f"--save-history: cannot write {file}: {error.strerror}") from None
+
+    try:
+        write_whole_file(file, "history", fill)
+    except InputError as error:
+        raise InputError(f"--save-history: {error}") from None
 
 
 def driven_over_time(

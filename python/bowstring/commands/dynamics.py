@@ -14,6 +14,7 @@ from bowstring.commands.options import (
     AsJson,
     Elements,
     Gravity,
+    HistoryFile,
     Overrides,
     RobotSource,
     Theory,
@@ -29,10 +30,10 @@ from bowstring.commands.options import (
 )
 from bowstring.commands.output import (
     Stopped,
-    _plain,
     counted,
     fixed,
     new_table,
+    plain,
     progress_bar,
     provenance_of,
     write_json,
@@ -89,10 +90,7 @@ def simulate(
             metavar="P1,P2,...", help="Pulls of that equilibrium.  [default: those of home, 0]"
         ),
     ] = None,
-    history: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Start on the path of solve --save-history."),
-    ] = None,
+    history: HistoryFile = None,
     table: Annotated[
         Path | None,
         typer.Option(
@@ -267,6 +265,7 @@ def modes(
     gravity: Gravity = None,
     tip_force: TipForce = "0,0,0",
     elements: Elements = 1,
+    history: HistoryFile = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of pictures of the shapes.")
     ] = None,
@@ -279,6 +278,7 @@ def modes(
         tension = ",".join("0" for _ in range(tendon_count(model)))
     tensions, pulls, angles = driven_by(model, tension, pull, angle)
     check_elements(elements)
+    path = None if history is None else read_history(history)
     if not 1 <= count <= 1000:
         raise InputError(f"--count: got {count}; must be from 1 to 1000.")
     weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
@@ -299,7 +299,7 @@ def modes(
         elements=elements,
         **{
             name: given
-            for name, given in (("pulls_m", pulls), ("angles_rad", angles))
+            for name, given in (("pulls_m", pulls), ("angles_rad", angles), ("history", history))
             if given is not None
         },
     )
@@ -311,6 +311,7 @@ def modes(
             angles=angles,
             count=count,
             tip_force=force,
+            history=path,
             theory=theory,
             gravity=weight,
             elements=elements,
@@ -320,7 +321,7 @@ def modes(
             nothing = {"status": error.status, "tensions_N": tensions, "modes": [], "disks": []}
             write_json({**nothing, **provenance})
         raise
-    content = _plain({**found.to_dict(), **provenance})
+    content = plain({**found.to_dict(), **provenance})
     folder = None
     if out is not None:
         with progress_bar() as tell:

@@ -23,10 +23,10 @@ from bowstring.commands.options import (
     share_of,
 )
 from bowstring.commands.output import (
-    _plain,
     counted,
     fixed,
     new_table,
+    plain,
     progress_bar,
     provenance_of,
     say,
@@ -167,7 +167,7 @@ def fit(
         say("Warning", found.tendons.sentence)
     if found.broken_path:
         say("Warning", found.broken_path)
-    content = _plain(
+    content = plain(
         {
             **found.to_dict(),
             **provenance_of(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import typer
@@ -48,6 +49,10 @@ TipForce = Annotated[
 MappingFile = Annotated[
     str | None,
     typer.Option(metavar="FILE", help="Mapping of a table that is not in the tidy format (YAML)."),
+]
+HistoryFile = Annotated[
+    Path | None,
+    typer.Option("--history", metavar="FILE", help="Go on with the path of solve --save-history."),
 ]
 OfMasses = Annotated[
     str, typer.Option("--g", metavar="g", help="Gravity that makes tensions of masses.")

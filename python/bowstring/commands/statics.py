@@ -18,6 +18,7 @@ from bowstring.commands.options import (
     Chord,
     Elements,
     Gravity,
+    HistoryFile,
     Overrides,
     RobotSource,
     Theory,
@@ -181,10 +182,7 @@ def solve(
     angle: Annotated[
         str | None, typer.Option(metavar="A1,A2,...", help="Motor angles, in rad or with a unit.")
     ] = None,
-    history: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Go on with the path of --save-history before."),
-    ] = None,
+    history: HistoryFile = None,
     save_history: Annotated[
         Path | None, typer.Option(metavar="FILE", help="JSON file of where the path has come to.")
     ] = None,

@@ -53,6 +53,17 @@ def study(
     modal_damping: Annotated[
         str, typer.Option(help='Damping in dynamics, a share of critical: 0.05 or "5 %".')
     ] = "5 %",
+    solid: Annotated[
+        bool,
+        typer.Option("--solid", help="Show the robot as a solid in the report (extra cad)."),
+    ] = False,
+    fe: Annotated[
+        bool,
+        typer.Option(
+            "--fe",
+            help="Solve the sweep by 3-D finite elements too (CalculiX, docs/fe.md); minutes.",
+        ),
+    ] = False,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -97,6 +108,8 @@ def study(
             modal_damping=damping,
             measurements=measurements,
             mapping=mapping,
+            solid=solid,
+            fe=fe,
             progress=lambda what, done: tell(what, 0.5 * done),
         )
         folder = report.write(

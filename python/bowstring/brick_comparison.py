@@ -1,0 +1,118 @@
+"""Finite elements beside the rod: tips, stress in the middle of modules, stress at disks' edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring import dynamics, rod
+from bowstring.brick_fields import SectionStress
+from bowstring.finite_elements import BrickRun
+
+__all__ = ["BesideRod", "beside_rod"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class BesideRod:
+    """What finite elements and the rod say of the same; K loads or times, M modules. SI.
+
+    Attributes
+    ----------
+    tip : ndarray (K, 3)
+        Of the rod; NaN where it has no equilibrium.
+    difference : ndarray (K,)
+        Distance of the two tips.
+    middle, rod_middle : ndarray (K, M)
+        Largest axial stress at the surface in the middle of each module's free backbone. That of
+        the rod is NaN in motion, whose stress is not compared.
+    edge : ndarray (K, M)
+        Largest at a node within a module: as a rule at a disk's edge, where a rigid clamp has no
+        finite stress. It grows with the fineness of the mesh, and is shown as a concentration.
+    """
+
+    tip: Floats
+    difference: Floats
+    middle: Floats
+    rod_middle: Floats
+    edge: Floats
+
+    @property
+    def stress_ratio(self) -> Floats:
+        """Of the largest stress in the middle of a module, to the rod's there; (K,)."""
+        k = np.arange(len(self.middle))
+        at = self.middle.argmax(axis=1) if self.middle.size else np.zeros(0, dtype=int)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found: Floats = self.middle[k, at] / self.rod_middle[k, at]
+        return found
+
+    @property
+    def concentration(self) -> Floats:
+        """Largest stress at a disk's edge, by that in the middle of the same module; (K,)."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.where(self.middle > 0, self.edge / self.middle, np.nan)
+        return np.array([np.nanmax(row) if np.isfinite(row).any() else np.nan for row in ratio])
+
+
+def beside_rod(run: BrickRun) -> BesideRod:
+    """Solve the rod for what a run by finite elements has reached.
+
+    Parameters
+    ----------
+    run : BrickRun
+
+    Returns
+    -------
+    BesideRod
+    """
+    stress = [run.section_stress(i) for i in range(len(run.states))]
+    modules = len(run.robot.disks.station_m)
+    middle = np.array([_middle(s, modules) for s in stress]).reshape(-1, modules)
+    edge = np.array([[s.peak[s.module == m].max() for m in range(modules)] for s in stress])
+    if run.is_motion:
+        tip, rod_middle = _in_motion(run), np.full_like(middle, np.nan)
+    else:
+        tip, rod_middle = _at_rest(run, modules)
+    difference = np.linalg.norm(run.tip_position - tip, axis=1) if run.states else np.zeros(0)
+    return BesideRod(tip, difference, middle, rod_middle, edge.reshape(-1, modules))
+
+
+def _middle(stress: SectionStress, modules: int) -> Floats:
+    found = np.zeros(modules)
+    for m in range(modules):
+        here = np.flatnonzero(stress.module == m)
+        found[m] = stress.largest[here[len(here) // 2]]
+    return found
+
+
+def _at_rest(run: BrickRun, modules: int) -> tuple[Floats, Floats]:
+    tip = np.full((len(run.states), 3), np.nan)
+    stress = np.full((len(run.states), modules), np.nan)
+    load = {"gravity": run.settings["gravity"], "tip_force": run.settings["tip_force"]}
+    for i, row in enumerate(run.tensions):
+        solution = rod.solve(run.robot, row, elements=4, **load)
+        if solution.tip is None:
+            continue
+        tip[i] = solution.tip.position
+        normal = solution.fields(3).normal_stress.to_numpy()[0]
+        stress[i] = normal.reshape(modules, 3)[:, 1]
+    return tip, stress
+
+
+def _in_motion(run: BrickRun) -> Floats:
+    asked = run.settings
+    end, rise = float(run.wanted_time[-1]), asked["rise_s"]
+    times = np.array([0.0, rise] if end <= rise * (1 + 1e-9) else [0.0, rise, end])
+    last = run.wanted_tensions[-1]
+    courses = np.outer([0.0] + [1.0] * (len(times) - 1), last)
+    found = dynamics.simulate(
+        run.robot, dynamics.Table(times, courses), end, gravity=asked["gravity"], points=0
+    )
+    reached = run.time <= found.end * (1 + 1e-9)
+    tip = np.full((len(run.time), 3), np.nan)
+    tip[reached] = found.tip_at(run.time[reached])
+    return tip

@@ -1,0 +1,101 @@
+"""What CalculiX prints: tables of a .dat file, increments of a .sta file.
+
+Only what is whole is read, as the program may be at work or have been killed in a line.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Increment", "Table", "read_dat", "read_increments", "reason"]
+
+Floats = NDArray[np.float64]
+
+_HEAD: Final = re.compile(rb"^ ([a-z ]+) \(.*?\) for set (\S+) and time +(\S+)\s*$", re.MULTILINE)
+
+
+class Table(NamedTuple):
+    """One table: its kind (``"displacements"``), set, time and rows.
+
+    ``rows`` begin with the number of a node, or of an element and its integration point; the
+    numbers of a set follow the order of the model's own file. ``end`` is the byte after it.
+    """
+
+    kind: str
+    set: str
+    time: float
+    rows: Floats
+    end: int
+
+
+class Increment(NamedTuple):
+    """A line of the .sta file: step, attempts and iterations, time in the step and of all steps."""
+
+    step: int
+    attempts: int
+    iterations: int
+    total_time: float
+    step_time: float
+
+
+def read_dat(file: Path, start: int = 0) -> list[Table]:
+    """The tables of a .dat file from a byte on; the last one may lack rows.
+
+    Parameters
+    ----------
+    file : Path
+    start : int
+        From an earlier look at the file.
+    """
+    try:
+        with file.open("rb") as stream:
+            stream.seek(start)
+            text = stream.read()
+    except FileNotFoundError:
+        return []
+    text = text[: text.rfind(b"\n") + 1]
+    heads = list(_HEAD.finditer(text))
+    ends = [head.start() for head in heads][1:] + [len(text)][: len(heads)]
+    found = []
+    for head, end in zip(heads, ends, strict=True):
+        body = text[head.end() : end].split(b"\n")
+        lines = [line.split() for line in body if line.strip()]
+        width = len(lines[0]) if lines else 0
+        whole = [line for line in lines if len(line) == width]
+        rows = np.array(whole, dtype=float).reshape(len(whole), width)
+        kind, name, time = head[1].decode(), head[2].decode(), float(head[3])
+        found.append(Table(kind, name, time, rows, start + end))
+    return found
+
+
+def read_increments(file: Path) -> list[Increment]:
+    """The increments of a .sta file that have converged."""
+    try:
+        lines = file.read_text("ascii", errors="replace").split("\n")
+    except FileNotFoundError:
+        return []
+    found = []
+    for line in lines[:-1]:  # the last may be half written
+        words = line.split()
+        # 1U in place of 1: an attempt that did not converge
+        if len(words) == 7 and all(w.isdigit() for w in words[:4]):
+            step, _, attempts, iterations = map(int, words[:4])
+            found.append(Increment(step, attempts, iterations, float(words[4]), float(words[5])))
+    return found
+
+
+def reason(output: str) -> str:
+    """The errors that CalculiX named on its standard output, in one line; empty if none."""
+    lines = output.split("\n")
+    found = []
+    for i, line in enumerate(lines):
+        if "*ERROR" in line:
+            text = line.split("*ERROR", 1)[1].lstrip(" :")
+            more = lines[i + 1].strip() if i + 1 < len(lines) else ""
+            found.append(" ".join(f"{text} {more}".split()))
+    return "; ".join(dict.fromkeys(found))[:300]

@@ -1,0 +1,20 @@
+"""The colours of all figures."""
+
+from __future__ import annotations
+
+from typing import Final
+
+__all__ = ["COLOURS"]
+
+COLOURS: Final = {
+    "ink": ("#1b1f24", "#e6e9ee"),
+    "muted": ("#5d6673", "#a3adba"),
+    "grid": ("#d5dae1", "#3a424d"),
+    "paper": ("#ffffff", "#14181d"),
+    "blue": ("#0072b2", "#56b4e9"),
+    "red": ("#c94f00", "#ff8a3d"),
+    "green": ("#007a5a", "#2fc79a"),
+    "purple": ("#9c4c83", "#dc94c2"),
+    "amber": ("#9a6a00", "#e8b44a"),
+}
+"""Each colour on light and on dark ground."""

@@ -1,0 +1,172 @@
+"""The robot as a solid: files of CAD, a picture, a drawing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bowstring.commands.driving import driven_by
+from bowstring.commands.options import AsJson, Overrides, RobotSource, load, of_flag
+from bowstring.commands.output import (
+    fixed,
+    frame,
+    new_table,
+    progress_bar,
+    provenance_of,
+    tip_line,
+    write_json,
+    write_tables,
+)
+from bowstring.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from bowstring.rod import Solution
+    from bowstring.solid import Solid
+
+
+def cad(
+    robot: RobotSource,
+    out: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="The solid: .step, .stp, .stl, .glb or .gltf."),
+    ] = None,
+    tension: Annotated[
+        str | None,
+        typer.Option(metavar="T1,T2,...", help="Bent by these tensions; straight if left out."),
+    ] = None,
+    pull: Annotated[
+        str | None, typer.Option(metavar="P1,P2,...", help="Bent by these lengths taken in.")
+    ] = None,
+    picture: Annotated[
+        str | None, typer.Option(metavar="FILE", help="A rendered picture: .png, .pdf or .svg.")
+    ] = None,
+    drawing: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="The disks with dimensions: .svg, .pdf or .png."),
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """The robot as a solid, straight or bent: CAD file, picture, drawing of its disks.
+
+    Needs the extra cad (build123d), except for the drawing.
+    """
+    from bowstring import cadfiles, rod
+    from bowstring import picture as pictures
+    from bowstring.drawing import check_drawing_file, write_drawing
+    from bowstring.sizes import sizes_of
+    from bowstring.solid import check_cad, make_solid
+
+    if out is None and picture is None and drawing is None:
+        raise InputError("nothing to write: give --out FILE, --picture FILE or --drawing FILE.")
+    model = load(robot, overrides)
+    driven = None if tension is None and pull is None else driven_by(model, tension, pull, None)
+    for flag, check, file in (
+        ("--out", cadfiles.check_solid_file, out),
+        ("--picture", pictures.check_picture_file, picture),
+        ("--drawing", check_drawing_file, drawing),
+    ):
+        if file is not None:
+            of_flag(flag, check, file)
+    _all_different(out, picture, drawing)
+    sizes = sizes_of(model)
+    if out is not None or picture is not None:
+        check_cad()
+    tensions, pulls = (None, None) if driven is None else driven[:2]
+    pose = None if driven is None else rod.solve(model, tensions, pulls=pulls)
+    if pose is not None:
+        pose.raise_for_status()
+    solid, files = None, {}
+    with progress_bar() as tell:
+        if out is not None or picture is not None:
+            tell("solid", 0.0)
+            solid = make_solid(model, pose)
+        if out is not None:
+            tell("file", 0.4)
+            assert solid is not None
+            files["solid"] = cadfiles.write_solid(solid, out)
+        if picture is not None:
+            tell("picture", 0.6)
+            assert solid is not None
+            files["picture"] = pictures.write_picture(solid, picture)
+        if drawing is not None:
+            tell("drawing", 0.9)
+            files["drawing"] = write_drawing(model, drawing)
+    if as_json:
+        return write_json(
+            {
+                "pose": "straight" if pose is None else "simulated",
+                **_pose_json(pose),
+                "parts": None if solid is None else _parts(solid),
+                "assumed": [
+                    {"field": size.field, "value_m": size.value_m, "why": size.why}
+                    for size in sizes.assumed
+                ],
+                "files": files,
+                **provenance_of(model, tensions_N=tensions, pulls_m=pulls),
+            }
+        )
+    lines: list[Table | str] = [
+        f"{model.name}, " + ("straight, as built" if pose is None else "simulated pose")
+    ]
+    if pose is not None and pose.tip is not None:
+        lines.append(tip_line(pose.tip.position, pose.tip.rotation))
+    if solid is not None:
+        lines.append(_table(solid))
+    if sizes.assumed:
+        lines.append(
+            "assumed, because the robot file does not say it:\n"
+            + "\n".join(f"  {size}" for size in sizes.assumed)
+        )
+    given = {"solid": out, "picture": picture, "drawing": drawing}
+    lines.append("\n".join(f"{what}: {file}" for what, file in given.items() if file))
+    write_tables(*lines)
+
+
+def _all_different(*files: str | None) -> None:
+    given = [Path(file).resolve() for file in files if file is not None]
+    for i, file in enumerate(given):
+        if file in given[:i]:
+            raise InputError(f"two of --out, --picture and --drawing name {file}; give two names.")
+
+
+def _pose_json(pose: Solution | None) -> dict[str, Any]:
+    if pose is None or pose.tip is None:
+        return {"tip": None, "disks": None}
+    positions, rotations = pose.disk_positions, pose.disk_rotations
+    assert positions is not None and rotations is not None
+    return {
+        "tip": frame(pose.tip.position, pose.tip.rotation),
+        "disks": [frame(p, r) for p, r in zip(positions, rotations, strict=True)],
+    }
+
+
+def _parts(solid: Solid) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": part.name,
+            "kind": part.kind,
+            "colour": part.colour,
+            "volume_m3": part.volume_m3,
+            "centre_m": part.centre_m,
+            "mass_kg": part.mass_kg,
+        }
+        for part in solid.parts
+    ]
+
+
+def _table(solid: Solid) -> Table:
+    """Kinds of parts, those of equal volume in one row."""
+    table = new_table("part", ">count", ">volume mm^3", ">mass g")
+    groups: dict[tuple[str, str], list[Any]] = {}
+    for part in solid.parts:
+        key = (part.kind, f"{1e9 * part.volume_m3:.5g}")
+        groups.setdefault(key, []).append(part)
+    for (kind, volume), parts in groups.items():
+        mass = parts[0].mass_kg
+        table.add_row(kind, str(len(parts)), volume, "-" if mass is None else fixed(1e3 * mass, 3))
+    return table

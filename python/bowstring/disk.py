@@ -1,0 +1,120 @@
+"""A spacer disk from its material: mass and inertia of a cylinder less its bore and its holes."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["DiskMass", "distinct_holes", "drilled_disk", "room_for_holes"]
+
+Floats = NDArray[np.float64]
+
+_SAME_HOLE = 1e-9  # share of the distance from the axis
+
+
+class DiskMass(NamedTuple):
+    """Mass in kg, moments of inertia about a diameter and about the axis in kg m^2.
+
+    All about the middle of the disk. `across` is the mean over the diameters: one ring of three or
+    more equal holes makes them equal.
+    """
+
+    mass: float
+    across: float
+    axial: float
+
+
+def distinct_holes(places: ArrayLike) -> Floats:
+    """Each place of holes once.
+
+    Parameters
+    ----------
+    places : array_like (T, 2)
+        x and y of the holes of all tendons, in any unit; tendons may share a hole.
+
+    Returns
+    -------
+    ndarray (H, 2)
+        In the order of the first tendon of each hole.
+    """
+    rows = np.asarray(places, dtype=float).reshape(-1, 2)
+    found = np.empty((0, 2))
+    for place in rows:
+        apart = np.hypot(*(found - place).T)
+        if not np.any(apart <= _SAME_HOLE * math.hypot(*place)):
+            found = np.vstack([found, place])
+    return found
+
+
+def room_for_holes(holes: ArrayLike, radius: float, bore: float) -> tuple[float, str]:
+    """How wide holes may be before they meet the rim, the bore or each other.
+
+    Parameters
+    ----------
+    holes : array_like (H, 2)
+        Distinct places, in m.
+    radius, bore : float
+        Radius of the disk and diameter of its bore, in m.
+
+    Returns
+    -------
+    float, str
+        The diameter in m, and what wider holes would do.
+    """
+    places = np.asarray(holes, dtype=float).reshape(-1, 2)
+    away = np.hypot(places[:, 0], places[:, 1])
+    found = [
+        (2.0 * (radius - float(away.max())), "they would break out of its rim"),
+        (2.0 * float(away.min()) - bore, "they would meet the hole of the backbone"),
+    ]
+    if len(places) > 1:
+        between = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
+        np.fill_diagonal(between, np.inf)
+        found.append((float(between.min()), "they would meet each other"))
+    return min(found)
+
+
+def drilled_disk(
+    density: float,
+    radius: float,
+    thickness: float,
+    bore: float,
+    holes: ArrayLike,
+    hole_diameter: float,
+) -> DiskMass:
+    """Mass and inertia of a disk with a bore in the middle and round holes, all through.
+
+    Parameters
+    ----------
+    density : float
+        In kg/m^3.
+    radius, thickness : float
+        Of the disk, in m.
+    bore, hole_diameter : float
+        Diameters in m.
+    holes : array_like (H, 2)
+        x and y of the holes, in m.
+
+    Returns
+    -------
+    DiskMass
+
+    Notes
+    -----
+    A cylinder of mass m, radius r and height t, its axis parallel to that of the disk and d from
+    it, has ``m (3 r^2 + t^2) / 12 + m d^2 / 2`` about a diameter of the disk (mean over all) and
+    ``m r^2 / 2 + m d^2`` about its axis (Steiner). The holes are such cylinders, taken away.
+    """
+    places = np.asarray(holes, dtype=float).reshape(-1, 2)
+    radii = np.array([radius, 0.5 * bore, *np.full(len(places), 0.5 * hole_diameter)])
+    off = np.array([0.0, 0.0, *(places**2).sum(axis=1)])
+    sign = np.array([1.0, -1.0, *np.full(len(places), -1.0)])
+    mass = sign * density * math.pi * radii**2 * thickness
+    return DiskMass(
+        mass=float(mass.sum()),
+        across=float(mass @ ((3.0 * radii**2 + thickness**2) / 12.0 + off / 2.0)),
+        axial=float(mass @ (radii**2 / 2.0 + off)),
+    )

@@ -1,0 +1,36 @@
+"""What the tests of finite elements share: a small robot, and CalculiX if it is there."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from bowstring.brick_mesh import Fineness
+from bowstring.finite_elements import Settings
+from bowstring.robot import Robot, load_robot
+
+COARSE = Settings(Fineness(2, 4, 1))
+
+needs_ccx = pytest.mark.skipif(
+    shutil.which("ccx") is None, reason="needs CalculiX (the program ccx) on the search path"
+)
+
+
+def small_robot(**changes: object) -> Robot:
+    """Two modules of the study's robot, with disks that clamp."""
+    return load_robot(
+        "amouri2019",
+        {
+            "segments.0.disks.clamped_length": "3 mm",
+            "segments.0.disks.count": 2,
+            "segments.0.length": "140 mm",
+            **changes,
+        },
+    )
+
+
+def two_segments() -> Robot:
+    """A tube in two segments, the outer one thinner, with gravity and tendons at odd angles."""
+    return load_robot(Path(__file__).with_name("two_tubes.yaml"))

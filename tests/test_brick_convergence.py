@@ -1,0 +1,51 @@
+"""Richardson's extrapolation, and a study of a mesh for real."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowstring.brick_convergence import extrapolated, study
+from bricks import COARSE, needs_ccx, small_robot
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0, 3.7])
+@pytest.mark.parametrize("sizes", [(1.0, 0.5, 0.25), (1 / 8, 1 / 12, 1 / 16), (10.0, 1.0, 0.1)])
+def test_errors_of_one_order_are_taken_away(order: float, sizes: tuple[float, ...]) -> None:
+    slope = np.array([[1.0, -2.0, 0.0]])
+    values = np.array([np.array([[5.0, 6.0, 7.0]]) + slope * h**order for h in sizes])
+    limit, doubt, seen = extrapolated(sizes, values)
+    np.testing.assert_allclose(limit, [[5.0, 6.0, 7.0]], rtol=1e-9)
+    np.testing.assert_allclose(doubt, np.abs(limit - values[2]), atol=1e-12)
+    assert seen == pytest.approx(order, rel=1e-6)
+
+
+@pytest.mark.parametrize("values", [(1.0, 2.0, 1.9), (1.0, 1.1, 1.3), (1.0, 1.0, 1.0)])
+def test_without_an_order_the_changes_are_the_doubt(values: tuple[float, ...]) -> None:
+    limit, doubt, seen = extrapolated((1.0, 0.5, 0.25), np.array(values)[:, None])
+    assert limit == values[2]
+    assert doubt == max(abs(values[1] - values[0]), abs(values[2] - values[1]))
+    assert np.isnan(seen)
+
+
+@needs_ccx
+def test_a_study_refines_one_thing_at_a_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    told: list[float] = []
+    found = study(
+        small_robot(), [[40.0, 0, 0]], settings=COARSE, progress=lambda _, share: told.append(share)
+    )
+    names = {r.name: r.labels for r in found.refinements}
+    assert names == {
+        "bricks along a module": ("2", "2", "4"),
+        "bricks around": ("4", "8", "12"),
+        "stiffness of disks": ("100", "1000", "10000"),
+    }
+    assert told == sorted(told) and told[-1] <= 1.0
+    # 4 bricks around are too stiff: the limit bends more, and the error says that it is unsure
+    assert found.limit[0, 0] > found.run.tip_position[0, 0]
+    assert found.error[0] > 1e-6

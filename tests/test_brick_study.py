@@ -1,0 +1,67 @@
+"""The study's third opinion."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowstring import study
+from bowstring.errors import InputError
+from bowstring.robot import load_robot
+from bricks import needs_ccx, small_robot
+from shell import Shell
+from test_cli_fe import ROBOT
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+@needs_ccx
+def test_constant_curvature_finite_elements_and_rod(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The three-way comparison out of one command."""
+    monkeypatch.chdir(tmp_path)
+    Path("small.yaml").write_text(ROBOT)
+    arguments = ("study", "small.yaml", "--fe", "--points", "3", "--max-tension", "80")
+    found = shell.json(*arguments, "--out", "out")
+    by_name = {(c["name"], c["against"]): c for c in found["comparisons"]}
+    for name in study.COMPARISONS:
+        assert by_name[name, "fe"]["n"] == 3
+    # constant curvature from force errs by the clamps, whoever says so
+    rod, solid = (by_name["cc_from_force", a]["mean_mm"] for a in ("statics", "fe"))
+    assert solid == pytest.approx(rod, abs=0.1)
+    part = found["finite_elements"]
+    assert part["status"] == "converged"
+    assert max(part["from_statics_mm"]) < 0.1
+    assert part["middle_stress_ratio"][-1] == pytest.approx(1.0, abs=0.03)
+    stems = {Path(f["png"]).stem for f in found["figures"]}
+    assert {"fe_stress", "fe_field"} <= stems
+    html = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "Finite elements" in html and "The robot as a solid of" in html
+    written = json.loads((tmp_path / "out" / "study.json").read_text("utf-8"))
+    assert written["finite_elements"] == part
+    code, out, _ = shell(*arguments, "--out", "out")
+    assert code == 0
+    assert "vs finite elements" in out
+
+
+def test_it_is_refused_before_any_work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="clamped_length is 0"):
+        study.run(load_robot("amouri2019"), fe=True)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(InputError, match="apt-get install calculix-ccx"):
+        study.run(small_robot(), fe=True)
+
+
+def test_without_it_there_is_nothing_of_it(paper: study.Study) -> None:
+    assert paper.bricks is None
+    assert paper.against("fe") == ()
+    assert paper.to_dict()["finite_elements"] is None
+    assert not any(f.stem.startswith("fe_") for f in paper.figures)
+    assert np.isfinite(paper.statics.tip_position).all()

@@ -1,0 +1,169 @@
+"""STEP, STL and glTF files of a solid, read back by other means than they were written."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.cadfiles import check_solid_file, write_solid
+from bowstring.errors import InputError
+from bowstring.files import write_whole_file
+from bowstring.solid import make_solid
+
+bd = pytest.importorskip("build123d", exc_type=ImportError)
+
+
+@pytest.fixture(scope="module")
+def solid():
+    robot = bs.load_robot("amouri2019", {"segments.0.disks.clamped_length": "3 mm"})
+    return make_solid(robot, bs.solve(robot, tensions=[60, 0, 20]))
+
+
+def rgb(colour):
+    return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+
+
+def test_step_holds_named_coloured_parts(solid, tmp_path):
+    file = write_solid(solid, tmp_path / "robot.step")
+    assert file == tmp_path / "robot.step" and list(tmp_path.iterdir()) == [file]
+    read = bd.import_step(file)
+    assert read.label == "amouri2019"
+    assert [child.label for child in read.children] == [part.name for part in solid.parts]
+    for child, part in zip(read.children, solid.parts, strict=True):
+        assert len(child.solids()) == 1 and child.is_valid
+        assert child.volume * 1e-9 == pytest.approx(part.volume_m3, rel=1e-6)
+        centre = np.array(tuple(child.center(bd.CenterOf.MASS))) / 1e3
+        np.testing.assert_allclose(centre, part.centre_m, atol=1e-8)
+        np.testing.assert_allclose(tuple(child.color)[:3], rgb(part.colour), atol=2e-3)
+    text = file.read_text("ascii")
+    assert "SI_UNIT(.MILLI.,.METRE.)" in text
+    assert f"'robot_hash: {solid.robot.hash}'" in text and "'pose: simulated'" in text
+    assert "'assumed: segments[0].disks.hole_diameter = 2 mm" in text
+
+
+def test_stl_is_a_closed_mesh_of_the_same_volume(solid, tmp_path):
+    file = write_solid(solid, tmp_path / "robot.STL")
+    raw = file.read_bytes()
+    count = struct.unpack_from("<I", raw, 80)[0]
+    assert len(raw) == 84 + 50 * count
+    rows = np.frombuffer(raw[84:], dtype=np.dtype("(3,)<f4,(3,3)<f4,<u2"))
+    corners = rows["f1"].astype(float) / 1e3
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    volume = np.einsum("fi,fi->f", a, np.cross(b, c)).sum() / 6
+    assert volume == pytest.approx(sum(part.volume_m3 for part in solid.parts), rel=0.01)
+    # closed: every edge is passed once each way
+    names = np.unique(
+        np.round(corners.reshape(-1, 3) * 1e9).astype(int), axis=0, return_inverse=True
+    )
+    index = names[1].reshape(-1, 3)
+    edges = np.concatenate([index[:, [0, 1]], index[:, [1, 2]], index[:, [2, 0]]])
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    there = {tuple(edge) for edge in edges.tolist()}
+    assert all((j, i) in there for i, j in there)
+
+
+def gltf(file):
+    """The content of a glTF file and its data, by the standard's own words."""
+    if file.suffix == ".gltf":
+        content = json.loads(file.read_text("utf-8"))
+        return content, base64.b64decode(content["buffers"][0]["uri"].partition(",")[2])
+    raw = file.read_bytes()
+    magic, version, length = struct.unpack_from("<4sII", raw)
+    assert (magic, version, length) == (b"glTF", 2, len(raw))
+    size, kind = struct.unpack_from("<I4s", raw, 12)
+    assert kind == b"JSON" and size % 4 == 0
+    data, kind = struct.unpack_from("<I4s", raw, 20 + size)
+    assert kind == b"BIN\0"
+    content = json.loads(raw[20 : 20 + size])
+    assert content["buffers"][0]["byteLength"] <= data
+    return content, raw[28 + size : 28 + size + data]
+
+
+def turned(quaternion, points):
+    x, y, z, w = quaternion
+    axis = np.array([x, y, z])
+    return points + 2 * np.cross(axis, np.cross(axis, points) + w * points)
+
+
+@pytest.mark.parametrize("suffix", ["glb", "gltf"])
+def test_gltf_holds_named_coloured_meshes_in_metres_with_y_up(solid, tmp_path, suffix):
+    file = write_solid(solid, tmp_path / f"robot.{suffix}")
+    assert list(tmp_path.iterdir()) == [file]
+    content, data = gltf(file)
+    (root,) = (content["nodes"][i] for i in content["scenes"][0]["nodes"])
+    nodes = [content["nodes"][i] for i in root["children"]]
+    assert [node["name"] for node in nodes] == [part.name for part in solid.parts]
+    for node, part in zip(nodes, solid.parts, strict=True):
+        points, colours = [], set()
+        for primitive in content["meshes"][node["mesh"]]["primitives"]:
+            accessor = content["accessors"][primitive["attributes"]["POSITION"]]
+            view = content["bufferViews"][accessor["bufferView"]]
+            start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+            assert accessor["componentType"] == 5126 and view.get("byteStride", 12) == 12
+            raw = data[start : start + 12 * accessor["count"]]
+            points.append(np.frombuffer(raw, dtype="<f4").reshape(-1, 3).astype(float))
+            material = content["materials"][primitive["material"]]["pbrMetallicRoughness"]
+            colours.add(tuple(material["baseColorFactor"]))
+            assert material["metallicFactor"] == 0.1
+        points = np.concatenate(points)
+        for transform in (node, root):
+            assert "matrix" not in transform and "scale" not in transform
+            points = turned(transform.get("rotation", [0, 0, 0, 1]), points)
+            points = points + transform.get("translation", [0, 0, 0])
+        robot = np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1)  # y up to z up
+        box = part.shape.bounding_box()
+        np.testing.assert_allclose(robot.min(axis=0), np.array(tuple(box.min)) / 1e3, atol=2e-4)
+        np.testing.assert_allclose(robot.max(axis=0), np.array(tuple(box.max)) / 1e3, atol=2e-4)
+        # colours of a screen, made linear as the standard asks
+        screen = rgb(part.colour)
+        linear = np.where(screen <= 0.04045, screen / 12.92, ((screen + 0.055) / 1.055) ** 2.4)
+        (colour,) = colours
+        np.testing.assert_allclose(colour, [*linear, 1], atol=2e-3)
+    about = content["asset"]["extras"]
+    assert about["robot_hash"] == solid.robot.hash and about["pose"] == "simulated"
+    assert content["asset"]["version"] == "2.0"
+
+
+def test_a_name_of_other_letters(tmp_path):
+    robot = bs.load_robot("amouri2019", {"name": "Röbot 机's"})
+    read = bd.import_step(write_solid(make_solid(robot), tmp_path / "r.stp"))
+    assert read.label == "Robot_s"
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("robot.obj", "its name must end in .step, .stp, .stl, .glb or .gltf"),
+        ("robot", "its name must end in"),
+        ("none/robot.step", "none does not exist"),
+        ("folder.step", "it is a folder"),
+        ("file.txt/robot.step", "file.txt is a file"),
+    ],
+)
+def test_files_that_cannot_be(tmp_path, name, says):
+    (tmp_path / "folder.step").mkdir()
+    (tmp_path / "file.txt").write_text("mine")
+    with pytest.raises(InputError, match="cannot write the solid to") as caught:
+        check_solid_file(tmp_path / name)
+    assert says in str(caught.value)
+
+
+def test_what_fails_leaves_the_former_file(tmp_path, solid, monkeypatch):
+    file = tmp_path / "robot.step"
+    file.write_text("former")
+    monkeypatch.setattr(bd, "export_step", lambda *_: False)
+    with pytest.raises(InputError, match=r"cannot write the solid .* the CAD kernel could not"):
+        write_solid(solid, file)
+
+    def full(new):
+        new.write_text("half of it")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(InputError, match="No space left on device"):
+        write_whole_file(file, "solid", full)
+    assert file.read_text() == "former" and list(tmp_path.iterdir()) == [file]

@@ -1,0 +1,158 @@
+"""`bowstring cad`: its contract, its files, and bad input."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from shell import Shell, refuses
+
+CAD = ("cad", "amouri2019")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_bent_robot_as_files(shell: Shell, here: Path) -> None:
+    bd = pytest.importorskip("build123d", exc_type=ImportError)
+    files = ("--out", "robot.step", "--picture", "robot.png", "--drawing", "disk.svg")
+    found = shell.json(*CAD, "--tension", "60,0,0", *files)
+    assert set(found) == {
+        *("pose", "tip", "disks", "parts", "assumed", "files"),
+        *("robot", "warnings", "provenance"),
+    }
+    solution = bs.solve(bs.load_robot("amouri2019"), tensions=[60, 0, 0])
+    np.testing.assert_allclose(found["tip"]["position_m"], solution.tip.position, atol=1e-12)
+    assert found["pose"] == "simulated" and len(found["disks"]) == 9
+    assert found["files"] == {
+        "solid": str(here / "robot.step"),
+        "picture": str(here / "robot.png"),
+        "drawing": str(here / "disk.svg"),
+    }
+    assert {p.name for p in here.iterdir()} == {"robot.step", "robot.png", "disk.svg"}
+    parts = {part["name"]: part for part in found["parts"]}
+    assert len(parts) == 14 and set(parts["base"]) == {
+        *("name", "kind", "colour", "volume_m3", "centre_m", "mass_kg"),
+    }
+    np.testing.assert_allclose(parts["disk_9"]["centre_m"], solution.tip.position, atol=1e-12)
+    assert parts["disk_1"]["mass_kg"] == 0.02 and parts["tendon_1"]["mass_kg"] is None
+    assert {key: found["assumed"][0][key] for key in ("field", "value_m")} == {
+        "field": "segments[0].disks.hole_diameter",
+        "value_m": 0.002,
+    }
+    settings = found["provenance"]["settings"]
+    assert settings == {"tensions_N": [60, 0, 0], "pulls_m": None}
+    end = bd.import_step("robot.step").children[10].center(bd.CenterOf.MASS)
+    np.testing.assert_allclose(np.array(tuple(end)) / 1e3, solution.tip.position, atol=1e-8)
+
+
+def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    heavy = (
+        "--set",
+        "segments.0.disks.density=1200",
+        "--set",
+        "segments.0.disks.hole_diameter=4 mm",
+    )
+    found = shell.json(*CAD, *heavy, "--pull", "10 mm,-5 mm,-5 mm", "--out", "robot.glb")
+    robot = bs.load_robot(
+        "amouri2019", {"segments.0.disks.density": 1200, "segments.0.disks.hole_diameter": "4 mm"}
+    )
+    tip = bs.solve(robot, pulls=[0.01, -0.005, -0.005]).tip.position
+    np.testing.assert_allclose(found["tip"]["position_m"], tip, atol=1e-12)
+    parts = {part["name"]: part for part in found["parts"]}
+    volume = math.pi * 0.003 * (0.032**2 - 0.0025**2 - 3 * 0.002**2)
+    assert parts["disk_3"]["mass_kg"] == pytest.approx(1200 * volume, rel=1e-12)
+    assert not any("hole_diameter" in size["field"] for size in found["assumed"])
+
+
+def test_the_straight_robot_in_words(shell: Shell, here: Path) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    code, out, err = shell(*CAD, "--out", "robot.stl")
+    assert (code, err) == (0, "")
+    assert "amouri2019, straight, as built" in out and "tip" not in out
+    assert "assumed, because the robot file does not say it:" in out
+    assert out.endswith("solid: robot.stl\n")
+
+
+def test_the_drawing_needs_no_extra(
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "build123d", None)
+    found = shell.json(*CAD, "--drawing", "disk.pdf")
+    assert found["parts"] is None and found["files"] == {"drawing": str(here / "disk.pdf")}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((), "nothing to write: give --out FILE, --picture FILE or --drawing FILE."),
+        (("--out", "robot.obj"), "--out: cannot write the solid to robot.obj: its name must end"),
+        (("--out", "none/robot.step"), "none does not exist"),
+        (("--out", "mine"), "its name must end in"),
+        (("--picture", "robot.jpg"), "--picture: cannot write the picture to robot.jpg: its name"),
+        (("--drawing", "none/disk.svg"), "--drawing: cannot write the drawing to none/disk.svg"),
+        (("--picture", "a.png", "--drawing", "a.png"), "--out, --picture and --drawing name"),
+        (("--out", "r.step", "--tension", "80,0"), "--tension: got 2 numbers"),
+        (("--out", "r.step", "--tension", "-1,0,0"), "cannot push"),
+        (
+            ("--out", "r.step", "--set", "segments.0.disks.thickness=0 mm"),
+            "segments[0].disks.thickness is 0 mm, which makes no solid",
+        ),
+        (
+            ("--out", "r.step", "--set", "segments.0.disks.hole_diameter=7 mm"),
+            "segments[0].disks.hole_diameter: got 7 mm; the disk does not hold such holes",
+        ),
+        (
+            ("--out", "r.step", "--set", "segments.0.tendons.diameter=10 mm"),
+            "do not hold holes for a tendon of 10 mm",
+        ),
+    ],
+)
+def test_bad_input(
+    shell: Shell,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: tuple[str, ...],
+    says: str,
+) -> None:
+    refuses(shell, tmp_path, monkeypatch, says, *CAD, *arguments)
+
+
+@pytest.mark.parametrize("flag", ["--out=robot.step", "--picture=robot.png"])
+def test_without_the_extra(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flag: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "build123d", None)
+    says = "solids need build123d, which cannot be loaded; install Bowstring with its extra cad"
+    refuses(shell, tmp_path, monkeypatch, says, *CAD, flag)
+
+
+def test_a_load_without_an_equilibrium_writes_nothing(shell: Shell, here: Path) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    code, out, err = shell(*CAD, "--out", "robot.step", "--tension", "1000000,0,0")
+    assert (code, out) == (1, "") and err.startswith("Error: ") and not list(here.iterdir())
+
+
+def test_the_study_shows_the_solid(shell: Shell, here: Path) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    found = shell.json("study", "--points", "3", "--rise", "0.5", "--solid", "--out", "study")
+    assert [Path(f["png"]).stem for f in found["figures"]][:2] == ["fig01_robot", "fig02_disk"]
+    page = (here / "study" / "report.html").read_text("utf-8")
+    assert 'id="fig01_robot"' in page and "data:image/png;base64," in page
+    assert (here / "study" / "figures" / "fig02_disk.pdf").is_file()
+
+
+def test_the_study_without_the_extra(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "build123d", None)
+    refuses(shell, tmp_path, monkeypatch, "solids need build123d", "study", "--solid")

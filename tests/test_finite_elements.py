@@ -1,0 +1,332 @@
+"""Finite elements for real, on a coarse mesh; and what becomes of a run that does not end well."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bowstring import ccx, ccx_deck, finite_elements, rod
+from bowstring.brick_comparison import beside_rod
+from bowstring.brick_mesh import Fineness
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.finite_elements import BrickRun, RunInterrupted, Settings, ramp, sweep
+from bricks import COARSE, needs_ccx, small_robot, two_segments
+
+LOADS = [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [40.0, 0.0, 10.0]]
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """No test sees what another has kept, nor what the user has."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> BrickRun:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        return sweep(small_robot(), LOADS, settings=Settings(Fineness(4, 8, 1)))
+
+
+@needs_ccx
+class TestSweep:
+    def test_the_tip_is_near_the_rod(self, found: BrickRun) -> None:
+        assert found.raise_for_status().converged
+        straight = [0.0, 0.0, 0.140]
+        for row, tip in zip(found.tensions, found.tip_position, strict=True):
+            by_rod = rod.solve(found.robot, row).tip
+            assert by_rod is not None
+            moved = np.linalg.norm(by_rod.position - straight)
+            # stiffer by what rigid disks hold across, 0.3 %, and by the coarse mesh
+            assert np.linalg.norm(tip - by_rod.position) <= 0.006 * moved + 1e-12
+
+    def test_span_forces_are_the_tensions(self, found: BrickRun) -> None:
+        assert found.span_error < 1e-3
+        wanted = np.broadcast_to(found.tensions[:, None], found.span_tensions.shape)
+        np.testing.assert_allclose(found.span_tensions, wanted, rtol=1e-5, atol=1e-4)
+
+    def test_forces_in_the_backbone_are_the_rods(self, found: BrickRun) -> None:
+        """Integrals of stress over sections, against a theory that knows no stress."""
+        bricks = found.dataset.isel(time=-1)
+        rods = rod.solve(found.robot, found.tensions[-1]).fields(9).isel(time=0)
+        for module in (1, 2):
+            ours = bricks.isel(station=np.flatnonzero(bricks.module == module))
+            theirs = rods.isel(station=np.flatnonzero(rods.module == module))
+            for name, size in (("moment", 1.2), ("force", 40.0)):
+                for axis in "xyz":
+                    at = np.interp(
+                        ours.arc_length,
+                        theirs.arc_length,
+                        theirs[name].sel(axis=axis),
+                    )
+                    np.testing.assert_allclose(
+                        ours[name].sel(axis=axis), at, atol=0.01 * size, err_msg=f"{name} {axis}"
+                    )
+
+    def test_stress_in_the_middle_of_modules_is_the_rods(self, found: BrickRun) -> None:
+        beside = beside_rod(found)
+        np.testing.assert_allclose(beside.middle[1:], beside.rod_middle[1:], rtol=0.03)
+        assert np.isnan(beside.stress_ratio[0])  # no load, no stress
+        assert (beside.edge[1:] > 0.9 * beside.middle[1:]).all()
+
+    def test_energy_is_the_rods(self, found: BrickRun) -> None:
+        theirs = float(rod.solve(found.robot, found.tensions[-1]).fields().elastic_energy[0])
+        assert float(found.dataset.elastic_energy[-1]) == pytest.approx(theirs, rel=0.02)
+
+    def test_fields_have_the_layout_of_the_rod(self, found: BrickRun, tmp_path: Path) -> None:
+        import xarray as xr
+
+        rods = rod.solve(found.robot, found.tensions[-1]).fields()
+        assert set(found.dataset.variables) == set(rods.variables)
+        for name, variable in rods.data_vars.items():
+            assert found.dataset[name].dims == variable.dims
+            assert found.dataset[name].attrs == variable.attrs
+        assert found.dataset.attrs["data_origin"] == "simulated by finite elements"
+        assert found.dataset.attrs["robot_hash"] == found.robot.hash
+        found.dataset.to_netcdf(tmp_path / "fe.nc")
+        with xr.open_dataset(tmp_path / "fe.nc") as again:
+            xr.testing.assert_equal(again.load(), found.dataset)
+
+    def test_stress_and_strain_at_nodes(self, found: BrickRun) -> None:
+        displacement, stress, strain = found.nodal(-1)
+        mesh = found.mesh
+        np.testing.assert_allclose(displacement[mesh.base], 0.0, atol=1e-15)
+        there = np.isfinite(stress[:, 2])
+        assert there.sum() == len(np.unique(mesh.bricks[~mesh.stiff]))
+        # where the backbone has hardly turned, axial stress is E times axial strain
+        low = there & (mesh.nodes[:, 2] > 0.010) & (mesh.nodes[:, 2] < 0.035)
+        ratio = np.polyfit(strain[low, 2], stress[low, 2], 1)[0]
+        assert ratio == pytest.approx(35e9, rel=0.03)
+
+
+@needs_ccx
+def test_two_tubes_under_gravity_and_a_tip_force() -> None:
+    """Both segments driven, out of plane, tendons at odd angles."""
+    robot = two_segments()
+    pull = [30.0, 3.0, 20.0, 0.0, 2.0]
+    load = {"tip_force": (0.3, 0.2, 0.0), "gravity": (1.0, 0.0, -9.8)}
+    run = sweep(robot, [pull], settings=Settings(Fineness(4, 8, 2)), **load)
+    tip = run.raise_for_status().tip_position[-1]
+    by_rod = rod.solve(robot, pull, elements=4, **load).tip
+    assert by_rod is not None
+    moved = np.linalg.norm(by_rod.position - [0, 0, robot.length])
+    assert moved > 0.01
+    assert np.linalg.norm(tip - by_rod.position) < 0.012 * moved
+    np.testing.assert_allclose(
+        run.frames.disk_rotation[-1, -1], by_rod.rotation, atol=0.012 * moved / 0.1
+    )
+    assert run.span_error < 1e-3
+    passes = np.isfinite(run.span_tensions[-1])
+    np.testing.assert_array_equal(passes.sum(axis=0), [2, 2, 4, 4, 4])
+
+
+@needs_ccx
+def test_motion_is_near_the_rods() -> None:
+    run = ramp(small_robot(), [40.0, 0.0, 0.0], rise=0.05, every=0.025, dt=0.0025, settings=COARSE)
+    beside = beside_rod(run.raise_for_status())
+    np.testing.assert_allclose(run.time, [0.025, 0.05])
+    np.testing.assert_allclose(run.tensions[:, 0], [20.0, 40.0])
+    moved = np.linalg.norm(beside.tip - [0, 0, 0.140], axis=1)
+    assert (moved > 0.003).all()
+    assert (beside.difference < 0.03 * moved).all()  # a coarse mesh is stiffer
+    velocity = run.dataset.disk_velocity.sel(axis="x").isel(disk=-1)
+    assert 0.05 < float(velocity[0]) < 0.5
+
+
+def test_outputs_fit_rise_and_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[list[ccx_deck.Step], np.ndarray]] = []
+    monkeypatch.setattr(
+        finite_elements, "_run", lambda robot, steps, time, *_: asked.append((steps, time))
+    )
+    ramp(small_robot(), [40.0, 0.0, 8.0], rise=0.11, hold=0.03, every=0.05, dt=0.01)
+    ((steps, time),) = asked
+    np.testing.assert_allclose(time, [0.11 / 3, 0.22 / 3, 0.11, 0.14])
+    np.testing.assert_allclose([s.tensions[0] for s in steps], [40 / 3, 80 / 3, 40, 40])
+    np.testing.assert_allclose([s.first * s.duration for s in steps], 0.01)
+
+
+@needs_ccx
+def test_what_is_known_is_not_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    first = sweep(small_robot(), LOADS, settings=COARSE)
+    assert (first.cached, first.iterations > 0) == (0, True)
+    monkeypatch.setattr(ccx, "run", lambda *_: pytest.fail("CalculiX was asked again"))
+    again = sweep(small_robot(), LOADS, settings=COARSE)
+    assert (again.cached, again.iterations) == (2, 0)
+    np.testing.assert_array_equal(again.tip_position, first.tip_position)
+    np.testing.assert_array_equal(again.span_tensions, first.span_tensions)
+    (kept,) = finite_elements.cache_folder().iterdir()
+    assert sorted(p.name for p in kept.iterdir()) == ["step_0001.npz", "step_0002.npz"]
+
+
+@needs_ccx
+@pytest.mark.parametrize("motion", [False, True], ids=["rest", "motion"])
+def test_a_run_that_is_stopped_goes_on_after_its_last_step(
+    motion: bool, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run() -> BrickRun:
+        robot = small_robot()
+        if motion:
+            return ramp(robot, [40, 0, 0], 0.02, every=0.005, dt=0.0025, settings=COARSE)
+        return sweep(robot, [[t, 0, 0] for t in (10, 20, 30, 40)], settings=COARSE)
+
+    whole = run()
+    shutil.rmtree(finite_elements.cache_folder())
+    save = finite_elements.ccx_steps._save
+
+    def stop(kept: Path, number: int, *rest: object) -> None:
+        save(kept, number, *rest)
+        if number == 2 and not list(kept.glob("step_0003*")):
+            monkeypatch.setattr(finite_elements.ccx_steps, "_save", save)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(finite_elements.ccx_steps, "_save", stop)
+    with pytest.raises(RunInterrupted) as stopped:
+        run()
+    assert 2 <= len(stopped.value.run.states) < 4
+    assert "interrupted" in stopped.value.run.message
+    assert not list(own_cache.glob("bowstring-fe-*"))
+    rest = run()
+    assert rest.cached >= 2 and rest.iterations < whole.iterations
+    np.testing.assert_allclose(rest.tip_position, whole.tip_position, rtol=0, atol=1e-9)
+
+
+def fake(folder: Path, script: str) -> Path:
+    """A program ccx that stands before the real one."""
+    program = folder / "bin" / "ccx"
+    program.parent.mkdir()
+    real = shutil.which("ccx") or "false"
+    program.write_text(
+        '#!/bin/sh\nif [ "$1" = -v ]; then echo "This is Version 2.21"; exit; fi\n'
+        + script.replace("REAL", real)
+    )
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    return program.parent
+
+
+def before_real(folder: Path, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
+    path = os.environ["PATH"]
+    monkeypatch.setenv("PATH", f"{fake(folder, script)}{os.pathsep}{path}")
+
+
+@pytest.mark.parametrize(
+    ("script", "status", "says"),
+    [
+        ("kill -KILL $$", "killed", "CalculiX was killed (SIGKILL), as a system out of memory"),
+        ('echo "*ERROR in u_calloc: error allocating memory"; exit 201', "out_of_memory", "memory"),
+        ('echo "write: No space left on device"; exit 2', "no_space", "no space is left"),
+        ('echo " *ERROR reading *FOO"; exit 201', "failed", "code 201: reading *FOO"),
+        ("exit 0", "failed", "printed too little"),
+        (
+            'echo " *ERROR: increment size smaller than minimum"; exit 201',
+            "diverged",
+            "no equilibrium was found beyond",
+        ),
+    ],
+)
+def test_an_early_end_is_told(
+    script: str, status: str, says: str, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before_real(own_cache, monkeypatch, script + "\n")
+    run = sweep(small_robot(), LOADS, settings=COARSE)
+    assert run.status == status
+    assert says in run.message
+    assert len(run.states) == 1  # that without load needs no solver
+    with pytest.raises(NoSolutionError, match="1 of 3 are kept") as error:
+        run.raise_for_status()
+    assert error.value.status == status
+    assert not list(own_cache.glob("bowstring-fe-*"))
+
+
+@needs_ccx
+def test_what_came_before_a_kill_is_kept(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The real program, killed in its second step; then let work."""
+    script = """REAL "$1" > out.txt & child=$!
+while kill -0 $child 2>/dev/null; do
+  if grep -q '^ *2 ' "$1.sta" 2>/dev/null; then kill -KILL $child; kill -KILL $$; fi
+  sleep 0.01
+done
+"""
+    loads = [[t, 0, 0] for t in (20, 60, 61, 62)]
+    with monkeypatch.context() as patch:
+        before_real(own_cache, patch, script)
+        patch.setattr(ccx, "version", lambda program: "2.20")
+        run = sweep(small_robot(), loads, settings=Settings(Fineness(4, 8, 1)))
+        assert run.status == "killed"
+        assert 1 <= len(run.states) < 4
+        assert "N of 62 N" in run.message
+    with monkeypatch.context() as patch:
+        patch.setattr(ccx, "version", lambda program: "2.20")  # as results are kept for a version
+        rest = sweep(small_robot(), loads, settings=Settings(Fineness(4, 8, 1)))
+    assert rest.converged and rest.cached >= 1
+    assert rest.span_error < 1e-3
+
+
+@needs_ccx
+def test_a_load_beyond_all_equilibria_keeps_what_came_before() -> None:
+    run = sweep(small_robot(), [[100, 0, 0], [1e5, 0, 0]], settings=COARSE)
+    assert run.status == "diverged"
+    assert len(run.states) == 1
+    with pytest.raises(NoSolutionError, match=r"stopped at \S+ N of 100000 N: no equilibrium"):
+        run.raise_for_status()
+
+
+def test_without_calculix_it_says_how_to_install_it(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(own_cache))
+    with pytest.raises(InputError, match="apt-get install calculix-ccx"):
+        sweep(small_robot(), LOADS, settings=COARSE)
+
+
+def test_an_old_calculix_is_refused(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = fake(own_cache, "") / "ccx"
+    program.write_text('#!/bin/sh\necho "This is Version 2.11"\n')
+    with pytest.raises(InputError, match=r"2\.11; finite elements need 2\.20"):
+        ccx.version(program)
+
+
+def test_a_drive_that_is_full_is_told(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before_real(own_cache, monkeypatch, "exit 0\n")
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    run = sweep(small_robot(), LOADS, settings=COARSE)
+    assert run.status == "no_space"
+    assert "No space left on device" in run.message
+
+
+@needs_ccx
+def test_files_of_calculix_stay_where_they_are_wanted(own_cache: Path) -> None:
+    run = sweep(small_robot(), LOADS, settings=COARSE, keep=own_cache / "files")
+    assert run.converged
+    names = {path.name for path in (own_cache / "files").iterdir()}
+    assert {"robot.inp", "robot.dat", "robot.sta", "robot.log"} <= names
+    assert not list(own_cache.glob("bowstring-fe-*"))
+
+
+@pytest.mark.parametrize(
+    ("tensions", "says"),
+    [
+        ([[1.0, 2.0]], r"shape \(1, 2\)"),
+        ([[1.0, -2.0, 0.0]], "a tendon can only pull"),
+        ([[1.0, np.nan, 0.0]], "finite"),
+        ("much", "must be numbers in N"),
+    ],
+)
+def test_tensions_that_are_none_are_refused(tensions: object, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        sweep(small_robot(), tensions)
+
+
+def test_a_stiffness_that_is_none_is_refused() -> None:
+    with pytest.raises(InputError, match="10 to 1e6"):
+        sweep(small_robot(), LOADS, settings=Settings(stiffness=1.0))
