@@ -30,6 +30,7 @@ from bowstring.against_data import (
 )
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.measurements import STANDARD_GRAVITY, Measurements, load, write_measurements
+from bowstring.resampling import bootstrap
 from bowstring.rigid import Rigid
 from bowstring.robot import load_robot
 from shell import Shell
@@ -348,20 +349,45 @@ def test_a_real_robot(public_data: Callable[[str], Path]) -> None:
     assert "neighbouring rows" in found.loads.resampled[1]
 
 
+def test_rows_without_a_tip_lead_the_path(robot: bs.Robot) -> None:
+    """Synthetic: tips round the peak load were not measured; without their rows the path breaks."""
+    whole = made(repeats=1)
+    gap = whole.points.copy()
+    gap[13:20] = np.nan
+    data = replace(whole, points=gap)
+    found = judge_data(robot, data, 0.01)
+    best = found.comparison("rod_calibrated")
+    assert best.n == 26 and best.rms == pytest.approx(math.sqrt(3.0) * NOISE, rel=0.3)
+    assert found.residuals is not None and found.residuals.is_noise is True
+    assert "7 of the rows have no measured tip" in found.text[0]
+    assert all(c.n == 26 and c.intervals is not None for c in found.comparisons)
+    assert not any("has no answer" in note for note in found.notes)
+    said = found.to_dict()
+    assert said["rows"] == 33 and said["without_tip"] == 7
+    # as many resampled loads as were measured: intervals are those of the rows alone
+    errors = best.difference[data.seen]
+    [alone] = bootstrap([errors], found.loads.unit[data.seen])
+    assert best.intervals is not None
+    np.testing.assert_array_equal(best.intervals.mean, alone.mean)
+    broken = judge_data(robot, replace(data.select(data.seen), left_out=7), 0.01)
+    assert broken.comparison("rod_calibrated").rms > 10 * best.rms
+    assert any("7 rows were left out of it" in note for note in broken.notes)
+
+
 # -- bad input ---------------------------------------------------------------------------------
 
 
 def test_measurements_that_cannot_be_judged(robot: bs.Robot, bench: Measurements) -> None:
     count = len(bench)
     gap = bench.points.copy()
-    gap[4] = np.nan
+    gap[3:] = np.nan
     still = np.broadcast_to(bench.points[:1], bench.points.shape)
     cases: list[tuple[Measurements, str]] = [
         (bench.select([3]), "there is one row"),
         (bench.select([1, 5, 9]), "there are 3 rows"),
         (bench.select(np.flatnonzero(bench.tensions[:, 0] == 0.0)), "all rows are at one load"),
         (bench.select(np.flatnonzero(bench.tensions[:, 0] < 6.0)), "at 2 loads only"),
-        (replace(bench, points=gap), "1 of 99 rows have no measured tip (lines 6)"),
+        (replace(bench, points=gap), "there are 3 rows"),
         (replace(bench, points=still), "the tip is in the same place"),
         (replace(bench, points=np.zeros((count, 0, 3)), bend=np.zeros(count)), "angles only"),
         (replace(bench, scale=None), "in pixels"),
@@ -369,6 +395,8 @@ def test_measurements_that_cannot_be_judged(robot: bs.Robot, bench: Measurements
     for data, words in cases:
         with pytest.raises(InputError, match=re.escape(words)):
             check_measurements(robot, data)
+    with pytest.raises(InputError, match="measurements is 3, it must be the path of a table"):
+        bs.study(robot, measurements=3)  # type: ignore[operator]
     with pytest.raises(InputError, match="drive 3 tendons, rao2021 has 6"):
         check_measurements(load_robot("rao2021"), bench)
     many = bench.select(np.arange(count).repeat(300))
@@ -463,6 +491,8 @@ def test_the_page_has_the_figures_and_says_what_the_data_are(
             assert (written / "figures" / f"{figure.stem}.{ending}").is_file()
         drawn = re.search(rf'id="{figure.stem}">.*?</svg>', source, flags=re.DOTALL)
         assert drawn is not None and "synthetic" in drawn.group()
+        if figure.stem.startswith(("fig09", "fig10")):
+            assert "registered: in the base frame of rod calibrated" in drawn.group()
         assert re.search(rf'id="{figure.stem}">.*?Synthetic: a made bench\. ', source, re.DOTALL)
     page = read(written / "report.html")
     assert page.open == [] and len(page.ids) == len(set(page.ids))

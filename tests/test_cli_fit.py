@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import bench
-from bowstring.calibration import calibrate
+from bowstring import bench, plots
+from bowstring.calibration import calibrate, read_start
 from bowstring.commands.fit import _fit_tables
 from bowstring.errors import InputError
 from bowstring.fit import fit, hold_out, score
@@ -148,6 +148,50 @@ def test_validation_in_json(shell: Shell) -> None:
     assert shell.json(*FIT, *few)["validation"] is None
 
 
+def test_another_table_is_predicted_once(shell: Shell, robot: Robot, tmp_path: Path) -> None:
+    """Two synthetic tables of one bench; the other is moved, and nothing is aligned to it."""
+    made = bench.simulate(robot, masses=np.linspace(0, 8, 9), friction=0.1, seed=7)
+    shift = np.array([3e-3, 0.0, 4e-3])
+    file, _ = bench.write(replace(made, points=made.points + shift), tmp_path / "other.csv")
+    folder = tmp_path / "fit"
+    of = ("--validate", str(file))
+    got = shell.json(*FIT, *NAMES, *of, "--out", str(folder))
+    plain = shell.json(*FIT, *NAMES)
+    assert [p["value"] for p in got["parameters"]] == [p["value"] for p in plain["parameters"]]
+    said = got["validation"]
+    assert said["kind"] == "file" and said["rows"] == len(made) and said["rows_unanswered"] == 0
+    assert said["name"] == made.name
+    assert said["source"] == "synthetic" and said["sha256"] != got["data"]["sha256"]
+    assert said["rmse_mm"] == pytest.approx(5.0, abs=0.05)
+    assert said["mean_mm"] == pytest.approx(5.0, abs=0.05) and 4.9 < said["max_mm"] < 5.2
+    assert said["rmse_centred_mm"] < 0.1 and said["mean_centred_mm"] < 0.1
+    _, out, _ = shell(*FIT, *NAMES, *of)
+    text = " ".join(out.split())
+    assert "was not fitted, and nothing was aligned to it. Without the mean offset" in text
+
+    # what robot.yaml cannot carry is read by the next command
+    again = ("fit", str(folder / "robot.yaml"), "--measurements", str(TABLE))
+    start = ("--start", str(folder / "calibration.json"))
+    held = shell.json(*again, *start, *of, "--parameter", E)
+    assert held["rmse_before_mm"] == pytest.approx(got["rmse_mm"], rel=1e-9)
+    assert held["validation"]["rmse_mm"] == pytest.approx(said["rmse_mm"], rel=1e-3)
+    begun = shell.json(*again, *start, "--parameter", "base.x")["parameters"][0]
+    base = next(p["value"] for p in got["parameters"] if p["name"] == "base.x")
+    assert begun["start"] == pytest.approx(base, rel=1e-12)
+    # it goes on to the next file as well, fitted or held
+    shell.json(*again, *start, "--parameter", E, "--out", str(tmp_path / "next"))
+    values = [read_start(each / "calibration.json") for each in (folder, tmp_path / "next")]
+    assert len(values[0]) == 6 and values[0] == values[1]
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"values": {"base.x": "1"}}', '{"values": 1}'])
+def test_a_start_that_is_none(text: str, shell: Shell, tmp_path: Path) -> None:
+    file = tmp_path / "calibration.json"
+    file.write_text(text, encoding="utf-8")
+    said = shell.error(*FIT, "--parameter", E, "--start", str(file))
+    assert "is no calibration.json of bowstring fit" in said
+
+
 def test_constant_curvature_at_its_best(shell: Shell) -> None:
     got = shell.json(*FIT, "--model", "arc", "--parameter", "bend_gain", "--parameter", "base")
     assert got["model"] == "arc" and got["rmse_mm"] < got["rmse_before_mm"]
@@ -249,12 +293,15 @@ def of(*parts: str) -> tuple[str, ...]:
         ((*FIT, "--parameter", E, "--parameter", E), "is named twice"),
         ((*FIT, "--parameter", "offset"), "offset has no effect on the tip"),
         ((*FIT, "--parameter", "delay"), "needs the time of each row"),
-        ((*FIT, "--parameter", "bend_gain"), 'model="arc"'),
+        ((*FIT, "--parameter", "bend_gain"), "give --model arc"),
         ((*FIT, "--parameter", E, "--holdout", "1.5"), "--holdout: got 1.5; must lie between"),
         ((*FIT, "--parameter", E, "--holdout", "some"), '--holdout: got "some", which is not'),
         ((*FIT, "--parameter", E, "--folds", "1"), "--folds: got 1; must be 2 or more"),
         ((*FIT, "--parameter", E, "--folds", "9"), "only 2 groups or loads to leave out"),
-        ((*FIT, "--parameter", E, "--folds", "2", "--holdout", "0.2"), "two ways to validate"),
+        ((*FIT, "--parameter", E, "--folds", "2", "--holdout", "0.2"), "are ways to validate"),
+        ((*FIT, "--parameter", E, "--folds", "2", "--validate", "x"), "are ways to validate"),
+        ((*FIT, "--parameter", E, "--validate", str(TABLE)), "is the table that is fitted"),
+        ((*FIT, "--parameter", E, "--start", "no.json"), "cannot read no.json"),
         ((*FIT, "--parameter", E, "--g", "-1"), "--g: got -1"),
         ((*FIT, "--parameter", E, "--out", "mine"), "nothing of yours is replaced"),
         (("fit", "rao2021", "--measurements", str(TABLE), "--parameter", E), "rao2021 has 6"),
@@ -345,6 +392,54 @@ def test_a_mistyped_row_is_named_and_hardly_counts(shell: Shell, tmp_path: Path)
     assert "Far off, look at: line 14 (50 mm)." in out
 
 
+def test_rows_without_a_tip_keep_the_path_whole(shell: Shell, tmp_path: Path) -> None:
+    """Seven tips round the peak load are blank; with their commands gone too, the path breaks."""
+
+    def blanked(cells: slice) -> Callable[[list[str]], list[str]]:
+        def change(rows: list[str]) -> list[str]:
+            out = [row.split(",") for row in rows]
+            for row in out[14:21]:
+                row[cells] = [""] * len(row[cells])
+            return [",".join(row) for row in out]
+
+        return change
+
+    given = (*UPRIGHT, "--parameter", E, "--parameter", MU)
+    kept = table(tmp_path, blanked(slice(3, 6)))
+    code, out, err = shell("fit", "amouri2019", "--measurements", kept, *given)
+    assert code == 0 and not err and "26 rows, 7 without a tip" in " ".join(out.split())
+    got = shell.json("fit", "amouri2019", "--measurements", kept, *given)
+    assert got["rows"] == 26 and got["rmse_mm"] < 0.05
+    assert got["data"]["rows"] == 33 and got["data"]["rows_without_tip"] == 7
+    lost = table(tmp_path, blanked(slice(2, 6)))
+    code, _, err = shell("fit", "amouri2019", "--measurements", lost, *given)
+    assert code == 0 and "with friction the rows are one path, and 7 rows were left out" in err
+
+
+def test_the_scatter_says_that_it_is_a_median(shell: Shell) -> None:
+    """A rod without friction misses most rows by far more than its median: synthetic table."""
+    args = (*FIT, "--parameter", "segments.0.tendons.pitch_radius")
+    got = shell.json(*args)
+    whole = got["rmse_mm"] / np.sqrt(3)
+    _, out, _ = shell(*args)
+    text = " ".join(out.split())
+    assert whole > 2 * got["noise_mm"]
+    assert f"That is by their median; their root mean square is {whole:.4f} mm: some rows" in text
+    _, out, _ = shell(*FIT, *NAMES)
+    assert "by their median" not in out
+
+
+@pytest.mark.parametrize("times", [1, 10])
+def test_many_rows_are_drawn_thin(robot: Robot, data: Measurements, times: int) -> None:
+    rows = data.select(np.tile(np.arange(33), times))
+    found = calibrate(robot, rows, ["bend_gain"], model="arc")
+    parity = dict(plots.draw_fit(found))["parity"]
+    marks = [line for line in parity.axes[0].lines if line.get_marker() not in ("None", "")]
+    assert len(marks) > 3
+    for line in marks:
+        assert line.get_alpha() == (None if times == 1 else 0.35)
+
+
 def test_data_without_noise_lack_nothing(robot: Robot) -> None:
     made = bench.simulate(robot, np.outer(np.linspace(0, 60, 13), [1, 0, 0]), noise=0.0)
     found = fit(robot, made, [E, "base.x"])
@@ -385,9 +480,13 @@ def test_a_public_set_by_name(shell: Shell, public_data: Callable[[str], Path]) 
     got = shell.json(
         *("fit", "crl-ftdcr-v4", "--data", "crl-ftdcr-mocap", "--part", "train"),
         *(part for name in names for part in ("--parameter", name)),
-        *("--model", "arc", "--loss", "linear"),
+        *("--model", "arc", "--loss", "linear", "--validate", "val"),
     )
     assert got["data"]["name"] == "crl-ftdcr-mocap, train" and got["data"]["source"] == "measured"
     assert got["rows"] == 1620 and got["rmse_mm"] == pytest.approx(13.90, abs=0.01)
+    val = got["validation"]
+    assert val["kind"] == "file" and val["rows"] == 443 and val["name"] == "crl-ftdcr-mocap, val"
+    assert val["mean_mm"] == pytest.approx(10.65, abs=0.05)
+    assert val["rmse_centred_mm"] == pytest.approx(12.50, abs=0.05)
     said = shell.error("fit", "crl-ftdcr-v4", "--data", "crl-ftdcr-mocap", "--parameter", "base")
     assert "name one" in said

@@ -5,7 +5,7 @@ import pytest
 from benchmarks import calibration
 
 import bowstring as bs
-from bowstring import samples
+from bowstring import bench, samples
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.fit import Data, cross_validate, fit, score
 from bowstring.tipmodel import Prediction, TipModel, _delayed, _play
@@ -255,6 +255,24 @@ def test_parameters_that_the_data_cannot_tell_apart_synthetic():
     assert "cannot tell segments.0.backbone.E and gain apart" in found.message
     assert np.isinf(found["gain"].standard_error) and np.isfinite(found["base.x"].standard_error)
     assert "not determined" in str(found["gain"])
+
+
+def test_an_interval_ends_where_the_parameter_does_synthetic():
+    """Three loads hardly tell friction from none, and a hand's weight says nothing of it."""
+    robot = bs.load_robot("amouri2019", {"gravity": [0.0, 0.0, -9.81]})
+    names = ["segments.0.backbone.E", "segments.0.tendons.friction"]
+    few = bench.simulate(robot, masses=[0, 1, 2], friction=0.002, repeats=2, seed=3)
+    found = fit(robot, few, names)
+    low, mu = found[names[0]], found[names[1]]
+    assert mu.low == 0.0 < mu.value < mu.high and mu.cut and not mu.at_limit
+    assert mu.value - 1.9 * mu.standard_error < 0.0 and not low.cut
+    assert found.message.endswith(f"Cut at what it may be: the interval of {names[1]}.")
+    light = bench.simulate(robot, masses=[0, 0.002, 0.004], noise=1e-4, repeats=2, seed=3)
+    found = fit(robot, light, names)
+    assert found.confused == ((names[1],),)
+    assert f"The data say nothing of {names[1]}." in found.message
+    assert np.isinf(found[names[1]].standard_error) and np.isnan(found.correlation[1]).all()
+    assert np.isfinite(found[names[0]].standard_error)
 
 
 def test_constant_curvature_with_gains_synthetic():

@@ -334,6 +334,29 @@ def test_bad_rows_are_listed_and_nothing_else_is_lost(file: Write) -> None:
         assert says in text
 
 
+def test_rows_without_a_tip_are_kept_as_part_of_the_path(file: Write, shell: Shell) -> None:
+    rows = ["0,0,0,0,0,641", "1,0,0,,,", "2,0,0,nan, NaN,", "3,0,0,,0,641", "1,0,0,60,0,637"]
+    table = file("\n".join([HEADER, *rows]))
+    found = read_measurements(table, bs.load_robot("amouri2019"))
+    assert found.line.tolist() == [2, 3, 4, 6] and found.left_out == 1
+    assert found.seen.tolist() == [True, False, False, True] and found.without_tip == 2
+    kept = "no tip was measured: the row leads the path, and counts in no number"
+    assert found.issues == ((3, kept), (4, kept), (5, "left out: tip_x_mm is empty"))
+    got = shell.json("bench", "check", str(table), "--robot", "amouri2019")
+    assert got["rows"] == 4 and got["rows_without_tip"] == 2 and got["rows_left_out"] == 1
+    assert got["tip"] == {"smallest": [0, 0, 0.637], "largest": [0.06, 0, 0.641]}
+    _, out, _ = shell("bench", "check", str(table))
+    assert "4 rows, 2 without a tip, 1 left out" in out and "x 0.000 to 60.000" in out
+    with pytest.raises(InputError, match="no row has a measured tip"):
+        read_measurements(file("\n".join([HEADER, *rows[1:3]])))
+
+
+def test_quoted_numbers_with_decimal_commas_are_told(file: Write) -> None:
+    found = read_measurements(file(GOOD + '0.5,0,0,"30,5",0.1,640\n'))
+    says = "; with decimal commas, separate the cells by semicolons"
+    assert found.left_out == 1 and found.issues[0][1].endswith(f"not a finite number{says}")
+
+
 def test_one_repeated_row_is_told_and_kept(file: Write) -> None:
     found = read_measurements(file(GOOD + "0.5,0,0,30.5,0.1,640\n"))
     assert len(found) == 4

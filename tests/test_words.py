@@ -65,3 +65,18 @@ def test_changes_have_a_sign_unless_they_are_zero() -> None:
     assert words.signed(1.234) == "+1.23"
     assert words.signed(-1.234) == "\N{MINUS SIGN}1.23"
     assert words.signed(-0.001) == "0.00"
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "text"),
+    [
+        (0.1, 2e-5, "0.100000 +- 0.000020"),
+        (123.4, 23.0, "123 +- 23"),
+        (34.9999, 0.00812, "34.9999 +- 0.0081"),
+        (1.0, 0.0, "1 +- 0"),
+        (2.5, 1e-12, "2.5 +- 1e-12"),
+        (1e12, 3e10, "1e+12 +- 3e+10"),
+    ],
+)
+def test_values_have_the_digits_of_their_errors(value: float, error: float, text: str) -> None:
+    assert words.with_error(value, error) == text

@@ -7,8 +7,9 @@ three frames, because a base that stands a little askew looks like an error of t
 - ``as_measured``: the measuring frame is taken for the base frame. Not registered.
 - ``calibrated``: one base frame for all, that of the calibrated rod. Registered; this is meant
   where nothing else is said.
-- ``own``: each model in the base frame that suits it best. It mends whatever a rigid motion can
-  mend of the model's own errors, so it flatters; it is the least that can be said against a model.
+- ``own``: each model in the base frame that suits it best, by least squares. It mends whatever a
+  rigid motion can mend of the model's own errors, so it flatters; its RMS is the least that can be
+  said against a model, its mean need not be.
 
 Differences are model minus measurement at the measured point (the tip, or the tool that the table
 gives), in base axes. SI; K is the number of rows.
@@ -35,7 +36,7 @@ from bowstring.registration import fit_model
 from bowstring.resampling import LEVEL, RESAMPLES, Expected, Intervals, bootstrap, refitted
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot
-from bowstring.words import in_mm, in_percent, listed, significant
+from bowstring.words import in_mm, in_percent, listed, significant, with_error
 
 __all__ = [
     "DATA_MODELS",
@@ -251,6 +252,7 @@ class AgainstData:
             "sha256": d.sha256,
             "rows": len(d),
             "left_out": d.left_out,
+            "without_tip": d.without_tip,
             "issues": [{"line": line, "text": text} for line, text in d.issues],
             "loads": self.loads.count,
             "repeats": len(np.unique(self.loads.run)),
@@ -318,16 +320,9 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
         raise InputError(
             f"{name}: the points are in pixels and have no scale; give tips in mm for a study"
         )
-    unseen = ~np.isfinite(data.tip).all(axis=1)
-    if unseen.any():
-        lines = ", ".join(map(str, data.line[unseen][:5].tolist()))
-        more = ", ..." if unseen.sum() > 5 else ""
-        raise InputError(
-            f"{name}: {int(unseen.sum())} of {len(data)} rows have no measured tip (lines {lines}"
-            f"{more}); leave them out"
-        )
-    if len(data) < _FEWEST_ROWS:
-        rows = "there is one row" if len(data) == 1 else f"there are {len(data)} rows"
+    count = int(data.seen.sum())
+    if count < _FEWEST_ROWS:
+        rows = "there is one row" if count == 1 else f"there are {count} rows"
         raise InputError(
             f"{name}: {rows} of measurements; a study needs {_FEWEST_ROWS} or more, at "
             f"{_FEWEST_LOADS} different loads or more"
@@ -337,14 +332,15 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
             f"{name}: {len(data)} rows are too many for a study, which takes up to {_MOST_ROWS}; "
             "average neighbouring rows, or take every tenth"
         )
-    loads = _loads(data).count
+    measured = data.select(data.seen)
+    loads = _loads(measured).count
     if loads < _FEWEST_LOADS:
         at = "all rows are at one load" if loads == 1 else f"the rows are at {loads} loads only"
         raise InputError(
             f"{name}: {at}; how an error grows with the load needs {_FEWEST_LOADS} different "
             "loads or more"
         )
-    if float(np.ptp(data.tip, axis=0).max()) == 0.0:
+    if float(np.ptp(measured.tip, axis=0).max()) == 0.0:
         raise InputError(f"{name}: the tip is in the same place in all rows; it was not measured")
     order = check_tendons(robot, data)
     # "unclear" is for the comparison to judge
@@ -438,6 +434,12 @@ def judge_data(
     try:
         calibration = calibrated.calibrate(robot, data, theory)
         notes += calibration.notes
+        if data.left_out and calibration.robot.has_friction:
+            rows = "a row was" if data.left_out == 1 else f"{data.left_out} rows were"
+            notes.append(
+                f"With friction the rows are one path, and {rows} left out of it: the rod's answer "
+                "after these may be far off. Mend them, or leave their tip alone blank."
+            )
         if not calibration.fit.converged:
             notes.append(f"The calibration did not settle. {calibration.fit.message}")
     except BowstringError as error:
@@ -589,11 +591,11 @@ def _points(
 
             out |= _by_arcs(name, by_force, data.tensions, data, why)
     for name, found in out.items():
-        gaps = int((~np.isfinite(found).all(axis=1)).sum())
+        gaps = int((~np.isfinite(found).all(axis=1) & data.seen).sum())
         if gaps:
             why.append(
-                f"{DATA_MODELS[name]} has no answer to {gaps} of {len(data)} rows; its numbers are "
-                "over the others."
+                f"{DATA_MODELS[name]} has no answer to {gaps} of {int(data.seen.sum())} rows; its "
+                "numbers are over the others."
             )
     return out, why
 
@@ -630,7 +632,7 @@ def _by_arcs(
 
 def _own_frame(data: Measurements, points: Array) -> Rigid | None:
     """The base frame that suits a model best; None where the rows that it has do not give one."""
-    good = np.isfinite(points).all(axis=1)
+    good = np.isfinite(points).all(axis=1) & data.seen
     try:
         return fit_model(data.tip[good], points[good]).frame
     except BowstringError:
@@ -724,6 +726,11 @@ def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple
     if not loads.single:
         ways = "several commands change"
     left = f" {data.left_out} rows of the table are left out." if data.left_out else ""
+    if data.without_tip:
+        left += (
+            f" {data.without_tip} of the rows have no measured tip; they lead the path, and count "
+            "in no number."
+        )
     out = [
         f"{data.source.capitalize()} data, {data.name}: {len(data)} rows at {loads.count} loads, "
         f"{ways}{f', {repeats} runs' if repeats > 1 else ''}.{left}"
@@ -767,7 +774,8 @@ def _mean(c: DataComparison) -> str:
 
 def _over(c: DataComparison, found: AgainstData) -> str:
     """Said where a model has no answer to some rows, for its mean is then not of the table."""
-    return f" over {c.n} of {len(found.data)} rows" if c.n < len(found.data) else ""
+    rows = int(found.data.seen.sum())
+    return f" over {c.n} of {rows} rows" if c.n < rows else ""
 
 
 def _sentence(found: AgainstData, name: str, tolerance: float) -> str:
@@ -828,7 +836,7 @@ def _said(estimate: Estimate) -> str:
         return f"{name} {significant(round(estimate.value, 9), 4)}{unit} (its limit)"
     if not math.isfinite(estimate.standard_error):
         return f"{name} {significant(estimate.value, 4)}{unit} (not determined)"
-    return f"{name} {significant(estimate.value, 4)} +- {estimate.standard_error:.1g}{unit}"
+    return f"{name} {with_error(estimate.value, estimate.standard_error)}{unit}"
 
 
 def _notes(data: Measurements, loads: Loads, calibration: Calibration | None) -> tuple[str, ...]:
@@ -841,7 +849,8 @@ def _notes(data: Measurements, loads: Loads, calibration: Calibration | None) ->
         "Registered means: one base frame for all models, "
         + ("that of the calibrated rod" if calibration else "said below")
         + ". Each model is also shown in the base frame that suits it best, which mends what a "
-        "rigid motion can mend of its own errors, and not registered.",
+        "rigid motion can mend of its own errors, and not registered. The frame that suits best "
+        "has the least sum of squares; the mean error in it can be larger than in another.",
         f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). What is resampled is "
         f"the {loads.resampled[1]}; the same resamples for all models. "
         "Calibration and registration are held meanwhile, but in what is expected of the "

@@ -21,7 +21,7 @@ from bowstring.resampling import Linear
 from bowstring.robot import Robot
 from bowstring.samples import Data, Measured, Score, score
 from bowstring.tipmodel import Model, Prediction, TipModel
-from bowstring.unknowns import Unknowns
+from bowstring.unknowns import Unknown, Unknowns
 
 __all__ = [
     "CrossValidation",
@@ -68,6 +68,8 @@ class Estimate:
         The last two bound the 95 % interval; infinite where the data cannot tell.
     start : float
     at_limit : bool
+    cut : bool
+        Whether the interval would go beyond what the parameter may be, and ends there.
     """
 
     name: str
@@ -78,12 +80,13 @@ class Estimate:
     high: float
     start: float
     at_limit: bool
+    cut: bool = False
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
         if not np.isfinite(self.standard_error):
             return f"{self.name} = {self.value:.5g}{unit} (not determined)"
-        return f"{self.name} = {self.value:.5g} +- {self.standard_error:.2g}{unit}"
+        return f"{self.name} = {words.with_error(self.value, self.standard_error)}{unit}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +102,8 @@ class Fit:
     correlation : ndarray (P, P)
         Of the estimates; NaN for those that the data cannot tell.
     confused : tuple of tuples of str
-        Parameters that the data cannot tell apart; a tuple of one names one they say nothing of.
+        Parameters that the data cannot tell apart; a tuple of one names one they say nothing of:
+        its standard error is as wide as all that it may be, or infinite.
     residuals : ndarray (K, 3)
         Predicted less measured, m, of all rows; NaN where there is no measurement.
     used : ndarray of bool (K,)
@@ -110,7 +114,8 @@ class Fit:
     score, score_before : Score
         Of the fitted rows.
     noise : float
-        Robust standard deviation of a coordinate, m.
+        Robust standard deviation of a coordinate, m: 1.48 times the median of its error's size, so
+        that rows that err by far more than most hardly count.
     excess : float
         Residuals over what the stated uncertainties let expect, root mean square: about 1 if the
         model lacks nothing. NaN where none are stated.
@@ -538,7 +543,13 @@ def _result(
     correlation = covariance / np.outer(error, error)
     correlation[untold] = np.nan
     correlation[:, untold] = np.nan
-    error[untold] = np.inf
+    lowest, highest = np.array([(item.low, item.high) for item in items]).T
+    # as wide as all that it may be
+    idle = ~untold & (error * work.step >= highest - lowest)
+    correlation[idle] = np.nan
+    correlation[:, idle] = np.nan
+    confused = (*confused, *((items[i].name,) for i in np.flatnonzero(idle)))
+    error[untold | idle] = np.inf
     values = found.x * work.step
     half = float(student.ppf(0.975, free))
     limit = np.asarray(found.active_mask) != 0
@@ -548,8 +559,7 @@ def _result(
             unit=item.unit,
             value=value / item.per_unit,
             standard_error=wide / item.per_unit,
-            low=(value - half * wide) / item.per_unit,
-            high=(value + half * wide) / item.per_unit,
+            **_interval(item, value, half * wide),
             start=item.start / item.per_unit,
             at_limit=bool(edge),
         )
@@ -587,6 +597,15 @@ def _result(
     )
 
 
+def _interval(item: Unknown, value: float, half: float) -> dict[str, Any]:
+    """Bounds of a parameter's interval in people's unit, and whether its limits cut it."""
+    low, high = value - half, value + half
+    cut = bool(np.isfinite(half)) and (low < item.low or high > item.high)
+    if cut:
+        low, high = max(low, item.low), min(high, item.high)
+    return {"low": low / item.per_unit, "high": high / item.per_unit, "cut": cut}
+
+
 def _message(
     found: Any,
     estimates: Sequence[Estimate],
@@ -613,6 +632,9 @@ def _message(
     edge = [estimate.name for estimate in estimates if estimate.at_limit]
     if edge:
         said.append(f"At the limit of what it may be: {words.listed(edge)}.")
+    cut = [estimate.name for estimate in estimates if estimate.cut]
+    if cut:
+        said.append(f"Cut at what it may be: the interval of {words.listed(cut)}.")
     signs = []
     if alike[0] > _ALIKE and alike[1] < CHANCE:
         signs.append(f"neighbours correlate by {alike[0]:.2f}")

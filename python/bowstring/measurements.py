@@ -45,6 +45,7 @@ _MOST_ISSUES: Final = 1_000
 _MOST_LABELS: Final = 100
 _LARGEST: Final = 1e30  # what is larger may overflow on its way to SI
 _REACH: Final = 3.0  # lengths between a tip and the middle of all, at most 1 + root of 3
+_DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
@@ -67,7 +68,8 @@ class Measurements:
     """(K, T), m, positive where the tendon is taken in; NaN where it is not given by its pull."""
     points: Floats
     """(K, P, 3), m, in the measuring frame, from base to tip, the last is the tip; NaN where a
-    point was not measured. P is 0 for data with angles only."""
+    point was not measured: a row without a tip only leads the path. P is 0 for data with angles
+    only."""
     line: Ints
     """(K,), lines in the file, from 1."""
     group: NDArray[np.str_]
@@ -134,6 +136,16 @@ class Measurements:
         if self.points.shape[1] == 0:
             raise InputError(f"{self.name} has angles only, there is no measured tip")
         return np.asarray(self.points[:, -1])
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """(K,), rows with a measured tip; the others only lead the path."""
+        return np.asarray(np.isfinite(self.tip).all(axis=1))
+
+    @property
+    def without_tip(self) -> int:
+        """How many rows have none, of data that have tips."""
+        return int((~self.seen).sum()) if self.points.shape[1] else 0
 
     @property
     def tendon_count(self) -> int:
@@ -232,7 +244,7 @@ def read_measurements(
     ------
     InputError
         If the table cannot be read; the text names file, line and what to do. Single bad rows are
-        left out and listed in `Measurements.issues`.
+        left out and listed in `Measurements.issues`; rows with a blank tip are kept and listed.
     """
     if not 0 < g <= 10_000:
         raise InputError(f"g is {g:g} m/s^2, it must be above 0 and up to 10000")
@@ -255,11 +267,14 @@ def _within_reach(found: Measurements, robot: Robot) -> Measurements:
     if found.points.shape[1] == 0 or found.scale is None:
         return found
     reach = _REACH * (robot.length + float(np.linalg.norm(found.tool)))
-    distance = np.linalg.norm(found.tip - np.median(found.tip, axis=0), axis=1)
-    far = distance > reach
-    if far.mean() > 0.5:
+    tips = found.tip[found.seen]
+    if not len(tips):
+        return found
+    distance = np.linalg.norm(found.tip - np.median(tips, axis=0), axis=1)
+    far = distance > reach  # not where none was measured
+    if far.sum() > 0.5 * len(tips):
         raise InputError(
-            f"{found.path}: the tips lie up to {in_mm(float(np.ptp(found.tip, axis=0).max()))} "
+            f"{found.path}: the tips lie up to {in_mm(float(np.ptp(tips, axis=0).max()))} "
             f"apart, and {robot.name} is {in_mm(robot.length)} long; check the unit of the tip's "
             "columns"
         )
@@ -293,6 +308,7 @@ class _Reader:
         self.issues: list[tuple[int, str]] = list(table.notes)
         self.left_out = 0
         self.unlisted = (0, 0)  # how many rows left out are not listed, and the last
+        self.unseen = 0  # rows without a tip, which are kept
         self.comma: int | None = None  # first lines with a decimal comma, a decimal point
         self.point: int | None = None
         self.comma_is_sure = table.separator == ";"  # where commas are decimal ones
@@ -328,6 +344,11 @@ class _Reader:
             count, last = self.unlisted
             rows = "one more row is" if count == 1 else f"{count} more rows are"
             self.issues.append((last, f"{rows} left out up to here, not listed"))
+        if self.unseen > _MOST_ISSUES:
+            more = self.unseen - _MOST_ISSUES
+            self.issues.append((int(arrays["line"][-1]), f"{more} more rows have no measured tip"))
+        if self.unseen == len(arrays["line"]) and "bend" not in arrays:
+            raise InputError(f"{self.table.path}: no row has a measured tip")
         sigma = self.layout.sigma_of_all
         if sigma is not None:
             arrays["sigma"] = np.full(len(arrays["line"]), sigma)
@@ -403,12 +424,16 @@ class _Reader:
         columns: list[tuple[str, ...]] = list(zip(*cells, strict=True)) if rows else []
         good = np.ones(len(rows), bool)
 
-        def numbers(column: Column, why: str = "", blank: bool = False) -> Floats:
+        def numbers(
+            column: Column, why: str = "", blank: bool | NDArray[np.bool_] = False
+        ) -> Floats:
             given = columns[column.index] if rows else ()
             values = self.numbers(given, lines)
             bad = ~(np.abs(values) < _LARGEST)
-            if blank and bad.any():
+            if blank is True and bad.any():
                 bad &= [bool(cell.strip()) for cell in given]
+            elif blank is not False:
+                bad &= ~np.asarray(blank)
             if why == "tension" and not bad.all():
                 bad |= values < 0
             elif why == "sigma":
@@ -432,8 +457,9 @@ class _Reader:
             points = np.empty((n, len(layout.points), 3))
             for p, point in enumerate(layout.points):
                 is_tip = p == len(layout.points) - 1
+                blank = self.without(point, columns, n) if is_tip else True
                 for axis, column in enumerate(point):
-                    points[:, p, axis] = numbers(column, blank=not is_tip)
+                    points[:, p, axis] = numbers(column, blank=blank)
         if layout.rotation is not None:
             points[~good] = 0.0
             points = points @ layout.rotation.T
@@ -451,9 +477,28 @@ class _Reader:
             for line, cell in zip(lines, columns[layout.label.index], strict=True):
                 if cell.strip() and len(self.labels) < _MOST_LABELS:
                     self.labels.setdefault(cell.strip(), line)
+        if layout.points:
+            self.note_unseen(lines, good & np.isnan(points[:, -1]).all(axis=1))
         out["line"] = np.array(lines, dtype=np.int64)
         out["key"] = np.array([hash(row) for row in cells], dtype=np.int64)
         return {name: array[good] for name, array in out.items()}
+
+    def without(
+        self, tip: Sequence[Column], columns: Sequence[Sequence[str]], count: int
+    ) -> NDArray[np.bool_]:
+        """Rows (count,) in which no coordinate of the tip was measured: blank or NaN, all three."""
+        out = np.ones(count, bool)
+        for column in tip:
+            if count and out.any():
+                cells = columns[column.index]
+                out &= [not (text := cell.strip()) or text.lower() == "nan" for cell in cells]
+        return out
+
+    def note_unseen(self, lines: Sequence[int], unseen: NDArray[np.bool_]) -> None:
+        for i in np.flatnonzero(unseen)[: max(0, _MOST_ISSUES - self.unseen)]:
+            text = "no tip was measured: the row leads the path, and counts in no number"
+            self.issues.append((lines[i], text))
+        self.unseen += int(unseen.sum())
 
     def is_whole(self, row: Row) -> bool:
         """Whether a row has a cell for each column, and is one to keep."""
@@ -559,7 +604,10 @@ def _reason(column: Column, cell: str, value: float, why: str) -> str:
     if not cell.strip():
         return f"{column.name} is empty"
     if not np.isfinite(value):
-        return f"{column.name} is {quote(cell)}, which is not a finite number"
+        text = f"{column.name} is {quote(cell)}, which is not a finite number"
+        if _DECIMAL_COMMA.fullmatch(cell):
+            text += "; with decimal commas, separate the cells by semicolons"
+        return text
     if abs(value) >= _LARGEST:
         return f"{column.name} is {quote(cell)}, which is too large"
     if why == "tension":

@@ -712,6 +712,9 @@ def _hysteresis(study: Study) -> Figure:
     return figure
 
 
+_MANY: Final = 300  # rows
+
+
 def _residuals(calibration: Calibration) -> Figure:
     data, found, out = calibration.data, calibration.fit, calibration.held_out
     figure, panels = _subplots(2, 5.4, sharey=True)
@@ -748,11 +751,14 @@ def _parity(calibration: Calibration) -> Figure:
     measured = 1e3 * data.tip
     before = measured + 1e3 * found.before
     after = 1e3 * calibration.predicted
+    many = len(data) > _MANY  # then marks cover each other
+    thin: dict[str, Any] = {"markersize": 2.0, "alpha": 0.35, "markeredgewidth": 0.4}
+    size: dict[str, Any] = thin if many else {"markersize": 3.5}
     grey: dict[str, Any] = {"color": _LIGHT["muted"], "linestyle": "none", "marker": "."}
-    axes.plot(measured.ravel(), before.ravel(), label="before", **grey)
+    axes.plot(measured.ravel(), before.ravel(), label="before", **grey, **(thin if many else {}))
     for k, (name, colour, marker) in enumerate(_AXES):
         look: dict[str, Any] = {"color": _LIGHT[colour], "marker": marker, "linestyle": "none"}
-        look["markersize"] = 3.5
+        look |= size
         axes.plot(measured[~out, k], after[~out, k], label=f"{name} fitted", **look)
         axes.plot(measured[out, k], after[out, k], markerfacecolor="none", **look)
     ends = [np.nanmin(measured), np.nanmax(measured)]
@@ -760,6 +766,9 @@ def _parity(calibration: Calibration) -> Figure:
     axes.set(xlabel="measured coordinate (mm)", ylabel="predicted coordinate (mm)")
     axes.set_title(_said_of(calibration), fontsize=8.5, pad=20)
     _legend_above(axes, 4)
+    legend = axes.get_legend()
+    for handle in legend.legend_handles if legend and many else ():
+        handle.set(alpha=1.0, markersize=4.0)  # type: ignore[union-attr]
     return figure
 
 
@@ -838,7 +847,7 @@ def _measured_tip(study: Study) -> Figure:
                 )
         axes.set(ylabel=f"tip {'xyz'[k]} (mm)")
         _room(axes, found.point[:, k] * 1e3)
-    _title_and_legend(panels[0], _label(found))
+    _title_and_legend(panels[0], f"{_label(found)}\n{_frame_said(found)}")
     panels[-1].set(xlabel=loads.label)
     return figure
 
@@ -847,7 +856,7 @@ def _room(axes: Axes, values: Array) -> None:
     """At least 1 mm, so that noise across the bending plane is not blown up to a course."""
     low, high = axes.get_ylim()
     if high - low < 1.0:
-        middle = float(np.mean(values))
+        middle = float(np.nanmean(values))
         axes.set_ylim(middle - 0.5, middle + 0.5)
 
 
@@ -855,6 +864,13 @@ def _title_and_legend(axes: Axes, title: str) -> None:
     _legend_above(axes, 2)
     rows = -(-len(axes.get_legend_handles_labels()[1]) // 2)
     axes.set_title(title, fontsize=8.5, pad=10 + 12 * rows)
+
+
+def _frame_said(found: AgainstData) -> str:
+    if not found.frame_by:
+        return "tip not registered: no model gives a base frame"
+    label = _MODEL_LOOKS.get(found.frame_by, (found.frame_by,))[0]
+    return f"tip registered: in the base frame of {label}"
 
 
 def _label(found: AgainstData) -> str:
@@ -886,7 +902,7 @@ def _measured_errors(study: Study) -> Figure:
         axes.axhline(0.0, color=_LIGHT["muted"], linewidth=0.8)
         axes.set(ylabel=f"{'xyz'[k]}: model minus\n{found.data.source} (mm)")
         _room(axes, np.zeros(1))
-    _title_and_legend(panels[0], _label(found))
+    _title_and_legend(panels[0], f"{_label(found)}\n{_frame_said(found)}")
     panels[-1].set(xlabel=found.loads.label)
     return figure
 
@@ -929,7 +945,7 @@ def _measured_comparison(study: Study) -> Figure:
     axes.set_xscale("log")
     axes.grid(axis="x", which="major")
     labels = [re.sub(r" \(.*\)|, as the robot", "", DATA_MODELS[name]) for name in names]
-    axes.set_yticks(places, [label.replace(" file has it", " as in file") for label in labels])
+    axes.set_yticks(places, [label.replace(" file has it", " as in the file") for label in labels])
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.set_xlabel(f"tip error against the {found.data.source} tip (mm):\nmean, 95 %, largest")
     one = study.length * 10.0  # mm in a percent

@@ -208,7 +208,8 @@ def write_fit(
     Returns
     -------
     Path
-        The folder, absolute: robot.yaml, fit.json, and residuals and parity as PNG and PDF.
+        The folder, absolute: robot.yaml, calibration.json with what a robot file has no place for,
+        fit.json, and residuals and parity as PNG and PDF.
 
     Raises
     ------
@@ -216,6 +217,7 @@ def write_fit(
         If the folder may not be written (see `check_folder`).
     """
     from bowstring import plots
+    from bowstring.calibration import BESIDE
     from bowstring.robotfile import to_yaml
 
     tell = progress or (lambda what, share: None)
@@ -226,11 +228,13 @@ def write_fit(
         f"Calibrated by Bowstring ({found.model}) on {data.source} data: {data.name}{hashed}",
         found.message,
         *[f"Not part of a robot file: {each}" for each in calibration.elsewhere],
+        *([f"{BESIDE} has these for bowstring fit --start"] if calibration.elsewhere else []),
     ]
 
     def fill(new: Path) -> None:
         robot = to_yaml(found.robot, "\n".join(" ".join(line.split()) for line in lines))
         (new / "robot.yaml").write_text(robot, encoding="utf-8")
+        _write_json(new / BESIDE, calibration.beside_to_dict())
         with plots.figure_style():
             for i, (stem, figure) in enumerate(plots.draw_fit(calibration)):
                 tell("figures", i / 2)
@@ -848,7 +852,9 @@ def _print_data(found: AgainstData, console: Console, table: Callable[..., Table
             d = c.to_dict()
             low, high = (number(v, 2) for v in d["interval_95"]["mean_mm"])
             errors.add_row(
-                _short(DATA_MODELS[c.name]).replace(", as the robot file has it", " as in file"),
+                _short(DATA_MODELS[c.name]).replace(
+                    ", as the robot file has it", " as in the file"
+                ),
                 number(d["mean_mm"]),
                 f"{low} to {high}",
                 *(number(d[k]) for k in ("max_mm", "mean_percent")),

@@ -48,7 +48,7 @@ def bootstrap(
     Parameters
     ----------
     differences : list of array (K, 3)
-        Model minus measurement, m; rows with NaN count in no mean.
+        Model minus measurement, m; rows with NaN count in no mean, units of such alone nowhere.
     unit : array of int (K,)
         Rows with the same number are resampled together.
     resamples : int
@@ -62,6 +62,9 @@ def bootstrap(
     Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapters 8 and 13. A resample is
     how often it draws each unit, so that all of them are one product of matrices.
     """
+    known = np.any([np.isfinite(each).all(axis=1) for each in differences], axis=0)
+    if known.any():
+        unit, differences = unit[known], [each[known] for each in differences]
     _, place = np.unique(unit, return_inverse=True)
     units = int(place.max()) + 1
     columns = []

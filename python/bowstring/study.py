@@ -30,6 +30,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -54,8 +55,6 @@ from bowstring.verdict import Meaning, Verdict, judge
 from bowstring.words import in_mm, in_percent, round_down, significant
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from bowstring.against_data import AgainstData
     from bowstring.brick_study import FiniteElements
     from bowstring.mapping import Mapping
@@ -606,8 +605,14 @@ def _until(tell: Progress, share: float) -> Progress:
 def _read(
     robot: Robot, measurements: Measurements | str | Path, mapping: str | Path | Mapping | None
 ) -> Measurements:
+    from bowstring.arguments import shown
     from bowstring.measurements import Measurements, read_measurements
 
+    if not isinstance(measurements, (Measurements, str, Path)):
+        raise InputError(
+            f"measurements is {shown(measurements)}, it must be the path of a table, or "
+            "measurements that are read"
+        )
     if not isinstance(measurements, Measurements):
         return read_measurements(measurements, robot, mapping)
     if mapping is not None:

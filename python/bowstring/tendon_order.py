@@ -106,6 +106,8 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
         Two tendons or the sense of numbering are named only where they explain the motion clearly
         better than the order as given.
     """
+    if 0 < measurements.without_tip < len(measurements):
+        measurements = measurements.select(measurements.seen)
     problem, bends, measured = _data(robot, measurements)
     if problem:
         return TendonCheck("unchecked", f"The order of the tendons is not checked: {problem}.")
@@ -248,6 +250,8 @@ def _data(robot: Robot, m: Measurements) -> tuple[str, _Bends, Floats]:
     if m.points.shape[1]:
         if m.scale is None:
             return "points are in pixels", nothing, none
+        if not m.seen.any():
+            return "no tip is measured", nothing, none
         measured, size = m.tip, robot.length
     elif m.bend is not None and m.direction is not None:
         across = np.sin(m.bend)

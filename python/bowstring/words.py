@@ -15,6 +15,7 @@ __all__ = [
     "round_down",
     "signed",
     "significant",
+    "with_error",
 ]
 
 _ROUND: Final = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
@@ -39,6 +40,14 @@ def in_mm(metres: float) -> str:
     if abs(mm) < 1e-3:
         return "under 0.001 mm"
     return f"{significant(mm)} mm" if abs(mm) >= 0.1 else f"{mm:.3f} mm"
+
+
+def with_error(value: float, error: float) -> str:
+    """A value to the last digit that its standard error has, of which two are told."""
+    digits = max(0, 1 - math.floor(math.log10(error))) if 0.0 < error < math.inf else 99
+    if digits > 9 or abs(value) >= 1e9:
+        return f"{value:.5g} +- {error:.2g}"
+    return f"{value:.{digits}f} +- {error:.{digits}f}"
 
 
 def in_percent(share: float) -> str:

@@ -251,8 +251,9 @@ def _measurements_json(
     labels, counts = np.unique(found.group, return_counts=True)
     groups = dict(zip(labels.tolist(), counts.tolist(), strict=True))
     ranges = None
-    if found.points.shape[1]:
-        ranges = {"smallest": found.tip.min(axis=0), "largest": found.tip.max(axis=0)}
+    if found.points.shape[1] and found.seen.any():
+        tips = found.tip[found.seen]
+        ranges = {"smallest": tips.min(axis=0), "largest": tips.max(axis=0)}
     provenance = (
         {"provenance": {"bowstring_version": __version__, "schema_version": JSON_SCHEMA_VERSION,
                         "settings": settings}}
@@ -264,6 +265,7 @@ def _measurements_json(
         "source": found.source,
         "rows": len(found),
         "rows_left_out": found.left_out,
+        "rows_without_tip": found.without_tip,
         "tendons": tendons,
         "points": found.points.shape[1],
         "points_unit": "px" if found.scale is None else "m",
@@ -329,7 +331,8 @@ def _driven(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
 
 
 def _measurements_tables(found: Measurements, check: TendonCheck | None) -> Iterator[Table | str]:
-    left = f", {found.left_out} left out" if found.left_out else ""
+    left = f", {found.without_tip} without a tip" if found.without_tip else ""
+    left += f", {found.left_out} left out" if found.left_out else ""
     yield f"{found.name}: {found.source}, {counted(len(found), 'row')}{left}"
     if found.tendon_count:
         table = new_table("tendon", "given by", ">from", ">to", "")
@@ -338,13 +341,12 @@ def _measurements_tables(found: Measurements, check: TendonCheck | None) -> Iter
             table.add_row(str(k), kind, fixed(factor * low, 3), fixed(factor * high, 3), shown)
         yield table
     lines = []
-    if found.points.shape[1]:
+    if found.points.shape[1] and found.seen.any():
+        tips = found.tip[found.seen]
         factor, unit = (1.0, "px") if found.scale is None else (1e3, "mm")
         axes = [
             f"{axis} {fixed(factor * low, 3)} to {fixed(factor * high, 3)}"
-            for axis, low, high in zip(
-                "xyz", found.tip.min(axis=0), found.tip.max(axis=0), strict=True
-            )
+            for axis, low, high in zip("xyz", tips.min(axis=0), tips.max(axis=0), strict=True)
         ]
         lines.append(
             f"tip: {', '.join(axes)} {unit}, {counted(found.points.shape[1], 'point')} a row"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
 import typer
@@ -41,6 +41,12 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.calibration import Calibration
+    from bowstring.fit import Fit
+    from bowstring.measurements import Measurements
+
+#: Times the robust scatter of a coordinate that its root mean square is, so that it is said.
+_FAR_MORE: Final = 2.0
+_EXACT: Final = 1e-8  # m: data without noise
 
 
 def fit(
@@ -80,6 +86,22 @@ def fit(
         int | None,
         typer.Option(metavar="K", help="Predict each of K parts by a fit to the others."),
     ] = None,
+    validate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Predict another table once (with --data another of its parts); nothing is "
+            "aligned to it.",
+        ),
+    ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="calibration.json of a former fit: base, tool and drive begin there, or are "
+            "held there.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder of the calibrated robot file, and of figures."),
@@ -92,6 +114,8 @@ def fit(
     from bowstring.measurements import read_measurements
 
     gravity = positive("--g", g, "m/s^2")
+    if model == "rod" and any(name.startswith("bend_gain") for name in parameter):
+        raise InputError("--parameter bend_gain is of constant curvature; give --model arc.")
     if (measurements is None) == (data is None):
         raise InputError(
             "give either --measurements FILE or --data NAME, a public data set (bowstring data "
@@ -101,8 +125,8 @@ def fit(
         raise InputError("--part is of a public data set; name it by --data.")
     if data is not None and mapping is not None:
         raise InputError("--mapping is of a table; a set of --data brings its own.")
-    if holdout is not None and folds is not None:
-        raise InputError("--holdout and --folds are two ways to validate; give one.")
+    if sum(way is not None for way in (holdout, folds, validate)) > 1:
+        raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
     share = None if holdout is None else share_of("--holdout", holdout)
     if share is not None and not 0 < share < 1:
         raise InputError(
@@ -115,13 +139,17 @@ def fit(
         from bowstring import report
 
         of_flag("--out", lambda path: report.check_folder(path, "fit"), out)
-    file: Path | None = measurements
-    if data is not None:
-        file, mapping = datasets.table(data, part), data
-    assert file is not None
-    table = read_measurements(file, known, mapping, g=gravity)
-    if data is not None:
-        table = replace(table, name=data if part is None else f"{data}, {part}")
+    begin = None if start is None else calibration.read_start(start)
+
+    def read(file: str | Path | None, part: str | None) -> Measurements:
+        if data is None:
+            assert file is not None
+            return read_measurements(file, known, mapping, g=gravity)
+        found = read_measurements(datasets.table(data, part), known, data, g=gravity)
+        return replace(found, name=data if part is None else f"{data}, {part}")
+
+    table = read(measurements, part)
+    other = None if validate is None else read(validate, validate)
     with progress_bar() as tell:
         found = calibration.calibrate(
             known,
@@ -131,17 +159,21 @@ def fit(
             loss=loss,
             holdout=share,
             folds=folds,
+            validate=other,
+            start=begin,
             progress=tell,
         )
     if found.tendons.alarm:
         say("Warning", found.tendons.sentence)
+    if found.broken_path:
+        say("Warning", found.broken_path)
     content = plain(
         {
             **found.to_dict(),
             **provenance_of(
                 known,
                 measurements=measurements,
-                mapping=mapping,
+                mapping=mapping if data is None else data,
                 data=data,
                 part=part,
                 g_m_per_s2=gravity,
@@ -150,6 +182,8 @@ def fit(
                 loss=loss,
                 holdout=share,
                 folds=folds,
+                validate=validate,
+                start=begin,
             ),
         }
     )
@@ -166,8 +200,11 @@ def fit(
 
 
 def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str]:
+    from bowstring import calibration
+
     fit, data = found.fit, found.data
-    left = f", {data.left_out} left out" if data.left_out else ""
+    left = f", {data.without_tip} without a tip" if data.without_tip else ""
+    left += f", {data.left_out} left out" if data.left_out else ""
     kept = f", {counted(int(found.held_out.sum()), 'row')} held out" if found.held_out.any() else ""
     what = "statics" if fit.model == "rod" else "constant curvature"
     yield (
@@ -199,6 +236,9 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     rows = [(before, fit.score_before), ("after", fit.score)]
     if found.held_out_score is not None:
         rows.append(("rows held out", found.held_out_score))
+    if found.other is not None and found.other_score is not None:
+        of = f"{found.other.name} ({found.other.source})"
+        rows.append((of, found.other_score))
     if found.folds is not None:
         rows.append((f"{len(found.folds.folds)} folds", found.folds.score))
         rows += [(f"  {n}", s) for n, s in zip(found.folds.labels, found.folds.folds, strict=True)]
@@ -206,6 +246,13 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
         cells = [fixed(1e3 * v, 3) for v in (score.rmse, score.mean, score.largest)]
         scores.add_row(name, str(score.count), *cells)
     yield scores
+    if found.other is not None and found.other_score is not None:
+        own = found.other_score
+        yield (
+            f"{found.other.name} was not fitted, and nothing was aligned to it. Without the mean "
+            f"offset its RMSE is {fixed(1e3 * own.rmse_centred, 3)} mm, its mean "
+            f"{fixed(1e3 * own.mean_centred, 3)} mm."
+        )
     if found.unanswered:
         yield (
             f"To {counted(found.unanswered, 'row')} of the validation the calibrated model has no "
@@ -214,13 +261,26 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     said = ""
     if data.sigma is not None:
         said = f"; the table says {rounded(1e3 * float(np.median(data.sigma)), 3)} mm"
-    yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}."
+    yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}.{_of_others(fit)}"
     if found.far:
         named = [f"line {line} ({in_mm(away)})" for line, away in found.far[:5]]
         more = f" and {len(found.far) - 5} more" if len(found.far) > 5 else ""
         yield f"Far off, look at: {', '.join(named)}{more}."
     if folder is not None:
         yield f"Calibrated robot: {folder / 'robot.yaml'}"
+        if found.beside:
+            yield f"Base, tool and drive, for --start: {folder / calibration.BESIDE}"
+
+
+def _of_others(fit: Fit) -> str:
+    """What the scatter, a median, does not say where some rows err by far more than most."""
+    whole = fit.score.rmse / math.sqrt(3.0)
+    if whole < _FAR_MORE * fit.noise or whole < _EXACT:
+        return ""
+    return (
+        f" That is by their median; their root mean square is {fixed(1e3 * whole, 4)} mm: some "
+        "rows err by far more than most."
+    )
 
 
 def _digits(error: float, value: float) -> int:
