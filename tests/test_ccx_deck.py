@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def test_the_model_is_in_mm_newton_and_tonnes() -> None:
 def test_static_steps_ramp_and_motion_follows_its_course() -> None:
     robot = small_robot(gravity="0 0 -10 m/s^2")
     mesh = brick_mesh(robot, Fineness(2, 4, 1))
-    loading = LOADING.__class__((0.0, 0.0, -10.0), (0.0, 2.0, 0.0), 1000.0, 1e-4)
+    loading = replace(LOADING, gravity=(0.0, 0.0, -10.0), tip_force=(0.0, 2.0, 0.0))
     rest = ccx_deck.Step((40.0, 0.0, 5.0), first=0.25, longest=0.5)
     text = ccx_deck.steps(robot, mesh, loading, [rest])
     assert "*STATIC\n0.25,1,0.0001,0.5\n" in text
