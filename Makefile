@@ -31,7 +31,7 @@ test: build
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 bench: build .venv-peers/.tried ## our times beside those of other solvers
 	-cargo bench -p bowstring-core --locked

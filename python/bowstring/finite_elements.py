@@ -341,6 +341,11 @@ def ramp(
     BrickRun
         Its time begins with the first output after 0.
     """
+    if settings is not None and settings.grip != "bonded":
+        raise InputError(
+            f'grip "{settings.grip}" is for statics, in motion CalculiX cuts its steps without '
+            'end; take "bonded"'
+        )
     last = _tension_rows(robot, np.asarray(tensions, dtype=float)[None])[0]
     rise = arguments.number("rise", rise, "s")
     hold = arguments.number("hold", hold, "s", zero=True)

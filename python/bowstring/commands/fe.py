@@ -112,6 +112,8 @@ def fe(
             raise InputError(f"{flag} is of --dynamic; give that too.")
     if dynamic and loads is not None:
         raise InputError("--loads is of statics; with --dynamic the tensions rise by --rise.")
+    if dynamic and grip != "bonded":
+        raise InputError("--grip sliding is of statics; with --dynamic disks are bonded.")
     if dynamic and any(force):
         raise InputError("--tip-force is of statics; it cannot be given with --dynamic.")
     if study and (any(force) or gravity is not None or keep is not None):
