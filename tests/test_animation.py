@@ -98,7 +98,7 @@ def test_bad_input(tmp_path, data):
     with pytest.raises(InputError, match=r"the folder .*/no does not exist"):
         check_picture(tmp_path / "no" / "run.gif")
     (tmp_path / "dir.gif").mkdir()
-    with pytest.raises(InputError, match="it is not a file"):
+    with pytest.raises(InputError, match="it is a folder; name a file"):
         check_picture(tmp_path / "dir.gif")
     with pytest.raises(InputError, match="nothing that moves"):
         animate(ROBOT, data.isel(time=[0]), tmp_path / "run.gif")

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -15,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
-from bowstring.files import check_parent
+from bowstring.files import check_file, write_whole_file
 from bowstring.robot import Robot
 from bowstring.vtk import check_data, holes
 
@@ -52,18 +49,12 @@ def check_picture(path: str | Path) -> Path:
     InputError
         If its ending or folder is wrong, or ffmpeg is missing that makes an MP4.
     """
-    file = Path(path).resolve()
-    why = f"cannot write the animation to {file}"
-    ending = file.suffix.lower()
-    if ending not in (".gif", ".mp4"):
-        raise InputError(f"{why}: its name must end in .gif or .mp4")
-    check_parent(file, why)
-    if not os.access(file.parent, os.W_OK):
-        raise InputError(f"{why}: the folder {file.parent} may not be written")
-    if file.exists() and not file.is_file():
-        raise InputError(f"{why}: it is not a file; name a file")
-    if ending == ".mp4" and shutil.which("ffmpeg") is None:
-        raise InputError(f"{why}: ffmpeg makes MP4 and is not installed; install it or name a .gif")
+    file = check_file(Path(path), "animation", (".gif", ".mp4"))
+    if file.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
+        raise InputError(
+            f"cannot write the animation to {file}: ffmpeg makes MP4 and is not installed; install "
+            "it or name a .gif"
+        )
     return file
 
 
@@ -130,32 +121,23 @@ def animate(
         writer = PillowWriter(fps=_FPS)
     else:
         writer = FFMpegWriter(fps=_FPS, codec="libx264", extra_args=["-pix_fmt", "yuv420p"])
-    handle, name = tempfile.mkstemp(prefix=f".{file.stem}-", suffix=file.suffix, dir=file.parent)
-    os.close(handle)
-    try:
-        with figure_style():
-            scene = _Scene(robot, data, speed)
-            with writer.saving(scene.figure, name, dpi=_DPI):
-                for k, i in enumerate(nearest.tolist()):
-                    tell("animation", k / len(nearest))
-                    scene.show(i)
-                    writer.grab_frame()
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        os.replace(name, file)
-    except subprocess.CalledProcessError as error:
-        raise InputError(
-            f"cannot write the animation to {file}: ffmpeg failed (exit code {error.returncode}); "
-            "name a .gif"
-        ) from None
-    except OSError as error:
-        raise InputError(
-            f"cannot write the animation to {file}: {error.strerror or error}"
-        ) from None
-    finally:
-        with contextlib.suppress(OSError):
-            os.unlink(name)
+
+    def fill(new: Path) -> None:
+        try:
+            with figure_style():
+                scene = _Scene(robot, data, speed)
+                with writer.saving(scene.figure, str(new), dpi=_DPI):
+                    for k, i in enumerate(nearest.tolist()):
+                        tell("animation", k / len(nearest))
+                        scene.show(i)
+                        writer.grab_frame()
+        except subprocess.CalledProcessError as error:
+            raise InputError(
+                f"cannot write the animation to {file}: ffmpeg failed (exit code "
+                f"{error.returncode}); name a .gif"
+            ) from None
+
+    write_whole_file(file, "animation", fill)
     tell("animation", 1.0)
     return file
 

@@ -21,13 +21,13 @@ def check_parent(file: Path, why: str) -> None:
         raise InputError(f"{why}: the folder {file.parent} {what}")
 
 
-def check_file(file: Path, what: str, suffixes: Sequence[str]) -> Path:
+def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
     """Say before any work whether a file may be written.
 
     Parameters
     ----------
     file : Path
-    what : str
+    content : str
         Stands in the error.
     suffixes : sequence of str
         One of them must end its name, such as ``".png"``; upper case is the same.
@@ -43,15 +43,16 @@ def check_file(file: Path, what: str, suffixes: Sequence[str]) -> Path:
         If its name ends otherwise, it is a folder, or its folder does not exist or may not be
         written.
     """
-    why = f"cannot write the {what} to {file}"
+    why = f"cannot write the {content} to {file}"
     if file.suffix.lower() not in suffixes:
         *most, last = suffixes
         names = f"{', '.join(most)} or {last}" if most else last
         raise InputError(f"{why}: its name must end in {names}")
     found = file.resolve()
     check_parent(found, why)
-    if found.is_dir():
-        raise InputError(f"{why}: it is a folder")
+    if found.exists() and not found.is_file():
+        what = "a folder" if found.is_dir() else "a device or pipe"
+        raise InputError(f"{why}: it is {what}; name a file")
     if not os.access(found.parent, os.W_OK):
         raise InputError(f"{why}: the folder {found.parent} may not be written")
     return found
