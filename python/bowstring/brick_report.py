@@ -57,9 +57,9 @@ def write(
         brick_vtk.write_vtk(run, new / "vtk", progress=tell)
         with plots.figure_style():
             for stem, figure in brick_plots.draw(run, beside):
-                report._save(figure, new / stem)
+                report.save_figure(figure, new / stem)
         files = sorted(p.relative_to(new).as_posix() for p in new.rglob("*") if p.is_file())
-        report._write_json(new / "fe.json", {**content, "files": sorted([*files, "fe.json"])})
+        report.write_json(new / "fe.json", {**content, "files": sorted([*files, "fe.json"])})
 
     write_whole(folder, "finite elements", fill)
     return folder

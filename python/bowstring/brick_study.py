@@ -111,7 +111,7 @@ def solve(
 
     Returns
     -------
-    Solid
+    FiniteElements
         With what was reached, where CalculiX stopped early.
     """
     tell = progress or (lambda share: None)

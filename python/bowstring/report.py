@@ -176,10 +176,10 @@ def write_modes(
         with plots.figure_style():
             for i, (stem, figure) in enumerate(plots.draw_modes(modes)):
                 tell("pictures", i / len(modes))
-                _save(figure, new / stem)
+                save_figure(figure, new / stem)
                 figure.savefig(new / f"{stem}.svg", metadata={"Date": None, "Creator": "Bowstring"})
         files = sorted([*(p.name for p in new.iterdir()), "modes.json"])
-        _write_json(new / "modes.json", {**content, "files": files})
+        write_json(new / "modes.json", {**content, "files": files})
 
     write_whole(folder, "modes", fill)
     tell("done", 1.0)
@@ -234,13 +234,13 @@ def write_fit(
     def fill(new: Path) -> None:
         robot = to_yaml(found.robot, "\n".join(" ".join(line.split()) for line in lines))
         (new / "robot.yaml").write_text(robot, encoding="utf-8")
-        _write_json(new / BESIDE, calibration.beside_to_dict())
+        write_json(new / BESIDE, calibration.beside_to_dict())
         with plots.figure_style():
             for i, (stem, figure) in enumerate(plots.draw_fit(calibration)):
                 tell("figures", i / 2)
-                _save(figure, new / stem)
+                save_figure(figure, new / stem)
         files = sorted([*(p.name for p in new.iterdir()), "fit.json"])
-        _write_json(new / "fit.json", {**content, "files": files})
+        write_json(new / "fit.json", {**content, "files": files})
 
     write_whole(folder, "fit", fill)
     tell("done", 1.0)
@@ -261,7 +261,7 @@ def _fill(study: Study, folder: Path, tell: Progress) -> None:
     with plots.figure_style():
         for i, (stem, figure) in enumerate(plots.draw(study)):
             tell("figures", i / len(study.figures))
-            _save(figure, figures / stem)
+            save_figure(figure, figures / stem)
             drawn[stem] = plots.svg(stem, figure)
 
     tell("report", 0.95)
@@ -269,15 +269,17 @@ def _fill(study: Study, folder: Path, tell: Progress) -> None:
     (folder / "report.html").write_text(_html(study, content, drawn), encoding="utf-8")
     written = [p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()]
     content["files"] = sorted([*written, "study.json"])
-    _write_json(folder / "study.json", content)
+    write_json(folder / "study.json", content)
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save_figure(figure: Figure, path: Path) -> None:
+    """As PNG and PDF; `path` has no ending."""
     figure.savefig(f"{path}.png", dpi=_DPI)
     figure.savefig(f"{path}.pdf", metadata={"CreationDate": None, "Creator": "Bowstring"})
 
 
-def _write_json(path: Path, content: dict[str, Any]) -> None:
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Plain values, as people can read them; NaN is an error."""
     text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
     path.write_text(text + "\n", encoding="utf-8")
 
