@@ -56,8 +56,9 @@ def write(
         run.dataset.to_netcdf(new / "fe.nc")
         brick_vtk.write_vtk(run, new / "vtk", progress=tell)
         with plots.figure_style():
-            for stem, figure in brick_plots.draw(run, beside):
-                report.save_figure(figure, new / stem)
+            report.save_figures(
+                brick_plots.draw(run, beside), new, lambda share: tell("figures", share)
+            )
         files = sorted(p.relative_to(new).as_posix() for p in new.rglob("*") if p.is_file())
         report.write_json(new / "fe.json", {**content, "files": sorted([*files, "fe.json"])})
 

@@ -14,7 +14,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from bowstring import fit as fit_
 from bowstring import rod
@@ -325,7 +325,7 @@ def _clearly_better(plain: Fit, richer: Fit) -> bool:
     dof = 3 * int(richer.used.sum()) - len(richer.estimates)
     if dof <= 0 or after >= before:
         return False
-    return bool(stats.f.sf((before - after) / more / (after / dof), more, dof) < _CHANCE)
+    return bool(special.fdtrc(more, dof, (before - after) / more / (after / dof)) < _CHANCE)
 
 
 def _gravity(found: Fit) -> tuple[Array, Array]:

@@ -521,7 +521,7 @@ def _result(
     theory: str,
     tool_said: Bools,
 ) -> Fit:
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     items = work.items
     residuals = work.residuals(found.x)
@@ -551,7 +551,7 @@ def _result(
     confused = (*confused, *((items[i].name,) for i in np.flatnonzero(idle)))
     error[untold | idle] = np.inf
     values = found.x * work.step
-    half = float(student.ppf(0.975, free))
+    half = float(stdtrit(free, 0.975))
     limit = np.asarray(found.active_mask) != 0
     estimates = tuple(
         Estimate(
@@ -660,13 +660,13 @@ def _excess(
     errors: Floats, used: Bools, sigma: Floats | None, parameters: int
 ) -> tuple[float, float]:
     """Root of the reduced chi squared, and the chance of one as large from noise."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     free = 3 * int(used.sum()) - parameters
     if sigma is None or free < 1:
         return float("nan"), float("nan")
     square = float(((errors[used] / sigma[used, None]) ** 2).sum())
-    return float(np.sqrt(square / free)), float(chi2.sf(square, free))
+    return float(np.sqrt(square / free)), float(chdtrc(free, square))
 
 
 def _score_before(work: _Work) -> Score:

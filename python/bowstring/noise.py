@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from bowstring.words import in_mm, listed, significant
 
@@ -223,7 +223,7 @@ def autocorrelation(residual: Array, near: NDArray[np.bool_]) -> tuple[float, fl
     # independent axes, of different size
     deviation = math.sqrt(pairs * float(np.sum(squares**2))) / count
     correlation = products / pairs * count / float(squares.sum())
-    return min(max(correlation, -1.0), 1.0), float(stats.norm.sf(products / deviation))
+    return min(max(correlation, -1.0), 1.0), float(special.ndtr(-products / deviation))
 
 
 def noise_test(
@@ -283,7 +283,7 @@ def noise_test(
         spread = sigma[good]
         stated = float(np.sqrt(np.mean(spread**2)))
         chi_square = float(np.sum((e / spread[:, None]) ** 2))
-        size_chance = float(stats.chi2.sf(chi_square, dof))
+        size_chance = float(special.chdtrc(dof, chi_square))
 
     scatter, ratio, fit_chance = math.nan, math.nan, math.nan
     _, place, size = np.unique(cells, return_inverse=True, return_counts=True)
@@ -295,7 +295,7 @@ def noise_test(
         scatter = math.sqrt(within)
         if common > 0 and within > 0.0:
             ratio = float(size @ np.sum(means**2, axis=1)) / common / within
-            fit_chance = float(stats.f.sf(ratio, common, own))
+            fit_chance = float(special.fdtrc(common, own, ratio))
 
     correlation, order_chance = autocorrelation(e, runs[1:] == runs[:-1])
 

@@ -100,12 +100,7 @@ def draw(study: Study) -> Iterator[tuple[str, Figure]]:
         Draw and save within `figure_style`.
     """
     for shown in study.figures:
-        stem = shown.stem
-        figure = _DRAWINGS[stem](study)
-        if figure.get_layout_engine() is not None:
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")  # laid out once, not in each file format again
-        yield stem, figure
+        yield shown.stem, _DRAWINGS[shown.stem](study)
 
 
 def svg(stem: str, figure: Figure) -> str:

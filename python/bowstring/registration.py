@@ -25,7 +25,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg, optimize, stats
+from scipy import linalg, optimize, special
 from scipy.spatial.transform import Rotation
 
 from bowstring.arguments import floats, number, numbers, shown, vectors
@@ -135,7 +135,9 @@ class Registration:
     def chance(self) -> float:
         """Probability of such a `misfit` from noise alone; NaN if no sigma was given."""
         misfit = self.misfit
-        return math.nan if math.isnan(misfit) else float(stats.chi2.sf(misfit * self.dof, self.dof))
+        if math.isnan(misfit):
+            return math.nan
+        return float(special.chdtrc(self.dof, misfit * self.dof))
 
     @property
     def standard_error(self) -> Array:
@@ -152,7 +154,7 @@ class Registration:
             raise InputError(f"level is {level:g}, it must lie between 0 and 1")
         tail = 0.5 + 0.5 * level
         normal = self.sigma_given and not self.robust
-        width = stats.norm.ppf(tail) if normal else stats.t.ppf(tail, max(self.dof, 1))
+        width = special.ndtri(tail) if normal else special.stdtrit(max(self.dof, 1), tail)
         return np.asarray(width * self.standard_error)
 
     def point_covariance(self, point: ArrayLike) -> Array:
@@ -365,7 +367,7 @@ def _check_handed(
 
 def _doubtful(dof: int) -> float:
     """How many times the sum of squares of a mirror does not yet make it the better fit."""
-    return max(_CLEARLY, float(stats.f.isf(_CHANCE, dof, dof)))
+    return max(_CLEARLY, float(special.fdtri(dof, dof, 1.0 - _CHANCE)))
 
 
 def _handed_cause(measured: Array, base: Array, weight: Array) -> str:
@@ -524,7 +526,7 @@ def _search(
             starts, bound = _starts(measured, predicted, turns, weight, start)
             best = _refined(measured, predicted, turns, weight, starts[0])
             few = 3 * len(measured) - 15  # degrees of freedom of the affine map
-            limit = stats.f.isf(_CHANCE, few + 6, few) * (few + 6) / few if few > 0 else 0.0
+            limit = special.fdtri(few + 6, few, 1.0 - _CHANCE) * (few + 6) / few if few > 0 else 0.0
             for way in starts[1:]:
                 if best.left <= limit * bound:  # as good as noise lets it be
                     break

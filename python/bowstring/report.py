@@ -11,6 +11,7 @@ import csv
 import json
 import math
 import re
+import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -22,6 +23,7 @@ from bowstring.budget import BudgetRow
 from bowstring.comparison import COMPARISONS, MEANINGS, Case, Comparison
 from bowstring.errors import InputError
 from bowstring.files import write_whole
+from bowstring.processes import for_each
 from bowstring.robot import Robot
 from bowstring.study import Study
 from bowstring.words import number, signed
@@ -173,11 +175,14 @@ def write_modes(
     folder = check_folder(out, "modes")
 
     def fill(new: Path) -> None:
+        def save(drawing: tuple[str, Figure]) -> None:
+            stem, figure = drawing
+            save_figure(figure, new / stem)
+            figure.savefig(new / f"{stem}.svg", metadata={"Date": None, "Creator": "Bowstring"})
+
         with plots.figure_style():
-            for i, (stem, figure) in enumerate(plots.draw_modes(modes)):
-                tell("pictures", i / len(modes))
-                save_figure(figure, new / stem)
-                figure.savefig(new / f"{stem}.svg", metadata={"Date": None, "Creator": "Bowstring"})
+            made = list(plots.draw_modes(modes))
+            for_each(made, save, tell=lambda share: tell("pictures", share))
         files = sorted([*(p.name for p in new.iterdir()), "modes.json"])
         write_json(new / "modes.json", {**content, "files": files})
 
@@ -236,9 +241,7 @@ def write_fit(
         (new / "robot.yaml").write_text(robot, encoding="utf-8")
         write_json(new / BESIDE, calibration.beside_to_dict())
         with plots.figure_style():
-            for i, (stem, figure) in enumerate(plots.draw_fit(calibration)):
-                tell("figures", i / 2)
-                save_figure(figure, new / stem)
+            save_figures(plots.draw_fit(calibration), new, lambda share: tell("figures", share))
         files = sorted([*(p.name for p in new.iterdir()), "fit.json"])
         write_json(new / "fit.json", {**content, "files": files})
 
@@ -257,12 +260,16 @@ def _fill(study: Study, folder: Path, tell: Progress) -> None:
 
     figures = folder / "figures"
     figures.mkdir()
-    drawn: dict[str, str] = {}
-    with plots.figure_style():
-        for i, (stem, figure) in enumerate(plots.draw(study)):
-            tell("figures", i / len(study.figures))
+    with plots.figure_style(), tempfile.TemporaryDirectory() as passed_on:
+
+        def save(drawing: tuple[str, Figure]) -> None:
+            stem, figure = drawing
             save_figure(figure, figures / stem)
-            drawn[stem] = plots.svg(stem, figure)
+            Path(passed_on, stem).write_text(plots.svg(stem, figure), encoding="utf-8")
+
+        made = list(plots.draw(study))
+        for_each(made, save, tell=lambda share: tell("figures", share))
+        drawn = {stem: Path(passed_on, stem).read_text(encoding="utf-8") for stem, _ in made}
 
     tell("report", 0.95)
     content = study.to_dict()
@@ -272,8 +279,18 @@ def _fill(study: Study, folder: Path, tell: Progress) -> None:
     write_json(folder / "study.json", content)
 
 
+def save_figures(
+    drawings: Iterable[tuple[str, Figure]], folder: Path, tell: Callable[[float], None]
+) -> None:
+    """Each as PNG and PDF under its stem."""
+    for_each(list(drawings), lambda each: save_figure(each[1], folder / each[0]), tell=tell)
+
+
 def save_figure(figure: Figure, path: Path) -> None:
     """As PNG and PDF; `path` has no ending."""
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")  # laid out once, not in each file format again
     figure.savefig(f"{path}.png", dpi=_DPI)
     figure.savefig(f"{path}.pdf", metadata={"CreationDate": None, "Creator": "Bowstring"})
 
