@@ -1,8 +1,8 @@
 """The file of a run: NetCDF, written in chunks, whole at every moment.
 
-A run's file grows at its final place. It says ``status = "running"`` and ``complete_to_s`` until
-`RunFile.finish`; a process that is killed leaves a file that opens with any NetCDF reader and holds
-the run up to that time.
+A run's file comes to its final place with the first output times and grows there. It says
+``status = "running"`` and ``complete_to_s`` until `RunFile.finish`; a process that is killed leaves
+a file that opens with any NetCDF reader and holds the run up to that time.
 
 The format is classic NetCDF with 64-bit offsets, written here byte by byte. All variables of one
 output time lie side by side, so a chunk is one write at the end of the file; then one write in the
@@ -85,6 +85,8 @@ def check_file(path: str | Path) -> Path:
                     f"{why}: it is not a run of Bowstring, and nothing of yours is replaced; "
                     "name another file"
                 )
+        if not os.access(file.parent, os.W_OK):
+            raise InputError(f"{why}: the folder {file.parent} may not be written")
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None
     return file
@@ -110,6 +112,7 @@ class RunFile:
         self._settings = dict(settings)
         self._attributes = fields.attributes(robot, settings)
         self._file: BinaryIO | None = None
+        self._placed = False
         self._records = 0
         self._closed = False
 
@@ -122,7 +125,7 @@ class RunFile:
         Parameters
         ----------
         path : str or Path
-            A former run there is replaced.
+            A former run there is replaced by the first output times, or at the end.
         robot : Robot
         settings : mapping
             As for `bowstring.fields.to_dataset`; kept in the file.
@@ -140,19 +143,17 @@ class RunFile:
             If the file cannot be written, see `check_file`, or the drive has no room.
         """
         run = cls(check_file(path), robot, settings)
-        header = _Header(run._attributes, {}, ())
+        why = f"cannot write the run to {run.path}"
         try:
             free = shutil.disk_usage(run.path.parent).free
-            need = 8 * 45 * points  # some 45 numbers a station and time
-            if need > free:
-                raise InputError(
-                    f"cannot write the run to {run.path}: it needs about {need / 1e9:.2g} GB and "
-                    f"the drive has {free / 1e9:.2g} GB free"
-                )
-            run._replace(header.bytes("running", ""))
-            run._open()
         except OSError as error:
-            raise InputError(f"cannot write the run to {run.path}: {_why(error)}") from None
+            raise InputError(f"{why}: {_why(error)}") from None
+        need = 8 * 45 * points  # some 45 numbers a station and time
+        if need > free:
+            raise InputError(
+                f"{why}: it needs about {need / 1e9:.2g} GB and the drive has {free / 1e9:.2g} GB "
+                "free"
+            )
         return run
 
     def append(self, frames: Frames) -> None:
@@ -269,10 +270,8 @@ class RunFile:
             umask = os.umask(0)
             os.umask(umask)
             os.chmod(name, 0o666 & ~umask)
-            if self._file is not None:
-                self._file.close()
-                self._file = None
             os.replace(name, self.path)
+            self._placed = True
         except BaseException:
             with contextlib.suppress(OSError):
                 os.unlink(name)
@@ -292,6 +291,9 @@ class RunFile:
 
     def _end(self, status: str, reason: str) -> None:
         """Write the status where the file has it, whatever an interrupt left undone, and close."""
+        if not self._placed:
+            self._replace(_Header(self._attributes, {}, ()).bytes(status, reason))
+            return
         with contextlib.closing(self._open()) as file:
             file.seek(0)
             page = file.read(_PAGE)
