@@ -40,6 +40,17 @@ def test_an_error_comes_up_here(cores: int, bad: int) -> None:
     assert not multiprocessing.active_children()
 
 
+def _in_a_pool(folder: Path) -> int:
+    processes._cores = lambda: 2  # type: ignore[assignment]
+    processes.for_each(range(3), lambda i: (folder / str(i)).touch())
+    return len(list(folder.iterdir()))
+
+
+def test_a_worker_of_a_pool_does_all_itself(tmp_path: Path) -> None:
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        assert pool.apply(_in_a_pool, (tmp_path,)) == 3
+
+
 def test_what_a_lost_process_left_is_done_here(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

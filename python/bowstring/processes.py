@@ -39,7 +39,9 @@ def for_each(
     tell : callable, optional
         Is told the share that is done, from 0 to 1.
     """
-    count = min(_cores(), _MOST, max(len(items), 1)) if sys.platform == "linux" else 1
+    # a process of a pool may start none itself
+    may_fork = sys.platform == "linux" and not multiprocessing.current_process().daemon
+    count = min(_cores(), _MOST, max(len(items), 1)) if may_fork else 1
     own, *shares = (items[k::count] for k in range(count))
     began = time.monotonic()
     helpers = [_start(share, do) for share in shares]
