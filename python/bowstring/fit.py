@@ -6,6 +6,7 @@ parameter and what they do not. Inside all is SI; K is the number of rows, P tha
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
@@ -121,7 +122,8 @@ class Fit:
         model lacks nothing. NaN where none are stated.
     autocorrelation : float
         Of the residuals of neighbouring rows in a group; above 0.3, and by more than chance, they
-        are not noise and the intervals are too narrow. NaN with too few rows.
+        are not noise, and intervals and correlations allow for rows that err alike. NaN with too
+        few rows.
     converged : bool
     message : str
     evaluations : int
@@ -480,12 +482,24 @@ def _pull(residuals: Floats, loss: str, turn: float) -> tuple[Floats, Floats]:
     return np.where(inside, residuals, turn * np.sign(residuals)), inside.astype(float)
 
 
-def _covariance(residuals: Floats, rows: Floats, told: Floats, loss: str, turn: float) -> Any:
-    """Covariance (P, P) of the estimates, and degrees of freedom of the axis that has least.
+def _covariance(
+    residuals: Floats,
+    rows: Floats,
+    told: Floats,
+    loss: str,
+    turn: float,
+    run: NDArray[np.int64],
+    reach: int,
+) -> tuple[Floats, float]:
+    """Covariance (P, P) of the estimates, and half an interval of 95 % over the standard error.
 
     Noise may differ from axis to axis. `rows` (3 n, P) is the derivative, `told` (R, P) are the
-    directions that the data tell.
+    directions that the data tell. With a `reach`, rows of one `run` (n,) less than so many apart
+    may err alike (Newey and West, Econometrica 55, 1987; the interval by Kiefer and Vogelsang,
+    Econometric Theory 21, 2005).
     """
+    from scipy.special import stdtrit
+
     force, slope = _pull(residuals, loss, turn)
     by = (rows @ told.T).reshape(-1, 3, len(told))
     count, parameters = len(by), len(told)
@@ -496,9 +510,27 @@ def _covariance(residuals: Floats, rows: Floats, told: Floats, loss: str, turn: 
     free = np.maximum(count - taken, 1.0)
     spread = (force.reshape(-1, 3) ** 2).sum(axis=0) / free
     correction = 1 + parameters / len(slope) * float(slope.var()) / float(slope.mean()) ** 2
-    half = told.T @ inverse
-    covariance = correction**2 * half @ np.tensordot(spread, square, 1) @ half.T
-    return covariance, float(free.min())
+    if reach:
+        of_row = np.einsum("kap,ka->kp", by, force.reshape(-1, 3))
+        scatter = of_row.T @ of_row
+        for apart in range(1, reach):
+            one_run = run[apart:] == run[:-apart]
+            both = of_row[apart:][one_run].T @ of_row[:-apart][one_run]
+            scatter += (1 - apart / reach) * (both + both.T)
+        scatter *= count / float(free.min())
+        half = float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], reach / count))
+    else:
+        scatter = np.tensordot(spread, square, 1)
+        half = float(stdtrit(free.min(), 0.975))
+    back = told.T @ inverse
+    return correction**2 * back @ scatter @ back.T, half
+
+
+def _reach(correlation: float, count: int) -> int:
+    """Rows over which neighbours that correlate so are summed (Andrews, Econometrica 59, 1991)."""
+    square = min(correlation, 0.97) ** 2
+    alpha = 4.0 * square / (1.0 - square) ** 2
+    return min(math.ceil(1.1447 * math.pow(alpha * count, 1.0 / 3.0)), count // 2)
 
 
 def _linear(work: _Work, residuals: Floats, jacobian: Floats, loss: str, turn: float) -> Linear:
@@ -521,8 +553,6 @@ def _result(
     theory: str,
     tool_said: Bools,
 ) -> Fit:
-    from scipy.special import stdtrit
-
     items = work.items
     residuals = work.residuals(found.x)
     jacobian = work.jacobian(found.x)
@@ -536,7 +566,12 @@ def _result(
         tuple(items[i].name for i in np.flatnonzero(np.abs(row) >= _MEMBER * np.abs(row).max()))
         for row in direction[~told]
     )
-    covariance, free = _covariance(residuals, jacobian / size, direction[told], loss, turn)
+    errors = at.point - work.measured
+    alike, run = _alike(errors, work.used, group)
+    reach = _reach(alike[0], len(run)) if _is_alike(alike) else 0
+    covariance, half = _covariance(
+        residuals, jacobian / size, direction[told], loss, turn, run, reach
+    )
     covariance = covariance / np.outer(size, size)
     error = np.sqrt(np.diag(covariance))
     untold = (np.abs(direction[~told]) >= 1e-3).any(axis=0) if (~told).any() else error < 0
@@ -551,7 +586,6 @@ def _result(
     confused = (*confused, *((items[i].name,) for i in np.flatnonzero(idle)))
     error[untold | idle] = np.inf
     values = found.x * work.step
-    half = float(stdtrit(free, 0.975))
     limit = np.asarray(found.active_mask) != 0
     estimates = tuple(
         Estimate(
@@ -567,10 +601,8 @@ def _result(
             items, values.tolist(), (error * work.step).tolist(), limit, strict=True
         )
     )
-    errors = at.point - work.measured
     unsolved = int((~at.solved & work.used).sum())
     converged = found.status > 0 and not unsolved
-    alike = _alike(errors, work.used, group)
     excess, excess_chance = _excess(errors, work.used, work.sigma, len(items))
     return Fit(
         model=work.model.model,
@@ -636,24 +668,38 @@ def _message(
     if cut:
         said.append(f"Cut at what it may be: the interval of {words.listed(cut)}.")
     signs = []
-    if alike[0] > _ALIKE and alike[1] < CHANCE:
+    if _is_alike(alike):
         signs.append(f"neighbours correlate by {alike[0]:.2f}")
     if excess[0] > _EXCESS and excess[1] < CHANCE:
         signs.append(f"they are {words.significant(excess[0], 2)} times the stated uncertainty")
     if signs:
         said.append(
-            f"The residuals are not noise ({words.listed(signs)}): "
-            "something is missing in the model, and the intervals are too narrow."
+            f"The residuals are not noise ({words.listed(signs)}): something is missing in the "
+            "model. The intervals "
+            + ("allow for neighbours that err alike, but " if _is_alike(alike) else "")
+            + "do not know how far that moves the parameters."
         )
     return " ".join(said)
 
 
-def _alike(errors: Floats, used: Bools, group: NDArray[Any]) -> tuple[float, float]:
-    """Autocorrelation of neighbouring rows of a group, and the chance of it from noise."""
+def _alike(
+    errors: Floats, used: Bools, group: NDArray[Any]
+) -> tuple[tuple[float, float], NDArray[np.int64]]:
+    """Autocorrelation of neighbouring rows of a group, and the chance of it from noise.
+
+    Also the run (n,) of each row that is used: neighbours of a group are of one run.
+    """
     at = np.flatnonzero(used)
+    near = (np.diff(at) == 1) & (group[at[1:]] == group[at[:-1]])
+    run = np.concatenate([[0], np.cumsum(~near)])
     if np.abs(errors[at]).max() < _EXACT:
-        return float("nan"), float("nan")
-    return autocorrelation(errors[at], (np.diff(at) == 1) & (group[at[1:]] == group[at[:-1]]))
+        return (math.nan, math.nan), run
+    return autocorrelation(errors[at], near), run
+
+
+def _is_alike(alike: tuple[float, float]) -> bool:
+    """Whether neighbours err more alike than noise does."""
+    return alike[0] > _ALIKE and alike[1] < CHANCE
 
 
 def _excess(

@@ -138,7 +138,7 @@ class NoiseTest:
             out = (
                 f"The residuals are not noise: {said}. Something acts on the robot or on the "
                 "measurement that the calibrated model does not have, and the intervals of its "
-                "parameters are too narrow."
+                "parameters do not know how far that moves them."
             )
         if self.far:
             rows = "One row is" if self.far == 1 else f"{self.far} rows are"
