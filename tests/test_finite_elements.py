@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import stat
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pytest
 
-from bowstring import ccx, ccx_deck, finite_elements, rod
-from bowstring.brick_comparison import beside_rod
-from bowstring.brick_mesh import Fineness
+from bowstring import finite_elements, rod
+from bowstring.bricks import ccx, deck, steps
+from bowstring.bricks.comparison import beside_rod
+from bowstring.bricks.mesh import Fineness
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.finite_elements import BrickRun, RunInterrupted, Settings, ramp, sweep
+from bowstring.robotfile import to_yaml
 from bricks import COARSE, needs_ccx, small_robot, two_segments
 
 LOADS = [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [40.0, 0.0, 10.0]]
@@ -142,9 +149,9 @@ def test_motion_is_near_the_rods() -> None:
 
 
 def test_outputs_fit_rise_and_hold(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[list[ccx_deck.Step], np.ndarray]] = []
+    asked: list[tuple[list[deck.Step], np.ndarray]] = []
     monkeypatch.setattr(
-        finite_elements, "_run", lambda robot, steps, time, *_: asked.append((steps, time))
+        "bowstring.bricks.run._run", lambda robot, steps, time, *_: asked.append((steps, time))
     )
     ramp(small_robot(), [40.0, 0.0, 8.0], rise=0.11, hold=0.03, every=0.05, dt=0.01)
     ((steps, time),) = asked
@@ -179,15 +186,15 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
 
     whole = run()
     shutil.rmtree(finite_elements.cache_folder())
-    save = finite_elements.ccx_steps._save
+    save = steps._save
 
     def stop(kept: Path, number: int, *rest: object) -> None:
         save(kept, number, *rest)
         if number == 2 and not list(kept.glob("step_0003*")):
-            monkeypatch.setattr(finite_elements.ccx_steps, "_save", save)
+            monkeypatch.setattr(steps, "_save", save)
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(finite_elements.ccx_steps, "_save", stop)
+    monkeypatch.setattr(steps, "_save", stop)
     with pytest.raises(RunInterrupted) as stopped:
         run()
     assert 2 <= len(stopped.value.run.states) < 4
@@ -284,6 +291,55 @@ def test_without_calculix_it_says_how_to_install_it(
     monkeypatch.setenv("PATH", str(own_cache))
     with pytest.raises(InputError, match="apt-get install calculix-ccx"):
         sweep(small_robot(), LOADS, settings=COARSE)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a POSIX shell watches")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL], ids=["TERM", "KILL"])
+def test_calculix_ends_with_the_process_that_started_it(
+    number: signal.Signals, own_cache: Path
+) -> None:
+    """Whatever ends it, nothing is left: neither the program at work nor its temporary folder."""
+    script = f"echo $$ > '{own_cache}/pid.new'; mv '{own_cache}/pid.new' '{own_cache}/pid'\n"
+    path = f"{fake(own_cache, script + 'exec sleep 100')}{os.pathsep}{os.environ['PATH']}"
+    robot = own_cache / "small.yaml"
+    robot.write_text(to_yaml(small_robot()))
+    child = subprocess.Popen(
+        [sys.executable, "-m", "bowstring", "fe", robot, "--tension", "20,0,0", "--mesh", "2,4,1"],
+        env={**os.environ, "PATH": path, "TMPDIR": str(own_cache)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        wait_for((own_cache / "pid").exists)
+        program = int((own_cache / "pid").read_text())
+        assert runs(program)
+        assert list(own_cache.glob("bowstring-fe-*"))
+        child.send_signal(number)
+        _, said = child.communicate(timeout=30)
+    finally:
+        child.kill()
+    wait_for(lambda: not runs(program))
+    wait_for(lambda: not list(own_cache.glob("bowstring-fe-*")))
+    if number == signal.SIGTERM:
+        assert child.returncode == 130
+        assert "the same command goes on from there" in said
+
+
+def runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    state = Path(f"/proc/{process}/stat")  # a dead one may wait for its new parent to look
+    return not (state.exists() and state.read_text().rpartition(")")[2].split()[0] == "Z")
+
+
+def wait_for(condition: Callable[[], object], seconds: float = 30.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it has not come about"
+        time.sleep(0.02)
 
 
 def test_an_old_calculix_is_refused(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:

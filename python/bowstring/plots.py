@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import brick_plots
 from bowstring.actuation import COMMANDED, DriveBudget
+from bowstring.bricks import plots as brick_plots
 from bowstring.colours import COLOURS
 from bowstring.comparison import Case, known_max
 from bowstring.errors import InputError

@@ -56,7 +56,7 @@ from bowstring.words import in_mm, in_percent, round_down, significant
 
 if TYPE_CHECKING:
     from bowstring.against_data import AgainstData
-    from bowstring.brick_study import FiniteElements
+    from bowstring.bricks.study import FiniteElements
     from bowstring.mapping import Mapping
     from bowstring.measurements import Measurements
 
@@ -511,7 +511,7 @@ def run(
         check_cad()
         sizes_of(robot)
     if fe:
-        from bowstring import brick_study as third
+        from bowstring.bricks import study as third
 
         third.check(robot)
     data = None

@@ -39,9 +39,9 @@ from bowstring.errors import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from bowstring.brick_comparison import BesideRod
-    from bowstring.brick_convergence import Convergence
-    from bowstring.finite_elements import BrickRun, Settings
+    from bowstring.bricks.comparison import BesideRod
+    from bowstring.bricks.convergence import Convergence
+    from bowstring.bricks.run import BrickRun, Settings
 
 _STEPS = 8  # of a sweep, if none are asked for
 
@@ -119,11 +119,12 @@ def fe(
     if study and (any(force) or gravity is not None or keep is not None):
         raise InputError("--study is for tensions alone; leave out the other loads and --keep.")
 
-    from bowstring import brick_report, finite_elements
+    from bowstring.bricks import report
+    from bowstring.bricks import run as finite_elements
 
     settings = of_flag("--mesh", _settings, (mesh, stiffness, grip))
     if out is not None:
-        out = of_flag("--out", brick_report.check_folder, out)
+        out = of_flag("--out", report.check_folder, out)
     if keep is not None:
         of_flag("--keep", _check_empty, keep)
     rows = _rows(last, loads)
@@ -137,9 +138,9 @@ def fe(
     with progress_bar() as tell:
         try:
             if study:
-                from bowstring import brick_convergence
+                from bowstring.bricks import convergence
 
-                limit = brick_convergence.study(
+                limit = convergence.study(
                     model,
                     last if dynamic else rows,
                     settings=settings,
@@ -170,14 +171,14 @@ def fe(
         except finite_elements.RunInterrupted as stopped:
             run, interrupted = stopped.run, True
 
-    from bowstring.brick_comparison import beside_rod
+    from bowstring.bricks.comparison import beside_rod
 
     beside = beside_rod(run)
-    content = plain({**_content(run, beside, limit), **_provenance(run, settings)})
+    content = plain({**_content(run, beside, limit), **provenance_of(run.robot, **run.settings)})
     folder = None
     if out is not None and run.states and not interrupted:
         with progress_bar() as tell:
-            folder = brick_report.write(run, beside, content, out, progress=tell)
+            folder = report.write(run, beside, content, out, progress=tell)
     if interrupted:
         raise Stopped(f"{run.message}; the same command goes on from there.")
     if as_json:
@@ -188,8 +189,8 @@ def fe(
 
 
 def _settings(given: tuple[str, float, Literal["bonded", "sliding"]]) -> Settings:
-    from bowstring.brick_mesh import Fineness
-    from bowstring.finite_elements import Settings
+    from bowstring.bricks.mesh import Fineness
+    from bowstring.bricks.run import Settings
 
     mesh, stiffness, grip = given
     try:
@@ -220,12 +221,8 @@ def _rows(last: Any, loads: str | None) -> Any:
     return np.outer(values / top, last)
 
 
-def _provenance(run: BrickRun, settings: Settings) -> dict[str, Any]:
-    return provenance_of(run.robot, **run.settings, stiffness_of_disks=settings.stiffness)
-
-
 def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> dict[str, Any]:
-    from bowstring.brick_report import rows
+    from bowstring.bricks.report import rows
 
     content: dict[str, Any] = {
         "status": run.status,

@@ -7,7 +7,6 @@ CalculiX after the last. All files of a run lie in one temporary folder, which g
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 import tempfile
 import time as clock
@@ -20,10 +19,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import ccx, ccx_deck, ccx_output
-from bowstring.brick_fields import State
-from bowstring.brick_mesh import BrickMesh
+from bowstring.bricks import ccx, deck, output
+from bowstring.bricks.fields import State
+from bowstring.bricks.mesh import BrickMesh
 from bowstring.errors import InputError
+from bowstring.files import write_whole_file
 from bowstring.robot import Robot
 
 __all__ = ["Ended", "Job", "work"]
@@ -40,8 +40,8 @@ class Job(NamedTuple):
 
     robot: Robot
     mesh: BrickMesh
-    loading: ccx_deck.Loading
-    steps: tuple[ccx_deck.Step, ...]
+    loading: deck.Loading
+    steps: tuple[deck.Step, ...]
 
 
 @dataclass
@@ -87,7 +87,7 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
     try:
         with _folder(keep) as folder:
             run = _Run(job, folder, kept, ended, tell)
-            end = run.go(program)
+            end = run.go(program, fleeting=keep is None)
         ended.status, ended.why = end
     except KeyboardInterrupt:
         ended.status, ended.why = "interrupted", "it was interrupted"
@@ -125,18 +125,18 @@ class _Run:
         self.read = 0  # bytes of tables that are kept
         self.free = np.flatnonzero(~job.mesh.stiff)
 
-    def go(self, program: Path) -> ccx.End:
+    def go(self, program: Path, *, fleeting: bool) -> ccx.End:
         job, first = self.job, self.first
         if first:
             shutil.copyfile(_restart(self.kept, first), self.folder / f"{_JOB}.rin")
-            head = ccx_deck.resume(first)
+            head = deck.resume(first)
         else:
-            head = ccx_deck.model(job.robot, job.mesh, job.loading, job.steps)
-        deck = head + ccx_deck.steps(job.robot, job.mesh, job.loading, job.steps[first:])
-        (self.folder / f"{_JOB}.inp").write_text(deck, "ascii")
+            head = deck.model(job.robot, job.mesh, job.loading, job.steps)
+        text = head + deck.steps(job.robot, job.mesh, job.loading, job.steps[first:])
+        (self.folder / f"{_JOB}.inp").write_text(text, "ascii")
         self.look()
         try:
-            return ccx.run(program, self.folder, _JOB, self.look)
+            return ccx.run(program, self.folder, _JOB, self.look, fleeting=fleeting)
         finally:
             with contextlib.suppress(OSError):  # what ended it is the one to tell
                 self._take()
@@ -144,7 +144,7 @@ class _Run:
 
     def look(self) -> None:
         """Tell how far it is; keep what is done."""
-        done = ccx_output.read_increments(self.folder / f"{_JOB}.sta")
+        done = output.read_increments(self.folder / f"{_JOB}.sta")
         self.ended.iterations = sum(i.iterations for i in done)
         step = done[-1].step - 1 if done else self.first
         if step > len(self.ended.states):  # the tables of the one before are whole
@@ -158,8 +158,8 @@ class _Run:
 
     def _take(self) -> None:
         """Keep the steps whose tables are whole."""
-        tables = ccx_output.read_dat(self.folder / f"{_JOB}.dat", self.read)
-        groups: dict[float, list[ccx_output.Table]] = {}
+        tables = output.read_dat(self.folder / f"{_JOB}.dat", self.read)
+        groups: dict[float, list[output.Table]] = {}
         for table in tables:
             groups.setdefault(table.time, []).append(table)
         for group in groups.values():
@@ -172,7 +172,7 @@ class _Run:
             self.read = group[-1].end
             _save(self.kept, done + 1, state, self.folder / f"{_JOB}.rout")
 
-    def _state(self, group: dict[tuple[str, str], Floats], step: ccx_deck.Step) -> State | None:
+    def _state(self, group: dict[tuple[str, str], Floats], step: deck.Step) -> State | None:
         """None if a table lacks rows."""
         mesh = self.job.mesh
         nodes, bricks = len(mesh.nodes), 8 * len(self.free)
@@ -187,24 +187,22 @@ class _Run:
                 return None
             order = np.lexsort((rows[:, 1], rows[:, 0]))
             found[kind] = rows[order, 2:].reshape(-1, 8, 6)
-        spans = ccx_deck.spans(mesh).first
+        spans = deck.spans(mesh).first
         if len(displacement) != nodes or len(force) != len(spans):
             return None
         if not step.is_static and len(velocity) != nodes:
             return None
         place = {int(node) - 1: row for row, node in enumerate(force[:, 0])}
         return State(
-            displacement=displacement[np.argsort(displacement[:, 0]), 1:] / ccx_deck.MM,
-            velocity=None
-            if step.is_static
-            else velocity[np.argsort(velocity[:, 0]), 1:] / ccx_deck.MM,
+            displacement=displacement[np.argsort(displacement[:, 0]), 1:] / deck.MM,
+            velocity=None if step.is_static else velocity[np.argsort(velocity[:, 0]), 1:] / deck.MM,
             stress=found["stresses"] * _PA,
             strain=found["strains"],
             span_force=np.array([force[place[int(node)], 1:] for node in spans]),
         )
 
 
-def _where(steps: tuple[ccx_deck.Step, ...], step: int, share: float) -> str:
+def _where(steps: tuple[deck.Step, ...], step: int, share: float) -> str:
     """How far it is, for people."""
     now = steps[step]
     if now.is_static:
@@ -247,20 +245,21 @@ def _load(kept: Path, job: Job) -> list[State]:
 
 def _save(kept: Path, number: int, state: State, restart: Path) -> None:
     """Whole or not at all, restart first."""
+    what, advice = "kept results", "; make room there, or name another place by XDG_CACHE_HOME"
+
+    def copy(new: Path) -> None:
+        shutil.copyfile(restart, new)
+
     try:
         kept.mkdir(parents=True, exist_ok=True)
         arrays = {name: value for name, value in vars(state).items() if value is not None}
         if restart.exists():
-            new = _restart(kept, number)
-            shutil.copyfile(restart, new.with_suffix(".new"))
-            os.replace(new.with_suffix(".new"), new)
-        part = _file(kept, number).with_suffix(".new")
-        with part.open("wb") as stream:
-            np.savez_compressed(stream, **arrays)
-        os.replace(part, _file(kept, number))
+            write_whole_file(_restart(kept, number), what, copy)
+        write_whole_file(_file(kept, number), what, lambda new: np.savez_compressed(new, **arrays))
         _restart(kept, number - 1).unlink(missing_ok=True)  # not before: one of them must be there
     except OSError as error:
         raise InputError(
-            f"results cannot be kept in {kept}: {error.strerror}; make room there, or name "
-            "another place by XDG_CACHE_HOME"
+            f"cannot write the kept results to {kept}: {error.strerror}{advice}"
         ) from None
+    except InputError as error:
+        raise InputError(f"{error}{advice}") from None

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.brick_comparison import BesideRod, beside_rod
-from bowstring.finite_elements import BrickRun, check, sweep
+from bowstring.bricks.comparison import BesideRod, beside_rod
+from bowstring.bricks.run import BrickRun, check, sweep
 from bowstring.robot import Robot
 from bowstring.words import in_mm
 

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.brick_mesh import BrickMesh
+from bowstring.bricks.mesh import BrickMesh
 from bowstring.robot import Robot
 
 __all__ = ["MM", "Loading", "Spans", "Step", "model", "resume", "spans", "steps"]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from bowstring.finite_elements import DEFAULT_DT, BrickRun, Settings, ramp, sweep
+from bowstring.bricks.run import DEFAULT_DT, BrickRun, Settings, ramp, sweep
 from bowstring.robot import Robot
 
 __all__ = ["Convergence", "Refinement", "extrapolated", "study"]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring import dynamics, rod
-from bowstring.brick_fields import SectionStress
-from bowstring.finite_elements import BrickRun
+from bowstring.bricks.fields import SectionStress
+from bowstring.bricks.run import BrickRun
 
 __all__ = ["BesideRod", "beside_rod"]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring import rod
-from bowstring.brick_comparison import BesideRod
-from bowstring.brick_fields import VOIGT
+from bowstring.bricks.comparison import BesideRod
+from bowstring.bricks.fields import VOIGT
+from bowstring.bricks.run import BrickRun
 from bowstring.colours import COLOURS
-from bowstring.finite_elements import BrickRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from bowstring import brick_plots, brick_vtk, plots, report
-from bowstring.brick_comparison import BesideRod
+from bowstring import plots, report
+from bowstring.bricks import plots as pictures
+from bowstring.bricks.comparison import BesideRod
+from bowstring.bricks.run import BrickRun
+from bowstring.bricks.vtk import write_vtk
 from bowstring.files import write_whole
-from bowstring.finite_elements import BrickRun
 
 __all__ = ["check_folder", "write"]
 
@@ -54,9 +56,9 @@ def write(
 
     def fill(new: Path) -> None:
         run.dataset.to_netcdf(new / "fe.nc")
-        brick_vtk.write_vtk(run, new / "vtk", progress=tell)
+        write_vtk(run, new / "vtk", progress=tell)
         with plots.figure_style():
-            for stem, figure in brick_plots.draw(run, beside):
+            for stem, figure in pictures.draw(run, beside):
                 report.save_figure(figure, new / stem)
         files = sorted(p.relative_to(new).as_posix() for p in new.rglob("*") if p.is_file())
         report.write_json(new / "fe.json", {**content, "files": sorted([*files, "fe.json"])})
