@@ -46,7 +46,9 @@ __all__ = ["BrickRun", "RunInterrupted", "Settings", "cache_folder", "check", "r
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-_FORMAT: Final = 1  # of what is kept, and of the deck; a change makes old results void
+# of what is kept, and of the deck; a change makes old results void
+_FORMAT: Final = 1
+_MOTION_FORMAT: Final = 2
 _TURN: Final = 0.12  # rad that the tip may turn in an increment of statics, by the linear law
 _NONE: Final = (0.0, 0.0, 0.0)
 DEFAULT_DT: Final = 0.005  # s
@@ -315,6 +317,7 @@ def ramp(
     *,
     dt: float = DEFAULT_DT,
     every: float = DEFAULT_EVERY,
+    mass_damping: float = 0.0,
     gravity: Sequence[float] | None = None,
     settings: Settings | None = None,
     keep: Path | None = None,
@@ -322,7 +325,7 @@ def ramp(
 ) -> BrickRun:
     """Motion by finite elements: tensions rise from none, straight over time, and stay.
 
-    There is no damping but that of the time integration (HHT, alpha -0.05).
+    The time integration (HHT, alpha -0.05) damps next to nothing of its own.
 
     Parameters
     ----------
@@ -335,6 +338,8 @@ def ramp(
         Longest time step, in s.
     every : float
         Longest time between two outputs, in s; rise and hold have whole numbers of them.
+    mass_damping : float
+        Against the velocity of all mass, in 1/s, as of `bowstring.simulate`.
     gravity, settings, keep, progress
         As of `sweep`. Under gravity the motion starts at rest in equilibrium.
 
@@ -343,16 +348,12 @@ def ramp(
     BrickRun
         Its time begins with the first output after 0.
     """
-    if settings is not None and settings.grip != "bonded":
-        raise InputError(
-            f'grip "{settings.grip}" is for statics, in motion CalculiX cuts its steps without '
-            'end; take "bonded"'
-        )
     last = _tension_rows(robot, np.asarray(tensions, dtype=float)[None])[0]
     rise = arguments.number("rise", rise, "s")
     hold = arguments.number("hold", hold, "s", zero=True)
     dt = arguments.number("dt", dt, "s")
     every = arguments.number("every", every, "s")
+    damping = arguments.number("mass_damping", mass_damping, "1/s", zero=True)
     lengths, shares = [], []
     for length, ends in ((rise, (0.0, 1.0)), (hold, (1.0, 1.0))):
         count = math.ceil(length / every - 1e-9)
@@ -364,6 +365,8 @@ def ramp(
     ]
     time = np.cumsum(np.array(lengths, dtype=np.float64))
     asked = {"rise_s": rise, "hold_s": hold, "dt_s": dt, "every_s": every}
+    if damping:  # else as what was kept before there was any
+        asked["mass_damping_per_s"] = damping
     return _run(robot, steps, time, asked, _NONE, gravity, settings, keep, progress)
 
 
@@ -415,6 +418,7 @@ def _run(
         settings.stiffness,
         settings.grip == "bonded",
         settings.residual,
+        asked.get("mass_damping_per_s", 0.0),
     )
     motion = asked["rise_s"] is not None
     mesh = brick_mesh(robot, settings.fineness, mass_arms=motion)
@@ -479,7 +483,7 @@ def cache_folder() -> Path:
 def _key(robot: Robot, given: dict[str, Any], todo: Sequence[deck.Step]) -> str:
     """Hash of all that decides the numbers."""
     content = {
-        "format": _FORMAT,
+        "format": _FORMAT if given["rise_s"] is None else _MOTION_FORMAT,
         "robot": robot.hash,
         "given": {name: value for name, value in given.items() if name != "tensions_N"},
         "steps": [list(step) for step in todo],

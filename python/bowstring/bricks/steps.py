@@ -11,6 +11,7 @@ import shutil
 import tempfile
 import time as clock
 import zipfile
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -124,6 +125,8 @@ class _Run:
         self.first = ended.cached
         self.read = 0  # bytes of tables that are kept
         self.free = np.flatnonzero(~job.mesh.stiff)
+        # in CalculiX's total time
+        self.ends = np.cumsum([step.span for step in job.steps]).tolist()
 
     def go(self, program: Path, *, fleeting: bool) -> ccx.End:
         job, first = self.job, self.first
@@ -132,7 +135,8 @@ class _Run:
             head = deck.resume(first)
         else:
             head = deck.model(job.robot, job.mesh, job.loading, job.steps)
-        text = head + deck.steps(job.robot, job.mesh, job.loading, job.steps[first:])
+        start = self.ends[first - 1] if first else 0.0
+        text = head + deck.steps(job.robot, job.mesh, job.loading, job.steps[first:], start)
         (self.folder / f"{_JOB}.inp").write_text(text, "ascii")
         self.look()
         try:
@@ -146,15 +150,20 @@ class _Run:
         """Tell how far it is; keep what is done."""
         done = output.read_increments(self.folder / f"{_JOB}.sta")
         self.ended.iterations = sum(i.iterations for i in done)
-        step = done[-1].step - 1 if done else self.first
+        now = done[-1].total_time if done else 0.0
+        step, share = self._place(now) if done else (self.first, 0.0)
         if step > len(self.ended.states):  # the tables of the one before are whole
             self._take()
         steps = self.job.steps
-        share = 0.0
-        if done:
-            share = min(1.0, done[-1].step_time / (steps[step].duration or 1.0))
         self.ended.share = share if step == len(self.ended.states) else 0.0
         self.tell(_where(steps, step, share), (step + share) / len(steps))
+
+    def _place(self, now: float) -> tuple[int, float]:
+        """Step that CalculiX is in at a total time, the earlier one at its end, and how far."""
+        ends = self.ends
+        step = min(bisect_left(ends, now - 1e-6 * self.job.steps[-1].span), len(ends) - 1)
+        span = self.job.steps[step].span
+        return step, min(1.0, 1.0 - (ends[step] - now) / span)
 
     def _take(self) -> None:
         """Keep the steps whose tables are whole."""
@@ -170,7 +179,9 @@ class _Run:
                 return
             self.ended.states.append(state)
             self.read = group[-1].end
-            _save(self.kept, done + 1, state, self.folder / f"{_JOB}.rout")
+            # a motion is one step of CalculiX, which goes on after whole ones alone
+            whole = self.job.steps[done].is_static
+            _save(self.kept, done + 1, state, self.folder / f"{_JOB}.rout" if whole else None)
 
     def _state(self, group: dict[tuple[str, str], Floats], step: deck.Step) -> State | None:
         """None if a table lacks rows."""
@@ -243,20 +254,24 @@ def _load(kept: Path, job: Job) -> list[State]:
     return states
 
 
-def _save(kept: Path, number: int, state: State, restart: Path) -> None:
-    """Whole or not at all, restart first."""
-    what, advice = "kept results", "; make room there, or name another place by XDG_CACHE_HOME"
-
+def _copier(source: Path) -> Callable[[Path], None]:
     def copy(new: Path) -> None:
-        shutil.copyfile(restart, new)
+        shutil.copyfile(source, new)
 
+    return copy
+
+
+def _save(kept: Path, number: int, state: State, restart: Path | None) -> None:
+    """Whole or not at all, restart first; without it a run goes on from an earlier one."""
+    what, advice = "kept results", "; make room there, or name another place by XDG_CACHE_HOME"
     try:
         kept.mkdir(parents=True, exist_ok=True)
         arrays = {name: value for name, value in vars(state).items() if value is not None}
-        if restart.exists():
-            write_whole_file(_restart(kept, number), what, copy)
+        if restart is not None and restart.exists():
+            write_whole_file(_restart(kept, number), what, _copier(restart))
         write_whole_file(_file(kept, number), what, lambda new: np.savez_compressed(new, **arrays))
-        _restart(kept, number - 1).unlink(missing_ok=True)  # not before: one of them must be there
+        if restart is not None:  # not before: one of them must be there
+            _restart(kept, number - 1).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(
             f"cannot write the kept results to {kept}: {error.strerror}{advice}"

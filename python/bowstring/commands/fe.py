@@ -67,6 +67,12 @@ def fe(
     hold: Annotated[
         str | None, typer.Option(metavar="s", help="With --dynamic: time after it.  [default: 0]")
     ] = None,
+    mass_damping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="1/s", help="With --dynamic: force on all mass by velocity.  [default: 0]"
+        ),
+    ] = None,
     mesh: Annotated[
         str,
         typer.Option(
@@ -107,13 +113,11 @@ def fe(
         raise InputError("--tension: got no tension at all; give one above 0.")
     force = vector("--tip-force", tip_force, "N")
     weight = list(model.gravity) if gravity is None else vector("--gravity", gravity, "m/s^2")
-    for flag, given in (("--rise", rise), ("--hold", hold)):
+    for flag, given in (("--rise", rise), ("--hold", hold), ("--mass-damping", mass_damping)):
         if given is not None and not dynamic:
             raise InputError(f"{flag} is of --dynamic; give that too.")
     if dynamic and loads is not None:
         raise InputError("--loads is of statics; with --dynamic the tensions rise by --rise.")
-    if dynamic and grip != "bonded":
-        raise InputError("--grip sliding is of statics; with --dynamic disks are bonded.")
     if dynamic and any(force):
         raise InputError("--tip-force is of statics; it cannot be given with --dynamic.")
     if study and (any(force) or gravity is not None or keep is not None):
@@ -132,6 +136,7 @@ def fe(
         positive("--rise", rise or "1", "s"),
         not_negative("--hold", hold or "0", "s"),
     )
+    damping = not_negative("--mass-damping", mass_damping or "0", "1/s")
     limit: Convergence | None = None
     run: BrickRun
     interrupted = False
@@ -144,7 +149,7 @@ def fe(
                     model,
                     last if dynamic else rows,
                     settings=settings,
-                    motion=seconds if dynamic else None,
+                    motion=(*seconds, damping) if dynamic else None,
                     progress=tell,
                 )
                 run = limit.run
@@ -153,6 +158,7 @@ def fe(
                     model,
                     last,
                     *seconds,
+                    mass_damping=damping,
                     gravity=weight,
                     settings=settings,
                     keep=keep,
