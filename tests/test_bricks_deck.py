@@ -61,5 +61,31 @@ def test_static_steps_ramp_and_motion_follows_its_course() -> None:
     assert "U,V" in moving
 
 
+def test_a_motion_is_one_step_printed_on_the_way() -> None:
+    """At the start of a step CalculiX finds accelerations anew, and those of arms wrong."""
+    mesh = brick_mesh(small_robot(), Fineness(2, 4, 1))
+    todo = [
+        deck.Step((0.0, 0.0, 0.0), first=0.1),
+        deck.Step((20.0, 0.0, 0.0), 0.5, 0.1, 0.1),
+        deck.Step((40.0, 0.0, 0.0), 0.25, 0.2, 0.2),
+    ]
+    text = deck.steps(small_robot(), mesh, LOADING, todo)
+    assert text.count("*STEP") == 2 and text.count("*STATIC") == 1
+    moving = text[text.rindex("*STEP") :]
+    assert "*DYNAMIC\n0.05,0.75,5e-05,0.05\n" in moving
+    assert "*NODE PRINT, NSET=BODY, TIME POINTS=OUTPUTS\nU,V\n" in moving
+    assert "FREQUENCY" not in moving
+    assert deck.steps(small_robot(), mesh, LOADING, todo[1:]) == moving
+    model = deck.model(small_robot(), mesh, LOADING, todo)
+    assert "*TIME POINTS, NAME=OUTPUTS, TIME=TOTAL TIME\n1.5\n1.75\n" in model
+
+
+def test_damping_is_of_the_whole_model() -> None:
+    mesh = brick_mesh(small_robot(), Fineness(2, 4, 1))
+    text = deck.model(small_robot(), mesh, replace(LOADING, damping=1.5), [])
+    assert text.index("*MATERIAL") < text.index("*DAMPING, ALPHA=1.5\n") < text.index("*BOUNDARY")
+    assert "*DAMPING" not in deck.model(small_robot(), mesh, LOADING, [])
+
+
 def test_a_stopped_run_goes_on_after_its_last_step() -> None:
     assert deck.resume(7).startswith("*RESTART, READ, STEP=7\n")

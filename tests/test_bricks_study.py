@@ -51,6 +51,36 @@ def test_constant_curvature_finite_elements_and_rod(
     assert "vs finite elements" in out
 
 
+@needs_ccx
+def test_finite_elements_stand_beside_measurements(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of it out of one command: constant curvature, finite elements, rod, data."""
+    monkeypatch.chdir(tmp_path)
+    Path("small.yaml").write_text(ROBOT)
+    shell.json("bench", "simulate", "small.yaml", "--masses", "0:1:8", "--out", "bench.csv")
+    arguments = ("--fe", "--points", "5", "--max-tension", "60", "--measurements", "bench.csv")
+    found = shell.json("study", "small.yaml", *arguments, "--out", "out")
+    part = found["finite_elements"]
+    point = np.array(part["measured_point_mm"], dtype=float)
+    data = np.isfinite(point).all(axis=1)
+    assert 10 <= data.sum() < len(data)  # 7 and 8 kg pull with more than 60 N
+    means = part["mean_from_measurement_mm"]
+    assert set(means) == {
+        "finite elements",
+        "the rod as in the file",
+        "constant curvature from force",
+        "constant curvature from lengths",
+    }
+    # coarse in load, stiffer by the disks' grip; no friction in it as in the rod
+    assert means["finite elements"] == pytest.approx(means["the rod as in the file"], abs=0.15)
+    assert any("rows of the synthetic table" in s for s in part["text"])
+    html = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "statics, dynamics and finite elements." in html
+    captions = {Path(f["png"]).stem: f["caption"] for f in found["figures"]}
+    assert "Plus signs: 3-D finite elements" in captions["fig10_overlay"]
+
+
 def test_it_is_refused_before_any_work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="clamped_length is 0"):
         study.run(load_robot("amouri2019"), fe=True)

@@ -139,22 +139,18 @@ def resume(done: int) -> str:
     return f"*RESTART, READ, STEP={done}\n*RESTART, WRITE, FREQUENCY=1\n"
 
 
-def steps(
-    robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step], start: float = 0.0
-) -> str:
+def steps(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step]) -> str:
     """The steps, each of which changes the tensions straight from those of the one before.
 
     Those in motion are one of CalculiX's, printed on the way: it finds the accelerations at the
-    start of each step anew, and of stiff arms with next to no mass finds them wrong. `start` is
-    CalculiX's total time before them.
+    start of each step anew, and of stiff arms with next to no mass finds them wrong.
     """
     lines: list[str] = []
     rest = list(todo)
     while rest and rest[0].is_static:
-        lines += _step(robot, mesh, loading, rest[:1], start)
-        start += rest.pop(0).span
+        lines += _step(robot, mesh, loading, [rest.pop(0)], then_motion=not todo[-1].is_static)
     if rest:
-        lines += _step(robot, mesh, loading, rest, start)
+        lines += _step(robot, mesh, loading, rest)
     return "\n".join(lines) + "\n"
 
 
@@ -280,7 +276,7 @@ def _materials(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str]
 
 
 def _courses(todo: Sequence[Step]) -> Iterator[str]:
-    """Tensions over CalculiX's total time: in a step of motion a load would jump, not rise."""
+    """Tensions over CalculiX's total time, as in motion a load would jump, not rise; outputs."""
     if all(step.is_static for step in todo):
         return
     ends = np.cumsum([0.0] + [step.span for step in todo])
@@ -289,21 +285,27 @@ def _courses(todo: Sequence[Step]) -> Iterator[str]:
         yield f"*AMPLITUDE, NAME=COURSE{t + 1}, TIME=TOTAL TIME"
         for end, value in zip(ends.tolist(), values, strict=True):
             yield f"{end:.12g},{value:.10g}"
+    yield "*TIME POINTS, NAME=OUTPUTS, TIME=TOTAL TIME"
+    for end, step in zip(ends[1:].tolist(), todo, strict=True):
+        if not step.is_static:
+            yield f"{end:.12g}"
 
 
 # -- steps -------------------------------------------------------------------------------------
 
 
 def _step(
-    robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step], start: float
+    robot: Robot,
+    mesh: BrickMesh,
+    loading: Loading,
+    todo: Sequence[Step],
+    *,
+    then_motion: bool = False,
 ) -> Iterator[str]:
     step, period = todo[0], sum(one.span for one in todo)
     every = "FREQUENCY=1000000"  # the last increment of a step alone
     if len(todo) > 1:
         every = "TIME POINTS=OUTPUTS"
-        yield "*TIME POINTS, NAME=OUTPUTS, TIME=TOTAL TIME"
-        for end in start + np.cumsum([one.span for one in todo]):
-            yield f"{end:.12g}"
     yield "*STEP, NLGEOM, INC=1000000"
     yield f"*CONTROLS, PARAMETERS=FIELD\n{loading.residual:.3g},1.,,,,,,"
     first, longest = step.first * step.span, step.longest * step.span
@@ -320,7 +322,8 @@ def _step(
     yield f"*NODE PRINT, NSET=SPANS, {every}\nRF"
     for name, _, which in _parts(mesh):
         if name.startswith("FREE") and len(which):
-            yield f"*EL PRINT, ELSET={name}, {every}\nS,E"
+            # motion has energies, and a step at rest before it must have had them too
+            yield f"*EL PRINT, ELSET={name}, {every}\n" + ("S,E,ENER" if then_motion else "S,E")
     yield "*END STEP"
 
 

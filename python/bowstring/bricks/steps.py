@@ -135,8 +135,7 @@ class _Run:
             head = deck.resume(first)
         else:
             head = deck.model(job.robot, job.mesh, job.loading, job.steps)
-        start = self.ends[first - 1] if first else 0.0
-        text = head + deck.steps(job.robot, job.mesh, job.loading, job.steps[first:], start)
+        text = head + deck.steps(job.robot, job.mesh, job.loading, job.steps[first:])
         (self.folder / f"{_JOB}.inp").write_text(text, "ascii")
         self.look()
         try:

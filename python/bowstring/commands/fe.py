@@ -186,7 +186,8 @@ def fe(
         with progress_bar() as tell:
             folder = report.write(run, beside, content, out, progress=tell)
     if interrupted:
-        raise Stopped(f"{run.message}; the same command goes on from there.")
+        again = "begins anew" if run.is_motion else "goes on from there"
+        raise Stopped(f"{run.message}; the same command {again}.")
     if as_json:
         write_json({**content, "folder": folder})
     elif run.states:
