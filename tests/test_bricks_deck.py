@@ -62,7 +62,7 @@ def test_static_steps_ramp_and_motion_follows_its_course() -> None:
 
 
 def test_a_motion_is_one_step_printed_on_the_way() -> None:
-    """At the start of a step CalculiX finds accelerations anew, and those of arms wrong."""
+    """At the start of each step CalculiX would find the accelerations anew, with a jolt."""
     mesh = brick_mesh(small_robot(), Fineness(2, 4, 1))
     todo = [
         deck.Step((0.0, 0.0, 0.0), first=0.1),

@@ -143,7 +143,7 @@ def steps(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step])
     """The steps, each of which changes the tensions straight from those of the one before.
 
     Those in motion are one of CalculiX's, printed on the way: it finds the accelerations at the
-    start of each step anew, and of stiff arms with next to no mass finds them wrong.
+    start of each step anew, which jolts a motion, and one with disks that slide beyond use.
     """
     lines: list[str] = []
     rest = list(todo)
