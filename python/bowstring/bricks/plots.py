@@ -177,7 +177,7 @@ def field(run: BrickRun) -> Figure:
     faces = paint(axes)
     axes.set_xlabel("towards the tip in mm")
     axes.set_ylabel("z in mm")
-    axes.set_title(f"Axial stress at {_last(run)}")
+    axes.set_title(f"Axial stress at {_last(run)}, finite elements (simulated)")
     figure.colorbar(faces, ax=axes, label="MPa, positive in tension", shrink=0.8)
     paint(close)
     middle = 1e3 * np.array([tip @ towards, tip @ up])
@@ -188,7 +188,7 @@ def field(run: BrickRun) -> Figure:
     reach = 2e3 * max(s.backbone.diameter for s in run.robot.segments)
     close.set_xlim(middle[0] - reach, middle[0] + reach)
     close.set_ylim(middle[1] - 1.5 * reach, middle[1] + 1.5 * reach)
-    close.set_title("Finite elements (simulated), at a disk")
+    close.set_title("At a disk")
     close.set_xlabel("mm")
     return figure
 
