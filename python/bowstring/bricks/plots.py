@@ -177,7 +177,7 @@ def field(run: BrickRun) -> Figure:
     faces = paint(axes)
     axes.set_xlabel("towards the tip in mm")
     axes.set_ylabel("z in mm")
-    axes.set_title(f"Axial stress at {_last(run)}, finite elements (simulated)")
+    axes.set_title(f"Axial stress at {_last(run)},\nfinite elements (simulated)")
     figure.colorbar(faces, ax=axes, label="MPa, positive in tension", shrink=0.8)
     paint(close)
     middle = 1e3 * np.array([tip @ towards, tip @ up])

@@ -49,7 +49,7 @@ def write(
     -------
     Path
         The folder, absolute: fe.json, fe.nc (the rod's fields, from bricks), vtk/run.pvd (all
-        bricks), tip.png and stress.png, both also as PDF.
+        bricks), tip.png, stress.png and field.png, all also as PDF.
     """
     tell = progress or (lambda what, share: None)
     folder = check_folder(out)
