@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bowstring.brick_mesh import Fineness
+from bowstring.bricks.mesh import Fineness
 from bowstring.finite_elements import Settings
 from bowstring.robot import Robot, load_robot
 

@@ -104,10 +104,14 @@ def test_without_calculix_it_says_how_to_install_it(
         (("--rise", "1"), "--rise is of --dynamic"),
         (("--dynamic", "--loads", "0:1:2"), "--loads is of statics"),
         (("--dynamic", "--tip-force", "1,0,0"), "--tip-force is of statics"),
-        (("--dynamic", "--grip", "sliding"), "--grip sliding is of statics"),
+        (("--mass-damping", "1"), "--mass-damping is of --dynamic"),
         (("--study", "--tip-force", "1,0,0"), "--study is for tensions alone"),
         (("--loads", "0:-1:-2"), "--loads: got -2 N; must be 0 or more"),
         (("--set", "segments.0.disks.clamped_length=0"), "clamped_length is 0"),
+        (
+            ("--set", "segments.0.disks.clamped_length=0"),
+            'for a glued disk add --set segments.0.disks.clamped_length="3 mm"',
+        ),
         (("--set", "segments.0.tendons.friction=0.1"), "rub at their holes"),
     ],
 )

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import brick_plots
 from bowstring.actuation import COMMANDED, DriveBudget
+from bowstring.bricks import plots as brick_plots
 from bowstring.colours import COLOURS
 from bowstring.comparison import Case, known_max
 from bowstring.errors import InputError
@@ -316,15 +316,17 @@ def _tip_against_force(study: Study) -> Figure:
             marker="x",
             markersize=6,
         )
+    cross: dict[str, Any] = {"linestyle": "none", "marker": "+", "markersize": 8}
+    cross["color"] = _LIGHT["ink"]
     if study.bricks is not None:
-        cross: dict[str, Any] = {"linestyle": "none", "marker": "+", "markersize": 8}
-        tip.plot(s.tension, study.bricks.tip_position * 1e3, color=_LIGHT["ink"], **cross)
-        tip.plot([], [], color=_LIGHT["ink"], label="finite elements", **cross)
+        tip.plot(s.tension, study.bricks.tip_position * 1e3, **cross)
+        tip.plot([], [], label="finite elements", **cross)
     tip.plot([], [], color=_LIGHT["ink"], linestyle="none", marker="x", label="CC from force")
     tip.set(ylabel="tip coordinate (mm)")
-    _legend_above(tip, 4 if study.bricks is None else 5)
+    _legend_above(tip, 4 if study.bricks is None else 3)
     how = "lines: dynamics, markers: statics" if motion else "statics"
-    tip.set_title(f"simulated; {how}", fontsize=8.5, loc="right", pad=22)
+    pad = 22 if study.bricks is None else 36  # above one row of the legend, or two
+    tip.set_title(f"simulated; {how}", fontsize=8.5, loc="right", pad=pad)
 
     straight = s.tip_position[0] if s.converged[0] else np.array([0.0, 0.0, study.length])
     away = np.linalg.norm(s.tip_position - straight, axis=-1) * 1e3
@@ -336,6 +338,12 @@ def _tip_against_force(study: Study) -> Figure:
     von_mises, normal = ("blue", "o", "-"), ("red", "x", "--")
     draw_on(stress, "von Mises", von_mises, at.von_mises / 1e6, run.von_mises / 1e6)
     draw_on(stress, "along the backbone", normal, at.normal_stress / 1e6, run.normal_stress / 1e6)
+    if study.bricks is not None:
+        bent = np.linalg.norm(study.bricks.tip_position - straight, axis=-1)
+        moved.plot(s.tension, bent * 1e3, **{**cross, "color": _LIGHT["green"]})
+        largest = study.bricks.beside.middle.max(axis=1, initial=0.0) / 1e6
+        name = "finite elements, mid-module"
+        stress.plot(s.tension[: len(largest)], largest, label=name, **cross)
     stress.set(ylabel="largest stress\n(MPa)")
     stress.legend(loc="upper left")
     draw_on(strain, "", ("purple", "d", "-"), at.strain * 100, run.strain * 100)
@@ -567,7 +575,7 @@ def _errors(study: Study) -> Figure:
             title += f"; tolerance {limit:.3g} mm is above"
         axes.set(ylabel="CC minus statics (mm)")
         axes.set_title(title)
-        axes.legend(loc="best", ncols=2)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     panels[-1].set(xlabel=_force_label(study))
     return figure
 
@@ -840,6 +848,17 @@ def _measured_tip(study: Study) -> Figure:
                     markerfacecolor=_LIGHT["ink"] if up else "none",
                     label=what if loads.single else found.data.source,
                 )
+        bricks = None if study.bricks is None else study.bricks.measured_point
+        if bricks is not None and loads.single and np.isfinite(bricks).any():
+            axes.plot(
+                loads.axis,
+                bricks[:, k] * 1e3,
+                linestyle="none",
+                marker="+",
+                markersize=8,
+                color=_LIGHT["muted"],
+                label="finite elements",
+            )
         axes.set(ylabel=f"tip {'xyz'[k]} (mm)")
         _room(axes, found.point[:, k] * 1e3)
     _title_and_legend(panels[0], f"{_label(found)}\n{_frame_said(found)}")

@@ -56,7 +56,7 @@ from bowstring.words import in_mm, in_percent, round_down, significant
 
 if TYPE_CHECKING:
     from bowstring.against_data import AgainstData
-    from bowstring.brick_study import FiniteElements
+    from bowstring.bricks.study import FiniteElements
     from bowstring.mapping import Mapping
     from bowstring.measurements import Measurements
 
@@ -189,6 +189,13 @@ FE_FIGURES: Final = (
     ),
 )
 """Those that a study has besides when finite elements have solved its sweep."""
+
+_BRICKS_IN: Final = {
+    "fig05_tip_against_force": " Plus signs: 3-D finite elements, at rest; their stress is the "
+    "largest along the backbone in the middle of a module.",
+    "fig10_overlay": " Plus signs: 3-D finite elements at the same loads.",
+    "fig11_errors": " Plus signs: its Euclidean difference from 3-D finite elements.",
+}
 
 DATA_FIGURES: Final = (
     Figure(
@@ -339,6 +346,8 @@ class Study:
     def figures(self) -> tuple[Figure, ...]:
         """Those of `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES` and `DATA_FIGURES` that it has."""
         found = [f for f in FIGURES if self.dynamics or f.stem != "fig05_over_time"]
+        if self.bricks is not None:
+            found = [replace(f, caption=f.caption + _BRICKS_IN.get(f.stem, "")) for f in found]
         found = [*(SOLID_FIGURES if self.solid else ()), *found]
         if self.bricks is not None and len(self.bricks.run.states) > 1:
             found += FE_FIGURES
@@ -511,7 +520,7 @@ def run(
         check_cad()
         sizes_of(robot)
     if fe:
-        from bowstring import brick_study as third
+        from bowstring.bricks import study as third
 
         third.check(robot)
     data = None
@@ -568,6 +577,8 @@ def run(
         by_bricks = model.compare(
             statics.tension, bricks.tip_position, bricks.tendon_lengths, tuple(COMPARISONS), "fe"
         )
+        if data is not None:
+            bricks = third.at_data(bricks, statics.tension, settings.tendon, data)
     whole("done", 1.0)
     return Study(
         robot=robot,
@@ -584,7 +595,7 @@ def run(
         ),
         budget=budget,
         verdict=verdict,
-        claim=_claim(robot, settings, comparisons, in_time),
+        claim=_claim(robot, settings, comparisons, in_time, by_bricks),
         notes=_notes(robot, settings, statics, comparisons, in_time, data),
         data=data,
         solid=solid,
@@ -774,6 +785,7 @@ def _claim(
     settings: Settings,
     comparisons: dict[str, Comparison],
     in_time: dict[str, Comparison],
+    by_bricks: dict[str, Comparison],
 ) -> PublishedClaim | None:
     """The study's printed mean, for its own robot and load range only."""
     if robot.name != "amouri2019" or settings.max_tension != 80.0:
@@ -783,6 +795,8 @@ def _claim(
     moving = ""
     if in_time and in_time["cc_from_force"].n == ours.n:
         moving = f"; against dynamics it is {in_mm(in_time['cc_from_force'].mean)}"
+    if by_bricks and by_bricks["cc_from_force"].n == ours.n:
+        moving += f"; against our finite elements {in_mm(by_bricks['cc_from_force'].mean)}"
     text = (
         "Amouri 2019 prints, for constant curvature against its finite-element run, a mean error "
         "smaller than 4.95 mm (0.77 % of length), and speaks of errors along each axis. This is "

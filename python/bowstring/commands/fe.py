@@ -39,9 +39,9 @@ from bowstring.errors import InputError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from bowstring.brick_comparison import BesideRod
-    from bowstring.brick_convergence import Convergence
-    from bowstring.finite_elements import BrickRun, Settings
+    from bowstring.bricks.comparison import BesideRod
+    from bowstring.bricks.convergence import Convergence
+    from bowstring.bricks.run import BrickRun, Settings
 
 _STEPS = 8  # of a sweep, if none are asked for
 
@@ -66,6 +66,12 @@ def fe(
     ] = None,
     hold: Annotated[
         str | None, typer.Option(metavar="s", help="With --dynamic: time after it.  [default: 0]")
+    ] = None,
+    mass_damping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="1/s", help="With --dynamic: force on all mass by velocity.  [default: 0]"
+        ),
     ] = None,
     mesh: Annotated[
         str,
@@ -107,23 +113,22 @@ def fe(
         raise InputError("--tension: got no tension at all; give one above 0.")
     force = vector("--tip-force", tip_force, "N")
     weight = list(model.gravity) if gravity is None else vector("--gravity", gravity, "m/s^2")
-    for flag, given in (("--rise", rise), ("--hold", hold)):
+    for flag, given in (("--rise", rise), ("--hold", hold), ("--mass-damping", mass_damping)):
         if given is not None and not dynamic:
             raise InputError(f"{flag} is of --dynamic; give that too.")
     if dynamic and loads is not None:
         raise InputError("--loads is of statics; with --dynamic the tensions rise by --rise.")
-    if dynamic and grip != "bonded":
-        raise InputError("--grip sliding is of statics; with --dynamic disks are bonded.")
     if dynamic and any(force):
         raise InputError("--tip-force is of statics; it cannot be given with --dynamic.")
     if study and (any(force) or gravity is not None or keep is not None):
         raise InputError("--study is for tensions alone; leave out the other loads and --keep.")
 
-    from bowstring import brick_report, finite_elements
+    from bowstring.bricks import report
+    from bowstring.bricks import run as finite_elements
 
     settings = of_flag("--mesh", _settings, (mesh, stiffness, grip))
     if out is not None:
-        out = of_flag("--out", brick_report.check_folder, out)
+        out = of_flag("--out", report.check_folder, out)
     if keep is not None:
         of_flag("--keep", _check_empty, keep)
     rows = _rows(last, loads)
@@ -131,19 +136,20 @@ def fe(
         positive("--rise", rise or "1", "s"),
         not_negative("--hold", hold or "0", "s"),
     )
+    damping = not_negative("--mass-damping", mass_damping or "0", "1/s")
     limit: Convergence | None = None
     run: BrickRun
     interrupted = False
     with progress_bar() as tell:
         try:
             if study:
-                from bowstring import brick_convergence
+                from bowstring.bricks import convergence
 
-                limit = brick_convergence.study(
+                limit = convergence.study(
                     model,
                     last if dynamic else rows,
                     settings=settings,
-                    motion=seconds if dynamic else None,
+                    motion=(*seconds, damping) if dynamic else None,
                     progress=tell,
                 )
                 run = limit.run
@@ -152,6 +158,7 @@ def fe(
                     model,
                     last,
                     *seconds,
+                    mass_damping=damping,
                     gravity=weight,
                     settings=settings,
                     keep=keep,
@@ -170,16 +177,17 @@ def fe(
         except finite_elements.RunInterrupted as stopped:
             run, interrupted = stopped.run, True
 
-    from bowstring.brick_comparison import beside_rod
+    from bowstring.bricks.comparison import beside_rod
 
     beside = beside_rod(run)
-    content = plain({**_content(run, beside, limit), **_provenance(run, settings)})
+    content = plain({**_content(run, beside, limit), **provenance_of(run.robot, **run.settings)})
     folder = None
     if out is not None and run.states and not interrupted:
         with progress_bar() as tell:
-            folder = brick_report.write(run, beside, content, out, progress=tell)
+            folder = report.write(run, beside, content, out, progress=tell)
     if interrupted:
-        raise Stopped(f"{run.message}; the same command goes on from there.")
+        again = "begins anew" if run.is_motion else "goes on from there"
+        raise Stopped(f"{run.message}; the same command {again}.")
     if as_json:
         write_json({**content, "folder": folder})
     elif run.states:
@@ -188,8 +196,8 @@ def fe(
 
 
 def _settings(given: tuple[str, float, Literal["bonded", "sliding"]]) -> Settings:
-    from bowstring.brick_mesh import Fineness
-    from bowstring.finite_elements import Settings
+    from bowstring.bricks.mesh import Fineness
+    from bowstring.bricks.run import Settings
 
     mesh, stiffness, grip = given
     try:
@@ -220,12 +228,8 @@ def _rows(last: Any, loads: str | None) -> Any:
     return np.outer(values / top, last)
 
 
-def _provenance(run: BrickRun, settings: Settings) -> dict[str, Any]:
-    return provenance_of(run.robot, **run.settings, stiffness_of_disks=settings.stiffness)
-
-
 def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> dict[str, Any]:
-    from bowstring.brick_report import rows
+    from bowstring.bricks.report import rows
 
     content: dict[str, Any] = {
         "status": run.status,

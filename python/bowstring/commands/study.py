@@ -18,7 +18,7 @@ from bowstring.commands.options import (
     of_flag,
     share_of,
 )
-from bowstring.commands.output import progress_bar, write_json, write_rich
+from bowstring.commands.output import Stopped, progress_bar, write_json, write_rich
 from bowstring.errors import InputError
 from bowstring.units import quote
 
@@ -93,28 +93,34 @@ def study(
 
     from bowstring import report
     from bowstring import study as study_
+    from bowstring.bricks.run import RunInterrupted
 
     folder = of_flag(
         "--out", report.check_folder, report.default_folder(model) if out is None else out
     )
-    with progress_bar() as tell:
-        found = study_.run(
-            model,
-            tolerance=share,
-            max_tension=limit,
-            points=points,
-            theory=theory,
-            rise=seconds,
-            modal_damping=damping,
-            measurements=measurements,
-            mapping=mapping,
-            solid=solid,
-            fe=fe,
-            progress=lambda what, done: tell(what, 0.5 * done),
-        )
-        folder = report.write(
-            found, folder, progress=lambda what, done: tell(what, 0.5 + 0.5 * done)
-        )
+    try:
+        with progress_bar() as tell:
+            found = study_.run(
+                model,
+                tolerance=share,
+                max_tension=limit,
+                points=points,
+                theory=theory,
+                rise=seconds,
+                modal_damping=damping,
+                measurements=measurements,
+                mapping=mapping,
+                solid=solid,
+                fe=fe,
+                progress=lambda what, done: tell(what, 0.5 * done),
+            )
+            folder = report.write(
+                found, folder, progress=lambda what, done: tell(what, 0.5 + 0.5 * done)
+            )
+    except RunInterrupted as stopped:
+        raise Stopped(
+            f"finite elements {stopped.run.message}; the same command goes on from there."
+        ) from None
     if as_json:
         return write_json({**found.to_dict(), "folder": folder})
     write_rich(lambda console: report.print_study(found, console, folder))

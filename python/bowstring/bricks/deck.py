@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.brick_mesh import BrickMesh
+from bowstring.bricks.mesh import BrickMesh
 from bowstring.robot import Robot
 
 __all__ = ["MM", "Loading", "Spans", "Step", "model", "resume", "spans", "steps"]
@@ -61,16 +61,25 @@ class Step(NamedTuple):
     def is_static(self) -> bool:
         return self.duration == 0.0
 
+    @property
+    def span(self) -> float:
+        """Of CalculiX's time."""
+        return self.duration or 1.0
+
 
 @dataclass(frozen=True)
 class Loading:
-    """What is the same in all steps: dead loads (3,), how disks hold, criterion of Newton."""
+    """What is the same in all steps: dead loads (3,), how disks hold, criterion of Newton.
+
+    ``damping`` in 1/s is against the velocity of all mass.
+    """
 
     gravity: tuple[float, ...]
     tip_force: tuple[float, ...]
     stiffness: float
     bonded: bool
     residual: float
+    damping: float = 0.0
 
 
 class Spans(NamedTuple):
@@ -116,6 +125,8 @@ def model(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step])
     """
     lines = [*_nodes(mesh), *_bricks(mesh), *_springs(mesh), *_masses(robot, mesh)]
     lines += _materials(robot, mesh, loading)
+    if loading.damping > 0:  # of the whole model, though CalculiX wants it after a material
+        lines += [f"*DAMPING, ALPHA={loading.damping:.10g}"]
     lines += _courses(todo)
     lines += ["*BOUNDARY", *_base(mesh, loading.bonded), "BASEHOLES,1,3"]
     lines += ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "NALL,0."]
@@ -129,8 +140,18 @@ def resume(done: int) -> str:
 
 
 def steps(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step]) -> str:
-    """The steps, each of which changes the tensions straight from those of the one before."""
-    return "\n".join(line for step in todo for line in _step(robot, mesh, loading, step)) + "\n"
+    """The steps, each of which changes the tensions straight from those of the one before.
+
+    Those in motion are one of CalculiX's, printed on the way: it finds the accelerations at the
+    start of each step anew, which jolts a motion, and one with disks that slide beyond use.
+    """
+    lines: list[str] = []
+    rest = list(todo)
+    while rest and rest[0].is_static:
+        lines += _step(robot, mesh, loading, [rest.pop(0)], then_motion=not todo[-1].is_static)
+    if rest:
+        lines += _step(robot, mesh, loading, rest)
+    return "\n".join(lines) + "\n"
 
 
 # -- model -------------------------------------------------------------------------------------
@@ -255,25 +276,40 @@ def _materials(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str]
 
 
 def _courses(todo: Sequence[Step]) -> Iterator[str]:
-    """Tensions over CalculiX's total time: in a step of motion a load would jump, not rise."""
+    """Tensions over CalculiX's total time, as in motion a load would jump, not rise; outputs."""
     if all(step.is_static for step in todo):
         return
-    ends = np.cumsum([0.0] + [step.duration or 1.0 for step in todo])
+    ends = np.cumsum([0.0] + [step.span for step in todo])
     for t in range(len(todo[0].tensions)):
         values = [0.0] + [step.tensions[t] for step in todo]
         yield f"*AMPLITUDE, NAME=COURSE{t + 1}, TIME=TOTAL TIME"
         for end, value in zip(ends.tolist(), values, strict=True):
             yield f"{end:.12g},{value:.10g}"
+    yield "*TIME POINTS, NAME=OUTPUTS, TIME=TOTAL TIME"
+    for end, step in zip(ends[1:].tolist(), todo, strict=True):
+        if not step.is_static:
+            yield f"{end:.12g}"
 
 
 # -- steps -------------------------------------------------------------------------------------
 
 
-def _step(robot: Robot, mesh: BrickMesh, loading: Loading, step: Step) -> Iterator[str]:
+def _step(
+    robot: Robot,
+    mesh: BrickMesh,
+    loading: Loading,
+    todo: Sequence[Step],
+    *,
+    then_motion: bool = False,
+) -> Iterator[str]:
+    step, period = todo[0], sum(one.span for one in todo)
+    every = "FREQUENCY=1000000"  # the last increment of a step alone
+    if len(todo) > 1:
+        every = "TIME POINTS=OUTPUTS"
     yield "*STEP, NLGEOM, INC=1000000"
     yield f"*CONTROLS, PARAMETERS=FIELD\n{loading.residual:.3g},1.,,,,,,"
-    period = 1.0 if step.is_static else step.duration
-    times = (step.first * period, period, _LEAST * period, step.longest * period)
+    first, longest = step.first * step.span, step.longest * step.span
+    times = (first, period, _LEAST * step.span, longest)
     yield "*STATIC" if step.is_static else "*DYNAMIC"
     yield ",".join(f"{t:.9g}" for t in times)
     for t, tension in enumerate(step.tensions, 1):
@@ -282,12 +318,12 @@ def _step(robot: Robot, mesh: BrickMesh, loading: Loading, step: Step) -> Iterat
         else:
             yield f"*TEMPERATURE, AMPLITUDE=COURSE{t}\nTENDON{t},1."
     yield from _dead_loads(robot, mesh, loading)
-    every = ", FREQUENCY=1000000"  # the last increment of a step alone
-    yield f"*NODE PRINT, NSET=BODY{every}\n" + ("U" if step.is_static else "U,V")
-    yield f"*NODE PRINT, NSET=SPANS{every}\nRF"
+    yield f"*NODE PRINT, NSET=BODY, {every}\n" + ("U" if step.is_static else "U,V")
+    yield f"*NODE PRINT, NSET=SPANS, {every}\nRF"
     for name, _, which in _parts(mesh):
         if name.startswith("FREE") and len(which):
-            yield f"*EL PRINT, ELSET={name}{every}\nS,E"
+            # motion has energies, and a step at rest before it must have had them too
+            yield f"*EL PRINT, ELSET={name}, {every}\n" + ("S,E,ENER" if then_motion else "S,E")
     yield "*END STEP"
 
 

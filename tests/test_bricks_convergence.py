@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring.brick_convergence import extrapolated, study
+from bowstring.bricks.convergence import extrapolated, study
 from bricks import COARSE, needs_ccx, small_robot
 
 

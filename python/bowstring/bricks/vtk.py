@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.bricks.run import BrickRun
 from bowstring.errors import InputError
-from bowstring.finite_elements import BrickRun
 from bowstring.vtk import Part, Tendons, check_folder, write_series
 
 __all__ = ["write_vtk"]

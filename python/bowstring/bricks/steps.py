@@ -7,11 +7,11 @@ CalculiX after the last. All files of a run lie in one temporary folder, which g
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 import tempfile
 import time as clock
 import zipfile
+from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,10 +20,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import ccx, ccx_deck, ccx_output
-from bowstring.brick_fields import State
-from bowstring.brick_mesh import BrickMesh
+from bowstring.bricks import ccx, deck, output
+from bowstring.bricks.fields import State
+from bowstring.bricks.mesh import BrickMesh
 from bowstring.errors import InputError
+from bowstring.files import write_whole_file
 from bowstring.robot import Robot
 
 __all__ = ["Ended", "Job", "work"]
@@ -40,8 +41,8 @@ class Job(NamedTuple):
 
     robot: Robot
     mesh: BrickMesh
-    loading: ccx_deck.Loading
-    steps: tuple[ccx_deck.Step, ...]
+    loading: deck.Loading
+    steps: tuple[deck.Step, ...]
 
 
 @dataclass
@@ -87,7 +88,7 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
     try:
         with _folder(keep) as folder:
             run = _Run(job, folder, kept, ended, tell)
-            end = run.go(program)
+            end = run.go(program, fleeting=keep is None)
         ended.status, ended.why = end
     except KeyboardInterrupt:
         ended.status, ended.why = "interrupted", "it was interrupted"
@@ -124,19 +125,21 @@ class _Run:
         self.first = ended.cached
         self.read = 0  # bytes of tables that are kept
         self.free = np.flatnonzero(~job.mesh.stiff)
+        # in CalculiX's total time
+        self.ends = np.cumsum([step.span for step in job.steps]).tolist()
 
-    def go(self, program: Path) -> ccx.End:
+    def go(self, program: Path, *, fleeting: bool) -> ccx.End:
         job, first = self.job, self.first
         if first:
             shutil.copyfile(_restart(self.kept, first), self.folder / f"{_JOB}.rin")
-            head = ccx_deck.resume(first)
+            head = deck.resume(first)
         else:
-            head = ccx_deck.model(job.robot, job.mesh, job.loading, job.steps)
-        deck = head + ccx_deck.steps(job.robot, job.mesh, job.loading, job.steps[first:])
-        (self.folder / f"{_JOB}.inp").write_text(deck, "ascii")
+            head = deck.model(job.robot, job.mesh, job.loading, job.steps)
+        text = head + deck.steps(job.robot, job.mesh, job.loading, job.steps[first:])
+        (self.folder / f"{_JOB}.inp").write_text(text, "ascii")
         self.look()
         try:
-            return ccx.run(program, self.folder, _JOB, self.look)
+            return ccx.run(program, self.folder, _JOB, self.look, fleeting=fleeting)
         finally:
             with contextlib.suppress(OSError):  # what ended it is the one to tell
                 self._take()
@@ -144,22 +147,27 @@ class _Run:
 
     def look(self) -> None:
         """Tell how far it is; keep what is done."""
-        done = ccx_output.read_increments(self.folder / f"{_JOB}.sta")
+        done = output.read_increments(self.folder / f"{_JOB}.sta")
         self.ended.iterations = sum(i.iterations for i in done)
-        step = done[-1].step - 1 if done else self.first
+        now = done[-1].total_time if done else 0.0
+        step, share = self._place(now) if done else (self.first, 0.0)
         if step > len(self.ended.states):  # the tables of the one before are whole
             self._take()
         steps = self.job.steps
-        share = 0.0
-        if done:
-            share = min(1.0, done[-1].step_time / (steps[step].duration or 1.0))
         self.ended.share = share if step == len(self.ended.states) else 0.0
         self.tell(_where(steps, step, share), (step + share) / len(steps))
 
+    def _place(self, now: float) -> tuple[int, float]:
+        """Step that CalculiX is in at a total time, the earlier one at its end, and how far."""
+        ends = self.ends
+        step = min(bisect_left(ends, now - 1e-6 * self.job.steps[-1].span), len(ends) - 1)
+        span = self.job.steps[step].span
+        return step, min(1.0, 1.0 - (ends[step] - now) / span)
+
     def _take(self) -> None:
         """Keep the steps whose tables are whole."""
-        tables = ccx_output.read_dat(self.folder / f"{_JOB}.dat", self.read)
-        groups: dict[float, list[ccx_output.Table]] = {}
+        tables = output.read_dat(self.folder / f"{_JOB}.dat", self.read)
+        groups: dict[float, list[output.Table]] = {}
         for table in tables:
             groups.setdefault(table.time, []).append(table)
         for group in groups.values():
@@ -170,9 +178,11 @@ class _Run:
                 return
             self.ended.states.append(state)
             self.read = group[-1].end
-            _save(self.kept, done + 1, state, self.folder / f"{_JOB}.rout")
+            # a motion is one step of CalculiX, which goes on after whole ones alone
+            whole = self.job.steps[done].is_static
+            _save(self.kept, done + 1, state, self.folder / f"{_JOB}.rout" if whole else None)
 
-    def _state(self, group: dict[tuple[str, str], Floats], step: ccx_deck.Step) -> State | None:
+    def _state(self, group: dict[tuple[str, str], Floats], step: deck.Step) -> State | None:
         """None if a table lacks rows."""
         mesh = self.job.mesh
         nodes, bricks = len(mesh.nodes), 8 * len(self.free)
@@ -187,24 +197,22 @@ class _Run:
                 return None
             order = np.lexsort((rows[:, 1], rows[:, 0]))
             found[kind] = rows[order, 2:].reshape(-1, 8, 6)
-        spans = ccx_deck.spans(mesh).first
+        spans = deck.spans(mesh).first
         if len(displacement) != nodes or len(force) != len(spans):
             return None
         if not step.is_static and len(velocity) != nodes:
             return None
         place = {int(node) - 1: row for row, node in enumerate(force[:, 0])}
         return State(
-            displacement=displacement[np.argsort(displacement[:, 0]), 1:] / ccx_deck.MM,
-            velocity=None
-            if step.is_static
-            else velocity[np.argsort(velocity[:, 0]), 1:] / ccx_deck.MM,
+            displacement=displacement[np.argsort(displacement[:, 0]), 1:] / deck.MM,
+            velocity=None if step.is_static else velocity[np.argsort(velocity[:, 0]), 1:] / deck.MM,
             stress=found["stresses"] * _PA,
             strain=found["strains"],
             span_force=np.array([force[place[int(node)], 1:] for node in spans]),
         )
 
 
-def _where(steps: tuple[ccx_deck.Step, ...], step: int, share: float) -> str:
+def _where(steps: tuple[deck.Step, ...], step: int, share: float) -> str:
     """How far it is, for people."""
     now = steps[step]
     if now.is_static:
@@ -245,22 +253,27 @@ def _load(kept: Path, job: Job) -> list[State]:
     return states
 
 
-def _save(kept: Path, number: int, state: State, restart: Path) -> None:
-    """Whole or not at all, restart first."""
+def _copier(source: Path) -> Callable[[Path], None]:
+    def copy(new: Path) -> None:
+        shutil.copyfile(source, new)
+
+    return copy
+
+
+def _save(kept: Path, number: int, state: State, restart: Path | None) -> None:
+    """Whole or not at all, restart first; without it a run goes on from an earlier one."""
+    what, advice = "kept results", "; make room there, or name another place by XDG_CACHE_HOME"
     try:
         kept.mkdir(parents=True, exist_ok=True)
         arrays = {name: value for name, value in vars(state).items() if value is not None}
-        if restart.exists():
-            new = _restart(kept, number)
-            shutil.copyfile(restart, new.with_suffix(".new"))
-            os.replace(new.with_suffix(".new"), new)
-        part = _file(kept, number).with_suffix(".new")
-        with part.open("wb") as stream:
-            np.savez_compressed(stream, **arrays)
-        os.replace(part, _file(kept, number))
-        _restart(kept, number - 1).unlink(missing_ok=True)  # not before: one of them must be there
+        if restart is not None and restart.exists():
+            write_whole_file(_restart(kept, number), what, _copier(restart))
+        write_whole_file(_file(kept, number), what, lambda new: np.savez_compressed(new, **arrays))
+        if restart is not None:  # not before: one of them must be there
+            _restart(kept, number - 1).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(
-            f"results cannot be kept in {kept}: {error.strerror}; make room there, or name "
-            "another place by XDG_CACHE_HOME"
+            f"cannot write the kept results to {kept}: {error.strerror}{advice}"
         ) from None
+    except InputError as error:
+        raise InputError(f"{error}{advice}") from None

@@ -141,13 +141,17 @@ def brick_mesh(robot: Robot, fineness: Fineness, *, mass_arms: bool = False) -> 
 
 def check_robot(robot: Robot) -> None:
     """Raise `InputError` where a robot cannot be meshed; see `brick_mesh`."""
+    loose = [k for k, s in enumerate(robot.segments) if s.disks.clamped_length == 0]
+    if loose:
+        flags = [
+            f'--set segments.{k}.disks.clamped_length="{1e3 * _hold(robot, k):g} mm"' for k in loose
+        ]
+        raise InputError(
+            f"{robot.name}: segments[{loose[0]}].disks.clamped_length is 0, and a solid needs a "
+            f"piece of backbone by which a disk holds it; for a glued disk add {' '.join(flags)}"
+        )
     for k, s in enumerate(robot.segments):
         here = f"{robot.name}: segments[{k}]"
-        if s.disks.clamped_length == 0:
-            raise InputError(
-                f"{here}.disks.clamped_length is 0, and a solid needs a piece of backbone by which "
-                'a disk holds it; give it, as --set segments.0.disks.clamped_length="3 mm"'
-            )
         nu = s.backbone.E / (2.0 * s.backbone.shear_modulus) - 1.0
         if not -0.9 <= nu <= _NEAR_HALF:
             raise InputError(
@@ -164,6 +168,12 @@ def check_robot(robot: Robot) -> None:
             f"{robot.name}: tendons rub at their holes, which the finite elements do not know; "
             "leave out friction"
         )
+
+
+def _hold(robot: Robot, segment: int) -> float:
+    """Length that glued disks of a segment would clamp: their thickness, if the file gives it."""
+    thickness = robot.segments[segment].disks.thickness
+    return thickness or 0.6 * robot.segments[segment].backbone.diameter
 
 
 # -- one section -------------------------------------------------------------------------------

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring import dynamics, rod
-from bowstring.brick_fields import SectionStress
-from bowstring.finite_elements import BrickRun
+from bowstring.bricks.fields import SectionStress
+from bowstring.bricks.run import BrickRun
 
 __all__ = ["BesideRod", "beside_rod"]
 
@@ -110,7 +110,12 @@ def _in_motion(run: BrickRun) -> Floats:
     last = run.wanted_tensions[-1]
     courses = np.outer([0.0] + [1.0] * (len(times) - 1), last)
     found = dynamics.simulate(
-        run.robot, dynamics.Table(times, courses), end, gravity=asked["gravity"], points=0
+        run.robot,
+        dynamics.Table(times, courses),
+        end,
+        gravity=asked["gravity"],
+        mass_damping=asked.get("mass_damping_per_s", 0.0),
+        points=0,
     )
     reached = run.time <= found.end * (1 + 1e-9)
     tip = np.full((len(run.time), 3), np.nan)

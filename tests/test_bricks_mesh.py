@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from bowstring.brick_fields import _POINTS, _shape
-from bowstring.brick_mesh import Fineness, brick_mesh
+from bowstring.bricks.fields import _POINTS, _shape
+from bowstring.bricks.mesh import Fineness, brick_mesh
 from bowstring.errors import InputError
 from bowstring.robot import Robot
 from bricks import small_robot, two_segments

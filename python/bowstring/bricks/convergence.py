@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from bowstring.finite_elements import DEFAULT_DT, BrickRun, Settings, ramp, sweep
+from bowstring.bricks.run import DEFAULT_DT, BrickRun, Settings, ramp, sweep
 from bowstring.robot import Robot
 
 __all__ = ["Convergence", "Refinement", "extrapolated", "study"]
@@ -84,7 +84,7 @@ def study(
     tensions: ArrayLike,
     *,
     settings: Settings | None = None,
-    motion: tuple[float, float] | None = None,
+    motion: tuple[float, float, float] | None = None,
     progress: Progress | None = None,
 ) -> Convergence:
     """Run what is asked for, and finer and coarser beside it.
@@ -98,7 +98,7 @@ def study(
         Of the run; refined are half its bricks along a module, its number of them and twice that,
         and so on.
     motion : tuple of float, optional
-        Rise and hold in s; a ramp in place of a sweep.
+        Rise and hold in s, damping in 1/s; a ramp in place of a sweep.
     progress : callable, optional
 
     Returns
@@ -157,13 +157,14 @@ def study(
         if motion is None:
             found = sweep(robot, tensions, settings=chosen, progress=part)
         else:
-            rise, hold = motion
+            rise, hold, damping = motion
             found = ramp(
                 robot,
                 tensions,
                 rise,
                 hold,
                 dt=step * DEFAULT_DT,
+                mass_damping=damping,
                 settings=chosen,
                 progress=part,
             )

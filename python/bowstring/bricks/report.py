@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from bowstring import brick_plots, brick_vtk, plots, report
-from bowstring.brick_comparison import BesideRod
+from bowstring import plots, report
+from bowstring.bricks import plots as pictures
+from bowstring.bricks.comparison import BesideRod
+from bowstring.bricks.run import BrickRun
+from bowstring.bricks.vtk import write_vtk
 from bowstring.files import write_whole
-from bowstring.finite_elements import BrickRun
 
 __all__ = ["check_folder", "write"]
 
@@ -47,17 +49,17 @@ def write(
     -------
     Path
         The folder, absolute: fe.json, fe.nc (the rod's fields, from bricks), vtk/run.pvd (all
-        bricks), tip.png and stress.png, both also as PDF.
+        bricks), tip.png, stress.png and field.png, all also as PDF.
     """
     tell = progress or (lambda what, share: None)
     folder = check_folder(out)
 
     def fill(new: Path) -> None:
         run.dataset.to_netcdf(new / "fe.nc")
-        brick_vtk.write_vtk(run, new / "vtk", progress=tell)
+        write_vtk(run, new / "vtk", progress=tell)
         with plots.figure_style():
             report.save_figures(
-                brick_plots.draw(run, beside), new, lambda share: tell("figures", share)
+                pictures.draw(run, beside), new, lambda share: tell("figures", share)
             )
         files = sorted(p.relative_to(new).as_posix() for p in new.rglob("*") if p.is_file())
         report.write_json(new / "fe.json", {**content, "files": sorted([*files, "fe.json"])})

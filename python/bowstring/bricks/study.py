@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.brick_comparison import BesideRod, beside_rod
-from bowstring.finite_elements import BrickRun, check, sweep
+from bowstring.bricks.comparison import BesideRod, beside_rod
+from bowstring.bricks.run import BrickRun, check, sweep
 from bowstring.robot import Robot
-from bowstring.words import in_mm
+from bowstring.words import in_mm, listed
 
-__all__ = ["FiniteElements", "check", "solve"]
+if TYPE_CHECKING:
+    from bowstring.against_data import AgainstData
+
+__all__ = ["FiniteElements", "at_data", "check", "solve"]
 
 Array = NDArray[np.float64]
 
@@ -34,6 +37,13 @@ class FiniteElements:
         In m.
     apart : ndarray (n,)
         Distance of the tip from that of statics, in m.
+    measured_point : ndarray (K, 3), optional
+        The measured point at the rows of a table, in m, base frame; NaN at rows that are not of
+        the swept tendon alone or lie beyond the loads that were reached.
+    measured_source : str
+        What the table is: ``"measured"``, ``"synthetic"`` or ``"computed"``.
+    measured_errors : dict
+        Mean distance from the table's point over these rows, in m, by model.
     """
 
     run: BrickRun
@@ -41,6 +51,9 @@ class FiniteElements:
     tip_position: Array
     tendon_lengths: Array
     apart: Array
+    measured_point: Array | None = None
+    measured_source: str = ""
+    measured_errors: dict[str, float] = field(default_factory=dict)
 
     @property
     def text(self) -> tuple[str, ...]:
@@ -72,7 +85,23 @@ class FiniteElements:
                 f"node has up to {np.nanmax(beside.concentration):.2f} times that of the middle, "
                 "which grows with the fineness of the mesh."
             )
-        return how, found, more
+        return (how, found, more, *self._text_of_data())
+
+    def _text_of_data(self) -> tuple[str, ...]:
+        if self.measured_point is None:
+            return ()
+        rows = int(np.isfinite(self.measured_point).all(axis=1).sum())
+        if rows == 0:
+            return (
+                f"No row of the {self.measured_source} table pulls this tendon alone within these "
+                "loads: there is nothing to compare.",
+            )
+        means = [f"{name} {in_mm(size)}" for name, size in self.measured_errors.items()]
+        return (
+            f"At the {rows} rows of the {self.measured_source} table that pull this tendon alone "
+            "within these loads the mean distance from the table's point, in the one base frame "
+            f"for all, is: {listed(means)}; finite elements are interpolated between loads.",
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """In mm, for JSON."""
@@ -83,6 +112,12 @@ class FiniteElements:
             "tip_position_mm": (1e3 * self.tip_position).tolist(),
             "tendon_lengths_mm": (1e3 * self.tendon_lengths).tolist(),
             "from_statics_mm": (1e3 * self.apart).tolist(),
+            "measured_point_mm": None
+            if self.measured_point is None
+            else (1e3 * self.measured_point).tolist(),
+            "mean_from_measurement_mm": {
+                name: 1e3 * size for name, size in self.measured_errors.items()
+            },
             "middle_stress_ratio": self.beside.stress_ratio.tolist(),
             "concentration": self.beside.concentration.tolist(),
             "span_error": run.span_error,
@@ -123,3 +158,55 @@ def solve(
         lengths[: len(run.states)] = run.frames.tendon_length
     apart = np.linalg.norm(tip - statics_tip, axis=1)
     return FiniteElements(run, beside_rod(run), tip, lengths, apart)
+
+
+def at_data(
+    found: FiniteElements, tension: Array, tendon: int, data: AgainstData
+) -> FiniteElements:
+    """Set a sweep beside measurements, at the rows that pull its tendon alone.
+
+    Parameters
+    ----------
+    found : FiniteElements
+    tension : ndarray (n,)
+        Of the sweep, rising, in N.
+    tendon : int
+        The one that it pulls, from 0.
+    data : AgainstData
+
+    Returns
+    -------
+    FiniteElements
+        With the measured point by finite elements, interpolated between loads by cubic splines.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    table = data.data.tensions
+    point = np.full((len(table), 3), math.nan)
+    reached = len(found.run.states)
+    alone = (np.delete(table, tendon, axis=1) == 0).all(axis=1)
+    if reached > 1:
+        frames = found.run.frames
+        by_load = frames.disk_position[:, -1] + frames.disk_rotation[:, -1] @ data.data.tool
+        within = (table[:, tendon] >= tension[0]) & (table[:, tendon] <= tension[reached - 1])
+        rows = alone & within & np.isfinite(data.point).all(axis=1)
+        course = make_interp_spline(tension[:reached], by_load, k=min(3, reached - 1))
+        point[rows] = course(table[rows, tendon])
+    models = {"finite elements": point}
+    for name, called in (
+        ("rod", "the rod as in the file"),
+        ("cc_from_force", "constant curvature from force"),
+        ("cc_from_lengths", "constant curvature from lengths"),
+    ):
+        if name in data.models:
+            models[called] = data.comparison(name).tip_position
+    off = {name: np.linalg.norm(tip - data.point, axis=1) for name, tip in models.items()}
+    here = np.all([np.isfinite(size) for size in off.values()], axis=0)
+    return replace(
+        found,
+        measured_point=point,
+        measured_source=data.data.source,
+        measured_errors={name: float(size[here].mean()) for name, size in off.items()}
+        if here.any()
+        else {},
+    )

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring import ccx_deck
-from bowstring.brick_fields import State
-from bowstring.brick_mesh import Fineness, brick_mesh
-from bowstring.brick_vtk import von_mises, write_vtk
+from bowstring.bricks import deck
+from bowstring.bricks.fields import State
+from bowstring.bricks.mesh import Fineness, brick_mesh
+from bowstring.bricks.vtk import von_mises, write_vtk
 from bowstring.errors import InputError
 from bowstring.finite_elements import BrickRun
 from bricks import small_robot
@@ -28,7 +28,7 @@ def stretched(strain: float) -> BrickRun:
     free = int((~mesh.stiff).sum())
     tensor = np.zeros((free, 8, 6))
     tensor[..., 2] = strain
-    spans = len(ccx_deck.spans(mesh).first)
+    spans = len(deck.spans(mesh).first)
     moved = mesh.nodes * [0.0, 0.0, strain]
     state = State(moved, None, YOUNG * tensor, tensor, np.zeros((spans, 3)))
     settings = {"rise_s": None, "gravity": [0.0] * 3, "tip_force": [0.0] * 3}

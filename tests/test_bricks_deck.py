@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bowstring import ccx_deck
-from bowstring.brick_mesh import Fineness, brick_mesh
+from bowstring.bricks import deck
+from bowstring.bricks.mesh import Fineness, brick_mesh
 from bricks import small_robot, two_segments
 
-LOADING = ccx_deck.Loading((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1000.0, True, 1e-4)
+LOADING = deck.Loading((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1000.0, True, 1e-4)
 
 
 def test_every_span_begins_at_a_node_of_its_own() -> None:
     mesh = brick_mesh(two_segments(), Fineness(2, 4, 1))
-    spans = ccx_deck.spans(mesh)
+    spans = deck.spans(mesh)
     assert len(spans.first) == 2 * 2 + 3 * 4
     assert len(set(spans.first.tolist())) == len(spans.first)
     inner = spans.tied >= 0
@@ -29,8 +29,8 @@ def test_every_span_begins_at_a_node_of_its_own() -> None:
 def test_the_model_is_in_mm_newton_and_tonnes() -> None:
     robot = small_robot()
     mesh = brick_mesh(robot, Fineness(2, 4, 1), mass_arms=True)
-    steps = [ccx_deck.Step((40.0, 0.0, 0.0), 0.5, 0.1, 0.1)]
-    text = ccx_deck.model(robot, mesh, LOADING, steps)
+    steps = [deck.Step((40.0, 0.0, 0.0), 0.5, 0.1, 0.1)]
+    text = deck.model(robot, mesh, LOADING, steps)
     assert "*MATERIAL, NAME=FREE1\n*ELASTIC\n35000,0.3\n*DENSITY\n1.8e-09\n" in text
     assert "*MATERIAL, NAME=HELD1\n*ELASTIC\n35000000,0\n" in text
     masses = [float(v) for v in re.findall(r"\*MASS, ELSET=\S+\n(\S+)", text)]
@@ -45,8 +45,8 @@ def test_static_steps_ramp_and_motion_follows_its_course() -> None:
     robot = small_robot(gravity="0 0 -10 m/s^2")
     mesh = brick_mesh(robot, Fineness(2, 4, 1))
     loading = replace(LOADING, gravity=(0.0, 0.0, -10.0), tip_force=(0.0, 2.0, 0.0))
-    rest = ccx_deck.Step((40.0, 0.0, 5.0), first=0.25, longest=0.5)
-    text = ccx_deck.steps(robot, mesh, loading, [rest])
+    rest = deck.Step((40.0, 0.0, 5.0), first=0.25, longest=0.5)
+    text = deck.steps(robot, mesh, loading, [rest])
     assert "*STATIC\n0.25,1,0.0001,0.5\n" in text
     assert "*TEMPERATURE\nTENDON1,40\n" in text and "TENDON3,5\n" in text
     assert "FREE1,GRAV,10000,0,0,-1" in text
@@ -56,10 +56,36 @@ def test_static_steps_ramp_and_motion_follows_its_course() -> None:
     )
     total = [forces[forces[:, 1] == axis, 2].sum() for axis in (1, 2, 3)]
     np.testing.assert_allclose(total, [0.0, 2.0, -10 * 2 * 0.020], atol=1e-9)
-    moving = ccx_deck.steps(robot, mesh, LOADING, [ccx_deck.Step((40.0, 0.0, 0.0), 0.5, 0.1, 0.1)])
+    moving = deck.steps(robot, mesh, LOADING, [deck.Step((40.0, 0.0, 0.0), 0.5, 0.1, 0.1)])
     assert "*DYNAMIC\n0.05,0.5,5e-05,0.05\n*TEMPERATURE, AMPLITUDE=COURSE1\nTENDON1,1.\n" in moving
     assert "U,V" in moving
 
 
+def test_a_motion_is_one_step_printed_on_the_way() -> None:
+    """At the start of each step CalculiX would find the accelerations anew, with a jolt."""
+    mesh = brick_mesh(small_robot(), Fineness(2, 4, 1))
+    todo = [
+        deck.Step((0.0, 0.0, 0.0), first=0.1),
+        deck.Step((20.0, 0.0, 0.0), 0.5, 0.1, 0.1),
+        deck.Step((40.0, 0.0, 0.0), 0.25, 0.2, 0.2),
+    ]
+    text = deck.steps(small_robot(), mesh, LOADING, todo)
+    assert text.count("*STEP") == 2 and text.count("*STATIC") == 1
+    moving = text[text.rindex("*STEP") :]
+    assert "*DYNAMIC\n0.05,0.75,5e-05,0.05\n" in moving
+    assert "*NODE PRINT, NSET=BODY, TIME POINTS=OUTPUTS\nU,V\n" in moving
+    assert "FREQUENCY" not in moving
+    assert deck.steps(small_robot(), mesh, LOADING, todo[1:]) == moving
+    model = deck.model(small_robot(), mesh, LOADING, todo)
+    assert "*TIME POINTS, NAME=OUTPUTS, TIME=TOTAL TIME\n1.5\n1.75\n" in model
+
+
+def test_damping_is_of_the_whole_model() -> None:
+    mesh = brick_mesh(small_robot(), Fineness(2, 4, 1))
+    text = deck.model(small_robot(), mesh, replace(LOADING, damping=1.5), [])
+    assert text.index("*MATERIAL") < text.index("*DAMPING, ALPHA=1.5\n") < text.index("*BOUNDARY")
+    assert "*DAMPING" not in deck.model(small_robot(), mesh, LOADING, [])
+
+
 def test_a_stopped_run_goes_on_after_its_last_step() -> None:
-    assert ccx_deck.resume(7).startswith("*RESTART, READ, STEP=7\n")
+    assert deck.resume(7).startswith("*RESTART, READ, STEP=7\n")

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.brick_mesh import BrickMesh
+from bowstring.bricks.mesh import BrickMesh
 from bowstring.fields import Frames
 from bowstring.robot import Robot
 

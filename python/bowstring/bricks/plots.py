@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring import rod
-from bowstring.brick_comparison import BesideRod
-from bowstring.brick_fields import VOIGT
+from bowstring.bricks.comparison import BesideRod
+from bowstring.bricks.fields import VOIGT
+from bowstring.bricks.run import BrickRun
 from bowstring.colours import COLOURS
-from bowstring.finite_elements import BrickRun
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,6 +79,10 @@ def _tip(run: BrickRun, beside: BesideRod) -> Figure:
     return figure
 
 
+def _last(run: BrickRun) -> str:
+    return f"{run.time[-1]:g} s" if run.is_motion else f"{run.tensions[-1].max():g} N"
+
+
 def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
     """Largest axial stress along the backbone at the last step, bricks and rod."""
     from matplotlib.figure import Figure
@@ -123,7 +127,10 @@ def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
             )
     axes.set_xlabel("arc length in mm")
     axes.set_ylabel("axial stress at the surface in MPa")
-    axes.set_title("Largest axial stress; what stands out at disks' edges is the clamps'")
+    axes.set_title(
+        f"Largest axial stress at {_last(run)} (simulated); what stands out at disks' edges is "
+        "the clamps'"
+    )
     figure.legend(loc="outside lower center", ncols=3)
     return figure
 
@@ -170,7 +177,7 @@ def field(run: BrickRun) -> Figure:
     faces = paint(axes)
     axes.set_xlabel("towards the tip in mm")
     axes.set_ylabel("z in mm")
-    axes.set_title("Axial stress (finite elements)")
+    axes.set_title(f"Axial stress at {_last(run)},\nfinite elements (simulated)")
     figure.colorbar(faces, ax=axes, label="MPa, positive in tension", shrink=0.8)
     paint(close)
     middle = 1e3 * np.array([tip @ towards, tip @ up])

@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 
 from bowstring import study
+from bowstring.bricks.mesh import Fineness, brick_mesh
+from bowstring.bricks.run import BrickRun, RunInterrupted
 from bowstring.errors import InputError
-from bowstring.robot import load_robot
+from bowstring.robot import Robot, load_robot
 from bricks import needs_ccx, small_robot
 from shell import Shell
 from test_cli_fe import ROBOT
+
+LOADS = np.array([[0.0], [80.0]])
 
 
 @pytest.fixture(autouse=True)
@@ -49,6 +53,54 @@ def test_constant_curvature_finite_elements_and_rod(
     code, out, _ = shell(*arguments, "--out", "out")
     assert code == 0
     assert "vs finite elements" in out
+
+
+@needs_ccx
+def test_finite_elements_stand_beside_measurements(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of it out of one command: constant curvature, finite elements, rod, data."""
+    monkeypatch.chdir(tmp_path)
+    Path("small.yaml").write_text(ROBOT)
+    shell.json("bench", "simulate", "small.yaml", "--masses", "0:1:8", "--out", "bench.csv")
+    arguments = ("--fe", "--points", "5", "--max-tension", "60", "--measurements", "bench.csv")
+    found = shell.json("study", "small.yaml", *arguments, "--out", "out")
+    part = found["finite_elements"]
+    point = np.array(part["measured_point_mm"], dtype=float)
+    data = np.isfinite(point).all(axis=1)
+    assert 10 <= data.sum() < len(data)  # 7 and 8 kg pull with more than 60 N
+    means = part["mean_from_measurement_mm"]
+    assert set(means) == {
+        "finite elements",
+        "the rod as in the file",
+        "constant curvature from force",
+        "constant curvature from lengths",
+    }
+    # coarse in load, stiffer by the disks' grip; no friction in it as in the rod
+    assert means["finite elements"] == pytest.approx(means["the rod as in the file"], abs=0.15)
+    assert any("rows of the synthetic table" in s for s in part["text"])
+    html = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "statics, dynamics and finite elements." in html
+    captions = {Path(f["png"]).stem: f["caption"] for f in found["figures"]}
+    assert "Plus signs: 3-D finite elements" in captions["fig10_overlay"]
+
+
+@needs_ccx
+def test_a_study_that_is_stopped_says_that_it_goes_on(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(robot: Robot, *_: object, **__: object) -> None:
+        run = BrickRun(robot, brick_mesh(robot, Fineness(2, 4, 1)), {"rise_s": None}, LOADS, LOADS)
+        run.status, run.reason = "interrupted", "it was interrupted"
+        raise RunInterrupted(run)
+
+    monkeypatch.chdir(tmp_path)
+    Path("small.yaml").write_text(ROBOT)
+    monkeypatch.setattr("bowstring.bricks.study.sweep", stop)
+    code, out, err = shell("study", "small.yaml", "--fe", "--points", "2", "--out", "out")
+    assert (code, out) == (130, "")
+    assert "0 of 2 are kept; the same command goes on from there" in err
+    assert not (tmp_path / "out").exists()
 
 
 def test_it_is_refused_before_any_work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

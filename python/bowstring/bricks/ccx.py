@@ -8,11 +8,11 @@ import re
 import shutil
 import signal
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final, Literal, NamedTuple
 
-from bowstring.ccx_output import reason
+from bowstring.bricks.output import reason
 from bowstring.errors import InputError
 
 __all__ = ["End", "find", "run", "version"]
@@ -22,6 +22,8 @@ Status = Literal["converged", "diverged", "killed", "out_of_memory", "no_space",
 _LOOK: Final = 0.1  # s, between two looks at the files
 _PATIENCE: Final = 5.0  # s that it has to end when told to
 _FULL: Final = 1 << 20  # bytes free on a drive that is full
+# reads until this process is no more, however it ended; $1 is the program, $2 a folder to remove
+_WATCH: Final = 'read -r line; kill -KILL "$1"; [ -z "$2" ] || rm -rf -- "$2"'
 
 
 class End(NamedTuple):
@@ -73,7 +75,9 @@ def version(program: Path) -> str:
     return f"{found[1]}.{found[2]}"
 
 
-def run(program: Path, folder: Path, job: str, look: Callable[[], None]) -> End:
+def run(
+    program: Path, folder: Path, job: str, look: Callable[[], None], *, fleeting: bool = False
+) -> End:
     """Run a deck to its end.
 
     Parameters
@@ -84,6 +88,8 @@ def run(program: Path, folder: Path, job: str, look: Callable[[], None]) -> End:
     look : callable
         Called every moment, and once when the program has ended. What it raises, Ctrl-C too, ends
         the program.
+    fleeting : bool
+        Whether the folder may go should this process be killed.
     """
     log = folder / f"{job}.log"
     # tables are written line by line, or those of a step that is done would wait in a buffer
@@ -101,16 +107,44 @@ def run(program: Path, folder: Path, job: str, look: Callable[[], None]) -> End:
         except OSError as error:
             raise InputError(f"{program} does not start: {error.strerror}") from None
         try:
-            while True:
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    child.wait(_LOOK)
-                if child.returncode is not None:
-                    break
-                look()
+            with _watched(child, folder if fleeting else None):
+                while True:
+                    with contextlib.suppress(subprocess.TimeoutExpired):
+                        child.wait(_LOOK)
+                    if child.returncode is not None:
+                        break
+                    look()
         finally:
             _end(child)
     look()
     return _meaning(child.returncode, log, folder)
+
+
+@contextlib.contextmanager
+def _watched(child: subprocess.Popen[bytes], folder: Path | None) -> Iterator[None]:
+    """End the program at last, and let a shell do it if this process is killed before.
+
+    Where there is no POSIX shell the program then goes on to its own end.
+    """
+    try:
+        # a session of its own: what is sent to all processes of a terminal does not reach it
+        watcher = subprocess.Popen(
+            ["/bin/sh", "-c", _WATCH, "sh", str(child.pid), str(folder or "")],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+    except OSError:
+        yield
+        return
+    try:
+        yield
+    finally:
+        _end(child)
+        watcher.kill()  # before its input ends
+        with watcher:
+            pass
 
 
 def _end(child: subprocess.Popen[bytes]) -> None:
