@@ -49,7 +49,7 @@ def test_a_bent_robot_as_files(shell: Shell, here: Path) -> None:
         "value_m": 0.002,
     }
     settings = found["provenance"]["settings"]
-    assert settings == {"tensions_N": [60, 0, 0], "pulls_m": None}
+    assert settings == {"tensions_N": [60, 0, 0], "pulls_m": None, "angles_rad": None}
     end = bd.import_step("robot.step").children[10].center(bd.CenterOf.MASS)
     np.testing.assert_allclose(np.array(tuple(end)) / 1e3, solution.tip.position, atol=1e-8)
 
@@ -72,6 +72,17 @@ def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
     volume = math.pi * 0.003 * (0.032**2 - 0.0025**2 - 3 * 0.002**2)
     assert parts["disk_3"]["mass_kg"] == pytest.approx(1200 * volume, rel=1e-12)
     assert not any("hole_diameter" in size["field"] for size in found["assumed"])
+
+
+def test_motor_angles_bend_it_as_pulls_do(shell: Shell, here: Path) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    spool = ("--set", "segments.0.tendons.spool_radius=10 mm", "--out", "robot.glb")
+    turned = shell.json(*CAD, *spool, "--angle", "1,-1 rad,-1")
+    pulled = shell.json(*CAD, *spool, "--pull", "10 mm,-0.01,-0.01")
+    np.testing.assert_allclose(
+        turned["tip"]["position_m"], pulled["tip"]["position_m"], rtol=0, atol=1e-12
+    )
+    assert turned["provenance"]["settings"]["angles_rad"] == [1, -1, -1]
 
 
 def test_the_straight_robot_in_words(shell: Shell, here: Path) -> None:
