@@ -153,6 +153,27 @@ def test_a_load_without_an_equilibrium_writes_nothing(shell: Shell, here: Path) 
     assert (code, out) == (1, "") and err.startswith("Error: ") and not list(here.iterdir())
 
 
+def test_ctrl_c_says_what_is_written(
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    from bowstring import cadfiles, picture
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(picture, "draw_solid", stopped)
+    files = ("--out", "robot.stl", "--picture", "robot.png", "--drawing", "disk.svg")
+    code, out, err = shell(*CAD, *files)
+    assert (code, out) == (130, "")
+    assert err == f"Stopped: of the files only {here / 'robot.stl'} is written.\n"
+    assert [p.name for p in here.iterdir()] == ["robot.stl"]
+    monkeypatch.setattr(cadfiles, "_stl", stopped)
+    code, out, err = shell(*CAD, "--out", "other.stl", "--picture", "robot.png")
+    assert (code, out, err) == (130, "", "Stopped: nothing was written.\n")
+    assert [p.name for p in here.iterdir()] == ["robot.stl"]
+
+
 def test_the_study_shows_the_solid(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     found = shell.json("study", "--points", "3", "--rise", "0.5", "--solid", "--out", "study")

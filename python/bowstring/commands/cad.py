@@ -10,6 +10,7 @@ import typer
 from bowstring.commands.driving import Angle, Pull, Tension, driven_by
 from bowstring.commands.options import AsJson, Overrides, RobotSource, load, of_flag
 from bowstring.commands.output import (
+    Stopped,
     fixed,
     frame,
     new_table,
@@ -20,6 +21,7 @@ from bowstring.commands.output import (
     write_tables,
 )
 from bowstring.errors import InputError
+from bowstring.words import listed
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -79,19 +81,26 @@ def cad(
     if any(driven):
         pose = rod.solve(model, tensions, pulls=pulls, angles=angles).raise_for_status()
     solid, files = None, {}
-    with progress_bar() as tell:
-        if out is not None or picture is not None:
-            tell("solid", 0.0)
-            solid = make_solid(model, pose)
-            if out is not None:
-                tell("file", 0.2)
-                files["solid"] = cadfiles.write_solid(solid, out)
-            if picture is not None:
-                tell("picture", 0.4)
-                files["picture"] = pictures.write_picture(solid, picture)
-        if drawing is not None:
-            tell("drawing", 0.9)
-            files["drawing"] = write_drawing(model, drawing)
+    try:
+        with progress_bar() as tell:
+            if out is not None or picture is not None:
+                tell("solid", 0.0)
+                solid = make_solid(model, pose)
+                if out is not None:
+                    tell("file", 0.2)
+                    files["solid"] = cadfiles.write_solid(solid, out)
+                if picture is not None:
+                    tell("picture", 0.4)
+                    files["picture"] = pictures.write_picture(solid, picture)
+            if drawing is not None:
+                tell("drawing", 0.9)
+                files["drawing"] = write_drawing(model, drawing)
+    except KeyboardInterrupt:
+        if not files:
+            raise
+        written = listed([str(file) for file in files.values()])
+        verb = "is" if len(files) == 1 else "are"
+        raise Stopped(f"of the files only {written} {verb} written.") from None
     if as_json:
         return write_json(
             {
