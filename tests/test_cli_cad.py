@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -151,6 +153,29 @@ def test_a_load_without_an_equilibrium_writes_nothing(shell: Shell, here: Path) 
     pytest.importorskip("build123d", exc_type=ImportError)
     code, out, err = shell(*CAD, "--out", "robot.step", "--tension", "1000000,0,0")
     assert (code, out) == (1, "") and err.startswith("Error: ") and not list(here.iterdir())
+
+
+def test_progress_begins_with_what_takes_long(
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    from bowstring import solid
+    from bowstring.commands import cad
+
+    told: list[str] = []
+
+    @contextmanager
+    def bar() -> Iterator[Callable[[str, float], None]]:
+        yield lambda what, done: told.append(what)
+
+    def kernel() -> None:
+        told.append("loaded")
+
+    monkeypatch.setattr(cad, "progress_bar", bar)
+    monkeypatch.setattr(solid, "check_cad", kernel)
+    code, _, err = shell(*CAD, "--out", "robot.glb", "--tension", "1e6,0,0")
+    assert code == 1 and err.startswith("Error: ")
+    assert told == ["CAD kernel", "loaded"]
 
 
 def test_ctrl_c_says_what_is_written(

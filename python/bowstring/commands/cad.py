@@ -74,23 +74,23 @@ def cad(
             of_flag(flag, check, file)
     _all_different(out, picture, drawing)
     sizes = sizes_of(model)
-    if out is not None or picture is not None:
-        check_cad()
     tensions, pulls, angles = driven
-    pose = None
-    if any(driven):
-        pose = rod.solve(model, tensions, pulls=pulls, angles=angles).raise_for_status()
-    solid, files = None, {}
+    pose, solid, files = None, None, {}
     try:
         with progress_bar() as tell:
             if out is not None or picture is not None:
-                tell("solid", 0.0)
+                tell("CAD kernel", 0.0)
+                check_cad()
+            if any(driven):
+                pose = rod.solve(model, tensions, pulls=pulls, angles=angles).raise_for_status()
+            if out is not None or picture is not None:
+                tell("solid", 0.3)
                 solid = make_solid(model, pose)
                 if out is not None:
-                    tell("file", 0.2)
+                    tell("file", 0.4)
                     files["solid"] = cadfiles.write_solid(solid, out)
                 if picture is not None:
-                    tell("picture", 0.4)
+                    tell("picture", 0.5)
                     files["picture"] = pictures.write_picture(solid, picture)
             if drawing is not None:
                 tell("drawing", 0.9)
