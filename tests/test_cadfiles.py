@@ -42,7 +42,10 @@ def test_step_holds_named_coloured_parts(solid, tmp_path):
         np.testing.assert_allclose(tuple(child.color)[:3], rgb(part.colour), atol=2e-3)
     text = file.read_text("ascii")
     assert "SI_UNIT(.MILLI.,.METRE.)" in text
-    assert f"'robot_hash: {solid.robot.hash}'" in text and "'pose: simulated'" in text
+    assert (
+        f"'robot_hash: {solid.robot.hash}'" in text
+        and "'pose: simulated, tendon 1 at 60 N, tendon 3 at 20 N'" in text
+    )
     assert "'assumed: segments[0].disks.hole_diameter = 2 mm" in text
 
 
@@ -125,7 +128,9 @@ def test_gltf_holds_named_coloured_meshes_in_metres_with_y_up(solid, tmp_path, s
         (colour,) = colours
         np.testing.assert_allclose(colour, [*linear, 1], atol=2e-3)
     about = content["asset"]["extras"]
-    assert about["robot_hash"] == solid.robot.hash and about["pose"] == "simulated"
+    assert about["robot_hash"] == solid.robot.hash and about["pose"].startswith(
+        "simulated, tendon 1 at 60 N"
+    )
     assert content["asset"]["version"] == "2.0"
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +51,7 @@ def test_a_bent_robot_as_files(shell: Shell, here: Path) -> None:
         "value_m": 0.002,
     }
     settings = found["provenance"]["settings"]
-    assert settings == {"tensions_N": [60, 0, 0], "pulls_m": None}
+    assert settings == {"tensions_N": [60, 0, 0], "pulls_m": None, "angles_rad": None}
     end = bd.import_step("robot.step").children[10].center(bd.CenterOf.MASS)
     np.testing.assert_allclose(np.array(tuple(end)) / 1e3, solution.tip.position, atol=1e-8)
 
@@ -72,6 +74,17 @@ def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
     volume = math.pi * 0.003 * (0.032**2 - 0.0025**2 - 3 * 0.002**2)
     assert parts["disk_3"]["mass_kg"] == pytest.approx(1200 * volume, rel=1e-12)
     assert not any("hole_diameter" in size["field"] for size in found["assumed"])
+
+
+def test_motor_angles_bend_it_as_pulls_do(shell: Shell, here: Path) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    spool = ("--set", "segments.0.tendons.spool_radius=10 mm", "--out", "robot.glb")
+    turned = shell.json(*CAD, *spool, "--angle", "1,-1 rad,-1")
+    pulled = shell.json(*CAD, *spool, "--pull", "10 mm,-0.01,-0.01")
+    np.testing.assert_allclose(
+        turned["tip"]["position_m"], pulled["tip"]["position_m"], rtol=0, atol=1e-12
+    )
+    assert turned["provenance"]["settings"]["angles_rad"] == [1, -1, -1]
 
 
 def test_the_straight_robot_in_words(shell: Shell, here: Path) -> None:
@@ -140,6 +153,50 @@ def test_a_load_without_an_equilibrium_writes_nothing(shell: Shell, here: Path) 
     pytest.importorskip("build123d", exc_type=ImportError)
     code, out, err = shell(*CAD, "--out", "robot.step", "--tension", "1000000,0,0")
     assert (code, out) == (1, "") and err.startswith("Error: ") and not list(here.iterdir())
+
+
+def test_progress_begins_with_what_takes_long(
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    from bowstring import solid
+    from bowstring.commands import cad
+
+    told: list[str] = []
+
+    @contextmanager
+    def bar() -> Iterator[Callable[[str, float], None]]:
+        yield lambda what, done: told.append(what)
+
+    def kernel() -> None:
+        told.append("loaded")
+
+    monkeypatch.setattr(cad, "progress_bar", bar)
+    monkeypatch.setattr(solid, "check_cad", kernel)
+    code, _, err = shell(*CAD, "--out", "robot.glb", "--tension", "1e6,0,0")
+    assert code == 1 and err.startswith("Error: ")
+    assert told == ["CAD kernel", "loaded"]
+
+
+def test_ctrl_c_says_what_is_written(
+    shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    from bowstring import cadfiles, picture
+
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(picture, "draw_solid", stopped)
+    files = ("--out", "robot.stl", "--picture", "robot.png", "--drawing", "disk.svg")
+    code, out, err = shell(*CAD, *files)
+    assert (code, out) == (130, "")
+    assert err == f"Stopped: of the files only {here / 'robot.stl'} is written.\n"
+    assert [p.name for p in here.iterdir()] == ["robot.stl"]
+    monkeypatch.setattr(cadfiles, "_stl", stopped)
+    code, out, err = shell(*CAD, "--out", "other.stl", "--picture", "robot.png")
+    assert (code, out, err) == (130, "", "Stopped: nothing was written.\n")
+    assert [p.name for p in here.iterdir()] == ["robot.stl"]
 
 
 def test_the_study_shows_the_solid(shell: Shell, here: Path) -> None:

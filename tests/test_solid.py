@@ -262,6 +262,23 @@ def test_one_time_of_a_run_is_a_pose():
         make_solid(bs.load_robot("rao2021"), data.isel(time=[-1]))
 
 
+def test_what_holds_a_pose_in_words():
+    robot = bs.load_robot("amouri2019")
+    assert make_solid(robot).load == ""
+
+    def said(robot, tensions, **load):
+        return make_solid(robot, bs.solve(robot, tensions, **load)).load
+
+    assert said(robot, [60, 0, 0]) == "tendon 1 at 60 N"
+    assert said(robot, [1.2345, 5, 5]) == "tendon 1 at 1.23 N, tendons 2 and 3 at 5 N"
+    down = {"gravity": [0, 0, -9.8], "tip_force": [0.1, 0, 0]}
+    assert said(robot, [0, 0, 0], **down) == "no tension, with gravity and a load at the tip"
+    assert said(bs.load_robot("rao2021"), [0.1, 0.2, 0.3, 0.4, 0, 0]) == "tensions up to 0.4 N"
+    run = bs.simulate(robot, bs.courses.ramp([40, 0, 0], rise=0.05), duration=0.05)
+    last = make_solid(robot, run.dataset.isel(time=[-1]))
+    assert last.load == "tendon 1 at 40 N, at 0.05 s"
+
+
 # -- sizes and bad input ------------------------------------------------------------------------
 
 

@@ -68,7 +68,7 @@ def _about(solid: Solid) -> dict[str, Any]:
         "robot": solid.robot.name,
         "robot_hash": solid.robot.hash,
         "bowstring_version": __version__,
-        "pose": "simulated" if solid.posed else "straight",
+        "pose": f"simulated, {solid.load}" if solid.posed else "straight",
         "assumed": [str(size) for size in solid.sizes.assumed],
     }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -24,6 +25,7 @@ Ints = NDArray[np.int64]
 _SUFFIXES: Final = (".png", ".pdf", ".svg")
 _DPI: Final = 220
 _PIXELS: Final = 1300  # of the longer side
+_LETTERS: Final = 11.5  # of the title, in an inch
 _ELEVATION: Final = math.radians(17.0)
 _ASIDE: Final = math.radians(-48.0)  # of the eye, from the plane in which the robot bends
 _DEFLECTION: Final = 2e-4  # of the mesh, as a share of the robot's length
@@ -85,19 +87,22 @@ def draw_solid(solid: Solid, pixels: int = _PIXELS) -> Figure:
     colours = np.array([to_rgb(part.colour) for part in solid.parts])
     outlined = np.array([part.kind != "tendon" for part in solid.parts])
     image, seen = render(mesh, camera, colours, outlined)
-    left, right, top, bottom = 0.05, 0.26, 0.09, 0.04  # margins, as shares of the longer side
+    left, right, bottom = 0.05, 0.26, 0.04  # margins, as shares of the longer side
     long = max(camera.width, camera.height)
     width = camera.width + (left + right) * long
+    inch = _DPI * pixels / _PIXELS
+    kind = f"simulated: {solid.load}" if solid.posed else "straight, as built"
+    title = textwrap.wrap(f"{solid.robot.name}, {kind}", max(12, int(_LETTERS * width / inch)))
+    top = 0.06 + 0.03 * len(title)
     height = camera.height + (top + bottom) * long
-    figure = Figure(figsize=(width / _DPI * 1300 / pixels, height / _DPI * 1300 / pixels))
+    figure = Figure(figsize=(width / inch, height / inch))
     axes: Any = figure.add_axes(
         (left * long / width, bottom * long / height, camera.width / width, camera.height / height)
     )
     axes.imshow(image, interpolation="antialiased", aspect="auto")
     axes.set_axis_off()
     _name_parts(axes, solid, camera, seen)
-    kind = "simulated pose" if solid.posed else "straight, as built"
-    figure.text(0.02, 0.985, f"{solid.robot.name}, {kind}", va="top", fontsize=10)
+    figure.text(0.02, 0.985, "\n".join(title), va="top", fontsize=10)
     return figure
 
 

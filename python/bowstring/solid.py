@@ -11,6 +11,7 @@ section times its length.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import unicodedata
@@ -27,6 +28,7 @@ from bowstring.errors import InputError
 from bowstring.robot import Robot
 from bowstring.sizes import Sizes, sizes_of
 from bowstring.vtk import check_data, holes
+from bowstring.words import listed, significant
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -118,6 +120,8 @@ class Solid:
         The holes that each tendon passes, from the base to its end disk k, in m.
     posed : bool
         False if straight, as it was built.
+    load : str
+        What holds the pose, in words; empty if it is straight.
     """
 
     robot: Robot
@@ -125,6 +129,7 @@ class Solid:
     parts: tuple[Part, ...]
     tendon_paths: tuple[Floats, ...]
     posed: bool
+    load: str
 
     def __getitem__(self, name: str) -> Part:
         for part in self.parts:
@@ -205,7 +210,8 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
         *_disks(robot, sizes, data),
         *_tendons(sizes, paths, data is not None),
     ]
-    return Solid(robot, sizes, tuple(parts), paths, data is not None)
+    load = "" if data is None else _load(data)
+    return Solid(robot, sizes, tuple(parts), paths, data is not None, load)
 
 
 def _one_time(robot: Robot, pose: Any) -> xr.Dataset:
@@ -222,6 +228,47 @@ def _one_time(robot: Robot, pose: Any) -> xr.Dataset:
     if np.bincount(data["module"].to_numpy())[1:].min() < 3:
         raise InputError("the pose has fewer than 3 points in a module; ask for 9")
     return data
+
+
+_MOST_TENSIONS: Final = 3  # different ones in words
+
+
+def _load(data: xr.Dataset) -> str:
+    """`tendon 1 at 60 N, tendons 2 and 3 at 5 N, with gravity`."""
+    tensions = data["tension"].to_numpy()[0].tolist()
+    most = max(tensions)
+    groups: dict[str, list[str]] = {}
+    for i, tension in enumerate(tensions, 1):
+        if tension > 1e-9 * most:
+            groups.setdefault(significant(tension), []).append(str(i))
+    if len(groups) > _MOST_TENSIONS:
+        said = [f"tensions up to {significant(most)} N"]
+    else:
+        said = [
+            f"tendon{'s' if len(which) > 1 else ''} {listed(which)} at {value} N"
+            for value, which in groups.items()
+        ]
+    settings = json.loads(data.attrs["settings"])
+    kinds = {
+        "gravity": ("gravity", "gravity_m_per_s2"),
+        "a load at the tip": ("tip_force", "tip_moment", "tip_force_N", "tip_moment_Nm"),
+    }
+    acting = [
+        kind
+        for kind, names in kinds.items()
+        if any(_acts(settings[name]) for name in names if name in settings)
+    ]
+    said = said or ["no tension"]
+    if acting:
+        said.append(f"with {listed(acting)}")
+    if "duration_s" in settings:  # a run
+        said.append(f"at {significant(float(data['time'][0]))} s")
+    return ", ".join(said)
+
+
+def _acts(load: Any) -> bool:
+    """Whether a load of the settings, constant or a table over time, is not all zero."""
+    return bool(np.any(load.get("values", True) if isinstance(load, dict) else load))
 
 
 # -- plates --------------------------------------------------------------------------------------

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bowstring.commands.driving import driven_by
+from bowstring.commands.driving import Angle, Pull, Tension, driven_by
 from bowstring.commands.options import AsJson, Overrides, RobotSource, load, of_flag
 from bowstring.commands.output import (
+    Stopped,
     fixed,
     frame,
     new_table,
@@ -20,6 +21,7 @@ from bowstring.commands.output import (
     write_tables,
 )
 from bowstring.errors import InputError
+from bowstring.words import listed
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -34,13 +36,9 @@ def cad(
         str | None,
         typer.Option(metavar="FILE", help="The solid: .step, .stp, .stl, .glb or .gltf."),
     ] = None,
-    tension: Annotated[
-        str | None,
-        typer.Option(metavar="T1,T2,...", help="Bent by these tensions; straight if left out."),
-    ] = None,
-    pull: Annotated[
-        str | None, typer.Option(metavar="P1,P2,...", help="Bent by these lengths taken in.")
-    ] = None,
+    tension: Tension = None,
+    pull: Pull = None,
+    angle: Angle = None,
     picture: Annotated[
         str | None, typer.Option(metavar="FILE", help="A rendered picture: .png, .pdf or .svg.")
     ] = None,
@@ -51,9 +49,10 @@ def cad(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """The robot as a solid, straight or bent: CAD file, picture, drawing of its disks.
+    """The robot as a solid: CAD file, picture, drawing of its disks.
 
-    Needs the extra cad (build123d), except for the drawing.
+    Bent as its tendons are driven, straight if they are not. Needs the extra cad (build123d),
+    except for the drawing.
     """
     from bowstring import cadfiles, rod
     from bowstring import picture as pictures
@@ -64,7 +63,8 @@ def cad(
     if out is None and picture is None and drawing is None:
         raise InputError("nothing to write: give --out FILE, --picture FILE or --drawing FILE.")
     model = load(robot, overrides)
-    driven = None if tension is None and pull is None else driven_by(model, tension, pull, None)
+    wanted = (tension, pull, angle)
+    driven = (None, None, None) if wanted == (None, None, None) else driven_by(model, *wanted)
     for flag, check, file in (
         ("--out", cadfiles.check_solid_file, out),
         ("--picture", pictures.check_picture_file, picture),
@@ -74,28 +74,33 @@ def cad(
             of_flag(flag, check, file)
     _all_different(out, picture, drawing)
     sizes = sizes_of(model)
-    if out is not None or picture is not None:
-        check_cad()
-    tensions, pulls = (None, None) if driven is None else driven[:2]
-    pose = None if driven is None else rod.solve(model, tensions, pulls=pulls)
-    if pose is not None:
-        pose.raise_for_status()
-    solid, files = None, {}
-    with progress_bar() as tell:
-        if out is not None or picture is not None:
-            tell("solid", 0.0)
-            solid = make_solid(model, pose)
-        if out is not None:
-            tell("file", 0.4)
-            assert solid is not None
-            files["solid"] = cadfiles.write_solid(solid, out)
-        if picture is not None:
-            tell("picture", 0.6)
-            assert solid is not None
-            files["picture"] = pictures.write_picture(solid, picture)
-        if drawing is not None:
-            tell("drawing", 0.9)
-            files["drawing"] = write_drawing(model, drawing)
+    tensions, pulls, angles = driven
+    pose, solid, files = None, None, {}
+    try:
+        with progress_bar() as tell:
+            if out is not None or picture is not None:
+                tell("CAD kernel", 0.0)
+                check_cad()
+            if any(driven):
+                pose = rod.solve(model, tensions, pulls=pulls, angles=angles).raise_for_status()
+            if out is not None or picture is not None:
+                tell("solid", 0.3)
+                solid = make_solid(model, pose)
+                if out is not None:
+                    tell("file", 0.4)
+                    files["solid"] = cadfiles.write_solid(solid, out)
+                if picture is not None:
+                    tell("picture", 0.5)
+                    files["picture"] = pictures.write_picture(solid, picture)
+            if drawing is not None:
+                tell("drawing", 0.9)
+                files["drawing"] = write_drawing(model, drawing)
+    except KeyboardInterrupt:
+        if not files:
+            raise
+        written = listed([str(file) for file in files.values()])
+        verb = "is" if len(files) == 1 else "are"
+        raise Stopped(f"of the files only {written} {verb} written.") from None
     if as_json:
         return write_json(
             {
@@ -107,7 +112,7 @@ def cad(
                     for size in sizes.assumed
                 ],
                 "files": files,
-                **provenance_of(model, tensions_N=tensions, pulls_m=pulls),
+                **provenance_of(model, tensions_N=tensions, pulls_m=pulls, angles_rad=angles),
             }
         )
     lines: list[Table | str] = [

@@ -6,7 +6,9 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
+
+import typer
 
 from bowstring.commands.options import not_negative, numbers_of, of_flag, per_tendon, tendon_count
 from bowstring.commands.output import counted
@@ -18,6 +20,18 @@ LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
 TOO_SHORT: Final = f"{SHORTEST_STEP:g} s or more are possible, less drowns in rounding."
 Driven = list[float | None]
+Tension = Annotated[str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions.")]
+Pull = Annotated[
+    str | None,
+    typer.Option(
+        metavar="P1,P2,...",
+        help="Lengths taken in since the home pose; negative is paid out. With - for a tendon in "
+        "one list, another says how it is driven: --tension 5,-,- --pull -,2mm,2mm.",
+    ),
+]
+Angle = Annotated[
+    str | None, typer.Option(metavar="A1,A2,...", help="Motor angles, in rad or with a unit.")
+]
 
 
 def driven_by(

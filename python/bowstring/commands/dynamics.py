@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 import typer
 
-from bowstring.commands.driving import SHORTEST_STEP, driven_by, driven_over_time, read_history
+from bowstring.commands.driving import (
+    SHORTEST_STEP,
+    Angle,
+    Pull,
+    Tension,
+    driven_by,
+    driven_over_time,
+    read_history,
+)
 from bowstring.commands.options import (
     AsJson,
     Elements,
@@ -53,24 +61,15 @@ MOST_OUTPUTS: Final = 1_000_000
 
 def simulate(
     robot: RobotSource,
-    tension: Annotated[
-        str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions after the rise.")
-    ] = None,
-    pull: Annotated[
-        str | None,
-        typer.Option(
-            metavar="P1,P2,...",
-            help="Lengths taken in after the rise, m or with a unit. A tendon with - in one list, "
-            "another says how it is driven.",
-        ),
-    ] = None,
-    angle: Annotated[
-        str | None,
-        typer.Option(metavar="A1,A2,...", help="Motor angles after the rise, rad or with a unit."),
-    ] = None,
+    tension: Tension = None,
+    pull: Pull = None,
+    angle: Angle = None,
     rise: Annotated[
         str | None,
-        typer.Option(metavar="s", help="Time of the rise; 0 is a jump.  [default: 1]"),
+        typer.Option(
+            metavar="s",
+            help="Time of the rise to --tension, --pull, --angle; 0 is a jump.  [default: 1]",
+        ),
     ] = None,
     hold: Annotated[
         str | None, typer.Option(metavar="s", help="Time after the rise.  [default: 1]")
@@ -247,19 +246,9 @@ def simulate(
 
 def modes(
     robot: RobotSource,
-    tension: Annotated[
-        str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions.  [default: none]")
-    ] = None,
-    pull: Annotated[
-        str | None,
-        typer.Option(
-            metavar="P1,P2,...",
-            help="Lengths taken in, which the tendons keep while the robot oscillates.",
-        ),
-    ] = None,
-    angle: Annotated[
-        str | None, typer.Option(metavar="A1,A2,...", help="Motor angles, which are kept as well.")
-    ] = None,
+    tension: Tension = None,
+    pull: Pull = None,
+    angle: Angle = None,
     count: Annotated[int, typer.Option(metavar="N", help="How many, the slowest.")] = 6,
     theory: Theory = "cosserat",
     gravity: Gravity = None,
@@ -272,7 +261,10 @@ def modes(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Natural frequencies and mode shapes about an equilibrium."""
+    """Natural frequencies and mode shapes about an equilibrium, that of no tension if not given.
+
+    Tensions, pulls and angles keep their values while the robot oscillates.
+    """
     model = load(robot, overrides)
     if tension is None and pull is None and angle is None:
         tension = ",".join("0" for _ in range(tendon_count(model)))

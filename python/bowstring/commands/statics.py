@@ -12,7 +12,15 @@ import numpy as np
 import typer
 
 from bowstring import arc
-from bowstring.commands.driving import check_history_file, driven_by, read_history, write_history
+from bowstring.commands.driving import (
+    Angle,
+    Pull,
+    Tension,
+    check_history_file,
+    driven_by,
+    read_history,
+    write_history,
+)
 from bowstring.commands.options import (
     AsJson,
     Chord,
@@ -168,20 +176,9 @@ def ik(
 
 def solve(
     robot: RobotSource,
-    tension: Annotated[
-        str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions.")
-    ] = None,
-    pull: Annotated[
-        str | None,
-        typer.Option(
-            metavar="P1,P2,...",
-            help="Lengths taken in since the home pose; negative is paid out. With - for a tendon "
-            "in one list, another says how it is driven: --tension 5,-,- --pull -,2mm,2mm.",
-        ),
-    ] = None,
-    angle: Annotated[
-        str | None, typer.Option(metavar="A1,A2,...", help="Motor angles, in rad or with a unit.")
-    ] = None,
+    tension: Tension = None,
+    pull: Pull = None,
+    angle: Angle = None,
     history: HistoryFile = None,
     save_history: Annotated[
         Path | None, typer.Option(metavar="FILE", help="JSON file of where the path has come to.")
