@@ -180,6 +180,34 @@ def test_a_drawing_has_all_sizes(canvas):
     assert "3 x Ø2.5\non Ø58" in texts
 
 
+def test_a_drawing_says_where_each_hole_is_if_they_are_not_alike(canvas):
+    robot = bs.load_robot(
+        "amouri2019",
+        {
+            "segments.0.disks.radius": "32.1255 mm",
+            "segments.0.tendons": [
+                {"angle": "50 deg", "pitch_radius": "20 mm"},
+                {"angle": "-62.239 deg", "pitch_radius": "12 mm"},
+                {"angle": "0 deg", "pitch_radius": "29 mm"},
+            ],
+        },
+    )
+    figure = draw_disks(robot)
+    canvas(figure)
+    texts = readable(figure)
+    assert "1: 0° on Ø58\n2: 50° on Ø40\n3: 297.76° on Ø24" in texts
+    assert {"1", "2", "3", "Ø64.251"} <= set(texts) and "50°" not in texts
+    # the angles of all nine holes, on one circle
+    figure = draw_disks(bs.load_robot("crl-ftdcr-v4"))
+    canvas(figure)
+    first = next(text for text in readable(figure) if text.startswith("1: 2.51°"))
+    assert first.count("\n") == 8 and "Ø" not in first
+    many = {"segments.0.tendons": [{"angle": i * i / 50, "pitch_radius": 0.029} for i in range(16)]}
+    figure = draw_disks(bs.load_robot("amouri2019", many))
+    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert any(text.endswith("and 2 more") for text in texts)
+
+
 def test_disks_that_are_alike_are_drawn_once():
     def titles(name, changes=None):
         figure = draw_disks(bs.load_robot(name, changes))
