@@ -151,6 +151,25 @@ def test_a_picture_names_its_parts(name, canvas, tmp_path):
             write_picture(solid, tmp_path / "robot.jpg")
 
 
+def test_names_point_at_what_is_seen_and_a_long_title_breaks(canvas):
+    pytest.importorskip("build123d", exc_type=ImportError)
+    from bowstring.picture import draw_solid
+    from bowstring.solid import make_solid
+
+    title = "A robot whose name is as long as names may be and so does not go on one line, by far"
+    solid = make_solid(bs.load_robot("amouri2019", {"name": title}))
+    figure = draw_solid(solid, pixels=400)
+    canvas(figure)
+    texts = readable(figure)
+    assert any(t.replace("\n", " ") == f"{title}, straight, as built" for t in texts)
+    (axes,) = figure.axes
+    dots = [line.get_xydata()[0] for line in axes.lines]
+    ends = [text.xy for text in axes.texts]
+    np.testing.assert_array_equal(dots, ends)  # one on each
+    image = axes.images[0].get_array()
+    assert all(image[int(y), int(x), 3] > 0 for x, y in dots)  # and on the robot
+
+
 def test_normals_are_smooth_around_a_rod_and_break_at_its_ends():
     bd = pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.picture import mesh_of
