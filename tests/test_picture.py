@@ -221,6 +221,9 @@ def test_a_drawing_says_where_each_hole_is_if_they_are_not_alike(canvas):
     canvas(figure)
     first = next(text for text in readable(figure) if text.startswith("1: 2.51°"))
     assert first.count("\n") == 8 and "Ø" not in first
+    figure = draw_disks(bs.load_robot("amouri2019", {"name": "of many letters" * 6}))
+    canvas(figure)
+    assert any("spacer disks, in mm" in text.replace("\n", " ") for text in readable(figure))
     many = {"segments.0.tendons": [{"angle": i * i / 50, "pitch_radius": 0.029} for i in range(16)]}
     figure = draw_disks(bs.load_robot("amouri2019", many))
     texts = [text.get_text() for axes in figure.axes for text in axes.texts]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -87,11 +88,11 @@ def draw_disks(robot: Robot) -> Figure:
         raise InputError(
             f"{robot.name} has {len(kinds)} kinds of disks; a drawing holds up to {_MOST}"
         )
-    row, head, foot = 3.3, 0.45, 0.25  # inches
+    title = textwrap.wrap(f"{robot.name}: spacer disks, in mm", 65)
+    row, head, foot = 3.3, 0.28 + 0.17 * len(title), 0.25  # inches
     high = head + row * len(kinds) + foot
     figure = Figure(figsize=(6.4, high))
-    title = f"{robot.name}: spacer disks, in mm"
-    figure.text(0.03, 1.0 - 0.14 / high, title, va="top", fontsize=10)
+    figure.text(0.03, 1.0 - 0.14 / high, "\n".join(title), va="top", fontsize=10)
     for i, kind in enumerate(kinds):
         low = (foot + row * (len(kinds) - 1 - i)) / high
         axes: Any = figure.add_axes((0.0, low, 1.0, row / high))
