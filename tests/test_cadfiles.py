@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -148,6 +149,7 @@ def test_a_name_of_other_letters(tmp_path):
         ("none/robot.step", "none does not exist"),
         ("folder.step", "it is a folder"),
         ("file.txt/robot.step", "file.txt is a file"),
+        ("a" * 300 + ".step", "File name too long"),
     ],
 )
 def test_files_that_cannot_be(tmp_path, name, says):
@@ -156,6 +158,17 @@ def test_files_that_cannot_be(tmp_path, name, says):
     with pytest.raises(InputError, match="cannot write the solid to") as caught:
         check_solid_file(tmp_path / name)
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("asked", ["is_dir", "exists"])
+def test_folders_that_may_not_be_searched(tmp_path, monkeypatch, asked):
+    def denied(self):  # root may search any folder
+        raise PermissionError(13, "Permission denied")
+
+    (tmp_path / "closed").mkdir()
+    monkeypatch.setattr(Path, asked, denied)
+    with pytest.raises(InputError, match=r"cannot write the solid to .*: Permission denied"):
+        check_solid_file(tmp_path / "closed" / "robot.step")
 
 
 def test_what_fails_leaves_the_former_file(tmp_path, solid, monkeypatch):

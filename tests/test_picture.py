@@ -151,6 +151,25 @@ def test_a_picture_names_its_parts(name, canvas, tmp_path):
             write_picture(solid, tmp_path / "robot.jpg")
 
 
+def test_names_point_at_what_is_seen_and_a_long_title_breaks(canvas):
+    pytest.importorskip("build123d", exc_type=ImportError)
+    from bowstring.picture import draw_solid
+    from bowstring.solid import make_solid
+
+    title = "A robot whose name is as long as names may be and so does not go on one line, by far"
+    solid = make_solid(bs.load_robot("amouri2019", {"name": title}))
+    figure = draw_solid(solid, pixels=400)
+    canvas(figure)
+    texts = readable(figure)
+    assert any(t.replace("\n", " ") == f"{title}, straight, as built" for t in texts)
+    (axes,) = figure.axes
+    dots = [line.get_xydata()[0] for line in axes.lines]
+    ends = [text.xy for text in axes.texts]
+    np.testing.assert_array_equal(dots, ends)  # one on each
+    image = axes.images[0].get_array()
+    assert all(image[int(y), int(x), 3] > 0 for x, y in dots)  # and on the robot
+
+
 def test_normals_are_smooth_around_a_rod_and_break_at_its_ends():
     bd = pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.picture import mesh_of
@@ -178,6 +197,37 @@ def test_a_drawing_has_all_sizes(canvas):
     given = bs.load_robot("amouri2019", {"segments.0.disks.hole_diameter": "2.5 mm"})
     texts = [text.get_text() for axes in draw_disks(given).axes for text in axes.texts]
     assert "3 x Ø2.5\non Ø58" in texts
+
+
+def test_a_drawing_says_where_each_hole_is_if_they_are_not_alike(canvas):
+    robot = bs.load_robot(
+        "amouri2019",
+        {
+            "segments.0.disks.radius": "32.1255 mm",
+            "segments.0.tendons": [
+                {"angle": "50 deg", "pitch_radius": "20 mm"},
+                {"angle": "-62.239 deg", "pitch_radius": "12 mm"},
+                {"angle": "0 deg", "pitch_radius": "29 mm"},
+            ],
+        },
+    )
+    figure = draw_disks(robot)
+    canvas(figure)
+    texts = readable(figure)
+    assert "1: 0° on Ø58\n2: 50° on Ø40\n3: 297.76° on Ø24" in texts
+    assert {"1", "2", "3", "Ø64.251"} <= set(texts) and "50°" not in texts
+    # the angles of all nine holes, on one circle
+    figure = draw_disks(bs.load_robot("crl-ftdcr-v4"))
+    canvas(figure)
+    first = next(text for text in readable(figure) if text.startswith("1: 2.51°"))
+    assert first.count("\n") == 8 and "Ø" not in first
+    figure = draw_disks(bs.load_robot("amouri2019", {"name": "of many letters" * 6}))
+    canvas(figure)
+    assert any("spacer disks, in mm" in text.replace("\n", " ") for text in readable(figure))
+    many = {"segments.0.tendons": [{"angle": i * i / 50, "pitch_radius": 0.029} for i in range(16)]}
+    figure = draw_disks(bs.load_robot("amouri2019", many))
+    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert any(text.endswith("and 2 more") for text in texts)
 
 
 def test_disks_that_are_alike_are_drawn_once():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -13,6 +14,8 @@ from bowstring.errors import InputError
 from bowstring.files import check_file, write_whole_file
 from bowstring.robot import Robot
 from bowstring.sizes import Sizes, sizes_of
+from bowstring.units import rounded
+from bowstring.words import listed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,6 +27,7 @@ Floats = NDArray[np.float64]
 _SUFFIXES: Final = (".svg", ".pdf", ".png")
 _DPI: Final = 200
 _MOST: Final = 12  # kinds of disks in one drawing
+_MOST_PLACES: Final = 14  # of holes in a list
 _MM: Final = 1e3
 
 
@@ -84,11 +88,11 @@ def draw_disks(robot: Robot) -> Figure:
         raise InputError(
             f"{robot.name} has {len(kinds)} kinds of disks; a drawing holds up to {_MOST}"
         )
-    row, head, foot = 3.3, 0.45, 0.25  # inches
+    title = textwrap.wrap(f"{robot.name}: spacer disks, in mm", 65)
+    row, head, foot = 3.3, 0.28 + 0.17 * len(title), 0.25  # inches
     high = head + row * len(kinds) + foot
     figure = Figure(figsize=(6.4, high))
-    title = f"{robot.name}: spacer disks, in mm"
-    figure.text(0.03, 1.0 - 0.14 / high, title, va="top", fontsize=10)
+    figure.text(0.03, 1.0 - 0.14 / high, "\n".join(title), va="top", fontsize=10)
     for i, kind in enumerate(kinds):
         low = (foot + row * (len(kinds) - 1 - i)) / high
         axes: Any = figure.add_axes((0.0, low, 1.0, row / high))
@@ -138,11 +142,15 @@ def _numbers(disks: tuple[int, ...]) -> str:
         return f"disk {disks[0]}"
     if disks == tuple(range(disks[0], disks[-1] + 1)):
         return f"disks {disks[0]} to {disks[-1]}"
-    return f"disks {', '.join(map(str, disks[:-1]))} and {disks[-1]}"
+    return f"disks {listed([*map(str, disks)])}"
 
 
 def _size(value: float) -> str:
-    return f"{float(f'{value:.4g}'):g}"
+    return rounded(value, 6)  # as exact as a robot file
+
+
+def _degrees(value: float) -> str:
+    return f"{round(value, 2):g}°"
 
 
 def _draw(axes: Any, kind: _Kind) -> None:
@@ -211,7 +219,10 @@ def _draw(axes: Any, kind: _Kind) -> None:
     )
     label = f"{count}Ø{_size(kind.hole)}{star}\non {on}"
     _leader(axes, (x, y), (1.22 * r, 0.85 * r), label, ink)
-    _angles(axes, kind, muted, ink, plate)
+    if _evenly_spaced(kind.places):
+        _angles(axes, kind, muted, ink, plate)
+    else:
+        _places(axes, kind, ink, plate)
 
     # section at x = 0, seen along x
     half = kind.thickness / 2
@@ -252,11 +263,48 @@ def _leader(
     )
 
 
+def _angles_of(places: Floats) -> Floats:
+    """Of holes (H, 2) from x, from 0 to below 360 degrees."""
+    angles = np.degrees(np.arctan2(places[:, 1], places[:, 0])) % 360.0
+    angles[np.isclose(angles, 360.0, atol=1e-6)] = 0.0
+    return angles
+
+
+def _evenly_spaced(places: Floats) -> bool:
+    """Whether one angle and one circle say where all holes are."""
+    pitch, angles = np.hypot(*places.T), np.sort(_angles_of(places))
+    steps = np.diff([*angles, angles[0] + 360.0])
+    return bool(np.ptp(pitch) < 1e-6 * pitch.max() and np.ptp(steps) < 1e-4)
+
+
+def _places(axes: Any, kind: _Kind, ink: str, plate: str) -> None:
+    """Numbers at the holes, counter-clockwise from x, and a list of where each one is."""
+    angles, pitch = _angles_of(kind.places), np.hypot(*kind.places.T)
+    order = np.lexsort((pitch, angles)).tolist()
+    r, same = kind.radius, np.ptp(pitch) < 1e-6 * pitch.max()
+    rows = []
+    for number, i in enumerate(order[:_MOST_PLACES], 1):
+        inner = 1.0 - (kind.hole / 2 + 0.085 * r) / pitch[i]  # share of the way to the hole
+        axes.text(
+            *(inner * kind.places[i]),
+            str(number),
+            fontsize=6.5,
+            ha="center",
+            va="center",
+            color=ink,
+            bbox={"facecolor": plate, "edgecolor": "none", "pad": 0.3},
+        )
+        on = "" if same else f" on Ø{_size(2 * float(pitch[i]))}"
+        rows.append(f"{number}: {_degrees(float(angles[i]))}{on}")
+    if order[_MOST_PLACES:]:
+        rows.append(f"and {len(order) - _MOST_PLACES} more")
+    text = "\n".join(rows)
+    axes.text(1.3 * r, 0.55 * r, text, fontsize=7.5, va="top", color=ink, linespacing=1.15)
+
+
 def _angles(axes: Any, kind: _Kind, muted: str, ink: str, plate: str) -> None:
     """The angle of the first hole from x, and to the next one."""
-    angles = np.sort(np.degrees(np.arctan2(kind.places[:, 1], kind.places[:, 0])) % 360.0)
-    angles[np.isclose(angles, 360.0, atol=1e-6)] = 0.0
-    angles = np.sort(angles)
+    angles = np.sort(_angles_of(kind.places))
     r = kind.radius
     marks = [(0.0, float(angles[0]), 0.34)] if angles[0] > 1e-6 else []
     if len(angles) > 1:
@@ -271,7 +319,7 @@ def _angles(axes: Any, kind: _Kind, muted: str, ink: str, plate: str) -> None:
         axes.text(
             (share + 0.02) * r * math.cos(mid),
             (share + 0.02) * r * math.sin(mid),
-            f"{_size(end - start)}°",
+            _degrees(end - start),
             fontsize=8,
             ha="left" if math.cos(mid) > 0 else "right",
             va="bottom" if math.sin(mid) > -0.2 else "top",

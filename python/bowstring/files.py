@@ -16,9 +16,13 @@ __all__ = ["check_file", "check_parent", "write_whole", "write_whole_file"]
 
 def check_parent(file: Path, why: str) -> None:
     """Refuse a file whose folder is none; `why` begins the sentence."""
-    if not file.parent.is_dir():
+    try:
+        if file.parent.is_dir():
+            return
         what = "is a file" if file.parent.exists() else "does not exist"
-        raise InputError(f"{why}: the folder {file.parent} {what}")
+    except OSError as error:  # such as a folder above that may not be searched
+        what = f"cannot be reached: {error.strerror}"
+    raise InputError(f"{why}: the folder {file.parent} {what}")
 
 
 def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
@@ -40,19 +44,22 @@ def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
     Raises
     ------
     InputError
-        If its name ends otherwise, it is a folder, or its folder does not exist or may not be
-        written.
+        If its name ends otherwise or is too long, it is a folder, or its folder does not exist or
+        may not be reached or written.
     """
     why = f"cannot write the {content} to {file}"
     if file.suffix.lower() not in suffixes:
         *most, last = suffixes
         names = f"{', '.join(most)} or {last}" if most else last
         raise InputError(f"{why}: its name must end in {names}")
-    found = file.resolve()
-    check_parent(found, why)
-    if found.exists() and not found.is_file():
-        what = "a folder" if found.is_dir() else "a device or pipe"
-        raise InputError(f"{why}: it is {what}; name a file")
+    try:
+        found = file.resolve()
+        check_parent(found, why)
+        if found.exists() and not found.is_file():
+            what = "a folder" if found.is_dir() else "a device or pipe"
+            raise InputError(f"{why}: it is {what}; name a file")
+    except OSError as error:
+        raise InputError(f"{why}: {error.strerror}") from None
     if not os.access(found.parent, os.W_OK):
         raise InputError(f"{why}: the folder {found.parent} may not be written")
     return found

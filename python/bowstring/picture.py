@@ -114,6 +114,8 @@ def _azimuth(solid: Solid) -> float:
 
 def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> None:
     """Names at the right, in the order of their places, each with a line to what is seen of it."""
+    from matplotlib.patheffects import withStroke
+
     from bowstring.colours import COLOURS
 
     ink, muted = COLOURS["ink"][0], COLOURS["muted"][0]
@@ -166,8 +168,11 @@ def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> Non
                 "shrinkA": 2,
                 "shrinkB": 0,
                 "relpos": (0.0, 0.5),
+                "path_effects": [withStroke(linewidth=1.8, foreground="white")],
             },
         )
+        # where it ends, on parts as dark or grey as the line itself
+        axes.plot(x, y, "o", ms=2.6, color=ink, mec="white", mew=0.5, clip_on=False, zorder=5)
 
 
 def _sharing(solid: Solid) -> list[list[int]]:

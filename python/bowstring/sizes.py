@@ -79,7 +79,7 @@ def sizes_of(robot: Robot) -> Sizes:
         if s.disks.thickness == 0:
             raise InputError(
                 f"{robot.name}: segments[{k}].disks.thickness is 0 mm, which makes no solid; write "
-                'for example --set segments.0.disks.thickness="3 mm"'.replace(".0.", f".{k}.")
+                f'for example --set segments.{k}.disks.thickness="3 mm"'
             )
     tendons, assumed = robot.tendons, []
     rods = np.array([s.backbone.diameter for s in robot.segments])
