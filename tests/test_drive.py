@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bowstring as bs
+from bowstring import drive
 from bowstring.errors import InputError, NoSolutionError
 
 DRIVE = "segments.0.tendons."
@@ -489,6 +490,14 @@ def test_bad_histories(robot, change, says):
         bs.solve(robot, pulls=[0.01, -0.01, -0.01], history=changed if changed == 3 else history)
     text = str(error.value)
     assert says in text and "\n" not in text and len(text) < 250
+
+
+def test_much_friction_is_doubted_where_there_is_no_answer():
+    def said(friction):
+        return drive.message("max_iterations", None, (), False, friction, ((), None), 1e-3, 400)
+
+    assert "Check the friction coefficient of 10: " in said(10.0)
+    assert "friction" not in said(0.3)
 
 
 def test_a_pretension_without_a_home_pose(robot):

@@ -345,6 +345,14 @@ def test_an_interrupted_run_keeps_its_pulls(tmp_path: Path) -> None:
     assert float(read.pull[-1, 0]) == pytest.approx(0.1 * float(read.time[-1]))
 
 
+def test_pulls_after_the_end_are_not_asked_for() -> None:
+    far = Table([0, 0.1, 50], [[0, 0, 0], [0.001, 0, 0], [0.7, 0, 0]])
+    run = simulate(STIFF, pulls=far, duration=0.1, mass_damping=5.0)
+    assert run.status == "converged"
+    with pytest.raises(InputError, match="at 46 s, it must be less than the tendon's length"):
+        simulate(STIFF, pulls=far, duration=46.0)
+
+
 # -- what is refused ---------------------------------------------------------------------------
 
 OTHER = bs.solve(STIFF.with_({TENDONS + "friction": 0.2}), [10, 0, 0]).history

@@ -204,6 +204,11 @@ class Driven:
     ----------
     pulled : ndarray of bool (T,)
         Whether each is pulled by a length, which stays so.
+
+    Parameters
+    ----------
+    until : float
+        Where the run ends, s: what is asked for after that is not looked at.
     """
 
     def __init__(
@@ -212,6 +217,7 @@ class Driven:
         tensions: OverTime | None,
         pulls: OverTime | None,
         angles: OverTime | None,
+        until: float,
     ) -> None:
         self._robot = robot
         count = robot.core.tendon_count
@@ -228,9 +234,9 @@ class Driven:
         if not alone:
             self.pulled, _ = self._commands(0.0, before=True)
             if not self.is_sampled:  # what is wrong later on is wrong before the work
-                knots = np.array(sorted({0.0, *self.knots()}))
-                for before in (True, False):
-                    self.rows(knots, before=before)
+                inside = sorted({0.0, *(t for t in self.knots() if t < until)})
+                self.rows(np.array([*inside, until]), before=True)
+                self.rows(np.array(inside))
 
     def _commands(self, time: float, *, before: bool) -> tuple[Bools, Floats]:
         rows = {name: c.at(time, before=before) for name, c in self._courses.items()}

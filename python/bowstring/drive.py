@@ -35,6 +35,7 @@ Bools = NDArray[np.bool_]
 Given = ArrayLike | Sequence[float | None] | Sequence[Sequence[float | None]]
 
 _GIVE: Final = "give each tendon a tension, a pull or an angle, and None where it has another"
+_MUCH_FRICTION: Final = 1.0  # coefficients beyond this are doubted where there is no answer
 
 
 def compliances(robot: Robot) -> Floats:
@@ -297,19 +298,22 @@ def message(
     stable: bool | None,
     slack: Sequence[int] | NDArray[np.int64],
     undetermined: bool,
-    rubs: bool,
+    friction: float,
     conflict: tuple[Sequence[int], Sequence[float] | None],
     residual: float,
     iterations: int,
 ) -> str:
-    """How a step ended and, if it failed, what to try; ``slack`` counts from 0."""
+    """How a step ended and, if it failed, what to try.
+
+    ``slack`` counts from 0; ``friction`` is the largest coefficient.
+    """
     fighting, nearest = conflict
     match status:
         case "converged":
             if stable:
                 said = "A stable equilibrium."
             else:
-                why = "friction has" if rubs else "a tip moment has"
+                why = "friction has" if friction > 0 else "a tip moment has"
                 said = (
                     "An equilibrium; whether it is stable is not known, because "
                     f"{why} no potential."
@@ -342,8 +346,14 @@ def message(
             )
         case _:
             left = f" (residual {residual:.2g})" if np.isfinite(residual) else ""
+            doubt = ""
+            if friction > _MUCH_FRICTION:
+                doubt = (
+                    f"Check the friction coefficient of {friction:g}: that of a tendon in a "
+                    "smooth hole is 0.05 to 0.5. "
+                )
             return (
                 f"No equilibrium was found: the solver gave up after {iterations} iterations"
-                f"{left}. Approach it by a sweep in smaller steps, or lower pulls, tensions and "
-                "loads."
+                f"{left}. {doubt}Approach it by a sweep in smaller steps, or lower pulls, tensions "
+                "and loads."
             )

@@ -351,7 +351,7 @@ def simulate(
         raise InputError(f"progress is {arguments.shown(progress)}, it must be a function")
     points, elements = int(points), int(elements)  # numpy's are not for files
     loads = Loads(
-        Driven(robot, tensions, pulls, angles),
+        Driven(robot, tensions, pulls, angles, duration),
         over_time("tip_force", tip_force, 3, "N"),
         over_time("tip_moment", tip_moment, 3, "N m"),
     )

@@ -4,6 +4,7 @@
 
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
+use crate::mixing::Mixing;
 use crate::robot::{InputError, Robot};
 use crate::statics::{Solver, Status, MAX_STEP, TOLERANCE};
 pub use crate::transmission::{Command, History, Line};
@@ -37,6 +38,11 @@ pub struct Drive {
     solver: Solver,
     transmission: Transmission,
     virgin: History,
+    mixing: Mixing,
+    /// Where a Newton step begins and where it leads to, for `mixing`.
+    ends: [Vec<f64>; 2],
+    /// Rotation of a module by a newton in a tendon, about.
+    per_tension: f64,
 }
 
 /// Length, as a share of the robot's, to which pulls are met.
@@ -83,11 +89,16 @@ impl Drive {
         solver.engine.measure_spans(false);
         let mut strain = vec![Vec3::zero(); 2 * elements * robot.module_count()];
         solver.engine.strains(&mut |i, w| strain[i] = w);
+        let per_tension =
+            (transmission.scale / robot.moment_scale()).sqrt() / robot.module_count() as f64;
         let virgin = transmission.go_home(solver.engine.span_lengths(), strain);
         Ok(Drive {
             solver,
             transmission,
             virgin,
+            mixing: Mixing::default(),
+            ends: Default::default(),
+            per_tension,
         })
     }
 
@@ -341,13 +352,14 @@ impl Drive {
                 return outcome;
             }
             self.solver.engine.measure_spans(self.transmission.rubs);
-            let mut settled = true;
+            let (mut settled, mut settles) = (true, true);
             if self.transmission.rubs {
                 let fresh = fresh && step < FRESH_STEPS;
                 let engine = &mut *self.solver.engine;
                 settled = self.transmission.slide(engine, old, fresh);
+                settles = self.transmission.is_sure();
                 self.transmission.apply(engine);
-                engine.evaluate();
+                engine.balance();
             }
             self.transmission.measure(&*self.solver.engine);
             let residual = self.solver.engine.gradient() / scale;
@@ -364,7 +376,8 @@ impl Drive {
                 return self.finish(outcome, load);
             }
             let engine = &mut *self.solver.engine;
-            // friction lags behind the bend, and gains nothing from Newton's newest matrix
+            // friction lags behind the bend, and gains nothing from Newton's newest matrix; what
+            // the steps do to each other tells more
             let chord = !settled
                 && self.transmission.rubs
                 && residual < NEAR
@@ -391,7 +404,7 @@ impl Drive {
                 0.0
             };
             let engine = &mut *self.solver.engine;
-            self.transmission.gather(engine, old, caution, false);
+            self.transmission.gather(engine, old, caution, chord);
             let solved = self.transmission.problem.solve();
             if symmetric && pivot <= 1e-12 * unit {
                 // what the pulls hold does not count
@@ -416,6 +429,9 @@ impl Drive {
             }
             if !solved {
                 return outcome;
+            }
+            if !chord || !settles {
+                self.mixing.clear();
             }
             if !self.advance(symmetric) {
                 return outcome;
@@ -458,10 +474,57 @@ impl Drive {
             return false;
         }
         let fraction = (MAX_STEP / largest).min(1.0);
+        let mixes = self.transmission.rubs && fraction == 1.0;
+        if mixes {
+            self.note(0);
+        }
+        let engine = &mut *self.solver.engine;
         engine.save();
         engine.advance(fraction);
         self.transmission.take(engine, fraction);
+        if mixes {
+            self.note(1);
+            self.mix();
+        }
         true
+    }
+
+    /// Writes down strain, tensions and drops as numbers of like size.
+    fn note(&mut self, end: usize) {
+        let numbers = &mut self.ends[end];
+        numbers.clear();
+        self.solver
+            .engine
+            .strains(&mut |_, w| numbers.extend_from_slice(&w.0));
+        self.transmission.unknowns_to(self.per_tension, numbers);
+    }
+
+    /// Goes on from the end of a Newton step to where the steps before point.
+    fn mix(&mut self) {
+        let [from, to] = &mut self.ends;
+        for (to, from) in to.iter_mut().zip(from.iter()) {
+            *to -= from;
+        }
+        if !self.transmission.keeps_sides() {
+            self.mixing.clear();
+        }
+        if !self.mixing.mix(from, to) {
+            return;
+        }
+        for (to, from) in to.iter_mut().zip(from.iter()) {
+            *to += from;
+        }
+        let arcs = 3 * self.transmission.now.strain.len();
+        let engine = &mut *self.solver.engine;
+        let (strains, unknowns) = to.split_at(arcs);
+        if self
+            .transmission
+            .take_unknowns(engine, self.per_tension, unknowns)
+        {
+            engine.set_strains(&|i| Vec3([strains[3 * i], strains[3 * i + 1], strains[3 * i + 2]]));
+        } else {
+            self.mixing.clear();
+        }
     }
 
     /// Takes the answer as the state of the path.

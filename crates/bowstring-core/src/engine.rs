@@ -16,6 +16,7 @@ use crate::transmission::Strung;
 /// The passes of one rod, see [`Rod`] for what each does.
 pub(crate) trait Passes: Strung + Send + Sync {
     fn evaluate(&mut self) -> f64;
+    fn balance(&mut self) -> f64;
     fn gradient(&mut self) -> f64;
     fn linearise(&mut self);
     fn eliminate(&mut self, symmetric: bool, shift: f64) -> f64;
@@ -33,6 +34,7 @@ pub(crate) trait Passes: Strung + Send + Sync {
     fn save(&mut self);
     fn advance(&mut self, fraction: f64);
     fn negative_pivots(&self) -> usize;
+    fn span_tension(&self, k: usize, i: usize) -> f64;
     fn length(&self, i: usize) -> f64;
     fn disk(&self, k: usize) -> Pose;
     fn collision(&self) -> Option<usize>;
@@ -73,6 +75,7 @@ macro_rules! passes {
     ([$($generic:tt)*] $rod:ty $(, $feature:literal)?) => {
         impl<$($generic)*> Passes for $rod {
             hot!([$($generic)*] $rod, [$($feature)?]; evaluate() -> f64 |rod| rod.evaluate().lane(0));
+            hot!([$($generic)*] $rod, [$($feature)?]; balance() -> f64 |rod| rod.balance().lane(0));
             hot!([$($generic)*] $rod, [$($feature)?]; gradient() -> f64 |rod| rod.gradient().lane(0));
             hot!([$($generic)*] $rod, [$($feature)?]; linearise() -> () |rod| rod.linearise());
             hot!([$($generic)*] $rod, [$($feature)?]; eliminate(symmetric: bool, shift: f64) -> f64 |rod| {
@@ -92,6 +95,7 @@ macro_rules! passes {
                 Step { slope: step.slope.lane(0), largest: step.largest.lane(0) }
             });
             hot!([$($generic)*] $rod, [$($feature)?]; combine(coefficients: &[f64]) -> f64 |rod| rod.combine(coefficients));
+            hot!([$($generic)*] $rod, [$($feature)?]; advance(fraction: f64) -> () |rod| rod.advance(Real::splat(fraction)));
             hot!([$($generic)*] $rod, [$($feature)?]; finish() -> () |rod| rod.finish());
 
             fn load(&mut self, load: &Load) {
@@ -118,11 +122,11 @@ macro_rules! passes {
             fn save(&mut self) {
                 Rod::save(self);
             }
-            fn advance(&mut self, fraction: f64) {
-                Rod::advance(self, Real::splat(fraction));
-            }
             fn negative_pivots(&self) -> usize {
                 Rod::negative_pivots(self)
+            }
+            fn span_tension(&self, k: usize, i: usize) -> f64 {
+                Rod::span_tension(self, k, i)
             }
             fn length(&self, i: usize) -> f64 {
                 self.lengths[i].lane(0)
@@ -159,11 +163,9 @@ macro_rules! passes {
             fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
                 Rod::beyond(self, hole, tendon, out);
             }
-            fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
-                Rod::set_span_tensions(self, tension);
-            }
-            fn span_tension(&self, k: usize, i: usize) -> f64 {
-                Rod::span_tension(self, k, i)
+            fn set_span_tensions(&mut self, tensions: &[f64]) {
+                let count = self.tendons.len();
+                Rod::set_span_tensions(self, |k, i| tensions[k * count + i]);
             }
         }
     };
@@ -407,11 +409,9 @@ macro_rules! moving {
             fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
                 Motion::beyond(self, hole, tendon, out);
             }
-            fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64) {
-                Motion::set_span_tensions(self, tension);
-            }
-            fn span_tension(&self, k: usize, i: usize) -> f64 {
-                Motion::span_tension(self, k, i)
+            fn set_span_tensions(&mut self, tensions: &[f64]) {
+                let count = tensions.len() / self.module_count();
+                Motion::set_span_tensions(self, |k, i| tensions[k * count + i]);
             }
         }
     };

@@ -11,7 +11,9 @@ mod lanes;
 pub mod lie;
 pub mod linalg;
 pub mod load;
+mod mixing;
 pub mod modes;
+
 mod module;
 mod motion;
 pub mod real;

@@ -66,6 +66,25 @@ impl<T: Real> Vec3<T> {
     pub fn max_abs(self) -> T {
         self.0[0].abs().max(self.0[1].abs()).max(self.0[2].abs())
     }
+    /// Angle to another, both of length one, rad: not a number where they are opposite.
+    #[inline(always)]
+    pub fn angle(self, o: Self) -> T {
+        let one = T::splat(1.0);
+        let mut tangent = self.cross(o).norm() / (one + self.dot(o));
+        let mut times = 2.0;
+        // tangents of half the angle, until the series is short
+        while tangent.largest_number() > 0.125 {
+            tangent = tangent / (one + tangent.mul_add(tangent, one).sqrt());
+            times *= 2.0;
+        }
+        let square = tangent * tangent;
+        let mut sum = T::zero();
+        for n in (0..10).rev() {
+            let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
+            sum = sum.mul_add(square, T::splat(sign / (2 * n + 1) as f64));
+        }
+        sum * tangent * T::splat(times)
+    }
     /// `self * o^T`
     #[inline(always)]
     pub fn outer(self, o: Self) -> Mat3<T> {
@@ -277,5 +296,30 @@ impl<T> IndexMut<usize> for Vec3<T> {
     #[inline(always)]
     fn index_mut(&mut self, i: usize) -> &mut T {
         &mut self.0[i]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Angles of all sizes, small ones to their last digits.
+    #[test]
+    fn angles_are_those_of_the_arc_tangent() {
+        let axis = Vec3([0.6, -0.48, 0.64]);
+        let across = Vec3([0.8, 0.36, -0.48]);
+        for angle in [0.0, 1e-12, 1e-8, 1e-3, 0.2, 0.26, 0.9, 1.6, 3.0f64] {
+            let turned = axis * angle.cos() + across * angle.sin();
+            let found = axis.angle(turned);
+            let (sine, cosine) = (axis.cross(turned).norm(), axis.dot(turned));
+            // one and the cosine cancel towards the opposite
+            let off = found - sine.atan2(cosine);
+            let most = if angle < 2.0 { 2e-15 } else { 1e-13 };
+            assert!(off.abs() <= most * angle, "{angle}: {off:e}");
+            assert!(
+                (found - angle).abs() < 1e-15 + 1e-12 * angle,
+                "{angle}: {found}"
+            );
+        }
     }
 }

@@ -1039,10 +1039,6 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         self.rod.set_span_tensions(tension);
     }
 
-    pub fn span_tension(&self, k: usize, i: usize) -> f64 {
-        self.rod.span_tension(k, i)
-    }
-
     /// Answers right-hand sides by the present elimination and measured spans: the own imbalance
     /// in the first column, more tension in the next.
     #[inline(always)]

@@ -325,6 +325,13 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             rotation = rotation * get_mat::<L>(&state.s, i);
             self.rotations[k + 1] = rotation;
         }
+        self.balance()
+    }
+
+    /// The second half of `evaluate`: forces, where straight tendons alone have changed.
+    #[inline(always)]
+    pub fn balance(&mut self) -> L::Chain {
+        let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path);
         let mut energy = L::Chain::zero();
         for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
             state.balance(c, &in_group(tendons, tensions, path, g));
@@ -425,6 +432,18 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// The Newton step from the present gradient and elimination.
     #[inline(always)]
     pub fn newton_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
+        let step = self.rotations_of_step::<SYMMETRIC>();
+        for (step, gradient) in self.step.iter_mut().zip(&self.gradients) {
+            for a in 0..A {
+                step[a] = gradient.to_strain[a] * step[a];
+            }
+        }
+        step
+    }
+
+    /// The same as rotations that arcs add.
+    #[inline(always)]
+    fn rotations_of_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
         let n = self.dead.len();
         let mut p = Vec3::zero();
         for k in (0..n).rev() {
@@ -461,11 +480,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 largest = largest.max(u[a].max_abs());
             }
         }
-        for (step, gradient) in self.step.iter_mut().zip(&self.gradients) {
-            for a in 0..A {
-                step[a] = gradient.to_strain[a] * step[a];
-            }
-        }
         Step { slope, largest }
     }
 
@@ -498,13 +512,23 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
         for j in 0..count {
             // before the base hole it is parallel to z
-            let mut before = Vec3::<L::Chain>::ez();
-            for k in 0..=self.tendons[j].end_disk {
-                let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-                let after = get::<L>(&self.spans[g * count + j].direction, i);
-                let (sine, cosine) = (before.cross(after).norm().lane(0), before.dot(after));
-                self.angles[k * count + j] = sine.atan2(cosine.lane(0));
-                before = get_mat::<L>(&self.states[g].s, i).tr_mul(after);
+            let mut last = Vec3::<L::Chain>::ez();
+            for (g, state) in self.states.iter().enumerate() {
+                let after = self.spans[g * count + j].direction;
+                let next = state.s.tr_mul(after);
+                let mut before = next;
+                for i in 0..L::WIDTH {
+                    put::<L>(&mut before, i, last);
+                    last = get::<L>(&next, i);
+                }
+                let angle = before.angle(after);
+                for i in 0..L::WIDTH {
+                    let k = g * L::WIDTH + i;
+                    if k > self.tendons[j].end_disk {
+                        break;
+                    }
+                    self.angles[k * count + j] = L::get(&angle, i).lane(0);
+                }
             }
         }
     }
@@ -515,10 +539,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     /// Answers of the rod, by the present elimination and measured spans: to its own gradient in
-    /// the first column, and to more tension in the next.
+    /// the first column, and to more tension in the next. Without sources those stay that are
+    /// there.
     #[inline(always)]
     pub fn respond(&mut self, sources: Sources) {
         let (n, count) = (self.dead.len(), self.tendons.len());
+        if sources.tendons.is_empty() && !self.answers.is_empty() {
+            return self.respond_to_gradient();
+        }
         let total = 1 + sources.tendons.len();
         while self.answers.len() * L::WIDTH < total {
             self.answers.push(Answers {
@@ -530,6 +558,54 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         for part in 0..total.div_ceil(L::WIDTH) {
             let first = part * L::WIDTH;
             self.substitute(part, first..total.min(first + L::WIDTH), &sources);
+        }
+    }
+
+    /// Answers the own gradient alone, with the modules in the lanes.
+    #[inline(always)]
+    fn respond_to_gradient(&mut self) {
+        if self.symmetric {
+            self.rotations_of_step::<true>();
+        } else {
+            self.rotations_of_step::<false>();
+        }
+        let (n, count) = (self.dead.len(), self.tendons.len());
+        let out = &mut self.answers[0];
+        let mut x = Vec3::<L::Chain>::zero();
+        for (g, state) in self.states.iter().enumerate() {
+            let here = L::WIDTH.min(n - g * L::WIDTH);
+            let mut start = Vec3::<L::Module>::zero();
+            let (response, step) = (&self.responses[g], &self.step[g]);
+            let (mut turn, mut moved) = (Vec3::<L::Module>::zero(), Vec3::<L::Module>::zero());
+            for a in 0..A {
+                turn += step[a];
+                moved += response.j[a] * step[a];
+            }
+            for i in 0..here {
+                put::<L>(&mut start, i, x);
+                x = get_mat::<L>(&state.s, i).tr_mul(x + get::<L>(&turn, i));
+                for a in 0..A {
+                    let u = get::<L>(&step[a], i);
+                    for q in 0..3 {
+                        out.u[g * L::WIDTH + i][a].0[q].set_lane(0, u.0[q].lane(0));
+                    }
+                }
+            }
+            let force = state.f[0].cross(start) - response.k.tr_mul(turn);
+            let rho = response.m * moved + response.d_hat * force;
+            for j in 0..count {
+                let span = &self.spans[g * count + j];
+                let longer = span.direction.dot(rho + turn.cross(span.arm));
+                let longer = longer * self.passes[g * count + j];
+                for i in 0..here {
+                    let place = &mut out.beyond[(g * L::WIDTH + i) * count + j];
+                    place.set_lane(0, L::get(&longer, i).lane(0));
+                }
+            }
+        }
+        for at in (0..(n - 1) * count).rev() {
+            let all = out.beyond[at].lane(0) + out.beyond[at + count].lane(0);
+            out.beyond[at].set_lane(0, all);
         }
     }
 

@@ -29,7 +29,7 @@
 //! The rod's own elimination answers each unknown tension and each hole that sticks, and what is
 //! left is a small complementarity problem. How the bend changes the friction is not in Newton's
 //! matrix, which stays symmetric; it is taken from the present bend, and converges with a factor
-//! of about `mu` times the bend.
+//! of about `mu` times the bend. [Mixing](crate::mixing) makes that factor smaller in statics.
 
 use crate::complementarity::{Complementarity, Side};
 use crate::linalg::Vec3;
@@ -51,8 +51,8 @@ pub(crate) trait Strung {
     fn respond(&mut self, sources: Sources);
     /// Change of a tendon's length from a hole on, by each of the answers.
     fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]);
-    fn set_span_tensions(&mut self, tension: &dyn Fn(usize, usize) -> f64);
-    fn span_tension(&self, k: usize, i: usize) -> f64;
+    /// By modules and tendons, N.
+    fn set_span_tensions(&mut self, tensions: &[f64]);
 }
 
 /// What lies between a motor and the robot's end of a tendon, and how the tendon rubs.
@@ -174,11 +174,19 @@ pub(crate) struct Transmission {
     pub problem: Complementarity,
     /// Unknowns in the order of the columns.
     unknowns: Vec<Unknown>,
+    /// Those that the rod has answered.
+    answered: Vec<Unknown>,
     /// Tendon of each.
     sources: Vec<usize>,
     /// Tension by modules that goes with a unit of each unknown.
     profile: Vec<f64>,
     coefficients: Vec<f64>,
+    /// By modules and tendons: what the holes up to there let through of the tension before the
+    /// base hole, zero where the tendon does not pass; and the tension itself, N.
+    carried: Vec<f64>,
+    tensions: Vec<f64>,
+    /// Pulls that the step starts from, m.
+    from: Vec<f64>,
     /// By columns: change of a tendon's length from a hole on.
     beyond: Vec<f64>,
     /// By unknowns and holes: own give of a tendon from there on.
@@ -189,9 +197,15 @@ pub(crate) struct Transmission {
     bounds: Vec<f64>,
     /// Steps in which a hole has changed its mind.
     doubts: usize,
+    /// Whether no hole changed its mind in the last `slide`.
+    sure: bool,
+    /// Compliance in `problem` that keeps tensions from running away, m/N.
+    caution: f64,
+    /// Of the unknowns, as `keeps_sides` saw them last.
+    sides: Vec<Side>,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 enum Unknown {
     /// Before the base hole.
     Tension(usize),
@@ -353,6 +367,11 @@ impl Transmission {
             stretched: vec![0.0; m],
             routed: vec![0.0; m],
             counted: vec![0.0; m],
+            carried: (0..n * m)
+                .map(|at| f64::from(u8::from(passes(at))))
+                .collect(),
+            tensions: vec![0.0; n * m],
+            from: vec![0.0; m],
             ..Transmission::default()
         })
     }
@@ -471,9 +490,20 @@ impl Transmission {
                 self.now.tensions[i] = *t;
             }
         }
+        for i in 0..self.lines.len() {
+            self.carry(i);
+            if self.rubs {
+                self.from[i] = if old.tensions[i] > 0.0 {
+                    old.pulls[i]
+                } else {
+                    self.pull_of(old, i)
+                };
+            }
+        }
         self.doubts = 0;
         // a step of a path that was broken off and gone on with is the same to the last digit
         self.unknowns.clear();
+        self.answered.clear();
         self.problem.size = 0;
         self.problem.side.clear();
     }
@@ -481,39 +511,39 @@ impl Transmission {
     /// Tensions of all spans by those before the base holes and the drops.
     pub fn apply(&mut self, rod: &mut dyn Strung) {
         let m = self.lines.len();
-        let now = &self.now;
-        if !self.rubs {
-            rod.set_span_tensions(&|_, i| now.tensions[i]);
-            return;
-        }
-        self.profile.resize(self.modules * m, 0.0);
-        for i in 0..m {
-            let mut drop = 0.0;
-            for k in 0..self.modules {
-                drop += now.drops[k * m + i];
-                self.profile[k * m + i] = now.tensions[i] * (-drop).exp();
+        for (tensions, carried) in self.tensions.chunks_mut(m).zip(self.carried.chunks(m)) {
+            for ((tension, carried), before) in
+                tensions.iter_mut().zip(carried).zip(&self.now.tensions)
+            {
+                *tension = before * carried;
             }
         }
-        let profile = &self.profile;
-        rod.set_span_tensions(&|k, i| profile[k * m + i]);
+        rod.set_span_tensions(&self.tensions);
+    }
+
+    /// What the holes of a tendon let through, by the present drops.
+    fn carry(&mut self, i: usize) {
+        let m = self.lines.len();
+        let mut drop = 0.0;
+        for k in 0..=self.ends[i] {
+            drop += self.now.drops[k * m + i];
+            self.carried[k * m + i] = if drop == 0.0 { 1.0 } else { (-drop).exp() };
+        }
     }
 
     /// Lengths less stretch, and slack, at the present pose.
     pub fn measure(&mut self, rod: &dyn Strung) {
         let m = self.lines.len();
         let lengths = rod.span_lengths();
-        for (k, span) in self.now.spans.iter_mut().enumerate() {
-            let creep = self.creep[k] * rod.span_tension(k / m, k % m);
-            *span = lengths[k] - creep;
+        for (at, span) in self.now.spans.iter_mut().enumerate() {
+            *span = lengths[at] - self.creep[at] * self.tensions[at];
         }
         for i in 0..m {
             self.slack[i] = match self.now.commands[i] {
                 Command::Tension(_) => 0.0,
                 Command::Pull(p) => {
                     let spans = (0..self.modules).map(|k| k * m + i);
-                    let carried: f64 = spans
-                        .map(|at| self.stretch[at] * rod.span_tension(at / m, i))
-                        .sum();
+                    let carried: f64 = spans.map(|at| self.stretch[at] * self.tensions[at]).sum();
                     let stretched = self.length_of(lengths, i) - self.home[i] + p;
                     carried + self.compliance(i) * self.now.tensions[i]
                         - (1.0 - self.share) * self.stretched[i]
@@ -553,6 +583,7 @@ impl Transmission {
     pub fn slide(&mut self, rod: &dyn Strung, old: &History, fresh: bool) -> bool {
         let m = self.lines.len();
         let rest = self.rest;
+        let (lengths, angles) = (rod.span_lengths(), rod.angles());
         self.slipped.resize(self.modules, 0.0);
         self.bounds.resize(self.modules * m, 0.0);
         let (mut settled, mut sure) = (true, true);
@@ -563,27 +594,21 @@ impl Transmission {
                 continue;
             }
             // an inextensible line tells its base hole's slip; without one the drop stays
-            let from = if old.tensions[i] > 0.0 {
-                old.pulls[i]
-            } else {
-                self.pull_of(old, i)
-            };
             let told = match self.now.commands[i] {
-                Command::Pull(to) if self.before[i] == 0.0 => Some(to - from),
+                Command::Pull(to) if self.before[i] == 0.0 => Some(to - self.from[i]),
                 _ => None,
             };
             let mut slipped = 0.0;
             for k in (0..=end).rev() {
                 let at = k * m + i;
-                let creep = self.creep[at] * rod.span_tension(k, i);
-                slipped -= rod.span_lengths()[at] - creep - old.spans[at];
+                slipped -= lengths[at] - self.creep[at] * self.tensions[at] - old.spans[at];
                 self.slipped[k] = slipped;
             }
             let hangs = self.now.tensions[i] == 0.0;
             for k in 0..=end {
                 let at = k * m + i;
                 let slipped = self.slipped[k];
-                let bound = line.friction * rod.angles()[at];
+                let bound = line.friction * angles[at];
                 let (before, slip) = (self.now.drops[at], self.now.slip[at]);
                 self.bounds[at] = bound;
                 let mut next = match slip {
@@ -620,7 +645,9 @@ impl Transmission {
                 sure &= sound;
                 (self.now.slip[at], self.now.drops[at]) = (next, drop);
             }
+            self.carry(i);
         }
+        self.sure = sure;
         if !sure && !fresh {
             self.doubts += 1;
         }
@@ -629,7 +656,8 @@ impl Transmission {
 
     /// Columns of the unknown tensions and drops, and the complementarity problem between them.
     ///
-    /// `caution` is compliance that keeps tensions from running away. `kept` columns of the tensions are not made anew.
+    /// `caution` is compliance that keeps tensions from running away. `kept`: columns that were
+    /// made for the same unknowns serve again.
     pub fn gather(&mut self, rod: &mut dyn Strung, old: &History, caution: f64, kept: bool) {
         let (n, m) = (self.modules, self.lines.len());
         // asks every hole, not only those that stick
@@ -655,52 +683,24 @@ impl Transmission {
                 }
             }
         }
+        let kept = kept && (!self.rubs || self.unknowns == self.answered);
         let size = self.unknowns.len();
-        self.problem.resize(size);
+        // so that all but the right-hand side is known
+        let known = kept && self.problem.size == size;
+        if !known {
+            self.problem.resize(size);
+        }
         if size == 0 {
             return;
         }
-        // tension by modules of a unit of each unknown
-        self.sources.clear();
-        self.profile.clear();
-        self.profile.resize(size * n, 0.0);
-        for (c, unknown) in self.unknowns.iter().enumerate() {
-            let part = &mut self.profile[c * n..(c + 1) * n];
-            let tendon = match *unknown {
-                Unknown::Tension(i) => {
-                    let mut drop = 0.0;
-                    let end = self.ends[i];
-                    for (k, t) in part.iter_mut().enumerate().take(end + 1) {
-                        drop += self.now.drops[k * m + i];
-                        *t = if drop == 0.0 { 1.0 } else { (-drop).exp() };
-                    }
-                    i
-                }
-                Unknown::Drop { tendon, hole } => {
-                    let per = 1.0 / rod.span_tension(hole, tendon);
-                    for k in hole..n {
-                        part[k] = rod.span_tension(k, tendon) * per;
-                    }
-                    tendon
-                }
-            };
-            self.sources.push(tendon);
+        if !known {
+            self.fill_profile();
         }
-        let anew = !kept || self.rubs;
         rod.respond(Sources {
-            tendons: if anew { &self.sources } else { &[] },
+            tendons: if kept { &[] } else { &self.sources },
             tensions: &self.profile,
         });
-        // own compliance of a tendon from each hole on, times each column
-        self.give.resize(size * n, 0.0);
-        for (c, column) in self.unknowns.iter().enumerate() {
-            let i = column.tendon();
-            let mut sum = 0.0;
-            for k in (0..n).rev() {
-                sum += self.creep[k * m + i] * self.profile[c * n + k];
-                self.give[c * n + k] = sum;
-            }
-        }
+        self.answered.clone_from(&self.unknowns);
         let (unknowns, profile) = (&self.unknowns, &self.profile);
         let stretched = |c: usize| -> f64 {
             let i = unknowns[c].tendon();
@@ -709,7 +709,10 @@ impl Transmission {
                 .sum()
         };
         let problem = &mut self.problem;
-        self.beyond.resize(size + 1, 0.0);
+        let more = caution - if known { self.caution } else { 0.0 };
+        self.caution = caution;
+        // all columns, or the own imbalance alone
+        self.beyond.resize(if known { 1 } else { size + 1 }, 0.0);
         for (r, row) in self.unknowns.iter().enumerate() {
             let i = row.tendon();
             let hole = row.hole();
@@ -729,7 +732,7 @@ impl Transmission {
                     for k in hole..n {
                         q -= self.now.spans[k * m + i] - old.spans[k * m + i];
                     }
-                    let (tension, drop) = (rod.span_tension(hole, i), self.now.drops[at]);
+                    let (tension, drop) = (self.tensions[at], self.now.drops[at]);
                     let bound = self.bounds[at];
                     problem.lower[r] = tension * (drop - bound);
                     problem.upper[r] = tension * (drop + bound);
@@ -741,23 +744,60 @@ impl Transmission {
                 }
             }
             for (c, column) in self.unknowns.iter().enumerate() {
-                let mut entry = -share * self.beyond[c + 1];
-                if column.tendon() == i {
-                    entry += match (row, column) {
-                        (Unknown::Drop { .. }, _) => self.give[c * n + hole],
-                        (Unknown::Tension(_), Unknown::Drop { .. }) => stretched(c),
-                        (Unknown::Tension(_), Unknown::Tension(_)) => {
-                            stretched(c) + self.before[i] + self.ridge[i] + caution
-                        }
-                    };
+                let place = &mut problem.matrix[r * size + c];
+                if !known {
+                    *place = -share * self.beyond[c + 1];
+                    if column.tendon() == i {
+                        *place += match (row, column) {
+                            (Unknown::Drop { .. }, _) => self.give[c * n + hole],
+                            (Unknown::Tension(_), Unknown::Drop { .. }) => stretched(c),
+                            (Unknown::Tension(_), Unknown::Tension(_)) => {
+                                stretched(c) + self.before[i] + self.ridge[i]
+                            }
+                        };
+                    }
                 }
-                problem.matrix[r * size + c] = entry;
+                if let (Unknown::Tension(_), true) = (row, c == r) {
+                    *place += more;
+                }
+                let entry = *place;
                 if let Unknown::Tension(j) = *column {
                     // tensions as they will be, drops by their change
                     q -= entry * self.now.tensions[j];
                 }
             }
             problem.q[r] = q;
+        }
+    }
+
+    /// Tension by modules that goes with a unit of each unknown, and how the tendon gives way.
+    fn fill_profile(&mut self) {
+        let (n, m) = (self.modules, self.lines.len());
+        let size = self.unknowns.len();
+        self.sources.clear();
+        self.profile.clear();
+        self.profile.resize(size * n, 0.0);
+        for (c, unknown) in self.unknowns.iter().enumerate() {
+            let i = unknown.tendon();
+            self.sources.push(i);
+            let hole = unknown.hole();
+            let per = match *unknown {
+                Unknown::Tension(_) => 1.0,
+                Unknown::Drop { .. } => 1.0 / self.carried[hole * m + i],
+            };
+            for k in hole..=self.ends[i] {
+                self.profile[c * n + k] = self.carried[k * m + i] * per;
+            }
+        }
+        // own compliance of a tendon from each hole on, times each column
+        self.give.resize(size * n, 0.0);
+        for (c, column) in self.unknowns.iter().enumerate() {
+            let i = column.tendon();
+            let mut sum = 0.0;
+            for k in (0..n).rev() {
+                sum += self.creep[k * m + i] * self.profile[c * n + k];
+                self.give[c * n + k] = sum;
+            }
         }
     }
 
@@ -779,11 +819,66 @@ impl Transmission {
         &self.coefficients
     }
 
+    /// Whether all holes go on as they did.
+    pub fn is_sure(&self) -> bool {
+        self.sure
+    }
+
+    /// Appends the unknowns, a tension times `per_tension`.
+    pub fn unknowns_to(&self, per_tension: f64, out: &mut Vec<f64>) {
+        let m = self.lines.len();
+        out.extend(self.unknowns.iter().map(|unknown| match *unknown {
+            Unknown::Tension(i) => per_tension * self.now.tensions[i],
+            Unknown::Drop { tendon, hole } => self.now.drops[hole * m + tendon],
+        }));
+    }
+
+    /// Whether what pulls and what hangs is the same as when last asked.
+    pub fn keeps_sides(&mut self) -> bool {
+        let kept = self.sides == self.problem.side;
+        self.sides.clone_from(&self.problem.side);
+        kept
+    }
+
+    /// Takes what `unknowns_to` wrote; false, and all as it was, where it would push.
+    pub fn take_unknowns(
+        &mut self,
+        rod: &mut dyn Strung,
+        per_tension: f64,
+        values: &[f64],
+    ) -> bool {
+        let m = self.lines.len();
+        let all = self.unknowns.iter().zip(&self.problem.side).zip(values);
+        let pushes = |((unknown, side), value): ((&Unknown, &Side), &f64)| {
+            matches!(unknown, Unknown::Tension(_)) && *side == Side::Between && *value <= 0.0
+        };
+        if all.clone().any(pushes) {
+            return false;
+        }
+        let mut moved = false;
+        for ((unknown, side), value) in all {
+            match *unknown {
+                Unknown::Tension(_) if *side != Side::Between => {}
+                Unknown::Tension(i) => self.now.tensions[i] = value / per_tension,
+                Unknown::Drop { tendon, hole } => {
+                    self.now.drops[hole * m + tendon] = *value;
+                    moved = true;
+                }
+            }
+        }
+        if moved {
+            (0..m).for_each(|i| self.carry(i));
+        }
+        self.apply(rod);
+        true
+    }
+
     /// Moves tensions and drops by a fraction of the step that was found.
     pub fn take(&mut self, rod: &mut dyn Strung, fraction: f64) {
         let m = self.lines.len();
         let answer = self.problem.z.iter().zip(&self.problem.side);
         let steps = self.unknowns.iter().zip(self.coefficients.iter().skip(1));
+        let mut moved = false;
         for ((unknown, step), (z, side)) in steps.zip(answer) {
             match *unknown {
                 // what hangs has no tension, exactly
@@ -791,7 +886,8 @@ impl Transmission {
                 Unknown::Tension(i) => self.now.tensions[i] += fraction * step,
                 Unknown::Drop { tendon, hole } => {
                     let at = hole * m + tendon;
-                    self.now.drops[at] -= fraction * step / rod.span_tension(hole, tendon);
+                    self.now.drops[at] -= fraction * step / self.tensions[at];
+                    moved = true;
                     self.now.slip[at] = match side {
                         Side::Lower => Slip::Towards,
                         Side::Upper => Slip::Away,
@@ -799,6 +895,9 @@ impl Transmission {
                     };
                 }
             }
+        }
+        if moved {
+            (0..m).for_each(|i| self.carry(i));
         }
         self.apply(rod);
     }

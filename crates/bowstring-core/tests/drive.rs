@@ -261,6 +261,34 @@ fn product_law_in_full_slip() {
     }
 }
 
+/// Steps to an answer: friction, which is not in Newton's matrix, must not make them many.
+#[test]
+fn friction_takes_few_steps() {
+    for (robot, given) in [
+        (study_robot(9, 0.0), vec![40.0, 10.0, 5.0]),
+        (rao_robot(), vec![3.0, 1.0, 0.5, 2.0, 1.0, 1.5]),
+    ] {
+        let load = Load {
+            gravity: [0.0, 0.0, -9.81],
+            ..pull(&given)
+        };
+        let mut solver = Solver::new(&robot, Model::default(), 1).unwrap();
+        assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);
+        let taken_in: Vec<_> = (0..given.len())
+            .map(|i| {
+                let end = robot.spec().tendons[i].end_disk;
+                robot.spec().disks[end].station - solver.tendon_length(i).unwrap()
+            })
+            .collect();
+        for commands in [tensions(&given), pulls(&taken_in)] {
+            let found = step(&mut rubbing(&robot, 0.1), &commands, &load);
+            println!("{} steps", found.iterations);
+            assert_eq!(found.status, Status::Converged);
+            assert!(found.iterations <= 12, "{found:?}");
+        }
+    }
+}
+
 /// What friction takes in one step, and what the motors give, J: means of the ends of the step.
 fn work(drive: &Drive, before: &History, pulls_before: &[f64]) -> (f64, f64) {
     let (n, m) = (drive.robot().module_count(), drive.robot().tendon_count());

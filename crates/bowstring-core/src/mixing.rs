@@ -1,0 +1,174 @@
+//! A fixed point found sooner: Anderson's mixing.
+//!
+//! An iteration `x -> x + f(x)` that forgets part of the derivatives converges by a constant
+//! factor. What its steps `f` did to each other tells the part that was forgotten: the step that
+//! would follow is taken off, as far as differences of the steps before span it (Anderson 1965;
+//! Walker and Ni 2011, of type II). Differences are kept orthogonal, so that each is used once.
+
+/// Points and steps of an iteration so far.
+#[derive(Clone, Default)]
+pub(crate) struct Mixing {
+    /// The latest point and its own step; empty at the beginning.
+    point: Vec<f64>,
+    step: Vec<f64>,
+    /// Oldest first; `known` of them hold.
+    pairs: Vec<Pair>,
+    known: usize,
+}
+
+/// How a step changed, and the motion of `x + f` that goes with it.
+#[derive(Clone, Default)]
+struct Pair {
+    change: Vec<f64>,
+    motion: Vec<f64>,
+    /// Of the change.
+    norm2: f64,
+}
+
+/// Differences that are kept.
+const DEPTH: usize = 4;
+/// Share of a difference that must be new.
+const NEW: f64 = 1e-4;
+/// Largest mixed step over the plain one.
+const LONGEST: f64 = 3.0;
+
+impl Mixing {
+    /// Begins anew.
+    pub fn clear(&mut self) {
+        self.point.clear();
+        self.known = 0;
+    }
+
+    /// Turns the step `f` at `x` into the mixed one; false where it stays as it is.
+    pub fn mix(&mut self, x: &[f64], f: &mut [f64]) -> bool {
+        if self.point.len() == x.len() {
+            self.learn(x, f);
+        } else {
+            self.known = 0;
+        }
+        self.point.clear();
+        self.point.extend_from_slice(x);
+        self.step.clear();
+        self.step.extend_from_slice(f);
+        let plain = dot(f, f);
+        for pair in &self.pairs[..self.known] {
+            let share = dot(&pair.change, &self.step) / pair.norm2;
+            add(f, -share, &pair.motion);
+        }
+        if dot(f, f) <= LONGEST * LONGEST * plain {
+            return self.known > 0;
+        }
+        f.copy_from_slice(&self.step);
+        self.known = 0;
+        false
+    }
+
+    fn learn(&mut self, x: &[f64], f: &[f64]) {
+        if self.known == DEPTH {
+            self.pairs.rotate_left(1);
+            self.known -= 1;
+        } else if self.pairs.len() == self.known {
+            self.pairs.push(Pair::default());
+        }
+        let (before, rest) = self.pairs.split_at_mut(self.known);
+        let Pair {
+            change,
+            motion,
+            norm2,
+        } = &mut rest[0];
+        change.clear();
+        change.extend(f.iter().zip(&self.step).map(|(now, then)| now - then));
+        motion.clear();
+        let moved = x.iter().zip(&self.point).map(|(now, then)| now - then);
+        motion.extend(moved.zip(change.iter()).map(|(x, f)| x + f));
+        let whole = dot(change, change);
+        for pair in before {
+            let share = dot(&pair.change, change) / pair.norm2;
+            add(change, -share, &pair.change);
+            add(motion, -share, &pair.motion);
+        }
+        *norm2 = dot(change, change);
+        if *norm2 > NEW * NEW * whole {
+            self.known += 1;
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    // four sums side by side
+    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    let tail: f64 = a4
+        .remainder()
+        .iter()
+        .zip(b4.remainder())
+        .map(|(a, b)| a * b)
+        .sum();
+    let mut sums = [0.0; 4];
+    for (a, b) in a4.zip(b4) {
+        for q in 0..4 {
+            sums[q] += a[q] * b[q];
+        }
+    }
+    tail + sums.iter().sum::<f64>()
+}
+
+fn add(to: &mut [f64], factor: f64, of: &[f64]) {
+    for (to, of) in to.iter_mut().zip(of) {
+        *to += factor * of;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of a linear iteration whose steps fall slowly in a few directions, as many differences as
+    /// directions give the limit.
+    #[test]
+    fn slow_directions_are_seen() {
+        let (size, slow) = (11, [0.6, -0.5, 0.4]);
+        let step_at = |x: &[f64]| -> Vec<f64> {
+            let mut f: Vec<_> = x.iter().enumerate().map(|(i, x)| i as f64 - x).collect();
+            for (q, factor) in slow.iter().enumerate() {
+                // across each other, and every number takes part in each
+                let turn = std::f64::consts::PI * (q + 1) as f64 / size as f64;
+                let axis: Vec<_> = (0..size).map(|i| ((i as f64 + 0.5) * turn).cos()).collect();
+                let along = dot(&axis, x) / dot(&axis, &axis);
+                add(&mut f, factor * along, &axis);
+            }
+            f
+        };
+        let run = |mixed: bool| {
+            let (mut x, mut mixing) = (vec![0.0; size], Mixing::default());
+            for _ in 0..6 {
+                let mut f = step_at(&x);
+                if mixed {
+                    mixing.mix(&x, &mut f);
+                }
+                add(&mut x, 1.0, &f);
+            }
+            let left = step_at(&x);
+            dot(&left, &left).sqrt()
+        };
+        assert!(run(false) > 0.1, "{:e}", run(false));
+        assert!(run(true) < 1e-12, "{:e}", run(true));
+    }
+
+    /// A step that the differences would make much longer stays as it is.
+    #[test]
+    fn steps_do_not_run_away() {
+        let mut mixing = Mixing::default();
+        let mut f = [1.0, 0.0];
+        assert!(!mixing.mix(&[0.0, 0.0], &mut f));
+        // the step has hardly changed: the limit would be far
+        let mut f = [0.999, 0.0];
+        assert!(!mixing.mix(&[1.0, 0.0], &mut f));
+        assert_eq!(f, [0.999, 0.0]);
+        mixing.clear();
+        let mut f = [1.0, 0.0];
+        assert!(!mixing.mix(&[0.0, 0.0], &mut f));
+        let mut f = [0.5, 0.0];
+        assert!(mixing.mix(&[1.0, 0.0], &mut f));
+        assert!((f[0] - 1.0).abs() < 1e-15, "{f:?}");
+    }
+}
