@@ -13,7 +13,6 @@ pub mod linalg;
 pub mod load;
 mod mixing;
 pub mod modes;
-
 mod module;
 mod motion;
 pub mod real;

@@ -66,11 +66,14 @@ impl<T: Real> Vec3<T> {
     pub fn max_abs(self) -> T {
         self.0[0].abs().max(self.0[1].abs()).max(self.0[2].abs())
     }
-    /// Angle to another, both of length one, rad: not a number where they are opposite.
+    /// Angle to another, both of length one, rad.
     #[inline(always)]
     pub fn angle(self, o: Self) -> T {
         let one = T::splat(1.0);
-        let mut tangent = self.cross(o).norm() / (one + self.dot(o));
+        let along = one + self.dot(o);
+        // finite where they are opposite, too
+        let across = self.cross(o).norm().max(T::splat(1e-100) - along);
+        let mut tangent = across / along.max(T::splat(1e-150));
         let mut times = 2.0;
         // tangents of half the angle, until the series is short
         while tangent.largest_number() > 0.125 {
@@ -320,6 +323,10 @@ mod tests {
                 (found - angle).abs() < 1e-15 + 1e-12 * angle,
                 "{angle}: {found}"
             );
+        }
+        for back in [axis, axis * (1.0 + f64::EPSILON), across] {
+            let found = back.angle(-back);
+            assert!((found - std::f64::consts::PI).abs() < 1e-7, "{found}");
         }
     }
 }
