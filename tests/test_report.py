@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -367,3 +368,22 @@ def test_the_terminal_shows_table_verdict_and_path(
     assert "vs statics" in text and "vs dynamics" in text
     assert "overshoots" in text
     assert all(len(line) <= width for line in text.splitlines() if str(tmp_path) not in line)
+
+
+def test_fonts_in_a_pdf_are_glyphs_alone(tmp_path: Path) -> None:
+    from fontTools.subset import Options
+    from matplotlib.figure import Figure
+
+    former = list(Options._drop_tables_default)
+    figure = Figure()
+    figure.text(0.1, 0.5, "AVA fi \N{MINUS SIGN}2 \N{GREEK SMALL LETTER THETA}")
+    with plots.figure_style():
+        report.save_figure(figure, tmp_path / "text")
+    assert Options._drop_tables_default == former
+    raw = (tmp_path / "text.pdf").read_bytes()
+    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", raw, flags=re.DOTALL)
+    content = [zlib.decompress(each) for each in streams if each[:1] == b"\x78"]
+    fonts = [each for each in content if b"glyf" in each[:512]]
+    assert fonts
+    for font in fonts:
+        assert not any(table in font[:512] for table in (b"GPOS", b"GSUB", b"GDEF", b"kern"))

@@ -7,12 +7,13 @@ write is never touched.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import math
 import re
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -292,7 +293,25 @@ def save_figure(figure: Figure, path: Path) -> None:
         engine.execute(figure)
         figure.set_layout_engine("none")  # laid out once, not in each file format again
     figure.savefig(f"{path}.png", dpi=_DPI)
-    figure.savefig(f"{path}.pdf", metadata={"CreationDate": None, "Creator": "Bowstring"})
+    with _glyphs_alone():
+        figure.savefig(f"{path}.pdf", metadata={"CreationDate": None, "Creator": "Bowstring"})
+
+
+@contextlib.contextmanager
+def _glyphs_alone() -> Iterator[None]:
+    """Fonts in a PDF without the tables that lay out text: a PDF numbers and places glyphs itself.
+
+    To cut them down takes matplotlib three quarters of the time of a font, 0.1 s.
+    """
+    from fontTools.subset import Options
+
+    name = "_drop_tables_default"  # one without it keeps the tables
+    former = getattr(Options, name, [])
+    setattr(Options, name, [*former, "GDEF", "GPOS", "GSUB", "MATH", "kern"])
+    try:
+        yield
+    finally:
+        setattr(Options, name, former)
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
