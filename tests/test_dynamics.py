@@ -250,12 +250,12 @@ def test_a_second_interrupt_does_not_spoil_the_file(
         finish(self, *arguments)
 
     def stop(share: float) -> None:
-        # both wait until the interpreter looks at them
+        # both wait until the interpreter looks at them, for this thread: another may be late
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
         try:
-            os.kill(os.getpid(), signal.SIGINT)
-            os.kill(os.getpid(), signal.SIGTERM)
-        finally:  # another thread may hear the first at once; children inherit the mask
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGTERM)
+        finally:  # children inherit the mask
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
 
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
