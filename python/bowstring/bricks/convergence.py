@@ -26,6 +26,7 @@ Progress = Callable[[str, float], None]
 
 _STEEPEST: Final = 6.0  # order that is believed
 _FLATTEST: Final = 0.5
+_ALONG: Final = 4  # bricks along a module while something else is refined
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,9 @@ def study(
     """
     settings = settings or Settings()
     mesh = settings.fineness
-    coarse = replace(settings, fineness=replace(mesh, module=max(2, mesh.module // 2)))
+    # with fewer along, what bricks around change is lost in what bricks along miss
+    along = min(mesh.module, max(_ALONG, mesh.module // 2))
+    coarse = replace(settings, fineness=replace(mesh, module=along))
     plans: list[tuple[str, list[tuple[float, str, Settings, float]]]] = [
         (
             "bricks along a module",
