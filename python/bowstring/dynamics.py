@@ -436,10 +436,10 @@ def simulate(
     stations = _stations(robot, points)
     keep: list[Frames] = []
     tips: list[tuple[Floats, Floats, Floats]] = []
-    from bowstring.runfile import RunFile, check_file
+    from bowstring.runfile import RunFile
 
-    if out is not None:
-        check_file(out)
+    room = len(times) * len(stations[0])
+    planned = None if out is None else RunFile.open(out, robot, settings, points=room)
     file: RunFile | None = None
 
     last = -1.0
@@ -509,9 +509,8 @@ def simulate(
         simulator.jump(*loads.at(0.0))
         run.wall_s += clock.perf_counter() - begun
         # a former run in its place is given up only for one that has begun
-        if out is not None:
-            file = RunFile.open(out, robot, settings, points=len(times) * len(stations[0]))
-            run.path = file.path
+        if planned is not None:
+            file, run.path = planned, planned.path
         take(first)
         jumps = loads.jumps()
         begun = clock.perf_counter()

@@ -43,6 +43,8 @@ __all__ = ["RunFile", "check_file", "read_run"]
 _MAGIC: Final = b"CDF\x02"
 _CHAR, _INT, _DOUBLE = 2, 4, 6
 _DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
+_DIMENSION_ORDER: Final = ("time", "letter", "axis", "row", "column", "disk", "tendon", "station")
+_PLACE: Final = struct.Struct(">iq")  # a variable's bytes, and where they begin
 _STATUS_BYTES: Final = 32
 _REASON_BYTES: Final = 1024
 _PAGE: Final = 4096
@@ -386,35 +388,30 @@ class _Header:
         sizes = {"time": 0, "letter": 1} if coordinates else {}  # 0: the one that grows
         for dim, values, _ in coordinates.values():
             sizes[dim] = len(values)
-        places = {dim: _int(i) for i, dim in enumerate(sizes)}
         fixed, rows = [], []
         for name, (dim, values, attrs) in coordinates.items():
-            kind, dims = {"U": (_CHAR, [dim, "letter"]), "i": (_INT, [dim]), "f": (_DOUBLE, [dim])}[
-                values.dtype.kind
-            ]
+            kind, dims = {
+                "U": (_CHAR, (dim, "letter")),
+                "i": (_INT, (dim,)),
+                "f": (_DOUBLE, (dim,)),
+            }[values.dtype.kind]
             raw = values.astype({_CHAR: "S1", _INT: ">i4", _DOUBLE: ">f8"}[kind]).tobytes()
             fixed.append(_pad(raw))
             encoding = {"_Encoding": "utf-8"} if kind == _CHAR else {}
-            rows.append((name, dims, kind, _listed({**attrs, **encoding})))
+            rows.append(_row(name, dims, kind, (*attrs.items(), *encoding.items())))
         grown = []
         if coordinates:
-            rows.append(("time", ["time"], _DOUBLE, _listed(fields.TIME)))
+            rows.append(_row("time", ("time",), _DOUBLE, tuple(fields.TIME.items())))
             grown.append(8)
         for field in variables:
-            rows.append((field.name, ["time", *field.dims], _DOUBLE, _described(field)))
-            grown.append(8 * math.prod(sizes[dim] for dim in field.dims))
+            rows.append(_field_row(field))
+            grown.append(8 * math.prod([sizes[dim] for dim in field.dims]))
         self.record = sum(grown)
         if max(grown, default=0) > _LARGEST:
             raise InputError("a run of so many stations does not fit its file; take fewer")
-        lengths = [len(raw) for raw in fixed] + grown
-
-        table = [struct.pack(">ii", _VARIABLES if rows else 0, len(rows))]
-        for name, dims, kind, listed in rows:
-            over = b"".join([_int(len(dims)), *(places[dim] for dim in dims)])
-            table.append(b"".join([_name(name), over, listed, _int(kind)]))
         dimensions = struct.pack(">ii", _DIMENSIONS if sizes else 0, len(sizes))
-        for name, size in sizes.items():
-            dimensions += _name(name) + struct.pack(">i", size)
+        for name in filter(sizes.__contains__, _DIMENSION_ORDER):
+            dimensions += _name(name) + _int(sizes[name])
         self._dimensions = dimensions
         self._count = len(attributes) + 3
         other = b"".join(
@@ -423,13 +420,15 @@ class _Header:
             else _name(key) + struct.pack(">iii", _INT, 1, value)
             for key, value in attributes.items()
         )
-        before = 4 + len(self.head("", "")) + len(other)
-        begin = before + sum(map(len, table)) + struct.calcsize(">iq") * len(rows)
+        table = struct.pack(">ii", _VARIABLES if rows else 0, len(rows))
+        before = 4 + len(self.head("", "")) + len(other) + len(table)
+        begin = before + sum(map(len, rows)) + _PLACE.size * len(rows)
         self.size = begin + sum(map(len, fixed))
-        for i, length in enumerate(lengths, start=1):
-            table[i] += struct.pack(">iq", length, begin)
+        parts = [other, table]
+        for row, length in zip(rows, [*map(len, fixed), *grown], strict=True):
+            parts += (row, _PLACE.pack(length, begin))
             begin += length
-        self._tail = b"".join([other, *table, *fixed])
+        self._tail = b"".join([*parts, *fixed])
 
     def head(
         self, status: str, reason: str, records: int = 0, complete_to: float = float("nan")
@@ -457,18 +456,24 @@ def _ending(status: str, reason: str) -> bytes:
 
 
 @functools.cache
-def _described(field: Field) -> bytes:
-    """Attributes of a variable over time: the same in every file."""
+def _row(
+    name: str, dims: tuple[str, ...], kind: int, attributes: tuple[tuple[str, str], ...]
+) -> bytes:
+    """A variable in the header, up to its length and place: the same in every file."""
+    places = [_int(_DIMENSION_ORDER.index(dim)) for dim in dims]
+    listed = [_int(_ATTRIBUTES), _int(len(attributes)), *(_text(*each) for each in attributes)]
+    return b"".join([_name(name), _int(len(dims)), *places, *listed, _int(kind)])
+
+
+@functools.cache
+def _field_row(field: Field) -> bytes:
     # CF: coordinates that are not dimensions
     aside = {"station": "arc_length module segment", "disk": "disk_arc_length"}
     beside = " ".join(aside[dim] for dim in field.dims if dim in aside)
-    attrs = fields.field_attributes(field)
-    return _listed(attrs | {"coordinates": beside} if beside else attrs)
-
-
-def _listed(attributes: Mapping[str, str]) -> bytes:
-    texts = [_text(key, value) for key, value in attributes.items()]
-    return b"".join([_int(_ATTRIBUTES), _int(len(texts)), *texts])
+    attributes = fields.field_attributes(field)
+    if beside:
+        attributes |= {"coordinates": beside}
+    return _row(field.name, ("time", *field.dims), _DOUBLE, tuple(attributes.items()))
 
 
 def _int(value: int) -> bytes:

@@ -1,5 +1,7 @@
 //! Strain of a round section, and stress at its surface.
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 /// What strain and stress of a section follow from, SI.
 #[derive(Clone, Copy, Debug)]
 pub struct Section {
@@ -153,8 +155,9 @@ fn derive_here(given: Sections, out: &mut Derived) {
         ] {
             to[start..start + count].copy_from_slice(&from[..count]);
         }
+        let angle = angles_side_by_side(&cosine, &sine);
+        out.angle[start..start + count].copy_from_slice(&angle[..count]);
         for i in 0..count {
-            out.angle[start + i] = sine[i].atan2(cosine[i]);
             let (x, y) = (radius[i] * cosine[i], radius[i] * sine[i]);
             let at = 3 * (start + i);
             let position = &given.position[at..at + 3];
@@ -252,6 +255,35 @@ fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [
     out
 }
 
+/// Arc tangents of all four quadrants.
+#[inline(always)]
+fn angles_side_by_side(cosine: &Lanes, sine: &Lanes) -> Lanes {
+    let mut out = [0.0; WIDTH];
+    for i in 0..WIDTH {
+        let (x, y) = (cosine[i].abs(), sine[i].abs());
+        let mut tangent = x.min(y) / x.max(y);
+        // of a quarter of the angle, where the series is short
+        for _ in 0..2 {
+            tangent /= 1.0 + (1.0 + tangent * tangent).sqrt();
+        }
+        let square = tangent * tangent;
+        let mut sum = 0.0;
+        for n in (0..11).rev() {
+            let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
+            sum = sum * square + sign / (2 * n + 1) as f64;
+        }
+        let octant = 4.0 * tangent * sum;
+        let quadrant = if y > x { FRAC_PI_2 - octant } else { octant };
+        let half = if cosine[i] < 0.0 {
+            PI - quadrant
+        } else {
+            quadrant
+        };
+        out[i] = half.copysign(sine[i]);
+    }
+    out
+}
+
 /// Maximum of `sqrt(sigma^2 + 3 tau^2)` around a section, where `sigma` and `tau` are
 /// `a + b cos(psi) + c sin(psi)`, in Pa: the value, and cosine and sine of its place.
 ///
@@ -290,7 +322,7 @@ pub fn largest_von_mises(sigma: [f64; 3], tau: [f64; 3]) -> [f64; 3] {
 /// largest, all three not negative.
 fn quadrant_maximum(gap: f64, a: f64, b: f64) -> (f64, f64) {
     // half the slope falls from b to -a over the quadrant
-    let (mut low, mut high) = (0.0, std::f64::consts::FRAC_PI_2);
+    let (mut low, mut high) = (0.0, FRAC_PI_2);
     let mut angle = b.atan2(gap + a);
     let (mut sine, mut cosine) = angle.sin_cos();
     for _ in 0..60 {
@@ -327,7 +359,7 @@ mod tests {
             let at = |v: [f64; 3]| v[0] + v[1] * psi.cos() + v[2] * psi.sin();
             at(sigma).powi(2) + 3.0 * at(tau).powi(2)
         };
-        let (mut best, mut width) = (0.0, std::f64::consts::PI);
+        let (mut best, mut width) = (0.0, PI);
         let mut top = 0.0f64;
         for round in 0..12 {
             let (centre, count) = (best, if round == 0 { 2000 } else { 40 });
@@ -372,6 +404,34 @@ mod tests {
                 );
                 assert!((x.hypot(y) - 1.0).abs() < 1e-15);
             }
+        }
+    }
+
+    #[test]
+    fn angles_are_those_of_the_arc_tangent() {
+        for i in 0..=4000 {
+            let angle = PI * (f64::from(i) / 2000.0 - 1.0);
+            let (sine, cosine) = angle.sin_cos();
+            for scale in [1.0, 1e-9] {
+                // near the axes, too
+                let [x, y] = [[cosine, scale * sine], [scale * cosine, sine]][i as usize % 2];
+                let found = angles_side_by_side(&[x; WIDTH], &[y; WIDTH])[0];
+                assert!(
+                    (found - y.atan2(x)).abs() <= 1e-15 * (1.0 + found.abs()),
+                    "{x} {y}"
+                );
+            }
+        }
+        for (x, y) in [
+            (1.0, 0.0),
+            (1.0, -0.0),
+            (-1.0, 0.0),
+            (-1.0, -0.0),
+            (0.0, 1.0),
+            (0.0, -1.0),
+        ] {
+            let found = angles_side_by_side(&[x; WIDTH], &[y; WIDTH])[0];
+            assert_eq!(found.to_bits(), f64::atan2(y, x).to_bits(), "{x} {y}");
         }
     }
 

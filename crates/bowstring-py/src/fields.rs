@@ -194,12 +194,27 @@ pub fn write_records(
     Ok(())
 }
 
-/// Writes numbers, and returns what is left.
+/// Writes numbers, most significant byte first, and returns what is left.
 fn put<'a>(out: &'a mut [u8], values: &[f64]) -> &'a mut [u8] {
-    let (to, rest) = out.split_at_mut(8 * values.len());
-    for (bytes, value) in to.as_chunks_mut().0.iter_mut().zip(values) {
-        *bytes = value.to_be_bytes();
+    #[inline(always)]
+    fn here(out: &mut [u8], values: &[f64]) {
+        for (bytes, value) in out.as_chunks_mut().0.iter_mut().zip(values) {
+            *bytes = value.to_be_bytes();
+        }
     }
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn with_avx2(out: &mut [u8], values: &[f64]) {
+        here(out, values);
+    }
+    let (to, rest) = out.split_at_mut(8 * values.len());
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has it
+        unsafe { with_avx2(to, values) };
+        return rest;
+    }
+    here(to, values);
     rest
 }
 
