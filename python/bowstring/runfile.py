@@ -48,7 +48,7 @@ _PLACE: Final = struct.Struct(">iq")  # a variable's bytes, and where they begin
 _STATUS_BYTES: Final = 32
 _REASON_BYTES: Final = 1024
 _PAGE: Final = 4096
-_PIECE: Final = 100_000  # bytes written at once; more are memory that the system has to clear
+_PIECE: Final = 250_000  # bytes written at once: few calls, and still in the cache
 _LARGEST: Final = 2**31 - 4
 _OURS: Final = b"bowstring_version"
 

@@ -1,0 +1,291 @@
+//! What a moment of a motion leaves behind: fields along the backbone, disks, tendons, energies.
+
+use super::{plain, plain_mat, Energies, Motion};
+use crate::linalg::{Mat3, Vec3};
+use crate::load::TendonPath;
+use crate::module::{Constants, Span, State};
+use crate::real::{Layout, Real};
+use crate::rod::{get, get_mat, in_group, put, put_mat};
+
+/// Fields at one time after the other, flat, SI, in the base frame unless said otherwise.
+///
+/// Points are those of [`Motion::record`], from base to tip, both ends of every module among
+/// them.
+#[derive(Clone, Debug, Default)]
+pub struct Fields {
+    /// By time.
+    pub time: Vec<f64>,
+    pub energies: Vec<Energies>,
+    /// By time and point: centreline, and section frames (body to base, by rows).
+    pub position: Vec<f64>,
+    pub rotation: Vec<f64>,
+    /// What the part beyond exerts on a section, in the section's own axes.
+    pub force: Vec<f64>,
+    pub moment: Vec<f64>,
+    /// By time and disk; angular velocity in base axes.
+    pub disk_position: Vec<f64>,
+    pub disk_rotation: Vec<f64>,
+    pub disk_velocity: Vec<f64>,
+    pub disk_angular_velocity: Vec<f64>,
+    /// By time and tendon.
+    pub tension: Vec<f64>,
+    pub tendon_length: Vec<f64>,
+    /// By time, disk at its end and tendon; NaN where the tendon does not pass.
+    pub span_length: Vec<f64>,
+    /// By time and tendon, of a robot that is driven through its lines: length taken in since
+    /// home, and length that hangs, m.
+    pub pull: Vec<f64>,
+    pub slack: Vec<f64>,
+    /// As `span_length`: where forces balanced in the last step, N.
+    pub span_tension: Vec<f64>,
+}
+
+impl Fields {
+    /// Empty, with room for so many times.
+    pub fn with_room(times: usize, modules: usize, tendons: usize, points: usize) -> Self {
+        let room = |each: usize| Vec::with_capacity(times * each);
+        let stations = modules * points;
+        Fields {
+            time: room(1),
+            energies: Vec::with_capacity(times),
+            position: room(3 * stations),
+            rotation: room(9 * stations),
+            force: room(3 * stations),
+            moment: room(3 * stations),
+            disk_position: room(3 * modules),
+            disk_rotation: room(9 * modules),
+            disk_velocity: room(3 * modules),
+            disk_angular_velocity: room(3 * modules),
+            tension: room(tendons),
+            tendon_length: room(tendons),
+            span_length: room(if points > 0 { modules * tendons } else { 0 }),
+            ..Fields::default()
+        }
+    }
+
+    #[inline(always)]
+    fn disk(&mut self, position: Vec3, frame: &Mat3, velocity: Vec3, turning: &Mat3) {
+        let ([x, y, z], [u, v, w]) = (frame.rows(), turning.rows());
+        let spin = [
+            w.dot(y) - v.dot(z),
+            u.dot(z) - w.dot(x),
+            v.dot(x) - u.dot(y),
+        ];
+        self.disk_position.extend_from_slice(&position.0);
+        self.disk_rotation.extend_from_slice(frame.0.as_flattened());
+        self.disk_velocity.extend_from_slice(&velocity.0);
+        self.disk_angular_velocity
+            .extend_from_slice(&spin.map(|x| 0.5 * x));
+    }
+}
+
+/// Modules side by side, as what is recorded of their sections takes them.
+struct Pieces<T, const A: usize> {
+    state: State<T, A>,
+    /// Strain that the moment answers, damping included, and contact force.
+    strain: [Vec3<T>; A],
+    force: Vec3<T>,
+    /// Of all tendons that run along the backbone.
+    tension: T,
+    /// Weight and inertia by length, in the frame of the start.
+    load: Vec3<T>,
+    /// The disk at the start.
+    origin: Vec3<T>,
+    frame: Mat3<T>,
+}
+
+impl<L: Layout, const A: usize> Motion<L, A> {
+    /// Appends all fields of now: `points` along the flexible part of every module, both ends
+    /// among them. With none of them only what disks and tendons do, spans left out.
+    #[inline(always)]
+    pub fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields) {
+        let n = self.module_count();
+        out.time.push(time);
+        out.energies.push(self.energies);
+        out.tension.extend_from_slice(tensions);
+        for j in 0..tensions.len() {
+            let spans = self.spans.iter().skip(j).step_by(tensions.len());
+            out.tendon_length.push(spans.sum());
+        }
+        if points == 0 {
+            for k in 0..n {
+                let place = &self.place.points[k * A + A - 1];
+                self.record_disk(k, place, &self.place.frames[k], out);
+            }
+            return;
+        }
+        let first = out.position.len() / 3;
+        for v in [&mut out.position, &mut out.force, &mut out.moment] {
+            v.resize(3 * (first + n * points), 0.0);
+        }
+        out.rotation.resize(9 * (first + n * points), 0.0);
+        let first_span = out.span_length.len();
+        let tendons = &self.rod.tendons;
+        out.span_length
+            .resize(first_span + n * tendons.len(), f64::NAN);
+        let mut here = Vec::with_capacity(tendons.len());
+        let mut frame = Mat3::<L::Chain>::identity();
+        let mut origin = Vec3::<L::Chain>::zero();
+        for g in 0..self.past[0].len() {
+            let start = g * L::WIDTH;
+            let count = L::WIDTH.min(n - start);
+            let mut c = self.rod.constants[g];
+            if self.rigid {
+                // without the device that lets the scheme divide
+                c.d[0] = L::Module::zero();
+            }
+            let (now, rate) = (&self.past[0][g], &self.rate[g]);
+            let mut state = State::<L::Module, A>::straight();
+            state.w = now.w;
+            state.n = now.n;
+            let mut strain = now.w;
+            let mut force = now.n;
+            let tau = L::Module::splat(self.damping.material);
+            for a in 0..A {
+                strain[a] = rate.w[a].scaled_add(tau, strain[a]);
+            }
+            if !self.rigid {
+                force = rate.n.scaled_add(tau, force);
+            }
+            here.clear();
+            let mut tension = L::Module::zero();
+            for (tendon, whole) in tendons.iter().zip(tensions) {
+                let own = L::Module::from_fn(|i| {
+                    if start + i <= tendon.end_disk {
+                        *whole
+                    } else {
+                        0.0
+                    }
+                });
+                if self.rod.path == TendonPath::Continuous {
+                    tension += own;
+                }
+                here.push(own);
+            }
+            let t = in_group(tendons, &here, self.rod.path, 0);
+            state.shape(&c, &t);
+            state.rho = state.rho0 + state.compliance(&c) * state.n;
+            let end = state.offset(&c);
+            let mut pieces = Pieces {
+                state,
+                strain,
+                force,
+                tension,
+                load: Vec3::zero(),
+                origin: Vec3::zero(),
+                frame: Mat3::zero(),
+            };
+            for i in 0..count {
+                let k = start + i;
+                put::<L>(&mut pieces.origin, i, origin);
+                put_mat::<L>(&mut pieces.frame, i, &frame);
+                let (mut load, mut mass) = (Vec3::zero(), 0.0);
+                for a in 0..A - 1 {
+                    load += self.standing[k * A + a];
+                    mass += self.masses[k * A + a];
+                }
+                if mass > 0.0 {
+                    let by_length = L::get(&c.mass_per_length, i) * L::Chain::splat(1.0 / mass);
+                    put::<L>(&mut pieces.load, i, frame.tr_mul(load) * by_length);
+                }
+                origin += frame * get::<L>(&end, i);
+                frame = frame * get_mat::<L>(&pieces.state.s, i);
+                self.record_disk(k, &origin, &frame, out);
+            }
+            for (j, tendon) in tendons.iter().enumerate() {
+                let state = &pieces.state;
+                let length = match self.rod.path {
+                    TendonPath::Straight => Span::new(&c, tendon, &state.s, state.rho).length,
+                    TendonPath::Continuous => state.parallel_length(&c, &t, tendon),
+                };
+                for k in start..(start + count).min(tendon.end_disk + 1) {
+                    out.span_length[first_span + k * tendons.len() + j] = length.lane(k - start);
+                }
+            }
+            let sections = first + start * points..first + (start + count) * points;
+            pieces.record(&c, points, sections, out);
+        }
+    }
+
+    #[inline(always)]
+    fn record_disk(
+        &self,
+        k: usize,
+        position: &Vec3<L::Chain>,
+        frame: &Mat3<L::Chain>,
+        out: &mut Fields,
+    ) {
+        let velocity = plain(&self.velocity.points[k * A + A - 1]);
+        let turning = plain_mat(&self.velocity.frames[k]);
+        out.disk(plain(position), &plain_mat(frame), velocity, &turning);
+    }
+}
+
+impl<T: Real, const A: usize> Pieces<T, A> {
+    /// The sections of all modules. Mean moment is the backbone's own; how it varies comes from
+    /// the balance of the piece beyond.
+    #[inline(always)]
+    fn record(
+        &self,
+        c: &Constants<T>,
+        points: usize,
+        sections: std::ops::Range<usize>,
+        out: &mut Fields,
+    ) {
+        let (state, load) = (&self.state, self.load);
+        let elements = (A / 2) as f64;
+        // a third of an arc's load already sits in the disk at the end
+        let lumped = load * (c.flexible * T::splat(1.0 / (6.0 * elements)));
+        let force = self.force - lumped;
+        let (mut moment, mut centre) = (Vec3::zero(), Vec3::zero());
+        let gauss = 3f64.sqrt() / 6.0;
+        let weight = T::splat(0.5 / elements);
+        for element in 0..A / 2 {
+            for side in [-gauss, gauss] {
+                let xi = 0.5 + side;
+                let (a, b) = (self.strain[2 * element], self.strain[2 * element + 1]);
+                let curved = (b - a).scaled_add(T::splat(3.0 * side), a + b);
+                let (place, turn) = state.section((element as f64 + xi) / elements);
+                moment += (turn * c.moment(curved)) * weight;
+                centre += place * weight;
+            }
+        }
+        let along = (state.rho * c.per_flexible).cross(load);
+        let mut clamp = self.origin;
+        clamp += self.frame.column(2) * c.clamp[0];
+        let position = &mut out.position[3 * sections.start..3 * sections.end];
+        let rotation = &mut out.rotation[9 * sections.start..9 * sections.end];
+        let forces = &mut out.force[3 * sections.start..3 * sections.end];
+        let moments = &mut out.moment[3 * sections.start..3 * sections.end];
+        for p in 0..points {
+            let xi = p as f64 / (points - 1) as f64;
+            let (place, turn) = match p {
+                0 => (Vec3::zero(), Mat3::identity()),
+                _ if p == points - 1 => (state.rho, state.s),
+                _ => state.section(xi),
+            };
+            let left = c.flexible * T::splat(1.0 - xi);
+            let lever = T::splat(0.5) * left * left - c.flexible * c.flexible * T::splat(1.0 / 6.0);
+            let m = along.scaled_add(lever, moment + (centre - place).cross(force));
+            let f = load.scaled_add(left, force);
+            // tendons along the backbone carry their own part of what is beyond
+            let mut own = turn.tr_mul(f);
+            own.0[2] -= self.tension;
+            spread(position, p, points, &(clamp + self.frame * place).0);
+            spread(rotation, p, points, (self.frame * turn).0.as_flattened());
+            spread(forces, p, points, &own.0);
+            spread(moments, p, points, &turn.tr_mul(m).0);
+        }
+    }
+}
+
+/// Writes the numbers of a point of every module where that point has its place.
+#[inline(always)]
+fn spread<T: Real>(out: &mut [f64], point: usize, points: usize, values: &[T]) {
+    let size = values.len();
+    for (i, module) in out.chunks_exact_mut(points * size).enumerate() {
+        for (to, from) in module[point * size..][..size].iter_mut().zip(values) {
+            *to = from.lane(i);
+        }
+    }
+}
