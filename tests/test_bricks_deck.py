@@ -41,6 +41,30 @@ def test_the_model_is_in_mm_newton_and_tonnes() -> None:
     assert max(map(len, text.split("\n"))) < 132  # what CalculiX reads of a line
 
 
+def test_a_base_that_slides_is_held_by_means() -> None:
+    """All of its motion as a whole is; how a bent section widens and narrows is not."""
+    mesh = brick_mesh(small_robot(), Fineness(2, 8, 1))
+    text = deck.model(small_robot(), mesh, replace(LOADING, bonded=False), [deck.Step((1.0, 0, 0))])
+    x, y, _ = mesh.nodes[mesh.base].T
+    column = {int(node) + 1: i for i, node in enumerate(mesh.base)}
+    found = []
+    for equation in text.split("*EQUATION\n")[1:]:
+        numbers = re.split(r"[,\n]", equation.split("*")[0])
+        terms = np.array(numbers[1 : 1 + 3 * int(numbers[0])], dtype=float).reshape(-1, 3)
+        if int(terms[0, 0]) in column:
+            row = np.zeros((2, len(x)))
+            for node, axis, value in terms:
+                row[int(axis) - 1, column[int(node)]] += value
+            found.append(row.ravel())
+    means = np.array(found)
+    assert means.shape == (3, 2 * len(x))
+    one, none = np.ones_like(x), np.zeros_like(x)
+    whole = np.array([[*one, *none], [*none, *one], [*(-y), *x]]).T
+    assert np.linalg.matrix_rank(means @ whole, tol=1e-6) == 3
+    for bent in ([*(x * x - y * y), *(2 * x * y)], [*(2 * x * y), *(y * y - x * x)]):
+        np.testing.assert_allclose(means @ bent, 0.0, atol=1e-12)
+
+
 def test_static_steps_ramp_and_motion_follows_its_course() -> None:
     robot = small_robot(gravity="0 0 -10 m/s^2")
     mesh = brick_mesh(robot, Fineness(2, 4, 1))

@@ -78,6 +78,24 @@ def test_holes_are_where_the_robot_has_them() -> None:
     np.testing.assert_allclose(rows[..., 2].T, np.tile(robot.disks.station_m, (rows.shape[1], 1)))
 
 
+@pytest.mark.parametrize("around", [4, 8, 12])
+@pytest.mark.parametrize("inner", ["0 mm", "4 mm"])
+def test_the_first_tendon_is_before_the_middle_of_an_edge(around: int, inner: str) -> None:
+    robot = small_robot(
+        **{"segments.0.tendons.first_angle": "17 deg", "segments.0.backbone.inner_diameter": inner}
+    )
+    mesh = brick_mesh(robot, Fineness(2, around, 1))
+    outline = mesh.nodes[mesh.base]
+    outline = outline[np.hypot(*outline.T[:2]) > 0.0024]
+    angles = np.sort(np.arctan2(outline[:, 1], outline[:, 0]) - np.radians(17.0))
+    np.testing.assert_allclose(np.diff(angles), np.pi / around, atol=1e-9)
+    corners = mesh.nodes[mesh.rows[1]]  # between slices there are no edges
+    corners = corners[np.hypot(*corners.T[:2]) > 0.0024]
+    turns = np.arctan2(corners[:, 1], corners[:, 0]) - np.radians(17.0)
+    share = np.mod(turns / (2 * np.pi / around), 1.0)
+    np.testing.assert_allclose(share, 0.5, atol=1e-9)
+
+
 def test_points_that_carry_mass_have_the_moments_of_a_disk() -> None:
     robot = two_segments()
     mesh = brick_mesh(robot, Fineness(2, 4, 1), mass_arms=True)

@@ -128,7 +128,7 @@ def model(robot: Robot, mesh: BrickMesh, loading: Loading, todo: Sequence[Step])
     if loading.damping > 0:  # of the whole model, though CalculiX wants it after a material
         lines += [f"*DAMPING, ALPHA={loading.damping:.10g}"]
     lines += _courses(todo)
-    lines += ["*BOUNDARY", *_base(mesh, loading.bonded), "BASEHOLES,1,3"]
+    lines += [*_base(mesh, loading.bonded), "*BOUNDARY", "BASEHOLES,1,3"]
     lines += ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "NALL,0."]
     lines += ["*RESTART, WRITE, FREQUENCY=1"]
     return "\n".join(lines) + "\n"
@@ -238,16 +238,30 @@ def _masses(robot: Robot, mesh: BrickMesh) -> Iterator[str]:
 
 
 def _base(mesh: BrickMesh, bonded: bool) -> Iterator[str]:
+    """How the base holds the backbone: all of it, or along it alone.
+
+    Then what is left of motion is taken from the mean of its nodes: two shifts and a turn, and
+    no change of the section's shape. Single nodes that held it would give way, and turn it.
+    """
     if bonded:
-        yield "BASE,1,3"
+        yield "*BOUNDARY\nBASE,1,3"
         return
-    yield "BASE,3,3"
-    # three more take away what motion is left, and no change of the section's shape
-    place = mesh.nodes[mesh.base, :2]
-    radius = np.hypot(*place.T).max()
-    for x, y, axis in ((radius, 0.0, 2), (-radius, 0.0, 2), (0.0, radius, 1)):
-        node = mesh.base[np.hypot(place[:, 0] - x, place[:, 1] - y).argmin()]
-        yield f"{node + 1},{axis},{axis}"
+    yield "*BOUNDARY\nBASE,3,3"
+    x, y = mesh.nodes[mesh.base, :2].T
+    one, none = np.ones_like(x), np.zeros_like(x)
+    means = np.concatenate([[one, none, -y], [none, one, x]], axis=1)
+    # displacements along x of all nodes, then along y; one of each mean is what others decide
+    count = len(x)
+    decided = [int(y.argmax()), count + int(x.argmax()), count + int(x.argmin())]
+    for place, row in zip(decided, np.linalg.solve(means[:, decided], means), strict=True):
+        others = np.flatnonzero(np.abs(row) > 1e-9)
+        terms = [place, *others[others != place].tolist()]
+        yield f"*EQUATION\n{len(terms)}"
+        for i in range(0, len(terms), 4):
+            yield ",".join(
+                f"{mesh.base[k % count] + 1},{k // count + 1},{row[k]:.12g}"
+                for k in terms[i : i + 4]
+            )
 
 
 def _materials(robot: Robot, mesh: BrickMesh, loading: Loading) -> Iterator[str]:

@@ -3,7 +3,8 @@
 The bricks have 20 nodes and quadratic edges. A section of a solid backbone is an O-grid, a square
 core in rings; that of a tube has the rings alone. The edges on the outline are parabolas through
 three points of a circle, which is larger than the backbone by so little (0.03 % with 8 edges) that
-the second moment of area is the right one.
+the second moment of area is the right one. The arm to the hole of the first tendon stands on the
+middle of an edge: beside it, it would turn the section where a disk yields across.
 
 Everything is SI, in the base frame, the robot straight. Nodes and bricks are counted from 0; the
 order in a brick is that of VTK (type 25) and, but for the order of writing, of CalculiX: corners
@@ -13,7 +14,7 @@ below, corners above, edges below, edges above, upright edges.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -198,9 +199,12 @@ class _Section:
         return np.concatenate([self.corners, self.edges])
 
 
-def _section(fineness: Fineness, bore: float) -> _Section:
+def _section(fineness: Fineness, bore: float, towards: float) -> _Section:
+    """With the middle of an edge of the outline at an angle, from x towards y."""
     around, rings = fineness.around, fineness.rings
     n = around // 4
+    # upright, its core is a square between corners of the outline at 45 degrees
+    turn = towards + (math.pi / around if n % 2 == 0 else 0.0)
     points: list[tuple[float, float]] = []
     quads: list[tuple[int, ...]] = []
     if bore == 0:
@@ -251,9 +255,9 @@ def _section(fineness: Fineness, bore: float) -> _Section:
             ids.append(middle[key])
         full.append([*quad, *ids])
     outer = np.array([[q[1], q[2], q[5]] for q in full[-around:]])
-    made = _Section(corners, np.array(edges), np.array(full), outer, 0.0)
-    moment = _second_moment(made)
-    return _Section(corners, made.edges, made.quads, outer, moment)
+    turned = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
+    made = _Section(corners @ turned, np.array(edges) @ turned, np.array(full), outer, 0.0)
+    return replace(made, second_moment=_second_moment(made))
 
 
 def _core_point(u: float, v: float) -> tuple[float, float]:
@@ -315,8 +319,10 @@ class _Builder:
     def mesh(self) -> BrickMesh:
         robot = self.robot
         levels, module = self._levels()
+        x, y = robot.tendons.hole_m[0]
+        towards = math.atan2(y, x)
         sections = [
-            _section(self.fineness, s.backbone.inner_diameter / s.backbone.diameter)
+            _section(self.fineness, s.backbone.inner_diameter / s.backbone.diameter, towards)
             for s in robot.segments
         ]
         scale = [

@@ -47,8 +47,7 @@ Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 # of what is kept, and of the deck; a change makes old results void
-_FORMAT: Final = 1
-_MOTION_FORMAT: Final = 2
+_FORMAT: Final = 3
 _TURN: Final = 0.12  # rad that the tip may turn in an increment of statics, by the linear law
 _NONE: Final = (0.0, 0.0, 0.0)
 DEFAULT_DT: Final = 0.005  # s
@@ -365,8 +364,7 @@ def ramp(
     ]
     time = np.cumsum(np.array(lengths, dtype=np.float64))
     asked = {"rise_s": rise, "hold_s": hold, "dt_s": dt, "every_s": every}
-    if damping:  # else as what was kept before there was any
-        asked["mass_damping_per_s"] = damping
+    asked["mass_damping_per_s"] = damping
     return _run(robot, steps, time, asked, _NONE, gravity, settings, keep, progress)
 
 
@@ -483,7 +481,7 @@ def cache_folder() -> Path:
 def _key(robot: Robot, given: dict[str, Any], todo: Sequence[deck.Step]) -> str:
     """Hash of all that decides the numbers."""
     content = {
-        "format": _FORMAT if given["rise_s"] is None else _MOTION_FORMAT,
+        "format": _FORMAT,
         "robot": robot.hash,
         "given": {name: value for name, value in given.items() if name != "tensions_N"},
         "steps": [list(step) for step in todo],
