@@ -29,6 +29,7 @@ from bowstring.bricks.fields import (
     frames,
     section_stress,
     span_tension,
+    strain_in_base,
 )
 from bowstring.bricks.mesh import BrickMesh, Fineness, brick_mesh, check_robot
 from bowstring.bricks.steps import Job, work
@@ -185,6 +186,7 @@ class BrickRun:
             self.time,
             self.tensions,
             self.states,
+            self.settings["gravity"],
         )
 
     @property
@@ -211,12 +213,15 @@ class BrickRun:
         return section_stress(self.mesh, self.states[step])
 
     def nodal(self, step: int) -> tuple[Floats, Floats, Floats]:
-        """Displacement (n, 3), stress and strain (n, 6) at the nodes of the mesh at a step."""
+        """Displacement (n, 3), stress and strain (n, 6) at the nodes of the mesh at a step.
+
+        In base axes; stress is Cauchy's, strain Green's turned with the material.
+        """
         state = self.states[step]
         return (
             state.displacement,
             at_nodes(self.mesh, state.stress),
-            at_nodes(self.mesh, state.strain),
+            at_nodes(self.mesh, strain_in_base(self.mesh, state)),
         )
 
     @cached_property
