@@ -245,6 +245,58 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
     np.testing.assert_allclose(rest.tip_position, whole.tip_position, rtol=0, atol=1e-9)
 
 
+@needs_ccx
+@pytest.mark.parametrize("fault", ["cut", "gone"])
+def test_a_run_whose_restart_is_broken_begins_anew(
+    fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cut by a crash amid a write; or gone, as another process has done the rest meanwhile."""
+    loads = [[t, 0, 0] for t in (10, 20, 30)]
+    save = steps._save
+
+    def stop(kept: Path, number: int, *rest: object) -> None:
+        save(kept, number, *rest)
+        if number == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(steps, "_save", stop)
+        with pytest.raises(RunInterrupted):
+            sweep(small_robot(), loads, settings=COARSE)
+    (kept,) = finite_elements.cache_folder().iterdir()
+    (restart,) = kept.glob("restart_*")
+    if fault == "cut":
+        restart.write_bytes(restart.read_bytes()[:-1000])
+    else:
+        find = steps._restart_at
+
+        def late(*args: object) -> int:
+            found = find(*args)
+            restart.unlink()
+            return found
+
+        monkeypatch.setattr(steps, "_restart_at", late)
+    run = sweep(small_robot(), loads, settings=COARSE)
+    assert run.converged and (run.cached, len(run.states)) == (0, 3)
+    assert sorted(p.name for p in kept.iterdir()) == [f"step_000{k}.npz" for k in (1, 2, 3)]
+    (kept / "restart_0002").touch()  # of a process that was killed when all was done
+    assert sweep(small_robot(), loads, settings=COARSE).cached == 3
+    assert not list(kept.glob("restart_*"))
+
+
+@needs_ccx
+def test_a_kept_step_that_is_broken_is_done_again() -> None:
+    loads = [[10.0, 0, 0]]
+    first = sweep(small_robot(), loads, settings=COARSE)
+    (file,) = finite_elements.cache_folder().glob("*/step_0001.npz")
+    whole = file.read_bytes()
+    for place in (len(whole) // 3, len(whole) // 2):
+        file.write_bytes(whole[:place] + bytes(64) + whole[place + 64 :])
+        again = sweep(small_robot(), loads, settings=COARSE)
+        assert again.cached == 0
+        np.testing.assert_allclose(again.tip_position, first.tip_position, rtol=0, atol=1e-12)
+
+
 def fake(folder: Path, script: str) -> Path:
     """A program ccx that stands before the real one."""
     program = folder / "bin" / "ccx"
