@@ -462,6 +462,16 @@ def test_files_of_calculix_stay_where_they_are_wanted(own_cache: Path) -> None:
     assert not list(own_cache.glob("bowstring-fe-*"))
 
 
+def test_files_of_another_run_are_not_taken_for_its_own(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before_real(own_cache, monkeypatch, "exit 0\n")
+    (own_cache / "files").mkdir()
+    (own_cache / "files" / "robot.sta").touch()
+    with pytest.raises(InputError, match="not an empty folder"):
+        sweep(small_robot(), LOADS, settings=COARSE, keep=own_cache / "files")
+
+
 @pytest.mark.parametrize(
     ("tensions", "says"),
     [
@@ -476,9 +486,12 @@ def test_tensions_that_are_none_are_refused(tensions: object, says: str) -> None
         sweep(small_robot(), tensions)
 
 
-def test_a_stiffness_that_is_none_is_refused() -> None:
+def test_settings_that_are_none_are_refused() -> None:
     with pytest.raises(InputError, match="10 to 1e6"):
         sweep(small_robot(), LOADS, settings=Settings(stiffness=1.0))
+    for residual in (0.0, 1.0, np.nan):  # no end of the iteration, or no equilibrium at its end
+        with pytest.raises(InputError, match=r"residual is \S+, it must be from 1e-9 to 0.01"):
+            sweep(small_robot(), LOADS, settings=Settings(residual=residual))
 
 
 @needs_ccx

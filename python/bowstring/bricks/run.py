@@ -42,7 +42,16 @@ if TYPE_CHECKING:
 
     from bowstring.fields import Frames
 
-__all__ = ["BrickRun", "RunInterrupted", "Settings", "cache_folder", "check", "ramp", "sweep"]
+__all__ = [
+    "BrickRun",
+    "RunInterrupted",
+    "Settings",
+    "cache_folder",
+    "check",
+    "check_keep",
+    "ramp",
+    "sweep",
+]
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -78,7 +87,7 @@ class Settings:
     residual: float = 1e-4
 
     def check(self) -> None:
-        """Raise `InputError` for a stiffness that is none, or that drowns the rest in rounding."""
+        """Raise `InputError` for what is none, drowns in rounding, or is no equilibrium."""
         self.fineness.check()
         if self.grip not in ("bonded", "sliding"):
             raise InputError(f'grip is {self.grip!r}, it must be "bonded" or "sliding"')
@@ -87,6 +96,8 @@ class Settings:
                 f"disks are {self.stiffness:g} times as stiff as the backbone; must be from 10 to "
                 "1e6"
             )
+        if not 1e-9 <= self.residual <= 1e-2:
+            raise InputError(f"residual is {self.residual:g}, it must be from 1e-9 to 0.01")
 
 
 class RunInterrupted(KeyboardInterrupt):
@@ -261,6 +272,17 @@ def check(robot: Robot) -> None:
     ccx.version(ccx.find())
 
 
+def check_keep(folder: Path) -> None:
+    """Refuse a folder that is none or holds anything: it would be read as what CalculiX printed.
+
+    Raises
+    ------
+    InputError
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder} is there and not an empty folder; name a new one")
+
+
 def sweep(
     robot: Robot,
     tensions: ArrayLike,
@@ -285,7 +307,7 @@ def sweep(
         In m/s^2; the robot's if not given.
     settings : Settings, optional
     keep : Path, optional
-        Folder that gets the files of CalculiX; else they are removed.
+        New or empty folder that gets the files of CalculiX; else they are removed.
     progress : callable, optional
         Is told what is being done and the share that is done, from 0 to 1.
 
@@ -298,7 +320,7 @@ def sweep(
     Raises
     ------
     InputError
-        If the robot cannot be meshed, or there is no CalculiX.
+        If the robot cannot be meshed, there is no CalculiX, or `keep` holds anything.
     RunInterrupted
         On Ctrl-C.
     """
@@ -414,6 +436,8 @@ def _run(
     arguments.check_robot(robot)
     settings = settings or Settings()
     settings.check()
+    if keep is not None:
+        check_keep(keep)
     tell = progress or (lambda what, share: None)
     weight = arguments.row("gravity", robot.gravity if gravity is None else gravity, 3, "m/s^2")
     force = arguments.row("tip_force", tip_force, 3, "N")
