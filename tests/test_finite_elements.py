@@ -18,6 +18,7 @@ import pytest
 
 from bowstring import finite_elements, rod
 from bowstring.bricks import ccx, deck, steps
+from bowstring.bricks import study as third
 from bowstring.bricks.comparison import beside_rod
 from bowstring.bricks.mesh import Fineness
 from bowstring.errors import InputError, NoSolutionError
@@ -344,6 +345,26 @@ def test_an_early_end_is_told(
     assert not list(own_cache.glob("bowstring-fe-*"))
 
 
+def test_a_run_that_reached_nothing_has_fields_of_no_load(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before_real(own_cache, monkeypatch, "exit 0\n")
+    run = sweep(small_robot(), LOADS[1:], settings=COARSE)
+    assert not run.converged and not run.states
+    assert run.tip_position.shape == (0, 3)
+    assert run.span_tensions.shape == (0, 2, 3)
+    assert run.span_error == 0.0
+    assert run.dataset.sizes["time"] == 0
+    beside = beside_rod(run)
+    assert (
+        beside.difference.shape == beside.stress_ratio.shape == beside.concentration.shape == (0,)
+    )
+    # a study of a robot under gravity has no straight load before the first that fails
+    opinion = third.solve(small_robot(gravity="0 0 -9.8 m/s^2"), np.array(LOADS), np.zeros((3, 3)))
+    assert "printed too little" in " ".join(opinion.text)
+    assert opinion.to_dict()["status"] == "failed"
+
+
 @needs_ccx
 def test_what_came_before_a_kill_is_kept(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The real program, killed in its second step; then let work."""
@@ -484,6 +505,23 @@ def test_files_of_another_run_are_not_taken_for_its_own(
 def test_tensions_that_are_none_are_refused(tensions: object, says: str) -> None:
     with pytest.raises(InputError, match=says):
         sweep(small_robot(), tensions)
+
+
+@pytest.mark.parametrize(
+    ("pitch", "radius", "motion"), [("2.52 mm", "3 mm", False), ("3 mm", "3.3 mm", True)]
+)
+def test_disks_that_are_no_wider_than_the_backbone_are_named(
+    pitch: str, radius: str, motion: bool, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before_real(own_cache, monkeypatch, "exit 0\n")
+    robot = small_robot(
+        **{"segments.0.tendons.pitch_radius": pitch, "segments.0.disks.radius": radius}
+    )
+    with pytest.raises(InputError, match="disk 1 has a hole so near the backbone, or for motion"):
+        if motion:
+            ramp(robot, [40.0, 0, 0], 0.01, settings=COARSE)
+        else:
+            sweep(robot, LOADS, settings=COARSE)
 
 
 def test_settings_that_are_none_are_refused() -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from bowstring.bricks.mesh import BrickMesh
 from bowstring.drive import compliances
+from bowstring.errors import InputError
 from bowstring.fields import Frames
 from bowstring.robot import Robot
 
@@ -26,7 +27,9 @@ __all__ = [
     "SectionStress",
     "State",
     "at_nodes",
+    "check_bricks",
     "frames",
+    "none_of",
     "section_stress",
     "span_tension",
     "strain_in_base",
@@ -117,6 +120,25 @@ def _shape(points: Floats) -> tuple[Floats, Floats]:
             values.append(0.25 * whole)
             slopes.append(0.25 * slope * others)
     return np.concatenate(values, axis=1), np.concatenate(slopes, axis=1)
+
+
+def check_bricks(robot: Robot, mesh: BrickMesh) -> None:
+    """Raise `InputError` if an arm is inside out, as it ends in the backbone or hardly outside."""
+    points = _POINTS
+    if mesh.mass_nodes.size:  # CalculiX integrates masses at 27 points, which lie further out
+        points = math.sqrt(0.6) * np.array(list(product((-1.0, 0.0, 1.0), repeat=3)))
+    _, slope = _shape(points)
+    place = mesh.nodes[mesh.bricks]
+    least = np.linalg.det(np.einsum("pnk,bni->bpki", slope, place)).min(axis=1)
+    if least.min() > 0:
+        return
+    z = place[np.argmax(least <= 0), :, 2].mean()
+    disk = int(np.abs(robot.disks.station_m - z).argmin()) + 1
+    raise InputError(
+        f"{robot.name}: disk {disk} has a hole so near the backbone, or for motion is so small, "
+        "that no brick fits between; finite elements need holes further out, and for motion disks "
+        "1.5 times as wide as the backbone or more"
+    )
 
 
 def _planes(mesh: BrickMesh) -> tuple[Ints, Ints, Floats]:
@@ -249,6 +271,12 @@ def frames(
             rows[name].append(value)
     arrays = {name: np.array(values) for name, values in rows.items()}
     return Frames(time=np.asarray(time, float), station=station, module=module, **arrays)
+
+
+def none_of(found: Frames) -> Frames:
+    """Frames of no time at all, at the same stations."""
+    values = vars(found)
+    return Frames(**{n: v if n in ("station", "module") else v[:0] for n, v in values.items()})
 
 
 def _motion(mesh: BrickMesh, state: State, rotation: Floats) -> tuple[Floats, Floats]:

@@ -26,7 +26,9 @@ from bowstring.bricks.fields import (
     SectionStress,
     State,
     at_nodes,
+    check_bricks,
     frames,
+    none_of,
     section_stress,
     span_tension,
     strain_in_base,
@@ -190,15 +192,14 @@ class BrickRun:
     def frames(self) -> Frames:
         """The rod's raw output, from bricks."""
         which = deck.spans(self.mesh)
-        return frames(
-            self.robot,
-            self.mesh,
-            (which.disk, which.tendon),
-            self.time,
-            self.tensions,
-            self.states,
-            self.settings["gravity"],
-        )
+        spans, gravity = (which.disk, which.tendon), self.settings["gravity"]
+        if self.states:
+            return frames(
+                self.robot, self.mesh, spans, self.time, self.tensions, self.states, gravity
+            )
+        # none of a time, in the shapes of one
+        rest, time, tensions = [_straight(self.mesh)], np.zeros(1), 0.0 * self.wanted_tensions[:1]
+        return none_of(frames(self.robot, self.mesh, spans, time, tensions, rest, gravity))
 
     @property
     def tip_position(self) -> Floats:
@@ -210,7 +211,9 @@ class BrickRun:
         """Tensions (K, N, T) of the spans, from the forces at their ends; NaN where none is."""
         which = deck.spans(self.mesh)
         spans = (which.disk, which.tendon)
-        return np.array([span_tension(self.mesh, spans, state) for state in self.states])
+        shape = (-1, len(self.mesh.hole) - 1, self.mesh.hole.shape[1])
+        found = [span_tension(self.mesh, spans, state) for state in self.states]
+        return np.array(found).reshape(shape)
 
     @property
     def span_error(self) -> float:
@@ -451,6 +454,7 @@ def _run(
     )
     motion = asked["rise_s"] is not None
     mesh = brick_mesh(robot, settings.fineness, mass_arms=motion)
+    check_bricks(robot, mesh)
     program = ccx.find()
     version = ccx.version(program)
     dead = bool(weight.any() or force.any())
