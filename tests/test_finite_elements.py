@@ -99,6 +99,9 @@ class TestSweep:
             assert found.dataset[name].attrs == variable.attrs
         assert found.dataset.attrs["data_origin"] == "simulated by finite elements"
         assert found.dataset.attrs["robot_hash"] == found.robot.hash
+        assert (
+            found.dataset.time.attrs["units"] == "1" and "complete_to_s" not in found.dataset.attrs
+        )
         found.dataset.to_netcdf(tmp_path / "fe.nc")
         with xr.open_dataset(tmp_path / "fe.nc") as again:
             xr.testing.assert_equal(again.load(), found.dataset)
