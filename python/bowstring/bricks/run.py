@@ -177,7 +177,8 @@ class BrickRun:
         """How it ended, and how far it came."""
         done, all_ = len(self.states), len(self.wanted_time)
         if self.converged:
-            return f"{done} {'times' if self.is_motion else 'loads'}, {self.iterations} iterations"
+            what = ("time" if self.is_motion else "load") + ("" if done == 1 else "s")
+            return f"{done} {what}, {self.iterations} iterations"
         return f"stopped at {self._reached()}: {self.reason}; {done} of {all_} are kept"
 
     def _reached(self) -> str:
