@@ -140,6 +140,33 @@ def test_two_tubes_under_gravity_and_a_tip_force() -> None:
 
 
 @needs_ccx
+def test_the_base_holds_the_weight_and_the_tip_force_once() -> None:
+    """At every load, though each step of the deck names the dead loads again; by closed forms."""
+    robot = small_robot()
+    run = sweep(
+        robot,
+        [[0.0, 0, 0], [5.0, 5.0, 5.0]],
+        gravity=(0.0, -9.8, 0.0),
+        tip_force=(0.5, 0.0, 0.0),
+        settings=COARSE,
+    ).raise_for_status()
+    frames = run.frames
+    force = np.einsum("kij,kj->ki", frames.rotation[:, 0], frames.force[:, 0])
+    beyond = float(robot.mass_per_length[0]) * (robot.length - frames.station[0])
+    weight = 9.8 * (robot.disks.mass_kg.sum() + beyond)
+    dead = np.array([0.5, -weight, 0.0])
+    np.testing.assert_allclose(force[0], dead, atol=1e-4)
+    # what is more is the pull of the first spans along themselves
+    ends = np.array([[*hole, robot.disks.station_m[0]] for hole in robot.tendons.hole_m])
+    moved = frames.disk_position[1, 0] + (ends - [0, 0, robot.disks.station_m[0]]) @ (
+        frames.disk_rotation[1, 0].T
+    )
+    spans = moved - [[*hole, 0.0] for hole in robot.tendons.hole_m]
+    pulls = -5.0 * spans / np.linalg.norm(spans, axis=1)[:, None]
+    np.testing.assert_allclose(force[1], dead + pulls.sum(axis=0), atol=2e-3)
+
+
+@needs_ccx
 @pytest.mark.parametrize(
     ("grip", "damping", "gravity"),
     [
@@ -465,16 +492,25 @@ def test_an_old_calculix_is_refused(own_cache: Path, monkeypatch: pytest.MonkeyP
         ccx.version(program)
 
 
-def test_a_drive_that_is_full_is_told(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (OSError(28, "No space left on device"), "no_space"),
+        (PermissionError(13, "Permission denied"), "failed"),
+    ],
+)
+def test_a_drive_that_takes_no_files_is_told(
+    error: OSError, status: str, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before_real(own_cache, monkeypatch, "exit 0\n")
 
-    def full(*_: object, **__: object) -> None:
-        raise OSError(28, "No space left on device")
+    def refuse(*_: object, **__: object) -> None:
+        raise error
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_text", refuse)
     run = sweep(small_robot(), LOADS, settings=COARSE)
-    assert run.status == "no_space"
-    assert "No space left on device" in run.message
+    assert run.status == status
+    assert f"files cannot be written: {error.strerror}" in run.message
 
 
 @needs_ccx

@@ -7,6 +7,7 @@ CalculiX after the last. All files of a run lie in one temporary folder, which g
 from __future__ import annotations
 
 import contextlib
+import errno
 import shutil
 import tempfile
 import time as clock
@@ -100,7 +101,9 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
     except KeyboardInterrupt:
         ended.status, ended.why = "interrupted", "it was interrupted"
     except OSError as error:
-        ended.status, ended.why = "no_space", f"files cannot be written: {error.strerror}"
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        ended.status = "no_space" if full else "failed"
+        ended.why = f"files cannot be written: {error.strerror}"
     ended.wall_s = clock.perf_counter() - started
     if len(ended.states) == len(job.steps):
         ended.status, ended.why, ended.share = "converged", "", 0.0
