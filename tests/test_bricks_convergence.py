@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from bowstring.bricks.convergence import extrapolated, study
+from bowstring.bricks.mesh import Fineness
+from bowstring.errors import InputError
+from bowstring.finite_elements import Settings
 from bricks import COARSE, needs_ccx, small_robot
 
 
@@ -49,3 +52,16 @@ def test_a_study_refines_one_thing_at_a_time(
     # 4 bricks around are too stiff: the limit bends more, and the error says that it is unsure
     assert found.limit[0, 0] > found.run.tip_position[0, 0]
     assert found.error[0] > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        (Settings(stiffness=50.0), "takes 5 as stiffness of disks: disks are 5 times"),
+        (Settings(Fineness(4, 64, 1)), "takes 68 as bricks around: the mesh has 68"),
+        (Settings(Fineness(200, 4, 1)), "takes 400 as bricks along a module: the mesh has 400"),
+    ],
+)
+def test_what_cannot_be_refined_is_told_before_any_work(settings: Settings, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        study(small_robot(), [[40.0, 0, 0]], settings=settings)

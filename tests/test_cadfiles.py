@@ -50,6 +50,13 @@ def test_step_holds_named_coloured_parts(solid, tmp_path):
     assert "'assumed: segments[0].disks.hole_diameter = 2 mm" in text
 
 
+def test_an_assembly_keeps_its_parts_when_a_file_is_written(solid, tmp_path):
+    mine = solid.assembly()
+    write_solid(solid, tmp_path / "robot.stl")
+    assert [child.label for child in mine.children] == [part.name for part in solid.parts]
+    assert mine.volume == pytest.approx(1e9 * sum(part.volume_m3 for part in solid.parts))
+
+
 def test_stl_is_a_closed_mesh_of_the_same_volume(solid, tmp_path):
     file = write_solid(solid, tmp_path / "robot.STL")
     raw = file.read_bytes()

@@ -18,6 +18,7 @@ import pytest
 
 from bowstring import finite_elements, rod
 from bowstring.bricks import ccx, deck, steps
+from bowstring.bricks import study as third
 from bowstring.bricks.comparison import beside_rod
 from bowstring.bricks.mesh import Fineness
 from bowstring.errors import InputError, NoSolutionError
@@ -98,6 +99,9 @@ class TestSweep:
             assert found.dataset[name].attrs == variable.attrs
         assert found.dataset.attrs["data_origin"] == "simulated by finite elements"
         assert found.dataset.attrs["robot_hash"] == found.robot.hash
+        assert (
+            found.dataset.time.attrs["units"] == "1" and "complete_to_s" not in found.dataset.attrs
+        )
         found.dataset.to_netcdf(tmp_path / "fe.nc")
         with xr.open_dataset(tmp_path / "fe.nc") as again:
             xr.testing.assert_equal(again.load(), found.dataset)
@@ -133,6 +137,33 @@ def test_two_tubes_under_gravity_and_a_tip_force() -> None:
     assert run.span_error < 1e-3
     passes = np.isfinite(run.span_tensions[-1])
     np.testing.assert_array_equal(passes.sum(axis=0), [2, 2, 4, 4, 4])
+
+
+@needs_ccx
+def test_the_base_holds_the_weight_and_the_tip_force_once() -> None:
+    """At every load, though each step of the deck names the dead loads again; by closed forms."""
+    robot = small_robot()
+    run = sweep(
+        robot,
+        [[0.0, 0, 0], [5.0, 5.0, 5.0]],
+        gravity=(0.0, -9.8, 0.0),
+        tip_force=(0.5, 0.0, 0.0),
+        settings=COARSE,
+    ).raise_for_status()
+    frames = run.frames
+    force = np.einsum("kij,kj->ki", frames.rotation[:, 0], frames.force[:, 0])
+    beyond = float(robot.mass_per_length[0]) * (robot.length - frames.station[0])
+    weight = 9.8 * (robot.disks.mass_kg.sum() + beyond)
+    dead = np.array([0.5, -weight, 0.0])
+    np.testing.assert_allclose(force[0], dead, atol=1e-4)
+    # what is more is the pull of the first spans along themselves
+    ends = np.array([[*hole, robot.disks.station_m[0]] for hole in robot.tendons.hole_m])
+    moved = frames.disk_position[1, 0] + (ends - [0, 0, robot.disks.station_m[0]]) @ (
+        frames.disk_rotation[1, 0].T
+    )
+    spans = moved - [[*hole, 0.0] for hole in robot.tendons.hole_m]
+    pulls = -5.0 * spans / np.linalg.norm(spans, axis=1)[:, None]
+    np.testing.assert_allclose(force[1], dead + pulls.sum(axis=0), atol=2e-3)
 
 
 @needs_ccx
@@ -245,6 +276,58 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
     np.testing.assert_allclose(rest.tip_position, whole.tip_position, rtol=0, atol=1e-9)
 
 
+@needs_ccx
+@pytest.mark.parametrize("fault", ["cut", "gone"])
+def test_a_run_whose_restart_is_broken_begins_anew(
+    fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cut by a crash amid a write; or gone, as another process has done the rest meanwhile."""
+    loads = [[t, 0, 0] for t in (10, 20, 30)]
+    save = steps._save
+
+    def stop(kept: Path, number: int, *rest: object) -> None:
+        save(kept, number, *rest)
+        if number == 2:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(steps, "_save", stop)
+        with pytest.raises(RunInterrupted):
+            sweep(small_robot(), loads, settings=COARSE)
+    (kept,) = finite_elements.cache_folder().iterdir()
+    (restart,) = kept.glob("restart_*")
+    if fault == "cut":
+        restart.write_bytes(restart.read_bytes()[:-1000])
+    else:
+        find = steps._restart_at
+
+        def late(*args: object) -> int:
+            found = find(*args)
+            restart.unlink()
+            return found
+
+        monkeypatch.setattr(steps, "_restart_at", late)
+    run = sweep(small_robot(), loads, settings=COARSE)
+    assert run.converged and (run.cached, len(run.states)) == (0, 3)
+    assert sorted(p.name for p in kept.iterdir()) == [f"step_000{k}.npz" for k in (1, 2, 3)]
+    (kept / "restart_0002").touch()  # of a process that was killed when all was done
+    assert sweep(small_robot(), loads, settings=COARSE).cached == 3
+    assert not list(kept.glob("restart_*"))
+
+
+@needs_ccx
+def test_a_kept_step_that_is_broken_is_done_again() -> None:
+    loads = [[10.0, 0, 0]]
+    first = sweep(small_robot(), loads, settings=COARSE)
+    (file,) = finite_elements.cache_folder().glob("*/step_0001.npz")
+    whole = file.read_bytes()
+    for place in (len(whole) // 3, len(whole) // 2):
+        file.write_bytes(whole[:place] + bytes(64) + whole[place + 64 :])
+        again = sweep(small_robot(), loads, settings=COARSE)
+        assert again.cached == 0
+        np.testing.assert_allclose(again.tip_position, first.tip_position, rtol=0, atol=1e-12)
+
+
 def fake(folder: Path, script: str) -> Path:
     """A program ccx that stands before the real one."""
     program = folder / "bin" / "ccx"
@@ -290,6 +373,26 @@ def test_an_early_end_is_told(
         run.raise_for_status()
     assert error.value.status == status
     assert not list(own_cache.glob("bowstring-fe-*"))
+
+
+def test_a_run_that_reached_nothing_has_fields_of_no_load(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before_real(own_cache, monkeypatch, "exit 0\n")
+    run = sweep(small_robot(), LOADS[1:], settings=COARSE)
+    assert not run.converged and not run.states
+    assert run.tip_position.shape == (0, 3)
+    assert run.span_tensions.shape == (0, 2, 3)
+    assert run.span_error == 0.0
+    assert run.dataset.sizes["time"] == 0
+    beside = beside_rod(run)
+    assert (
+        beside.difference.shape == beside.stress_ratio.shape == beside.concentration.shape == (0,)
+    )
+    # a study of a robot under gravity has no straight load before the first that fails
+    opinion = third.solve(small_robot(gravity="0 0 -9.8 m/s^2"), np.array(LOADS), np.zeros((3, 3)))
+    assert "printed too little" in " ".join(opinion.text)
+    assert opinion.to_dict()["status"] == "failed"
 
 
 @needs_ccx
@@ -389,16 +492,25 @@ def test_an_old_calculix_is_refused(own_cache: Path, monkeypatch: pytest.MonkeyP
         ccx.version(program)
 
 
-def test_a_drive_that_is_full_is_told(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (OSError(28, "No space left on device"), "no_space"),
+        (PermissionError(13, "Permission denied"), "failed"),
+    ],
+)
+def test_a_drive_that_takes_no_files_is_told(
+    error: OSError, status: str, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before_real(own_cache, monkeypatch, "exit 0\n")
 
-    def full(*_: object, **__: object) -> None:
-        raise OSError(28, "No space left on device")
+    def refuse(*_: object, **__: object) -> None:
+        raise error
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_text", refuse)
     run = sweep(small_robot(), LOADS, settings=COARSE)
-    assert run.status == "no_space"
-    assert "No space left on device" in run.message
+    assert run.status == status
+    assert f"files cannot be written: {error.strerror}" in run.message
 
 
 @needs_ccx
@@ -408,6 +520,16 @@ def test_files_of_calculix_stay_where_they_are_wanted(own_cache: Path) -> None:
     names = {path.name for path in (own_cache / "files").iterdir()}
     assert {"robot.inp", "robot.dat", "robot.sta", "robot.log"} <= names
     assert not list(own_cache.glob("bowstring-fe-*"))
+
+
+def test_files_of_another_run_are_not_taken_for_its_own(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before_real(own_cache, monkeypatch, "exit 0\n")
+    (own_cache / "files").mkdir()
+    (own_cache / "files" / "robot.sta").touch()
+    with pytest.raises(InputError, match="not an empty folder"):
+        sweep(small_robot(), LOADS, settings=COARSE, keep=own_cache / "files")
 
 
 @pytest.mark.parametrize(
@@ -424,9 +546,29 @@ def test_tensions_that_are_none_are_refused(tensions: object, says: str) -> None
         sweep(small_robot(), tensions)
 
 
-def test_a_stiffness_that_is_none_is_refused() -> None:
+@pytest.mark.parametrize(
+    ("pitch", "radius", "motion"), [("2.52 mm", "3 mm", False), ("3 mm", "3.3 mm", True)]
+)
+def test_disks_that_are_no_wider_than_the_backbone_are_named(
+    pitch: str, radius: str, motion: bool, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before_real(own_cache, monkeypatch, "exit 0\n")
+    robot = small_robot(
+        **{"segments.0.tendons.pitch_radius": pitch, "segments.0.disks.radius": radius}
+    )
+    with pytest.raises(InputError, match="disk 1 has a hole so near the backbone, or for motion"):
+        if motion:
+            ramp(robot, [40.0, 0, 0], 0.01, settings=COARSE)
+        else:
+            sweep(robot, LOADS, settings=COARSE)
+
+
+def test_settings_that_are_none_are_refused() -> None:
     with pytest.raises(InputError, match="10 to 1e6"):
         sweep(small_robot(), LOADS, settings=Settings(stiffness=1.0))
+    for residual in (0.0, 1.0, np.nan):  # no end of the iteration, or no equilibrium at its end
+        with pytest.raises(InputError, match=r"residual is \S+, it must be from 1e-9 to 0.01"):
+            sweep(small_robot(), LOADS, settings=Settings(residual=residual))
 
 
 @needs_ccx

@@ -11,6 +11,7 @@ section times its length.
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import re
@@ -139,12 +140,12 @@ class Solid:
 
     def assembly(self) -> Any:
         """The parts as one build123d ``Compound`` with names and colours, in mm, to go on with."""
-        bd = check_cad()
+        bd, children = check_cad(), []
         for part in self.parts:
-            part.shape.label, part.shape.color = part.name, bd.Color(part.colour)
-        return bd.Compound(
-            label=plain_name(self.robot.name), children=[part.shape for part in self.parts]
-        )
+            shape = copy.copy(part.shape)  # a shape is a child of one compound alone
+            shape.label, shape.color = part.name, bd.Color(part.colour)
+            children.append(shape)
+        return bd.Compound(label=plain_name(self.robot.name), children=children)
 
 
 def check_cad() -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ __all__ = ["BesideRod", "beside_rod"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+_NOTHING: Final = 1e-4  # of the largest stress of a run
 
 
 @dataclass(frozen=True)
@@ -43,19 +46,34 @@ class BesideRod:
 
     @property
     def stress_ratio(self) -> Floats:
-        """Of the largest stress in the middle of a module, to the rod's there; (K,)."""
-        k = np.arange(len(self.middle))
-        at = self.middle.argmax(axis=1) if self.middle.size else np.zeros(0, dtype=int)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            found: Floats = self.middle[k, at] / self.rod_middle[k, at]
-        return found
+        """Of the largest stress in the middle of a module, to the rod's there; (K,).
+
+        NaN where there is no load, and where the rod has none.
+        """
+        k, at = self._most_stressed()
+        return self._ratio(self.middle[k, at], self.rod_middle[k, at])
 
     @property
     def concentration(self) -> Floats:
-        """Largest stress at a disk's edge, by that in the middle of the same module; (K,)."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ratio = np.where(self.middle > 0, self.edge / self.middle, np.nan)
-        return np.array([np.nanmax(row) if np.isfinite(row).any() else np.nan for row in ratio])
+        """Largest stress at a node of the module whose middle is stressed most, by that; (K,).
+
+        NaN where there is no load. Of other modules it would tell no concentration: there a moment
+        may pass through zero in the middle.
+        """
+        k, at = self._most_stressed()
+        return self._ratio(self.edge[k, at], self.middle[k, at])
+
+    def _most_stressed(self) -> tuple[Ints, Ints]:
+        at = self.middle.argmax(axis=1) if self.middle.size else np.zeros(0, dtype=int)
+        return np.arange(len(self.middle)), at
+
+    def _ratio(self, stress: Floats, by: Floats) -> Floats:
+        """NaN where what is left of Newton's iteration would be compared."""
+        least = _NOTHING * self.middle.max(initial=0.0)
+        found: Floats = np.divide(
+            stress, by, out=np.full(len(stress), np.nan), where=np.isfinite(by) & (by > least)
+        )
+        return found
 
 
 def beside_rod(run: BrickRun) -> BesideRod:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from bowstring.bricks.run import DEFAULT_DT, BrickRun, Settings, ramp, sweep
+from bowstring.errors import InputError
 from bowstring.robot import Robot
 
 __all__ = ["Convergence", "Refinement", "extrapolated", "study"]
@@ -108,6 +109,8 @@ def study(
 
     Raises
     ------
+    InputError
+        If what is finer or coarser cannot be had.
     NoSolutionError
         If one of the runs does not reach its end; those that did are kept.
     """
@@ -149,6 +152,12 @@ def study(
                 ],
             )
         )
+    for name, plan in plans:  # before any work
+        for _, label, chosen, _ in plan:
+            try:
+                chosen.check()
+            except InputError as wrong:
+                raise InputError(f"the study also takes {label} as {name}: {wrong}") from None
     tell = progress or (lambda what, share: None)
     count = 1 + sum(len(plan) for _, plan in plans)
     done = 0

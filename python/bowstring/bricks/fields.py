@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.bricks.mesh import BrickMesh
+from bowstring.drive import compliances
+from bowstring.errors import InputError
 from bowstring.fields import Frames
 from bowstring.robot import Robot
 
@@ -25,9 +27,12 @@ __all__ = [
     "SectionStress",
     "State",
     "at_nodes",
+    "check_bricks",
     "frames",
+    "none_of",
     "section_stress",
     "span_tension",
+    "strain_in_base",
 ]
 
 Floats = NDArray[np.float64]
@@ -49,6 +54,7 @@ _EDGES: Final = np.array(
 _OVER_TIME: Final = set(Frames.__dataclass_fields__) - {"time", "station", "module"}
 VOIGT: Final = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 """Where the components of a tensor are among xx, yy, zz, xy, xz, yz."""
+_ROW, _COLUMN = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)  # where those are in a tensor
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,8 @@ class State:
 
     ``displacement, velocity`` (n, 3), the latter None at rest; ``stress`` in Pa and ``strain``
     (f, 8, 6) at integration points, x first, as xx, yy, zz, xy, xz, yz; ``span_force`` (P, 3) at
-    the base side of each span.
+    the base side of each span. As CalculiX has them, stress is Cauchy's, in base axes, and strain
+    is Green's, whose axes are those of the straight robot: see `strain_in_base`.
     """
 
     displacement: Floats
@@ -113,6 +120,25 @@ def _shape(points: Floats) -> tuple[Floats, Floats]:
             values.append(0.25 * whole)
             slopes.append(0.25 * slope * others)
     return np.concatenate(values, axis=1), np.concatenate(slopes, axis=1)
+
+
+def check_bricks(robot: Robot, mesh: BrickMesh) -> None:
+    """Raise `InputError` if an arm is inside out, as it ends in the backbone or hardly outside."""
+    points = _POINTS
+    if mesh.mass_nodes.size:  # CalculiX integrates masses at 27 points, which lie further out
+        points = math.sqrt(0.6) * np.array(list(product((-1.0, 0.0, 1.0), repeat=3)))
+    _, slope = _shape(points)
+    place = mesh.nodes[mesh.bricks]
+    least = np.linalg.det(np.einsum("pnk,bni->bpki", slope, place)).min(axis=1)
+    if least.min() > 0:
+        return
+    z = place[np.argmax(least <= 0), :, 2].mean()
+    disk = int(np.abs(robot.disks.station_m - z).argmin()) + 1
+    raise InputError(
+        f"{robot.name}: disk {disk} has a hole so near the backbone, or for motion is so small, "
+        "that no brick fits between; finite elements need holes further out, and for motion disks "
+        "1.5 times as wide as the backbone or more"
+    )
 
 
 def _planes(mesh: BrickMesh) -> tuple[Ints, Ints, Floats]:
@@ -184,6 +210,7 @@ def frames(
     time: Floats,
     tensions: Floats,
     states: Sequence[State],
+    gravity: Sequence[float],
 ) -> Frames:
     """The rod's raw output, from bricks; NaN for what bricks do not say.
 
@@ -196,12 +223,16 @@ def frames(
     time : ndarray (K,)
     tensions : ndarray (K, T)
     states : sequence of State (K,)
+    gravity : sequence of 3 floats
+        Of the run, in m/s^2.
     """
     free, module, station = _planes(mesh)
     rows: dict[str, list[Floats]] = {name: [] for name in _OVER_TIME}
     ends = robot.tendons.end_disk
     straight = robot.disks.station_m[ends]
-    home = np.where(robot.tendons.pretension_N > 0, np.nan, straight)
+    # with pretension the home pose is another, which bricks have not computed
+    home = np.full(len(ends), np.nan) if robot.tendons.pretension_N.any() else straight
+    stretch = compliances(robot)  # bricks have the robot alone; the motor takes in this too
     for i, state in enumerate(states):
         fit = _fit(mesh, mesh.nodes + state.displacement)
         planes = _at_planes(fit, free)
@@ -228,18 +259,24 @@ def frames(
             "tension": tensions[i],
             "tendon_length": whole,
             "span_length": lengths,
-            "pull": home - whole,
+            "pull": home - whole + stretch * tensions[i],
             "slack": np.zeros(len(ends)),
             "span_tension": span_tension(mesh, which, state),
             "kinetic_energy": nothing if state.velocity is None else unknown,
             "elastic_energy": np.array(_elastic_energy(mesh, state)),
-            "gravity_energy": unknown if any(robot.gravity) else nothing,
+            "gravity_energy": unknown if any(gravity) else nothing,
             "work": unknown,
             "dissipated_energy": unknown,
         }.items():
             rows[name].append(value)
     arrays = {name: np.array(values) for name, values in rows.items()}
     return Frames(time=np.asarray(time, float), station=station, module=module, **arrays)
+
+
+def none_of(found: Frames) -> Frames:
+    """Frames of no time at all, at the same stations."""
+    values = vars(found)
+    return Frames(**{n: v if n in ("station", "module") else v[:0] for n, v in values.items()})
 
 
 def _motion(mesh: BrickMesh, state: State, rotation: Floats) -> tuple[Floats, Floats]:
@@ -254,13 +291,31 @@ def _motion(mesh: BrickMesh, state: State, rotation: Floats) -> tuple[Floats, Fl
     return rate[:, 0], spin
 
 
-def _elastic_energy(mesh: BrickMesh, state: State) -> float:
-    """Of the free bricks; shear strains are those of the tensor."""
+def _gradient(mesh: BrickMesh, state: State) -> tuple[Floats, Floats]:
+    """Deformation gradient (f, 8, 3, 3) and volume (f, 8) of the points of the free bricks."""
     _, slope = _shape(_POINTS)
-    jacobian = np.einsum("pnk,bni->bpki", slope, mesh.nodes[mesh.bricks[~mesh.stiff]])
-    volume = np.linalg.det(jacobian)
-    twice = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
-    return float(0.5 * np.sum(volume * (state.stress * state.strain * twice).sum(axis=2)))
+    bricks = mesh.bricks[~mesh.stiff]
+    straight = np.einsum("pnk,bni->bpik", slope, mesh.nodes[bricks])
+    moved = np.einsum("pnk,bni->bpik", slope, state.displacement[bricks])
+    return np.eye(3) + moved @ np.linalg.inv(straight), np.linalg.det(straight)
+
+
+def strain_in_base(mesh: BrickMesh, state: State) -> Floats:
+    """Green's strain (f, 8, 6) turned as the material has turned: in base axes, as stress is."""
+    u, _, vt = np.linalg.svd(_gradient(mesh, state)[0])
+    turn = u @ vt
+    strain = turn @ state.strain[..., VOIGT] @ np.swapaxes(turn, -1, -2)
+    found: Floats = strain[..., _ROW, _COLUMN]
+    return found
+
+
+def _elastic_energy(mesh: BrickMesh, state: State) -> float:
+    """Of the free bricks: half of Green's strain times the stress that goes with it."""
+    gradient, volume = _gradient(mesh, state)
+    back = np.linalg.inv(gradient)
+    stress = back @ state.stress[..., VOIGT] @ np.swapaxes(back, -1, -2)  # second Piola-Kirchhoff's
+    volume = volume * np.linalg.det(gradient)
+    return float(0.5 * np.einsum("bp,bpij,bpij->", volume, stress, state.strain[..., VOIGT]))
 
 
 def at_nodes(mesh: BrickMesh, values: Floats) -> Floats:

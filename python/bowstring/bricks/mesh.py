@@ -2,7 +2,7 @@
 
 The bricks have 20 nodes and quadratic edges. A section of a solid backbone is an O-grid, a square
 core in rings; that of a tube has the rings alone. The edges on the outline are parabolas through
-three points of a circle, which is larger than the backbone by so little (0.03 % with 8 edges) that
+three points of a circle, which is larger than the backbone by so little (0.04 % with 8 edges) that
 the second moment of area is the right one. The arm to the hole of the first tendon stands on the
 middle of an edge: beside it, it would turn the section where a disk yields across.
 
@@ -185,7 +185,7 @@ class _Section:
     """A section of radius 1: `corners` and `edges` are in the order of the nodes of a plane.
 
     ``quads`` (q, 8): corners counter-clockwise, then their edges. ``outer`` (around, 3): corner,
-    corner and edge on the outline. Radius of the bore: ``bore``.
+    corner and edge on the outline. ``second_moment`` is that of this shape, about x.
     """
 
     corners: Floats

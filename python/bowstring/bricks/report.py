@@ -1,4 +1,4 @@
-"""Finite elements on disk: fields as NetCDF and for ParaView, two figures, all numbers as JSON."""
+"""Finite elements on disk: NetCDF, a series for ParaView, three figures, all numbers as JSON."""
 
 from __future__ import annotations
 

@@ -26,9 +26,12 @@ from bowstring.bricks.fields import (
     SectionStress,
     State,
     at_nodes,
+    check_bricks,
     frames,
+    none_of,
     section_stress,
     span_tension,
+    strain_in_base,
 )
 from bowstring.bricks.mesh import BrickMesh, Fineness, brick_mesh, check_robot
 from bowstring.bricks.steps import Job, work
@@ -41,7 +44,16 @@ if TYPE_CHECKING:
 
     from bowstring.fields import Frames
 
-__all__ = ["BrickRun", "RunInterrupted", "Settings", "cache_folder", "check", "ramp", "sweep"]
+__all__ = [
+    "BrickRun",
+    "RunInterrupted",
+    "Settings",
+    "cache_folder",
+    "check",
+    "check_keep",
+    "ramp",
+    "sweep",
+]
 
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -76,7 +88,7 @@ class Settings:
     residual: float = 1e-4
 
     def check(self) -> None:
-        """Raise `InputError` for a stiffness that is none, or that drowns the rest in rounding."""
+        """Raise `InputError` for what is none, drowns in rounding, or is no equilibrium."""
         self.fineness.check()
         if self.grip not in ("bonded", "sliding"):
             raise InputError(f'grip is {self.grip!r}, it must be "bonded" or "sliding"')
@@ -85,6 +97,8 @@ class Settings:
                 f"disks are {self.stiffness:g} times as stiff as the backbone; must be from 10 to "
                 "1e6"
             )
+        if not 1e-9 <= self.residual <= 1e-2:
+            raise InputError(f"residual is {self.residual:g}, it must be from 1e-9 to 0.01")
 
 
 class RunInterrupted(KeyboardInterrupt):
@@ -162,7 +176,8 @@ class BrickRun:
         """How it ended, and how far it came."""
         done, all_ = len(self.states), len(self.wanted_time)
         if self.converged:
-            return f"{done} {'times' if self.is_motion else 'loads'}, {self.iterations} iterations"
+            what = ("time" if self.is_motion else "load") + ("" if done == 1 else "s")
+            return f"{done} {what}, {self.iterations} iterations"
         return f"stopped at {self._reached()}: {self.reason}; {done} of {all_} are kept"
 
     def _reached(self) -> str:
@@ -177,14 +192,14 @@ class BrickRun:
     def frames(self) -> Frames:
         """The rod's raw output, from bricks."""
         which = deck.spans(self.mesh)
-        return frames(
-            self.robot,
-            self.mesh,
-            (which.disk, which.tendon),
-            self.time,
-            self.tensions,
-            self.states,
-        )
+        spans, gravity = (which.disk, which.tendon), self.settings["gravity"]
+        if self.states:
+            return frames(
+                self.robot, self.mesh, spans, self.time, self.tensions, self.states, gravity
+            )
+        # none of a time, in the shapes of one
+        rest, time, tensions = [_straight(self.mesh)], np.zeros(1), 0.0 * self.wanted_tensions[:1]
+        return none_of(frames(self.robot, self.mesh, spans, time, tensions, rest, gravity))
 
     @property
     def tip_position(self) -> Floats:
@@ -196,7 +211,9 @@ class BrickRun:
         """Tensions (K, N, T) of the spans, from the forces at their ends; NaN where none is."""
         which = deck.spans(self.mesh)
         spans = (which.disk, which.tendon)
-        return np.array([span_tension(self.mesh, spans, state) for state in self.states])
+        shape = (-1, len(self.mesh.hole) - 1, self.mesh.hole.shape[1])
+        found = [span_tension(self.mesh, spans, state) for state in self.states]
+        return np.array(found).reshape(shape)
 
     @property
     def span_error(self) -> float:
@@ -210,12 +227,15 @@ class BrickRun:
         return section_stress(self.mesh, self.states[step])
 
     def nodal(self, step: int) -> tuple[Floats, Floats, Floats]:
-        """Displacement (n, 3), stress and strain (n, 6) at the nodes of the mesh at a step."""
+        """Displacement (n, 3), stress and strain (n, 6) at the nodes of the mesh at a step.
+
+        In base axes; stress is Cauchy's, strain Green's turned with the material.
+        """
         state = self.states[step]
         return (
             state.displacement,
             at_nodes(self.mesh, state.stress),
-            at_nodes(self.mesh, state.strain),
+            at_nodes(self.mesh, strain_in_base(self.mesh, state)),
         )
 
     @cached_property
@@ -234,6 +254,7 @@ class BrickRun:
         found.attrs["title"] = f"Finite elements (CalculiX) of {self.robot.name}"
         if not self.is_motion:
             found["time"].attrs = {"units": "1", "long_name": "number of the load, at rest"}
+            del found.attrs["complete_to_s"]  # of a time in s
         return found
 
     def raise_for_status(self) -> Self:
@@ -253,6 +274,17 @@ def check(robot: Robot) -> None:
     """
     check_robot(robot)
     ccx.version(ccx.find())
+
+
+def check_keep(folder: Path) -> None:
+    """Refuse a folder that is none or holds anything: it would be read as what CalculiX printed.
+
+    Raises
+    ------
+    InputError
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder} is there and not an empty folder; name a new one")
 
 
 def sweep(
@@ -279,7 +311,7 @@ def sweep(
         In m/s^2; the robot's if not given.
     settings : Settings, optional
     keep : Path, optional
-        Folder that gets the files of CalculiX; else they are removed.
+        New or empty folder that gets the files of CalculiX; else they are removed.
     progress : callable, optional
         Is told what is being done and the share that is done, from 0 to 1.
 
@@ -292,7 +324,7 @@ def sweep(
     Raises
     ------
     InputError
-        If the robot cannot be meshed, or there is no CalculiX.
+        If the robot cannot be meshed, there is no CalculiX, or `keep` holds anything.
     RunInterrupted
         On Ctrl-C.
     """
@@ -407,6 +439,8 @@ def _run(
     arguments.check_robot(robot)
     settings = settings or Settings()
     settings.check()
+    if keep is not None:
+        check_keep(keep)
     tell = progress or (lambda what, share: None)
     weight = arguments.row("gravity", robot.gravity if gravity is None else gravity, 3, "m/s^2")
     force = arguments.row("tip_force", tip_force, 3, "N")
@@ -420,6 +454,7 @@ def _run(
     )
     motion = asked["rise_s"] is not None
     mesh = brick_mesh(robot, settings.fineness, mass_arms=motion)
+    check_bricks(robot, mesh)
     program = ccx.find()
     version = ccx.version(program)
     dead = bool(weight.any() or force.any())

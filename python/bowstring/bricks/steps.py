@@ -7,10 +7,12 @@ CalculiX after the last. All files of a run lie in one temporary folder, which g
 from __future__ import annotations
 
 import contextlib
+import errno
 import shutil
 import tempfile
 import time as clock
 import zipfile
+import zlib
 from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -83,25 +85,39 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
         ended.states.clear()
     ended.cached = len(ended.states)
     if ended.cached == len(job.steps):
+        _drop_restarts(kept)
         return ended
     started = clock.perf_counter()
     try:
-        with _folder(keep) as folder:
-            run = _Run(job, folder, kept, ended, tell)
-            end = run.go(program, fleeting=keep is None)
+        end = _attempt(job, program, kept, keep, ended, tell)
+        if end.status == "failed" and ended.cached and not ended.iterations:
+            # what it should have gone on from is broken, or gone as another process needed it no
+            # more: all anew, or it would end so each time
+            _restart(kept, ended.cached).unlink(missing_ok=True)
+            ended.states.clear()
+            ended.cached = 0
+            end = _attempt(job, program, kept, keep, ended, tell)
         ended.status, ended.why = end
     except KeyboardInterrupt:
         ended.status, ended.why = "interrupted", "it was interrupted"
     except OSError as error:
-        ended.status, ended.why = "no_space", f"files cannot be written: {error.strerror}"
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        ended.status = "no_space" if full else "failed"
+        ended.why = f"files cannot be written: {error.strerror}"
     ended.wall_s = clock.perf_counter() - started
     if len(ended.states) == len(job.steps):
         ended.status, ended.why, ended.share = "converged", "", 0.0
-        for file in kept.glob("restart_*"):
-            file.unlink(missing_ok=True)
+        _drop_restarts(kept)
     elif ended.status == "converged":
         ended.status, ended.why = "failed", "CalculiX ended early and printed too little"
     return ended
+
+
+def _attempt(
+    job: Job, program: Path, kept: Path, keep: Path | None, ended: Ended, tell: Progress
+) -> ccx.End:
+    with _folder(keep) as folder:
+        return _Run(job, folder, kept, ended, tell).go(program, fleeting=keep is None)
 
 
 @contextlib.contextmanager
@@ -131,7 +147,10 @@ class _Run:
     def go(self, program: Path, *, fleeting: bool) -> ccx.End:
         job, first = self.job, self.first
         if first:
-            shutil.copyfile(_restart(self.kept, first), self.folder / f"{_JOB}.rin")
+            try:
+                shutil.copyfile(_restart(self.kept, first), self.folder / f"{_JOB}.rin")
+            except FileNotFoundError:
+                return ccx.End("failed", "the file to go on from is gone")
             head = deck.resume(first)
         else:
             head = deck.model(job.robot, job.mesh, job.loading, job.steps)
@@ -240,13 +259,19 @@ def _restart_at(kept: Path, done: int) -> int:
     return done
 
 
+def _drop_restarts(kept: Path) -> None:
+    """Once all steps are there; one that was killed before may have left some."""
+    for file in kept.glob("restart_*"):
+        file.unlink(missing_ok=True)
+
+
 def _load(kept: Path, job: Job) -> list[State]:
     states = []
     for number in range(1, len(job.steps) + 1):
         try:
             with np.load(_file(kept, number)) as held:
                 parts = {name: held[name] for name in held.files}
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
             break  # not there, or a drive that failed: it is done again
         parts.setdefault("velocity", None)
         states.append(State(**parts))

@@ -130,7 +130,7 @@ def fe(
     if out is not None:
         out = of_flag("--out", report.check_folder, out)
     if keep is not None:
-        of_flag("--keep", _check_empty, keep)
+        of_flag("--keep", finite_elements.check_keep, keep)
     rows = _rows(last, loads)
     seconds = (
         positive("--rise", rise or "1", "s"),
@@ -177,17 +177,18 @@ def fe(
         except finite_elements.RunInterrupted as stopped:
             run, interrupted = stopped.run, True
 
+    if interrupted:
+        again = "begins anew" if run.is_motion else "goes on from there"
+        raise Stopped(f"{run.message}; the same command {again}.")
+
     from bowstring.bricks.comparison import beside_rod
 
     beside = beside_rod(run)
     content = plain({**_content(run, beside, limit), **provenance_of(run.robot, **run.settings)})
     folder = None
-    if out is not None and run.states and not interrupted:
+    if out is not None and run.states:
         with progress_bar() as tell:
             folder = report.write(run, beside, content, out, progress=tell)
-    if interrupted:
-        again = "begins anew" if run.is_motion else "goes on from there"
-        raise Stopped(f"{run.message}; the same command {again}.")
     if as_json:
         write_json({**content, "folder": folder})
     elif run.states:
@@ -210,11 +211,6 @@ def _settings(given: tuple[str, float, Literal["bonded", "sliding"]]) -> Setting
     settings = Settings(Fineness(module, around, rings), stiffness, grip)
     settings.check()
     return settings
-
-
-def _check_empty(folder: Path) -> None:
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder} is there and not an empty folder; name a new one")
 
 
 def _rows(last: Any, loads: str | None) -> Any:

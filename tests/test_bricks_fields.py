@@ -1,0 +1,96 @@
+"""Fields of bricks: of a bar that is stretched and turned by hand, and of one that bends far."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from bowstring import rod
+from bowstring.bricks.fields import VOIGT, strain_in_base
+from bowstring.finite_elements import BrickRun, sweep
+from bricks import COARSE, needs_ccx, small_robot
+from test_bricks_vtk import YOUNG, stretched
+
+STRAIN = 1e-4
+
+
+def turned(turn: np.ndarray) -> BrickRun:
+    """All stretched along its axis by 1e-4, then turned: stress turns with it, strain does not."""
+    run = stretched(STRAIN)
+    (state,) = run.states
+    place = (run.mesh.nodes + state.displacement) @ turn.T
+    tensor = turn @ state.stress[..., VOIGT] @ turn.T
+    stress = tensor[..., (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
+    run.states[0] = replace(state, displacement=place - run.mesh.nodes, stress=stress)
+    return run
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0, 90.0, 180.0])
+def test_a_turn_changes_no_energy_and_turns_strain_as_stress(angle: float) -> None:
+    run = turned(Rotation.from_euler("yx", [angle, 20.0], degrees=True).as_matrix())
+    free = small_robot().length - 1.5 * 3e-3  # two disks of 3 mm, the half of one beyond
+    wanted = 0.5 * YOUNG * STRAIN**2 * np.pi / 4 * 0.005**2 * free
+    energy = run.dataset.elastic_energy.item()
+    assert energy == pytest.approx(wanted, rel=0.02)  # of 4 bricks around
+    # a material that strains along its stress alone
+    strain = strain_in_base(run.mesh, run.states[0])
+    np.testing.assert_allclose(YOUNG * strain, run.states[0].stress, atol=1e-6 * YOUNG * STRAIN)
+
+
+@needs_ccx
+def test_energy_of_a_robot_that_bends_far_is_the_rods(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By 65 degrees, where the axes of stress and of the straight robot are far apart."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    robot = small_robot(**{"segments.0.backbone.E": "5 GPa"})
+    run = sweep(robot, [[40.0, 0.0, 0.0]], settings=COARSE).raise_for_status()
+    by_rod = rod.solve(robot, [40.0, 0.0, 0.0], elements=4)
+    assert by_rod.tip is not None and by_rod.tip.rotation[2, 2] < 0.5
+    theirs = by_rod.fields(9).elastic_energy.item()
+    assert run.dataset.elastic_energy.item() == pytest.approx(theirs, rel=0.06)  # coarse
+    # stress and strain have one set of axes: Hooke's law holds as they are, but for large strain
+    (state,) = run.states
+    strain = strain_in_base(run.mesh, state)
+    young, poisson = 5e9, 0.3
+    sphere = strain[..., :3].sum(axis=-1, keepdims=True) * [1, 1, 1, 0, 0, 0]
+    law = young / (1 + poisson) * (strain + poisson / (1 - 2 * poisson) * sphere)
+    np.testing.assert_allclose(state.stress, law, atol=0.15 * np.abs(law).max())
+
+
+def test_gravity_of_the_run_counts_not_that_of_the_robot() -> None:
+    run = stretched(STRAIN)
+    assert run.dataset.gravity_energy.item() == 0.0
+    again = stretched(STRAIN)
+    again.settings["gravity"] = [0.0, 0.0, -9.8]
+    assert np.isnan(again.dataset.gravity_energy.item())
+
+
+def test_a_pull_is_the_rods() -> None:
+    """What a tendon and its transmission give way is taken in too."""
+    drive = {
+        "segments.0.tendons.compliance": "0.1 mm/N",
+        "segments.0.tendons.axial_stiffness": "20 kN",
+        "segments.0.tendons.free_length": "300 mm",
+    }
+    soft, stiff = small_robot(**drive), small_robot()
+    pulls = {}
+    for name, robot in (("soft", soft), ("stiff", stiff)):
+        run = stretched(STRAIN)
+        run.robot, run.wanted_tensions = robot, np.array([[20.0, 0.0, 5.0]])
+        by_rod = rod.solve(robot, [20.0, 0.0, 5.0]).fields(3)
+        pulls[name] = run.dataset.pull.to_numpy()[0], by_rod.pull.to_numpy()[0]
+    ours, theirs = (pulls["soft"][k] - pulls["stiff"][k] for k in (0, 1))
+    assert ours[0] > 2e-3
+    np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
+
+
+def test_with_pretension_no_pull_is_known() -> None:
+    """The home pose is then another, which bricks have not computed."""
+    run = stretched(STRAIN)
+    run.robot = small_robot(**{"segments.0.tendons.pretension": "2 N"})
+    assert np.isnan(run.dataset.pull).all()
