@@ -63,22 +63,25 @@ def extrapolated(sizes: Sequence[float], values: Floats) -> tuple[Floats, Floats
     """Richardson's limit of values (3, ...) at falling sizes, its doubt, and the order seen.
 
     The order is that of the component that changes most. Where the three values show none between
-    0.5 and 6, the limit is the last value and the doubt the larger of the two last changes.
+    0.5 and 6, the limit is the last value and the doubt the larger of the two last changes; so it
+    is of any other component that does not settle.
     """
     a, b, c = (float(h) for h in sizes)
     first, last = values[1] - values[0], values[2] - values[1]
+    doubt: Floats = np.maximum(np.abs(first), np.abs(last))
     place = np.unravel_index(np.abs(last).argmax(), last.shape)
     ratio = float(first[place] / last[place]) if last[place] != 0 else np.nan
 
-    def miss(p: float) -> float:
-        return float((a**p - b**p) / (b**p - c**p) - ratio)
+    def of_order(p: float) -> float:
+        return float((a**p - b**p) / (b**p - c**p))
 
-    if not (np.isfinite(ratio) and miss(_FLATTEST) * miss(_STEEPEST) < 0):
-        doubt: Floats = np.maximum(np.abs(first), np.abs(last))
+    slow = of_order(_FLATTEST)
+    if not slow < ratio < of_order(_STEEPEST):
         return values[2], doubt, float("nan")
-    order = float(brentq(miss, _FLATTEST, _STEEPEST))
+    order = float(brentq(lambda p: of_order(p) - ratio, _FLATTEST, _STEEPEST))
     rest = last * c**order / (b**order - c**order)
-    return values[2] + rest, np.abs(rest), order
+    settles = (first * last >= 0) & (np.abs(first) >= slow * np.abs(last))
+    return values[2] + np.where(settles, rest, 0.0), np.where(settles, np.abs(rest), doubt), order
 
 
 def study(
@@ -119,9 +122,11 @@ def study(
     # with fewer along, what bricks around change is lost in what bricks along miss
     along = min(mesh.module, max(_ALONG, mesh.module // 2))
     coarse = replace(settings, fineness=replace(mesh, module=along))
-    plans: list[tuple[str, list[tuple[float, str, Settings, float]]]] = [
+    # name, which of the three is as asked for, and the three: size, label, settings, step
+    plans: list[tuple[str, int, list[tuple[float, str, Settings, float]]]] = [
         (
             "bricks along a module",
+            1,
             [
                 (1.0 / n, str(n), replace(settings, fineness=replace(mesh, module=n)), 1.0)
                 for n in (max(2, mesh.module // 2), mesh.module, 2 * mesh.module)
@@ -129,6 +134,7 @@ def study(
         ),
         (
             "bricks around",
+            0,
             [
                 (1.0 / n, str(n), replace(coarse, fineness=replace(coarse.fineness, around=n)), 1.0)
                 for n in (mesh.around, mesh.around + 4, mesh.around + 8)
@@ -136,9 +142,10 @@ def study(
         ),
         (
             "stiffness of disks",
+            2,  # stiffer ones cost digits
             [
                 (1.0 / k, f"{k:g}", replace(coarse, stiffness=k), 1.0)
-                for k in (0.1 * settings.stiffness, settings.stiffness, 10.0 * settings.stiffness)
+                for k in settings.stiffness * np.array([0.1, 0.3, 1.0])
             ],
         ),
     ]
@@ -146,20 +153,21 @@ def study(
         plans.append(
             (
                 "time step",
+                1,
                 [
                     (share, f"{1e3 * share * DEFAULT_DT:g} ms", coarse, share)
                     for share in (2.0, 1.0, 0.5)
                 ],
             )
         )
-    for name, plan in plans:  # before any work
+    for name, _, plan in plans:  # before any work
         for _, label, chosen, _ in plan:
             try:
                 chosen.check()
             except InputError as wrong:
                 raise InputError(f"the study also takes {label} as {name}: {wrong}") from None
     tell = progress or (lambda what, share: None)
-    count = 1 + sum(len(plan) for _, plan in plans)
+    count = 1 + sum(len(plan) for *_, plan in plans)
     done = 0
 
     def one(what: str, chosen: Settings, step: float) -> BrickRun:
@@ -186,7 +194,7 @@ def study(
     done += 1
     refinements = []
     limit, error = run.tip_position.copy(), np.zeros(len(run.states))
-    for name, plan in plans:
+    for name, at, plan in plans:
         tips = []
         for _, label, chosen, step in plan:
             tips.append(one(f"{name} {label}", chosen, step).tip_position)
@@ -195,7 +203,6 @@ def study(
         end, doubt, order = extrapolated(sizes, np.array(tips))
         labels = tuple(label for _, label, *_ in plan)
         refinements.append(Refinement(name, sizes, labels, np.array(tips), end, doubt, order))
-        at = 0 if name == "bricks around" else 1  # which of the three is as asked for
         limit = limit + (end - tips[at])
         error = error + np.linalg.norm(doubt, axis=1)
     return Convergence(run, tuple(refinements), limit, error)
