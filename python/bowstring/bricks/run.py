@@ -1,15 +1,14 @@
 """A robot by 3-D finite elements: CalculiX on a mesh of bricks, an opinion apart from the rod's.
 
 `sweep` is statics over tensions, `ramp` is motion from rest. What a step has computed is kept in
-the user's cache folder under a hash of robot, settings and versions: the same question is answered
-from there, and one that was stopped goes on after its last step. Everything is SI, in the base
+the user's cache folder under a hash of what CalculiX is told: the same question is answered from
+there, and one that was stopped goes on after its last step. Everything is SI, in the base
 frame.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -58,8 +57,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
-# of what is kept, and of the deck; a change makes old results void
-_FORMAT: Final = 3
+_FORMAT: Final = 3  # of what is kept; a change makes old results void
 _TURN: Final = 0.12  # rad that the tip may turn in an increment of statics, by the linear law
 _NONE: Final = (0.0, 0.0, 0.0)
 DEFAULT_DT: Final = 0.005  # s
@@ -395,8 +393,13 @@ def ramp(
         for row, length in zip(np.outer(shares, last).tolist(), lengths, strict=True)
     ]
     time = np.cumsum(np.array(lengths, dtype=np.float64))
-    asked = {"rise_s": rise, "hold_s": hold, "dt_s": dt, "every_s": every}
-    asked["mass_damping_per_s"] = damping
+    asked = {
+        "rise_s": rise,
+        "hold_s": hold,
+        "dt_s": dt,
+        "every_s": every,
+        "mass_damping_per_s": damping,
+    }
     return _run(robot, steps, time, asked, _NONE, gravity, settings, keep, progress)
 
 
@@ -482,13 +485,8 @@ def _run(
     lead = len(todo) + idle - len(steps)
     if not todo:
         return found
-    ended = work(
-        Job(robot, mesh, loading, tuple(todo)),
-        program,
-        cache_folder() / _key(robot, given, todo),
-        keep,
-        tell,
-    )
+    job = Job(robot, mesh, loading, tuple(todo))
+    ended = work(job, program, cache_folder() / _key(job, version), keep, tell)
     found.states += ended.states[lead:]
     found.cached = max(0, ended.cached - lead)
     found.status, found.reason = ended.status, ended.why
@@ -513,13 +511,6 @@ def cache_folder() -> Path:
     return Path(pooch.os_cache("bowstring")) / "finite-elements"
 
 
-def _key(robot: Robot, given: dict[str, Any], todo: Sequence[deck.Step]) -> str:
-    """Hash of all that decides the numbers."""
-    content = {
-        "format": _FORMAT,
-        "robot": robot.hash,
-        "given": {name: value for name, value in given.items() if name != "tensions_N"},
-        "steps": [list(step) for step in todo],
-    }
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode("ascii")).hexdigest()[:32]
+def _key(job: Job, version: str) -> str:
+    """Hash of all that decides the numbers: what CalculiX is told, and which it is."""
+    return hashlib.sha256(f"{_FORMAT}\n{version}\n{job.input()}".encode()).hexdigest()[:32]

@@ -46,6 +46,12 @@ class Job(NamedTuple):
     loading: deck.Loading
     steps: tuple[deck.Step, ...]
 
+    def input(self, done: int = 0) -> str:
+        """Of CalculiX, for all steps or those after a number that are done."""
+        todo = self.steps[done:]
+        head = deck.resume(done) if done else deck.model(self.robot, self.mesh, self.loading, todo)
+        return head + deck.steps(self.robot, self.mesh, self.loading, todo)
+
 
 @dataclass
 class Ended:
@@ -145,17 +151,12 @@ class _Run:
         self.ends = np.cumsum([step.span for step in job.steps]).tolist()
 
     def go(self, program: Path, *, fleeting: bool) -> ccx.End:
-        job, first = self.job, self.first
-        if first:
+        if self.first:
             try:
-                shutil.copyfile(_restart(self.kept, first), self.folder / f"{_JOB}.rin")
+                shutil.copyfile(_restart(self.kept, self.first), self.folder / f"{_JOB}.rin")
             except FileNotFoundError:
                 return ccx.End("failed", "the file to go on from is gone")
-            head = deck.resume(first)
-        else:
-            head = deck.model(job.robot, job.mesh, job.loading, job.steps)
-        text = head + deck.steps(job.robot, job.mesh, job.loading, job.steps[first:])
-        (self.folder / f"{_JOB}.inp").write_text(text, "ascii")
+        (self.folder / f"{_JOB}.inp").write_text(self.job.input(self.first), "ascii")
         self.look()
         try:
             return ccx.run(program, self.folder, _JOB, self.look, fleeting=fleeting)
