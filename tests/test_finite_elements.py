@@ -317,12 +317,82 @@ done
 
 
 @needs_ccx
+def test_a_restart_file_that_is_cut_off_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of a drive that was full: the run begins anew instead of failing for ever."""
+    loads = [[t, 0, 0] for t in (10, 20, 30)]
+    save = steps._save
+
+    def stop(kept: Path, number: int, *rest: object) -> None:
+        save(kept, number, *rest)
+        if number == 1:
+            monkeypatch.setattr(steps, "_save", save)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(steps, "_save", stop)
+    with pytest.raises(RunInterrupted):
+        sweep(small_robot(), loads, settings=COARSE)
+    kept = sorted(finite_elements.cache_folder().glob("*/restart_*"))
+    assert kept
+    for file in kept:
+        file.write_bytes(file.read_bytes()[:1000])
+    rest = sweep(small_robot(), loads, settings=COARSE)
+    assert rest.converged and rest.cached == 0
+    assert len(rest.states) == 3
+
+
+@needs_ccx
+def test_the_restart_file_of_the_step_that_failed_is_not_kept(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The real program, then its last restart is spoilt, as on a full drive; then let work."""
+    script = """REAL "$1" > out.txt
+head -c 1000 "$1.rout" > cut; mv cut "$1.rout"; grep -v '^ *2 ' "$1.sta" > cut; mv cut "$1.sta"
+exit 2
+"""
+    loads = [[t, 0, 0] for t in (10, 20, 30)]
+    with monkeypatch.context() as patch:
+        before_real(own_cache, patch, script)
+        patch.setattr(ccx, "version", lambda program: "2.20")
+        sweep(small_robot(), loads[:1], settings=COARSE)
+    kept = list(finite_elements.cache_folder().glob("*/restart_*"))
+    assert kept == []
+
+
+@needs_ccx
 def test_a_load_beyond_all_equilibria_keeps_what_came_before() -> None:
     run = sweep(small_robot(), [[100, 0, 0], [1e5, 0, 0]], settings=COARSE)
     assert run.status == "diverged"
     assert len(run.states) == 1
     with pytest.raises(NoSolutionError, match=r"stopped at \S+ N of 100000 N: no equilibrium"):
         run.raise_for_status()
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"#!/bin/sh\nprintf '\\234\\377'\n", "does not say its version"),
+        (b"\x7fELF", "does not start: Exec format error$"),
+        (b"#!/no/such/shell\n", "does not start: No such file or directory$"),
+    ],
+)
+def test_a_program_that_is_none(
+    content: bytes, says: str, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = fake(own_cache, "") / "ccx"
+    program.write_bytes(content)
+    monkeypatch.setenv("PATH", str(program.parent) + os.pathsep + os.environ["PATH"])
+    with pytest.raises(InputError, match=says):
+        sweep(small_robot(), LOADS, settings=COARSE)
+
+
+def test_a_cache_that_cannot_be_written_is_said_first(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before_real(own_cache, monkeypatch, "exit 1\n")
+    (own_cache / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(own_cache / "file"))
+    with pytest.raises(InputError, match=r"cannot write the kept results to .*file is a file"):
+        sweep(small_robot(), LOADS, settings=COARSE)
 
 
 def test_without_calculix_it_says_how_to_install_it(
