@@ -51,6 +51,8 @@ _FORMAT: Final = 1
 _MOTION_FORMAT: Final = 2
 _TURN: Final = 0.12  # rad that the tip may turn in an increment of statics, by the linear law
 _NONE: Final = (0.0, 0.0, 0.0)
+_SHORTEST: Final = 1e-6  # s; shorter motions drown in rounding
+_MOST_STEPS: Final = 100_000  # of a motion, weeks of work
 DEFAULT_DT: Final = 0.005  # s
 DEFAULT_EVERY: Final = 0.05  # s
 
@@ -163,7 +165,8 @@ class BrickRun:
         """How it ended, and how far it came."""
         done, all_ = len(self.states), len(self.wanted_time)
         if self.converged:
-            return f"{done} {'times' if self.is_motion else 'loads'}, {self.iterations} iterations"
+            what = ("time" if self.is_motion else "load") + ("" if done == 1 else "s")
+            return f"{done} {what}, {self.iterations} iterations"
         return f"stopped at {self._reached()}: {self.reason}; {done} of {all_} are kept"
 
     def _reached(self) -> str:
@@ -353,6 +356,14 @@ def ramp(
     hold = arguments.number("hold", hold, "s", zero=True)
     dt = arguments.number("dt", dt, "s")
     every = arguments.number("every", every, "s")
+    if rise < _SHORTEST:
+        raise InputError(f"rise is {rise:g} s, it must be {_SHORTEST:g} s or more")
+    shortest, what = min((dt, "dt"), (every, "every"))
+    if rise + hold > _MOST_STEPS * shortest:
+        raise InputError(
+            f"rise and hold are {rise + hold:g} s, which is more than {_MOST_STEPS} times {what} "
+            f"({shortest:g} s); choose a shorter motion"
+        )
     damping = arguments.number("mass_damping", mass_damping, "1/s", zero=True)
     lengths, shares = [], []
     for length, ends in ((rise, (0.0, 1.0)), (hold, (1.0, 1.0))):
