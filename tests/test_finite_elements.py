@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import stat
@@ -393,6 +394,52 @@ def test_a_cache_that_cannot_be_written_is_said_first(
     monkeypatch.setenv("XDG_CACHE_HOME", str(own_cache / "file"))
     with pytest.raises(InputError, match=r"cannot write the kept results to .*file is a file"):
         sweep(small_robot(), LOADS, settings=COARSE)
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ("fine", "settings is 'fine', it must be Settings"),
+        (Settings("8,8,1"), "fineness is '8,8,1', it must be a Fineness"),  # type: ignore[arg-type]
+        (Settings(Fineness(2.0, 4, 1)), "module is 2.0, it must be a whole number"),  # type: ignore[arg-type]
+        (Settings(stiffness="x"), "stiffness is 'x', it must be a finite number"),  # type: ignore[arg-type]
+        (Settings(residual=0.0), "residual is 0, it must be positive"),
+        (Settings(residual=float("nan")), "residual is nan, it must be a finite number"),
+        (Settings(residual=10.0), "residual is 10, it must be from 1e-09 to 0.01"),
+    ],
+)
+def test_settings_that_are_none_are_named(settings: Settings, says: str) -> None:
+    with pytest.raises(InputError, match=re.escape(says)):
+        sweep(small_robot(), LOADS, settings=settings)
+
+
+@pytest.mark.parametrize(
+    ("tensions", "says"),
+    [
+        ([1, 2], "tensions has shape (2,), it must be (3,), in N"),
+        ([[1, 0, 0]], "tensions has shape (1, 3), it must be (3,), in N"),
+        ("abc", "tensions is 'abc', it must be numbers in N"),
+        ([1, 0, "0"], "it must be numbers in N"),
+        ([float("nan"), 0, 0], "tensions is [nan, 0.0, 0.0], all must be finite numbers"),
+        ([-1, 0, 0], "tension of tendon 1 is -1 N, a tendon can only pull"),
+    ],
+)
+def test_tensions_of_a_motion_that_are_none_are_named(tensions: object, says: str) -> None:
+    with pytest.raises(InputError, match=re.escape(says)):
+        ramp(small_robot(), tensions, 0.1)  # type: ignore[arg-type]
+
+
+def test_what_is_no_robot_is_named() -> None:
+    for run in (lambda: sweep("amouri2019", LOADS), lambda: ramp("amouri2019", [1, 0, 0], 1.0)):  # type: ignore[arg-type]
+        with pytest.raises(InputError, match="robot is 'amouri2019', it must be a Robot"):
+            run()
+
+
+def test_a_folder_with_files_is_no_place_for_those_of_calculix(tmp_path: Path) -> None:
+    (tmp_path / "robot.inp").write_text("mine")
+    with pytest.raises(InputError, match="not an empty folder"):
+        sweep(small_robot(), LOADS, settings=COARSE, keep=str(tmp_path))
+    assert (tmp_path / "robot.inp").read_text() == "mine"
 
 
 def test_without_calculix_it_says_how_to_install_it(

@@ -35,7 +35,6 @@ from bowstring.commands.output import (
     write_tables,
 )
 from bowstring.errors import InputError
-from bowstring.files import check_place
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -134,7 +133,7 @@ def fe(
     if out is not None:
         out = of_flag("--out", report.check_folder, out)
     if keep is not None:
-        of_flag("--keep", _check_empty, keep)
+        of_flag("--keep", finite_elements.check_keep, keep)
     rows = _rows(last, loads)
     seconds = (
         positive("--rise", rise or "1", "s"),
@@ -212,12 +211,6 @@ def _fineness(mesh: str) -> Fineness:
     fineness = Fineness(module, around, rings)
     fineness.check()
     return fineness
-
-
-def _check_empty(folder: Path) -> None:
-    check_place(folder, f"cannot write the files of CalculiX to {folder}")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder} is there and not an empty folder; name a new one")
 
 
 def _rows(last: Any, loads: str | None) -> Any:
