@@ -51,6 +51,7 @@ def test_a_sweep_beside_the_rod(shell: Shell, here: Path) -> None:
     assert {"fe.nc", "tip.png", "stress.png", "vtk/run.pvd"} <= files
     with xr.open_dataset(here / "out" / "fe.nc") as data:
         assert data.attrs["data_origin"] == "simulated by finite elements"
+        assert "complete_to_s" not in data.attrs  # time counts loads
     code, out, err = shell(*FE, "--loads", "0:20:40", "--out", "out")
     assert (code, err) == (0, "")
     assert "2 steps from the cache" in out and "span forces are the tensions" in out

@@ -248,6 +248,7 @@ class BrickRun:
         found.attrs["title"] = f"Finite elements (CalculiX) of {self.robot.name}"
         if not self.is_motion:
             found["time"].attrs = {"units": "1", "long_name": "number of the load, at rest"}
+            del found.attrs["complete_to_s"]
         return found
 
     def raise_for_status(self) -> Self:
