@@ -238,7 +238,9 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
     with pytest.raises(RunInterrupted) as stopped:
         run()
     assert 2 <= len(stopped.value.run.states) < 4
-    assert "interrupted" in stopped.value.run.message
+    said = "are done" if motion else "are kept"
+    assert "it was interrupted" in stopped.value.run.message
+    assert stopped.value.run.message.endswith(said)
     assert not list(own_cache.glob("bowstring-fe-*"))
     rest = run()
     assert rest.iterations < whole.iterations
@@ -392,7 +394,9 @@ def test_a_cache_that_cannot_be_written_is_said_first(
     before_real(own_cache, monkeypatch, "exit 1\n")
     (own_cache / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(own_cache / "file"))
-    with pytest.raises(InputError, match=r"cannot write the kept results to .*file is a file"):
+    with pytest.raises(
+        InputError, match=r"cannot write the kept results to .*file is a file; name another"
+    ):
         sweep(small_robot(), LOADS, settings=COARSE)
 
 

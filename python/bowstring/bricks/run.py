@@ -177,7 +177,8 @@ class BrickRun:
         if self.converged:
             what = ("time" if self.is_motion else "load") + ("" if done == 1 else "s")
             return f"{done} {what}, {self.iterations} iterations"
-        return f"stopped at {self._reached()}: {self.reason}; {done} of {all_} are kept"
+        held = "done" if self.is_motion else "kept"  # a motion begins anew
+        return f"stopped at {self._reached()}: {self.reason}; {done} of {all_} are {held}"
 
     def _reached(self) -> str:
         k, all_ = len(self.states), len(self.wanted_time)

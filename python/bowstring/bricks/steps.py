@@ -84,7 +84,10 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
     ended.cached = len(ended.states)
     if ended.cached == len(job.steps):
         return ended
-    check_place(kept, f"cannot write the kept results to {kept}")
+    try:
+        check_place(kept, f"cannot write the kept results to {kept}")
+    except InputError as error:
+        raise InputError(f"{error}; name another place by XDG_CACHE_HOME") from None
     started = clock.perf_counter()
     try:
         with _folder(keep) as folder:
