@@ -78,6 +78,17 @@ def test_fields_of_a_stretched_backbone() -> None:
     np.testing.assert_allclose(run.section_stress().peak, 35e6, rtol=1e-9)
 
 
+def test_tensors_are_in_the_order_of_paraview(tmp_path: Path) -> None:
+    run = stretched(0.0)
+    state = run.states[0]
+    state.stress[..., :] = state.strain[..., :] = [1, 2, 3, 12, 13, 23]  # xx, yy, zz, xy, xz, yz
+    text = (write_vtk(run, tmp_path / "series").parent / "backbone_00000.vtu").read_text()
+    for name in ("stress_Pa", "strain"):
+        rows = array(text, name).reshape(-1, 6)
+        there = rows[np.isfinite(rows[:, 0])]
+        np.testing.assert_allclose(there, np.tile([1, 2, 3, 12, 23, 13], (len(there), 1)), 1e-5)
+
+
 def test_von_mises_of_known_stress() -> None:
     stress = np.array([[3.0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 2.0, 0], [5.0, 5.0, 5.0, 0, 0, 0]])
     np.testing.assert_allclose(von_mises(stress), [3.0, 2.0 * np.sqrt(3.0), 0.0])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import bowstring as bs
 from bowstring.cadfiles import check_solid_file, write_solid
@@ -76,6 +77,43 @@ def test_stl_is_a_closed_mesh_of_the_same_volume(solid, tmp_path):
     edges = edges[edges[:, 0] != edges[:, 1]]
     there = {tuple(edge) for edge in edges.tolist()}
     assert all((j, i) in there for i, j in there)
+
+
+def triangles(file):
+    """Corners (F, 3, 3) of an STL file in mm."""
+    raw = file.read_bytes()[84:]
+    return np.frombuffer(raw, dtype=np.dtype("(3,)<f4,(3,3)<f4,<u2"))["f1"].astype(float)
+
+
+SIZES = {  # of the study's robot, and shares of them
+    "segments.0.length": 641,
+    "segments.0.backbone.diameter": 5,
+    "segments.0.disks.radius": 32,
+    "segments.0.disks.thickness": 3,
+    "segments.0.tendons.pitch_radius": 29,
+}
+
+
+@pytest.mark.parametrize("share", [1.0, 1e-3, 50.0])
+def test_meshes_are_as_near_to_the_surface_as_promised_at_any_size(tmp_path, share):
+    robot = bs.load_robot("amouri2019", {k: f"{share * v} mm" for k, v in SIZES.items()})
+    pose = bs.solve(robot, [60 * share**2, 0, 0])  # the same shape
+    corners = triangles(write_solid(make_solid(robot, pose), tmp_path / "robot.stl")) / 1e3
+    assert 30_000 < len(corners) < 80_000
+    # on the backbone, away from its ends and the bores of the disks, which it has the radius of
+    corners = corners / robot.length
+    path = np.concatenate(pose.fields(points=401)["position"].to_numpy()) / robot.length
+    radius = 0.5 * robot.segments[0].backbone.diameter / robot.length
+    tree = cKDTree(path)
+    share_of = np.random.default_rng(1).dirichlet([1, 1, 1], 10)
+    far, _ = tree.query(corners.reshape(-1, 3))
+    mine = (far.reshape(-1, 3) < 1.01 * radius).all(axis=1)
+    inside = np.einsum("wk,fki->fwi", share_of, corners[mine])
+    ends = path[[0, -1]]
+    apart = np.linalg.norm(inside[:, :, None] - ends, axis=-1).min(axis=(1, 2))
+    far, _ = tree.query(inside[apart > 3 * radius])
+    assert len(far) > 1000
+    assert np.abs(far - radius).max() < 1e-4
 
 
 def gltf(file):

@@ -51,6 +51,7 @@ def test_a_sweep_beside_the_rod(shell: Shell, here: Path) -> None:
     assert {"fe.nc", "tip.png", "stress.png", "vtk/run.pvd"} <= files
     with xr.open_dataset(here / "out" / "fe.nc") as data:
         assert data.attrs["data_origin"] == "simulated by finite elements"
+        assert "complete_to_s" not in data.attrs  # time counts loads
     code, out, err = shell(*FE, "--loads", "0:20:40", "--out", "out")
     assert (code, err) == (0, "")
     assert "2 steps from the cache" in out and "span forces are the tensions" in out
@@ -99,7 +100,11 @@ def test_without_calculix_it_says_how_to_install_it(
     [
         (("--mesh", "2,4"), "--mesh: got 2,4; write three whole numbers"),
         (("--mesh", "3,4,1"), "--mesh: the mesh has 3 bricks a module; must be an even number"),
-        (("--stiffness", "1"), "10 to 1e6"),
+        (("--stiffness", "1"), "--stiffness: disks are 1 times as stiff"),
+        (("--dynamic", "--rise", "1e9"), "rise and hold are 1e+09 s, which is more than"),
+        (("--dynamic", "--rise", "1e-9"), "rise is 1e-09 s, it must be 1e-06 s or more"),
+        (("--keep", "small.yaml/a"), "--keep: cannot write the files of CalculiX to small.yaml/a"),
+        (("--out", "small.yaml"), "--out: cannot write the finite elements to"),
         (("--tension", "0,0,0"), "--tension: got no tension at all"),
         (("--rise", "1"), "--rise is of --dynamic"),
         (("--dynamic", "--loads", "0:1:2"), "--loads is of statics"),
@@ -129,7 +134,7 @@ def test_folders_of_others_are_left_alone(
         shell,
         here / "sub",
         monkeypatch,
-        "no fe of Bowstring",
+        "no finite elements of Bowstring",
         "fe",
         robot,
         "--tension",

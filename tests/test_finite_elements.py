@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import stat
@@ -268,7 +269,9 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
     with pytest.raises(RunInterrupted) as stopped:
         run()
     assert 2 <= len(stopped.value.run.states) < 4
-    assert "interrupted" in stopped.value.run.message
+    said = "are done" if motion else "are kept"
+    assert "it was interrupted" in stopped.value.run.message
+    assert stopped.value.run.message.endswith(said)
     assert not list(own_cache.glob("bowstring-fe-*"))
     rest = run()
     assert rest.iterations < whole.iterations
@@ -420,12 +423,130 @@ done
 
 
 @needs_ccx
+def test_a_restart_file_that_is_cut_off_is_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of a drive that was full: the run begins anew instead of failing for ever."""
+    loads = [[t, 0, 0] for t in (10, 20, 30)]
+    save = steps._save
+
+    def stop(kept: Path, number: int, *rest: object) -> None:
+        save(kept, number, *rest)
+        if number == 1:
+            monkeypatch.setattr(steps, "_save", save)
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(steps, "_save", stop)
+    with pytest.raises(RunInterrupted):
+        sweep(small_robot(), loads, settings=COARSE)
+    kept = sorted(finite_elements.cache_folder().glob("*/restart_*"))
+    assert kept
+    for file in kept:
+        file.write_bytes(file.read_bytes()[:1000])
+    rest = sweep(small_robot(), loads, settings=COARSE)
+    assert rest.converged and rest.cached == 0
+    assert len(rest.states) == 3
+
+
+@needs_ccx
+def test_the_restart_file_of_the_step_that_failed_is_not_kept(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The real program, then its last restart is spoilt, as on a full drive; then let work."""
+    script = """REAL "$1" > out.txt
+head -c 1000 "$1.rout" > cut; mv cut "$1.rout"; grep -v '^ *2 ' "$1.sta" > cut; mv cut "$1.sta"
+exit 2
+"""
+    loads = [[t, 0, 0] for t in (10, 20, 30)]
+    with monkeypatch.context() as patch:
+        before_real(own_cache, patch, script)
+        patch.setattr(ccx, "version", lambda program: "2.20")
+        sweep(small_robot(), loads[:1], settings=COARSE)
+    kept = list(finite_elements.cache_folder().glob("*/restart_*"))
+    assert kept == []
+
+
+@needs_ccx
 def test_a_load_beyond_all_equilibria_keeps_what_came_before() -> None:
     run = sweep(small_robot(), [[100, 0, 0], [1e5, 0, 0]], settings=COARSE)
     assert run.status == "diverged"
     assert len(run.states) == 1
     with pytest.raises(NoSolutionError, match=r"stopped at \S+ N of 100000 N: no equilibrium"):
         run.raise_for_status()
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"#!/bin/sh\nprintf '\\234\\377'\n", "does not say its version"),
+        (b"\x7fELF", "does not start: Exec format error$"),
+        (b"#!/no/such/shell\n", "does not start: No such file or directory$"),
+    ],
+)
+def test_a_program_that_is_none(
+    content: bytes, says: str, own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = fake(own_cache, "") / "ccx"
+    program.write_bytes(content)
+    monkeypatch.setenv("PATH", str(program.parent) + os.pathsep + os.environ["PATH"])
+    with pytest.raises(InputError, match=says):
+        sweep(small_robot(), LOADS, settings=COARSE)
+
+
+def test_a_cache_that_cannot_be_written_is_said_first(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before_real(own_cache, monkeypatch, "exit 1\n")
+    (own_cache / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(own_cache / "file"))
+    with pytest.raises(
+        InputError, match=r"cannot write the kept results to .*file is a file; name another"
+    ):
+        sweep(small_robot(), LOADS, settings=COARSE)
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ("fine", "settings is 'fine', it must be Settings"),
+        (Settings("8,8,1"), "fineness is '8,8,1', it must be a Fineness"),  # type: ignore[arg-type]
+        (Settings(Fineness(2.0, 4, 1)), "module is 2.0, it must be a whole number"),  # type: ignore[arg-type]
+        (Settings(stiffness="x"), "stiffness is 'x', it must be a finite number"),  # type: ignore[arg-type]
+        (Settings(residual=0.0), "residual is 0, it must be positive"),
+        (Settings(residual=float("nan")), "residual is nan, it must be a finite number"),
+        (Settings(residual=10.0), "residual is 10, it must be from 1e-09 to 0.01"),
+    ],
+)
+def test_settings_that_are_none_are_named(settings: Settings, says: str) -> None:
+    with pytest.raises(InputError, match=re.escape(says)):
+        sweep(small_robot(), LOADS, settings=settings)
+
+
+@pytest.mark.parametrize(
+    ("tensions", "says"),
+    [
+        ([1, 2], "tensions has shape (2,), it must be (3,), in N"),
+        ([[1, 0, 0]], "tensions has shape (1, 3), it must be (3,), in N"),
+        ("abc", "tensions is 'abc', it must be numbers in N"),
+        ([1, 0, "0"], "it must be numbers in N"),
+        ([float("nan"), 0, 0], "tensions is [nan, 0.0, 0.0], all must be finite numbers"),
+        ([-1, 0, 0], "tension of tendon 1 is -1 N, a tendon can only pull"),
+    ],
+)
+def test_tensions_of_a_motion_that_are_none_are_named(tensions: object, says: str) -> None:
+    with pytest.raises(InputError, match=re.escape(says)):
+        ramp(small_robot(), tensions, 0.1)  # type: ignore[arg-type]
+
+
+def test_what_is_no_robot_is_named() -> None:
+    for run in (lambda: sweep("amouri2019", LOADS), lambda: ramp("amouri2019", [1, 0, 0], 1.0)):  # type: ignore[arg-type]
+        with pytest.raises(InputError, match="robot is 'amouri2019', it must be a Robot"):
+            run()
+
+
+def test_a_folder_with_files_is_no_place_for_those_of_calculix(tmp_path: Path) -> None:
+    (tmp_path / "robot.inp").write_text("mine")
+    with pytest.raises(InputError, match="not an empty folder"):
+        sweep(small_robot(), LOADS, settings=COARSE, keep=str(tmp_path))
+    assert (tmp_path / "robot.inp").read_text() == "mine"
 
 
 def test_without_calculix_it_says_how_to_install_it(

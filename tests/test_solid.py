@@ -332,6 +332,13 @@ def test_what_makes_no_solid_is_refused():
         make_solid(robot, failed)
 
 
+def test_a_bent_wall_that_is_too_thin_is_refused():
+    robot = bs.load_robot("amouri2019", {"segments.0.backbone.inner_diameter": "4.999 mm"})
+    make_solid(robot)
+    with pytest.raises(InputError, match="backbone makes no sound solid in this pose: its wall"):
+        make_solid(robot, bs.solve(robot, [0.01, 0, 0]))
+
+
 def test_without_the_extra_there_is_a_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "build123d", None)
     with pytest.raises(InputError, match=r"install Bowstring with its extra cad: pip install"):

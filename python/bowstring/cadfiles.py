@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from bowstring import __version__
 from bowstring.files import check_file, write_whole_file
-from bowstring.solid import Solid, check_cad, plain_name
+from bowstring.solid import MESHED, Solid, check_cad, plain_name, triangulate
 
 __all__ = ["SUFFIXES", "check_solid_file", "write_solid"]
 
@@ -88,29 +88,27 @@ def _step(solid: Solid, file: Path) -> bool:
     return True
 
 
-def _mesh(solid: Solid) -> dict[str, float]:
-    deflection = 1e3 * _DEFLECTION * solid.robot.length
-    return {"linear": deflection, "angular": _ANGLE}
+def _meshed(solid: Solid) -> Any:
+    assembly = solid.assembly()
+    triangulate(assembly, 1e3 * _DEFLECTION * solid.robot.length, _ANGLE)
+    return assembly
 
 
 def _stl(solid: Solid, file: Path) -> bool:
-    fine = _mesh(solid)
-    return bool(
-        check_cad().export_stl(
-            solid.assembly(), str(file), tolerance=fine["linear"], angular_tolerance=fine["angular"]
-        )
-    )
+    bd = check_cad()
+    made = bd.export_stl(_meshed(solid), str(file), tolerance=MESHED, angular_tolerance=_ANGLE)
+    return bool(made)
 
 
 def _gltf(solid: Solid, file: Path) -> bool:
-    bd, fine = check_cad(), _mesh(solid)
+    bd = check_cad()
     made = bd.export_gltf(
-        solid.assembly(),
+        _meshed(solid),
         str(file),
         unit=bd.Unit.MM,
         binary=True,
-        linear_deflection=fine["linear"],
-        angular_deflection=fine["angular"],
+        linear_deflection=MESHED,
+        angular_deflection=_ANGLE,
     )
     if not made:
         return False

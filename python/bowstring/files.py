@@ -11,7 +11,14 @@ from pathlib import Path
 
 from bowstring.errors import InputError
 
-__all__ = ["check_file", "check_parent", "write_whole", "write_whole_file"]
+__all__ = [
+    "check_file",
+    "check_parent",
+    "check_place",
+    "takes_files",
+    "write_whole",
+    "write_whole_file",
+]
 
 
 def check_parent(file: Path, why: str) -> None:
@@ -23,6 +30,31 @@ def check_parent(file: Path, why: str) -> None:
     except OSError as error:  # such as a folder above that may not be searched
         what = f"cannot be reached: {error.strerror}"
     raise InputError(f"{why}: the folder {file.parent} {what}")
+
+
+def check_place(folder: Path, why: str) -> None:
+    """Refuse a folder that cannot be made or exchanged in its place; `why` begins the sentence.
+
+    Neither it nor those above it need be there.
+    """
+    try:
+        present = folder.exists()
+        nearest = folder.parent if present else next(p for p in folder.parents if p.exists())
+    except OSError as error:
+        raise InputError(f"{why}: {error.strerror}") from None
+    if not nearest.is_dir():
+        raise InputError(f"{why}: {nearest} is a file")
+    if not takes_files(nearest):
+        raise InputError(f"{why}: the folder {nearest} may not be written")
+
+
+def takes_files(folder: Path) -> bool:
+    """Try whether a new file can be made; rights alone do not say it, as of a read-only drive."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
 
 
 def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
@@ -60,7 +92,7 @@ def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
             raise InputError(f"{why}: it is {what}; name a file")
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None
-    if not os.access(found.parent, os.W_OK):
+    if not takes_files(found.parent):
         raise InputError(f"{why}: the folder {found.parent} may not be written")
     return found
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bowstring.files import check_file, write_whole_file
 from bowstring.raster import Camera, Mesh, render
-from bowstring.solid import Part, Solid
+from bowstring.solid import MESHED, Part, Solid, triangulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -218,7 +218,8 @@ def mesh_of(parts: tuple[Part, ...]) -> Mesh:
     points, normals, triangles, owner = [], [], [], []
     count = 0
     for k, part in enumerate(parts):
-        found, faces = part.shape.tessellate(_DEFLECTION * size, _ANGLE)
+        triangulate(part.shape, _DEFLECTION * size, _ANGLE)
+        found, faces = part.shape.tessellate(MESHED, _ANGLE)
         place = np.array([tuple(p) for p in found])
         corners = np.array(faces, dtype=np.int64)
         points.append(place)

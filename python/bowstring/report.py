@@ -23,7 +23,7 @@ from bowstring.actuation import COMMANDED
 from bowstring.budget import BudgetRow
 from bowstring.comparison import COMPARISONS, MEANINGS, Case, Comparison
 from bowstring.errors import InputError
-from bowstring.files import write_whole
+from bowstring.files import check_place, write_whole
 from bowstring.processes import for_each
 from bowstring.robot import Robot
 from bowstring.study import Study
@@ -44,6 +44,7 @@ Progress = Callable[[str, float], None]
 Cell = str | float | int | None
 
 _DPI: Final = 160
+_CALLED: Final = {"fe": "finite elements"}  # what is not called as its file
 _AXES: Final = ("x", "y", "z")
 
 
@@ -74,7 +75,8 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
     out : str or Path
         The folder; it need not exist.
     what : str
-        ``"study"``, ``"modes"`` or ``"fit"``; its JSON file lists the files that may be replaced.
+        ``"study"``, ``"modes"``, ``"fit"`` or ``"fe"``; its JSON file lists the files that may be
+        replaced.
 
     Returns
     -------
@@ -85,15 +87,16 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
     ------
     InputError
         If there is something in its place that is not a study of this program, or holds files that
-        the study did not write.
+        the study did not write, or if it cannot be written.
     """
     folder = Path(out).resolve()
+    called = _CALLED.get(what, what)
+    why = f"cannot write the {called} to {folder}"
+    check_place(folder, why)
     if not folder.exists():
-        if folder.parent.exists() and not folder.parent.is_dir():
-            raise InputError(f"cannot write the {what} to {folder}: {folder.parent} is a file")
         return folder
     if not folder.is_dir():
-        raise InputError(f"cannot write the {what} to {folder}: it is a file; name a folder")
+        raise InputError(f"{why}: it is a file; name a folder")
     present = {
         p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_symlink() or p.is_file()
     }
@@ -104,13 +107,13 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
         files = set(former["files"])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(
-            f"cannot write the {what} to {folder}: it holds files but no {what} of Bowstring, and "
-            "nothing of yours is replaced; name a new or an empty folder"
+            f"{why}: it holds files but no {called} of Bowstring, and nothing of yours is "
+            "replaced; name a new or an empty folder"
         ) from None
     foreign = sorted(present - files)
     if foreign:
         raise InputError(
-            f"cannot replace the {what} in {folder}: it also holds {foreign[0]}, which Bowstring "
+            f"cannot replace the {called} in {folder}: it also holds {foreign[0]}, which Bowstring "
             "did not write; move that away or name another folder"
         )
     return folder

@@ -31,7 +31,7 @@ import numpy as np
 from bowstring import fields
 from bowstring.errors import InputError
 from bowstring.fields import FIELDS, Field, Frames, Records, Section
-from bowstring.files import check_parent
+from bowstring.files import check_parent, takes_files
 from bowstring.robot import Robot
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def check_file(path: str | Path) -> Path:
                     f"{why}: it is not a run of Bowstring, and nothing of yours is replaced; "
                     "name another file"
                 )
-        if not os.access(file.parent, os.W_OK):
+        if not takes_files(file.parent):
             raise InputError(f"{why}: the folder {file.parent} may not be written")
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from bowstring.rod import Solution
 
-__all__ = ["Part", "Solid", "check_cad", "make_solid"]
+__all__ = ["MESHED", "Part", "Solid", "check_cad", "make_solid", "plain_name", "triangulate"]
 
 Floats = NDArray[np.float64]
 
@@ -172,6 +172,26 @@ def check_cad() -> Any:
     return build123d
 
 
+MESHED: Final = 1e9  # mm; what build123d is told to reach where `triangulate` has been before
+
+
+def triangulate(shape: Any, deflection: float, angle: float) -> None:
+    """Mesh a build123d shape; what build123d does itself is as far off as its edges are long.
+
+    Parameters
+    ----------
+    shape : build123d.Shape
+        Keeps its mesh.
+    deflection : float
+        Largest distance from the surface, in mm.
+    angle : float
+        Between neighbouring facets, in rad.
+    """
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+
+    BRepMesh_IncrementalMesh(shape.wrapped, deflection, False, angle, True)
+
+
 def plain_name(name: str) -> str:
     """A name in the letters that every CAD program reads."""
     letters = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode("ascii")
@@ -195,8 +215,8 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
     Raises
     ------
     InputError
-        If build123d is not installed, a size makes no solid (`sizes_of`), or the pose is of
-        another robot.
+        If build123d is not installed, a size makes no solid (`sizes_of`), the pose is of another
+        robot, or a bent backbone makes no sound solid.
     NoSolutionError
         If the solution did not converge.
     """
@@ -395,6 +415,11 @@ def _backbones(robot: Robot, data: xr.Dataset | None) -> Iterator[Part]:
             )
         start += s.length
         name = "backbone" if len(robot.segments) == 1 else f"backbone_{k + 1}"
+        if data is not None and not shape.is_valid:
+            raise InputError(
+                f"{robot.name}: {name} makes no sound solid in this pose: its wall is too thin for "
+                "the CAD kernel, or it is bent more tightly than it is thick"
+            )
         mass = float(robot.mass_per_length[k]) * s.length
         yield Part(name, "backbone", _BACKBONE, shape, mass)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import base64
 import math
-import os
 import re
 import shutil
 import struct
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.fields import Section, surface_stress
-from bowstring.files import write_whole
+from bowstring.files import check_place, write_whole
 from bowstring.robot import Robot
 
 if TYPE_CHECKING:
@@ -61,12 +60,8 @@ def check_folder(out: str | Path) -> Path:
     folder = Path(out).resolve()
     why = f"cannot write the VTK series to {folder}"
     try:
+        check_place(folder, why)
         if not folder.exists():
-            nearest = next(p for p in folder.parents if p.exists())
-            if not nearest.is_dir():
-                raise InputError(f"{why}: {nearest} is a file")
-            if not os.access(nearest, os.W_OK):
-                raise InputError(f"{why}: {nearest} may not be written")
             return folder
         if not folder.is_dir():
             raise InputError(f"{why}: it is a file; name a folder")

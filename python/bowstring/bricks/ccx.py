@@ -61,11 +61,13 @@ def version(program: Path) -> str:
     """
     try:
         answer = subprocess.run(
-            [program, "-v"], capture_output=True, text=True, timeout=60, check=False
+            [program, "-v"], stdin=subprocess.DEVNULL, capture_output=True, timeout=60, check=False
         ).stdout
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise InputError(f"{program} does not start: {error}") from None
-    found = re.search(r"Version (\d+)\.(\d+)", answer)
+    except OSError as error:
+        raise InputError(f"{program} does not start: {error.strerror}") from None
+    except subprocess.TimeoutExpired:
+        raise InputError(f"{program} does not answer when asked for its version by -v") from None
+    found = re.search(r"Version (\d+)\.(\d+)", answer.decode("ascii", "replace"))
     if found is None:
         raise InputError(f"{program} does not say its version when asked by -v; is it CalculiX?")
     if (int(found[1]), int(found[2])) < (2, 20):

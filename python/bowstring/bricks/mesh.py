@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.arguments import is_whole, shown
 from bowstring.errors import InputError
 from bowstring.robot import Robot
 
@@ -54,6 +55,10 @@ class Fineness:
 
     def check(self) -> None:
         """Raise `InputError` for what cannot be meshed."""
+        for name in ("module", "around", "rings"):
+            count = getattr(self, name)
+            if not is_whole(count):
+                raise InputError(f"{name} is {shown(count)}, it must be a whole number")
         if not (2 <= self.module <= 200 and self.module % 2 == 0):
             raise InputError(
                 f"the mesh has {self.module} bricks a module; must be an even number from 2 to 200"

@@ -149,8 +149,7 @@ def field(run: BrickRun) -> Figure:
     towards = np.array([tip[0], tip[1], 0.0]) if bent else np.array([1.0, 0.0, 0.0])
     towards /= np.linalg.norm(towards)
     up = np.array([0.0, 0.0, 1.0])
-    depth = (place @ np.cross(up, towards))[quads].mean(axis=1)
-    quads = quads[depth <= 0.0]  # the side that the viewer sees
+    quads = quads[_outward(place, quads) @ np.cross(up, towards) <= 0.0]  # the viewer sees these
     flat = 1e3 * np.stack([place @ towards, place @ up], axis=1)
     triangles = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
     used, corners = np.unique(triangles, return_inverse=True)
@@ -191,6 +190,12 @@ def field(run: BrickRun) -> Figure:
     close.set_title("At a disk")
     close.set_xlabel("mm")
     return figure
+
+
+def _outward(place: Floats, quads: Ints) -> Floats:
+    """Normals (q, 3) of outer faces, of any length."""
+    a, b, c, d = (place[quads[:, i]] for i in range(4))
+    return np.asarray(np.cross(c - a, d - b), dtype=np.float64)
 
 
 def _surface(run: BrickRun) -> tuple[Floats, Floats, Ints]:

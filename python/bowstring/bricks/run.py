@@ -35,6 +35,7 @@ from bowstring.bricks.fields import (
 from bowstring.bricks.mesh import BrickMesh, Fineness, brick_mesh, check_robot
 from bowstring.bricks.steps import Job, work
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.files import check_place
 from bowstring.robot import Robot
 
 if TYPE_CHECKING:
@@ -60,6 +61,9 @@ Progress = Callable[[str, float], None]
 _FORMAT: Final = 3  # of what is kept; a change makes old results void
 _TURN: Final = 0.12  # rad that the tip may turn in an increment of statics, by the linear law
 _NONE: Final = (0.0, 0.0, 0.0)
+_TIGHTEST, _LOOSEST = 1e-9, 1e-2  # criterion of Newton's iteration
+_SHORTEST: Final = 1e-6  # s; shorter motions drown in rounding
+_MOST_STEPS: Final = 100_000  # of a motion, weeks of work
 DEFAULT_DT: Final = 0.005  # s
 DEFAULT_EVERY: Final = 0.05  # s
 
@@ -87,7 +91,11 @@ class Settings:
 
     def check(self) -> None:
         """Raise `InputError` for what is none, drowns in rounding, or is no equilibrium."""
+        if not isinstance(self.fineness, Fineness):
+            raise InputError(f"fineness is {arguments.shown(self.fineness)}, it must be a Fineness")
         self.fineness.check()
+        arguments.number("stiffness", self.stiffness)
+        arguments.number("residual", self.residual)
         if self.grip not in ("bonded", "sliding"):
             raise InputError(f'grip is {self.grip!r}, it must be "bonded" or "sliding"')
         if not 10.0 <= self.stiffness <= 1e6:
@@ -95,8 +103,10 @@ class Settings:
                 f"disks are {self.stiffness:g} times as stiff as the backbone; must be from 10 to "
                 "1e6"
             )
-        if not 1e-9 <= self.residual <= 1e-2:
-            raise InputError(f"residual is {self.residual:g}, it must be from 1e-9 to 0.01")
+        if not _TIGHTEST <= self.residual <= _LOOSEST:
+            raise InputError(
+                f"residual is {self.residual:g}, it must be from {_TIGHTEST:g} to {_LOOSEST:g}"
+            )
 
 
 class RunInterrupted(KeyboardInterrupt):
@@ -176,7 +186,8 @@ class BrickRun:
         if self.converged:
             what = ("time" if self.is_motion else "load") + ("" if done == 1 else "s")
             return f"{done} {what}, {self.iterations} iterations"
-        return f"stopped at {self._reached()}: {self.reason}; {done} of {all_} are kept"
+        held = "done" if self.is_motion else "kept"  # a motion begins anew
+        return f"stopped at {self._reached()}: {self.reason}; {done} of {all_} are {held}"
 
     def _reached(self) -> str:
         k, all_ = len(self.states), len(self.wanted_time)
@@ -274,15 +285,20 @@ def check(robot: Robot) -> None:
     ccx.version(ccx.find())
 
 
-def check_keep(folder: Path) -> None:
-    """Refuse a folder that is none or holds anything: it would be read as what CalculiX printed.
+def check_keep(folder: str | Path) -> Path:
+    """The folder for the files of CalculiX, which must be new or empty.
+
+    What else it holds would be read as what CalculiX printed.
 
     Raises
     ------
     InputError
     """
+    folder = Path(folder)
+    check_place(folder, f"cannot write the files of CalculiX to {folder}")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(f"{folder} is there and not an empty folder; name a new one")
+    return folder
 
 
 def sweep(
@@ -292,7 +308,7 @@ def sweep(
     tip_force: Sequence[float] = _NONE,
     gravity: Sequence[float] | None = None,
     settings: Settings | None = None,
-    keep: Path | None = None,
+    keep: str | Path | None = None,
     progress: Progress | None = None,
 ) -> BrickRun:
     """Statics by finite elements, one load after the other.
@@ -308,8 +324,8 @@ def sweep(
     gravity : sequence of 3 floats, optional
         In m/s^2; the robot's if not given.
     settings : Settings, optional
-    keep : Path, optional
-        New or empty folder that gets the files of CalculiX; else they are removed.
+    keep : str or Path, optional
+        Folder, new or empty, that gets the files of CalculiX; else they are removed.
     progress : callable, optional
         Is told what is being done and the share that is done, from 0 to 1.
 
@@ -322,7 +338,8 @@ def sweep(
     Raises
     ------
     InputError
-        If the robot cannot be meshed, there is no CalculiX, or `keep` holds anything.
+        If an argument is none, the robot cannot be meshed, there is no CalculiX, or `keep` holds
+        anything.
     RunInterrupted
         On Ctrl-C.
     """
@@ -349,7 +366,7 @@ def ramp(
     mass_damping: float = 0.0,
     gravity: Sequence[float] | None = None,
     settings: Settings | None = None,
-    keep: Path | None = None,
+    keep: str | Path | None = None,
     progress: Progress | None = None,
 ) -> BrickRun:
     """Motion by finite elements: tensions rise from none, straight over time, and stay.
@@ -377,11 +394,19 @@ def ramp(
     BrickRun
         Its time begins with the first output after 0.
     """
-    last = _tension_rows(robot, np.asarray(tensions, dtype=float)[None])[0]
+    last = _tension_rows(robot, tensions, one=True)[0]
     rise = arguments.number("rise", rise, "s")
     hold = arguments.number("hold", hold, "s", zero=True)
     dt = arguments.number("dt", dt, "s")
     every = arguments.number("every", every, "s")
+    if rise < _SHORTEST:
+        raise InputError(f"rise is {rise:g} s, it must be {_SHORTEST:g} s or more")
+    shortest, what = min((dt, "dt"), (every, "every"))
+    if rise + hold > _MOST_STEPS * shortest:
+        raise InputError(
+            f"rise and hold are {rise + hold:g} s, which is more than {_MOST_STEPS} times {what} "
+            f"({shortest:g} s); choose a shorter motion"
+        )
     damping = arguments.number("mass_damping", mass_damping, "1/s", zero=True)
     lengths, shares = [], []
     for length, ends in ((rise, (0.0, 1.0)), (hold, (1.0, 1.0))):
@@ -403,17 +428,21 @@ def ramp(
     return _run(robot, steps, time, asked, _NONE, gravity, settings, keep, progress)
 
 
-def _tension_rows(robot: Robot, tensions: ArrayLike) -> Floats:
+def _tension_rows(robot: Robot, tensions: ArrayLike, *, one: bool = False) -> Floats:
+    """Tensions (K, T), or the only row of them (1, T)."""
+    arguments.check_robot(robot)
     count = len(robot.tendons.end_disk)
     try:
-        rows = np.atleast_2d(arguments.floats(tensions))
+        given = arguments.floats(tensions)
     except TypeError:
         shown = arguments.shown(tensions)
         raise InputError(f"tensions is {shown}, it must be numbers in N") from None
+    rows = given[None] if one else np.atleast_2d(given)
     if rows.ndim != 2 or rows.shape[1] != count or len(rows) == 0:
-        raise InputError(f"tensions has shape {rows.shape}, it must be (K, {count}), in N")
+        shape = f"({count},)" if one else f"(K, {count})"
+        raise InputError(f"tensions has shape {given.shape}, it must be {shape}, in N")
     for i, row in enumerate(rows, 1):
-        arguments.check_values("tensions", row, f" at load {i}")
+        arguments.check_values("tensions", row, "" if one else f" at load {i}")
     return rows
 
 
@@ -436,14 +465,14 @@ def _run(
     tip_force: Sequence[float],
     gravity: Sequence[float] | None,
     settings: Settings | None,
-    keep: Path | None,
+    keep: str | Path | None,
     progress: Progress | None,
 ) -> BrickRun:
-    arguments.check_robot(robot)
-    settings = settings or Settings()
+    settings = Settings() if settings is None else settings
+    if not isinstance(settings, Settings):
+        raise InputError(f"settings is {arguments.shown(settings)}, it must be Settings")
     settings.check()
-    if keep is not None:
-        check_keep(keep)
+    keep = None if keep is None else check_keep(keep)
     tell = progress or (lambda what, share: None)
     weight = arguments.row("gravity", robot.gravity if gravity is None else gravity, 3, "m/s^2")
     force = arguments.row("tip_force", tip_force, 3, "N")

@@ -26,7 +26,7 @@ from bowstring.bricks import ccx, deck, output
 from bowstring.bricks.fields import State
 from bowstring.bricks.mesh import BrickMesh
 from bowstring.errors import InputError
-from bowstring.files import write_whole_file
+from bowstring.files import check_place, write_whole_file
 from bowstring.robot import Robot
 
 __all__ = ["Ended", "Job", "work"]
@@ -93,16 +93,20 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
     if ended.cached == len(job.steps):
         _drop_restarts(kept)
         return ended
+    try:
+        check_place(kept, f"cannot write the kept results to {kept}")
+    except InputError as error:
+        raise InputError(f"{error}; name another place by XDG_CACHE_HOME") from None
     started = clock.perf_counter()
     try:
-        end = _attempt(job, program, kept, keep, ended, tell)
-        if end.status == "failed" and ended.cached and not ended.iterations:
-            # what it should have gone on from is broken, or gone as another process needed it no
-            # more: all anew, or it would end so each time
+        with _folder(keep) as folder:
+            run = _Run(job, folder, kept, ended, tell)
+            end = run.go(program, fleeting=keep is None)
+        if ended.cached and end.status == "failed" and not ended.iterations:
+            # a restart file that is broken, as of a drive that failed, or gone, as another process
+            # needed it no more; with it each run would end so
             _restart(kept, ended.cached).unlink(missing_ok=True)
-            ended.states.clear()
-            ended.cached = 0
-            end = _attempt(job, program, kept, keep, ended, tell)
+            return work(job, program, kept, keep, tell)
         ended.status, ended.why = end
     except KeyboardInterrupt:
         ended.status, ended.why = "interrupted", "it was interrupted"
@@ -117,13 +121,6 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
     elif ended.status == "converged":
         ended.status, ended.why = "failed", "CalculiX ended early and printed too little"
     return ended
-
-
-def _attempt(
-    job: Job, program: Path, kept: Path, keep: Path | None, ended: Ended, tell: Progress
-) -> ccx.End:
-    with _folder(keep) as folder:
-        return _Run(job, folder, kept, ended, tell).go(program, fleeting=keep is None)
 
 
 @contextlib.contextmanager
@@ -146,6 +143,7 @@ class _Run:
         self.job, self.folder, self.kept, self.ended, self.tell = job, folder, kept, ended, tell
         self.first = ended.cached
         self.read = 0  # bytes of tables that are kept
+        self.begun = 0  # the step that CalculiX is in: restart files of those before are whole
         self.free = np.flatnonzero(~job.mesh.stiff)
         # in CalculiX's total time
         self.ends = np.cumsum([step.span for step in job.steps]).tolist()
@@ -162,6 +160,7 @@ class _Run:
             return ccx.run(program, self.folder, _JOB, self.look, fleeting=fleeting)
         finally:
             with contextlib.suppress(OSError):  # what ended it is the one to tell
+                self.look()
                 self._take()
                 self.look()
 
@@ -171,6 +170,7 @@ class _Run:
         self.ended.iterations = sum(i.iterations for i in done)
         now = done[-1].total_time if done else 0.0
         step, share = self._place(now) if done else (self.first, 0.0)
+        self.begun = step
         if step > len(self.ended.states):  # the tables of the one before are whole
             self._take()
         steps = self.job.steps
@@ -199,7 +199,7 @@ class _Run:
             self.ended.states.append(state)
             self.read = group[-1].end
             # a motion is one step of CalculiX, which goes on after whole ones alone
-            whole = self.job.steps[done].is_static
+            whole = self.job.steps[done].is_static and done < self.begun
             _save(self.kept, done + 1, state, self.folder / f"{_JOB}.rout" if whole else None)
 
     def _state(self, group: dict[tuple[str, str], Floats], step: deck.Step) -> State | None:

@@ -21,6 +21,7 @@ __all__ = ["write_vtk"]
 Floats = NDArray[np.float64]
 
 _BRICK: Final = 25  # quadratic, 20 nodes
+_ORDER: Final = (0, 1, 2, 3, 5, 4)  # of a symmetric tensor in VTK: xx, yy, zz, xy, yz, xz
 
 
 def write_vtk(
@@ -40,8 +41,8 @@ def write_vtk(
     -------
     Path
         The .pvd file. Backbone: ``displacement_m``, ``von_mises_Pa``, ``stress_Pa`` and ``strain``
-        in base axes (xx, yy, zz, xy, xz, yz), NaN in what disks clamp. Disks, the stiff bricks:
-        ``displacement_m``. Tendons: ``tension_N``.
+        in base axes (xx, yy, zz, xy, yz, xz, as ParaView names them), NaN in what disks clamp.
+        Disks, the stiff bricks: ``displacement_m``. Tendons: ``tension_N``.
 
     Raises
     ------
@@ -80,8 +81,8 @@ class _Backbone(_Bricks):
         return points, {
             "displacement_m": displacement,
             "von_mises_Pa": von_mises(stress[self._nodes]),
-            "stress_Pa": stress[self._nodes],
-            "strain": strain[self._nodes],
+            "stress_Pa": stress[self._nodes][:, _ORDER],
+            "strain": strain[self._nodes][:, _ORDER],
         }
 
 

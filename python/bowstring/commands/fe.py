@@ -41,7 +41,8 @@ if TYPE_CHECKING:
 
     from bowstring.bricks.comparison import BesideRod
     from bowstring.bricks.convergence import Convergence
-    from bowstring.bricks.run import BrickRun, Settings
+    from bowstring.bricks.mesh import Fineness
+    from bowstring.bricks.run import BrickRun
 
 _STEPS = 8  # of a sweep, if none are asked for
 
@@ -125,8 +126,10 @@ def fe(
 
     from bowstring.bricks import report
     from bowstring.bricks import run as finite_elements
+    from bowstring.bricks.run import Settings
 
-    settings = of_flag("--mesh", _settings, (mesh, stiffness, grip))
+    settings = Settings(of_flag("--mesh", _fineness, mesh), stiffness, grip)
+    of_flag("--stiffness", Settings.check, settings)
     if out is not None:
         out = of_flag("--out", report.check_folder, out)
     if keep is not None:
@@ -196,11 +199,9 @@ def fe(
     run.raise_for_status()
 
 
-def _settings(given: tuple[str, float, Literal["bonded", "sliding"]]) -> Settings:
+def _fineness(mesh: str) -> Fineness:
     from bowstring.bricks.mesh import Fineness
-    from bowstring.bricks.run import Settings
 
-    mesh, stiffness, grip = given
     try:
         module, around, rings = (int(part) for part in mesh.split(","))
     except ValueError:
@@ -208,9 +209,9 @@ def _settings(given: tuple[str, float, Literal["bonded", "sliding"]]) -> Setting
             f"got {mesh}; write three whole numbers, bricks along a module, around and rings, "
             "for example 8,8,1"
         ) from None
-    settings = Settings(Fineness(module, around, rings), stiffness, grip)
-    settings.check()
-    return settings
+    fineness = Fineness(module, around, rings)
+    fineness.check()
+    return fineness
 
 
 def _rows(last: Any, loads: str | None) -> Any:

@@ -1,0 +1,28 @@
+"""Pictures of finite elements."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bowstring.bricks import deck, plots
+from bowstring.bricks.fields import State
+from bowstring.bricks.mesh import Fineness, brick_mesh
+from bowstring.finite_elements import BrickRun
+from bricks import small_robot, two_segments
+
+
+def test_the_side_that_is_seen_is_so_where_the_backbone_leaves_its_plane() -> None:
+    for robot in (small_robot(), two_segments()):
+        mesh = brick_mesh(robot, Fineness(2, 8, 1))
+        nothing = np.zeros((int((~mesh.stiff).sum()), 8, 6))
+        moved = np.outer(mesh.nodes[:, 2], [0.1, 0.3, 0.0])  # aside, farther than it is thick
+        state = State(moved, None, nothing, nothing, np.zeros((len(deck.spans(mesh).first), 3)))
+        settings = {"rise_s": None, "gravity": [0.0] * 3, "tip_force": [0.0] * 3}
+        tensions = np.zeros((1, len(robot.tendons.end_disk)))
+        run = BrickRun(robot, mesh, settings, np.zeros(1), tensions, [state])
+        place, _, quads = plots._surface(run)
+        side = plots._outward(place, quads)[:, 1]
+        built = mesh.nodes[quads].mean(axis=1)[:, 1]  # of the straight robot
+        clear = np.abs(built) > 0.1 * robot.segments[0].backbone.diameter
+        assert clear.sum() > 20
+        np.testing.assert_array_equal(np.sign(side[clear]), np.sign(built[clear]))
