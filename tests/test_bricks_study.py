@@ -10,7 +10,7 @@ import pytest
 
 from bowstring import study
 from bowstring.bricks.mesh import Fineness, brick_mesh
-from bowstring.bricks.run import BrickRun, RunInterrupted
+from bowstring.bricks.run import BrickRun, RunInterrupted, Settings
 from bowstring.errors import InputError
 from bowstring.robot import Robot, load_robot
 from bricks import needs_ccx, small_robot
@@ -53,6 +53,9 @@ def test_constant_curvature_finite_elements_and_rod(
     code, out, _ = shell(*arguments, "--out", "out")
     assert code == 0
     assert "vs finite elements" in out
+    freely = shell.json(*arguments, "--grip", "sliding", "--out", "out")["finite_elements"]
+    assert freely["grip"] == "sliding" and "widen and narrow" in freely["text"][0]
+    assert max(freely["from_statics_mm"]) < 0.2 * max(part["from_statics_mm"])
 
 
 @needs_ccx
@@ -105,10 +108,14 @@ def test_a_study_that_is_stopped_says_that_it_goes_on(
 
 def test_it_is_refused_before_any_work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="clamped_length is 0"):
-        study.run(load_robot("amouri2019"), fe=True)
+        study.run(load_robot("amouri2019"), fe=Settings())
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match="apt-get install calculix-ccx"):
-        study.run(small_robot(), fe=True)
+        study.run(small_robot(), fe=Settings())
+
+
+def test_a_grip_is_of_finite_elements(shell: Shell) -> None:
+    assert shell("study", "--grip", "sliding")[0] == 2
 
 
 def test_without_it_there_is_nothing_of_it(paper: study.Study) -> None:

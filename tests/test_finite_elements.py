@@ -306,7 +306,7 @@ def test_a_run_whose_restart_is_broken_begins_anew(
 
         def late(*args: object) -> int:
             found = find(*args)
-            restart.unlink()
+            restart.unlink(missing_ok=True)
             return found
 
         monkeypatch.setattr(steps, "_restart_at", late)
@@ -688,7 +688,7 @@ def test_settings_that_are_none_are_refused() -> None:
     with pytest.raises(InputError, match="10 to 1e6"):
         sweep(small_robot(), LOADS, settings=Settings(stiffness=1.0))
     for residual in (0.0, 1.0, np.nan):  # no end of the iteration, or no equilibrium at its end
-        with pytest.raises(InputError, match=r"residual is \S+, it must be from 1e-9 to 0.01"):
+        with pytest.raises(InputError, match=r"residual is \S+, it must be"):
             sweep(small_robot(), LOADS, settings=Settings(residual=residual))
 
 

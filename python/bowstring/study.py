@@ -55,6 +55,7 @@ from bowstring.verdict import Meaning, Verdict, judge
 from bowstring.words import in_mm, in_percent, round_down, significant
 
 if TYPE_CHECKING:
+    from bowstring import finite_elements
     from bowstring.against_data import AgainstData
     from bowstring.bricks.study import FiniteElements
     from bowstring.mapping import Mapping
@@ -458,7 +459,7 @@ def run(
     measurements: Measurements | str | Path | None = None,
     mapping: str | Path | Mapping | None = None,
     solid: bool = False,
-    fe: bool = False,
+    fe: finite_elements.Settings | None = None,
     progress: Progress | None = None,
 ) -> Study:
     """Study how good constant curvature is for a robot.
@@ -491,9 +492,8 @@ def run(
         Of a table that is not in the tidy format, as for `bowstring.measurements`.
     solid : bool
         Show the robot as a solid in the report (`bowstring.solid`), which takes some seconds more.
-    fe : bool
-        Whether the sweep is solved by 3-D finite elements as well (`bowstring.finite_elements`),
-        a matter of minutes.
+    fe : bowstring.finite_elements.Settings, optional
+        If given, the sweep is solved by such 3-D finite elements as well, a matter of minutes.
     progress : callable, optional
         Is told what is being done and the share that is done, from 0 to 1.
 
@@ -519,10 +519,11 @@ def run(
 
         check_cad()
         sizes_of(robot)
-    if fe:
+    if fe is not None:
         from bowstring.bricks import study as third
 
         third.check(robot)
+        fe.check()
     data = None
     if measurements is not None:
         from bowstring.against_data import judge_data
@@ -536,7 +537,10 @@ def run(
             lambda share: tell("measurements", 0.2 * share),
         )
     tell = _after(tell, 0.2 if data is not None else 0.0)
-    whole, tell = tell, _until(tell, 0.2 if fe else 1.0)  # finite elements take most of the time
+    whole, tell = (
+        tell,
+        _until(tell, 1.0 if fe is None else 0.2),
+    )  # finite elements take most of the time
     model = Model(robot, settings.tendon, settings.theory)
 
     tell("geometric sweep", 0.0)
@@ -567,11 +571,12 @@ def run(
     verdict = judge(model, settings.tolerance, settings.max_tension, comparisons, budget)
 
     bricks, by_bricks = None, {}
-    if fe:
+    if fe is not None:
         bricks = third.solve(
             robot,
             model.tensions(statics.tension),
             statics.tip_position,
+            fe,
             lambda share: whole("finite elements", 0.2 + 0.8 * share),
         )
         by_bricks = model.compare(

@@ -355,16 +355,17 @@ def section_stress(mesh: BrickMesh, state: State) -> SectionStress:
     stress = at_nodes(mesh, state.stress)[:, VOIGT]
     fit = _fit(mesh, mesh.nodes + state.displacement)
     normal = _axes(fit[:, 1], fit[:, 2])[..., 2]
-    reach = np.hypot(*mesh.nodes[mesh.rows[0]].T[:2])
+    plane = mesh.nodes[mesh.base]  # that of each row between slices begins at its first corner
+    reach = np.hypot(*plane.T[:2])
     outline = np.flatnonzero(reach > 0.999 * reach.max())
-    angle = np.arctan2(*mesh.nodes[mesh.rows[0]][outline, 1::-1].T)
+    angle = np.arctan2(*plane[outline, 1::-1].T)
     basis = np.linalg.pinv(np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1))
     found = []
     for j in np.flatnonzero(mesh.slice_module >= 0).tolist():
         last = j + 1 == len(mesh.slice_module) or mesh.slice_module[j + 1] < 0
         for row in (2 * j, 2 * j + 2) if last else (2 * j,):
             n = normal[row]
-            along = np.einsum("i,aij,j->a", n, stress[mesh.rows[row][outline]], n)
+            along = np.einsum("i,aij,j->a", n, stress[mesh.rows[row, 0] + outline], n)
             mean, by_x, by_y = basis @ along
             largest = abs(mean) + math.hypot(by_x, by_y)
             found.append((mesh.slice_module[j], mesh.slice_z[row // 2], largest, abs(along).max()))

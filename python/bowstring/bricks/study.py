@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.bricks.comparison import BesideRod, beside_rod
-from bowstring.bricks.run import BrickRun, check, sweep
+from bowstring.bricks.run import BrickRun, Settings, check, sweep
 from bowstring.robot import Robot
 from bowstring.words import in_mm, listed
 
@@ -21,6 +21,11 @@ if TYPE_CHECKING:
 __all__ = ["FiniteElements", "at_data", "check", "solve"]
 
 Array = NDArray[np.float64]
+
+_HOLDS: Final = {
+    "bonded": "to which it is bonded",
+    "sliding": "in which it may widen and narrow",
+}
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ class FiniteElements:
         how = (
             f"The robot as a solid of {len(run.mesh.bricks)} bricks (mesh {asked['mesh']}, "
             f"CalculiX {asked['calculix_version']}), simulated, with disks "
-            f"{asked['stiffness']:g} times as stiff as the backbone."
+            f"{asked['stiffness']:g} times as stiff as the backbone, {_HOLDS[asked['grip']]}."
         )
         if not run.converged:
             how += f" It {run.message}."
@@ -73,9 +78,14 @@ class FiniteElements:
         found = (
             f"Its tip is at most {in_mm(apart)} from that of statics "
             f"({100 * apart / run.robot.length:.2g} % of the length). The mesh has an error of its "
-            "own, which bowstring fe --study tells; what a rigid disk holds across its clamp is no "
-            "error and no rod has it."
+            "own, which bowstring fe --study tells"
         )
+        if asked["grip"] == "bonded":
+            found += (
+                "; what a rigid disk holds across its clamp is no error and no rod has it: it goes "
+                "with --grip sliding"
+            )
+        found += "."
         ratio = beside.stress_ratio[np.isfinite(beside.stress_ratio)]
         more = f"Forces of the spans are the tensions to {100 * run.span_error:.1g} %."
         if ratio.size:
@@ -123,6 +133,7 @@ class FiniteElements:
             "span_error": run.span_error,
             "mesh": run.settings["mesh"],
             "stiffness": run.settings["stiffness"],
+            "grip": run.settings["grip"],
             "calculix_version": run.settings["calculix_version"],
         }
 
@@ -131,6 +142,7 @@ def solve(
     robot: Robot,
     tensions: Array,
     statics_tip: Array,
+    settings: Settings,
     progress: Callable[[float], None] | None = None,
 ) -> FiniteElements:
     """Solve the loads (n, T) of a study by finite elements.
@@ -142,6 +154,7 @@ def solve(
         In N.
     statics_tip : ndarray (n, 3)
         Of the rod, in m.
+    settings : Settings
     progress : callable, optional
 
     Returns
@@ -150,7 +163,7 @@ def solve(
         With what was reached, where CalculiX stopped early.
     """
     tell = progress or (lambda share: None)
-    run = sweep(robot, tensions, progress=lambda _, share: tell(share))
+    run = sweep(robot, tensions, settings=settings, progress=lambda _, share: tell(share))
     tip = np.full((len(tensions), 3), math.nan)
     lengths = np.full(tensions.shape, math.nan)
     if run.states:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -64,12 +64,21 @@ def study(
             help="Solve the sweep by 3-D finite elements too (CalculiX, docs/fe.md); minutes.",
         ),
     ] = False,
+    grip: Annotated[
+        Literal["bonded", "sliding"] | None,
+        typer.Option(
+            help="With --fe: disks hold the backbone across too, or let it widen and narrow.  "
+            "[default: bonded]"
+        ),
+    ] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare constant curvature with statics, dynamics and measurements; write a report."""
     if mapping is not None and measurements is None:
         raise InputError("--mapping is of a table; name the table by --measurements.")
+    if grip is not None and not fe:
+        raise InputError("--grip is of finite elements; give --fe too.")
     share = share_of("--tolerance", tolerance)
     if not 0 < share < 1:
         raise InputError(
@@ -93,7 +102,7 @@ def study(
 
     from bowstring import report
     from bowstring import study as study_
-    from bowstring.bricks.run import RunInterrupted
+    from bowstring.bricks.run import RunInterrupted, Settings
 
     folder = of_flag(
         "--out", report.check_folder, report.default_folder(model) if out is None else out
@@ -111,7 +120,7 @@ def study(
                 measurements=measurements,
                 mapping=mapping,
                 solid=solid,
-                fe=fe,
+                fe=Settings(grip=grip or "bonded") if fe else None,
                 progress=lambda what, done: tell(what, 0.5 * done),
             )
             folder = report.write(
