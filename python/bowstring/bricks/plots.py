@@ -24,7 +24,9 @@ __all__ = ["draw", "field", "stress_along"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_SIDES: Final = ((0, 1), (1, 2), (2, 3), (3, 0))  # lower corners of a brick's upright faces
+# halves of a brick's upright faces: a corner below, and the middle of an edge, which is further out
+# than a straight line between the corners
+_SIDES: Final = ((0, 8), (8, 1), (1, 9), (9, 2), (2, 10), (10, 3), (3, 11), (11, 0))
 
 
 def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Figure]]:
@@ -199,7 +201,7 @@ def _outward(place: Floats, quads: Ints) -> Floats:
 
 
 def _surface(run: BrickRun) -> tuple[Floats, Floats, Ints]:
-    """Places (n, 3), axial stress (n,) and corners (q, 4) of the free backbone's outer faces."""
+    """Places (n, 3), axial stress (n,) and corners (q, 4) of the free backbone's outside."""
     mesh = run.mesh
     displacement, stress, _ = run.nodal(-1)
     reach = np.hypot(mesh.nodes[:, 0], mesh.nodes[:, 1])
