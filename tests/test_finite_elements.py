@@ -393,7 +393,8 @@ def test_a_run_that_reached_nothing_has_fields_of_no_load(
         beside.difference.shape == beside.stress_ratio.shape == beside.concentration.shape == (0,)
     )
     # a study of a robot under gravity has no straight load before the first that fails
-    opinion = third.solve(small_robot(gravity="0 0 -9.8 m/s^2"), np.array(LOADS), np.zeros((3, 3)))
+    heavy = small_robot(gravity="0 0 -9.8 m/s^2")
+    opinion = third.solve(heavy, np.array(LOADS), np.zeros((3, 3)), COARSE)
     assert "printed too little" in " ".join(opinion.text)
     assert opinion.to_dict()["status"] == "failed"
 
