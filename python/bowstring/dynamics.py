@@ -723,8 +723,8 @@ def _frames(
             "span_tension": np.where(np.isnan(span), np.nan, tension[:, None, :]),
         }
 
-    names = [f.name for f in fields(Frames) if f.name not in ("station", "module")]
-    return Frames(station=stations[0], module=stations[1], **{n: result[n] for n in names})
+    values = {name: result[name] for name in Frames.__dataclass_fields__ if name in result}
+    return Frames(station=stations[0], module=stations[1], **values)
 
 
 def _joined(parts: Sequence[Frames]) -> Frames:

@@ -276,7 +276,8 @@ def check_frames(robot: Robot, frames: Frames) -> None:
         raise InputError("the frames have no station; sample each module at one point or more")
     if frames.module.min() < 0 or frames.module.max() >= n:
         raise InputError(f"module of the frames must be 0 to {n - 1}, one for each disk")
-    if not np.all(np.diff(frames.time) > 0) or not np.all(np.isfinite(frames.time)):
+    time = frames.time
+    if not (time[1:] > time[:-1]).all() or not np.isfinite(time).all():
         raise InputError("time of the frames must be finite and increase")
 
 
@@ -486,7 +487,7 @@ def attributes(robot: Robot, settings: Mapping[str, Any]) -> dict[str, str | int
         "bowstring_version": str(_core.__version__),
         "robot": robot.name,
         "robot_hash": robot.hash,
-        "robot_definition": json.dumps(robot.model_dump(mode="json", exclude_none=True)),
+        "robot_definition": robot.definition,
         "settings": text,
     }
 

@@ -15,6 +15,7 @@ __all__ = [
     "check_file",
     "check_parent",
     "check_place",
+    "new_beside",
     "takes_files",
     "write_whole",
     "write_whole_file",
@@ -55,6 +56,16 @@ def takes_files(folder: Path) -> bool:
             return True
     except OSError:
         return False
+
+
+def new_beside(file: Path) -> tuple[int, str]:
+    """A new, hidden file that will take another's place: its descriptor and its path.
+
+    Anybody may read it who may read new files here; a temporary file is its owner's only.
+    """
+    name = str(file.with_name(f".{file.stem[:50]}-{os.urandom(6).hex()}{file.suffix}"))
+    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    return os.open(name, flags, 0o666), name
 
 
 def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
@@ -116,14 +127,9 @@ def write_whole_file(file: Path, what: str, fill: Callable[[Path], None]) -> Non
     """
     name = ""
     try:
-        handle, name = tempfile.mkstemp(
-            prefix=f".{file.stem[:50]}-", suffix=file.suffix, dir=file.parent
-        )
+        handle, name = new_beside(file)
         os.close(handle)
         fill(Path(name))
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)  # a temporary file is its owner's only
         os.replace(name, file)
     except OSError as error:
         raise InputError(f"cannot write the {what} to {file}: {error.strerror or error}") from None

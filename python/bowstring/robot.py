@@ -592,6 +592,11 @@ class Robot(_Part):
         return _frozen([s.backbone.density * s.backbone.second_moment for s in self.segments])
 
     @cached_property
+    def definition(self) -> str:
+        """The robot as JSON text, every number in SI."""
+        return json.dumps(self.model_dump(mode="json", exclude_none=True))
+
+    @cached_property
     def hash(self) -> str:
         """SHA-256 of the robot's physics, as hex.
 

@@ -19,8 +19,8 @@ import functools
 import math
 import os
 import shutil
+import stat
 import struct
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -31,7 +31,7 @@ import numpy as np
 from bowstring import fields
 from bowstring.errors import InputError
 from bowstring.fields import FIELDS, Field, Frames, Records, Section
-from bowstring.files import check_parent, takes_files
+from bowstring.files import check_parent, new_beside, takes_files
 from bowstring.robot import Robot
 
 if TYPE_CHECKING:
@@ -75,10 +75,14 @@ def check_file(path: str | Path) -> Path:
     why = f"cannot write the run to {file}"
     try:
         check_parent(file, why)
-        if file.is_dir():
+        try:
+            kind = stat.S_IFMT(file.stat().st_mode)
+        except FileNotFoundError:
+            kind = None
+        if kind == stat.S_IFDIR:
             raise InputError(f"{why}: it is a folder; name a file, for example {file / 'run.nc'}")
-        if file.exists():
-            if not file.is_file():
+        if kind is not None:
+            if kind != stat.S_IFREG:
                 raise InputError(f"{why}: it is a device or pipe; name a file")
             with file.open("rb") as former:
                 head = former.read(8192)
@@ -263,15 +267,12 @@ class RunFile:
 
     def _replace(self, header: bytes, content: Iterable[memoryview] = ()) -> None:
         """Put a new file in place, whole, and go on in it."""
-        handle, name = tempfile.mkstemp(prefix=f".{self.path.name}-", dir=self.path.parent)
+        handle, name = new_beside(self.path)
         try:
             with os.fdopen(handle, "wb") as new:
                 new.write(header)
                 for piece in content:
                     new.write(piece)
-            umask = os.umask(0)
-            os.umask(umask)
-            os.chmod(name, 0o666 & ~umask)
             os.replace(name, self.path)
             self._placed = True
         except BaseException:

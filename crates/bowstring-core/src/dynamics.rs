@@ -15,7 +15,7 @@ pub const TOLERANCE: [f64; 2] = [1e-6, 1e-7];
 /// Share of a step's estimated error that an imbalance may add to it, and the largest imbalance
 /// that may: a step need not be solved better than it follows the motion. Only with numerical
 /// damping, and by tension.
-const SHARE_OF_ERROR: f64 = 3e-3;
+const SHARE_OF_ERROR: f64 = 5e-3;
 const LOOSEST: f64 = 1e-4;
 /// Newton iterations of a step before it is cut, without and with pulls and friction, which are
 /// but nearly in Newton's matrix.

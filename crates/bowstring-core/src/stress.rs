@@ -63,7 +63,7 @@ pub struct Derived {
 }
 
 /// Sections worked on side by side.
-const WIDTH: usize = 8;
+const WIDTH: usize = 16;
 type Lanes = [f64; WIDTH];
 
 /// Strain and stress of all sections; what `out` holds is replaced.
@@ -227,8 +227,10 @@ fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [
             let slope = c * (b - gap[i] * s) - a * s;
             let bend = gap[i] * (c * c - s * s) + a * c + b * s;
             let turn = slope / bend;
-            let per = 1.0 / (1.0 + turn * turn).sqrt();
-            let (to_c, to_s) = ((c - s * turn) * per, (s + c * turn) * per);
+            // nearly a unit vector, and the nearer the smaller the turn
+            let (x, y) = (c - s * turn, s + c * turn);
+            let per = 1.5 - 0.5 * (x * x + y * y);
+            let (to_c, to_s) = (x * per, y * per);
             // what has settled stays, or a section's stress would depend on its neighbours
             (cosine[i], sine[i]) = if settled[i] { (c, s) } else { (to_c, to_s) };
             settled[i] |= turn.abs() < 1e-8 && bend > 0.0 && to_c >= 0.0 && to_s >= 0.0;
@@ -239,7 +241,9 @@ fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [
     }
     let mut out = [zero; 3];
     for i in 0..WIDTH {
-        let (c, s) = (cosine[i].copysign(along[i]), sine[i].copysign(across[i]));
+        let per = 1.0 / (cosine[i] * cosine[i] + sine[i] * sine[i]).sqrt();
+        let (c, s) = (cosine[i] * per, sine[i] * per);
+        let (c, s) = (c.copysign(along[i]), s.copysign(across[i]));
         let (x, y) = (c * e_x[i] - s * e_y[i], c * e_y[i] + s * e_x[i]);
         let normal = sigma[0][i] + sigma[1][i] * x + sigma[2][i] * y;
         let shear = tau[0][i] + tau[1][i] * x + tau[2][i] * y;
