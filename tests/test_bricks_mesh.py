@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bowstring.bricks.fields import _POINTS, _shape
+from bowstring.bricks.elements import POINTS, brick_shape
 from bowstring.bricks.mesh import Fineness, brick_mesh
 from bowstring.errors import InputError
 from bowstring.robot import Robot
@@ -16,7 +16,7 @@ from bricks import small_robot, two_segments
 
 def volumes(mesh: object, which: np.ndarray) -> np.ndarray:
     """Of bricks, by the 8 points that CalculiX takes; all parts of them must be positive."""
-    _, slope = _shape(_POINTS)
+    _, slope = brick_shape(POINTS)
     parts = np.linalg.det(np.einsum("pnk,bni->bpki", slope, mesh.nodes[mesh.bricks[which]]))
     assert parts.min() > 0
     return parts.sum(axis=1)
@@ -41,7 +41,7 @@ def test_bricks_fill_the_backbone(robot: Robot, fineness: Fineness) -> None:
 @pytest.mark.parametrize("robot", [small_robot(), two_segments()], ids=["rod", "tubes"])
 def test_sections_have_the_second_moment_of_the_backbone(robot: Robot) -> None:
     mesh = brick_mesh(robot, Fineness(2, 4, 1))
-    value, slope = _shape(_POINTS)
+    value, slope = brick_shape(POINTS)
     for k, segment in enumerate(robot.segments):
         one = mesh.slices[np.flatnonzero(mesh.slice_module >= 0)]
         one = one[mesh.part[one[:, 0]] == k][0]

@@ -132,7 +132,7 @@ def _in_motion(run: BrickRun) -> Floats:
         dynamics.Table(times, courses),
         end,
         gravity=asked["gravity"],
-        mass_damping=asked.get("mass_damping_per_s", 0.0),
+        mass_damping=asked["mass_damping_per_s"],
         points=0,
     )
     reached = run.time <= found.end * (1 + 1e-9)

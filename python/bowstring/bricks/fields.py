@@ -10,15 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.bricks.elements import GAUSS, POINTS, brick_shape
 from bowstring.bricks.mesh import BrickMesh
 from bowstring.drive import compliances
-from bowstring.errors import InputError
 from bowstring.fields import Frames
 from bowstring.robot import Robot
 
@@ -27,7 +26,6 @@ __all__ = [
     "SectionStress",
     "State",
     "at_nodes",
-    "check_bricks",
     "frames",
     "none_of",
     "section_stress",
@@ -38,19 +36,6 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_GAUSS: Final = 1.0 / math.sqrt(3.0)
-# the order of integration points: x runs first
-_POINTS: Final = _GAUSS * np.array([p[::-1] for p in product((-1.0, 1.0), repeat=3)])
-_CORNERS: Final = np.array(
-    [(x, y, z) for z in (-1, 1) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], dtype=float
-)
-_FLAT: Final = ((0, -1), (1, 0), (0, 1), (-1, 0))
-_EDGES: Final = np.array(
-    [(*p, -1) for p in _FLAT]
-    + [(*p, 1) for p in _FLAT]
-    + [(x, y, 0) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))],
-    dtype=float,
-)
 _OVER_TIME: Final = set(Frames.__dataclass_fields__) - {"time", "station", "module"}
 VOIGT: Final = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
 """Where the components of a tensor are among xx, yy, zz, xy, xz, yz."""
@@ -95,57 +80,11 @@ class SectionStress(NamedTuple):
     peak: Floats
 
 
-def _shape(points: Floats) -> tuple[Floats, Floats]:
-    """Shape functions (p, 20) of a brick and their derivatives (p, 20, 3)."""
-    x = points[:, None]
-    values, slopes = [], []
-    for nodes, corner in ((_CORNERS, True), (_EDGES, False)):
-        on = nodes[None]
-        factor = np.where(on == 0, 1.0 - x**2, 1.0 + x * on)
-        slope = np.where(on == 0, -2.0 * x, on + 0.0 * x)
-        others = np.stack(
-            [
-                factor[..., 1] * factor[..., 2],
-                factor[..., 0] * factor[..., 2],
-                factor[..., 0] * factor[..., 1],
-            ],
-            axis=-1,
-        )
-        whole = factor.prod(axis=-1)
-        if corner:
-            line = (x * on).sum(axis=-1) - 2.0
-            values.append(0.125 * whole * line)
-            slopes.append(0.125 * (slope * others * line[..., None] + whole[..., None] * on))
-        else:
-            values.append(0.25 * whole)
-            slopes.append(0.25 * slope * others)
-    return np.concatenate(values, axis=1), np.concatenate(slopes, axis=1)
-
-
-def check_bricks(robot: Robot, mesh: BrickMesh) -> None:
-    """Raise `InputError` if an arm is inside out, as it ends in the backbone or hardly outside."""
-    points = _POINTS
-    if mesh.mass_nodes.size:  # CalculiX integrates masses at 27 points, which lie further out
-        points = math.sqrt(0.6) * np.array(list(product((-1.0, 0.0, 1.0), repeat=3)))
-    _, slope = _shape(points)
-    place = mesh.nodes[mesh.bricks]
-    least = np.linalg.det(np.einsum("pnk,bni->bpki", slope, place)).min(axis=1)
-    if least.min() > 0:
-        return
-    z = place[np.argmax(least <= 0), :, 2].mean()
-    disk = int(np.abs(robot.disks.station_m - z).argmin()) + 1
-    raise InputError(
-        f"{robot.name}: disk {disk} has a hole so near the backbone, or for motion is so small, "
-        "that no brick fits between; finite elements need holes further out, and for motion disks "
-        "1.5 times as wide as the backbone or more"
-    )
-
-
 def _planes(mesh: BrickMesh) -> tuple[Ints, Ints, Floats]:
     """Free slices (F,), module and arc length (2 F,) of the planes of integration points."""
     free = np.flatnonzero(mesh.slice_module >= 0)
     low, high = mesh.slice_z[free], mesh.slice_z[free + 1]
-    middle, half = 0.5 * (low + high), 0.5 * _GAUSS * (high - low)
+    middle, half = 0.5 * (low + high), 0.5 * GAUSS * (high - low)
     z = np.stack([middle - half, middle + half], axis=1).ravel()
     return free, np.repeat(mesh.slice_module[free], 2), z
 
@@ -168,7 +107,7 @@ def _axes(along_x: Floats, along_y: Floats) -> Floats:
 
 def _at_planes(fit: Floats, free: Ints) -> Floats:
     """Values at the rows below, in and above slices, taken to their planes of points."""
-    s = np.array([-_GAUSS, _GAUSS])
+    s = np.array([-GAUSS, GAUSS])
     weight = np.stack([0.5 * s * (s - 1.0), 1.0 - s**2, 0.5 * s * (s + 1.0)], axis=1)
     rows = 2 * free[:, None] + np.arange(3)
     found: Floats = np.einsum("pk,fk...->fp...", weight, fit[rows])
@@ -183,7 +122,7 @@ def _section_forces(
     number = np.cumsum(~mesh.stiff) - 1
     stress = state.stress[number[mesh.slices[free]]][..., VOIGT]  # (F, q, 8, 3, 3)
     place = (mesh.nodes + state.displacement)[bricks]
-    value, slope = _shape(_POINTS)
+    value, slope = brick_shape(POINTS)
     x = np.einsum("pn,fqni->fqpi", value, place)
     by = np.einsum("pnk,fqni->fqpki", slope, place)
     area = np.cross(by[..., 0, :], by[..., 1, :])
@@ -293,7 +232,7 @@ def _motion(mesh: BrickMesh, state: State, rotation: Floats) -> tuple[Floats, Fl
 
 def _gradient(mesh: BrickMesh, state: State) -> tuple[Floats, Floats]:
     """Deformation gradient (f, 8, 3, 3) and volume (f, 8) of the points of the free bricks."""
-    _, slope = _shape(_POINTS)
+    _, slope = brick_shape(POINTS)
     bricks = mesh.bricks[~mesh.stiff]
     straight = np.einsum("pnk,bni->bpik", slope, mesh.nodes[bricks])
     moved = np.einsum("pnk,bni->bpik", slope, state.displacement[bricks])
@@ -329,7 +268,7 @@ def at_nodes(mesh: BrickMesh, values: Floats) -> Floats:
     place = mesh.nodes[mesh.bricks[free]]  # (f, 20, 3)
     centre = place.mean(axis=1, keepdims=True)
     size = np.ptp(place, axis=1, keepdims=True)
-    points, _ = _shape(_POINTS)
+    points, _ = brick_shape(POINTS)
     here = _plane((np.einsum("pn,fni->fpi", points, place) - centre) / size)
     there = _plane((place - centre) / size)
     whole = there @ (np.linalg.pinv(here) @ values)

@@ -15,16 +15,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.arguments import is_whole, shown
+from bowstring.bricks.elements import POINTS, brick_shape, quad_shape
 from bowstring.errors import InputError
 from bowstring.robot import Robot
 
-__all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_robot", "quad_shape"]
+__all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_robot"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -138,11 +140,13 @@ def brick_mesh(robot: Robot, fineness: Fineness, *, mass_arms: bool = False) -> 
     ------
     InputError
         If the robot has what bricks cannot show: disks that clamp nothing, a solid backbone beyond
-        a tube, a Poisson's ratio near 0.5.
+        a tube, a Poisson's ratio near 0.5, holes so near the backbone that no arm fits.
     """
     fineness.check()
     check_robot(robot)
-    return _Builder(robot, fineness, mass_arms).mesh()
+    mesh = _Builder(robot, fineness, mass_arms).mesh()
+    _check_bricks(robot, mesh)
+    return mesh
 
 
 def check_robot(robot: Robot) -> None:
@@ -271,27 +275,6 @@ def _core_point(u: float, v: float) -> tuple[float, float]:
         half * u * math.sqrt(1.0 - 0.5 * _ROUND * v * v),
         half * v * math.sqrt(1.0 - 0.5 * _ROUND * u * u),
     )
-
-
-def quad_shape(xi: Floats, eta: Floats) -> tuple[Floats, Floats, Floats]:
-    """Shape functions of a quadrilateral of 8 nodes, and their derivatives; each (..., 8)."""
-    x, y = np.asarray(xi)[..., None], np.asarray(eta)[..., None]
-    a, b = np.array([-1.0, 1.0, 1.0, -1.0]), np.array([-1.0, -1.0, 1.0, 1.0])
-    corner = 0.25 * (1 + x * a) * (1 + y * b) * (x * a + y * b - 1)
-    by_x = 0.25 * a * (1 + y * b) * (2 * x * a + y * b)
-    by_y = 0.25 * b * (1 + x * a) * (x * a + 2 * y * b)
-    flat = 0.5 * (1 - x * x) * np.concatenate([1 - y, 1 + y], axis=-1)  # edges 5 and 7
-    tall = 0.5 * (1 - y * y) * np.concatenate([1 + x, 1 - x], axis=-1)  # edges 6 and 8
-    one = np.ones_like(x)
-    flat_x = -x * np.concatenate([1 - y, 1 + y], axis=-1)
-    flat_y = 0.5 * (1 - x * x) * np.concatenate([-one, one], axis=-1)
-    tall_x = 0.5 * (1 - y * y) * np.concatenate([one, -one], axis=-1)
-    tall_y = -y * np.concatenate([1 + x, 1 - x], axis=-1)
-
-    def join(c: Floats, f: Floats, t: Floats) -> Floats:
-        return np.concatenate([c, f[..., :1], t[..., :1], f[..., 1:], t[..., 1:]], axis=-1)
-
-    return join(corner, flat, tall), join(by_x, flat_x, tall_x), join(by_y, flat_y, tall_y)
 
 
 def _second_moment(section: _Section) -> float:
@@ -466,6 +449,25 @@ class _Builder:
     def _add(self, point: Floats) -> int:
         self.nodes.append(point)
         return len(self.nodes) - 1
+
+
+def _check_bricks(robot: Robot, mesh: BrickMesh) -> None:
+    """Raise `InputError` if an arm is inside out, as it ends in the backbone or hardly outside."""
+    points = POINTS
+    if mesh.mass_nodes.size:  # CalculiX integrates masses at 27 points, which lie further out
+        points = math.sqrt(0.6) * np.array(list(product((-1.0, 0.0, 1.0), repeat=3)))
+    _, slope = brick_shape(points)
+    place = mesh.nodes[mesh.bricks]
+    least = np.linalg.det(np.einsum("pnk,bni->bpki", slope, place)).min(axis=1)
+    if least.min() > 0:
+        return
+    z = place[np.argmax(least <= 0), :, 2].mean()
+    disk = int(np.abs(robot.disks.station_m - z).argmin()) + 1
+    raise InputError(
+        f"{robot.name}: disk {disk} has a hole so near the backbone, or for motion is so small, "
+        "that no brick fits between; finite elements need holes further out, and for motion disks "
+        "1.5 times as wide as the backbone or more"
+    )
 
 
 def _graded(count: int, slenderness: float) -> Floats:

@@ -25,7 +25,6 @@ from bowstring.bricks.fields import (
     SectionStress,
     State,
     at_nodes,
-    check_bricks,
     frames,
     none_of,
     section_stress,
@@ -486,7 +485,6 @@ def _run(
     )
     motion = asked["rise_s"] is not None
     mesh = brick_mesh(robot, settings.fineness, mass_arms=motion)
-    check_bricks(robot, mesh)
     program = ccx.find()
     version = ccx.version(program)
     dead = bool(weight.any() or force.any())

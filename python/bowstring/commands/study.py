@@ -120,7 +120,7 @@ def study(
                 measurements=measurements,
                 mapping=mapping,
                 solid=solid,
-                fe=Settings(grip=grip or "bonded") if fe else None,
+                fe=Settings(grip=grip or Settings.grip) if fe else None,
                 progress=lambda what, done: tell(what, 0.5 * done),
             )
             folder = report.write(
