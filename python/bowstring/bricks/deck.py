@@ -20,6 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.bricks.mass import disk_points
 from bowstring.bricks.mesh import BrickMesh
 from bowstring.robot import Robot
 
@@ -32,6 +33,7 @@ MM: Final = 1e3
 """Millimetres in a metre."""
 
 _MPA: Final = 1e-6
+_T: Final = 1e-3
 _T_PER_MM3: Final = 1e-12
 _LIGHT: Final = 1e-6  # density of arms, by that of the backbone
 _ACROSS: Final = 0.01  # of the backbone: what a disk that is not bonded has across
@@ -215,26 +217,20 @@ def _springs(mesh: BrickMesh) -> Iterator[str]:
 
 
 def _masses(robot: Robot, mesh: BrickMesh) -> Iterator[str]:
-    disks = robot.disks
     number = len(mesh.bricks) + len(spans(mesh).first)
     if mesh.mass_nodes.shape[1] == 0:
         return
-    for i, mass in enumerate(disks.mass_kg.tolist()):
-        if mass == 0:
-            continue
-        # half of each arm's mass that stands off the station's plane, below and above
-        across, axial = disks.inertia_kg_m2[i]
-        off = max(0.0, across - 0.5 * axial) / (2.0 * mass * mesh.mass_height[i] ** 2)
-        for k, share in enumerate((off, 1.0 - 2.0 * off, off)):
+    for i, masses in enumerate(disk_points(robot, mesh).tolist()):
+        for k, mass in enumerate(masses):
             name = f"MASS{i + 1}_{k + 1}"
-            if share == 0:
+            if mass == 0:
                 continue
             yield f"*ELEMENT, TYPE=MASS, ELSET={name}"
             for node in mesh.mass_nodes[i, :, k].tolist():
                 number += 1
                 yield f"{number},{node + 1}"
             yield f"*MASS, ELSET={name}"
-            yield f"{1e-3 * mass * share / 4.0:.9g}"
+            yield f"{_T * mass:.9g}"
 
 
 def _base(mesh: BrickMesh, bonded: bool) -> Iterator[str]:

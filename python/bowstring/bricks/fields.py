@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.bricks.elements import GAUSS, POINTS, brick_shape
+from bowstring.bricks.mass import gravity_energy, kinetic_energy
 from bowstring.bricks.mesh import BrickMesh
 from bowstring.drive import compliances
 from bowstring.fields import Frames
@@ -185,7 +186,7 @@ def frames(
         lengths = np.linalg.norm(np.diff(places, axis=0), axis=2)
         whole = np.nansum(lengths, axis=0)
         velocity, spin = _motion(mesh, state, disk_rotation)
-        nothing, unknown = np.array(0.0), np.array(np.nan)
+        unknown = np.array(np.nan)  # outputs are too far apart to integrate over
         for name, value in {
             "position": planes[:, 0],
             "rotation": rotation,
@@ -201,9 +202,11 @@ def frames(
             "pull": home - whole + stretch * tensions[i],
             "slack": np.zeros(len(ends)),
             "span_tension": span_tension(mesh, which, state),
-            "kinetic_energy": nothing if state.velocity is None else unknown,
+            "kinetic_energy": np.array(_kinetic_energy(robot, mesh, state)),
             "elastic_energy": np.array(_elastic_energy(mesh, state)),
-            "gravity_energy": unknown if any(gravity) else nothing,
+            "gravity_energy": np.array(
+                gravity_energy(robot, mesh, mesh.nodes + state.displacement, disk[:, 0], gravity)
+            ),
             "work": unknown,
             "dissipated_energy": unknown,
         }.items():
@@ -228,6 +231,10 @@ def _motion(mesh: BrickMesh, state: State, rotation: Floats) -> tuple[Floats, Fl
     turn_z = np.cross(turn_x, y) + np.cross(x, turn_y)
     spin = 0.5 * (np.cross(x, turn_x) + np.cross(y, turn_y) + np.cross(z, turn_z))
     return rate[:, 0], spin
+
+
+def _kinetic_energy(robot: Robot, mesh: BrickMesh, state: State) -> float:
+    return 0.0 if state.velocity is None else kinetic_energy(robot, mesh, state.velocity)
 
 
 def _gradient(mesh: BrickMesh, state: State) -> tuple[Floats, Floats]:

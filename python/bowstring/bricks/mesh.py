@@ -15,14 +15,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from itertools import product
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.arguments import is_whole, shown
-from bowstring.bricks.elements import POINTS, brick_shape, quad_shape
+from bowstring.bricks.elements import MASS_POINTS, POINTS, brick_shape, quad_shape
 from bowstring.errors import InputError
 from bowstring.robot import Robot
 
@@ -454,8 +453,8 @@ class _Builder:
 def _check_bricks(robot: Robot, mesh: BrickMesh) -> None:
     """Raise `InputError` if an arm is inside out, as it ends in the backbone or hardly outside."""
     points = POINTS
-    if mesh.mass_nodes.size:  # CalculiX integrates masses at 27 points, which lie further out
-        points = math.sqrt(0.6) * np.array(list(product((-1.0, 0.0, 1.0), repeat=3)))
+    if mesh.mass_nodes.size:  # those of mass lie further out
+        points = MASS_POINTS
     _, slope = brick_shape(points)
     place = mesh.nodes[mesh.bricks]
     least = np.linalg.det(np.einsum("pnk,bni->bpki", slope, place)).min(axis=1)
