@@ -275,17 +275,20 @@ enum Task {
     Advance(f64),
 }
 
-/// Newton's method on one step.
+/// Newton's method on one step. The first tolerance is for a step as it was foreseen: the errors
+/// of foresight point the same way from step to step and add up. The second is for one that was
+/// corrected.
 fn solve(
     motion: &mut dyn Moving,
     mut driven: Option<&mut Driven>,
     count: &mut Count,
-    tolerance: f64,
+    tolerances: [f64; 2],
     least: usize,
 ) -> bool {
     let (mut iteration, mut best, mut last) = (0, f64::INFINITY, f64::INFINITY);
     let most = MAX_ITERATIONS[usize::from(driven.is_some())];
     loop {
+        let tolerance = tolerances[usize::from(iteration > 0)];
         let mut residual = motion.residual();
         let (mut settled, mut better) = (true, true);
         if let Some(driven) = &mut driven {
@@ -355,27 +358,30 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             march.end.between(&march.from, &march.to, end);
             driven.begin(motion, &march.between.tensions, &march.end.tensions, share);
         }
-        let tolerance = if settling {
+        let tight = if settling {
             march.at_rest_tolerance
-        } else if march.driven.is_none() && march.error.is_finite() {
-            let left = motion.effort(SHARE_OF_ERROR * march.error);
-            f64::max(march.tolerance, f64::min(left, march.loosest))
         } else {
             march.tolerance
+        };
+        let loose = if settling || march.driven.is_some() || march.error.is_infinite() {
+            tight
+        } else {
+            let left = motion.effort(SHARE_OF_ERROR * march.error);
+            f64::max(tight, f64::min(left, march.loosest))
         };
         let noise = motion.noise(match &march.driven {
             Some(driven) => &driven.old.tensions,
             None => &march.between.tensions,
         });
-        // at rest Newton's matrix tells whether the equilibrium is stable
-        let tolerance = f64::max(tolerance, noise);
+        let tolerances = [tight, loose].map(|t| f64::max(t, noise));
         let driven = match task {
             // tensions are those of an equilibrium already
             Task::Rest => None,
             _ => march.driven.as_mut(),
         };
+        // at rest Newton's matrix tells whether the equilibrium is stable
         let least = usize::from(settling);
-        let mut sound = solve(motion, driven, &mut march.count, tolerance, least);
+        let mut sound = solve(motion, driven, &mut march.count, tolerances, least);
         if settling {
             let (mut tendons, mut held) = (0.0, 0);
             if let Some(driven) = &mut march.driven {
