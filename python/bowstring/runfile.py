@@ -31,7 +31,13 @@ import numpy as np
 from bowstring import fields
 from bowstring.errors import InputError
 from bowstring.fields import FIELDS, Field, Frames, Records, Section
-from bowstring.files import check_parent, new_beside, takes_files
+from bowstring.files import (
+    check_parent,
+    check_replaceable,
+    new_beside,
+    resolved,
+    takes_files,
+)
 from bowstring.robot import Robot
 
 if TYPE_CHECKING:
@@ -71,7 +77,7 @@ def check_file(path: str | Path) -> Path:
     InputError
         If the folder does not exist, or something that is not a run is in its place.
     """
-    file = Path(path).resolve()
+    file = resolved(path, f"cannot write the run to {path}")
     why = f"cannot write the run to {file}"
     try:
         check_parent(file, why)
@@ -93,6 +99,7 @@ def check_file(path: str | Path) -> Path:
                 )
         if not takes_files(file.parent):
             raise InputError(f"{why}: the folder {file.parent} may not be written")
+        check_replaceable(file, why)
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None
     return file
