@@ -181,7 +181,8 @@ class RunFile:
         ------
         InputError
             If the arrays do not fit, or the drive takes no more: then the file says
-            ``status = "failed"`` and holds the run up to the last whole chunk.
+            ``status = "failed"`` and holds the run up to the last whole chunk. If the file was
+            removed, or another has taken its place.
         """
         if self._closed:
             raise InputError(f"the run in {self.path} is finished; nothing can be added")
@@ -253,6 +254,7 @@ class RunFile:
             if self._records == 0:
                 self._replace(self._header.bytes("running", "", *head), pieces)
             else:
+                self._check_place()
                 here = self._header.size + self._records * self._header.record
                 for piece in pieces:
                     self._write(here, piece)
@@ -282,10 +284,24 @@ class RunFile:
                     new.write(piece)
             os.replace(name, self.path)
             self._placed = True
+            self._open()  # at once: later another run may have this name
         except BaseException:
             with contextlib.suppress(OSError):
                 os.unlink(name)
             raise
+
+    def _check_place(self) -> None:
+        """Refuse to go on where the file no longer has its name: nobody would find the run."""
+        try:
+            if os.path.samestat(os.stat(self.path), os.fstat(self._open().fileno())):
+                return
+            what = "another file has taken its place; give each run a file of its own"
+        except FileNotFoundError:
+            what = "its file was removed while it went on"
+        self._closed = True
+        if self._file is not None:
+            self._file.close()
+        raise InputError(f"the run in {self.path} is lost: {what}")
 
     def _open(self) -> BinaryIO:
         if self._file is None:
@@ -303,7 +319,9 @@ class RunFile:
         """Write the status where the file has it, whatever an interrupt left undone, and close."""
         if not self._placed:
             self._replace(_Header(self._attributes, {}, ()).bytes(status, reason))
+            self._open().close()
             return
+        self._check_place()
         with contextlib.closing(self._open()) as file:
             file.seek(0)
             page = file.read(_PAGE)
@@ -314,7 +332,8 @@ class RunFile:
     def _give_up(self, error: OSError) -> None:
         """The drive takes no more: cut off what is not whole, and say so in the file too."""
         self._closed = True
-        why = f"cannot go on writing the run to {self.path}: {_why(error)}"
+        go_on = "go on writing" if self._records else "write"
+        why = f"cannot {go_on} the run to {self.path}: {_why(error)}"
         with contextlib.suppress(OSError):
             if self._records:
                 self._open().truncate(self._header.size + self._records * self._header.record)
@@ -322,6 +341,8 @@ class RunFile:
         raise InputError(f"{why}; {self._holds()}") from None
 
     def _holds(self) -> str:
+        if not self._placed:
+            return "nothing was written"
         if self._records == 0:
             return "the file holds no output time"
         return f"the file holds the run up to {self.complete_to:.6g} s"
