@@ -282,7 +282,7 @@ def test_a_drive_that_is_full_at_once(tmp_path, monkeypatch):
 
     run = RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS)
     monkeypatch.setattr("bowstring.runfile.new_beside", full)
-    with pytest.raises(InputError, match="cannot write the run .* is full; nothing was written"):
+    with pytest.raises(InputError, match=r"cannot write the run .* is full; nothing was written"):
         run.append(chunk(0))
     assert os.listdir(tmp_path) == []
 
