@@ -255,6 +255,8 @@ def test_no_equilibrium_at_the_start(shell: Shell) -> None:
         (["--tension", "80,0,0", "--animation", "run.gif", "--hold", "1000"], "5000 are possible"),
         (["--tension", "80,0,0", "--out", "a.gif", "--animation", "a.gif"], "the same file"),
         (["--tension", "80,0,0", "--out", "e/a.nc", "--vtk", "e"], "lies in the folder of --vtk"),
+        (["--tension", "80,0,0", "--out", "f", "--vtk", "f"], "--vtk needs a folder there"),
+        (["--tension", "80,0,0", "--animation", "f.gif", "--vtk", "f.gif/g"], "a folder there"),
     ],
 )
 def test_bad_input_is_refused_before_the_work(
