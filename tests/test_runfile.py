@@ -315,6 +315,28 @@ def test_what_is_not_a_run(tmp_path):
         read_run(tmp_path / "other.nc")
 
 
+@pytest.mark.parametrize("missing", [1, 200_000, None])
+@pytest.mark.parametrize("status", ["converged", "running"])
+def test_a_copy_that_did_not_end_is_no_run(tmp_path, missing, status):
+    """Other readers take zeros for what is missing."""
+    run = RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS)
+    run.append(chunk(0))
+    if status == "converged":
+        run.finish()
+    whole = (tmp_path / "run.nc").read_bytes()
+    run.finish()
+    size = run._header.size  # all of the header, and a little
+    kept = size + 100 if missing is None else len(whole) - missing
+    assert size < kept < len(whole)
+    for content, cut in ((whole, False), (whole[:kept], True)):
+        (tmp_path / "copy.nc").write_bytes(content)
+        if cut:
+            with pytest.raises(InputError, match=r"cannot read the run .* is cut off"):
+                read_run(tmp_path / "copy.nc")
+        else:
+            assert read_run(tmp_path / "copy.nc").attrs["status"] == status
+
+
 def test_it_is_quick(tmp_path):
     """A loose bound for slow machines: simulating 100 output times takes 2 to 6 ms."""
     run = RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS)

@@ -373,7 +373,7 @@ def read_run(path: str | Path) -> xr.Dataset:
     Raises
     ------
     InputError
-        If there is no such file, or it is not a run.
+        If there is no such file, it is not a run, or it is cut off.
     """
     import xarray as xr
 
@@ -388,6 +388,10 @@ def read_run(path: str | Path) -> xr.Dataset:
         data = xr.load_dataset(path, engine="netcdf4")
     except (OSError, ValueError, RuntimeError) as error:
         raise InputError(f"cannot read the run {path}: {error}") from None
+    if head.startswith(b"CDF") and _is_cut(path):
+        raise InputError(
+            f"cannot read the run {path}: the file is cut off, as by a copy that did not end"
+        )
     if _OURS.decode() not in data.attrs:
         raise InputError(f"{path} is a NetCDF file, but not a run of Bowstring")
     if data.attrs["schema_version"] > fields.SCHEMA_VERSION:
@@ -395,6 +399,18 @@ def read_run(path: str | Path) -> xr.Dataset:
             f"{path} was written by a newer Bowstring ({data.attrs['bowstring_version']}); update"
         )
     return data
+
+
+def _is_cut(path: str | Path) -> bool:
+    """Whether the file is shorter than its header says; the NetCDF library reads zeros there."""
+    from scipy.io import netcdf_file
+
+    try:
+        # looks at no number, but lays out all of them in the file
+        with netcdf_file(path, "r", mmap=True):
+            return False
+    except (TypeError, ValueError):
+        return True
 
 
 # -- the format --------------------------------------------------------------------------------
