@@ -205,6 +205,7 @@ def test_no_equilibrium_at_the_start(shell: Shell) -> None:
         (["--tension", "80,0,0", "--rise", "-1"], "--rise: got -1 s; must be 0 or more"),
         (["--tension", "80,0,0", "--hold=-2 ms"], "--hold: got -0.002 s; must be 0 or more"),
         (["--tension", "80,0,0", "--rise", "nan"], '--rise: got "nan"'),
+        (["--tension", "80,0,0", "--rise", "1e-13"], "--rise: got 1e-13 s; must be 0, which is"),
         (["--tension", "80,0,0", "--rise", "0", "--hold", "0"], "no time to simulate"),
         (["--tension", "80,0,0", "--hold", "1e9"], "--hold: the run takes 1e+09 s; up to"),
         (["--tension", "80,0,0", "--rise", "1e300"], "--rise: the run takes"),
@@ -254,6 +255,8 @@ def test_no_equilibrium_at_the_start(shell: Shell) -> None:
         (["--tension", "80,0,0", "--animation", "run.gif", "--hold", "1000"], "5000 are possible"),
         (["--tension", "80,0,0", "--out", "a.gif", "--animation", "a.gif"], "the same file"),
         (["--tension", "80,0,0", "--out", "e/a.nc", "--vtk", "e"], "lies in the folder of --vtk"),
+        (["--tension", "80,0,0", "--out", "f", "--vtk", "f"], "--vtk needs a folder there"),
+        (["--tension", "80,0,0", "--animation", "f.gif", "--vtk", "f.gif/g"], "a folder there"),
     ],
 )
 def test_bad_input_is_refused_before_the_work(
@@ -293,6 +296,10 @@ HEADER = "t_s,tension_1_N,tension_2_N,tension_3_N\n"
         (HEADER + "0,0,0,0\n1,0,-3,0\n", "row 3: the tension of tendon 2 is -3 N"),
         (HEADER + "0,0,0,0\n2,0,0,0\n\n1,0,0,0\n", "row 5: the time is 1 s after 2 s"),
         (HEADER + "0,0,0,0\n" + "1,0,0,0\n" * 3, "row 5: the time 1 s is there three times"),
+        (
+            HEADER + "0,0,0,0\n1,0,0,0\n1.0000000000000002,1,0,0\n",
+            "row 4: the time 1 s is 2.2e-16 s after",
+        ),
         (HEADER + "-1,0,0,0\n1,0,0,0\n", "row 2: the first time is -1 s"),
         (HEADER + "0,0,0,0\n", "the last time is 0 s"),
         (HEADER + "0,0,0,0\n99999,0,0,0\n", "it takes 99999 s"),

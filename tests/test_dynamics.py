@@ -299,6 +299,21 @@ def test_jump_inside_a_run() -> None:
     np.testing.assert_allclose(run.tip_position[10:], later.tip_position, atol=1e-7)
 
 
+@pytest.mark.parametrize("rises", [True, False])
+@pytest.mark.parametrize("every", [0.01, 0.07])
+def test_times_of_two_tables_may_differ_by_rounding(rises: bool, every: float) -> None:
+    """Half a unit in the last place between two corners or jumps is no step of its own."""
+    tips = []
+    for time in (0.3, 0.1 + 0.2):
+        times = [0, time, 0.5] if rises else [0, time, time, 0.5]
+        pulls = Table([0, 0.3, 0.3, 0.5], [pulled(t) for t in (0, 5, 3, 0)])
+        force = Table(times, [[x, 0, 0] for x in ((0, 0.1, 0) if rises else (0, 0.1, 0.3, 0))])
+        run = simulate(ROBOT, pulls, 0.6, tip_force=force, dt=5e-3, every=every)
+        assert run.raise_for_status().steps <= 125
+        tips.append(run.tip_position)
+    np.testing.assert_allclose(tips[1], tips[0], atol=1e-9)
+
+
 def test_tip_load_over_time() -> None:
     run = simulate(
         ROBOT,
@@ -394,6 +409,7 @@ def test_modes_need_mass_and_a_stable_equilibrium() -> None:
     [
         ([0, 1, 0.5], [[0], [1], [2]], "must not decrease"),
         ([0, 0, 0], [[0], [1], [2]], "three times"),
+        ([0, 0.3, 0.1 + 0.2], [[0], [1], [2]], "5.6e-17 s apart in rows 1 and 2 .* for a jump"),
         ([0, float("nan")], [[0], [1]], "not finite in row 1"),
         ([0, 1], [[0], [float("inf")]], "not finite in row 1$"),
         ([0, 1], [[0], [float("nan")]], "row 1; a tendon that is driven otherwise has NaN in all"),

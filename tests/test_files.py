@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from bowstring import report, runfile, vtk
+from bowstring import bench, report, runfile, vtk
 from bowstring.errors import InputError
-from bowstring.files import check_file, check_place
+from bowstring.files import check_file, check_place, write_whole, write_whole_file
+from bowstring.robot import load_robot
 
 SEALED = Path("/proc")  # takes no file of anyone's, whatever its rights say
 
@@ -40,3 +41,83 @@ def test_places_that_cannot_be_are_named(tmp_path: Path) -> None:
         check_place(tmp_path / "notes" / "a", "no")
     with pytest.raises(InputError, match="no: File name too long"):
         check_place(tmp_path / ("x" * 300), "no")
+
+
+def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
+    for name in ("a.gif", "a.csv"):
+        (tmp_path / name).symlink_to(tmp_path / f"b{name}")
+        (tmp_path / f"b{name}").symlink_to(tmp_path / name)
+    for check in (runfile.check_file, vtk.check_folder, report.check_folder):
+        with pytest.raises(InputError, match="links lead to it in a circle"):
+            check(tmp_path / "a.gif")
+    with pytest.raises(InputError, match="links lead to it in a circle"):
+        check_file(tmp_path / "a.gif", "animation", (".gif",))
+    with pytest.raises(InputError, match="links lead to it in a circle"):
+        bench.check_table(tmp_path / "a.csv")
+    with pytest.raises(InputError, match="its name is not valid"):
+        runfile.check_file("\0")
+
+
+def test_a_working_folder_that_was_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    for check in (runfile.check_file, vtk.check_folder, report.check_folder):
+        with pytest.raises(InputError, match="No such file or directory"):
+            check("run")
+
+
+def test_what_only_another_user_may_replace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in /tmp: whoever may write there may not replace what is another's."""
+    robot = load_robot("amouri2019")
+    runfile.RunFile.open(tmp_path / "run.nc", robot, {}).finish()
+    (tmp_path / "a.gif").write_text("")
+    (tmp_path / "series").mkdir()
+    checks = (
+        lambda: runfile.check_file(tmp_path / "run.nc"),
+        lambda: check_file(tmp_path / "a.gif", "animation", (".gif",)),
+        lambda: vtk.check_folder(tmp_path / "series"),
+    )
+    monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
+    for check in checks:
+        check()
+    tmp_path.chmod(0o1777)
+    for check in checks:
+        with pytest.raises(InputError, match="another user's, who alone may replace it in"):
+            check()
+    runfile.check_file(tmp_path / "new.nc")
+    monkeypatch.undo()
+    for check in checks:
+        check()
+
+
+def _fill(new: Path) -> None:
+    new.write_text("whole")
+
+
+@pytest.mark.parametrize("name", ["x" * 255, "\N{VIOLIN}" * 63, f"a.{'x' * 253}"])
+def test_the_longest_names_are_written(tmp_path: Path, name: str) -> None:
+    """The hidden name beside must not be longer than is allowed where the name itself is not."""
+    write_whole_file(tmp_path / name, "file", _fill)
+    assert (tmp_path / name).read_text() == "whole"
+    (tmp_path / name).unlink()
+    write_whole(tmp_path / name, "folder", lambda new: _fill(new / "a"))
+    assert (tmp_path / name / "a").read_text() == "whole"
+    assert os.listdir(tmp_path) == [name]
+
+
+@pytest.mark.parametrize("mask", [0o077, 0o022, 0o007])
+def test_rights_are_those_of_any_new_file(tmp_path: Path, mask: int) -> None:
+    former = os.umask(mask)
+    try:
+        write_whole_file(tmp_path / "file", "file", _fill)
+        write_whole(tmp_path / "folder", "folder", lambda new: (new / "a").touch())
+        runfile.RunFile.open(tmp_path / "run.nc", load_robot("amouri2019"), {}).finish()
+    finally:
+        os.umask(former)
+    for name in ("file", "folder/a", "run.nc"):
+        assert (tmp_path / name).stat().st_mode & 0o777 == 0o666 & ~mask
+    assert (tmp_path / "folder").stat().st_mode & 0o777 == 0o777 & ~mask

@@ -240,6 +240,53 @@ def test_where_it_may_be_written(tmp_path):
     assert read_run(tmp_path / "run.nc").attrs["status"] == "second"
 
 
+@pytest.mark.parametrize("chunks", [1, 2])
+@pytest.mark.parametrize("ending", [False, True])
+@pytest.mark.parametrize("other", ["run", "text", None])
+def test_a_run_whose_file_is_taken_is_lost(tmp_path, chunks, ending, other):
+    """Two runs into one file: the first says so, and writes nothing into the second's."""
+    path = tmp_path / "run.nc"
+    first = RunFile.open(path, ROBOT, SETTINGS)
+    for i in range(chunks):
+        first.append(chunk(i))
+    if other == "run":
+        second = RunFile.open(path, ROBOT, SETTINGS)
+        second.append(chunk(0))
+    elif other == "text":
+        (tmp_path / "new").write_text("mine")
+        (tmp_path / "new").replace(path)
+    else:
+        path.unlink()
+    why = "another file has taken its place" if other else "its file was removed"
+    with pytest.raises(InputError, match=rf"the run in .*/run\.nc is lost: {why}"):
+        if ending:
+            first.finish()
+        else:
+            first.append(chunk(2))
+    first.finish("failed")  # too late: nothing changes
+    if other == "run":
+        second.append(chunk(1))
+        second.finish()
+        data = read_run(path)
+        assert data.attrs["status"] == "converged" and data.sizes["time"] == 40
+    elif other == "text":
+        assert path.read_text() == "mine"
+    assert os.listdir(tmp_path) == ([path.name] if other else [])
+
+
+def test_a_drive_that_is_full_at_once(tmp_path, monkeypatch):
+    """Nothing is there, and what is said does not speak of a file."""
+
+    def full(file):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    run = RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS)
+    monkeypatch.setattr("bowstring.runfile.new_beside", full)
+    with pytest.raises(InputError, match=r"cannot write the run .* is full; nothing was written"):
+        run.append(chunk(0))
+    assert os.listdir(tmp_path) == []
+
+
 def test_chunks_that_do_not_follow(tmp_path):
     with RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
         run.append(chunk(1))
@@ -266,6 +313,28 @@ def test_what_is_not_a_run(tmp_path):
     xr.Dataset({"a": 1}).to_netcdf(tmp_path / "other.nc")
     with pytest.raises(InputError, match="not a run of Bowstring"):
         read_run(tmp_path / "other.nc")
+
+
+@pytest.mark.parametrize("missing", [1, 200_000, None])
+@pytest.mark.parametrize("status", ["converged", "running"])
+def test_a_copy_that_did_not_end_is_no_run(tmp_path, missing, status):
+    """Other readers take zeros for what is missing."""
+    run = RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS)
+    run.append(chunk(0))
+    if status == "converged":
+        run.finish()
+    whole = (tmp_path / "run.nc").read_bytes()
+    run.finish()
+    size = run._header.size  # all of the header, and a little
+    kept = size + 100 if missing is None else len(whole) - missing
+    assert size < kept < len(whole)
+    for content, cut in ((whole, False), (whole[:kept], True)):
+        (tmp_path / "copy.nc").write_bytes(content)
+        if cut:
+            with pytest.raises(InputError, match=r"cannot read the run .* is cut off"):
+                read_run(tmp_path / "copy.nc")
+        else:
+            assert read_run(tmp_path / "copy.nc").attrs["status"] == status
 
 
 def test_it_is_quick(tmp_path):

@@ -27,7 +27,7 @@ from bowstring import _core, drive, rod
 from bowstring.arguments import check_robot, floats, is_whole, number, numbers, shown
 from bowstring.comparison import with_tendons
 from bowstring.errors import InputError
-from bowstring.files import check_parent
+from bowstring.files import check_parent, resolved
 from bowstring.measurements import STANDARD_GRAVITY, Measurements, write_measurements
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot
@@ -568,7 +568,7 @@ def check_table(path: str | Path) -> Path:
         If something else is in its place, or in that of the truth, such as measured data.
     """
     try:
-        file = Path(path).resolve()
+        file = resolved(path, f"cannot write the bench to {quote(str(path))}")
         why = f"cannot write the bench to {file}"
         if file.suffix.lower() != ".csv":
             raise InputError(f"{why}: a table ends in .csv; name for example bench.csv")
@@ -631,7 +631,7 @@ def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
     work = None
     try:
         # beside its place, so that the move is within one file system
-        work = Path(tempfile.mkdtemp(prefix=f".{file.name}-", dir=file.parent))
+        work = Path(tempfile.mkdtemp(prefix=f".{file.stem[:50]}-", dir=file.parent))
         new = write_measurements(measurements, work / file.name, comments)
         data = {"file": file.name, "sha256": hashlib.sha256(new.read_bytes()).hexdigest()}
         text = json.dumps({**truth, "data": data}, allow_nan=False)

@@ -19,13 +19,14 @@ from bowstring.errors import InputError
 if TYPE_CHECKING:
     from bowstring.robot import Robot
 
-__all__ = ["Driven", "Load", "Loads", "OverTime", "Table", "over_time", "ramp", "step"]
+__all__ = ["CLOSEST", "Driven", "Load", "Loads", "OverTime", "Table", "over_time", "ramp", "step"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _LOOK: Final = 0.1  # seconds between two looks at the keyboard
 _LONGEST_WHY: Final = 300  # letters of an error of a user's function
+CLOSEST: Final = 1e-11  # s, between two times: a step of 1e-13 drowns in rounding
 
 
 class Table:
@@ -42,7 +43,8 @@ class Table:
     Raises
     ------
     InputError
-        If times decrease, three are the same, or numbers are not finite.
+        If times decrease, three are the same, two are the same but for rounding, or numbers are
+        not finite.
     """
 
     def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
@@ -77,6 +79,14 @@ class Table:
             )
         if ((gaps[1:] == 0) & (gaps[:-1] == 0)).any():
             raise InputError("a table over time has the same time three times; a jump takes two")
+        near = (gaps > 0) & (gaps < CLOSEST)
+        if near.any():
+            row = int(np.argmax(near)) + 1
+            raise InputError(
+                f"the times of a table are {gaps[row - 1]:.2g} s apart in rows {row - 1} and {row} "
+                f"({self.times[row]:g} s), which drowns in rounding; give the same time twice for "
+                f"a jump, else {CLOSEST:g} s or more"
+            )
 
     def at(self, time: float, *, before: bool = False) -> Floats:
         """The row at a time, after a jump there, or before it."""
@@ -338,10 +348,12 @@ class Loads:
     def chunks(self, simulator: Any, times: Floats, longest: float) -> Iterator[Stretches]:
         """Stretches of time to run through at once, some `_LOOK` seconds of work each."""
         # a knot that an output time misses by next to nothing is that time
-        near = 1e-6 * longest
-        inside = []
+        near = max(1e-6 * longest, CLOSEST)
+        inside: list[float] = []
         for knot in sorted(set().union(*(c.knots() for c in self._all))):
             i = int(np.abs(times - knot).argmin())
+            if inside and knot - inside[-1] < CLOSEST:
+                continue  # of another table: 0.1 + 0.2 s is 0.3 s
             if near < knot < times[-1] - near:
                 inside.append(knot)
                 if abs(times[i] - knot) <= near:
@@ -355,8 +367,9 @@ class Loads:
             return
         durations = np.diff(ends, prepend=0.0)
         drive, force, moment = (c.rows(ends, before=True) for c in self._all)
-        jumps = self.jumps()
-        stops = np.flatnonzero([end in jumps for end in ends.tolist()]) + 1
+        jumps = np.array(sorted(self.jumps()))
+        jumped = np.searchsorted(jumps, ends + CLOSEST) > np.searchsorted(jumps, ends - CLOSEST)
+        stops = np.flatnonzero(jumped) + 1
         steps = float(durations.max(initial=0.0)) / longest
         first, size = 0, max(1, int(min(50.0, 2000.0 / max(steps, 1.0))))
         while first < len(ends):

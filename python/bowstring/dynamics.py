@@ -512,7 +512,7 @@ def simulate(
         if planned is not None:
             file, run.path = planned, planned.path
         take(first)
-        jumps = loads.jumps()
+        jumps = sorted(loads.jumps())
         begun = clock.perf_counter()
         reached = 0.0
         for stretches in loads.chunks(

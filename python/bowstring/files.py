@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,11 +16,33 @@ __all__ = [
     "check_file",
     "check_parent",
     "check_place",
+    "check_replaceable",
     "new_beside",
+    "resolved",
     "takes_files",
     "write_whole",
     "write_whole_file",
 ]
+
+
+_LETTERS = 50  # of a name that stand in that of a hidden file or folder beside it
+_ENDING = 10  # letters of a suffix that does; a longer one is of no format
+
+
+def resolved(path: str | Path, why: str) -> Path:
+    """The path, absolute, links resolved; refused where it has no place, as links in a circle."""
+    try:
+        found = Path(path).resolve()
+        circle = found.is_symlink()  # what newer Pythons leave of a circle
+    except RuntimeError:  # what older ones make of it
+        circle = True
+    except OSError as error:  # such as a working folder that was removed
+        raise InputError(f"{why}: {error.strerror}") from None
+    except ValueError:
+        raise InputError(f"{why}: its name is not valid") from None
+    if circle:
+        raise InputError(f"{why}: links lead to it in a circle")
+    return found
 
 
 def check_parent(file: Path, why: str) -> None:
@@ -47,6 +70,24 @@ def check_place(folder: Path, why: str) -> None:
         raise InputError(f"{why}: {nearest} is a file")
     if not takes_files(nearest):
         raise InputError(f"{why}: the folder {nearest} may not be written")
+    if present:
+        check_replaceable(folder, why)
+
+
+def check_replaceable(path: Path, why: str) -> None:
+    """Refuse what only its owner may replace: what others have in a folder such as /tmp."""
+    if not hasattr(os, "geteuid"):
+        return
+    try:
+        above = path.parent.stat()
+        owners = {0, above.st_uid, path.lstat().st_uid}
+    except FileNotFoundError:
+        return
+    if above.st_mode & stat.S_ISVTX and os.geteuid() not in owners:
+        raise InputError(
+            f"{why}: it is another user's, who alone may replace it in {path.parent}; choose "
+            "another name"
+        )
 
 
 def takes_files(folder: Path) -> bool:
@@ -63,7 +104,8 @@ def new_beside(file: Path) -> tuple[int, str]:
 
     Anybody may read it who may read new files here; a temporary file is its owner's only.
     """
-    name = str(file.with_name(f".{file.stem[:50]}-{os.urandom(6).hex()}{file.suffix}"))
+    suffix = file.suffix if len(file.suffix) <= _ENDING else ""
+    name = str(file.with_name(f".{file.stem[:_LETTERS]}-{os.urandom(6).hex()}{suffix}"))
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
     return os.open(name, flags, 0o666), name
 
@@ -96,7 +138,7 @@ def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
         names = f"{', '.join(most)} or {last}" if most else last
         raise InputError(f"{why}: its name must end in {names}")
     try:
-        found = file.resolve()
+        found = resolved(file, why)
         check_parent(found, why)
         if found.exists() and not found.is_file():
             what = "a folder" if found.is_dir() else "a device or pipe"
@@ -105,6 +147,7 @@ def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
         raise InputError(f"{why}: {error.strerror}") from None
     if not takes_files(found.parent):
         raise InputError(f"{why}: the folder {found.parent} may not be written")
+    check_replaceable(found, why)
     return found
 
 
@@ -158,7 +201,8 @@ def write_whole(folder: Path, what: str, fill: Callable[[Path], None]) -> None:
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         # beside its place, so that the move is within one file system
-        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+        hidden = f".{folder.name[:_LETTERS]}-"
+        work = Path(tempfile.mkdtemp(prefix=hidden, dir=folder.parent))
     except OSError as error:
         raise InputError(f"cannot write the {what} to {folder}: {error.strerror}") from None
     try:

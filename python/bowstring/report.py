@@ -23,7 +23,7 @@ from bowstring.actuation import COMMANDED
 from bowstring.budget import BudgetRow
 from bowstring.comparison import COMPARISONS, MEANINGS, Case, Comparison
 from bowstring.errors import InputError
-from bowstring.files import check_place, write_whole
+from bowstring.files import check_place, resolved, write_whole
 from bowstring.processes import for_each
 from bowstring.robot import Robot
 from bowstring.study import Study
@@ -89,8 +89,8 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
         If there is something in its place that is not a study of this program, or holds files that
         the study did not write, or if it cannot be written.
     """
-    folder = Path(out).resolve()
     called = _CALLED.get(what, what)
+    folder = resolved(out, f"cannot write the {called} to {out}")
     why = f"cannot write the {called} to {folder}"
     check_place(folder, why)
     if not folder.exists():

@@ -31,7 +31,13 @@ import numpy as np
 from bowstring import fields
 from bowstring.errors import InputError
 from bowstring.fields import FIELDS, Field, Frames, Records, Section
-from bowstring.files import check_parent, new_beside, takes_files
+from bowstring.files import (
+    check_parent,
+    check_replaceable,
+    new_beside,
+    resolved,
+    takes_files,
+)
 from bowstring.robot import Robot
 
 if TYPE_CHECKING:
@@ -71,7 +77,7 @@ def check_file(path: str | Path) -> Path:
     InputError
         If the folder does not exist, or something that is not a run is in its place.
     """
-    file = Path(path).resolve()
+    file = resolved(path, f"cannot write the run to {path}")
     why = f"cannot write the run to {file}"
     try:
         check_parent(file, why)
@@ -93,6 +99,7 @@ def check_file(path: str | Path) -> Path:
                 )
         if not takes_files(file.parent):
             raise InputError(f"{why}: the folder {file.parent} may not be written")
+        check_replaceable(file, why)
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None
     return file
@@ -174,7 +181,8 @@ class RunFile:
         ------
         InputError
             If the arrays do not fit, or the drive takes no more: then the file says
-            ``status = "failed"`` and holds the run up to the last whole chunk.
+            ``status = "failed"`` and holds the run up to the last whole chunk. If the file was
+            removed, or another has taken its place.
         """
         if self._closed:
             raise InputError(f"the run in {self.path} is finished; nothing can be added")
@@ -246,6 +254,7 @@ class RunFile:
             if self._records == 0:
                 self._replace(self._header.bytes("running", "", *head), pieces)
             else:
+                self._check_place()
                 here = self._header.size + self._records * self._header.record
                 for piece in pieces:
                     self._write(here, piece)
@@ -275,10 +284,24 @@ class RunFile:
                     new.write(piece)
             os.replace(name, self.path)
             self._placed = True
+            self._open()  # at once: later another run may have this name
         except BaseException:
             with contextlib.suppress(OSError):
                 os.unlink(name)
             raise
+
+    def _check_place(self) -> None:
+        """Refuse to go on where the file no longer has its name: nobody would find the run."""
+        try:
+            if os.path.samestat(os.stat(self.path), os.fstat(self._open().fileno())):
+                return
+            what = "another file has taken its place; give each run a file of its own"
+        except FileNotFoundError:
+            what = "its file was removed while it went on"
+        self._closed = True
+        if self._file is not None:
+            self._file.close()
+        raise InputError(f"the run in {self.path} is lost: {what}")
 
     def _open(self) -> BinaryIO:
         if self._file is None:
@@ -296,7 +319,9 @@ class RunFile:
         """Write the status where the file has it, whatever an interrupt left undone, and close."""
         if not self._placed:
             self._replace(_Header(self._attributes, {}, ()).bytes(status, reason))
+            self._open().close()
             return
+        self._check_place()
         with contextlib.closing(self._open()) as file:
             file.seek(0)
             page = file.read(_PAGE)
@@ -307,7 +332,8 @@ class RunFile:
     def _give_up(self, error: OSError) -> None:
         """The drive takes no more: cut off what is not whole, and say so in the file too."""
         self._closed = True
-        why = f"cannot go on writing the run to {self.path}: {_why(error)}"
+        go_on = "go on writing" if self._records else "write"
+        why = f"cannot {go_on} the run to {self.path}: {_why(error)}"
         with contextlib.suppress(OSError):
             if self._records:
                 self._open().truncate(self._header.size + self._records * self._header.record)
@@ -315,6 +341,8 @@ class RunFile:
         raise InputError(f"{why}; {self._holds()}") from None
 
     def _holds(self) -> str:
+        if not self._placed:
+            return "nothing was written"
         if self._records == 0:
             return "the file holds no output time"
         return f"the file holds the run up to {self.complete_to:.6g} s"
@@ -345,7 +373,7 @@ def read_run(path: str | Path) -> xr.Dataset:
     Raises
     ------
     InputError
-        If there is no such file, or it is not a run.
+        If there is no such file, it is not a run, or it is cut off.
     """
     import xarray as xr
 
@@ -360,6 +388,10 @@ def read_run(path: str | Path) -> xr.Dataset:
         data = xr.load_dataset(path, engine="netcdf4")
     except (OSError, ValueError, RuntimeError) as error:
         raise InputError(f"cannot read the run {path}: {error}") from None
+    if head.startswith(b"CDF") and _is_cut(path):
+        raise InputError(
+            f"cannot read the run {path}: the file is cut off, as by a copy that did not end"
+        )
     if _OURS.decode() not in data.attrs:
         raise InputError(f"{path} is a NetCDF file, but not a run of Bowstring")
     if data.attrs["schema_version"] > fields.SCHEMA_VERSION:
@@ -367,6 +399,18 @@ def read_run(path: str | Path) -> xr.Dataset:
             f"{path} was written by a newer Bowstring ({data.attrs['bowstring_version']}); update"
         )
     return data
+
+
+def _is_cut(path: str | Path) -> bool:
+    """Whether the file is shorter than its header says; the NetCDF library reads zeros there."""
+    from scipy.io import netcdf_file
+
+    try:
+        # looks at no number, but lays out all of them in the file
+        with netcdf_file(path, "r", mmap=True):
+            return False
+    except (TypeError, ValueError):
+        return True
 
 
 # -- the format --------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from bowstring.courses import Table
+from bowstring.courses import CLOSEST, Table
 from bowstring.errors import InputError
 from bowstring.robot import Robot
 from bowstring.units import quote, read_number
@@ -74,6 +74,12 @@ def read_drive(path: str | Path, robot: Robot) -> dict[str, Table]:
             )
         if len(times) > 1 and time == times[-2]:
             raise InputError(f"{here}: the time {time:g} s is there three times; a jump takes two")
+        if times and 0 < time - times[-1] < CLOSEST:
+            raise InputError(
+                f"{here}: the time {time:g} s is {time - times[-1]:.2g} s after the one before, "
+                "which drowns in rounding; give the same time twice for a jump, else "
+                f"{CLOSEST:g} s or more"
+            )
         times.append(time)
         values.append(given)
     if not times:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.fields import Section, surface_stress
-from bowstring.files import check_place, write_whole
+from bowstring.files import check_place, resolved, write_whole
 from bowstring.robot import Robot
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def check_folder(out: str | Path) -> Path:
     InputError
         If it holds files that are not of a former series, or cannot be written.
     """
-    folder = Path(out).resolve()
+    folder = resolved(out, f"cannot write the VTK series to {out}")
     why = f"cannot write the VTK series to {folder}"
     try:
         check_place(folder, why)

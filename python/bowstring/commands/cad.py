@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -21,6 +20,7 @@ from bowstring.commands.output import (
     write_tables,
 )
 from bowstring.errors import InputError
+from bowstring.files import resolved
 from bowstring.words import listed
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def cad(
 
 
 def _all_different(*files: str | None) -> None:
-    given = [Path(file).resolve() for file in files if file is not None]
+    given = [resolved(file, f"cannot write {file}") for file in files if file is not None]
     for i, file in enumerate(given):
         if file in given[:i]:
             raise InputError(f"two of --out, --picture and --drawing name {file}; give two names.")

@@ -138,7 +138,7 @@ def driven_over_time(
     table: Path | None,
 ) -> tuple[dict[str, Any], float]:
     """What the flags of `simulate` say of the tendons, as it takes them, and the duration."""
-    from bowstring.courses import Table
+    from bowstring.courses import CLOSEST, Table
 
     starts = {
         flag: None if text is None else some_tendons(flag, text, si, robot)
@@ -169,6 +169,11 @@ def driven_over_time(
         )
     ends = dict(zip(("tensions", "pulls", "angles"), driven_by(robot, *wanted), strict=True))
     rising = not_negative("--rise", "1" if rise is None else rise, "s")
+    if 0 < rising < CLOSEST:
+        raise InputError(
+            f"--rise: got {rising:g} s; must be 0, which is a jump, or {CLOSEST:g} s or more: less "
+            "drowns in rounding."
+        )
     holding = not_negative("--hold", "1" if hold is None else hold, "s")
     duration = float(f"{rising + holding:.12g}")  # 0.1 + 0.2 is 0.3
     if duration == 0:

@@ -353,7 +353,14 @@ class _Targets:
         if self.out is not None and self.out == self.animation:
             raise InputError(f"--out and --animation are the same file, {self.out}.")
         for flag, file in (("--out", self.out), ("--animation", self.animation)):
-            if self.vtk is not None and file is not None and self.vtk in file.parents:
+            if self.vtk is None or file is None:
+                continue
+            if file == self.vtk or file in self.vtk.parents:
+                raise InputError(
+                    f"{flag}: {file} cannot be a file, --vtk needs a folder there; name another "
+                    "place."
+                )
+            if self.vtk in file.parents:
                 raise InputError(
                     f"{flag}: {file} lies in the folder of --vtk, which is for the series alone; "
                     "name another place."
