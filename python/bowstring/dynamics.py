@@ -720,7 +720,7 @@ def _frames(
             **result,
             "pull": lines.home - result["tendon_length"] + lines.compliance * tension,
             "slack": np.zeros_like(tension),
-            "span_tension": np.where(np.isnan(span), np.nan, tension[:, None, :]),
+            "span_tension": tension[:, None, :] + 0.0 * span,  # NaN where there is none
         }
 
     values = {name: result[name] for name in Frames.__dataclass_fields__ if name in result}

@@ -92,6 +92,9 @@ def check_replaceable(path: Path, why: str) -> None:
 
 def takes_files(folder: Path) -> bool:
     """Try whether a new file can be made; rights alone do not say it, as of a read-only drive."""
+    with contextlib.suppress(AttributeError, OSError):  # where there are files without a name
+        os.close(os.open(folder, os.O_TMPFILE | os.O_WRONLY))
+        return True
     try:
         with tempfile.TemporaryFile(dir=folder):
             return True
