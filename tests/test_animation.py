@@ -102,7 +102,7 @@ def test_bad_input(tmp_path, data):
         check_picture(tmp_path / "dir.gif")
     with pytest.raises(InputError, match="nothing that moves"):
         animate(ROBOT, data.isel(time=[0]), tmp_path / "run.gif")
-    for speed in (0.0, -1.0, np.nan, np.inf):
+    for speed in (0.0, -1.0, np.nan, np.inf, "2"):
         with pytest.raises(InputError, match="speed is"):
             animate(ROBOT, data, tmp_path / "run.gif", speed=speed)
     with pytest.raises(InputError, match=r"choose a speed of 0\.001 or more"):

@@ -190,8 +190,11 @@ def test_no_room_is_said_first(tmp_path, data, monkeypatch):
 
 
 def test_bad_input(tmp_path, data):
-    with pytest.raises(InputError, match="angles is 2"):
-        write_vtk(ROBOT, data, tmp_path / "vtk", angles=2)
+    for angles in (2, 2.5, "a"):
+        with pytest.raises(InputError, match=f"angles is {angles!r}"):
+            write_vtk(ROBOT, data, tmp_path / "vtk", angles=angles)
+    with pytest.raises(InputError, match=r"data is 'run\.nc', it must be a Dataset"):
+        write_vtk(ROBOT, "run.nc", tmp_path / "vtk")
     with pytest.raises(InputError, match=r"of another robot \(amouri2019\) than rao2021"):
         write_vtk(load_robot("rao2021"), data, tmp_path / "vtk")
     with pytest.raises(InputError, match="no output time"):

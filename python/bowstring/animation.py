@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.arguments import number
 from bowstring.errors import InputError
 from bowstring.files import check_file, write_whole_file
 from bowstring.robot import Robot
@@ -108,8 +109,7 @@ def animate(
     tell = progress or (lambda what, share: None)
     file = check_picture(path)
     check_data(robot, data)
-    if not 0.0 < speed < np.inf:
-        raise InputError(f"speed is {speed}; it must be more than 0, and 1 is real time")
+    speed = number("speed", speed)
     times = data["time"].to_numpy()
     if len(times) < 2:
         raise InputError("the run holds one output time; there is nothing that moves")

@@ -21,6 +21,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.arguments import check_robot, is_whole, shown
 from bowstring.errors import InputError
 from bowstring.fields import Section, surface_stress
 from bowstring.files import check_place, resolved, write_whole
@@ -117,8 +118,8 @@ def write_vtk(
         If the folder may not be written, the drive is full or the data are not of this robot.
     """
     tell = progress or (lambda what, share: None)
-    if not 3 <= angles <= 1000:
-        raise InputError(f"angles is {angles}, it must be 3 to 1000")
+    if not is_whole(angles) or not 3 <= angles <= 1000:
+        raise InputError(f"angles is {shown(angles)}, it must be a whole number from 3 to 1000")
     check_data(robot, data)
     folder = check_folder(out)
     parts = [_Backbone(robot, data, angles), _Disks(robot, data), Tendons(robot, data)]
@@ -177,7 +178,15 @@ def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, tell: Pr
 
 
 def check_data(robot: Robot, data: xr.Dataset) -> None:
-    """Raise `InputError` if ``data`` hold no output time or are of another robot."""
+    """Raise `InputError` if ``data`` are no run, hold no output time or are of another robot."""
+    import xarray as xr
+
+    check_robot(robot)
+    if not isinstance(data, xr.Dataset):
+        raise InputError(
+            f"data is {shown(data)}, it must be a Dataset of a run: the run's `dataset`, or what "
+            "`read_run` returns"
+        )
     if data.sizes.get("time", 0) == 0 or "position" not in data:
         raise InputError("the run holds no output time; there is nothing to show")
     if data.attrs.get("robot_hash") != robot.hash:
