@@ -239,6 +239,14 @@ def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
 # -- loads over time -------------------------------------------------------------------------
 
 
+def test_a_file_that_holds_another_run_by_now_is_not_taken_for_it(tmp_path: Path) -> None:
+    out = tmp_path / "run.nc"
+    first, second = (bs.simulate(ROBOT, [pull, 0, 0], 0.02, out=out) for pull in (5.0, 6.0))
+    with pytest.raises(InputError, match="holds another run by now"):
+        _ = first.dataset
+    assert second.dataset.sizes["time"] == 3
+
+
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_a_second_interrupt_does_not_spoil_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -151,12 +151,26 @@ class Run:
 
     @cached_property
     def dataset(self) -> xr.Dataset:
-        """All fields with units and frames, see `bowstring.fields`; from the file if it has one."""
+        """All fields with units and frames, see `bowstring.fields`; from the file if it has one.
+
+        Raises
+        ------
+        InputError
+            If the run kept no fields, or its file is gone or holds another run by now.
+        """
         from bowstring import fields as labelled
         from bowstring.runfile import read_run
 
         if self.path is not None:
-            return read_run(self.path)
+            data = read_run(self.path)
+            tip = np.zeros((0, 3))
+            if "disk_position" in data:
+                tip = data["disk_position"].to_numpy()[:, -1]
+            if not np.array_equal(tip, self.tip_position):
+                raise InputError(
+                    f"the file {self.path} holds another run by now; give each run one of its own"
+                )
+            return data
         if self.frames is None:
             raise InputError("the run kept no fields: simulate with points of 2 or more")
         return labelled.to_dataset(
