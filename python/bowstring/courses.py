@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _LOOK: Final = 0.1  # seconds between two looks at the keyboard
+_WORK: Final = 3e-6  # seconds of a step and module, as guessed for the first stretch
+_MOST_AT_FIRST: Final = 250  # times in the first stretch, should the guess be bad
 _LONGEST_WHY: Final = 300  # letters of an error of a user's function
 CLOSEST: Final = 1e-11  # s, between two times: a step of 1e-13 drowns in rounding
 
@@ -345,8 +347,13 @@ class Loads:
             "tip_moment_Nm": self.tip_moment.to_dict(),
         }
 
-    def chunks(self, simulator: Any, times: Floats, longest: float) -> Iterator[Stretches]:
-        """Stretches of time to run through at once, some `_LOOK` seconds of work each."""
+    def chunks(
+        self, simulator: Any, times: Floats, longest: float, modules: int
+    ) -> Iterator[Stretches]:
+        """Stretches of time to run through at once, some `_LOOK` seconds of work each.
+
+        `modules` are those of the robot, each counted as often as it has elements.
+        """
         # a knot that an output time misses by next to nothing is that time
         near = max(1e-6 * longest, CLOSEST)
         inside: list[float] = []
@@ -370,8 +377,8 @@ class Loads:
         jumps = np.array(sorted(self.jumps()))
         jumped = np.searchsorted(jumps, ends + CLOSEST) > np.searchsorted(jumps, ends - CLOSEST)
         stops = np.flatnonzero(jumped) + 1
-        steps = float(durations.max(initial=0.0)) / longest
-        first, size = 0, max(1, int(min(50.0, 2000.0 / max(steps, 1.0))))
+        steps = max(float(durations.max(initial=0.0)) / longest, 1.0)
+        first, size = 0, int(np.clip(_LOOK / (_WORK * modules * steps), 1, _MOST_AT_FIRST))
         while first < len(ends):
             begun = clock.perf_counter()
             next_stop = stops[np.searchsorted(stops, first, side="right") :]

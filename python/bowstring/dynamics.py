@@ -529,9 +529,9 @@ def simulate(
         jumps = sorted(loads.jumps())
         begun = clock.perf_counter()
         reached = 0.0
-        for stretches in loads.chunks(
-            simulator, times.copy(), dt if dt is not None else min(every, DEFAULT_INTERVAL)
-        ):
+        longest = dt if dt is not None else min(every, DEFAULT_INTERVAL)
+        modules = elements * len(robot.disks.station_m)
+        for stretches in loads.chunks(simulator, times.copy(), longest, modules):
             result = simulator.run(*stretches, points)
             run.wall_s += clock.perf_counter() - begun
             take(result)
