@@ -1,11 +1,15 @@
-"""Frames of a made-up run, all in closed form: what tests of fields and files share."""
+"""A made-up run, all in closed form: what tests of fields and files share."""
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
-from bowstring.fields import Frames
+from bowstring.fields import FIELDS, Frames, Section, derive
 from bowstring.robot import Robot
+from bowstring.runfile import RunFile
 
 
 def made_frames(
@@ -74,3 +78,18 @@ def arc(kappa: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     position = np.stack([x, o, z], axis=-1)
     rows = [np.stack(row, axis=-1) for row in ((c, o, w), (o, o + 1.0, o), (-w, o, c))]
     return position, np.stack(rows, axis=-2)
+
+
+def made_file(path: Path, robot: Robot, settings: dict[str, Any], **expected: int) -> RunFile:
+    """The file of a made-up run, still without a record."""
+    frames = made_frames(robot, np.zeros(1))
+    return RunFile.open(path, robot, settings, frames.station, frames.module, **expected)
+
+
+def made_records(robot: Robot, time: np.ndarray) -> np.ndarray:
+    """The records of a made-up run that began at time 0, as its file takes them."""
+    frames = made_frames(robot, np.concatenate([[0.0], time]))
+    values = derive(robot, frames, Section(robot, frames.station, frames.module))
+    columns = [frames.time, *(values[field.name] for field in FIELDS)]
+    rows = np.concatenate([c.reshape(len(frames.time), -1) for c in columns], axis=1)
+    return rows[1:].astype(">f8").reshape(-1).view(np.uint8)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import bowstring as bs
 from bowstring import dynamics, oscillations
@@ -204,23 +205,53 @@ def test_dataset_and_tip_agree() -> None:
     np.testing.assert_allclose(between[:17], fine.tip_position[1:35:2], atol=2e-4)
 
 
-def test_file_holds_the_same_run(tmp_path: Path) -> None:
-    arguments: dict[str, Any] = {"mass_damping": 0.5, "dt": 2e-3}
-    kept = simulate(ROBOT, ramp(pulled(20), 0.2), 0.3, **arguments)
+@pytest.mark.parametrize("room", [1, 100_000, 10_000_000])  # bytes: a time, some, all of them
+def test_file_holds_the_same_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    monkeypatch.setattr("bowstring.runfile._ROOM", room)
+    case: Any = {
+        "robot": bs.load_robot("rao2021"),
+        "tensions": ramp([8, 1, 0, 2, 0, 0], 0.1),
+        "duration": 0.15,
+        "mass_damping": 0.5,
+        "dt": 2e-3,
+    }
+    kept = simulate(**case)
     seen: list[float] = []
-    written = simulate(
-        ROBOT,
-        ramp(pulled(20), 0.2),
-        0.3,
-        out=tmp_path / "run.nc",
-        progress=seen.append,
-        **arguments,
-    )
+    written = simulate(**case, out=tmp_path / "run.nc", progress=seen.append)
     assert written.frames is None and seen[-1] == pytest.approx(1.0)
-    data = read_run(tmp_path / "run.nc")
-    assert data.attrs["status"] == "converged"
-    for name in ("position", "moment", "von_mises", "energy_balance"):
-        np.testing.assert_allclose(data[name].values, kept.dataset[name].values, rtol=1e-12)
+    assert read_run(tmp_path / "run.nc").attrs["status"] == "converged"
+    xr.testing.assert_identical(written.dataset, kept.dataset)
+    for name in ("time", "tip_position", "tip_velocity", "steps", "iterations", "repeated"):
+        np.testing.assert_array_equal(getattr(written, name), getattr(kept, name))
+
+
+@pytest.mark.parametrize("call", [1, 2, 5])
+@pytest.mark.parametrize("after", [False, True])
+def test_interrupted_while_it_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: int, after: bool
+) -> None:
+    append, calls = RunFile.append, 0
+
+    def interrupted(self: RunFile, records: Any) -> None:
+        nonlocal calls
+        calls += 1
+        if calls == call and not after:
+            raise KeyboardInterrupt
+        append(self, records)
+        if calls == call:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("bowstring.runfile._ROOM", 100_000)
+    monkeypatch.setattr(RunFile, "append", interrupted)
+    with pytest.raises(dynamics.RunInterrupted) as caught:
+        simulate(ROBOT, pulled(5), 1.0, out=tmp_path / "run.nc")
+    run = caught.value.run
+    data = run.dataset  # of the same times
+    assert data.attrs["status"] == run.status == "interrupted"
+    assert len(run.time) == data.sizes.get("time", 0) < 101
+    assert (len(run.time) > 0) == (after or call > 1)
 
 
 def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from bowstring import bench, report, runfile, vtk
 from bowstring.errors import InputError
 from bowstring.files import check_file, check_place, write_whole, write_whole_file
 from bowstring.robot import load_robot
+from made_frames import made_file
 
 SEALED = Path("/proc")  # takes no file of anyone's, whatever its rights say
 
@@ -73,7 +74,7 @@ def test_what_only_another_user_may_replace(
 ) -> None:
     """As in /tmp: whoever may write there may not replace what is another's."""
     robot = load_robot("amouri2019")
-    runfile.RunFile.open(tmp_path / "run.nc", robot, {}).finish()
+    made_file(tmp_path / "run.nc", robot, {}).finish()
     (tmp_path / "a.gif").write_text("")
     (tmp_path / "series").mkdir()
     checks = (
@@ -115,7 +116,7 @@ def test_rights_are_those_of_any_new_file(tmp_path: Path, mask: int) -> None:
     try:
         write_whole_file(tmp_path / "file", "file", _fill)
         write_whole(tmp_path / "folder", "folder", lambda new: (new / "a").touch())
-        runfile.RunFile.open(tmp_path / "run.nc", load_robot("amouri2019"), {}).finish()
+        made_file(tmp_path / "run.nc", load_robot("amouri2019"), {}).finish()
     finally:
         os.umask(former)
     for name in ("file", "folder/a", "run.nc"):

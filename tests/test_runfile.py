@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import errno
 import math
 import os
@@ -21,24 +20,23 @@ import xarray as xr
 from bowstring import fields, load_robot
 from bowstring.errors import InputError
 from bowstring.runfile import RunFile, check_file, read_run
-from made_frames import made_frames
+from made_frames import made_file, made_frames, made_records
 
 ROBOT = load_robot("amouri2019")
 SETTINGS = {"theory": "cosserat", "damping": None, "twist": True}
 
 
 def chunk(number, times=20, robot=ROBOT):
-    return made_frames(robot, 0.01 * np.arange(number * times, (number + 1) * times))
+    return made_records(robot, 0.01 * np.arange(number * times, (number + 1) * times))
 
 
-@pytest.mark.parametrize(("name", "piece"), [("amouri2019", 10_000_000), ("rao2021", 40_000)])
-def test_a_run_in_chunks_is_the_dataset(tmp_path, name, piece, monkeypatch):
-    monkeypatch.setattr("bowstring.runfile._PIECE", piece)  # 40 kB: long chunks are split
+@pytest.mark.parametrize("name", ["amouri2019", "rao2021"])
+def test_a_run_in_chunks_is_the_dataset(tmp_path, name):
     robot = load_robot(name)
     path = tmp_path / "run.nc"
-    run = RunFile.open(path, robot, SETTINGS)
+    run = made_file(path, robot, SETTINGS)
     for size in (range(0, 7), range(7, 8), range(8, 8), range(8, 30)):
-        run.append(made_frames(robot, 0.01 * np.array(size, dtype=float)))
+        run.append(made_records(robot, 0.01 * np.array(size, dtype=float)))
     run.finish("stopped", "the smallest step failed")
     run.finish("converged")  # too late: nothing changes
     whole = fields.to_dataset(
@@ -57,7 +55,7 @@ def test_a_run_in_chunks_is_the_dataset(tmp_path, name, piece, monkeypatch):
 
 def test_it_says_where_it_is(tmp_path):
     path = tmp_path / "run.nc"
-    run = RunFile.open(path, ROBOT, SETTINGS)
+    run = made_file(path, ROBOT, SETTINGS)
     assert os.listdir(tmp_path) == []
     for i in range(3):
         run.append(chunk(i))
@@ -72,8 +70,8 @@ def test_it_says_where_it_is(tmp_path):
 
 
 def test_a_run_without_output_times(tmp_path):
-    with RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
-        run.append(made_frames(ROBOT, np.zeros(0)))
+    with made_file(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
+        run.append(made_records(ROBOT, np.zeros(0)))
     empty = read_run(tmp_path / "run.nc")
     assert empty.attrs["status"] == "converged" and np.isnan(empty.attrs["complete_to_s"])
     assert empty.attrs["robot_hash"] == ROBOT.hash and not empty.sizes
@@ -89,7 +87,7 @@ def test_a_run_without_output_times(tmp_path):
 )
 def test_an_error_on_the_way_is_kept(tmp_path, error, status, reason):
     path = tmp_path / "run.nc"
-    with pytest.raises(type(error)), RunFile.open(path, ROBOT, SETTINGS) as run:
+    with pytest.raises(type(error)), made_file(path, ROBOT, SETTINGS) as run:
         run.append(chunk(0))
         raise error
     data = read_run(path)
@@ -102,15 +100,15 @@ WRITER = """
     import numpy as np
     sys.path.insert(0, sys.argv[2])
     from bowstring import load_robot
-    from bowstring.runfile import RunFile
-    from made_frames import made_frames
-    import dataclasses
+    from made_frames import made_file, made_records
     robot = load_robot("amouri2019")
-    first = made_frames(robot, 0.01 * np.arange(40))
+    first = made_records(robot, 0.01 * np.arange(40))
+    numbers = first.view(">f8").reshape(40, -1)
     print("ready", flush=True)
-    run = RunFile.open(sys.argv[1], robot, {})
+    run = made_file(sys.argv[1], robot, {})
     for i in range(1000):
-        run.append(dataclasses.replace(first, time=first.time + 0.4 * i))
+        run.append(first)
+        numbers[:, 0] += 0.4
 """
 
 
@@ -147,7 +145,7 @@ def test_a_killed_run_opens_and_says_where_it_ended(tmp_path):
 
 def test_a_full_drive(tmp_path):
     path = tmp_path / "run.nc"
-    run = RunFile.open(path, ROBOT, SETTINGS)
+    run = made_file(path, ROBOT, SETTINGS)
     run.append(chunk(0))
     file = run._open()
 
@@ -177,7 +175,7 @@ def test_a_full_drive(tmp_path):
     data = read_run(path)
     assert data.attrs["status"] == "failed" and "the drive is full" in data.attrs["reason"]
     assert data.attrs["complete_to_s"] == data.time[-1] == 0.19
-    expected = fields.to_dataset(ROBOT, chunk(0), SETTINGS)
+    expected = fields.to_dataset(ROBOT, made_frames(ROBOT, 0.01 * np.arange(20)), SETTINGS)
     xr.testing.assert_equal(data, expected)
     assert file.closed
 
@@ -186,9 +184,9 @@ LIMITED = """
     import sys
     sys.path.insert(0, sys.argv[2])
     from bowstring.errors import InputError
-    from test_runfile import ROBOT, RunFile, chunk
+    from test_runfile import ROBOT, chunk, made_file
     import resource
-    run = RunFile.open(sys.argv[1], ROBOT, {})
+    run = made_file(sys.argv[1], ROBOT, {})
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), resource.RLIM_INFINITY))
     try:
         for i in range(5):
@@ -213,14 +211,14 @@ def test_a_limit_of_the_system(tmp_path, limit, times):
 
 
 def test_no_room_is_said_before_the_work(tmp_path):
-    with pytest.raises(InputError, match=r"needs about 3\.6e\+06 GB and the drive has"):
-        RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS, points=10**13)
+    with pytest.raises(InputError, match=r"needs .* GB and the drive has"):
+        made_file(tmp_path / "run.nc", ROBOT, SETTINGS, times=10**11)
     assert os.listdir(tmp_path) == []
 
 
 def test_where_it_may_be_written(tmp_path):
     with pytest.raises(InputError, match=r"the folder .*/no does not exist"):
-        RunFile.open(tmp_path / "no" / "run.nc", ROBOT, SETTINGS)
+        made_file(tmp_path / "no" / "run.nc", ROBOT, SETTINGS)
     (tmp_path / "text").write_text("mine")
     with pytest.raises(InputError, match="/text is a file"):
         check_file(tmp_path / "text" / "run.nc")
@@ -233,7 +231,7 @@ def test_where_it_may_be_written(tmp_path):
         check_file(tmp_path / "other.nc")
     # a former run is, once there is another
     for end in ("first", "second"):
-        with RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
+        with made_file(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
             if end == "second":
                 assert read_run(tmp_path / "run.nc").attrs["status"] == "first"
             run.finish(end)
@@ -246,11 +244,11 @@ def test_where_it_may_be_written(tmp_path):
 def test_a_run_whose_file_is_taken_is_lost(tmp_path, chunks, ending, other):
     """Two runs into one file: the first says so, and writes nothing into the second's."""
     path = tmp_path / "run.nc"
-    first = RunFile.open(path, ROBOT, SETTINGS)
+    first = made_file(path, ROBOT, SETTINGS)
     for i in range(chunks):
         first.append(chunk(i))
     if other == "run":
-        second = RunFile.open(path, ROBOT, SETTINGS)
+        second = made_file(path, ROBOT, SETTINGS)
         second.append(chunk(0))
     elif other == "text":
         (tmp_path / "new").write_text("mine")
@@ -280,7 +278,7 @@ def test_a_drive_that_is_full_at_once(tmp_path, monkeypatch):
     def full(file):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    run = RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS)
+    run = made_file(tmp_path / "run.nc", ROBOT, SETTINGS)
     monkeypatch.setattr("bowstring.runfile.new_beside", full)
     with pytest.raises(InputError, match=r"cannot write the run .* is full; nothing was written"):
         run.append(chunk(0))
@@ -288,15 +286,12 @@ def test_a_drive_that_is_full_at_once(tmp_path, monkeypatch):
 
 
 def test_chunks_that_do_not_follow(tmp_path):
-    with RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
+    with made_file(tmp_path / "run.nc", ROBOT, SETTINGS) as run:
         run.append(chunk(1))
         with pytest.raises(InputError, match=r"must increase: got 0 s after 0\.39 s"):
             run.append(chunk(0))
-        moved = dataclasses.replace(chunk(2), station=chunk(2).station + 1e-3)
-        with pytest.raises(InputError, match="stations of a run must be the same"):
-            run.append(moved)
-        with pytest.raises(InputError, match="has shape"):
-            run.append(chunk(2, robot=load_robot("rao2021")))
+        with pytest.raises(InputError, match=r"records of this run have \d+ bytes each, got \d+"):
+            run.append(chunk(2)[:-8])
         run.append(chunk(2))
     assert read_run(tmp_path / "run.nc").sizes["time"] == 40
 
@@ -319,7 +314,7 @@ def test_what_is_not_a_run(tmp_path):
 @pytest.mark.parametrize("status", ["converged", "running"])
 def test_a_copy_that_did_not_end_is_no_run(tmp_path, missing, status):
     """Other readers take zeros for what is missing."""
-    run = RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS)
+    run = made_file(tmp_path / "run.nc", ROBOT, SETTINGS)
     run.append(chunk(0))
     if status == "converged":
         run.finish()
@@ -335,19 +330,6 @@ def test_a_copy_that_did_not_end_is_no_run(tmp_path, missing, status):
                 read_run(tmp_path / "copy.nc")
         else:
             assert read_run(tmp_path / "copy.nc").attrs["status"] == status
-
-
-def test_it_is_quick(tmp_path):
-    """A loose bound for slow machines: simulating 100 output times takes 2 to 6 ms."""
-    run = RunFile.open(tmp_path / "run.nc", ROBOT, SETTINGS)
-    spent = []
-    for i in range(10):
-        frames = chunk(i, 100)
-        start = time.perf_counter()
-        run.append(frames)
-        spent.append(time.perf_counter() - start)
-    run.finish()
-    assert min(spent) < 0.02
 
 
 @pytest.mark.parametrize("step", ["_replace", "_write", "_open"])
@@ -369,7 +351,7 @@ def test_ctrl_c_within_a_write(tmp_path, monkeypatch, step, call, after):
             raise KeyboardInterrupt
         return result
 
-    with pytest.raises(KeyboardInterrupt), RunFile.open(path, ROBOT, SETTINGS) as run:
+    with pytest.raises(KeyboardInterrupt), made_file(path, ROBOT, SETTINGS) as run:
         with monkeypatch.context() as patch:
             patch.setattr(RunFile, step, interrupted)
             for i in range(3):

@@ -1,6 +1,6 @@
 """The compiled core; `bowstring.rod` and `bowstring.arc` are its public face."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, final
 
 import numpy as np
@@ -162,7 +162,17 @@ class Simulator:
         step: float | None,
         tolerance: float,
         longest_step: float,
+        points: int,
+        home: Floats,
+        compliance: Floats,
     ) -> Simulator: ...
+    def write_to(
+        self,
+        sections: Floats,
+        station: Floats,
+        room: NDArray[np.uint8],
+        append: Callable[[NDArray[np.uint8]], None],
+    ) -> None: ...
     def rest(self, tensions: Floats, tip_force: Floats, tip_moment: Floats) -> str: ...
     def rest_at(self, drive: Drive) -> bool: ...
     def hold(self, forces: Floats, increments: int) -> bool: ...
@@ -175,8 +185,17 @@ class Simulator:
         tip_force: Floats,
         tip_moment: Floats,
         record: NDArray[np.bool_],
-        points: int,
-    ) -> dict[str, Any]: ...
+    ) -> Literal["step_failed", "collision"] | None: ...
+    def tip(self) -> tuple[Floats, Floats, Floats]: ...
+    def fields(self) -> dict[str, Floats]: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def repeated(self) -> int: ...
+    @property
+    def output_s(self) -> float: ...
     @property
     def next_step(self) -> float: ...
     @property
@@ -198,18 +217,6 @@ def surface_stress(sections: Floats, force: Floats, moment: Floats) -> Floats: .
 def derive(
     sections: Floats, position: Floats, rotation: Floats, force: Floats, moment: Floats
 ) -> dict[str, Floats]: ...
-def write_records(
-    sections: Floats,
-    station: Floats,
-    time: Floats,
-    position: Floats,
-    rotation: Floats,
-    force: Floats,
-    moment: Floats,
-    others: list[Floats],
-    first: int,
-    out: NDArray[np.uint8],
-) -> None: ...
 
 @final
 class Solution:

@@ -12,10 +12,10 @@ import threading
 import time as clock
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -438,6 +438,8 @@ def simulate(
         dt,
         tolerance,
         min(every, DEFAULT_INTERVAL),
+        points,
+        *_lines(robot, theory, tendon, twist, elements),
     )
     path = None
     if loads.drive.pulled.any() or robot.has_friction or history is not None:
@@ -445,56 +447,32 @@ def simulate(
         if history is not None:
             path.resume(history)
             settings["history"] = dict(history)
-    lines = _Lines.of(robot, theory, tendon, twist, elements)
     times = _output_times(duration, every)
     stations = _stations(robot, points)
-    keep: list[Frames] = []
-    tips: list[tuple[Floats, Floats, Floats]] = []
-    from bowstring.runfile import RunFile
+    planned = None
+    if out is not None:
+        from bowstring.fields import Section
+        from bowstring.runfile import RunFile
 
-    room = len(times) * len(stations[0])
-    planned = None if out is None else RunFile.open(out, robot, settings, points=room)
+        planned = RunFile.open(out, robot, settings, *stations, times=len(times))
+        sections = Section(robot, *stations, theory, twist)
+        simulator.write_to(sections.columns, stations[0], planned.room, planned.append)
     file: RunFile | None = None
+    spent = 0.0
 
-    last = -1.0
-
-    def take(result: dict[str, Any]) -> None:
-        nonlocal last
-        # where a motion stops, the core gives the last output time again
-        new = np.diff(result["time"], prepend=last) > 0
-        if not new.all():
-            rows = {k: v[new] for k, v in result.items() if np.shape(v)[:1] == new.shape}
-            result = {**result, **rows}
-        if len(result["time"]):
-            last = float(result["time"][-1])
-            tip = result["disk_position"][:, -1], result["disk_velocity"][:, -1]
-            tips.append((result["time"], *tip))
-            if points:
-                frames = _frames(result, stations, lines)
-                if file is not None:
-                    file.append(frames)
-                else:
-                    keep.append(frames)
-        run.steps += result["steps"]
-        run.iterations += result["iterations"]
-        run.repeated += result["repeated"]
-
+    @_deaf()
     def finish(status: Status, reason: str = "") -> None:
         run.status, run.reason = status, reason
-        if keep:
-            run.frames = _joined(keep)
+        run.steps, run.iterations = simulator.steps, simulator.iterations
+        run.repeated, run.wall_s = simulator.repeated, spent - simulator.output_s
+        time, position, velocity = simulator.tip()
         if file is not None:
-            with _deaf():
-                file.finish(status, reason)
-        if tips:
-            time, position, velocity = (np.concatenate(parts) for parts in zip(*tips, strict=True))
-            # an interrupt may have fallen between two of these places: go by what is kept
-            if file is not None:
-                time = time[time <= file.complete_to]
-            elif run.frames is not None:
-                time = time[time <= run.frames.time[-1]]
-            run.time = time
-            run.tip_position, run.tip_velocity = position[: len(time)], velocity[: len(time)]
+            file.finish(status, reason)
+            written = time <= file.complete_to  # an interrupt may have kept the last from it
+            time, position, velocity = time[written], position[written], velocity[written]
+        elif points and len(time) and run.frames is None:
+            run.frames = _frames(simulator, stations)
+        run.time, run.tip_position, run.tip_velocity = time, position, velocity
 
     try:
         begun = clock.perf_counter()
@@ -517,30 +495,23 @@ def simulate(
                 "its disks",
                 run,
             )
-        first = simulator.run(*_rows([0.0], [initial]), np.array([True]), points)
-        if holding is not None:
-            simulator.release()
-        simulator.jump(*loads.at(0.0))
-        run.wall_s += clock.perf_counter() - begun
         # a former run in its place is given up only for one that has begun
         if planned is not None:
             file, run.path = planned, planned.path
-        take(first)
+        simulator.run(*_rows([0.0], [initial]), np.array([True]))
+        if holding is not None:
+            simulator.release()
+        simulator.jump(*loads.at(0.0))
         jumps = sorted(loads.jumps())
-        begun = clock.perf_counter()
         reached = 0.0
         longest = dt if dt is not None else min(every, DEFAULT_INTERVAL)
         modules = elements * len(robot.disks.station_m)
+        stop = None
         for stretches in loads.chunks(simulator, times.copy(), longest, modules):
-            result = simulator.run(*stretches, points)
-            run.wall_s += clock.perf_counter() - begun
-            take(result)
-            if result["stop"] is not None:
-                why = _WHY[result["stop"]]
-                if result["stop"] == "step_failed" and loads.drive.pulled.any():
-                    why += _PULLS
-                finish(result["stop"], why)
-                return run
+            stop = simulator.run(*stretches)
+            spent += clock.perf_counter() - begun
+            if stop is not None:
+                break
             reached += float(stretches[0].sum())
             for jump in jumps:
                 if abs(jump - reached) <= 1e-9 * (1 + reached) and jump < duration:
@@ -548,7 +519,11 @@ def simulate(
             if progress is not None and duration > 0:
                 progress(min(simulator.time / duration, 1.0))
             begun = clock.perf_counter()
-        finish("converged")
+        if stop is None:
+            finish("converged")
+        else:
+            fight = _PULLS if stop == "step_failed" and loads.drive.pulled.any() else ""
+            finish(stop, _WHY[stop] + fight)
     except KeyboardInterrupt:
         ended = False
         while not ended:
@@ -710,41 +685,20 @@ def _stations(robot: Robot, points: int) -> tuple[Floats, NDArray[np.int64]]:
     return station.ravel(), np.repeat(np.arange(len(start)), points)
 
 
-class _Lines(NamedTuple):
-    """What tells the pulls of tendons that were given by tension, (T,)."""
-
-    home: Floats  # m
-    compliance: Floats  # m/N
-
-    @classmethod
-    def of(cls, robot: Robot, theory: str, tendon: str, twist: bool, elements: int) -> _Lines:
-        home = driving.home_lengths(robot, theory, tendon, twist, elements)
-        missing = np.full(len(robot.tendons.end_disk), np.nan)
-        return cls(missing if home is None else home, driving.compliances(robot))
+def _lines(
+    robot: Robot, theory: str, tendon: str, twist: bool, elements: int
+) -> tuple[Floats, Floats]:
+    """What tells the pulls of tendons that are given by tension: length at home in m, compliance
+    in m/N, (T,)."""
+    home = driving.home_lengths(robot, theory, tendon, twist, elements)
+    missing = np.full(len(robot.tendons.end_disk), np.nan)
+    return missing if home is None else home, driving.compliances(robot)
 
 
-def _frames(
-    result: dict[str, Any], stations: tuple[Floats, NDArray[np.int64]], lines: _Lines
-) -> Frames:
+def _frames(simulator: Any, stations: tuple[Floats, NDArray[np.int64]]) -> Frames:
     from bowstring.fields import Frames
 
-    if "pull" not in result:
-        tension, span = result["tension"], result["span_length"]
-        result = {
-            **result,
-            "pull": lines.home - result["tendon_length"] + lines.compliance * tension,
-            "slack": np.zeros_like(tension),
-            "span_tension": tension[:, None, :] + 0.0 * span,  # NaN where there is none
-        }
-
-    values = {name: result[name] for name in Frames.__dataclass_fields__ if name in result}
-    return Frames(station=stations[0], module=stations[1], **values)
-
-
-def _joined(parts: Sequence[Frames]) -> Frames:
-    first = parts[0]
-    names = [f.name for f in fields(first) if f.name not in ("station", "module")]
-    return replace(first, **{n: np.concatenate([getattr(p, n) for p in parts]) for n in names})
+    return Frames(station=stations[0], module=stations[1], **simulator.fields())
 
 
 def _rows(
@@ -779,7 +733,15 @@ def at_rest(
     from bowstring import _core
 
     simulator = _core.Simulator(
-        robot.core, theory, tendon, twist, elements, gravity, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0
+        robot.core,
+        theory,
+        tendon,
+        twist,
+        elements,
+        gravity,
+        *(0.0, 0.0, 1.0, 1.0, 1.0, 1.0),
+        points,
+        *_lines(robot, theory, tendon, twist, elements),
     )
     load = Load(*(np.asarray(v, dtype=float) for v in (tensions, tip_force, tip_moment)))
     if path is None:
@@ -792,6 +754,5 @@ def at_rest(
             f"{robot.name}: there is no equilibrium to take fields of ({status})",
             status="no_equilibrium",
         )
-    result = simulator.run(*_rows([0.0], [load]), np.array([True]), points)
-    lines = _Lines.of(robot, theory, tendon, twist, elements)
-    return _frames(result, _stations(robot, points), lines)
+    simulator.run(*_rows([0.0], [load]), np.array([True]))
+    return _frames(simulator, _stations(robot, points))

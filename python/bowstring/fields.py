@@ -1,8 +1,8 @@
 """Fields of a run: curvature, strain, stress, pull and energy, labelled and with units.
 
-`derive` turns raw output (`Frames`) into arrays, many output times at once, and knows no labels.
-`Records` packs the same into bytes: the quick path that `bowstring.runfile` writes. `to_dataset`
-adds the labels. All use one table, `FIELDS`, so that a file and a dataset agree.
+`derive` turns raw output (`Frames`) into arrays, many output times at once, and knows no labels;
+`to_dataset` adds them. A run with a file packs the same into bytes as it goes, in the core. Both go
+by one table, `FIELDS`, so that a file and a dataset agree.
 
 Body axes of a section: z along the tangent, x and y along those of the base when it is straight.
 Force and moment are those that the part beyond exerts on the section, so a positive force z is
@@ -31,13 +31,11 @@ __all__ = [
     "SCHEMA_VERSION",
     "Field",
     "Frames",
-    "Records",
     "Section",
     "attributes",
     "check_frames",
     "coordinates",
     "derive",
-    "section",
     "surface_stress",
     "to_dataset",
     "von_mises",
@@ -234,12 +232,6 @@ class Section:
         )
 
 
-def section(robot: Robot, frames: Frames, settings: Mapping[str, Any]) -> Section:
-    """The sections for the settings of a run (``theory``, ``twist``)."""
-    theory, twist = settings.get("theory", "cosserat"), bool(settings.get("twist", True))
-    return Section(robot, frames.station, frames.module, theory, twist)
-
-
 def check_frames(robot: Robot, frames: Frames) -> None:
     """Raise `InputError` if the arrays of ``frames`` do not fit each other or the robot."""
     t, p = len(frames.time), len(frames.station)
@@ -324,20 +316,16 @@ def von_mises(sigma: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
     return found[0], found[1], found[2]
 
 
-def derive(
-    robot: Robot, frames: Frames, sec: Section, energy_at_start: float | None = None
-) -> dict[str, Floats]:
+def derive(robot: Robot, frames: Frames, sec: Section) -> dict[str, Floats]:
     """All variables of `FIELDS` for the times of ``frames``.
 
     Parameters
     ----------
     robot : Robot
     frames : Frames
+        The energy balance is that since the first of them.
     sec : Section
         Of these stations.
-    energy_at_start : float, optional
-        Kinetic, elastic and gravity energy less work plus dissipation at the first time of the run,
-        in J; that of the first frame if not given.
 
     Returns
     -------
@@ -345,75 +333,27 @@ def derive(
     """
     from bowstring import _core
 
-    out = _core.derive(sec.columns, *_vectors(frames))
+    vectors = (frames.position, frames.rotation, frames.force, frames.moment)
+    out = _core.derive(sec.columns, *map(_floats, vectors))
     value, place = out["von_mises"], out["von_mises_place"]
     times, top = np.arange(len(frames.time)), value.argmax(axis=1)
     out["von_mises_max"] = value[times, top]
     out["von_mises_max_arc_length"] = frames.station[top]
     out["von_mises_max_place"] = place[times, top]
-    out |= _of_whole(robot, frames, energy_at_start)
-    return {f.name: getattr(frames, f.name) if f.name in _RAW else out[f.name] for f in FIELDS}
-
-
-class Records:
-    """Output times as the file of a run has them: fields are derived as they are packed.
-
-    A record is time and all of `FIELDS` in their order, most significant byte first.
-
-    Parameters
-    ----------
-    robot, frames, sec, energy_at_start
-        As of `derive`, whose values these are.
-
-    """
-
-    def __init__(
-        self, robot: Robot, frames: Frames, sec: Section, energy_at_start: float | None = None
-    ) -> None:
-        whole = _of_whole(robot, frames, energy_at_start)
-        names = [f.name for f in FIELDS]
-        # those of sections come first, with what the core derives of them
-        beside = names[names.index("von_mises_max_place") + 1 :]
-        self._sections = sec.columns
-        self._station, self._time = _floats(frames.station), _floats(frames.time)
-        self._vectors = _vectors(frames)
-        self._beside = [_floats(whole[n] if n in whole else getattr(frames, n)) for n in beside]
-
-    def pack(self, first: int, out: NDArray[np.uint8]) -> None:
-        """Fill ``out`` with whole records from the output time number ``first`` on."""
-        from bowstring import _core
-
-        _core.write_records(
-            self._sections, self._station, self._time, *self._vectors, self._beside, first, out
-        )
-
-
-def _of_whole(robot: Robot, frames: Frames, energy_at_start: float | None) -> dict[str, Floats]:
-    """What is derived of other than sections."""
+    out["tip_displacement"] = frames.disk_position[:, -1] - (0.0, 0.0, robot.length)
     energy = frames.kinetic_energy + frames.elastic_energy + frames.gravity_energy
     balance = energy - frames.work + frames.dissipated_energy
-    if energy_at_start is None:
-        energy_at_start = balance[0] if len(balance) else 0.0
-    return {
-        "tip_displacement": frames.disk_position[:, -1] - (0.0, 0.0, robot.length),
-        "energy_balance": balance - energy_at_start,
-    }
-
-
-def _vectors(frames: Frames) -> tuple[Floats, Floats, Floats, Floats]:
-    return (
-        _floats(frames.position),
-        _floats(frames.rotation),
-        _floats(frames.force),
-        _floats(frames.moment),
-    )
+    out["energy_balance"] = balance - (balance[0] if len(balance) else 0.0)
+    return {f.name: getattr(frames, f.name) if f.name in _RAW else out[f.name] for f in FIELDS}
 
 
 def _floats(values: Floats) -> Floats:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def coordinates(robot: Robot, frames: Frames) -> dict[str, tuple[str, Any, dict[str, str]]]:
+def coordinates(
+    robot: Robot, station: Floats, module: Ints
+) -> dict[str, tuple[str, Any, dict[str, str]]]:
     """Coordinates other than time: name to (dimension, values, attributes)."""
     axes = np.array(["x", "y", "z"])
     n, m = len(robot.disks.station_m), len(robot.tendons.end_disk)
@@ -433,13 +373,13 @@ def coordinates(robot: Robot, frames: Frames) -> dict[str, tuple[str, Any, dict[
         "tendon": ("tendon", count(range(1, m + 1)), about("tendon, counted from 1")),
         "arc_length": (
             "station",
-            np.asarray(frames.station, dtype=float),
+            np.asarray(station, dtype=float),
             about("arc length along the straight backbone", "m"),
         ),
-        "module": ("station", count(frames.module + 1), about("module" + from_base)),
+        "module": ("station", count(module + 1), about("module" + from_base)),
         "segment": (
             "station",
-            count(robot.disks.segment[frames.module] + 1),
+            count(robot.disks.segment[module] + 1),
             about("segment" + from_base),
         ),
         "disk_arc_length": (
@@ -532,11 +472,16 @@ def to_dataset(
     import xarray as xr
 
     check_frames(robot, frames)
-    values = derive(robot, frames, section(robot, frames, settings))
+    theory, twist = settings.get("theory", "cosserat"), bool(settings.get("twist", True))
+    sections = Section(robot, frames.station, frames.module, theory, twist)
+    values = derive(robot, frames, sections)
     end = float(frames.time[-1]) if len(frames.time) else math.nan
     return xr.Dataset(
         {f.name: (("time", *f.dims), values[f.name], field_attributes(f)) for f in FIELDS},
-        coords={"time": ("time", np.asarray(frames.time), TIME), **coordinates(robot, frames)},
+        coords={
+            "time": ("time", np.asarray(frames.time), TIME),
+            **coordinates(robot, frames.station, frames.module),
+        },
         attrs={
             "complete_to_s": end,
             "status": status,

@@ -5,10 +5,11 @@ A run's file comes to its final place with the first output times and grows ther
 a file that opens with any NetCDF reader and holds the run up to that time.
 
 The format is classic NetCDF with 64-bit offsets, written here byte by byte. All variables of one
-output time lie side by side, so a chunk is one write at the end of the file; then one write in the
-first page of the file says how many times there are, up to when, and the status. That order is what
-makes the file whole at every moment, and it is several times quicker than the NetCDF library, which
-writes variable by variable. A HDF5 file that is killed in a write may be lost.
+output time lie side by side: a record, as the core packs it. So a chunk is one write at the end of
+the file; then one write in the first page of the file says how many times there are, up to when,
+and the status. That order is what makes the file whole at every moment, and it is several times
+quicker than the NetCDF library, which writes variable by variable. A HDF5 file that is killed in a
+write may be lost.
 """
 
 from __future__ import annotations
@@ -16,21 +17,23 @@ from __future__ import annotations
 import contextlib
 import errno
 import functools
+import io
 import math
 import os
 import shutil
 import stat
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowstring import fields
 from bowstring.errors import InputError
-from bowstring.fields import FIELDS, Field, Frames, Records, Section
+from bowstring.fields import FIELDS, Field, Floats, Ints
 from bowstring.files import (
     check_parent,
     check_replaceable,
@@ -51,10 +54,11 @@ _CHAR, _INT, _DOUBLE = 2, 4, 6
 _DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
 _DIMENSION_ORDER: Final = ("time", "letter", "axis", "row", "column", "disk", "tendon", "station")
 _PLACE: Final = struct.Struct(">iq")  # a variable's bytes, and where they begin
+_TIME: Final = struct.Struct(">d")  # a record begins with it
 _STATUS_BYTES: Final = 32
 _REASON_BYTES: Final = 1024
 _PAGE: Final = 4096
-_PIECE: Final = 250_000  # bytes written at once: few calls, and still in the cache
+_ROOM: Final = 250_000  # bytes written at once: few calls, and still in the cache
 _LARGEST: Final = 2**31 - 4
 _OURS: Final = b"bowstring_version"
 
@@ -116,14 +120,20 @@ class RunFile:
     path : Path
     complete_to : float
         Time in s up to which the file holds the run; NaN before the first output time.
+    room : ndarray of uint8
+        Where whole records may be packed before they are appended.
     """
 
-    def __init__(self, path: Path, robot: Robot, settings: Mapping[str, Any]) -> None:
+    def __init__(
+        self, path: Path, robot: Robot, settings: Mapping[str, Any], station: Floats, module: Ints
+    ) -> None:
         self.path = path
         self.complete_to = float("nan")
-        self._robot = robot
-        self._settings = dict(settings)
         self._attributes = fields.attributes(robot, settings)
+        coordinates = fields.coordinates(robot, station, module)
+        self._header = _Header(self._attributes, coordinates, FIELDS)
+        size = self._header.record
+        self.room = np.empty(max(1, _ROOM // size) * size, dtype=np.uint8)
         self._file: BinaryIO | None = None
         self._placed = False
         self._records = 0
@@ -131,7 +141,14 @@ class RunFile:
 
     @classmethod
     def open(
-        cls, path: str | Path, robot: Robot, settings: Mapping[str, Any], *, points: int = 0
+        cls,
+        path: str | Path,
+        robot: Robot,
+        settings: Mapping[str, Any],
+        station: Floats,
+        module: Ints,
+        *,
+        times: int = 0,
     ) -> Self:
         """Start a file, before the work begins.
 
@@ -142,9 +159,11 @@ class RunFile:
         robot : Robot
         settings : mapping
             As for `bowstring.fields.to_dataset`; kept in the file.
-        points : int, optional
-            Expected number of values in the run: output times times stations. If given, the
-            drive must have room for them.
+        station : ndarray (P,)
+        module : ndarray of int (P,)
+            As those of `bowstring.fields.Frames`.
+        times : int, optional
+            Expected number of output times; the drive must have room for them.
 
         Returns
         -------
@@ -155,49 +174,61 @@ class RunFile:
         InputError
             If the file cannot be written, see `check_file`, or the drive has no room.
         """
-        run = cls(check_file(path), robot, settings)
+        run = cls(check_file(path), robot, settings, station, module)
         why = f"cannot write the run to {run.path}"
         try:
             free = shutil.disk_usage(run.path.parent).free
         except OSError as error:
             raise InputError(f"{why}: {_why(error)}") from None
-        need = 8 * 45 * points  # some 45 numbers a station and time
+        need = run._header.size + times * run._header.record
         if need > free:
             raise InputError(
-                f"{why}: it needs about {need / 1e9:.2g} GB and the drive has {free / 1e9:.2g} GB "
-                "free"
+                f"{why}: it needs {need / 1e9:.2g} GB and the drive has {free / 1e9:.2g} GB free"
             )
         return run
 
-    def append(self, frames: Frames) -> None:
-        """Add output times and make them part of the file; costs least for 50 or more at once.
+    def append(self, records: NDArray[np.uint8]) -> None:
+        """Add output times and make them part of the file.
 
         Parameters
         ----------
-        frames : Frames
-            Later than all before, at the same stations.
+        records : ndarray of uint8
+            Whole records, later than all before: time and all of `bowstring.fields.FIELDS` in their
+            order, most significant byte first.
 
         Raises
         ------
         InputError
-            If the arrays do not fit, or the drive takes no more: then the file says
+            If these are no records, or the drive takes no more: then the file says
             ``status = "failed"`` and holds the run up to the last whole chunk. If the file was
             removed, or another has taken its place.
         """
         if self._closed:
             raise InputError(f"the run in {self.path} is finished; nothing can be added")
-        fields.check_frames(self._robot, frames)
-        if len(frames.time) == 0:
+        size = self._header.record
+        count = len(records) // size
+        if len(records) != count * size:
+            raise InputError(f"records of this run have {size} bytes each, got {len(records)}")
+        if count == 0:
             return
-        if self._records == 0:
-            self._begin(frames)
-        elif frames.time[0] <= self.complete_to:
+        content = records.data
+        (first,) = _TIME.unpack_from(content)
+        (last,) = _TIME.unpack_from(content, (count - 1) * size)
+        if first <= self.complete_to:
             raise InputError(
-                f"output times must increase: got {frames.time[0]:g} s after {self.complete_to:g} s"
+                f"output times must increase: got {first:g} s after {self.complete_to:g} s"
             )
-        elif not np.array_equal(frames.station, self._station):
-            raise InputError("the stations of a run must be the same at all its times")
-        self._add(frames)
+        head = (self._records + count, last)
+        try:
+            if self._records == 0:
+                self._replace(self._header.bytes("running", "", *head), content)
+            else:
+                self._check_place()
+                self._write(self._header.size + self._records * size, content)
+                self._write(4, self._header.head("running", "", *head))
+        except OSError as error:
+            self._give_up(error)
+        self._records, self.complete_to = head
 
     def finish(self, status: str = "converged", reason: str = "") -> None:
         """Say how the run ended and close the file; a second call does nothing.
@@ -237,51 +268,13 @@ class RunFile:
 
     # -- inside --------------------------------------------------------------------------------
 
-    def _begin(self, frames: Frames) -> None:
-        """What the first times fix: the stations, and the energy at the start."""
-        robot = self._robot
-        self._station = np.array(frames.station)
-        self._section: Section = fields.section(robot, frames, self._settings)
-        energy = frames.kinetic_energy + frames.elastic_energy + frames.gravity_energy
-        self._energy = float((energy - frames.work + frames.dissipated_energy)[0])
-        self._header = _Header(self._attributes, fields.coordinates(robot, frames), FIELDS)
-
-    def _add(self, frames: Frames) -> None:
-        records = Records(self._robot, frames, self._section, self._energy)
-        pieces = self._pieces(records, len(frames.time))
-        head = (self._records + len(frames.time), float(frames.time[-1]))
-        try:
-            if self._records == 0:
-                self._replace(self._header.bytes("running", "", *head), pieces)
-            else:
-                self._check_place()
-                here = self._header.size + self._records * self._header.record
-                for piece in pieces:
-                    self._write(here, piece)
-                    here += len(piece)
-                self._write(4, self._header.head("running", "", *head))
-        except OSError as error:
-            self._give_up(error)
-        self._records, self.complete_to = head
-
-    def _pieces(self, records: Records, count: int) -> Iterator[memoryview]:
-        """The bytes of records, some at a time; each piece takes the place of the last."""
-        size = self._header.record
-        most = max(1, _PIECE // size)
-        room = np.empty(min(most, count) * size, dtype=np.uint8)
-        for first in range(0, count, most):
-            piece = room[: min(most, count - first) * size]
-            records.pack(first, piece)
-            yield piece.data
-
-    def _replace(self, header: bytes, content: Iterable[memoryview] = ()) -> None:
+    def _replace(self, *parts: bytes | memoryview) -> None:
         """Put a new file in place, whole, and go on in it."""
         handle, name = new_beside(self.path)
         try:
-            with os.fdopen(handle, "wb") as new:
-                new.write(header)
-                for piece in content:
-                    new.write(piece)
+            with os.fdopen(handle, "wb", buffering=0) as new:
+                for part in parts:
+                    _write(new, part)
             os.replace(name, self.path)
             self._placed = True
             self._open()  # at once: later another run may have this name
@@ -311,9 +304,7 @@ class RunFile:
     def _write(self, offset: int, content: bytes | memoryview) -> None:
         file = self._open()
         file.seek(offset)
-        rest = memoryview(content)
-        while rest:
-            rest = rest[file.write(rest) :]
+        _write(file, content)
 
     def _end(self, status: str, reason: str) -> None:
         """Write the status where the file has it, whatever an interrupt left undone, and close."""
@@ -346,6 +337,13 @@ class RunFile:
         if self._records == 0:
             return "the file holds no output time"
         return f"the file holds the run up to {self.complete_to:.6g} s"
+
+
+def _write(file: BinaryIO | io.FileIO, content: bytes | memoryview) -> None:
+    """All of it: an unbuffered file may take a part at a time."""
+    rest = memoryview(content)
+    while rest:
+        rest = rest[file.write(rest) :]
 
 
 def _why(error: OSError) -> str:

@@ -413,7 +413,7 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
 
 def _surface(model: Model, frames: fields.Frames) -> Surface:
     main = model.main
-    section = fields.section(model.robot, frames, {"theory": main.theory, "twist": main.twist})
+    section = fields.Section(model.robot, frames.station, frames.module, main.theory, main.twist)
     found = fields.derive(model.robot, frames, section)
     bend = np.hypot(found["curvature"][..., 0], found["curvature"][..., 1])
     strain = bend * section.radius + np.abs(found["strain"][..., 2])

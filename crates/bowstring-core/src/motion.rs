@@ -184,7 +184,7 @@ pub struct Energies {
 
 impl Energies {
     /// What is left of what was put in: constant but for numerical damping and error.
-    pub(crate) fn left(&self) -> f64 {
+    pub fn left(&self) -> f64 {
         self.kinetic + self.elastic + self.gravity - self.work + self.dissipated
     }
 

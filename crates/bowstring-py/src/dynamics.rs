@@ -1,8 +1,9 @@
 //! Dynamics of the rod: `Simulator`, a robot that moves, and `flexibility` for its modes.
 
 use crate::drive::Drive;
+use crate::fields::Records;
 use crate::rod::{input_error, model, numbers, refused, three, Robot};
-use bowstring_core::dynamics::{self, Damping, Energies, Fields, Settings, Step, Stop};
+use bowstring_core::dynamics::{self, Count, Damping, Energies, Fields, Settings, Step, Stop};
 use bowstring_core::load::Load;
 use bowstring_core::modes::{self, Flexibility};
 use numpy::{
@@ -11,18 +12,35 @@ use numpy::{
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::time::{Duration, Instant};
 
-/// A robot that moves.
+/// A robot that moves, and what it leaves behind.
 #[pyclass(module = "bowstring._core")]
 pub struct Simulator {
     inner: dynamics::Simulator,
+    count: Count,
+    /// Stations in each module; 0 keeps the motion of the tip alone.
+    points: usize,
+    /// Of each tendon, for the pull of those that are given by tension: length at home, m, and
+    /// compliance, m/N.
+    home: Vec<f64>,
+    compliance: Vec<f64>,
+    /// Of all output times.
+    time: Vec<f64>,
+    tip_position: Vec<f64>,
+    tip_velocity: Vec<f64>,
+    /// Of all output times too, but for those that have gone to a file.
+    fields: Fields,
+    records: Option<Records>,
+    /// Spent on the file.
+    output: Duration,
 }
 
 #[pymethods]
 impl Simulator {
     #[new]
     #[pyo3(signature = (robot, theory, tendon, twist, elements, gravity, mass_damping,
-        material_damping, spectral_radius, step, tolerance, longest_step))]
+        material_damping, spectral_radius, step, tolerance, longest_step, points, home, compliance))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         robot: &Robot,
@@ -37,8 +55,16 @@ impl Simulator {
         step: Option<f64>,
         tolerance: f64,
         longest_step: f64,
+        points: usize,
+        home: &Bound<'_, PyAny>,
+        compliance: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let robot = &robot.inner;
+        if points == 1 {
+            return Err(refused(
+                "points is 1, it must be 2 or more, or 0 for no fields",
+            ));
+        }
         let settings = Settings {
             gravity: match gravity {
                 Some(g) => three(g, "gravity", "m/s^2")?,
@@ -58,9 +84,44 @@ impl Simulator {
             },
         };
         let model = model(theory, tendon, twist)?;
-        dynamics::Simulator::new(robot, model, elements, settings)
-            .map(|inner| Simulator { inner })
-            .map_err(input_error)
+        let tendons = robot.tendon_count();
+        let inner =
+            dynamics::Simulator::new(robot, model, elements, settings).map_err(input_error)?;
+        Ok(Simulator {
+            inner,
+            count: Count::default(),
+            points,
+            home: numbers(home, "home", "m", tendons)?,
+            compliance: numbers(compliance, "compliance", "m/N", tendons)?,
+            time: Vec::new(),
+            tip_position: Vec::new(),
+            tip_velocity: Vec::new(),
+            fields: Fields::default(),
+            records: None,
+            output: Duration::ZERO,
+        })
+    }
+
+    /// From now on fields go to a file: packed into `room`, for whole records, which goes to
+    /// `append` whenever it is full and at the end of `run`. Columns of the sections (P, 10): those
+    /// of `stress::Section`.
+    fn write_to(
+        &mut self,
+        sections: PyReadonlyArray2<'_, f64>,
+        station: PyReadonlyArray1<'_, f64>,
+        room: Bound<'_, PyArray1<u8>>,
+        append: Py<PyAny>,
+    ) -> PyResult<()> {
+        let robot = self.inner.robot();
+        let (disks, tendons) = (robot.module_count(), robot.tendon_count());
+        if station.len() != disks * self.points {
+            return Err(refused("there must be as many stations as points"));
+        }
+        let size = Records::size_beside(disks, tendons);
+        let length = robot.length();
+        let records = Records::new(&sections, &station, length, room, append, size)?;
+        self.records = Some(records);
+        Ok(())
     }
 
     /// Goes to rest in the equilibrium of a load; returns the status of its search.
@@ -125,24 +186,21 @@ impl Simulator {
     }
 
     /// Through stretches of time, one a row, in which the load goes in a straight line to that
-    /// of the row; appends the fields after every row where `record` is set. Stops early where
-    /// a step fails or disks meet: `stop` says which.
-    #[allow(clippy::too_many_arguments)]
-    fn run<'py>(
+    /// of the row; keeps the fields after every row where `record` is set. Stops early where a step
+    /// fails or disks meet, and returns which.
+    fn run(
         &mut self,
-        py: Python<'py>,
-        duration: PyReadonlyArray1<'py, f64>,
-        tensions: PyReadonlyArray2<'py, f64>,
-        tip_force: PyReadonlyArray2<'py, f64>,
-        tip_moment: PyReadonlyArray2<'py, f64>,
-        record: PyReadonlyArray1<'py, bool>,
-        points: usize,
-    ) -> PyResult<Bound<'py, PyDict>> {
+        py: Python<'_>,
+        duration: PyReadonlyArray1<'_, f64>,
+        tensions: PyReadonlyArray2<'_, f64>,
+        tip_force: PyReadonlyArray2<'_, f64>,
+        tip_moment: PyReadonlyArray2<'_, f64>,
+        record: PyReadonlyArray1<'_, bool>,
+    ) -> PyResult<Option<&'static str>> {
         let rows = duration.len();
-        let robot = self.inner.robot();
-        let (n, m) = (robot.module_count(), robot.tendon_count());
+        let tendons = self.inner.robot().tendon_count();
         for (name, shape, expected) in [
-            ("tensions", tensions.shape(), [rows, m]),
+            ("tensions", tensions.shape(), [rows, tendons]),
             ("tip_force", tip_force.shape(), [rows, 3]),
             ("tip_moment", tip_moment.shape(), [rows, 3]),
         ] {
@@ -158,20 +216,11 @@ impl Simulator {
                 record.len()
             )));
         }
-        if points == 1 {
-            return Err(refused(
-                "points is 1, it must be 2 or more, or 0 for no fields",
-            ));
-        }
         let (duration, record) = (duration.as_array(), record.as_array());
         let (force, moment) = (tip_force.as_array(), tip_moment.as_array());
         let tensions = tensions.as_array();
-        let mut own = vec![0.0; m];
-        let times = record.iter().filter(|wanted| **wanted).count();
-        let mut fields = Fields::with_room(times, n, m, points);
-        let mut total = dynamics::Count::default();
+        let mut own = vec![0.0; tendons];
         let mut stop = None;
-        let simulator = &mut self.inner;
         py.detach(|| {
             for row in 0..rows {
                 for (to, from) in own.iter_mut().zip(tensions.row(row)) {
@@ -184,69 +233,120 @@ impl Simulator {
                     tip_moment: [0, 1, 2].map(|i| moment[[row, i]]),
                 };
                 let count;
-                (stop, count) = simulator.advance(duration[row], &load)?;
-                total.steps += count.steps;
-                total.iterations += count.iterations;
-                total.repeated += count.repeated;
+                (stop, count) = self
+                    .inner
+                    .advance(duration[row], &load)
+                    .map_err(input_error)?;
+                self.count.steps += count.steps;
+                self.count.iterations += count.iterations;
+                self.count.repeated += count.repeated;
                 if stop.is_some() || record[row] {
-                    simulator.record(points, &mut fields);
+                    self.record()?;
                 }
                 if stop.is_some() {
                     break;
                 }
             }
-            Ok(())
-        })
-        .map_err(input_error)?;
-        let out = PyDict::new(py);
-        let word = stop.map(|s| match s {
+            PyResult::Ok(())
+        })?;
+        if let Some(records) = &mut self.records {
+            let begun = Instant::now();
+            records.flush(py)?;
+            self.output += begun.elapsed();
+        }
+        Ok(stop.map(|s| match s {
             Stop::StepFailed => "step_failed",
             Stop::Collision => "collision",
-        });
-        out.set_item("stop", word)?;
-        out.set_item("steps", total.steps)?;
-        out.set_item("iterations", total.iterations)?;
-        out.set_item("repeated", total.repeated)?;
-        let times = fields.time.len();
-        let shaped = |v: Vec<f64>, shape: &[usize]| -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-            v.into_pyarray(py).reshape(shape)
+        }))
+    }
+
+    /// Output times (K,) and position and velocity (K, 3) of the tip.
+    #[allow(clippy::type_complexity)]
+    fn tip<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(
+        Bound<'py, PyArray1<f64>>,
+        Bound<'py, PyArrayDyn<f64>>,
+        Bound<'py, PyArrayDyn<f64>>,
+    )> {
+        let shape = [self.time.len(), 3];
+        let vectors = |v: &[f64]| {
+            let flat = PyArray1::from_slice(py, v);
+            flat.reshape(shape).map(|a| a.to_dyn().clone())
         };
-        let each = |value: &dyn Fn(&Energies) -> f64| {
+        Ok((
+            PyArray1::from_slice(py, &self.time),
+            vectors(&self.tip_position)?,
+            vectors(&self.tip_velocity)?,
+        ))
+    }
+
+    /// Gives away the fields of all output times that have not gone to a file.
+    fn fields<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let fields = std::mem::take(&mut self.fields);
+        let robot = self.inner.robot();
+        let (n, m) = (robot.module_count(), robot.tendon_count());
+        let (times, p) = (fields.time.len(), n * self.points);
+        let out = PyDict::new(py);
+        let energy = |value: &dyn Fn(&Energies) -> f64| {
             PyArray1::from_iter(py, fields.energies.iter().map(value))
         };
-        out.set_item("kinetic_energy", each(&|e| e.kinetic))?;
-        out.set_item("elastic_energy", each(&|e| e.elastic))?;
-        out.set_item("gravity_energy", each(&|e| e.gravity))?;
-        out.set_item("work", each(&|e| e.work))?;
-        out.set_item("dissipated_energy", each(&|e| e.dissipated))?;
-        let p = n * points;
-        out.set_item("time", shaped(fields.time, &[times])?)?;
-        out.set_item("position", shaped(fields.position, &[times, p, 3])?)?;
-        out.set_item("rotation", shaped(fields.rotation, &[times, p, 3, 3])?)?;
-        out.set_item("force", shaped(fields.force, &[times, p, 3])?)?;
-        out.set_item("moment", shaped(fields.moment, &[times, p, 3])?)?;
-        let disk = |v, shape: &[usize]| shaped(v, shape);
-        out.set_item("disk_position", disk(fields.disk_position, &[times, n, 3])?)?;
-        out.set_item(
-            "disk_rotation",
-            disk(fields.disk_rotation, &[times, n, 3, 3])?,
-        )?;
-        out.set_item("disk_velocity", disk(fields.disk_velocity, &[times, n, 3])?)?;
-        out.set_item(
-            "disk_angular_velocity",
-            disk(fields.disk_angular_velocity, &[times, n, 3])?,
-        )?;
-        out.set_item("tension", shaped(fields.tension, &[times, m])?)?;
-        out.set_item("tendon_length", shaped(fields.tendon_length, &[times, m])?)?;
-        if points > 0 {
-            out.set_item("span_length", shaped(fields.span_length, &[times, n, m])?)?;
+        for (name, values) in [
+            ("kinetic_energy", energy(&|e| e.kinetic)),
+            ("elastic_energy", energy(&|e| e.elastic)),
+            ("gravity_energy", energy(&|e| e.gravity)),
+            ("work", energy(&|e| e.work)),
+            ("dissipated_energy", energy(&|e| e.dissipated)),
+        ] {
+            out.set_item(name, values)?;
         }
-        if !fields.pull.is_empty() {
-            out.set_item("pull", shaped(fields.pull, &[times, m])?)?;
-            out.set_item("slack", shaped(fields.slack, &[times, m])?)?;
-            out.set_item("span_tension", shaped(fields.span_tension, &[times, n, m])?)?;
+        for (name, values, shape) in [
+            ("time", fields.time, &[][..]),
+            ("position", fields.position, &[p, 3]),
+            ("rotation", fields.rotation, &[p, 3, 3]),
+            ("force", fields.force, &[p, 3]),
+            ("moment", fields.moment, &[p, 3]),
+            ("disk_position", fields.disk_position, &[n, 3]),
+            ("disk_rotation", fields.disk_rotation, &[n, 3, 3]),
+            ("disk_velocity", fields.disk_velocity, &[n, 3]),
+            (
+                "disk_angular_velocity",
+                fields.disk_angular_velocity,
+                &[n, 3],
+            ),
+            ("tension", fields.tension, &[m]),
+            ("tendon_length", fields.tendon_length, &[m]),
+            ("pull", fields.pull, &[m]),
+            ("slack", fields.slack, &[m]),
+            ("span_length", fields.span_length, &[n, m]),
+            ("span_tension", fields.span_tension, &[n, m]),
+        ] {
+            let shape = [&[times], shape].concat();
+            out.set_item(name, values.into_pyarray(py).reshape(shape)?)?;
         }
         Ok(out)
+    }
+
+    #[getter]
+    fn steps(&self) -> usize {
+        self.count.steps
+    }
+
+    #[getter]
+    fn iterations(&self) -> usize {
+        self.count.iterations
+    }
+
+    #[getter]
+    fn repeated(&self) -> usize {
+        self.count.repeated
+    }
+
+    /// Seconds spent on the file.
+    #[getter]
+    fn output_s(&self) -> f64 {
+        self.output.as_secs_f64()
     }
 
     /// Step to come, s.
@@ -265,6 +365,50 @@ impl Simulator {
 impl Simulator {
     fn tensions(&self, given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
         numbers(given, "tensions", "N", self.inner.robot().tendon_count())
+    }
+
+    /// Keeps what there is to say of now, or has it written; each time only once, so that a motion
+    /// that stops at an output time does not give it again.
+    fn record(&mut self) -> PyResult<()> {
+        let now = self.inner.time();
+        if self.time.last().is_some_and(|last| now <= *last) {
+            return Ok(());
+        }
+        self.inner.record(self.points, &mut self.fields);
+        let fields = &mut self.fields;
+        let tip = fields.disk_position.len() - 3;
+        self.time.push(now);
+        self.tip_position
+            .extend_from_slice(&fields.disk_position[tip..]);
+        self.tip_velocity
+            .extend_from_slice(&fields.disk_velocity[tip..]);
+        if self.points == 0 {
+            fields.clear();
+            return Ok(());
+        }
+        if fields.pull.len() < fields.tension.len() {
+            let tendons = self.home.len();
+            let first = fields.pull.len();
+            for j in 0..tendons {
+                let (tension, length) =
+                    (fields.tension[first + j], fields.tendon_length[first + j]);
+                let pull = self.home[j] - length + self.compliance[j] * tension;
+                fields.pull.push(pull);
+                fields.slack.push(0.0);
+            }
+            // NaN where there is none
+            let spans = &fields.span_length[fields.span_tension.len()..];
+            let tension = fields.tension[first..].iter().cycle();
+            let along = spans.iter().zip(tension).map(|(span, t)| t + 0.0 * span);
+            fields.span_tension.extend(along);
+        }
+        if let Some(records) = &mut self.records {
+            let begun = Instant::now();
+            Python::attach(|py| records.add(py, fields))?;
+            fields.clear();
+            self.output += begun.elapsed();
+        }
+        Ok(())
     }
 }
 

@@ -1,13 +1,14 @@
 //! Fields of a run: strain and stress of sections, and the records of its file.
 
 use crate::rod::refused;
+use bowstring_core::dynamics::Fields;
 use bowstring_core::stress::{self, Derived, Section, Sections};
 use numpy::{
-    IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArrayDyn, PyReadwriteArray1, PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PySlice};
 
 /// Largest von Mises stress around each of K sections, Pa, and cosine and sine of its place, as
 /// the rows of (3, K); from coefficients (3, K) of normal and shear stress.
@@ -107,91 +108,129 @@ pub fn derive<'py>(
     Ok(out)
 }
 
-/// Fills `out` with the records of a run's file from output time `first` on, most significant byte
-/// first: time, position, rotation, force and moment (T, P, ...), all that `derive` makes of them
-/// and the largest von Mises stress with its arc length and place, then `others` (T, ...).
-#[pyfunction]
-#[allow(clippy::too_many_arguments)]
-pub fn write_records(
-    py: Python<'_>,
-    sections: PyReadonlyArray2<'_, f64>,
-    station: PyReadonlyArray1<'_, f64>,
-    time: PyReadonlyArray1<'_, f64>,
-    position: PyReadonlyArrayDyn<'_, f64>,
-    rotation: PyReadonlyArrayDyn<'_, f64>,
-    force: PyReadonlyArrayDyn<'_, f64>,
-    moment: PyReadonlyArrayDyn<'_, f64>,
-    others: Vec<PyReadonlyArrayDyn<'_, f64>>,
-    first: usize,
-    mut out: PyReadwriteArray1<'_, u8>,
-) -> PyResult<()> {
-    let sections = sections_of(&sections)?;
-    let (stations, times) = (sections.len(), time.len());
-    let vectors = outer_shape(&sections, [&position, &force, &moment])?;
-    let whole = |a: &PyReadonlyArrayDyn<'_, f64>| a.shape().first() == Some(&times);
-    if vectors != [times, stations]
-        || rotation.len() != 9 * times * stations
-        || station.len() != stations
-        || !others.iter().all(whole)
-    {
-        return Err(refused("fields must have a row for every time and station"));
-    }
-    let (station, time) = (station.as_slice()?, time.as_slice()?);
-    let (position, rotation) = (position.as_slice()?, rotation.as_slice()?);
-    let (force, moment) = (force.as_slice()?, moment.as_slice()?);
-    let mut beside = Vec::with_capacity(others.len());
-    for other in &others {
-        beside.push((other.as_slice()?, other.len() / times.max(1)));
-    }
-    let size = 1 + 34 * stations + 5 + beside.iter().map(|(_, size)| size).sum::<usize>();
-    let mut rest = out.as_slice_mut()?;
-    let count = rest.len() / (8 * size);
-    if rest.len() != 8 * size * count || first + count > times {
-        return Err(refused(
-            "there must be room for whole records, no more than times",
-        ));
-    }
-    py.detach(|| {
-        let mut found = Derived::default();
-        for t in first..first + count {
-            let vectors = 3 * stations * t..3 * stations * (t + 1);
-            let given = Sections {
-                sections: &sections,
-                position: &position[vectors.clone()],
-                rotation: &rotation[9 * stations * t..9 * stations * (t + 1)],
-                force: &force[vectors.clone()],
-                moment: &moment[vectors],
-            };
-            stress::derive(given, &mut found);
-            let top = first_largest(&found.von_mises);
-            for values in [
-                &time[t..=t],
-                given.position,
-                given.rotation,
-                given.force,
-                given.moment,
-                &found.curvature,
-                &found.strain,
-                &found.axial,
-                &found.bending,
-                &found.normal,
-                &found.shear,
-                &found.torsion,
-                &found.von_mises,
-                &found.angle,
-                &found.place,
-                &found.von_mises[top..=top],
-                &station[top..=top],
-                &found.place[3 * top..3 * top + 3],
-            ] {
-                rest = put(rest, values);
-            }
-            for (values, size) in &beside {
-                rest = put(rest, &values[t * size..(t + 1) * size]);
-            }
+/// Output times as the file of a run has them: packed one after the other into a room of Python's,
+/// which is handed to `append` whenever it is full.
+///
+/// A record is the time and then all fields in the order of the file, most significant byte first.
+pub(crate) struct Records {
+    sections: Vec<Section>,
+    station: Vec<f64>,
+    /// m, of the straight robot.
+    length: f64,
+    energy_at_start: Option<f64>,
+    derived: Derived,
+    room: Py<PyArray1<u8>>,
+    filled: usize,
+    append: Py<PyAny>,
+}
+
+impl Records {
+    /// `size` is that of a record, in numbers, less what is of every station.
+    pub(crate) fn new(
+        sections: &PyReadonlyArray2<'_, f64>,
+        station: &PyReadonlyArray1<'_, f64>,
+        length: f64,
+        room: Bound<'_, PyArray1<u8>>,
+        append: Py<PyAny>,
+        size: usize,
+    ) -> PyResult<Self> {
+        let sections = sections_of(sections)?;
+        let record = 8 * (size + 34 * sections.len());
+        if station.len() != sections.len() || room.is_empty() || room.len() % record != 0 {
+            return Err(refused(
+                "there must be a section for every station, and room for whole records",
+            ));
         }
-    });
-    Ok(())
+        Ok(Records {
+            sections,
+            station: station.as_slice()?.to_vec(),
+            length,
+            energy_at_start: None,
+            derived: Derived::default(),
+            room: room.unbind(),
+            filled: 0,
+            append,
+        })
+    }
+
+    /// Numbers of a record that are not of stations: time, the largest stress, disks, tendons and
+    /// energies.
+    pub(crate) fn size_beside(disks: usize, tendons: usize) -> usize {
+        1 + 5 + 18 * disks + 3 + 4 * tendons + 2 * disks * tendons + 6
+    }
+
+    /// Packs fields of one time, and has the room written where it is full.
+    pub(crate) fn add(&mut self, py: Python<'_>, fields: &Fields) -> PyResult<()> {
+        let given = Sections {
+            sections: &self.sections,
+            position: &fields.position,
+            rotation: &fields.rotation,
+            force: &fields.force,
+            moment: &fields.moment,
+        };
+        stress::derive(given, &mut self.derived);
+        let found = &self.derived;
+        let top = first_largest(&found.von_mises);
+        let tip = &fields.disk_position[fields.disk_position.len() - 3..];
+        let energy = &fields.energies[0];
+        let left_over = energy.left();
+        let start = *self.energy_at_start.get_or_insert(left_over);
+        let mut room = self.room.bind(py).readwrite();
+        let mut rest = &mut room.as_slice_mut()?[self.filled..];
+        let left = rest.len();
+        for values in [
+            &fields.time,
+            given.position,
+            given.rotation,
+            given.force,
+            given.moment,
+            &found.curvature,
+            &found.strain,
+            &found.axial,
+            &found.bending,
+            &found.normal,
+            &found.shear,
+            &found.torsion,
+            &found.von_mises,
+            &found.angle,
+            &found.place,
+            &found.von_mises[top..=top],
+            &self.station[top..=top],
+            &found.place[3 * top..3 * top + 3],
+            &fields.disk_position,
+            &fields.disk_rotation,
+            &fields.disk_velocity,
+            &fields.disk_angular_velocity,
+            &[tip[0], tip[1], tip[2] - self.length],
+            &fields.tension,
+            &fields.tendon_length,
+            &fields.pull,
+            &fields.slack,
+            &fields.span_length,
+            &fields.span_tension,
+            &[energy.kinetic, energy.elastic, energy.gravity],
+            &[energy.work, energy.dissipated, left_over - start],
+        ] {
+            rest = put(rest, values);
+        }
+        self.filled += left - rest.len();
+        if rest.is_empty() {
+            drop(room);
+            self.flush(py)?;
+        }
+        Ok(())
+    }
+
+    /// Has all that is packed written.
+    pub(crate) fn flush(&mut self, py: Python<'_>) -> PyResult<()> {
+        if self.filled > 0 {
+            let packed = PySlice::new(py, 0, self.filled as isize, 1);
+            self.filled = 0;
+            self.append
+                .call1(py, (self.room.bind(py).get_item(packed)?,))?;
+        }
+        Ok(())
+    }
 }
 
 /// Writes numbers, most significant byte first, and returns what is left.

@@ -23,7 +23,7 @@ mod _core {
     #[pymodule_export]
     use crate::dynamics::{flexibility, flexibility_at, Simulator};
     #[pymodule_export]
-    use crate::fields::{derive, surface_stress, von_mises, write_records};
+    use crate::fields::{derive, surface_stress, von_mises};
     #[pymodule_export]
     use crate::rod::{Robot, Solution};
 

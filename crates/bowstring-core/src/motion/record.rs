@@ -41,25 +41,27 @@ pub struct Fields {
 }
 
 impl Fields {
-    /// Empty, with room for so many times.
-    pub fn with_room(times: usize, modules: usize, tendons: usize, points: usize) -> Self {
-        let room = |each: usize| Vec::with_capacity(times * each);
-        let stations = modules * points;
-        Fields {
-            time: room(1),
-            energies: Vec::with_capacity(times),
-            position: room(3 * stations),
-            rotation: room(9 * stations),
-            force: room(3 * stations),
-            moment: room(3 * stations),
-            disk_position: room(3 * modules),
-            disk_rotation: room(9 * modules),
-            disk_velocity: room(3 * modules),
-            disk_angular_velocity: room(3 * modules),
-            tension: room(tendons),
-            tendon_length: room(tendons),
-            span_length: room(if points > 0 { modules * tendons } else { 0 }),
-            ..Fields::default()
+    /// Forgets all times, not the room that they took.
+    pub fn clear(&mut self) {
+        self.time.clear();
+        self.energies.clear();
+        for values in [
+            &mut self.position,
+            &mut self.rotation,
+            &mut self.force,
+            &mut self.moment,
+            &mut self.disk_position,
+            &mut self.disk_rotation,
+            &mut self.disk_velocity,
+            &mut self.disk_angular_velocity,
+            &mut self.tension,
+            &mut self.tendon_length,
+            &mut self.span_length,
+            &mut self.pull,
+            &mut self.slack,
+            &mut self.span_tension,
+        ] {
+            values.clear();
         }
     }
 
