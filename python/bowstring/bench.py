@@ -13,8 +13,6 @@ import json
 import math
 import os
 import re
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +25,7 @@ from bowstring import _core, drive, rod
 from bowstring.arguments import check_robot, floats, is_whole, number, numbers, shown
 from bowstring.comparison import with_tendons
 from bowstring.errors import InputError
-from bowstring.files import check_parent, resolved
+from bowstring.files import check_parent, folder_beside, resolved
 from bowstring.measurements import STANDARD_GRAVITY, Measurements, write_measurements
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot
@@ -621,37 +619,32 @@ def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
         raise InputError(f"{measurements.name} is not of a virtual bench, it has no known truth")
     file = check_table(path)
     beside = truth_file(file)
-    former, alone = None, False
     short = {k: v for k, v in truth.items() if k not in ("rows", "actual_robot")}
     comments = [
         f"{_MADE} {truth['bowstring_version']}; nothing here was measured.",
         f"sigma_mm is one {NOISE_IS}." if measurements.sigma is not None else "There is no noise.",
         f"truth: {json.dumps(short, allow_nan=False)}",
     ]
-    work = None
     try:
-        # beside its place, so that the move is within one file system
-        work = Path(tempfile.mkdtemp(prefix=f".{file.stem[:50]}-", dir=file.parent))
-        new = write_measurements(measurements, work / file.name, comments)
-        data = {"file": file.name, "sha256": hashlib.sha256(new.read_bytes()).hexdigest()}
-        text = json.dumps({**truth, "data": data}, allow_nan=False)
-        (work / beside.name).write_text(text + "\n", "utf-8")
-        if beside.exists():
-            former = work / "former"
-            os.replace(beside, former)
-        os.replace(work / beside.name, beside)
-        alone = True
-        os.replace(new, file)
-        former, alone = None, False
+        with folder_beside(file) as work:
+            new = write_measurements(measurements, work / file.name, comments)
+            data = {"file": file.name, "sha256": hashlib.sha256(new.read_bytes()).hexdigest()}
+            text = json.dumps({**truth, "data": data}, allow_nan=False)
+            (work / beside.name).write_text(text + "\n", "utf-8")
+            former, had = work / "former", beside.exists()
+            try:
+                if had:
+                    os.replace(beside, former)
+                os.replace(work / beside.name, beside)
+                os.replace(new, file)
+            except BaseException:  # without its table no truth is left there either
+                if former.exists():
+                    os.replace(former, beside)
+                elif not had:
+                    beside.unlink(missing_ok=True)
+                raise
     except OSError as error:
         raise InputError(f"cannot write the bench to {file}: {error.strerror}") from None
-    finally:
-        if alone:  # the drive did not take the table: nor is its truth left there
-            beside.unlink(missing_ok=True)
-        if former is not None:
-            os.replace(former, beside)
-        if work is not None:
-            shutil.rmtree(work, ignore_errors=True)
     return file, beside
 
 

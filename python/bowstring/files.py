@@ -7,7 +7,7 @@ import os
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from bowstring.errors import InputError
@@ -16,10 +16,10 @@ __all__ = [
     "check_file",
     "check_parent",
     "check_place",
-    "check_replaceable",
+    "check_writable",
+    "folder_beside",
     "new_beside",
     "resolved",
-    "takes_files",
     "write_whole",
     "write_whole_file",
 ]
@@ -61,21 +61,24 @@ def check_place(folder: Path, why: str) -> None:
 
     Neither it nor those above it need be there.
     """
+    place = folder
     try:
-        present = folder.exists()
-        nearest = folder.parent if present else next(p for p in folder.parents if p.exists())
+        while not place.parent.exists():
+            place = place.parent
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None
-    if not nearest.is_dir():
-        raise InputError(f"{why}: {nearest} is a file")
-    if not takes_files(nearest):
-        raise InputError(f"{why}: the folder {nearest} may not be written")
-    if present:
-        check_replaceable(folder, why)
+    if not place.parent.is_dir():
+        raise InputError(f"{why}: {place.parent} is a file")
+    check_writable(place, why)
 
 
-def check_replaceable(path: Path, why: str) -> None:
-    """Refuse what only its owner may replace: what others have in a folder such as /tmp."""
+def check_writable(path: Path, why: str) -> None:
+    """Refuse a place in a folder that takes no file, and what only its owner may replace there.
+
+    That is what others have in a folder such as /tmp.
+    """
+    if not _takes_files(path.parent):
+        raise InputError(f"{why}: the folder {path.parent} may not be written")
     if not hasattr(os, "geteuid"):
         return
     try:
@@ -83,6 +86,8 @@ def check_replaceable(path: Path, why: str) -> None:
         owners = {0, above.st_uid, path.lstat().st_uid}
     except FileNotFoundError:
         return
+    except OSError as error:  # such as a name that is too long
+        raise InputError(f"{why}: {error.strerror}") from None
     if above.st_mode & stat.S_ISVTX and os.geteuid() not in owners:
         raise InputError(
             f"{why}: it is another user's, who alone may replace it in {path.parent}; choose "
@@ -90,7 +95,7 @@ def check_replaceable(path: Path, why: str) -> None:
         )
 
 
-def takes_files(folder: Path) -> bool:
+def _takes_files(folder: Path) -> bool:
     """Try whether a new file can be made; rights alone do not say it, as of a read-only drive."""
     with contextlib.suppress(AttributeError, OSError):  # where there are files without a name
         os.close(os.open(folder, os.O_TMPFILE | os.O_WRONLY))
@@ -111,6 +116,16 @@ def new_beside(file: Path) -> tuple[int, str]:
     name = str(file.with_name(f".{file.stem[:_LETTERS]}-{os.urandom(6).hex()}{suffix}"))
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
     return os.open(name, flags, 0o666), name
+
+
+@contextlib.contextmanager
+def folder_beside(path: Path) -> Iterator[Path]:
+    """A new, hidden folder for what will take a place, on the same drive; removed at the end."""
+    work = Path(tempfile.mkdtemp(prefix=f".{path.name[:_LETTERS]}-", dir=path.parent))
+    try:
+        yield work
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
 
 
 def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
@@ -148,9 +163,7 @@ def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
             raise InputError(f"{why}: it is {what}; name a file")
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None
-    if not takes_files(found.parent):
-        raise InputError(f"{why}: the folder {found.parent} may not be written")
-    check_replaceable(found, why)
+    check_writable(found, why)
     return found
 
 
@@ -203,21 +216,14 @@ def write_whole(folder: Path, what: str, fill: Callable[[Path], None]) -> None:
     """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        # beside its place, so that the move is within one file system
-        hidden = f".{folder.name[:_LETTERS]}-"
-        work = Path(tempfile.mkdtemp(prefix=hidden, dir=folder.parent))
-    except OSError as error:
-        raise InputError(f"cannot write the {what} to {folder}: {error.strerror}") from None
-    try:
-        new = work / "new"
-        new.mkdir()
-        fill(new)
-        _move_in(new, folder, work / "old")
+        with folder_beside(folder) as work:
+            new = work / "new"
+            new.mkdir()
+            fill(new)
+            _move_in(new, folder, work / "old")
     except OSError as error:
         why = error.strerror or error
         raise InputError(f"cannot write the {what} to {folder}: {why}") from None
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
 
 
 def _move_in(new: Path, folder: Path, old: Path) -> None:

@@ -36,10 +36,9 @@ from bowstring.errors import InputError
 from bowstring.fields import FIELDS, Field, Floats, Ints
 from bowstring.files import (
     check_parent,
-    check_replaceable,
+    check_writable,
     new_beside,
     resolved,
-    takes_files,
 )
 from bowstring.robot import Robot
 
@@ -101,9 +100,7 @@ def check_file(path: str | Path) -> Path:
                     f"{why}: it is not a run of Bowstring, and nothing of yours is replaced; "
                     "name another file"
                 )
-        if not takes_files(file.parent):
-            raise InputError(f"{why}: the folder {file.parent} may not be written")
-        check_replaceable(file, why)
+        check_writable(file, why)
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None
     return file
