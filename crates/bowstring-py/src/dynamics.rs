@@ -113,13 +113,13 @@ impl Simulator {
         append: Py<PyAny>,
     ) -> PyResult<()> {
         let robot = self.inner.robot();
-        let (disks, tendons) = (robot.module_count(), robot.tendon_count());
-        if station.len() != disks * self.points {
+        if station.len() != robot.module_count() * self.points {
             return Err(refused("there must be as many stations as points"));
         }
-        let size = Records::size_beside(disks, tendons);
-        let length = robot.length();
-        let records = Records::new(&sections, &station, length, room, append, size)?;
+        if !self.time.is_empty() {
+            return Err(refused("a file takes a motion from its start on"));
+        }
+        let records = Records::new(robot, &sections, &station, room, append)?;
         self.records = Some(records);
         Ok(())
     }

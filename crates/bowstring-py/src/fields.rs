@@ -2,6 +2,7 @@
 
 use crate::rod::refused;
 use bowstring_core::dynamics::Fields;
+use bowstring_core::robot::Robot;
 use bowstring_core::stress::{self, Derived, Section, Sections};
 use numpy::{
     IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
@@ -125,17 +126,19 @@ pub(crate) struct Records {
 }
 
 impl Records {
-    /// `size` is that of a record, in numbers, less what is of every station.
+    /// Of a robot, from sections and their arc lengths.
     pub(crate) fn new(
+        robot: &Robot,
         sections: &PyReadonlyArray2<'_, f64>,
         station: &PyReadonlyArray1<'_, f64>,
-        length: f64,
         room: Bound<'_, PyArray1<u8>>,
         append: Py<PyAny>,
-        size: usize,
     ) -> PyResult<Self> {
         let sections = sections_of(sections)?;
-        let record = 8 * (size + 34 * sections.len());
+        let (disks, tendons) = (robot.module_count(), robot.tendon_count());
+        let of_disks = 18 * disks + 2 * disks * tendons;
+        // beside these: time, the largest stress and its place, the tip, energies
+        let record = 8 * (1 + 34 * sections.len() + 5 + of_disks + 3 + 4 * tendons + 6);
         if station.len() != sections.len() || room.is_empty() || room.len() % record != 0 {
             return Err(refused(
                 "there must be a section for every station, and room for whole records",
@@ -144,19 +147,13 @@ impl Records {
         Ok(Records {
             sections,
             station: station.as_slice()?.to_vec(),
-            length,
+            length: robot.length(),
             energy_at_start: None,
             derived: Derived::default(),
             room: room.unbind(),
             filled: 0,
             append,
         })
-    }
-
-    /// Numbers of a record that are not of stations: time, the largest stress, disks, tendons and
-    /// energies.
-    pub(crate) fn size_beside(disks: usize, tendons: usize) -> usize {
-        1 + 5 + 18 * disks + 3 + 4 * tendons + 2 * disks * tendons + 6
     }
 
     /// Packs fields of one time, and has the room written where it is full.
