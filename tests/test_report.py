@@ -18,6 +18,7 @@ from rich.console import Console
 from bowstring import plots, report, study
 from bowstring.errors import InputError
 from bowstring.robot import load_robot
+from bowstring.terminal import print_study
 
 
 @pytest.fixture(scope="module")
@@ -238,7 +239,7 @@ def test_a_study_without_dynamics_says_why(tmp_path: Path) -> None:
     assert not (folder / "figures" / "fig05_over_time.png").exists()
     assert (folder / "figures" / "fig05_tip_against_force.png").exists()
     out = io.StringIO()
-    report.print_study(found, Console(file=out, width=80))
+    print_study(found, Console(file=out, width=80))
     assert "Dynamics is left out" in out.getvalue()
     assert "vs dynamics" not in out.getvalue()
 
@@ -360,7 +361,7 @@ def test_the_terminal_shows_table_verdict_and_path(
     paper: study.Study, tmp_path: Path, width: int
 ) -> None:
     out = io.StringIO()
-    report.print_study(paper, Console(file=out, width=width), tmp_path)
+    print_study(paper, Console(file=out, width=width), tmp_path)
     text = out.getvalue()
     assert str(tmp_path / "report.html") in text
     assert "lengths, chords" in text and "force, mean arm" in text

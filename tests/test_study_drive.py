@@ -16,6 +16,7 @@ from bowstring import arc, report, study
 from bowstring.actuation import ASSUMED_FRICTION, ASSUMED_STIFFNESS, COMMANDED, DriveBudget
 from bowstring.comparison import Model, with_tendons
 from bowstring.robot import Robot, load_robot
+from bowstring.terminal import print_study
 
 MM = 1e-3
 UP = np.linspace(0.0, 80.0, 49)
@@ -290,6 +291,6 @@ def test_report_and_terminal_show_it(paper: study.Study, tmp_path: Path) -> None
     for name in ("drive", "hysteresis_by_tension", "hysteresis_by_pull"):
         assert (folder / "tables" / f"{name}.csv").exists()
     out = io.StringIO()
-    report.print_study(paper, Console(file=out, width=80))
+    print_study(paper, Console(file=out, width=80))
     assert "How the robot is driven" in out.getvalue()
     assert "assumed, the robot file gives none: friction 0.1; E A 30 kN" in out.getvalue()

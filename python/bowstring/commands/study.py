@@ -103,6 +103,7 @@ def study(
     from bowstring import report
     from bowstring import study as study_
     from bowstring.bricks.run import RunInterrupted, Settings
+    from bowstring.terminal import print_study
 
     folder = of_flag(
         "--out", report.check_folder, report.default_folder(model) if out is None else out
@@ -132,4 +133,4 @@ def study(
         ) from None
     if as_json:
         return write_json({**found.to_dict(), "folder": folder})
-    write_rich(lambda console: report.print_study(found, console, folder))
+    write_rich(lambda console: print_study(found, console, folder))
