@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import calibrated, report, study
+from bowstring import report, study, study_calibration
 from bowstring.against_data import (
     DATA_MODELS,
     FRAMES,
@@ -523,7 +523,7 @@ def test_without_a_calibration_the_rest_is_there(
     def fails(*_: Any) -> None:
         raise NoSolutionError("99 rows have no solution to begin with")
 
-    monkeypatch.setattr(calibrated, "calibrate", fails)
+    monkeypatch.setattr(study_calibration, "calibrate", fails)
     found = study.run(robot, measurements=bench, points=3)
     assert found.data is not None
     assert "rod_calibrated" not in found.data.models and found.data.frame_by == "rod"

@@ -25,8 +25,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import arc, calibrated, samples
-from bowstring.calibrated import Calibration
+from bowstring import arc, samples, study_calibration
 from bowstring.comparison import Comparison, Theory, with_tendons
 from bowstring.errors import BowstringError, InputError
 from bowstring.fit import Estimate
@@ -36,6 +35,7 @@ from bowstring.registration import fit_model
 from bowstring.resampling import LEVEL, RESAMPLES, Expected, Intervals, bootstrap, refitted
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot
+from bowstring.study_calibration import StudyCalibration
 from bowstring.words import in_mm, in_percent, listed, significant, with_error
 
 __all__ = [
@@ -206,7 +206,7 @@ class AgainstData:
     """By model."""
     gains: dict[str, float]
     """Of calibrated constant curvature, in the one frame for all."""
-    calibration: Calibration | None
+    calibration: StudyCalibration | None
     plain: float
     """Mean error of the plainest rod, with which the decomposition begins, m."""
     effects: tuple[Effect, ...]
@@ -430,9 +430,9 @@ def judge_data(
     check_measurements(robot, data)
     loads = _loads(data)
     notes: list[str] = []
-    calibration: Calibration | None = None
+    calibration: StudyCalibration | None = None
     try:
-        calibration = calibrated.calibrate(robot, data, theory)
+        calibration = study_calibration.calibrate(robot, data, theory)
         notes += calibration.notes
         if data.left_out and calibration.robot.has_friction:
             rows = "a row was" if data.left_out == 1 else f"{data.left_out} rows were"
@@ -475,8 +475,8 @@ def judge_data(
     gains: dict[str, float] = {}
     at_best = None
     try:
-        gains, _, points["cc_calibrated"] = calibrated.calibrate_arc(robot, data, frame)
-        _, own["cc_calibrated"], at_best = calibrated.calibrate_arc(robot, data, None)
+        gains, _, points["cc_calibrated"] = study_calibration.calibrate_arc(robot, data, frame)
+        _, own["cc_calibrated"], at_best = study_calibration.calibrate_arc(robot, data, None)
     except BowstringError as error:
         notes.append(f"Calibrated constant curvature is left out: {str(error).rstrip('.')}.")
     tell(0.7)
@@ -545,12 +545,12 @@ def judge_data(
 
 
 def _points(
-    robot: Robot, data: Measurements, theory: Theory, calibration: Calibration | None
+    robot: Robot, data: Measurements, theory: Theory, calibration: StudyCalibration | None
 ) -> tuple[dict[str, Array], list[str]]:
     """The measured point (K, 3) by each model but calibrated CC, m, base frame; and why not."""
     why = []
     out: dict[str, Array] = {}
-    file = calibrated.predicted(robot, data, theory)
+    file = study_calibration.predicted(robot, data, theory)
     sweeps = [(file, "the rod as the robot file has it")]
     if np.any(file.converged):
         out["rod"] = file.tip_position + file.tip_rotation @ data.tool
@@ -559,7 +559,7 @@ def _points(
     lengths = None
     if calibration is not None:
         out["rod_calibrated"] = calibration.point
-        best = calibrated.predicted(calibration.robot, data, theory, calibration.gain)
+        best = study_calibration.predicted(calibration.robot, data, theory, calibration.gain)
         sweeps.insert(0, (best, "the calibrated rod"))
     whole = not np.isnan(data.pulls).any()
     if whole:
@@ -643,7 +643,7 @@ def _own_frame(data: Measurements, points: Array) -> Rigid | None:
 
 
 def _decomposition(
-    robot: Robot, data: Measurements, theory: Theory, calibration: Calibration, loads: Loads
+    robot: Robot, data: Measurements, theory: Theory, calibration: StudyCalibration, loads: Loads
 ) -> tuple[float, tuple[Effect, ...]]:
     """What registration, gravity, friction, stiffness (or gain) explain of the rod's error.
 
@@ -673,7 +673,7 @@ def _decomposition(
                 {f"segments.{k}.backbone.E": s.backbone.E for k, s in enumerate(robot.segments)}
             )
         gain = calibration.gain if "gain" in on else 1.0
-        sweep = calibrated.predicted(made, data, theory, gain)
+        sweep = study_calibration.predicted(made, data, theory, gain)
         point = sweep.tip_position + sweep.tip_rotation @ data.tool
         frame = calibration.frame if "registration" in on else Rigid.identity()
         return np.asarray(point - frame.apply(data.tip))
@@ -839,7 +839,9 @@ def _said(estimate: Estimate) -> str:
     return f"{name} {with_error(estimate.value, estimate.standard_error)}{unit}"
 
 
-def _notes(data: Measurements, loads: Loads, calibration: Calibration | None) -> tuple[str, ...]:
+def _notes(
+    data: Measurements, loads: Loads, calibration: StudyCalibration | None
+) -> tuple[str, ...]:
     out = [
         {
             "measured": "The data count as measured: their table says so, or says nothing.",

@@ -25,7 +25,7 @@ from bowstring.measurements import STANDARD_GRAVITY, Measurements
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot, TendonRing
 
-__all__ = ["Calibration", "calibrate", "calibrate_arc", "predicted"]
+__all__ = ["StudyCalibration", "calibrate", "calibrate_arc", "predicted"]
 
 Array = NDArray[np.float64]
 GravityFrom = Literal["file", "assumed", "calibrated"]
@@ -38,7 +38,7 @@ _BASE: Final = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class StudyCalibration:
     """A robot, its drive and its base frame by measurements."""
 
     robot: Robot
@@ -87,7 +87,7 @@ def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.
     return rod.sweep(robot, **given) if robot.has_friction else rod.solve_batch(robot, **given)
 
 
-def calibrate(robot: Robot, data: Measurements, theory: Theory) -> Calibration:
+def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibration:
     """Calibrate a robot and its base frame.
 
     Parameters
@@ -99,7 +99,7 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> Calibration:
 
     Returns
     -------
-    Calibration
+    StudyCalibration
 
     Raises
     ------
@@ -125,7 +125,7 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> Calibration:
     values = found.values
     place = np.array([values[f"base.{axis}"] for axis in _BASE])
     frame = Rigid.from_rotation_vector(place[3:], place[:3]).inverse()
-    return Calibration(
+    return StudyCalibration(
         robot=found.robot,
         gain=values.get("gain", 1.0),
         frame=frame,
