@@ -18,6 +18,7 @@ from rich.console import Console
 from bowstring import plots, report, study
 from bowstring.errors import InputError
 from bowstring.robot import load_robot
+from bowstring.style import figure_style, svg
 from bowstring.terminal import print_study
 
 
@@ -123,11 +124,11 @@ def test_the_robot_as_a_solid_opens_the_page(paper: study.Study) -> None:
     whole = replace(paper, solid=True)
     assert [f.stem for f in whole.figures[:2]] == ["fig01_robot", "fig02_disk"]
     assert whole.figures[2:] == paper.figures
-    with plots.figure_style():
+    with figure_style():
         for (stem, figure), title in zip(
             plots.draw(whole), ("simulated: tendon 1 at", "disks"), strict=False
         ):
-            drawing = plots.svg(stem, figure)
+            drawing = svg(stem, figure)
             assert re.findall(r"(?:fill|stroke): #[0-9a-f]{3,6}", drawing) == []
             assert any(title in " ".join(t.get_text().split()) for t in figure.texts)
 
@@ -378,7 +379,7 @@ def test_fonts_in_a_pdf_are_glyphs_alone(tmp_path: Path) -> None:
     former = list(Options._drop_tables_default)
     figure = Figure()
     figure.text(0.1, 0.5, "AVA fi \N{MINUS SIGN}2 \N{GREEK SMALL LETTER THETA}")
-    with plots.figure_style():
+    with figure_style():
         report.save_figure(figure, tmp_path / "text")
     assert Options._drop_tables_default == former
     raw = (tmp_path / "text.pdf").read_bytes()

@@ -19,6 +19,7 @@ import bowstring as bs
 from bowstring import plots
 from bowstring.errors import InputError
 from bowstring.shape import ArcFit, fit_arcs
+from bowstring.style import figure_style, svg
 
 Array = NDArray[np.float64]
 
@@ -298,8 +299,8 @@ def test_bad_input(call: object, message: str) -> None:
 def test_figure(dimensions: int) -> None:
     shapes = noisy(np.random.default_rng(5), 9, dimensions)
     fits = [fit_arcs(shapes, m) for m in (1, 2)]
-    with plots.figure_style():
-        text = plots.svg("s", plots.backbone_shapes(fits, "synthetic"))
+    with figure_style():
+        text = svg("s", plots.backbone_shapes(fits, "synthetic"))
     assert "synthetic" in text and "2 arcs" in text and f"of {len(shapes)} shapes" in text
     with pytest.raises(InputError, match="same shapes"):
         plots.backbone_shapes([], "synthetic")

@@ -104,7 +104,7 @@ def animate(
     """
     from matplotlib.animation import FFMpegWriter, PillowWriter
 
-    from bowstring.plots import figure_style
+    from bowstring.style import figure_style
 
     tell = progress or (lambda what, share: None)
     file = check_picture(path)

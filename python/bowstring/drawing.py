@@ -67,7 +67,7 @@ def write_drawing(robot: Robot, path: str | Path) -> Path:
         If the suffix is another one, the file cannot be written, a size makes no disk (`sizes_of`)
         or the robot has more than 12 kinds of disks.
     """
-    from bowstring.plots import figure_style
+    from bowstring.style import figure_style
 
     file = check_drawing_file(path)
     with figure_style():

@@ -57,7 +57,7 @@ def write_picture(solid: Solid, path: str | Path) -> Path:
     InputError
         If the suffix is another one, or the file cannot be written.
     """
-    from bowstring.plots import figure_style
+    from bowstring.style import figure_style
 
     file = check_picture_file(path)
     with figure_style():

@@ -22,6 +22,7 @@ from bowstring.processes import for_each
 from bowstring.robot import Robot
 from bowstring.study import Study
 from bowstring.study_tables import simulated, study_tables, write_csv
+from bowstring.style import figure_style, svg
 from bowstring.words import number, signed
 
 if TYPE_CHECKING:
@@ -175,7 +176,7 @@ def write_modes(
             save_figure(figure, new / stem)
             figure.savefig(new / f"{stem}.svg", metadata={"Date": None, "Creator": "Bowstring"})
 
-        with plots.figure_style():
+        with figure_style():
             made = list(plots.draw_modes(modes))
             for_each(made, save, tell=lambda share: tell("pictures", share))
         files = sorted([*(p.name for p in new.iterdir()), "modes.json"])
@@ -235,7 +236,7 @@ def write_fit(
         robot = to_yaml(found.robot, "\n".join(" ".join(line.split()) for line in lines))
         (new / "robot.yaml").write_text(robot, encoding="utf-8")
         write_json(new / BESIDE, calibration.beside_to_dict())
-        with plots.figure_style():
+        with figure_style():
             save_figures(plots.draw_fit(calibration), new, lambda share: tell("figures", share))
         files = sorted([*(p.name for p in new.iterdir()), "fit.json"])
         write_json(new / "fit.json", {**content, "files": files})
@@ -255,12 +256,12 @@ def _fill(study: Study, folder: Path, tell: Progress) -> None:
 
     figures = folder / "figures"
     figures.mkdir()
-    with plots.figure_style(), tempfile.TemporaryDirectory() as passed_on:
+    with figure_style(), tempfile.TemporaryDirectory() as passed_on:
 
         def save(drawing: tuple[str, Figure]) -> None:
             stem, figure = drawing
             save_figure(figure, figures / stem)
-            Path(passed_on, stem).write_text(plots.svg(stem, figure), encoding="utf-8")
+            Path(passed_on, stem).write_text(svg(stem, figure), encoding="utf-8")
 
         made = list(plots.draw(study))
         for_each(made, save, tell=lambda share: tell("figures", share))

@@ -43,7 +43,7 @@ def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Figure]]:
     stem : str
         ``tip``, ``stress`` and ``field``.
     figure : matplotlib.figure.Figure
-        Draw and save within `bowstring.plots.figure_style`.
+        Draw and save within `bowstring.style.figure_style`.
     """
     yield "tip", _tip(run, beside)
     yield "stress", stress_along(run, beside)

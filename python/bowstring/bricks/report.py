@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from bowstring import plots, report
+from bowstring import report
 from bowstring.bricks import plots as pictures
 from bowstring.bricks.comparison import BesideRod
 from bowstring.bricks.run import BrickRun
 from bowstring.bricks.vtk import write_vtk
 from bowstring.files import write_whole
+from bowstring.style import figure_style
 
 __all__ = ["check_folder", "write"]
 
@@ -57,7 +58,7 @@ def write(
     def fill(new: Path) -> None:
         run.dataset.to_netcdf(new / "fe.nc")
         write_vtk(run, new / "vtk", progress=tell)
-        with plots.figure_style():
+        with figure_style():
             report.save_figures(
                 pictures.draw(run, beside), new, lambda share: tell("figures", share)
             )

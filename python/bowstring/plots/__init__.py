@@ -1,4 +1,4 @@
-"""Figures: of the study, of modes, of a fit, of whole backbones.
+"""Figures: of the study, of modes, of a fit, of whole backbones; within `bowstring.style`.
 
 matplotlib is imported by the first figure, not with the package.
 """
@@ -7,6 +7,5 @@ from bowstring.plots.fit import draw_fit
 from bowstring.plots.modes import draw_modes
 from bowstring.plots.shapes import backbone_shapes
 from bowstring.plots.study import draw
-from bowstring.plots.style import figure_style, svg
 
-__all__ = ["backbone_shapes", "draw", "draw_fit", "draw_modes", "figure_style", "svg"]
+__all__ = ["backbone_shapes", "draw", "draw_fit", "draw_modes"]

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.plots.style import AXES, LIGHT, TINY, legend_above, subplots
 from bowstring.study import Study
+from bowstring.style import AXES, LIGHT, TINY, legend_above, subplots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

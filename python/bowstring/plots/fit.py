@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from bowstring.plots.style import AXES, LIGHT, legend_above, subplots
+from bowstring.style import AXES, LIGHT, legend_above, subplots
 from bowstring.words import in_mm
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.plots.style import LIGHT, WIDTH
 from bowstring.robot import Robot
+from bowstring.style import LIGHT, WIDTH
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

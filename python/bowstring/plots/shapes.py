@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
-from bowstring.plots.style import LIGHT, legend_above, subplots
+from bowstring.style import LIGHT, legend_above, subplots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

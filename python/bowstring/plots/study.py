@@ -19,8 +19,8 @@ from bowstring.plots.data import (
     measured_residuals,
     measured_tip,
 )
-from bowstring.plots.style import AXES, LIGHT, TINY, WIDTH, legend_above, subplots
 from bowstring.study import Study
+from bowstring.style import AXES, LIGHT, TINY, WIDTH, legend_above, subplots
 from bowstring.words import in_mm
 
 if TYPE_CHECKING:
