@@ -1,35 +1,16 @@
 //! Robots driven by pulls, and tendons that rub: `Drive`, one step of a path after another.
 
-use crate::rod::{input_error, numbers, refused, settings, three, Answer, OwnLoads};
-use crate::rod::{Robot, Solution};
+use crate::input::{input_error, numbers, refused, settings, three, OwnLoads};
+use crate::rod::{Answer, Driven, Robot, Solution, State};
 use bowstring_core::batch::{Settings, Solutions};
 use bowstring_core::drive::{self, Command, DriveOutcome, Line};
 use bowstring_core::load::{Load, OwnedLoad};
 use bowstring_core::robot::InputError;
-use bowstring_core::statics::{Outcome, Solver, Status};
+use bowstring_core::statics::{Outcome, Status};
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyReadonlyArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
-
-/// What a step adds to a solution by tensions.
-pub(crate) struct Driven {
-    /// Whether each tendon is pulled by a length, and the length or tension.
-    pub pulled: Vec<bool>,
-    pub commands: Vec<f64>,
-    pub found: DriveOutcome,
-    pub state: Option<State>,
-}
-
-/// Numbers of a converged step.
-pub(crate) struct State {
-    /// In the pose of the step: tensions alone do not always lead there again.
-    pub solver: Solver,
-    pub pulls: Vec<f64>,
-    pub slack: Vec<f64>,
-    /// By modules and tendons.
-    pub spans: Vec<f64>,
-}
 
 /// A robot that is driven through its tendons, along a path.
 #[pyclass(module = "bowstring._core")]

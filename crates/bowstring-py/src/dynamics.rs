@@ -2,7 +2,8 @@
 
 use crate::drive::Drive;
 use crate::fields::Records;
-use crate::rod::{input_error, model, numbers, refused, three, Robot};
+use crate::input::{input_error, model, numbers, refused, three};
+use crate::rod::Robot;
 use bowstring_core::dynamics::{self, Count, Damping, Energies, Fields, Settings, Step, Stop};
 use bowstring_core::load::Load;
 use bowstring_core::modes::{self, Flexibility};

@@ -1,6 +1,6 @@
 //! Fields of a run: strain and stress of sections, and the records of its file.
 
-use crate::rod::refused;
+use crate::input::refused;
 use bowstring_core::dynamics::Fields;
 use bowstring_core::robot::Robot;
 use bowstring_core::stress::{self, Derived, Section, Sections};

@@ -6,6 +6,7 @@ mod arc;
 mod drive;
 mod dynamics;
 mod fields;
+mod input;
 mod rod;
 
 #[pymodule]

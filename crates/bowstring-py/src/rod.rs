@@ -1,8 +1,9 @@
 //! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one answer.
 
-use crate::drive::{Driven, State};
-use bowstring_core::batch::{self, write_pose, Loads, Settings, Solutions};
-use bowstring_core::load::{Model, OwnedLoad, TendonPath, Theory};
+use crate::input::{input_error, numbers, refused, settings, three, OwnLoads};
+use bowstring_core::batch::{self, write_pose, Settings, Solutions};
+use bowstring_core::drive::DriveOutcome;
+use bowstring_core::load::{OwnedLoad, TendonPath, Theory};
 use bowstring_core::robot::{Disk, InputError, RobotSpec, Section, Tendon};
 use bowstring_core::sensitivity::Derivative;
 use bowstring_core::statics::Solver;
@@ -12,19 +13,7 @@ use numpy::{
     PyReadonlyArray2, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
-
-mod raised {
-    pyo3::import_exception!(bowstring.errors, InputError);
-}
-
-pub(crate) fn refused(sentence: impl Into<String>) -> PyErr {
-    raised::InputError::new_err(sentence.into())
-}
-
-pub(crate) fn input_error(e: InputError) -> PyErr {
-    refused(e.0)
-}
+use pyo3::types::{PyDict, PyList};
 
 /// A robot in the core, checked and immutable.
 #[pyclass(frozen, module = "bowstring._core")]
@@ -328,6 +317,25 @@ impl Solution {
     }
 }
 
+/// What a step of a `Drive` adds to a solution by tensions.
+pub(crate) struct Driven {
+    /// Whether each tendon is pulled by a length, and the length or tension.
+    pub pulled: Vec<bool>,
+    pub commands: Vec<f64>,
+    pub found: DriveOutcome,
+    pub state: Option<State>,
+}
+
+/// Numbers of a converged step.
+pub(crate) struct State {
+    /// In the pose of the step: tensions alone do not always lead there again.
+    pub solver: Solver,
+    pub pulls: Vec<f64>,
+    pub slack: Vec<f64>,
+    /// By modules and tendons.
+    pub spans: Vec<f64>,
+}
+
 /// Numbers of a converged solution.
 pub(crate) struct Answer {
     pub disk_position: Vec<f64>,
@@ -586,154 +594,5 @@ impl Solution {
             )?;
         }
         Ok(Some(out))
-    }
-}
-
-/// Copies of the arrays: nobody can change them while the interpreter lock is released.
-pub(crate) struct OwnLoads {
-    pub count: usize,
-    tensions: Vec<f64>,
-    gravity: Vec<f64>,
-    tip_force: Vec<f64>,
-    tip_moment: Vec<f64>,
-}
-
-impl OwnLoads {
-    pub fn new(
-        robot: &bowstring_core::robot::Robot,
-        tensions: PyReadonlyArray2<f64>,
-        gravity: Option<&Bound<PyAny>>,
-        tip_force: &Bound<PyAny>,
-        tip_moment: &Bound<PyAny>,
-    ) -> PyResult<Self> {
-        let (count, tendons) = (tensions.shape()[0], tensions.shape()[1]);
-        if tendons != robot.tendon_count() {
-            return Err(refused(format!(
-                "tensions has shape ({count}, {tendons}), it must have one row for each load and {} columns, one for each tendon",
-                robot.tendon_count()
-            )));
-        }
-        let rows = |value: &Bound<PyAny>, name: &str, unit: &str| match value
-            .extract::<PyReadonlyArray2<f64>>()
-        {
-            Ok(array) if array.shape() == [count, 3] => {
-                Ok(array.as_array().iter().copied().collect())
-            }
-            Ok(array) => Err(refused(format!(
-                "{name} has shape ({}, {}), it must be (3,) or ({count}, 3), in {unit}",
-                array.shape()[0],
-                array.shape()[1]
-            ))),
-            Err(_) => Ok(three(value, name, unit)?.to_vec()),
-        };
-        Ok(OwnLoads {
-            count,
-            tensions: tensions.as_array().iter().copied().collect(),
-            gravity: match gravity {
-                Some(g) => rows(g, "gravity", "m/s^2")?,
-                None => robot.spec().gravity.to_vec(),
-            },
-            tip_force: rows(tip_force, "tip_force", "N")?,
-            tip_moment: rows(tip_moment, "tip_moment", "N m")?,
-        })
-    }
-
-    pub fn borrow(&self) -> Loads<'_> {
-        Loads {
-            count: self.count,
-            tensions: &self.tensions,
-            gravity: &self.gravity,
-            tip_force: &self.tip_force,
-            tip_moment: &self.tip_moment,
-        }
-    }
-}
-
-pub(crate) fn settings(
-    theory: &str,
-    tendon: &str,
-    twist: bool,
-    elements: usize,
-) -> PyResult<Settings> {
-    let model = model(theory, tendon, twist)?;
-    Ok(Settings { model, elements })
-}
-
-pub(crate) fn model(theory: &str, tendon: &str, twist: bool) -> PyResult<Model> {
-    Ok(Model {
-        theory: match theory {
-            "cosserat" => Theory::Cosserat,
-            "kirchhoff" => Theory::Kirchhoff,
-            _ => {
-                return Err(refused(format!(
-                    "theory is {theory:?}, it must be \"cosserat\" or \"kirchhoff\""
-                )))
-            }
-        },
-        tendon: match tendon {
-            "straight" => TendonPath::Straight,
-            "continuous" => TendonPath::Continuous,
-            _ => {
-                return Err(refused(format!(
-                    "tendon is {tendon:?}, it must be \"straight\" or \"continuous\""
-                )))
-            }
-        },
-        twist,
-    })
-}
-
-/// A sequence of `count` numbers: an array, a list, a tuple or what NumPy makes an array of.
-pub(crate) fn numbers(
-    value: &Bound<'_, PyAny>,
-    name: &str,
-    unit: &str,
-    count: usize,
-) -> PyResult<Vec<f64>> {
-    let found = if let Ok(array) = value.extract::<PyReadonlyArray1<f64>>() {
-        Some(array.as_array().iter().copied().collect())
-    } else if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
-        value.extract::<Vec<f64>>().ok()
-    } else if value.hasattr("__array__")? {
-        let array = value.call_method0("__array__")?;
-        array.extract::<Vec<f64>>().ok()
-    } else {
-        None
-    };
-    match found {
-        Some(v) if v.len() == count => Ok(v),
-        Some(v) => Err(refused(format!(
-            "{name} has {} numbers, it must have {count}, in {unit}",
-            v.len()
-        ))),
-        None => Err(refused(format!(
-            "{name} is {}, it must be {count} numbers, in {unit}",
-            brief(value)
-        ))),
-    }
-}
-
-pub(crate) fn three(value: &Bound<'_, PyAny>, name: &str, unit: &str) -> PyResult<[f64; 3]> {
-    if let Ok(v) = value.extract::<(f64, f64, f64)>() {
-        return Ok([v.0, v.1, v.2]);
-    }
-    let v = numbers(value, name, unit, 3)?;
-    Ok([v[0], v[1], v[2]])
-}
-
-/// How a wrong value shows in an error.
-fn brief(value: &Bound<'_, PyAny>) -> String {
-    let text = value.repr().map_or_else(
-        |_| value.get_type().to_string(),
-        |r| {
-            r.to_string_lossy()
-                .split_whitespace()
-                .collect::<Vec<_>>()
-                .join(" ")
-        },
-    );
-    match text.char_indices().nth(60) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None => text,
     }
 }
