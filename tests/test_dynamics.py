@@ -228,6 +228,29 @@ def test_file_holds_the_same_run(
         np.testing.assert_array_equal(getattr(written, name), getattr(kept, name))
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"theory": "kirchhoff"},
+        {"twist": False},
+        {"tendon": "continuous", "elements": 2},
+        {"tip_force": step([0.5, 0.2, 0.1], 0.013)},
+        {"dt": 0.02, "points": 2},
+    ],
+)
+def test_file_of_a_release_holds_the_same_run(tmp_path: Path, settings: dict[str, Any]) -> None:
+    """Energy at the start is not zero, and sections are those of the theory."""
+    arguments: Any = {
+        "initial_tensions": [30, 5, 0],
+        "initial_tip_force": [0.2, 0.4, 0],
+        **settings,
+    }
+    kept = simulate(ROBOT, pulled(1), 0.05, **arguments)
+    written = simulate(ROBOT, pulled(1), 0.05, **arguments, out=tmp_path / "run.nc")
+    assert kept.dataset.elastic_energy[0] > 1e-3
+    xr.testing.assert_identical(written.dataset, kept.dataset)
+
+
 @pytest.mark.parametrize("call", [1, 2, 5])
 @pytest.mark.parametrize("after", [False, True])
 def test_interrupted_while_it_is_written(

@@ -545,7 +545,7 @@ def simulate(
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """A second Ctrl-C within is not heard: how a run ended is written whole."""
+    """Ctrl-C within, above all a second one, is not heard: how a run ended is kept whole."""
     heard = []
     if threading.current_thread() is threading.main_thread():  # the only one that hears any
         heard = [
