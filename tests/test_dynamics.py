@@ -6,6 +6,7 @@ import math
 import os
 import pickle
 import signal
+import time as clock
 from pathlib import Path
 from typing import Any
 
@@ -227,6 +228,29 @@ def test_file_holds_the_same_run(
         np.testing.assert_array_equal(getattr(written, name), getattr(kept, name))
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"theory": "kirchhoff"},
+        {"twist": False},
+        {"tendon": "continuous", "elements": 2},
+        {"tip_force": step([0.5, 0.2, 0.1], 0.013)},
+        {"dt": 0.02, "points": 2},
+    ],
+)
+def test_file_of_a_release_holds_the_same_run(tmp_path: Path, settings: dict[str, Any]) -> None:
+    """Energy at the start is not zero, and sections are those of the theory."""
+    arguments: Any = {
+        "initial_tensions": [30, 5, 0],
+        "initial_tip_force": [0.2, 0.4, 0],
+        **settings,
+    }
+    kept = simulate(ROBOT, pulled(1), 0.05, **arguments)
+    written = simulate(ROBOT, pulled(1), 0.05, **arguments, out=tmp_path / "run.nc")
+    assert kept.dataset.elastic_energy[0] > 1e-3
+    xr.testing.assert_identical(written.dataset, kept.dataset)
+
+
 @pytest.mark.parametrize("call", [1, 2, 5])
 @pytest.mark.parametrize("after", [False, True])
 def test_interrupted_while_it_is_written(
@@ -252,6 +276,33 @@ def test_interrupted_while_it_is_written(
     assert data.attrs["status"] == run.status == "interrupted"
     assert len(run.time) == data.sizes.get("time", 0) < 101
     assert (len(run.time) > 0) == (after or call > 1)
+    assert run.wall_s > 0 and np.isfinite(run.real_time_factor)
+
+
+@pytest.mark.parametrize("name", [None, "run.nc"])
+def test_time_that_a_motion_takes(tmp_path: Path, name: str | None) -> None:
+    """Its start is part of it, what `progress` does is not."""
+    out = None if name is None else tmp_path / name
+    start = simulate(ROBOT, pulled(5), 0.0, out=out)
+    assert start.wall_s > 0 and start.real_time_factor == 0.0
+    begun = clock.perf_counter()
+    run = simulate(ROBOT, pulled(5), 0.05, out=out, progress=lambda _: clock.sleep(0.2))
+    assert 0 < run.wall_s < clock.perf_counter() - begun - 0.2
+
+
+def test_a_load_that_fails_at_the_start_keeps_the_former_run(tmp_path: Path) -> None:
+    asked = []
+
+    def tension(t: float) -> list[float]:
+        asked.append(t)
+        if len(asked) == 2:
+            raise ValueError("no more")
+        return pulled(5)
+
+    former = simulate(ROBOT, pulled(6), 0.02, out=tmp_path / "run.nc")
+    with pytest.raises(InputError, match="failed at 0 s: ValueError: no more"):
+        simulate(ROBOT, tension, 0.1, out=tmp_path / "run.nc")
+    assert asked == [0.0, 0.0] and former.dataset.attrs["status"] == "converged"
 
 
 def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:

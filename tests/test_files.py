@@ -42,6 +42,8 @@ def test_places_that_cannot_be_are_named(tmp_path: Path) -> None:
         check_place(tmp_path / "notes" / "a", "no")
     with pytest.raises(InputError, match="no: File name too long"):
         check_place(tmp_path / ("x" * 300), "no")
+    with pytest.raises(InputError, match="no: its name is not valid"):
+        check_place(tmp_path / "a\0", "no")
 
 
 def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:

@@ -458,13 +458,15 @@ def simulate(
         sections = Section(robot, *stations, theory, twist)
         simulator.write_to(sections.columns, stations[0], planned.room, planned.append)
     file: RunFile | None = None
-    spent = 0.0
+    aside = 0.0  # seconds that were not the motion's
+    begun = clock.perf_counter()
 
     @_deaf()
     def finish(status: Status, reason: str = "") -> None:
+        run.wall_s = clock.perf_counter() - begun - aside - simulator.output_s
         run.status, run.reason = status, reason
         run.steps, run.iterations = simulator.steps, simulator.iterations
-        run.repeated, run.wall_s = simulator.repeated, spent - simulator.output_s
+        run.repeated = simulator.repeated
         time, position, velocity = simulator.tip()
         if file is not None:
             file.finish(status, reason)
@@ -475,7 +477,6 @@ def simulate(
         run.time, run.tip_position, run.tip_velocity = time, position, velocity
 
     try:
-        begun = clock.perf_counter()
         status = "converged"
         if path is None:
             status = simulator.rest(*initial)
@@ -495,13 +496,14 @@ def simulate(
                 "its disks",
                 run,
             )
+        after = loads.at(0.0)
         # a former run in its place is given up only for one that has begun
         if planned is not None:
             file, run.path = planned, planned.path
         simulator.run(*_rows([0.0], [initial]), np.array([True]))
         if holding is not None:
             simulator.release()
-        simulator.jump(*loads.at(0.0))
+        simulator.jump(*after)
         jumps = sorted(loads.jumps())
         reached = 0.0
         longest = dt if dt is not None else min(every, DEFAULT_INTERVAL)
@@ -509,7 +511,6 @@ def simulate(
         stop = None
         for stretches in loads.chunks(simulator, times.copy(), longest, modules):
             stop = simulator.run(*stretches)
-            spent += clock.perf_counter() - begun
             if stop is not None:
                 break
             reached += float(stretches[0].sum())
@@ -517,8 +518,11 @@ def simulate(
                 if abs(jump - reached) <= 1e-9 * (1 + reached) and jump < duration:
                     simulator.jump(*loads.at(jump))
             if progress is not None and duration > 0:
-                progress(min(simulator.time / duration, 1.0))
-            begun = clock.perf_counter()
+                asked = clock.perf_counter()
+                try:
+                    progress(min(simulator.time / duration, 1.0))
+                finally:
+                    aside += clock.perf_counter() - asked
         if stop is None:
             finish("converged")
         else:
@@ -541,7 +545,7 @@ def simulate(
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """A second Ctrl-C within is not heard: how a run ended is written whole."""
+    """Ctrl-C within, above all a second one, is not heard: how a run ended is kept whole."""
     heard = []
     if threading.current_thread() is threading.main_thread():  # the only one that hears any
         heard = [

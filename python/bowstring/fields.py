@@ -1,8 +1,8 @@
 """Fields of a run: curvature, strain, stress, pull and energy, labelled and with units.
 
 `derive` turns raw output (`Frames`) into arrays, many output times at once, and knows no labels;
-`to_dataset` adds them. A run with a file packs the same into bytes as it goes, in the core. Both go
-by one table, `FIELDS`, so that a file and a dataset agree.
+`to_dataset` adds them. For a run with a file the core packs the same into bytes as it goes, in the
+order of the table `FIELDS`, which both go by.
 
 Body axes of a section: z along the tangent, x and y along those of the base when it is straight.
 Force and moment are those that the part beyond exerts on the section, so a positive force z is
@@ -165,7 +165,7 @@ FIELDS: Final[tuple[Field, ...]] = (
         "energy gained minus work plus dissipated: the error",
     ),
 )
-"""Every variable over time, in the order of the file."""
+"""Every variable over time, in the order of the file and of what the core packs for it."""
 
 _RAW: Final = frozenset(Frames.__dataclass_fields__)
 

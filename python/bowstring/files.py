@@ -88,6 +88,8 @@ def check_writable(path: Path, why: str) -> None:
         return
     except OSError as error:  # such as a name that is too long
         raise InputError(f"{why}: {error.strerror}") from None
+    except ValueError:
+        raise InputError(f"{why}: its name is not valid") from None
     if above.st_mode & stat.S_ISVTX and os.geteuid() not in owners:
         raise InputError(
             f"{why}: it is another user's, who alone may replace it in {path.parent}; choose "
