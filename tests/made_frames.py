@@ -80,10 +80,10 @@ def arc(kappa: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return position, np.stack(rows, axis=-2)
 
 
-def made_file(path: Path, robot: Robot, settings: dict[str, Any], **expected: int) -> RunFile:
+def made_file(path: Path, robot: Robot, settings: dict[str, Any], times: int = 0) -> RunFile:
     """The file of a made-up run, still without a record."""
     frames = made_frames(robot, np.zeros(1))
-    return RunFile.open(path, robot, settings, frames.station, frames.module, **expected)
+    return RunFile.open(path, robot, settings, frames.station, frames.module, times=times)
 
 
 def made_records(robot: Robot, time: np.ndarray) -> np.ndarray:

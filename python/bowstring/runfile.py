@@ -145,7 +145,7 @@ class RunFile:
         station: Floats,
         module: Ints,
         *,
-        times: int = 0,
+        times: int,
     ) -> Self:
         """Start a file, before the work begins.
 
@@ -159,7 +159,7 @@ class RunFile:
         station : ndarray (P,)
         module : ndarray of int (P,)
             As those of `bowstring.fields.Frames`.
-        times : int, optional
+        times : int
             Expected number of output times; the drive must have room for them.
 
         Returns

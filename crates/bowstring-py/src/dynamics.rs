@@ -27,7 +27,7 @@ pub struct Simulator {
     home: Vec<f64>,
     compliance: Vec<f64>,
     /// Of all output times.
-    time: Vec<f64>,
+    times: Vec<f64>,
     tip_position: Vec<f64>,
     tip_velocity: Vec<f64>,
     /// Of all output times too, but for those that have gone to a file.
@@ -94,7 +94,7 @@ impl Simulator {
             points,
             home: numbers(home, "home", "m", tendons)?,
             compliance: numbers(compliance, "compliance", "m/N", tendons)?,
-            time: Vec::new(),
+            times: Vec::new(),
             tip_position: Vec::new(),
             tip_velocity: Vec::new(),
             fields: Fields::default(),
@@ -117,7 +117,7 @@ impl Simulator {
         if station.len() != robot.module_count() * self.points {
             return Err(refused("there must be as many stations as points"));
         }
-        if !self.time.is_empty() {
+        if !self.times.is_empty() {
             return Err(refused("a file takes a motion from its start on"));
         }
         let records = Records::new(robot, &sections, &station, room, append)?;
@@ -222,7 +222,7 @@ impl Simulator {
         let tensions = tensions.as_array();
         let mut own = vec![0.0; tendons];
         let mut stop = None;
-        py.detach(|| {
+        let done = py.detach(|| {
             for row in 0..rows {
                 for (to, from) in own.iter_mut().zip(tensions.row(row)) {
                     *to = *from;
@@ -249,12 +249,14 @@ impl Simulator {
                 }
             }
             PyResult::Ok(())
-        })?;
+        });
+        let mut written = Ok(());
         if let Some(records) = &mut self.records {
             let begun = Instant::now();
-            records.flush(py)?;
+            written = records.flush(py);
             self.output += begun.elapsed();
         }
+        done.and(written)?;
         Ok(stop.map(|s| match s {
             Stop::StepFailed => "step_failed",
             Stop::Collision => "collision",
@@ -271,13 +273,13 @@ impl Simulator {
         Bound<'py, PyArrayDyn<f64>>,
         Bound<'py, PyArrayDyn<f64>>,
     )> {
-        let shape = [self.time.len(), 3];
+        let shape = [self.times.len(), 3];
         let vectors = |v: &[f64]| {
             let flat = PyArray1::from_slice(py, v);
             flat.reshape(shape).map(|a| a.to_dyn().clone())
         };
         Ok((
-            PyArray1::from_slice(py, &self.time),
+            PyArray1::from_slice(py, &self.times),
             vectors(&self.tip_position)?,
             vectors(&self.tip_velocity)?,
         ))
@@ -372,13 +374,13 @@ impl Simulator {
     /// that stops at an output time does not give it again.
     fn record(&mut self) -> PyResult<()> {
         let now = self.inner.time();
-        if self.time.last().is_some_and(|last| now <= *last) {
+        if self.times.last().is_some_and(|last| now <= *last) {
             return Ok(());
         }
         self.inner.record(self.points, &mut self.fields);
         let fields = &mut self.fields;
         let tip = fields.disk_position.len() - 3;
-        self.time.push(now);
+        self.times.push(now);
         self.tip_position
             .extend_from_slice(&fields.disk_position[tip..]);
         self.tip_velocity
@@ -405,9 +407,16 @@ impl Simulator {
         }
         if let Some(records) = &mut self.records {
             let begun = Instant::now();
-            Python::attach(|py| records.add(py, fields))?;
+            let full = records.add(fields);
             fields.clear();
+            // waits where other threads of Python are busy
+            let written = if full {
+                Python::attach(|py| records.flush(py))
+            } else {
+                Ok(())
+            };
             self.output += begun.elapsed();
+            return written;
         }
         Ok(())
     }

@@ -109,8 +109,8 @@ pub fn derive<'py>(
     Ok(out)
 }
 
-/// Output times as the file of a run has them: packed one after the other into a room of Python's,
-/// which is handed to `append` whenever it is full.
+/// Output times as the file of a run has them: packed one after the other, without the interpreter,
+/// and handed to `append` in a room of Python's whenever that is full.
 ///
 /// A record is the time and then all fields in the order of the file, most significant byte first.
 pub(crate) struct Records {
@@ -120,8 +120,9 @@ pub(crate) struct Records {
     length: f64,
     energy_at_start: Option<f64>,
     derived: Derived,
-    room: Py<PyArray1<u8>>,
+    packed: Vec<u8>,
     filled: usize,
+    room: Py<PyArray1<u8>>,
     append: Py<PyAny>,
 }
 
@@ -144,20 +145,26 @@ impl Records {
                 "there must be a section for every station, and room for whole records",
             ));
         }
+        if !room.is_contiguous() || room.try_readwrite().is_err() {
+            return Err(refused(
+                "the room must be bytes in a row that may be written",
+            ));
+        }
         Ok(Records {
             sections,
             station: station.as_slice()?.to_vec(),
             length: robot.length(),
             energy_at_start: None,
             derived: Derived::default(),
-            room: room.unbind(),
+            packed: vec![0; room.len()],
             filled: 0,
+            room: room.unbind(),
             append,
         })
     }
 
-    /// Packs fields of one time, and has the room written where it is full.
-    pub(crate) fn add(&mut self, py: Python<'_>, fields: &Fields) -> PyResult<()> {
+    /// Packs fields of one time; returns whether there is no room for another.
+    pub(crate) fn add(&mut self, fields: &Fields) -> bool {
         let given = Sections {
             sections: &self.sections,
             position: &fields.position,
@@ -172,8 +179,7 @@ impl Records {
         let energy = &fields.energies[0];
         let left_over = energy.left();
         let start = *self.energy_at_start.get_or_insert(left_over);
-        let mut room = self.room.bind(py).readwrite();
-        let mut rest = &mut room.as_slice_mut()?[self.filled..];
+        let mut rest = &mut self.packed[self.filled..];
         let left = rest.len();
         for values in [
             &fields.time,
@@ -211,20 +217,19 @@ impl Records {
             rest = put(rest, values);
         }
         self.filled += left - rest.len();
-        if rest.is_empty() {
-            drop(room);
-            self.flush(py)?;
-        }
-        Ok(())
+        rest.is_empty()
     }
 
-    /// Has all that is packed written.
+    /// Has all that is packed written; after an error it is forgotten.
     pub(crate) fn flush(&mut self, py: Python<'_>) -> PyResult<()> {
-        if self.filled > 0 {
-            let packed = PySlice::new(py, 0, self.filled as isize, 1);
-            self.filled = 0;
-            self.append
-                .call1(py, (self.room.bind(py).get_item(packed)?,))?;
+        let filled = std::mem::take(&mut self.filled);
+        if filled > 0 {
+            let room = self.room.bind(py);
+            let mut bytes = room.try_readwrite()?;
+            bytes.as_slice_mut()?[..filled].copy_from_slice(&self.packed[..filled]);
+            drop(bytes);
+            let records = room.get_item(PySlice::new(py, 0, filled as isize, 1))?;
+            self.append.call1(py, (records,))?;
         }
         Ok(())
     }
@@ -269,8 +274,10 @@ fn sections_of(columns: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Section>> {
     if columns.shape()[1] != 10 || columns.shape()[0] == 0 {
         return Err(refused("sections must be rows of ten numbers"));
     }
-    let rows = columns.as_slice()?.chunks_exact(10);
-    Ok(rows
+    let columns = columns.as_array();
+    Ok(columns
+        .rows()
+        .into_iter()
         .map(|row| Section {
             radius: row[0],
             area: row[1],

@@ -43,23 +43,41 @@ pub struct Fields {
 impl Fields {
     /// Forgets all times, not the room that they took.
     pub fn clear(&mut self) {
-        self.time.clear();
-        self.energies.clear();
+        let Fields {
+            time,
+            energies,
+            position,
+            rotation,
+            force,
+            moment,
+            disk_position,
+            disk_rotation,
+            disk_velocity,
+            disk_angular_velocity,
+            tension,
+            tendon_length,
+            span_length,
+            pull,
+            slack,
+            span_tension,
+        } = self;
+        energies.clear();
         for values in [
-            &mut self.position,
-            &mut self.rotation,
-            &mut self.force,
-            &mut self.moment,
-            &mut self.disk_position,
-            &mut self.disk_rotation,
-            &mut self.disk_velocity,
-            &mut self.disk_angular_velocity,
-            &mut self.tension,
-            &mut self.tendon_length,
-            &mut self.span_length,
-            &mut self.pull,
-            &mut self.slack,
-            &mut self.span_tension,
+            time,
+            position,
+            rotation,
+            force,
+            moment,
+            disk_position,
+            disk_rotation,
+            disk_velocity,
+            disk_angular_velocity,
+            tension,
+            tendon_length,
+            span_length,
+            pull,
+            slack,
+            span_tension,
         ] {
             values.clear();
         }
