@@ -10,9 +10,9 @@ import os
 import signal
 import threading
 import time as clock
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring import arguments
+from bowstring import arguments, simulators
 from bowstring import drive as driving
 from bowstring.courses import Driven, Load, Loads, OverTime, Table, over_time, ramp, step
 from bowstring.drive import Given
@@ -423,23 +423,20 @@ def simulate(
             raise NoStart(str(error), run) from None
         settings["mass_damping_per_s"] = mass_damping
         settings["material_damping_s"] = material_damping
-    from bowstring import _core
-
-    simulator = _core.Simulator(
-        robot.core,
+    simulator = simulators.make(
+        robot,
         theory,
         tendon,
         twist,
         elements,
         gravity,
-        float(mass_damping),
-        float(material_damping),
-        float(spectral_radius),
-        dt,
-        tolerance,
-        min(every, DEFAULT_INTERVAL),
         points,
-        *_lines(robot, theory, tendon, twist, elements),
+        mass_damping=mass_damping,
+        material_damping=material_damping,
+        spectral_radius=spectral_radius,
+        dt=dt,
+        tolerance=tolerance,
+        longest_step=min(every, DEFAULT_INTERVAL),
     )
     path = None
     if loads.drive.pulled.any() or robot.has_friction or history is not None:
@@ -448,7 +445,7 @@ def simulate(
             path.resume(history)
             settings["history"] = dict(history)
     times = _output_times(duration, every)
-    stations = _stations(robot, points)
+    stations = simulators.stations(robot, points)
     planned = None
     if out is not None:
         from bowstring.fields import Section
@@ -473,7 +470,7 @@ def simulate(
             written = time <= file.complete_to  # an interrupt may have kept the last from it
             time, position, velocity = time[written], position[written], velocity[written]
         elif points and len(time) and run.frames is None:
-            run.frames = _frames(simulator, stations)
+            run.frames = simulators.frames(simulator, stations)
         run.time, run.tip_position, run.tip_velocity = time, position, velocity
 
     try:
@@ -500,7 +497,7 @@ def simulate(
         # a former run in its place is given up only for one that has begun
         if planned is not None:
             file, run.path = planned, planned.path
-        simulator.run(*_rows([0.0], [initial]), np.array([True]))
+        simulators.keep_start(simulator, initial)
         if holding is not None:
             simulator.release()
         simulator.jump(*after)
@@ -671,92 +668,3 @@ def _rayleigh(
     faster = found.frequency_hz[found.frequency_hz >= 2.0 * found.frequency_hz[0]]
     fast = 2.0 * np.pi * float(faster[0]) if len(faster) else 10.0 * slow
     return 2.0 * ratio * slow * fast / (slow + fast), 2.0 * ratio / (slow + fast)
-
-
-# --------------------------------------------------------------------------------------
-# Raw output
-# --------------------------------------------------------------------------------------
-
-
-def _stations(robot: Robot, points: int) -> tuple[Floats, NDArray[np.int64]]:
-    """Arc length and module of every point, both ends of each flexible part among them."""
-    disks = robot.disks
-    held = disks.clamped_length_m / 2.0
-    end = disks.station_m - held
-    start = np.concatenate([[0.0], disks.station_m[:-1] + held[:-1]])
-    share = np.linspace(0.0, 1.0, points)
-    station = start[:, None] + share * (end - start)[:, None]
-    return station.ravel(), np.repeat(np.arange(len(start)), points)
-
-
-def _lines(
-    robot: Robot, theory: str, tendon: str, twist: bool, elements: int
-) -> tuple[Floats, Floats]:
-    """What tells the pulls of tendons that are given by tension: length at home in m, compliance
-    in m/N, (T,)."""
-    home = driving.home_lengths(robot, theory, tendon, twist, elements)
-    missing = np.full(len(robot.tendons.end_disk), np.nan)
-    return missing if home is None else home, driving.compliances(robot)
-
-
-def _frames(simulator: Any, stations: tuple[Floats, NDArray[np.int64]]) -> Frames:
-    from bowstring.fields import Frames
-
-    return Frames(station=stations[0], module=stations[1], **simulator.fields())
-
-
-def _rows(
-    durations: Iterable[float], loads: Sequence[Load]
-) -> tuple[Floats, Floats, Floats, Floats]:
-    return (
-        np.array(list(durations)),
-        np.array([load.drive for load in loads]).reshape(len(loads), -1),
-        np.array([load.tip_force for load in loads]),
-        np.array([load.tip_moment for load in loads]),
-    )
-
-
-def at_rest(
-    robot: Robot,
-    tensions: ArrayLike,
-    path: driving.Path | None,
-    *,
-    tip_force: ArrayLike,
-    tip_moment: ArrayLike,
-    gravity: Sequence[float],
-    theory: Theory,
-    tendon: TendonPath,
-    twist: bool,
-    elements: int,
-    points: int,
-) -> Frames:
-    """Raw fields of an equilibrium, as of a run that has not begun; see `Solution.fields`.
-
-    Of the tensions or, if it is given, that a path has come to.
-    """
-    from bowstring import _core
-
-    simulator = _core.Simulator(
-        robot.core,
-        theory,
-        tendon,
-        twist,
-        elements,
-        gravity,
-        *(0.0, 0.0, 1.0, 1.0, 1.0, 1.0),
-        points,
-        *_lines(robot, theory, tendon, twist, elements),
-    )
-    load = Load(*(np.asarray(v, dtype=float) for v in (tensions, tip_force, tip_moment)))
-    if path is None:
-        status = simulator.rest(*load)
-    else:
-        status = "converged" if simulator.rest_at(path.core) else "max_iterations"
-        load = replace(load, drive=path.core.history()["commands"])
-    if status != "converged":
-        raise NoSolutionError(
-            f"{robot.name}: there is no equilibrium to take fields of ({status})",
-            status="no_equilibrium",
-        )
-    simulator.run(*_rows([0.0], [load]), np.array([True]))
-    return _frames(simulator, _stations(robot, points))

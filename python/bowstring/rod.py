@@ -334,8 +334,8 @@ class Solution:
         NoSolutionError
             If the solution did not converge.
         """
-        from bowstring import dynamics
         from bowstring import fields as labelled
+        from bowstring import simulators
 
         self.raise_for_status()
         load: dict[str, Any] = {
@@ -348,7 +348,7 @@ class Solution:
             "elements": self.elements,
         }
         path = self._path if self.core.driven else None
-        frames = dynamics.at_rest(self.robot, self.tensions, path, points=points, **load)
+        frames = simulators.at_rest(self.robot, self.tensions, path, points=points, **load)
         settings = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in load.items()}
         settings["tensions_N"] = self.tensions.tolist()
         return labelled.to_dataset(self.robot, frames, settings, status=self.status)

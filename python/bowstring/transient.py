@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import dynamics, fields
+from bowstring import dynamics, fields, simulators
 from bowstring.comparison import Model, known_max, known_mean
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot import Robot
@@ -390,7 +390,7 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
     found = np.full((len(Surface.__dataclass_fields__), len(tension)), math.nan)
     for i, row in enumerate(model.tensions(tension)):
         try:
-            frames = dynamics.at_rest(
+            frames = simulators.at_rest(
                 model.robot,
                 row,
                 None,
