@@ -6,6 +6,7 @@ import math
 import os
 import pickle
 import signal
+import time as clock
 from pathlib import Path
 from typing import Any
 
@@ -262,9 +263,24 @@ def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
     with pytest.raises(dynamics.RunInterrupted) as caught:
         simulate(ROBOT, pulled(5), 5.0, out=tmp_path / "run.nc", progress=stop)
     assert caught.value.run.status == "interrupted"
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert isinstance(again, dynamics.RunInterrupted) and again.run.end == caught.value.run.end
     data = read_run(tmp_path / "run.nc")
     assert data.attrs["status"] == "interrupted"
     assert 1.9 < float(data.time[-1]) < 3.1 and float(data.time[-1]) == caught.value.run.end
+
+
+def test_the_time_of_what_was_interrupted_counts() -> None:
+    def pull(t: float) -> list[float]:
+        if t > 0.095:
+            raise KeyboardInterrupt
+        clock.sleep(0.02)
+        return pulled(5)
+
+    with pytest.raises(dynamics.RunInterrupted) as caught:
+        simulate(ROBOT, pull, 1.0, dt=0.01)
+    run = caught.value.run
+    assert run.wall_s > 0.02 * run.steps > 0.1 and run.real_time_factor < 1
 
 
 # -- loads over time -------------------------------------------------------------------------

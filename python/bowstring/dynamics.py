@@ -6,6 +6,7 @@ N is the number of disks, T the number of tendons.
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import threading
@@ -69,6 +70,9 @@ class RunInterrupted(KeyboardInterrupt):
     def __init__(self, run: Run) -> None:
         super().__init__(run.message)
         self.run = run
+
+    def __reduce__(self) -> tuple[type[RunInterrupted], tuple[Run]]:
+        return RunInterrupted, (self.run,)  # out of a pool of processes
 
 
 class NoStart(NoSolutionError):
@@ -458,13 +462,14 @@ def simulate(
         sections = Section(robot, *stations, theory, twist)
         simulator.write_to(sections.columns, stations[0], planned.room, planned.append)
     file: RunFile | None = None
-    spent = 0.0
+    spent, begun = 0.0, clock.perf_counter()
 
     @_deaf()
     def finish(status: Status, reason: str = "") -> None:
+        lasted = spent + max(0.0, clock.perf_counter() - begun)  # what was stopped counts too
         run.status, run.reason = status, reason
         run.steps, run.iterations = simulator.steps, simulator.iterations
-        run.repeated, run.wall_s = simulator.repeated, spent - simulator.output_s
+        run.repeated, run.wall_s = simulator.repeated, lasted - simulator.output_s
         time, position, velocity = simulator.tip()
         if file is not None:
             file.finish(status, reason)
@@ -475,7 +480,6 @@ def simulate(
         run.time, run.tip_position, run.tip_velocity = time, position, velocity
 
     try:
-        begun = clock.perf_counter()
         status = "converged"
         if path is None:
             status = simulator.rest(*initial)
@@ -509,7 +513,7 @@ def simulate(
         stop = None
         for stretches in loads.chunks(simulator, times.copy(), longest, modules):
             stop = simulator.run(*stretches)
-            spent += clock.perf_counter() - begun
+            spent, begun = spent + clock.perf_counter() - begun, math.inf
             if stop is not None:
                 break
             reached += float(stretches[0].sum())
