@@ -354,6 +354,17 @@ def test_a_copy_that_did_not_end_is_no_run(tmp_path, missing, status):
             assert read_run(tmp_path / "copy.nc").attrs["status"] == status
 
 
+def test_a_file_cut_within_its_header_is_no_run(tmp_path):
+    run = made_file(tmp_path / "run.nc", ROBOT, SETTINGS)
+    run.append(chunk(0))
+    run.finish()
+    header = (tmp_path / "run.nc").read_bytes()[: run._header.size]
+    for kept in (*range(4, 300, 7), *range(300, len(header), 1001)):
+        (tmp_path / "copy.nc").write_bytes(header[:kept])
+        with pytest.raises(InputError, match=r"cannot read the run "):
+            read_run(tmp_path / "copy.nc")
+
+
 @pytest.mark.parametrize("step", ["_replace", "_write", "_open"])
 @pytest.mark.parametrize("call", [1, 2, 3])
 @pytest.mark.parametrize("after", [False, True])

@@ -413,7 +413,7 @@ def _is_cut(path: str | Path) -> bool:
         # looks at no number, but lays out all of them in the file
         with netcdf_file(path, "r", mmap=True):
             return False
-    except (TypeError, ValueError):
+    except (IndexError, TypeError, ValueError):
         return True
 
 
