@@ -356,11 +356,17 @@ def test_a_killed_run_leaves_its_file(tmp_path: Path, number: str, code: int) ->
     assert found["status"] == "interrupted" and found["t_s"][-1] == end
 
 
+@pytest.mark.parametrize("importing", [False, True])
 def test_stopped_while_pictures_are_drawn(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, importing: bool
 ) -> None:
     def stopped(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            if importing:  # as a compiled module makes of it
+                raise ImportError("initialization failed") from error
+            raise
 
     monkeypatch.setattr("bowstring.animation.animate", stopped)
     out = tmp_path / "run.nc"
@@ -369,6 +375,21 @@ def test_stopped_while_pictures_are_drawn(
     assert err == f"Stopped: the motion was done and the run is in {out}; pictures are not.\n"
     assert read_run(out).attrs["status"] == "converged"
     assert list(tmp_path.iterdir()) == [out]
+
+
+def test_stopped_in_the_middle_of_an_import(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        try:
+            if stopped:
+                raise KeyboardInterrupt
+        finally:
+            raise ImportError("initialization failed")
+
+    monkeypatch.setattr("bowstring.dynamics.simulate", fails)
+    stopped = True
+    assert shell(*SHORT) == (130, "", "Stopped: nothing was written.\n")
+    stopped = False  # a fault of ours
+    assert shell(*SHORT)[0] == 70
 
 
 def test_stopped_while_the_result_is_printed(

@@ -275,6 +275,7 @@ def test_interrupted_while_it_is_written(
     data = run.dataset  # of the same times
     assert data.attrs["status"] == run.status == "interrupted"
     assert len(run.time) == data.sizes.get("time", 0) < 101
+    assert 0 < run.wall_s < 10  # with the stretch that it was in
     assert (len(run.time) > 0) == (after or call > 1)
     assert run.wall_s > 0 and np.isfinite(run.real_time_factor)
 
@@ -313,6 +314,8 @@ def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
     with pytest.raises(dynamics.RunInterrupted) as caught:
         simulate(ROBOT, pulled(5), 5.0, out=tmp_path / "run.nc", progress=stop)
     assert caught.value.run.status == "interrupted"
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert isinstance(again, dynamics.RunInterrupted) and again.run.end == caught.value.run.end
     data = read_run(tmp_path / "run.nc")
     assert data.attrs["status"] == "interrupted"
     assert 1.9 < float(data.time[-1]) < 3.1 and float(data.time[-1]) == caught.value.run.end

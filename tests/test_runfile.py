@@ -272,6 +272,27 @@ def test_a_run_whose_file_is_taken_is_lost(tmp_path, chunks, ending, other):
     assert os.listdir(tmp_path) == ([path.name] if other else [])
 
 
+@pytest.mark.parametrize(
+    ("ending", "size"),
+    [(False, 0), (False, 100), (False, -8), (False, 100_000_000), (True, 0), (True, -8)],
+)
+def test_a_file_that_others_write_to_is_lost(tmp_path, ending, size):
+    """As ``> run.nc`` does: what would be added to it makes no run."""
+    path = tmp_path / "run.nc"
+    run = made_file(path, ROBOT, SETTINGS)
+    run.append(chunk(0))
+    run.append(chunk(1))
+    os.truncate(path, size if size >= 0 else path.stat().st_size + size)
+    left = path.stat().st_size
+    with pytest.raises(InputError, match=r"is lost: another program wrote to its file"):
+        if ending:
+            run.finish()
+        else:
+            run.append(chunk(2))
+    run.finish("failed")  # too late: nothing changes
+    assert path.stat().st_size == left
+
+
 def test_a_drive_that_is_full_at_once(tmp_path, monkeypatch):
     """Nothing is there, and what is said does not speak of a file."""
 
@@ -330,6 +351,17 @@ def test_a_copy_that_did_not_end_is_no_run(tmp_path, missing, status):
                 read_run(tmp_path / "copy.nc")
         else:
             assert read_run(tmp_path / "copy.nc").attrs["status"] == status
+
+
+def test_a_file_cut_within_its_header_is_no_run(tmp_path):
+    run = made_file(tmp_path / "run.nc", ROBOT, SETTINGS)
+    run.append(chunk(0))
+    run.finish()
+    header = (tmp_path / "run.nc").read_bytes()[: run._header.size]
+    for kept in (*range(4, 300, 7), *range(300, len(header), 1001)):
+        (tmp_path / "copy.nc").write_bytes(header[:kept])
+        with pytest.raises(InputError, match=r"cannot read the run "):
+            read_run(tmp_path / "copy.nc")
 
 
 @pytest.mark.parametrize("step", ["_replace", "_write", "_open"])

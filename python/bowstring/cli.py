@@ -16,7 +16,7 @@ import typer
 
 from bowstring import __version__
 from bowstring.commands import bench, cad, data, dynamics, fe, fit, statics, study
-from bowstring.commands.output import Stopped, say, write
+from bowstring.commands.output import Stopped, say, was_stopped, write
 from bowstring.errors import InputError, NoSolutionError
 
 BAD_INPUT: Final = 2
@@ -115,9 +115,11 @@ def run(arguments: Sequence[str]) -> int:
     except BaseException as error:  # a panic of the core is no Exception
         if isinstance(error, SystemExit):
             raise
-        traceback.print_exc()
-        say("Error", "this is a bug in Bowstring; please report it with the lines above.")
-        return BUG
+        if not was_stopped(error):
+            traceback.print_exc()
+            say("Error", "this is a bug in Bowstring; please report it with the lines above.")
+            return BUG
+        code = STOPPED
     if code == STOPPED:
         say("Stopped", "nothing was written.")
     return code if isinstance(code, int) else 0

@@ -6,6 +6,7 @@ N is the number of disks, T the number of tendons.
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import threading
@@ -69,6 +70,9 @@ class RunInterrupted(KeyboardInterrupt):
     def __init__(self, run: Run) -> None:
         super().__init__(run.message)
         self.run = run
+
+    def __reduce__(self) -> tuple[type[RunInterrupted], tuple[Run]]:
+        return RunInterrupted, (self.run,)  # out of a pool of processes
 
 
 class NoStart(NoSolutionError):

@@ -220,8 +220,8 @@ class RunFile:
             if self._records == 0:
                 self._replace(self._header.bytes("running", "", *head), content)
             else:
-                self._check_place()
-                self._write(self._header.size + self._records * size, content)
+                self._check_place(whole=True)
+                self._write(self._size, content)
                 self._write(4, self._header.head("running", "", *head))
         except OSError as error:
             self._give_up(error)
@@ -280,12 +280,21 @@ class RunFile:
                 os.unlink(name)
             raise
 
-    def _check_place(self) -> None:
-        """Refuse to go on where the file no longer has its name: nobody would find the run."""
+    @property
+    def _size(self) -> int:
+        return self._header.size + self._records * self._header.record
+
+    def _check_place(self, whole: bool = False) -> None:
+        """Refuse to go on where the file no longer has its name, for nobody would find the run, or
+        others wrote to it; ``whole`` unless an interrupt may have left more than is counted."""
         try:
-            if os.path.samestat(os.stat(self.path), os.fstat(self._open().fileno())):
+            ours = os.fstat(self._open().fileno())
+            if not os.path.samestat(os.stat(self.path), ours):
+                what = "another file has taken its place; give each run a file of its own"
+            elif ours.st_size < self._size or (whole and ours.st_size > self._size):
+                what = "another program wrote to its file while it went on"
+            else:
                 return
-            what = "another file has taken its place; give each run a file of its own"
         except FileNotFoundError:
             what = "its file was removed while it went on"
         self._closed = True
@@ -324,7 +333,7 @@ class RunFile:
         why = f"cannot {go_on} the run to {self.path}: {_why(error)}"
         with contextlib.suppress(OSError):
             if self._records:
-                self._open().truncate(self._header.size + self._records * self._header.record)
+                self._open().truncate(self._size)
             self._end("failed", why)
         raise InputError(f"{why}; {self._holds()}") from None
 
@@ -404,7 +413,7 @@ def _is_cut(path: str | Path) -> bool:
         # looks at no number, but lays out all of them in the file
         with netcdf_file(path, "r", mmap=True):
             return False
-    except (TypeError, ValueError):
+    except (IndexError, TypeError, ValueError):
         return True
 
 

@@ -44,6 +44,7 @@ from bowstring.commands.output import (
     plain,
     progress_bar,
     provenance_of,
+    was_stopped,
     write_json,
     write_tables,
 )
@@ -224,7 +225,14 @@ def simulate(
                     files = targets.write(error.run)
                     write_json({**_run_json(error.run, interval), **why, "files": files})
                 raise
-            files = targets.write(run, lambda what, done: tell(what, share + (1 - share) * done))
+            try:
+                files = targets.write(
+                    run, lambda what, done: tell(what, share + (1 - share) * done)
+                )
+            except ImportError as error:
+                if not was_stopped(error):
+                    raise
+                raise KeyboardInterrupt from None
         if as_json:
             write_json({**_run_json(run, interval), "files": files})
         else:
