@@ -6,7 +6,6 @@ N is the number of disks, T the number of tendons.
 
 from __future__ import annotations
 
-import math
 import os
 import signal
 import threading
