@@ -786,10 +786,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// Moves the end of the step by a sum of answers.
     #[inline(always)]
     pub fn combine(&mut self, coefficients: &[f64]) {
-        let force_ahead = L::Module::splat(1.0 / self.force_share());
         for (column, factor) in self.columns.iter().zip(coefficients) {
             let ahead = L::Module::splat(factor / self.scheme.af);
-            let force_ahead = force_ahead * L::Module::splat(*factor);
             for g in 0..self.next.len() {
                 let (next, inertia) = (&mut self.next[g], &self.inertia[g]);
                 let gradient: &Gradient<_, A> = &self.rod.gradients[g];
@@ -798,7 +796,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                     next.w[a] = step.scaled_add(ahead, next.w[a]);
                 }
                 let step = inertia.stiffness * column.delta[g];
-                next.n = step.scaled_add(force_ahead, next.n);
+                next.n = step.scaled_add(ahead, next.n);
             }
         }
     }
@@ -821,7 +819,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     fn linearise(&mut self) {
         let n = self.module_count();
         let stiff = self.factor() / self.scheme.af;
-        let stiffer = L::Module::splat(self.force_factor());
+        // an answer moves the end of the step by 1 / af, also where contact forces are taken there
+        let stiffer = L::Module::splat(self.force_factor() * self.force_share() / self.scheme.af);
         for g in 0..self.next.len() {
             let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
             let c = &self.constants[g];
@@ -1063,11 +1062,9 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         let groups = self.next.len();
         let count = self.rod.tendons.len();
         let ahead = L::Module::splat(1.0 / self.scheme.af);
-        // contact forces may be taken elsewhere in the step
-        let yields = L::Module::splat(self.scheme.af / self.force_share());
         let column = &mut self.columns[column];
         for g in 0..self.next.len() {
-            let (mut turn, mut moved) = (Vec3::zero(), column.delta[g] * yields);
+            let (mut turn, mut moved) = (Vec3::zero(), column.delta[g]);
             for a in 0..A {
                 turn += column.u[g][a];
                 moved += self.inertia[g].j[a] * column.u[g][a];
