@@ -206,6 +206,46 @@ def test_dataset_and_tip_agree() -> None:
     np.testing.assert_allclose(between[:17], fine.tip_position[1:35:2], atol=2e-4)
 
 
+@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
+@pytest.mark.parametrize("dt", [1e-4, 3e-5, 1e-5, 1e-6])
+@pytest.mark.parametrize("tension", [5, 40, 80])
+def test_a_release_needs_few_iterations_at_short_steps(
+    theory: Any, dt: float, tension: float
+) -> None:
+    run = simulate(
+        ROBOT, pulled(0), 5 * dt, initial_tensions=pulled(tension), theory=theory, dt=dt
+    ).raise_for_status()
+    assert run.repeated == 0 and run.iterations <= 25
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
+@pytest.mark.parametrize("radius", [0.8, 1.0])
+@pytest.mark.parametrize(
+    ("name", "tensions", "dt"),
+    [
+        ("rao2021", [0, 2.85, 0, 2.85, 0, 0], 1e-3),
+        ("crl-ftdcr-v4", [0, 0, 4.28, 4.31, 0, 0, 0, 0.04, 3.23], 3e-4),
+    ],
+)
+def test_a_violent_release_goes_on_from_steps_that_were_cut(
+    name: str, tensions: list[float], dt: float, radius: float, theory: Any
+) -> None:
+    """Steps that are too long for it leave velocities that the strain cannot follow."""
+    robot = bs.load_robot(name)
+    run = simulate(
+        robot,
+        [0.0] * len(tensions),
+        0.03,
+        initial_tensions=tensions,
+        theory=theory,
+        dt=dt,
+        spectral_radius=radius,
+    ).raise_for_status()
+    data = run.dataset
+    energy = data.kinetic_energy + data.elastic_energy
+    assert float(energy.max()) < 1.05 * float(energy[0])
+
+
 @pytest.mark.parametrize("room", [1, 100_000, 10_000_000])  # bytes: a time, some, all of them
 def test_file_holds_the_same_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int

@@ -284,6 +284,7 @@ fn solve(
     count: &mut Count,
     tolerances: [f64; 2],
     least: usize,
+    again: bool,
 ) -> bool {
     let (mut iteration, mut best, mut last) = (0, f64::INFINITY, f64::INFINITY);
     let most = MAX_ITERATIONS[usize::from(driven.is_some())];
@@ -304,7 +305,11 @@ fn solve(
             return false;
         }
         let slow = residual > tolerance && residual > SLOW * last;
-        let made = motion.ready(slow || !better || iteration < least);
+        let blind = again && iteration == 0;
+        if blind {
+            motion.forget_forces();
+        }
+        let made = motion.ready(slow || !better || blind || iteration < least);
         match &mut driven {
             None => {
                 motion.substitute();
@@ -333,6 +338,7 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
         Step::Adaptive { longest, .. } => longest,
     };
     march.elapsed = 0.0;
+    let mut again = false;
     while march.elapsed < duration * (1.0 - 1e-12) {
         if march.count.steps + march.count.repeated > MOST_STEPS {
             return Some(Stop::StepFailed);
@@ -381,7 +387,7 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
         };
         // at rest Newton's matrix tells whether the equilibrium is stable
         let least = usize::from(settling);
-        let mut sound = solve(motion, driven, &mut march.count, tolerances, least);
+        let mut sound = solve(motion, driven, &mut march.count, tolerances, least, again);
         if settling {
             let (mut tendons, mut held) = (0.0, 0);
             if let Some(driven) = &mut march.driven {
@@ -420,6 +426,7 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
         }
         if !sound {
             motion.stop_foreseeing();
+            again = true;
             march.next = step / 2.0;
             march.count.repeated += 1;
             if march.next < f64::max(nominal * MOST_CUTS, march.shortest) {
@@ -442,6 +449,7 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             driven.arrive(motion);
         }
         motion.commit();
+        again = false;
         march.error = error;
         march.left = f64::min(march.left, motion.energies().left());
         march.size = f64::max(march.size, motion.energies().size());

@@ -302,6 +302,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn set_disk_force(&mut self, disk: usize, force: Vec3);
     fn restart(&mut self);
     fn stop_foreseeing(&mut self);
+    fn forget_forces(&mut self);
     fn is_fresh(&self) -> bool;
     fn is_apart(&self) -> bool;
     fn balance_time(&self) -> f64;
@@ -351,6 +352,9 @@ macro_rules! moving {
             }
             fn restart(&mut self) {
                 Motion::restart(self);
+            }
+            fn forget_forces(&mut self) {
+                Motion::forget_forces(self);
             }
             fn stop_foreseeing(&mut self) {
                 Motion::stop_foreseeing(self);

@@ -148,6 +148,14 @@ pub(crate) struct Gradient<T, const A: usize> {
     pub g: [Vec3<T>; A],
 }
 
+impl<T: Real, const A: usize> Gradient<T, A> {
+    /// Leaves the imbalance as it is, but not what of it stiffens or softens.
+    pub fn forget_forces(&mut self) {
+        self.torque = Vec3::zero();
+        self.nu = Vec3::zero();
+    }
+}
+
 /// Second derivatives in arc rotations `u` and start rotation `x`, at constant costate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hessian<T, const A: usize> {

@@ -783,6 +783,23 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         made
     }
 
+    /// Leaves the forces of the present strain out of the next Newton matrix, but not what tendons
+    /// and stiffness do: the first guess of a short step may ask for forces that bend the rod over,
+    /// and only the mass tells where it really goes.
+    pub fn forget_forces(&mut self) {
+        for state in &mut self.rod.states {
+            state.f[..3].fill(Vec3::zero());
+            state.lambda = Vec3::zero();
+            state.load_moment = Vec3::zero();
+        }
+        for gradient in &mut self.rod.gradients {
+            gradient.forget_forces();
+        }
+        for inertia in &mut self.inertia {
+            inertia.force = [Vec3::zero(); A];
+        }
+    }
+
     /// Moves the end of the step by a sum of answers.
     #[inline(always)]
     pub fn combine(&mut self, coefficients: &[f64]) {
