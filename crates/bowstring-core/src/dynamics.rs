@@ -783,6 +783,8 @@ impl Simulator {
             }
             let energy = driven.transmission.jump(load.tensions, &mut driven.slack);
             self.engine.put_in(energy);
+        } else {
+            self.engine.jump_tensions(load.tensions);
         }
         self.march.to.set(load);
         self.engine.restart();

@@ -300,6 +300,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]);
     fn set_load(&mut self, load: &Load);
     fn set_disk_force(&mut self, disk: usize, force: Vec3);
+    fn jump_tensions(&mut self, tensions: &[f64]);
     fn restart(&mut self);
     fn stop_foreseeing(&mut self);
     fn forget_forces(&mut self);
@@ -349,6 +350,9 @@ macro_rules! moving {
             }
             fn set_disk_force(&mut self, disk: usize, force: Vec3) {
                 Motion::set_disk_force(self, disk, force);
+            }
+            fn jump_tensions(&mut self, tensions: &[f64]) {
+                Motion::jump_tensions(self, tensions);
             }
             fn restart(&mut self) {
                 Motion::restart(self);

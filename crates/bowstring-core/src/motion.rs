@@ -440,6 +440,29 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         self.stiffen();
     }
 
+    /// Lets tensions jump, which moves no disk at once: where tendons run along the backbone the
+    /// contact forces jump with them. Points inside a module have none of their own and are put
+    /// where the new tensions hold them.
+    pub fn jump_tensions(&mut self, tensions: &[f64]) {
+        self.rod.set_tensions(|i| L::Chain::splat(tensions[i]));
+        if self.rigid || self.rod.path != TendonPath::Continuous {
+            return;
+        }
+        for g in 0..self.next.len() {
+            let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
+            let (c, state) = (&self.rod.constants[g], &mut self.next[g]);
+            let end = state.rho;
+            state.shape(c, &t);
+            state.n = state.compliance(c).inverse() * (end - state.rho0);
+            state.rho = end;
+            self.past[0][g].n = state.n;
+        }
+        self.place_mass();
+        self.place.points.copy_from_slice(&self.next_place.points);
+        self.measure();
+        self.spans.copy_from_slice(&self.next_spans);
+    }
+
     /// Lets the next step go without the scheme's memory and its numerical damping.
     pub fn restart(&mut self) {
         self.fresh = true;
