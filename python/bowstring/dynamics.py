@@ -25,6 +25,7 @@ from bowstring import drive as driving
 from bowstring.courses import Driven, Load, Loads, OverTime, Table, over_time, ramp, step
 from bowstring.drive import Given
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.fields import Frames, Section
 from bowstring.oscillations import Modes, about, modes
 from bowstring.rod import TendonPath, Theory
 
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from typing_extensions import Self
 
-    from bowstring.fields import Frames
     from bowstring.robot import Robot
 
 __all__ = [
@@ -451,7 +451,6 @@ def simulate(
     stations = simulators.stations(robot, points)
     planned = None
     if out is not None:
-        from bowstring.fields import Section
         from bowstring.runfile import RunFile
 
         planned = RunFile.open(out, robot, settings, *stations, times=len(times))

@@ -444,10 +444,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// contact forces jump with them. Points inside a module have none of their own and are put
     /// where the new tensions hold them.
     pub fn jump_tensions(&mut self, tensions: &[f64]) {
-        self.rod.set_tensions(|i| L::Chain::splat(tensions[i]));
         if self.rigid || self.rod.path != TendonPath::Continuous {
             return;
         }
+        self.rod.set_tensions(|i| L::Chain::splat(tensions[i]));
         for g in 0..self.next.len() {
             let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
             let (c, state) = (&self.rod.constants[g], &mut self.next[g]);
@@ -810,16 +810,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// and stiffness do: the first guess of a short step may ask for forces that bend the rod over,
     /// and only the mass tells where it really goes.
     pub fn forget_forces(&mut self) {
-        for state in &mut self.rod.states {
-            state.f[..3].fill(Vec3::zero());
+        for (state, gradient) in self.rod.states.iter_mut().zip(&mut self.rod.gradients) {
+            state.f[..2].fill(Vec3::zero());
             state.lambda = Vec3::zero();
-            state.load_moment = Vec3::zero();
-        }
-        for gradient in &mut self.rod.gradients {
             gradient.forget_forces();
-        }
-        for inertia in &mut self.inertia {
-            inertia.force = [Vec3::zero(); A];
         }
     }
 
