@@ -24,4 +24,6 @@ mod simd;
 pub mod statics;
 pub mod stress;
 mod sweep;
+#[cfg(test)]
+mod tangent_tests;
 mod transmission;

@@ -9,11 +9,13 @@
 //!
 //! where the compliance `D` holds shear, extension and the quadratic part of the strain
 //! that the arcs leave out. (It averages shear and extension over the module, and takes `N`
-//! constant: more elements refine bending and torsion alone.) With dead loads `f` and tensions `T` the potential is
+//! constant, the mean over the module: more elements refine bending and torsion alone.) A point
+//! inside takes its share `xi` of the end's motion `D N`. With dead loads `f` on the end, `p` on
+//! the points inside and tensions `T` the potential is
 //!
-//! `elastic(w) + N.D N / 2 + sum T |span(S, rho)| - f1 . rho - f2 . S e3 - f3 . e3`
+//! `elastic(w) + N.D N / 2 + sum T |span(S, rho)| - f1 . rho - f2 . S e3 - f3 . e3 - sum p . place`
 //!
-//! and `N = f1 - sum T span/|span|` makes it stationary in `rho`. All vectors are in the frame
+//! and `N = f1 + sum xi p - sum T span/|span|` makes it stationary in `rho`. All vectors are in the frame
 //! of the module's start. Rotations are perturbed from the left, and an arc by the rotation
 //! `u` that it adds there: `exp(w + dw)` turns what follows by `u`, to first order.
 
@@ -117,7 +119,7 @@ pub(crate) struct State<T, const A: usize> {
     pub s: Mat3<T>,
     pub rho0: Vec3<T>,
     pub rho: Vec3<T>,
-    /// Contact force, and the force of tendons and loads on the end that it stands against.
+    /// Contact force, mean over the module, and the force of tendons and loads on the end.
     pub n: Vec3<T>,
     pub end_force: Vec3<T>,
     /// Dead loads on the end, the end's tangent and the start's tangent, and the weight of an
@@ -178,6 +180,12 @@ pub(crate) struct Response<T, const A: usize> {
     pub k: Mat3<T>,
 }
 
+/// Share of the end's motion by shear and extension that the point at the end of an arc takes.
+#[inline(always)]
+pub(crate) fn share<T: Real, const A: usize>(arc: usize) -> T {
+    T::splat((arc + 1) as f64 / A as f64)
+}
+
 /// Rounds for `rho` and `N`; two are usual.
 const MAX_ROUNDS: usize = 12;
 
@@ -232,11 +240,12 @@ impl<T: Real, const A: usize> State<T, A> {
     pub fn balance(&mut self, c: &Constants<T>, t: &Tendons<T>) {
         let tangent = self.s.column(2);
         let compliance = self.compliance(c);
+        let stretching = self.stretching_load();
         let mut cable = T::zero();
         self.span_torque = Vec3::zero();
         match t.path {
             TendonPath::Continuous => {
-                self.n = self.f[0];
+                self.n = stretching;
                 self.rho = self.rho0 + compliance * self.n;
                 let stretch = c.stretch(t);
                 for i in (0..A).step_by(2) {
@@ -253,7 +262,7 @@ impl<T: Real, const A: usize> State<T, A> {
                 for round in 1..=MAX_ROUNDS {
                     let (pull, g);
                     (cable, pull, self.span_torque, g) = self.spans(c, t);
-                    self.n = self.f[0] - pull;
+                    self.n = stretching - pull;
                     let miss = self.rho0 + compliance * self.n - self.rho;
                     // a NaN passes on to the energy, where it is seen
                     self.miss = miss.max_abs();
@@ -267,6 +276,9 @@ impl<T: Real, const A: usize> State<T, A> {
             }
         }
         self.end_force = self.n;
+        if A > 2 {
+            self.end_force -= stretching - self.f[0];
+        }
         self.energy = self.elastic_energy(c) + cable
             - self.f[0].dot(self.rho)
             - self.f[1].dot(tangent)
@@ -274,10 +286,27 @@ impl<T: Real, const A: usize> State<T, A> {
         self.load_moment =
             self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) + Vec3::ez().cross(self.f[2]);
         for node in 1..A / 2 {
-            let place = self.rho0 - self.beyond(node);
+            let place = self.inside(2 * node - 1);
             self.energy -= self.f[3].dot(place);
             self.load_moment += place.cross(self.f[3]);
         }
+    }
+
+    /// Place of the point at the end of an arc, from the start of the flexible part. Shear and
+    /// extension move it by its share of how they move the end.
+    #[inline(always)]
+    pub fn inside(&self, arc: usize) -> Vec3<T> {
+        (self.rho - self.rho0).scaled_add(share::<T, A>(arc), self.rho0 - self.tail[arc])
+    }
+
+    /// Dead load that shear and extension give way to: that on the end, and of the nodes between
+    /// elements the share that follows the end.
+    #[inline(always)]
+    pub fn stretching_load(&self) -> Vec3<T> {
+        if A == 2 {
+            return self.f[0];
+        }
+        self.f[3].scaled_add(T::splat((A as f64 / 2.0 - 1.0) / 2.0), self.f[0])
     }
 
     /// Of all straight spans: tension times length, force and moment on the end, and
@@ -484,8 +513,9 @@ impl<T: Real, const A: usize> State<T, A> {
         let own = [b, b, t3];
         let (b, t3) = (bending * T::splat(0.25), torsion * T::splat(0.25));
         let beside = [b, b, t3];
-        let f1 = self.f[0];
+        let (f1, stretching) = (self.f[0], self.stretching_load());
         let on_x = -(self.f[1].cross_mat(tangent.skew())) - (self.lambda * half).skew();
+        let mut moved = j;
         let mut kmj = [Mat3::zero(); A];
         for i in 0..A {
             kmj[i] = km * j[i];
@@ -518,40 +548,26 @@ impl<T: Real, const A: usize> State<T, A> {
                 }
                 out.uu[b][i] = block;
             }
-            let mut moved = j[i];
             if CONDENSED {
-                moved = m.mul_add(j[i], -kd.transpose());
+                moved[i] = m.mul_add(j[i], -kd.transpose());
             }
-            out.xu[i] = f1.cross_mat(moved) + on_x;
-        }
-        let weight = self.f[3];
-        for node in 1..A / 2 {
-            let beyond = self.beyond(node);
-            for i in 0..2 * node {
-                let tail = self.tail[i] - beyond;
-                let p = &self.prefix[i];
-                let local = self.arcs[i].hessian(p.tr_mul(-weight), p.tr_mul(weight.cross(tail)));
-                out.uu[i][i] += grad.to_strain[i].tr_mat(local * grad.to_strain[i])
-                    + (-weight.outer(tail).symmetric_part()).add_diagonal([weight.dot(tail); 3]);
-                for b in i + 1..2 * node {
-                    let moved = grad.r[b] + beyond.skew();
-                    out.uu[b][i] += weight.cross_mat(moved).transpose();
-                }
-                out.xu[i] += weight.cross_mat(grad.r[i] + beyond.skew());
-            }
+            out.xu[i] = f1.cross_mat(moved[i]) + on_x;
         }
         let mut xx = Mat3::zero();
         if CONDENSED {
-            xx -= f1.cross_mat(f1.cross_mat(d_hat).transpose());
+            xx -= stretching.cross_mat(stretching.cross_mat(d_hat).transpose());
         }
         for (f, v) in self.f.iter().zip([self.rho, tangent, Vec3::ez()]) {
             xx += (-f.outer(v).symmetric_part()).add_diagonal([f.dot(v); 3]);
         }
-        for node in 1..A / 2 {
-            let place = self.rho0 - self.beyond(node);
-            xx += (-weight.outer(place).symmetric_part()).add_diagonal([weight.dot(place); 3]);
-        }
         out.xx = xx;
+        if A > 2 {
+            let mut weights = [Vec3::zero(); A];
+            for node in 1..A / 2 {
+                weights[2 * node - 1] = self.f[3];
+            }
+            self.add_dead_loads(grad, &weights, &moved, out);
+        }
         Response {
             j,
             m,
@@ -559,6 +575,54 @@ impl<T: Real, const A: usize> State<T, A> {
             g_hat,
             k,
         }
+    }
+
+    /// Adds the second derivatives of dead loads on the points inside, by the arc at whose end
+    /// each is; `moved` is the motion of the end by the rotation that each arc adds. Returns the
+    /// share of these loads that shear and extension give way to.
+    #[inline(always)]
+    pub fn add_dead_loads(
+        &self,
+        grad: &Gradient<T, A>,
+        loads: &[Vec3<T>; A],
+        moved: &[Mat3<T>; A],
+        out: &mut Hessian<T, A>,
+    ) -> Vec3<T> {
+        let mut stretching = Vec3::zero();
+        for (a, load) in loads[..A - 1].iter().enumerate() {
+            stretching += *load * share::<T, A>(a);
+        }
+        // sums over the points from an arc on: load, and its product with what lies beyond it
+        let (mut load, mut product) = (Vec3::zero(), Mat3::<T>::zero());
+        let mut crossed = [Mat3::zero(); A];
+        for i in (0..A - 1).rev() {
+            load += loads[i];
+            product += loads[i].outer(self.tail[i]);
+            let [x, y, z] = product.rows();
+            let trace = x[0] + y[1] + z[2];
+            // sum of load x (lever u) by the rotation u of an arc before the points
+            crossed[i] = load.cross_mat(grad.r[i]) + product.transpose().add_diagonal([-trace; 3]);
+            let moment = load.cross(self.tail[i]) - Vec3([y[2] - z[1], z[0] - x[2], x[1] - y[0]]);
+            let p = &self.prefix[i];
+            let local = self.arcs[i].hessian(p.tr_mul(-load), p.tr_mul(moment));
+            let lever = load.dot(self.tail[i]) - trace;
+            out.uu[i][i] += grad.to_strain[i].tr_mat(local * grad.to_strain[i])
+                + (product - load.outer(self.tail[i]))
+                    .symmetric_part()
+                    .add_diagonal([lever; 3]);
+            for b in i + 1..A - 1 {
+                out.uu[b][i] += crossed[b].transpose();
+            }
+            out.xu[i] += crossed[i];
+        }
+        for i in 0..A {
+            out.xu[i] += stretching.cross_mat(moved[i] - grad.r[i]);
+        }
+        // sum of load and place
+        let places = load.outer(self.rho0) - product + stretching.outer(self.rho - self.rho0);
+        let [x, y, z] = places.rows();
+        out.xx += (-places.symmetric_part()).add_diagonal([x[0] + y[1] + z[2]; 3]);
+        stretching
     }
 
     /// Continuous tendons: second derivative by one arc's rotation vector.

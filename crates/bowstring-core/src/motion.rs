@@ -21,7 +21,7 @@
 use crate::lie::log;
 use crate::linalg::{Mat3, Vec3};
 use crate::load::{Load, Model, TendonPath, Theory};
-use crate::module::{Constants, Gradient, Hessian, Span, State};
+use crate::module::{share, Constants, Gradient, Hessian, Span, State};
 use crate::real::{Layout, Real};
 use crate::robot::Robot;
 use crate::rod::{get, get_mat, in_group, lanes, put, Rod, Sources};
@@ -89,6 +89,9 @@ struct Inertia<T, const A: usize> {
     j: [Mat3<T>; A],
     delta_u: [Mat3<T>; A],
     delta_delta: Mat3<T>,
+    /// Rows of `delta`, columns of the start's rotation and translation.
+    delta_x: Mat3<T>,
+    delta_t: T,
     /// Inverse compliance.
     stiffness: Mat3<T>,
     /// Rows of the start's translation.
@@ -106,6 +109,8 @@ impl<T: Real, const A: usize> Inertia<T, A> {
             j: [matrix; A],
             delta_u: [matrix; A],
             delta_delta: matrix,
+            delta_x: matrix,
+            delta_t: T::zero(),
             stiffness: matrix,
             tu: [matrix; A],
             tx: matrix,
@@ -698,8 +703,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 + tangent.cross(state.f[1])
                 + Vec3::ez().cross(state.f[2]);
             for a in 0..A - 1 {
-                let place = state.rho0 - state.tail[a];
-                state.load_moment += place.cross(self.inertia[g].force[a]);
+                state.load_moment += state.inside(a).cross(self.inertia[g].force[a]);
             }
         }
         let mut lambda = -self.rod.rotations[n].tr_mul(self.rod.tip_moment);
@@ -728,6 +732,9 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 largest = largest.max(out.g[i].max_abs());
             }
             inertia.g_delta = state.n * stiffer - self.offset[g].n - state.end_force;
+            for a in 0..A - 1 {
+                inertia.g_delta -= inertia.force[a] * share::<_, A>(a);
+            }
             largest = largest.max(inertia.g_delta.max_abs() * c.flexible);
         }
         // idle lanes repeat the last module without its loads
@@ -745,14 +752,20 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         let n = self.module_count();
         let mut rotation = Mat3::identity();
         let (mut frame, mut position) = (Mat3::identity(), Vec3::zero());
+        let mut inside = [Vec3::zero(); A];
         for k in 0..n {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let (now, next) = (&self.rod.states[g], &self.next[g]);
+            if i == 0 {
+                for (a, place) in inside[..A - 1].iter_mut().enumerate() {
+                    *place = next.inside(a);
+                }
+            }
             let [start, end] = self.rod.modules[k].clamp;
             let ahead = frame.column(2) * L::Chain::splat(start);
             let base = position + ahead;
             for a in 0..A - 1 {
-                let inside = get::<L>(&next.rho0, i) - get::<L>(&next.tail[a], i);
+                let inside = get::<L>(&inside[a], i);
                 self.next_place.points[k * A + a] = base + frame * inside;
             }
             position = base + frame * get::<L>(&next.rho, i);
@@ -869,6 +882,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 inertia.delta_u[i] = response.g_hat * response.j[i] + response.k.transpose();
             }
             inertia.j = response.j;
+            let stretching = state.add_dead_loads(gradient, &inertia.force, &response.j, hessian);
+            inertia.delta_x = -(state.f[0] + stretching).skew();
             inertia.add_nodes(c, state, gradient, hessian, &self.lane_masses[g], stiff);
         }
         let splat = L::Chain::splat;
@@ -923,9 +938,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                         get_mat::<L>(&hessian.uu[b][a], i) + rr_u + later.tr_mat(tr_u[a]);
                 }
             }
-            let f1 = get::<L>(&state.f[0], i);
-            joint.x = tr_x - f1.skew();
-            joint.t = tt;
+            joint.x = tr_x + get_mat::<L>(&inertia.delta_x, i);
+            joint.t = tt.add_diagonal([L::get(&inertia.delta_t, i); 3]);
             let inverse = (get_mat::<L>(&inertia.delta_delta, i) + tt).inverse();
             joint.inverse = inverse;
             let (by_x, by_t) = (inverse * joint.x, inverse * joint.t);
@@ -972,8 +986,13 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         for g in 0..groups {
             match source {
                 None => {
-                    out.u[g] = self.rod.gradients[g].g;
-                    out.delta[g] = self.inertia[g].g_delta;
+                    let (gradient, inertia) = (&self.rod.gradients[g], &self.inertia[g]);
+                    // an arc takes the end along by shear and extension as well
+                    for a in 0..A {
+                        let lever = inertia.j[a] - gradient.r[a];
+                        out.u[g][a] = gradient.g[a] + lever.tr_mul(inertia.g_delta);
+                    }
+                    out.delta[g] = inertia.g_delta;
                 }
                 Some((tendon, tension)) => {
                     let w = lanes::<L>(n, g, |k| tension[k]);
@@ -1410,24 +1429,40 @@ impl<T: Real, const A: usize> Inertia<T, A> {
         self.tu = [Mat3::zero(); A];
         self.tx = Mat3::zero();
         self.tt = T::zero();
+        self.delta_t = T::zero();
         for a in 0..A - 1 {
             let m = masses[a] * T::splat(stiff);
+            let share = share::<T, A>(a);
             let beyond = state.tail[a].skew();
-            let mut place = state.rho0 - state.tail[a];
+            let mut place = state.inside(a);
             place.0[2] += c.clamp[0];
-            for i in 0..=a {
-                let moved = (gradient.r[i] + beyond) * m;
-                for b in i..=a {
-                    hessian.uu[b][i] += (gradient.r[b] + beyond).tr_mat(moved);
+            // motion of the point by the rotation that each arc adds, bending first, then shear
+            // and extension
+            let mut moved = [Mat3::zero(); A];
+            for i in 0..A {
+                moved[i] = (self.j[i] - gradient.r[i]) * share;
+                if i <= a {
+                    moved[i] += gradient.r[i] + beyond;
                 }
-                hessian.xu[i] += place.cross_mat(moved);
-                self.tu[i] += moved;
+            }
+            let on_delta = m * share;
+            for i in 0..A {
+                let inertia = moved[i] * m;
+                for b in i..A {
+                    hessian.uu[b][i] += moved[b].tr_mat(inertia);
+                }
+                hessian.xu[i] += place.cross_mat(inertia);
+                self.tu[i] += inertia;
+                self.delta_u[i] += moved[i] * on_delta;
             }
             hessian.xx += (place * -m)
                 .outer(place)
                 .add_diagonal([m * place.norm2(); 3]);
             self.tx -= (place * m).skew();
             self.tt += m;
+            self.delta_x -= (place * on_delta).skew();
+            self.delta_t += on_delta;
+            self.delta_delta = self.delta_delta.add_diagonal([on_delta * share; 3]);
         }
     }
 }
@@ -1519,6 +1554,8 @@ mod tests {
                 let (state, c) = (&motion.rod.states[0], &motion.rod.constants[0]);
                 let strained = state.compliance(c).inverse() * (state.rho - state.rho0);
                 let mut held = strained * motion.force_factor() - motion.offset[0].n;
+                // that is the mean over the module: half of what is on its node does not reach it
+                held -= motion.inertia[0].force[0] * 0.5;
                 let end = state.offset(c);
                 for (tendon, tension) in robot.spec().tendons.iter().zip(tensions) {
                     let hole = Vec3([tendon.hole[0], tendon.hole[1], 0.0]);

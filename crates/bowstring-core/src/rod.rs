@@ -591,7 +591,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                     }
                 }
             }
-            let force = state.f[0].cross(start) - response.k.tr_mul(turn);
+            let force = state.stretching_load().cross(start) - response.k.tr_mul(turn);
             let rho = response.m * moved + response.d_hat * force;
             for j in 0..count {
                 let span = &self.spans[g * count + j];
@@ -657,7 +657,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             } else {
                 eliminated.backward::<false>(&mut answer, &mut start);
             }
-            p = start[0] + same::<L>(&state.f[0], i).cross(moved);
+            p = start[0] + same::<L>(&state.stretching_load(), i).cross(moved);
             out.u[k] = answer;
             out.force[k] = force;
         }
@@ -672,7 +672,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 turn += u[a];
                 moved += same_mat::<L>(&response.j[a], i) * u[a];
             }
-            let load = same::<L>(&state.f[0], i).cross(x);
+            let load = same::<L>(&state.stretching_load(), i).cross(x);
             let force = out.force[k] + load - same_mat::<L>(&response.k, i).tr_mul(turn);
             let rho =
                 same_mat::<L>(&response.m, i) * moved + same_mat::<L>(&response.d_hat, i) * force;

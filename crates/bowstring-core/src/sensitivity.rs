@@ -167,7 +167,7 @@ fn source<const A: usize>(
         source.moment[i] += *coupling * (*d_hat * force + *m * place)
             + j[i].tr_mul(*g_hat * place - m.tr_mul(force));
     }
-    source.start += state.f[0].cross(*d_hat * force + *m * place);
+    source.start += state.stretching_load().cross(*d_hat * force + *m * place);
     source
 }
 
@@ -205,7 +205,7 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
             turn += u[i];
             moved += response.j[i] * u[i];
         }
-        let force = sources[k].force + state.f[0].cross(x) - response.k.tr_mul(turn);
+        let force = sources[k].force + state.stretching_load().cross(x) - response.k.tr_mul(turn);
         let rho = response.m * moved + response.d_hat * force;
         let offset = x.cross(state.offset(c)) + rho + turn.cross(state.s.column(2)) * c.clamp[1];
         position += rod.rotations[k] * offset;

@@ -3,6 +3,7 @@
 use super::Motion;
 use crate::complementarity::Complementarity;
 use crate::linalg::Vec3;
+use crate::module::share;
 use crate::real::Scalar;
 
 /// Spans of a tendon that do not let it slip, together, in small oscillations.
@@ -126,10 +127,17 @@ impl<const A: usize> Motion<Scalar, A> {
         let mut start = [Vec3::zero(); 2];
         for (j, state) in self.rod.states.iter().enumerate() {
             let frame = self.rod.rotations[j];
+            // what shear and extension add to the motion of the end
+            let mut stretched = self.columns[column].delta[j];
+            for i in 0..A {
+                let lever = self.inertia[j].j[i] - self.rod.gradients[j].r[i];
+                stretched += lever * self.columns[column].u[j][i];
+            }
             for a in 0..A - 1 {
-                let mut place = state.rho0 - state.tail[a];
+                let mut place = state.inside(a);
                 place.0[2] += self.rod.modules[j].clamp[0];
                 let mut moved = start[1] + start[0].cross(place);
+                moved += stretched * share::<f64, A>(a);
                 for i in 0..=a {
                     let lever = self.rod.gradients[j].r[i] + state.tail[a].skew();
                     moved += lever * self.columns[column].u[j][i];
@@ -141,5 +149,73 @@ impl<const A: usize> Motion<Scalar, A> {
             out.extend(start[0].0);
         }
         out
+    }
+}
+
+#[cfg(test)]
+impl<const A: usize> Motion<Scalar, A> {
+    /// How far the tangent at rest misses the change of the residual by finite differences, at
+    /// strains and contact forces along a line; the forces start from the balance of all ends.
+    pub(crate) fn tangent_error(
+        &mut self,
+        strain: impl Fn(usize, f64) -> Vec3,
+        force: impl Fn(usize, f64) -> Vec3,
+    ) -> f64 {
+        let n = self.module_count();
+        self.begin_at_rest();
+        let mut balanced: Vec<Vec3> = (0..n).map(|k| force(k, 0.0)).collect();
+        let at = |motion: &mut Self, step: f64, balanced: &[Vec3]| {
+            for k in 0..n {
+                for a in 0..A {
+                    motion.next[k].w[a] = strain(k * A + a, step);
+                }
+                motion.next[k].n = balanced[k] + (force(k, step) - force(k, 0.0));
+            }
+            motion.residual();
+            let mut out = vec![];
+            for k in 0..n {
+                let gradient = &motion.rod.gradients[k];
+                for a in 0..A {
+                    out.push(gradient.to_strain[a].inverse().tr_mul(gradient.g[a]));
+                }
+                out.push(motion.inertia[k].g_delta);
+            }
+            out
+        };
+        for _ in 0..200 {
+            let off = at(self, 0.0, &balanced);
+            for (k, n) in balanced.iter_mut().enumerate() {
+                *n -= off[k * (A + 1) + A] * 0.5;
+            }
+        }
+        let h = 1e-5;
+        let (up, down) = (at(self, h, &balanced), at(self, -h, &balanced));
+        at(self, 0.0, &balanced);
+        self.ready(true);
+        for k in 0..n {
+            for a in 0..=A {
+                let change = (up[k * (A + 1) + a] - down[k * (A + 1) + a]) * (0.5 / h);
+                if a < A {
+                    let gradient = &mut self.rod.gradients[k];
+                    gradient.g[a] = gradient.to_strain[a].tr_mul(change);
+                } else {
+                    self.inertia[k].g_delta = change;
+                }
+            }
+        }
+        self.substitute(0, None);
+        self.combine(&[1.0]);
+        let mut worst: f64 = 0.0;
+        for k in 0..n {
+            for a in 0..A {
+                let back = strain(k * A + a, 1.0) - strain(k * A + a, 0.0);
+                let moved = self.next[k].w[a] - strain(k * A + a, 0.0);
+                worst = worst.max((moved + back).max_abs());
+            }
+            let back = force(k, 1.0) - force(k, 0.0);
+            let moved = self.next[k].n - balanced[k];
+            worst = worst.max((moved + back).max_abs() / 10.0);
+        }
+        worst
     }
 }

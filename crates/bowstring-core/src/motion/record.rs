@@ -254,9 +254,8 @@ impl<T: Real, const A: usize> Pieces<T, A> {
     ) {
         let (state, load) = (&self.state, self.load);
         let elements = (A / 2) as f64;
-        // a third of an arc's load already sits in the disk at the end
-        let lumped = load * (c.flexible * T::splat(1.0 / (6.0 * elements)));
-        let force = self.force - lumped;
+        // the contact force is the mean over the module
+        let force = self.force - load * (c.flexible * T::splat(0.5));
         let (mut moment, mut centre) = (Vec3::zero(), Vec3::zero());
         let gauss = 3f64.sqrt() / 6.0;
         let weight = T::splat(0.5 / elements);

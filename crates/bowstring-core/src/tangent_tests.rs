@@ -1,0 +1,235 @@
+//! Tangents against finite differences of the residual: at random strains, for each kind of load.
+
+use crate::linalg::Vec3;
+use crate::load::{Load, Model, TendonPath, Theory};
+use crate::motion::{Damping, Motion};
+use crate::real::Scalar;
+use crate::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use crate::rod::Rod;
+
+/// SplitMix64, from -1 to 1.
+struct Draw(u64);
+
+impl Draw {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+    fn vector(&mut self, size: f64) -> Vec3 {
+        Vec3([self.next(), self.next(), self.next()].map(|x| x * size))
+    }
+}
+
+/// Four modules; shear and extension large enough to show.
+fn robot() -> Robot {
+    let section = Section {
+        bending: 1.1,
+        torsion: 0.8,
+        axial: 900.0,
+        shear: 400.0,
+        mass_per_length: 0.9,
+        rotary_inertia: 2e-5,
+    };
+    let disks = (0..4).map(|k| Disk {
+        station: 0.07 * (k + 1) as f64,
+        clamped_length: 0.004,
+        mass: 0.05,
+        inertia: [5.1e-6, 1.0e-5],
+        segment: 0,
+    });
+    let tendons = (0..3).map(|i| Tendon {
+        hole: [0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()],
+        end_disk: if i == 0 { 2 } else { 3 },
+    });
+    Robot::new(RobotSpec {
+        sections: vec![section],
+        disks: disks.collect(),
+        tendons: tendons.collect(),
+        gravity: [0.0; 3],
+    })
+    .unwrap()
+}
+
+/// A robot's loads, of one kind each and all together.
+fn loads() -> Vec<(&'static str, Robot, Load<'static>)> {
+    let none = Load {
+        tensions: &[0.0; 3],
+        gravity: [0.0; 3],
+        tip_force: [0.0; 3],
+        tip_moment: [0.0; 3],
+    };
+    let with = |change: &dyn Fn(&mut RobotSpec)| {
+        let mut spec = robot().spec().clone();
+        change(&mut spec);
+        Robot::new(spec).unwrap()
+    };
+    let gravity = [6.0, 30.0, -60.0];
+    vec![
+        ("no load", robot(), none),
+        (
+            "tension",
+            robot(),
+            Load {
+                tensions: &[20.0, 5.0, 8.0],
+                ..none
+            },
+        ),
+        (
+            "disk weight",
+            with(&|s| s.sections[0].mass_per_length = 0.0),
+            Load { gravity, ..none },
+        ),
+        (
+            "backbone weight",
+            with(&|s| s.disks.iter_mut().for_each(|d| d.mass = 0.0)),
+            Load { gravity, ..none },
+        ),
+        (
+            "tip force",
+            robot(),
+            Load {
+                tip_force: [1.0, -4.0, -15.0],
+                ..none
+            },
+        ),
+        (
+            "tip moment",
+            robot(),
+            Load {
+                tip_moment: [0.5, -0.3, 0.4],
+                ..none
+            },
+        ),
+        (
+            "all",
+            robot(),
+            Load {
+                tensions: &[20.0, 5.0, 8.0],
+                gravity,
+                tip_force: [1.0, -4.0, -15.0],
+                tip_moment: [0.0; 3],
+            },
+        ),
+    ]
+}
+
+const MODELS: [Model; 3] = [
+    Model {
+        theory: Theory::Cosserat,
+        tendon: TendonPath::Straight,
+        twist: true,
+    },
+    Model {
+        theory: Theory::Kirchhoff,
+        tendon: TendonPath::Straight,
+        twist: true,
+    },
+    Model {
+        theory: Theory::Cosserat,
+        tendon: TendonPath::Continuous,
+        twist: true,
+    },
+];
+
+fn statics<const A: usize>() {
+    let mut draw = Draw(A as u64);
+    for (kind, robot, load) in loads() {
+        for model in MODELS {
+            let n = robot.module_count();
+            let mut rod = Rod::<Scalar, A>::new(&robot, model);
+            rod.load(&load);
+            let strain: Vec<_> = (0..A * n).map(|_| draw.vector(0.6 / A as f64)).collect();
+            let ahead: Vec<_> = (0..A * n).map(|_| draw.vector(1.0)).collect();
+            // derivative of the energy by the strain
+            let gradient = |rod: &mut Rod<Scalar, A>, step: f64| {
+                rod.make_straight();
+                rod.set_strains(|i| ahead[i].scaled_add(step, strain[i]));
+                let energy = rod.evaluate();
+                rod.gradient();
+                let by_strain = (0..A * n).map(|i| {
+                    let own = &rod.gradients[i / A];
+                    own.to_strain[i % A].inverse().tr_mul(own.g[i % A])
+                });
+                (energy, by_strain.collect::<Vec<_>>())
+            };
+            let h = 1e-5;
+            let (up, down) = (gradient(&mut rod, h), gradient(&mut rod, -h));
+            let here = gradient(&mut rod, 0.0).1;
+            let symmetric = load.tip_moment == [0.0; 3];
+            if symmetric {
+                let slope: f64 = here.iter().zip(&ahead).map(|(g, d)| g.dot(*d)).sum();
+                let found = (up.0 - down.0) / (2.0 * h);
+                let off = (found - slope).abs() / slope.abs().max(1e-3);
+                assert!(off < 1e-6, "{kind} {model:?} {A}: slope {off:e}");
+            }
+            rod.linearise();
+            if symmetric {
+                rod.eliminate::<true>(0.0);
+            } else {
+                rod.eliminate::<false>(0.0);
+            }
+            let change: Vec<_> = (0..A * n)
+                .map(|i| {
+                    let by_strain = (up.1[i] - down.1[i]) * (0.5 / h);
+                    rod.gradients[i / A].to_strain[i % A].tr_mul(by_strain)
+                })
+                .collect();
+            rod.set_gradient(|i| change[i]);
+            if symmetric {
+                rod.newton_step::<true>();
+            } else {
+                rod.newton_step::<false>();
+            }
+            rod.make_straight();
+            rod.save();
+            rod.advance(1.0);
+            let mut worst: f64 = 0.0;
+            rod.strains(|i, w| worst = worst.max((w + ahead[i]).max_abs()));
+            assert!(worst < 1e-5, "{kind} {model:?} {A}: tangent {worst:e}");
+        }
+    }
+}
+
+#[test]
+fn statics_tangent_is_the_derivative_of_the_residual() {
+    statics::<2>();
+    statics::<4>();
+    statics::<8>();
+}
+
+fn at_rest<const A: usize>() {
+    let mut draw = Draw(A as u64 + 100);
+    let undamped = Damping {
+        mass: 0.0,
+        material: 0.0,
+    };
+    for (kind, robot, load) in loads() {
+        if load.tip_moment != [0.0; 3] {
+            continue; // the tangent of a motion is symmetric
+        }
+        for model in MODELS {
+            let n = robot.module_count();
+            let mut motion = Motion::<Scalar, A>::new(&robot, model, load.gravity, undamped);
+            motion.set_load(&load);
+            let strain: Vec<_> = (0..A * n).map(|_| draw.vector(0.6 / A as f64)).collect();
+            let ahead: Vec<_> = (0..A * n).map(|_| draw.vector(1.0)).collect();
+            let force: Vec<_> = vec![Vec3::zero(); n];
+            let force_ahead: Vec<_> = (0..n).map(|_| draw.vector(10.0)).collect();
+            let worst = motion.tangent_error(
+                |i, step| ahead[i].scaled_add(step, strain[i]),
+                |k, step| force_ahead[k].scaled_add(step, force[k]),
+            );
+            assert!(worst < 1e-5, "{kind} {model:?} {A}: tangent {worst:e}");
+        }
+    }
+}
+
+#[test]
+fn tangent_at_rest_is_the_derivative_of_the_residual() {
+    at_rest::<2>();
+    at_rest::<4>();
+    at_rest::<8>();
+}
