@@ -66,7 +66,7 @@ fn statics(c: &mut Criterion) {
     };
     let settings = Settings {
         model: model(Theory::Kirchhoff),
-        elements: 1,
+        elements: None,
     };
     c.bench_function("batch4096_kirchhoff", |b| {
         b.iter(|| solve_batch(&robot, &settings, &loads, 1, false).unwrap())

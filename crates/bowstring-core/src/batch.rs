@@ -1,32 +1,33 @@
 //! Many loads in one call: in order, each from the one before, or independent over all cores.
 
+use crate::adaptive::Adaptive;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::SideBySide;
 use crate::load::{Load, Model};
 use crate::robot::{InputError, Robot};
-use crate::statics::{Outcome, Pose, Solver, Status};
+use crate::statics::{Outcome, Pose, Status};
 
 /// What to solve with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
     pub model: Model,
-    /// Elements of fourth order in a module: 1, 2, 4 or 8.
-    pub elements: usize,
+    /// Elements of fourth order in a module: 1, 2, 4 or 8; `None` chooses them load by load.
+    pub elements: Option<usize>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
         Settings {
             model: Model::default(),
-            elements: 1,
+            elements: None,
         }
     }
 }
 
 impl Settings {
     /// A solver with these settings.
-    pub fn solver(&self, robot: &Robot) -> Result<Solver, InputError> {
-        Solver::new(robot, self.model, self.elements)
+    pub fn solver(&self, robot: &Robot) -> Result<Adaptive, InputError> {
+        Adaptive::new(robot, self.model, self.elements)
     }
 }
 
@@ -144,7 +145,7 @@ pub fn solve_batch(
     let scratch = || Scratch {
         solver: settings.solver(robot).expect("checked above"),
         #[cfg(target_arch = "x86_64")]
-        lanes: SideBySide::new(robot, settings.model, settings.elements),
+        lanes: SideBySide::new(robot, settings),
     };
     for_each_chunk(chunks, threads, scratch, |scratch, chunk| {
         chunk.fill(scratch, loads)
@@ -154,7 +155,7 @@ pub fn solve_batch(
 
 /// What a thread needs to solve a chunk.
 struct Scratch {
-    solver: Solver,
+    solver: Adaptive,
     #[cfg(target_arch = "x86_64")]
     lanes: Option<SideBySide>,
 }
@@ -230,6 +231,7 @@ impl Solutions {
                     left_unstable: false,
                     fraction: 0.0,
                     collision: None,
+                    error: None,
                 };
                 n
             ],
@@ -353,7 +355,7 @@ impl<'a> Chunk<'a> {
     }
 
     /// Solves one row.
-    fn solve(&mut self, i: usize, solver: &mut Solver, loads: &Loads, warm: bool) {
+    fn solve(&mut self, i: usize, solver: &mut Adaptive, loads: &Loads, warm: bool) {
         let load = loads.row(self.first + i, self.tendons);
         let outcome = if warm {
             solver.solve_next(&load)
@@ -363,6 +365,7 @@ impl<'a> Chunk<'a> {
         .expect("all rows were checked");
         self.outcomes[i] = outcome;
         if outcome.status == Status::Converged {
+            let solver = solver.solver();
             self.write(
                 i,
                 |k| solver.disk(k).expect("it converged"),

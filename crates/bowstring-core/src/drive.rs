@@ -2,10 +2,13 @@
 //! slack and rub at their holes, in a path of equilibria. The laws are those of
 //! [`Transmission`].
 
+use crate::adaptive::{needed, refine, tells_stability, LEVELS, TENSION_TOLERANCE, TIP_TOLERANCE};
+use crate::estimate::ErrorEstimate;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
 use crate::mixing::Mixing;
 use crate::robot::{InputError, Robot};
+use crate::rod::Sources;
 use crate::statics::{Solver, Status, MAX_STEP, TOLERANCE};
 pub use crate::transmission::{Command, History, Line};
 use crate::transmission::{Slip, Transmission};
@@ -30,12 +33,16 @@ pub struct DriveOutcome {
     /// have one, m.
     pub fighting: Vec<usize>,
     pub nearest: Option<Vec<f64>>,
+    /// Of a converged answer: estimated discretisation error.
+    pub error: Option<ErrorEstimate>,
 }
 
 /// A robot that is driven through its tendons.
 #[derive(Clone)]
 pub struct Drive {
     solver: Solver,
+    /// Whether elements are chosen step by step.
+    automatic: bool,
     transmission: Transmission,
     virgin: History,
     mixing: Mixing,
@@ -61,13 +68,16 @@ const MOST_ITERATIONS: usize = 400;
 const MAX_INCREMENTS: usize = 60;
 
 impl Drive {
-    /// As for [`Solver::new`], with one line for each tendon.
+    /// As for [`Solver::new`], with one line for each tendon. Without a number of elements they
+    /// are chosen step by step, and not taken back along a path.
     pub fn new(
         robot: &Robot,
         model: Model,
-        elements: usize,
+        elements: impl Into<Option<usize>>,
         lines: &[Line],
     ) -> Result<Self, InputError> {
+        let given = elements.into();
+        let elements = given.unwrap_or(1);
         let mut transmission = Transmission::new(robot, model, lines)?;
         let mut solver = Solver::new(robot, model, elements)?;
         // home: pretension alone, no load
@@ -94,6 +104,7 @@ impl Drive {
         let virgin = transmission.go_home(solver.engine.span_lengths(), strain);
         Ok(Drive {
             solver,
+            automatic: given.is_none(),
             transmission,
             virgin,
             mixing: Mixing::default(),
@@ -195,17 +206,120 @@ impl Drive {
     pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<DriveOutcome, InputError> {
         self.transmission
             .check(self.solver.robot(), commands, load)?;
-        let old = self.transmission.now.clone();
-        let mut outcome = self.way(&old, commands, load);
-        if outcome.status != Status::Converged {
-            self.transmission.now = old;
-            if outcome.status != Status::NoEquilibrium {
-                self.explain(&mut outcome, commands, load);
+        let mut iterations = 0;
+        loop {
+            let old = self.transmission.now.clone();
+            let mut outcome = self.way(&old, commands, load);
+            if outcome.status == Status::Converged {
+                self.estimate_error(&mut outcome, commands);
             }
-            self.solver.unsettle();
-            self.transmission.slack.fill(f64::NAN);
+            iterations += outcome.iterations;
+            if let Some(finer) = self.finer(&outcome, &old) {
+                *self = finer;
+                continue;
+            }
+            outcome.iterations = iterations;
+            if outcome.status != Status::Converged {
+                self.transmission.now = old;
+                if outcome.status != Status::NoEquilibrium {
+                    self.explain(&mut outcome, commands, load);
+                }
+                self.solver.unsettle();
+                self.transmission.slack.fill(f64::NAN);
+            }
+            return Ok(outcome);
         }
-        Ok(outcome)
+    }
+
+    /// The same robot, where a step from `old` needs more elements than it has.
+    fn finer(&self, outcome: &DriveOutcome, old: &History) -> Option<Drive> {
+        if !self.automatic {
+            return None;
+        }
+        let elements = self.solver.elements();
+        let more = match &outcome.error {
+            Some(error) => {
+                let tensions = &self.transmission.now.tensions;
+                let largest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
+                let tip = error.tip / (TIP_TOLERANCE * self.robot().length());
+                let tension = if error.tension > 0.0 {
+                    error.tension / (TENSION_TOLERANCE * largest)
+                } else {
+                    0.0
+                };
+                needed(elements, f64::max(tip, tension), error.compression)
+            }
+            // a coarse rod may have no answer where a finer one has
+            None => elements.max(4),
+        };
+        if more == elements {
+            return None;
+        }
+        self.with_elements(more, old)
+    }
+
+    /// The same robot at `now` with more elements; none where it has no home then.
+    fn with_elements(&self, elements: usize, now: &History) -> Option<Drive> {
+        let lines = &self.transmission.lines;
+        let mut finer = Drive::new(self.robot(), self.solver.model(), elements, lines).ok()?;
+        finer.automatic = self.automatic;
+        let mut strain = now.strain.clone();
+        while strain.len() < finer.virgin.strain.len() {
+            strain = refine(&strain);
+        }
+        finer.transmission.now = now.clone();
+        finer.transmission.now.strain = strain;
+        Some(finer)
+    }
+
+    /// Discretisation error of the step that converged: at the lengths that pulls hold, tensions
+    /// take what lengths would lack.
+    fn estimate_error(&mut self, outcome: &mut DriveOutcome, commands: &[Command]) {
+        let n = self.robot().module_count();
+        let (engine, transmission) = (&mut *self.solver.engine, &self.transmission);
+        let found = engine.estimate();
+        let tensions = &transmission.now.tensions;
+        let held: Vec<usize> = (0..commands.len())
+            .filter(|&i| matches!(commands[i], Command::Pull(_)) && tensions[i] > 0.0)
+            .collect();
+        let (mut tip, mut largest) = (found.tip, 0.0);
+        if !held.is_empty() {
+            let lacks: Vec<f64> = held.iter().map(|&i| engine.length_error(i)).collect();
+            let mut spans = vec![0.0; held.len() * n];
+            for (c, &i) in held.iter().enumerate() {
+                for k in 0..n {
+                    spans[c * n + k] = engine.span_tension(k, i) / tensions[i];
+                }
+            }
+            engine.measure_spans(false);
+            engine.respond(Sources {
+                tendons: &held,
+                tensions: &spans,
+            });
+            let size = held.len();
+            let (mut matrix, mut row) = (vec![0.0; size * size], vec![0.0; 1 + size]);
+            for (r, &i) in held.iter().enumerate() {
+                engine.beyond(0, i, &mut row);
+                for c in 0..size {
+                    matrix[r * size + c] = -row[1 + c];
+                }
+                matrix[r * size + r] += transmission.whole_compliance(i);
+            }
+            let changes = solve_regularised(&mut matrix, lacks);
+            largest = changes.iter().fold(0.0, |a: f64, t| a.max(t.abs()));
+            if changes.iter().any(|t| !t.is_finite()) {
+                largest = f64::NAN;
+            }
+            let coefficients: Vec<f64> = std::iter::once(1.0).chain(changes).collect();
+            tip = engine.correct(&coefficients);
+        }
+        let error = ErrorEstimate::new(tip, largest, found.compression);
+        if !tells_stability(error.compression, self.solver.elements())
+            && outcome.stable == Some(true)
+        {
+            outcome.stable = None;
+        }
+        outcome.error = Some(error);
     }
 
     /// Straight to the load, or along a line of increments where that fails.
@@ -337,6 +451,7 @@ impl Drive {
             undetermined: false,
             fighting: vec![],
             nearest: None,
+            error: None,
         };
         self.start(old, commands, load);
         let symmetric = load.tip_moment == [0.0; 3];
@@ -563,6 +678,30 @@ impl Drive {
     }
 }
 
+/// Solves a symmetric system by Gauss-Jordan elimination without pivoting; a share of the largest
+/// diagonal keeps apart what the rod does not.
+fn solve_regularised(matrix: &mut [f64], mut rhs: Vec<f64>) -> Vec<f64> {
+    let n = rhs.len();
+    let scale = (0..n).fold(0.0, |a: f64, i| a.max(matrix[i * n + i].abs()));
+    for i in 0..n {
+        matrix[i * n + i] += 1e-10 * scale;
+    }
+    for i in 0..n {
+        let per = 1.0 / matrix[i * n + i];
+        for r in (0..n).filter(|r| *r != i) {
+            let factor = matrix[r * n + i] * per;
+            for c in i..n {
+                matrix[r * n + c] -= factor * matrix[i * n + c];
+            }
+            rhs[r] -= factor * rhs[i];
+        }
+    }
+    for i in 0..n {
+        rhs[i] /= matrix[i * n + i];
+    }
+    rhs
+}
+
 /// Where the next step starts from, for a history that is written down.
 impl Drive {
     /// Strain of the backbone.
@@ -588,6 +727,15 @@ impl Drive {
     /// If it does not fit the robot and its elements, or is not finite.
     pub fn start_from(&mut self, strain: &[[f64; 3]], slips: &[i8]) -> Result<(), InputError> {
         let finite = strain.iter().flatten().all(|w| w.is_finite());
+        let (n, now) = (self.robot().module_count(), self.transmission.now.clone());
+        let elements = LEVELS.into_iter().find(|e| 2 * e * n == strain.len());
+        if let (true, Some(elements)) = (self.automatic, elements) {
+            if elements > self.solver.elements() {
+                if let Some(finer) = self.with_elements(elements, &now) {
+                    *self = finer;
+                }
+            }
+        }
         let (strains, holes) = (
             self.transmission.now.strain.len(),
             self.transmission.now.slip.len(),

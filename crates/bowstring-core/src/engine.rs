@@ -3,6 +3,7 @@
 //! Each pass is compiled once for each kind of number, with the processor's features; what
 //! calls one pass after the other is written, and compiled, once.
 
+use crate::estimate::Found;
 use crate::lie::Pose;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
@@ -23,6 +24,8 @@ pub(crate) trait Passes: Strung + Send + Sync {
     fn newton_step(&mut self, symmetric: bool) -> Step<f64>;
     fn combine(&mut self, coefficients: &[f64]) -> f64;
     fn finish(&mut self);
+    fn estimate(&mut self) -> Found<f64>;
+    fn correct(&mut self, coefficients: &[f64]) -> Vec3;
 
     fn load(&mut self, load: &Load);
     fn make_straight(&mut self);
@@ -36,6 +39,7 @@ pub(crate) trait Passes: Strung + Send + Sync {
     fn negative_pivots(&self) -> usize;
     fn span_tension(&self, k: usize, i: usize) -> f64;
     fn length(&self, i: usize) -> f64;
+    fn length_error(&self, i: usize) -> f64;
     fn disk(&self, k: usize) -> Pose;
     fn collision(&self) -> Option<usize>;
     fn has_tip_moment(&self) -> bool;
@@ -97,6 +101,14 @@ macro_rules! passes {
             hot!([$($generic)*] $rod, [$($feature)?]; combine(coefficients: &[f64]) -> f64 |rod| rod.combine(coefficients));
             hot!([$($generic)*] $rod, [$($feature)?]; advance(fraction: f64) -> () |rod| rod.advance(Real::splat(fraction)));
             hot!([$($generic)*] $rod, [$($feature)?]; finish() -> () |rod| rod.finish());
+            hot!([$($generic)*] $rod, [$($feature)?]; estimate() -> Found<f64> |rod| {
+                let found = rod.estimate();
+                Found { tip: found.tip.of_lane(0), compression: found.compression.lane(0) }
+            });
+            hot!([$($generic)*] $rod, [$($feature)?]; correct(coefficients: &[f64]) -> Vec3 |rod| {
+                rod.combine_rotations(coefficients);
+                rod.correction().of_lane(0)
+            });
 
             fn load(&mut self, load: &Load) {
                 Rod::load(self, load);
@@ -130,6 +142,9 @@ macro_rules! passes {
             }
             fn length(&self, i: usize) -> f64 {
                 self.lengths[i].lane(0)
+            }
+            fn length_error(&self, i: usize) -> f64 {
+                self.length_errors[i].lane(0)
             }
             fn disk(&self, k: usize) -> Pose {
                 Rod::disk(self, k, 0)

@@ -3,8 +3,11 @@
 //! Takes plain Newton steps only, those that `statics` takes where nothing goes wrong: all
 //! pivots positive, no step too long, the energy falling. A load that needs more is left to it.
 
+use crate::adaptive::{tells_stability, TIP_TOLERANCE};
+use crate::batch;
+use crate::estimate::ErrorEstimate;
 use crate::linalg::Vec3;
-use crate::load::{Load, Model};
+use crate::load::Load;
 use crate::real::Real;
 use crate::robot::Robot;
 use crate::rod::Rod;
@@ -17,6 +20,8 @@ const MAX_PLAIN_STEPS: usize = 10;
 pub(crate) struct SideBySide {
     rod: Wide,
     settings: Settings,
+    /// Largest error of the tip that is let pass, m, where elements are chosen.
+    error: Option<f64>,
 }
 
 enum Wide {
@@ -26,15 +31,17 @@ enum Wide {
 
 impl SideBySide {
     /// For one element in a module, where the processor has lanes.
-    pub fn new(robot: &Robot, model: Model, elements: usize) -> Option<Self> {
-        let rod = match elements {
+    pub fn new(robot: &Robot, settings: &batch::Settings) -> Option<Self> {
+        let (model, elements) = (settings.model, settings.elements);
+        let rod = match elements.unwrap_or(1) {
             1 if has_avx512() => Wide::Avx512(Box::new(Rod::new(robot, model))),
             1 if has_avx2() => Wide::Avx2(Box::new(Rod::new(robot, model))),
             _ => return None,
         };
         Some(SideBySide {
             rod,
-            settings: Settings::new(robot, model, elements),
+            settings: Settings::new(robot, model, 1),
+            error: elements.is_none().then(|| TIP_TOLERANCE * robot.length()),
         })
     }
 
@@ -50,8 +57,8 @@ impl SideBySide {
     pub fn solve(&mut self, loads: &[Load]) -> [Option<Outcome>; 8] {
         // SAFETY: the lanes were chosen by what the processor has
         match &mut self.rod {
-            Wide::Avx2(rod) => unsafe { solve_avx2(rod, &self.settings, loads) },
-            Wide::Avx512(rod) => unsafe { solve_avx512(rod, &self.settings, loads) },
+            Wide::Avx2(rod) => unsafe { solve_avx2(rod, &self.settings, self.error, loads) },
+            Wide::Avx512(rod) => unsafe { solve_avx512(rod, &self.settings, self.error, loads) },
         }
     }
 
@@ -76,24 +83,27 @@ impl SideBySide {
 fn solve_avx2(
     rod: &mut Rod<Robots<F64x4>, 2>,
     settings: &Settings,
+    most: Option<f64>,
     loads: &[Load],
 ) -> [Option<Outcome>; 8] {
-    solve(rod, settings, loads)
+    solve(rod, settings, most, loads)
 }
 
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
 fn solve_avx512(
     rod: &mut Rod<Robots<F64x8>, 2>,
     settings: &Settings,
+    most: Option<f64>,
     loads: &[Load],
 ) -> [Option<Outcome>; 8] {
-    solve(rod, settings, loads)
+    solve(rod, settings, most, loads)
 }
 
 #[inline(always)]
 fn solve<M: Real>(
     rod: &mut Rod<Robots<M>, 2>,
     settings: &Settings,
+    most: Option<f64>,
     loads: &[Load],
 ) -> [Option<Outcome>; 8] {
     // idle lanes repeat the last load
@@ -131,11 +141,18 @@ fn solve<M: Real>(
         let ready = |lane: usize| residual.lane(lane) <= TOLERANCE && minimum_nearby[lane];
         if round == MAX_PLAIN_STEPS || (0..M::LANES).all(|lane| ready(lane) || !plain[lane]) {
             rod.finish();
+            let found = rod.estimate();
             for lane in 0..loads.len() {
-                if plain[lane] && ready(lane) && rod.collision(lane).is_none() {
+                let tip = found.tip.of_lane(lane);
+                let error = ErrorEstimate::new(tip, 0.0, found.compression.lane(lane));
+                let tells = tells_stability(error.compression, 1);
+                // finer elements are a matter of the careful solver
+                let fine = most.is_none_or(|most| error.tip <= most && tells);
+                if plain[lane] && ready(lane) && fine && rod.collision(lane).is_none() {
                     outcomes[lane] = Some(Outcome {
                         status: Status::Converged,
-                        stable: Some(true),
+                        stable: tells.then_some(true),
+                        error: Some(error),
                         iterations: iterations[lane],
                         residual: residual.lane(lane),
                         left_unstable: false,

@@ -1,11 +1,13 @@
 //! Mechanics and constant-curvature kinematics of tendon-driven continuum robots.
 
+pub mod adaptive;
 pub mod arc;
 pub mod batch;
 mod complementarity;
 pub mod drive;
 pub mod dynamics;
 mod engine;
+pub mod estimate;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 pub mod lie;

@@ -25,6 +25,15 @@ impl<T: Real> Vec3<T> {
         Vec3([T::splat(v[0]), T::splat(v[1]), T::splat(v[2])])
     }
     /// The unit vector along z, the tangent of a straight backbone.
+    /// The numbers of one lane.
+    #[inline(always)]
+    pub fn of_lane(&self, lane: usize) -> Vec3<f64> {
+        Vec3([
+            self.0[0].lane(lane),
+            self.0[1].lane(lane),
+            self.0[2].lane(lane),
+        ])
+    }
     #[inline(always)]
     pub fn ez() -> Self {
         Self::splat([0.0, 0.0, 1.0])

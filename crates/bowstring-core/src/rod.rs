@@ -3,6 +3,7 @@
 //! What modules do by themselves runs in lanes (`L::Module`); what goes from one to the next,
 //! rotations, costate and elimination, runs along the chain (`L::Chain`).
 
+use crate::estimate::Defect;
 use crate::lie::Pose;
 use crate::linalg::{Mat3, Vec3};
 use crate::load::{Load, Model, TendonPath};
@@ -29,7 +30,10 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     /// at the hole where the span begins; zero where the tendon does not pass.
     pub span_lengths: Vec<f64>,
     pub angles: Vec<f64>,
-    step: Vec<[Vec3<L::Module>; A]>,
+    pub(crate) step: Vec<[Vec3<L::Module>; A]>,
+    /// By groups and by tendons, as of the last `estimate`.
+    pub(crate) defects: Vec<Defect<L::Module>>,
+    pub(crate) length_errors: Vec<L::Chain>,
     /// Strain and contact force to go back to: the force is where the next balance starts.
     saved: Vec<[Vec3<L::Module>; A]>,
     saved_force: Vec<Vec3<L::Module>>,
@@ -39,8 +43,8 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub passes: Vec<L::Module>,
     /// By modules.
     pub eliminated: Vec<Eliminated<L::Chain, A, 1>>,
-    symmetric: bool,
-    dead: Vec<[Vec3<L::Chain>; 4]>,
+    pub(crate) symmetric: bool,
+    pub(crate) dead: Vec<[Vec3<L::Chain>; 4]>,
     /// Of the disks, base included.
     pub rotations: Vec<Mat3<L::Chain>>,
     /// Of the disks, and the lengths of the tendons, m: as of the last `finish`.
@@ -209,6 +213,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             span_lengths: vec![0.0; n * robot.tendon_count()],
             angles: vec![0.0; n * robot.tendon_count()],
             step: vec![zero; groups],
+            defects: vec![Defect::none(); groups],
+            length_errors: vec![L::Chain::zero(); robot.tendon_count()],
             saved: vec![zero; groups],
             saved_force: vec![Vec3::zero(); groups],
             tensions: vec![L::Module::zero(); groups * robot.tendon_count()],
@@ -443,7 +449,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// The same as rotations that arcs add.
     #[inline(always)]
-    fn rotations_of_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
+    pub(crate) fn rotations_of_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
         let n = self.dead.len();
         let mut p = Vec3::zero();
         for k in (0..n).rev() {
@@ -707,6 +713,20 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Takes a sum of answers as the step; returns the largest rotation that an arc adds, rad.
     #[inline(always)]
     pub fn combine(&mut self, coefficients: &[f64]) -> f64 {
+        self.combine_rotations(coefficients);
+        let mut largest = L::Module::zero();
+        for (step, gradient) in self.step.iter_mut().zip(&self.gradients) {
+            for a in 0..A {
+                largest = largest.max(step[a].max_abs());
+                step[a] = gradient.to_strain[a] * step[a];
+            }
+        }
+        largest.largest()
+    }
+
+    /// The same as rotations that arcs add.
+    #[inline(always)]
+    pub fn combine_rotations(&mut self, coefficients: &[f64]) {
         for k in 0..self.dead.len() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             for a in 0..A {
@@ -722,14 +742,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 put::<L>(&mut self.step[g][a], i, Vec3::splat(sum));
             }
         }
-        let mut largest = L::Module::zero();
-        for (step, gradient) in self.step.iter_mut().zip(&self.gradients) {
-            for a in 0..A {
-                largest = largest.max(step[a].max_abs());
-                step[a] = gradient.to_strain[a] * step[a];
-            }
-        }
-        largest.largest()
     }
 
     /// Negative eigenvalues of the second variation that was eliminated last.

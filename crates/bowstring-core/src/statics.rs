@@ -1,6 +1,8 @@
 //! Static equilibrium: Newton's method on the strain, globalised, with an honest status.
 
+use crate::adaptive::tells_stability;
 use crate::engine::{self, Passes, Plain};
+use crate::estimate::ErrorEstimate;
 pub use crate::lie::Pose;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, OwnedLoad};
@@ -55,6 +57,8 @@ pub struct Outcome {
     pub fraction: f64,
     /// Module in which two disks collide.
     pub collision: Option<usize>,
+    /// Of a converged answer, where it was asked for.
+    pub error: Option<ErrorEstimate>,
 }
 
 /// A robot, its physics, and scratch memory for one solve after another.
@@ -166,7 +170,8 @@ impl Solver {
         self.model
     }
 
-    pub(crate) fn elements(&self) -> usize {
+    /// Elements in every module.
+    pub fn elements(&self) -> usize {
         self.elements
     }
 
@@ -235,6 +240,31 @@ impl Solver {
         Ok(outcome)
     }
 
+    /// Estimates the discretisation error of the last answer, which `outcome` is of. Where its
+    /// elements cannot tell a stable equilibrium from an unstable one, that it is stable is
+    /// taken back.
+    pub fn estimate_error(&mut self, outcome: &mut Outcome) {
+        if !self.settled {
+            return;
+        }
+        let found = self.engine.estimate();
+        outcome.error = Some(ErrorEstimate::new(found.tip, 0.0, found.compression));
+        if !tells_stability(found.compression, self.elements) && outcome.stable == Some(true) {
+            outcome.stable = None;
+        }
+    }
+
+    /// Strain of the last equilibrium, if the last solve converged.
+    pub(crate) fn last_strain(&self) -> Option<Vec<Vec3>> {
+        (self.known > 0).then(|| self.history[0].clone())
+    }
+
+    /// Lets the next [`Solver::solve_next`] start from a strain.
+    pub(crate) fn start_next_from(&mut self, strain: &[Vec3]) {
+        self.history[0].copy_from_slice(strain);
+        self.known = 1;
+    }
+
     fn solve_from_straight(&mut self, load: &Load) -> Outcome {
         self.load.set(load);
         self.engine.load(load);
@@ -263,6 +293,7 @@ impl Solver {
             left_unstable: false,
             fraction: 1.0,
             collision: None,
+            error: None,
         };
         let mut attempt = newton(&mut *self.engine, &self.settings, &mut outcome);
         if patience && !attempt.is_sound() {

@@ -934,7 +934,7 @@ impl Transmission {
     }
 
     /// Of all of a line, m/N.
-    fn whole_compliance(&self, i: usize) -> f64 {
+    pub fn whole_compliance(&self, i: usize) -> f64 {
         let m = self.lines.len();
         let spans = (0..self.modules).map(|k| self.stretch[k * m + i]);
         self.before[i] + spans.sum::<f64>()

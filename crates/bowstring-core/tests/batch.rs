@@ -36,7 +36,7 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
         let force: Vec<f64> = force.iter().map(|f| 0.01 * f).collect();
         let loads = loads(&t, &[0.0, 0.0, -9.81], &force);
         let settings = Settings {
-            elements,
+            elements: Some(elements),
             ..Settings::default()
         };
         let one = solve_batch(&robot, &settings, &loads, 1, true).unwrap();
@@ -91,7 +91,7 @@ fn warm_sweep_ends_where_cold_solves_do() {
                 theory,
                 ..Model::default()
             },
-            elements: 1,
+            elements: Some(1),
         };
         let warm = sweep(&robot, &settings, &loads, true, false).unwrap();
         let cold = sweep(&robot, &settings, &loads, false, false).unwrap();
@@ -128,7 +128,7 @@ fn input_is_checked_before_work_begins() {
     let robot = study_robot(9, 0.0);
     let refused = |loads: &Loads, elements: usize| {
         let settings = Settings {
-            elements,
+            elements: Some(elements),
             ..Settings::default()
         };
         let a = sweep(&robot, &settings, loads, true, true).unwrap_err();

@@ -37,7 +37,7 @@ impl Drive {
         theory: &str,
         tendon: &str,
         twist: bool,
-        elements: usize,
+        elements: Option<usize>,
         stiffness: &Bound<'_, PyAny>,
         free_length: &Bound<'_, PyAny>,
         compliance: &Bound<'_, PyAny>,
@@ -122,7 +122,10 @@ impl Drive {
         });
         Ok(Solution::driven_one(
             self.robot.clone_ref(py),
-            self.settings,
+            Settings {
+                elements: Some(self.inner.solver().elements()),
+                ..self.settings
+            },
             load,
             outcome(&found),
             answer,
@@ -295,6 +298,7 @@ fn outcome(found: &DriveOutcome) -> Outcome {
         left_unstable: false,
         fraction: 1.0,
         collision: None,
+        error: found.error,
     }
 }
 

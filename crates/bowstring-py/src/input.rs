@@ -83,7 +83,7 @@ pub(crate) fn settings(
     theory: &str,
     tendon: &str,
     twist: bool,
-    elements: usize,
+    elements: Option<usize>,
 ) -> PyResult<Settings> {
     let model = model(theory, tendon, twist)?;
     Ok(Settings { model, elements })

@@ -138,7 +138,7 @@ impl Robot {
         tip_moment: &Bound<'_, PyAny>,
         tendon: &str,
         twist: bool,
-        elements: usize,
+        elements: Option<usize>,
     ) -> PyResult<Solution> {
         let robot = &slf.get().inner;
         let settings = settings(theory, tendon, twist, elements)?;
@@ -155,13 +155,17 @@ impl Robot {
             .detach(|| {
                 let mut solver = settings.solver(robot)?;
                 let outcome = solver.solve(&load.borrow())?;
+                let solver = solver.solver();
                 let answer =
-                    (outcome.status == Status::Converged).then(|| Answer::read(robot, &solver));
-                Ok((outcome, answer))
+                    (outcome.status == Status::Converged).then(|| Answer::read(robot, solver));
+                Ok((outcome, answer, solver.elements()))
             })
-            .map(|(outcome, answer)| Solution {
+            .map(|(outcome, answer, elements)| Solution {
                 robot: slf.clone().unbind(),
-                settings,
+                settings: Settings {
+                    elements: Some(elements),
+                    ..settings
+                },
                 load,
                 outcome,
                 answer,
@@ -182,7 +186,7 @@ impl Robot {
         tip_moment: &Bound<'py, PyAny>,
         tendon: &str,
         twist: bool,
-        elements: usize,
+        elements: Option<usize>,
         warm: bool,
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
@@ -205,7 +209,7 @@ impl Robot {
         tip_moment: &Bound<'py, PyAny>,
         tendon: &str,
         twist: bool,
-        elements: usize,
+        elements: Option<usize>,
         threads: usize,
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
@@ -241,6 +245,9 @@ impl Robot {
         out.set_item("iterations", PyArray1::from_iter(py, iterations))?;
         out.set_item("residual", column(&|o| o.residual))?;
         out.set_item("fraction", column(&|o| o.fraction))?;
+        let error = |o: &Outcome| o.error.map_or([f64::NAN; 2], |e| [e.tip, e.tension]);
+        out.set_item("tip_error", column(&|o| error(o)[0]))?;
+        out.set_item("tension_error", column(&|o| error(o)[1]))?;
         let left = outcomes.iter().map(|o| o.left_unstable);
         out.set_item("left_unstable", PyArray1::from_iter(py, left))?;
         let collision = outcomes
@@ -313,7 +320,7 @@ impl Solution {
         }
         let mut solver = self.settings.solver(&self.robot.get().inner)?;
         solver.solve(&self.load.borrow())?;
-        Ok(question(&solver))
+        Ok(question(solver.solver()))
     }
 }
 
@@ -418,8 +425,13 @@ impl Solution {
         self.settings.model.twist
     }
     #[getter]
-    fn elements(&self) -> usize {
+    fn elements(&self) -> Option<usize> {
         self.settings.elements
+    }
+    /// Estimated discretisation error of tip, m, and tensions, N; `None` without an answer.
+    #[getter]
+    fn error_estimate(&self) -> Option<(f64, f64)> {
+        self.outcome.error.map(|e| (e.tip, e.tension))
     }
     #[getter]
     fn tensions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {

@@ -1,0 +1,184 @@
+//! Statics with as many elements in a module as the answer needs.
+//!
+//! One element is fourth order and enough for most loads; what it misses is estimated after the
+//! solve (see [`crate::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
+
+use crate::linalg::Vec3;
+use crate::load::{Load, Model};
+use crate::robot::{InputError, Robot};
+use crate::statics::{Outcome, Solver, Status};
+
+/// Estimated error of the tip, over the robot's length, that elements are chosen for.
+pub const TIP_TOLERANCE: f64 = 1e-5;
+/// The same of tensions, over the largest.
+pub const TENSION_TOLERANCE: f64 = 1e-4;
+/// Elements to choose from.
+pub const LEVELS: [usize; 4] = [1, 2, 4, 8];
+/// Compression (force times squared length over bending stiffness; a module between two disks
+/// buckles at pi^2) from which stability hangs on it, and the largest of an element that then
+/// still tells stable from unstable to 1e-3 of the force.
+const NEAR_BUCKLING: f64 = 5.0;
+const FINE_COMPRESSION: f64 = 0.65;
+
+/// Whether elements tell stable from unstable, by the largest compression of a module.
+pub(crate) fn tells_stability(compression: f64, elements: usize) -> bool {
+    let own = compression / (elements * elements) as f64;
+    // a NaN tells nothing
+    compression <= NEAR_BUCKLING || own <= FINE_COMPRESSION
+}
+
+/// Elements that bring an error, `ratio` times what is tolerated, below it; the same number
+/// where it is already, or where there are no more.
+pub(crate) fn needed(elements: usize, ratio: f64, compression: f64) -> usize {
+    let enough = |e: usize| {
+        let finer = (e / elements) as f64;
+        // a NaN is never enough
+        (ratio <= 1.0 || ratio / finer.powi(4) <= 1.0) && tells_stability(compression, e)
+    };
+    let mut finer = LEVELS.into_iter().filter(|e| *e >= elements);
+    finer.find(|e| enough(*e)).unwrap_or(LEVELS[3])
+}
+
+/// The same strain on twice as many elements: that of each is linear.
+pub(crate) fn refine(strain: &[Vec3]) -> Vec<Vec3> {
+    let halves = strain.chunks_exact(2).flat_map(|arcs| {
+        let (sum, difference) = (arcs[0] + arcs[1], arcs[1] - arcs[0]);
+        [-0.375, 0.375].map(|side| (sum * 0.5 + difference * side, difference * 0.25))
+    });
+    halves
+        .flat_map(|(sum, difference)| [(sum - difference) * 0.5, (sum + difference) * 0.5])
+        .collect()
+}
+
+/// A solver that chooses its elements, or keeps those that it was given.
+#[derive(Clone)]
+pub struct Adaptive {
+    robot: Robot,
+    model: Model,
+    fixed: bool,
+    solvers: [Option<Box<Solver>>; 4],
+    /// Of the last answer.
+    level: usize,
+}
+
+impl Adaptive {
+    /// `elements`: 1, 2, 4 or 8 in every module; `None` chooses them load by load.
+    pub fn new(robot: &Robot, model: Model, elements: Option<usize>) -> Result<Self, InputError> {
+        let first = Solver::new(robot, model, elements.unwrap_or(1))?;
+        let level = LEVELS.iter().position(|e| *e == first.elements());
+        let level = level.expect("the solver checks its elements");
+        let mut solvers = [const { None }; 4];
+        solvers[level] = Some(Box::new(first));
+        Ok(Adaptive {
+            robot: robot.clone(),
+            model,
+            fixed: elements.is_some(),
+            solvers,
+            level,
+        })
+    }
+
+    /// The solver that holds the last answer.
+    pub fn solver(&self) -> &Solver {
+        self.solvers[self.level].as_ref().expect("it has solved")
+    }
+
+    fn at(&mut self, level: usize) -> &mut Solver {
+        self.level = level;
+        self.solvers[level].get_or_insert_with(|| {
+            let solver = Solver::new(&self.robot, self.model, LEVELS[level]);
+            Box::new(solver.expect("the robot was checked"))
+        })
+    }
+
+    /// Equilibrium from the straight backbone.
+    pub fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
+        if !self.fixed {
+            self.level = 0;
+        }
+        self.search(load, false)
+    }
+
+    /// Equilibrium from the ones before: for loads that follow each other closely. Elements are
+    /// not taken back.
+    pub fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError> {
+        self.search(load, true)
+    }
+
+    fn search(&mut self, load: &Load, next: bool) -> Result<Outcome, InputError> {
+        let mut iterations = 0;
+        loop {
+            let solver = self.at(self.level);
+            let mut outcome = if next {
+                solver.solve_next(load)?
+            } else {
+                solver.solve(load)?
+            };
+            solver.estimate_error(&mut outcome);
+            iterations += outcome.iterations;
+            let elements = LEVELS[self.level];
+            let more = match (outcome.status, outcome.error) {
+                _ if self.fixed => elements,
+                (Status::Converged, Some(error)) => {
+                    let ratio = error.tip / (TIP_TOLERANCE * self.robot.length());
+                    needed(elements, ratio, error.compression)
+                }
+                // a coarse rod may have no answer where a finer one has
+                _ => elements.max(4),
+            };
+            if more == elements {
+                outcome.iterations = iterations;
+                return Ok(outcome);
+            }
+            let start = if next {
+                self.solver().last_strain()
+            } else {
+                None
+            };
+            self.level = LEVELS.iter().position(|e| *e == more).expect("one of them");
+            let finer = self.at(self.level);
+            finer.unsettle();
+            if let Some(mut strain) = start {
+                for _ in 0..(more / elements).ilog2() {
+                    strain = refine(&strain);
+                }
+                finer.start_next_from(&strain);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refined_strain_is_the_same_field() {
+        // linear over the element: moment of curvature at a fraction
+        let at = |arcs: &[Vec3], xi: f64, elements: f64| {
+            let e = ((xi * elements) as usize).min(arcs.len() / 2 - 1);
+            let local = xi * elements - e as f64;
+            let (a, b) = (arcs[2 * e], arcs[2 * e + 1]);
+            ((a + b) + (b - a) * (3.0 * (local - 0.5))) * elements
+        };
+        let coarse = [Vec3([0.1, 0.2, -0.3]), Vec3([0.4, -0.1, 0.2])];
+        let fine = refine(&coarse);
+        for i in 0..20 {
+            let xi = (i as f64 + 0.5) / 20.0;
+            let off = at(&coarse, xi, 1.0) - at(&fine, xi, 2.0);
+            assert!(off.max_abs() < 1e-15, "{xi}: {off:?}");
+        }
+    }
+
+    #[test]
+    fn needed_elements_follow_error_and_compression() {
+        assert_eq!(needed(1, 0.9, 0.5), 1);
+        assert_eq!(needed(1, 1.1, 0.5), 2);
+        assert_eq!(needed(1, 17.0, 0.5), 4);
+        assert_eq!(needed(2, 17.0, 0.5), 8);
+        assert_eq!(needed(8, 17.0, 0.5), 8);
+        assert_eq!(needed(1, 0.1, 9.0), 4);
+        assert_eq!(needed(1, f64::NAN, 0.5), 8);
+        assert_eq!(needed(1, 0.1, f64::NAN), 8);
+    }
+}

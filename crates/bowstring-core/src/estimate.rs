@@ -1,0 +1,422 @@
+//! How far a converged answer is from the rod's differential equation.
+//!
+//! Every element is integrated back from its end, under the wrench that loads and tendons leave
+//! there, by a sixth-order Runge-Kutta method: with shear, extension and weight at every
+//! section, and without anything that the elements assume. Where it misses the start of the
+//! element, the miss is a defect of the element's strain. One substitution by the last Newton
+//! step's elimination gives the change of the whole rod that takes all defects away, and so the
+//! error of tip and lengths, also where a load near buckling magnifies it (defect correction:
+//! Stetter 1978).
+
+use crate::linalg::{Mat3, Vec3};
+use crate::load::TendonPath;
+use crate::module::{Constants, Gradient, Span, State, Tendons};
+use crate::real::{Layout, Real};
+use crate::rod::{get, get_mat, in_group, put, Rod};
+
+/// Estimated discretisation error of an equilibrium.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorEstimate {
+    /// Of the tip's position, m.
+    pub tip: f64,
+    /// Of the tension of a tendon that is pulled by a length, N.
+    pub tension: f64,
+    /// Largest compressive force of a module times its squared length over its bending
+    /// stiffness; between two disks the backbone buckles at pi^2.
+    pub compression: f64,
+}
+
+/// What the estimate is multiplied by: it is first order in the defects.
+const SAFETY: f64 = 2.0;
+
+impl ErrorEstimate {
+    pub(crate) fn new(tip: Vec3, tension: f64, compression: f64) -> Self {
+        // what is not finite says nothing, and so might be anything
+        let sound = |x: f64| {
+            if x.is_finite() {
+                SAFETY * x
+            } else {
+                f64::INFINITY
+            }
+        };
+        ErrorEstimate {
+            tip: sound(tip.norm()),
+            tension: sound(tension),
+            compression,
+        }
+    }
+}
+
+/// What a module's elements miss, in the frame of its start.
+#[derive(Clone, Copy)]
+pub(crate) struct Defect<T> {
+    /// Motion of the end that no strain of the elements gives, m.
+    place: Vec3<T>,
+    /// Moment about the start that the quadrature of the weight leaves out, N m.
+    moment: Vec3<T>,
+    /// Compressive force times squared length over bending stiffness.
+    pub compression: T,
+}
+
+impl<T: Real> Defect<T> {
+    pub fn none() -> Self {
+        Defect {
+            place: Vec3::zero(),
+            moment: Vec3::zero(),
+            compression: T::zero(),
+        }
+    }
+}
+
+/// Steps of the integration through an element: two orders above it, so that their own error
+/// does not show.
+const STEPS: usize = 2;
+
+/// A section of the backbone: its pose, and the moment of all beyond.
+#[derive(Clone, Copy)]
+struct Section<T> {
+    rotation: Mat3<T>,
+    place: Vec3<T>,
+    moment: Vec3<T>,
+}
+
+impl<T: Real> Section<T> {
+    #[inline(always)]
+    fn plus(&self, rate: &Self, h: T) -> Self {
+        let mut out = *self;
+        for (row, by) in out.rotation.0.iter_mut().zip(&rate.rotation.0) {
+            for (x, y) in row.iter_mut().zip(by) {
+                *x = y.mul_add(h, *x);
+            }
+        }
+        out.place = rate.place.scaled_add(h, self.place);
+        out.moment = rate.moment.scaled_add(h, self.moment);
+        out
+    }
+}
+
+/// What one element is made of and carries.
+struct Element<'a, T> {
+    length: T,
+    /// Inverse bending and torsion stiffness, 1/(N m^2).
+    flexibility: Vec3<T>,
+    /// Shear and extension by force, 1/N.
+    shear: T,
+    axial: T,
+    stretch: T,
+    tendons: &'a Tendons<'a, T>,
+    /// Weight by length, N/m.
+    weight: Vec3<T>,
+}
+
+impl<T: Real> Element<'_, T> {
+    /// Curvature and twist under a moment in body axes.
+    #[inline(always)]
+    fn curvature(&self, moment: Vec3<T>) -> Vec3<T> {
+        let scaled = |m: Vec3<T>| {
+            let f = self.flexibility;
+            Vec3([m[0] * f[0], m[1] * f[1], m[2] * f[2]])
+        };
+        let mut u = scaled(moment);
+        if self.tendons.path == TendonPath::Continuous {
+            // the tendons take their part of the moment, which depends on the curvature
+            for _ in 0..NEWTON_ROUNDS {
+                let mut residual = moment;
+                let mut stiffness = Mat3::zero();
+                for q in 0..3 {
+                    residual.0[q] -= u[q] * (T::splat(1.0) / self.flexibility[q]);
+                    stiffness.0[q][q] = T::splat(1.0) / self.flexibility[q];
+                }
+                for (tendon, &tension) in self.tendons.tendons.iter().zip(self.tendons.tensions) {
+                    let hole = Vec3::splat([tendon.hole[0], tendon.hole[1], 0.0]);
+                    let mut along = u.cross(hole);
+                    along.0[2] += self.stretch;
+                    let per = T::splat(1.0) / along.norm();
+                    let direction = along * per;
+                    let across = hole.cross(direction);
+                    residual -= across * tension;
+                    let square = Mat3::scalar(hole.norm2()) - hole.outer(hole);
+                    stiffness += (square - across.outer(across)) * (tension * per);
+                }
+                u += stiffness.inverse() * residual;
+            }
+        }
+        u
+    }
+
+    #[inline(always)]
+    fn rate(&self, at: &Section<T>, force: Vec3<T>) -> Section<T> {
+        let r = &at.rotation;
+        let curvature = self.curvature(r.tr_mul(at.moment));
+        let n = r.tr_mul(force);
+        let along = *r
+            * Vec3([
+                n[0] * self.shear,
+                n[1] * self.shear,
+                n[2].mul_add(self.axial, self.stretch),
+            ]);
+        Section {
+            rotation: *r * curvature.skew(),
+            place: along,
+            moment: -along.cross(force),
+        }
+    }
+
+    /// Goes back from the end, where `force` acts, to the start.
+    #[inline(always)]
+    fn back(&self, end: Section<T>, force: Vec3<T>) -> Section<T> {
+        let h = self.length * T::splat(-1.0 / STEPS as f64);
+        let mut at = end;
+        let mut force = force;
+        for _ in 0..STEPS {
+            let mut rates = [end; 7];
+            for stage in 0..7 {
+                let mut here = at;
+                for (rate, weight) in rates.iter().zip(STAGES[stage].1).take(stage) {
+                    if weight != 0.0 {
+                        here = here.plus(rate, h * T::splat(weight));
+                    }
+                }
+                let share = h * T::splat(-STAGES[stage].0);
+                rates[stage] = self.rate(&here, self.weight.scaled_add(share, force));
+            }
+            for (rate, weight) in rates.iter().zip(WEIGHTS) {
+                if weight != 0.0 {
+                    at = at.plus(rate, h * T::splat(weight));
+                }
+            }
+            force = self.weight.scaled_add(-h, force);
+        }
+        at
+    }
+}
+
+/// Stages of Butcher's sixth-order method (1964): where each is, and what it takes of the rates
+/// before it.
+const STAGES: [(f64, [f64; 6]); 7] = [
+    (0.0, [0.0; 6]),
+    (1.0 / 3.0, [1.0 / 3.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    (2.0 / 3.0, [0.0, 2.0 / 3.0, 0.0, 0.0, 0.0, 0.0]),
+    (
+        1.0 / 3.0,
+        [1.0 / 12.0, 1.0 / 3.0, -1.0 / 12.0, 0.0, 0.0, 0.0],
+    ),
+    (
+        0.5,
+        [-1.0 / 16.0, 9.0 / 8.0, -3.0 / 16.0, -3.0 / 8.0, 0.0, 0.0],
+    ),
+    (0.5, [0.0, 9.0 / 8.0, -3.0 / 8.0, -3.0 / 4.0, 0.5, 0.0]),
+    (
+        1.0,
+        [
+            9.0 / 44.0,
+            -9.0 / 11.0,
+            63.0 / 44.0,
+            18.0 / 11.0,
+            0.0,
+            -16.0 / 11.0,
+        ],
+    ),
+];
+const WEIGHTS: [f64; 7] = [
+    11.0 / 120.0,
+    0.0,
+    27.0 / 40.0,
+    27.0 / 40.0,
+    -4.0 / 15.0,
+    -4.0 / 15.0,
+    11.0 / 120.0,
+];
+
+/// Newton steps for the curvature under continuous tendons.
+const NEWTON_ROUNDS: usize = 3;
+
+impl<T: Real, const A: usize> State<T, A> {
+    /// What the elements miss; `rhs` becomes the imbalance of the arcs whose Newton step takes
+    /// the defects of their strain away.
+    #[inline(always)]
+    fn defect(
+        &self,
+        c: &Constants<T>,
+        t: &Tendons<T>,
+        gradient: &Gradient<T, A>,
+        weight: Vec3<T>,
+        rhs: &mut [Vec3<T>; A],
+    ) -> Defect<T> {
+        let elements = A / 2;
+        let length = c.flexible * T::splat(1.0 / elements as f64);
+        let one = T::splat(1.0);
+        let per = one / length;
+        let flexibility = c.stiffness.map(|s| one / (s * length));
+        let [bending, torsion] = flexibility;
+        let shear = c.d[0] * c.per_flexible;
+        let element = Element {
+            length,
+            flexibility: Vec3([bending, bending, torsion]),
+            shear,
+            axial: shear + c.d[1] * c.per_flexible,
+            stretch: c.stretch(t),
+            tendons: t,
+            weight,
+        };
+        let tangent = self.s.column(2);
+        // the weight's own moment and force, not those of Hermite's rule
+        let couple = weight.scaled_add(length * length * T::splat(1.0 / 12.0), self.f[1]);
+        let mut force = weight.scaled_add(length * T::splat(-0.5), self.end_force);
+        let mut section = Section {
+            rotation: self.s,
+            place: self.rho,
+            moment: tangent.cross(couple) - self.span_torque - self.lambda,
+        };
+        let mut place = Vec3::zero();
+        for e in (0..elements).rev() {
+            let end = section.place;
+            section = element.back(section, force);
+            let (rotation, start) = match e {
+                0 => (Mat3::identity(), Vec3::zero()),
+                _ => (self.prefix[2 * e], self.inside(2 * e - 1)),
+            };
+            // turned so that the starts agree, how far the ends are apart
+            let turned = rotation * section.rotation.transpose();
+            let [x, y, z] = turned.rows();
+            let turn = Vec3([z[1] - y[2], x[2] - z[0], y[0] - x[1]]) * T::splat(0.5);
+            let gap = start + turned * (end - section.place) - end;
+            let along = (end - start) * per;
+            // The element bent as well because the force is off its own place by `e`, a cubic
+            // from here to the end; Newton's matrix knows that already.
+            let (miss, slope) = (start - section.place, turn.cross(along) * length);
+            let mean = miss.scaled_add(T::splat(0.5), slope * T::splat(1.0 / 12.0));
+            let first = miss.scaled_add(T::splat(0.35), slope * T::splat(0.05));
+            let middle = weight.scaled_add(length * T::splat(0.5), force) * (bending * length);
+            let turn = turn - mean.cross(middle);
+            let gap = gap - first.cross(middle).cross(along) * length;
+            // rotations of the two arcs that give it
+            let bend = turn - along * along.dot(turn);
+            let apart = along.cross(gap) * (per * T::splat(4.0)) - bend * T::splat(2.0);
+            let half = T::splat(0.5);
+            let (i, j) = (2 * e, 2 * e + 1);
+            let u = [(turn + apart) * half, (turn - apart) * half];
+            let beyond = self.tail[j];
+            place += gap;
+            for (arc, u) in [(i, u[0]), (j, u[1])] {
+                place -= gradient.r[arc] * u + beyond.cross(u);
+            }
+            let (a, b) = (gradient.to_strain[i] * u[0], gradient.to_strain[j] * u[1]);
+            let (sum, difference) = (a + b, (a - b) * T::splat(0.75));
+            rhs[i] = -gradient.to_strain[i].tr_mul(c.moment(sum + difference));
+            rhs[j] = -gradient.to_strain[j].tr_mul(c.moment(sum - difference));
+            // on from the solver's pose
+            force = weight.scaled_add(length, force);
+            section.moment += (section.place - start).cross(force);
+            section.rotation = rotation;
+            section.place = start;
+        }
+        let pull = self.f[0] - self.end_force;
+        let exact = section.moment + self.rho.cross(pull) + self.span_torque;
+        let mut assumed = self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) - self.lambda;
+        // Hermite's couple at the start stands with the clamp's weight
+        assumed += Vec3::ez().cross(weight * (length * length * T::splat(1.0 / 12.0)));
+        for node in 1..elements {
+            assumed += self.inside(2 * node - 1).cross(self.f[3]);
+        }
+        let compression = -self.n.dot(self.rho) * c.flexible * bending;
+        Defect {
+            place,
+            moment: exact - assumed,
+            compression,
+        }
+    }
+}
+
+/// The error of an answer, to be taken off it.
+pub(crate) struct Found<T> {
+    /// Motion of the tip that takes the defects away, m.
+    pub tip: Vec3<T>,
+    /// Largest compression of a module, see [`Defect`].
+    pub compression: T,
+}
+
+impl<L: Layout, const A: usize> Rod<L, A> {
+    /// Error of the equilibrium that was found last, at its tensions; lengths are in
+    /// `length_errors`.
+    #[inline(always)]
+    pub fn estimate(&mut self) -> Found<L::Chain> {
+        let n = self.module_count();
+        let mut compression = L::Chain::zero();
+        for g in 0..self.states.len() {
+            let c = &self.constants[g];
+            let mut weight = Vec3::zero();
+            for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
+                let k = g * L::WIDTH + i;
+                put::<L>(&mut weight, i, self.rotations[k].tr_mul(self.dead[k][3]));
+            }
+            let weight = weight * (c.per_flexible * L::Module::splat((A / 2) as f64));
+            let t = in_group(&self.tendons, &self.tensions, self.path, g);
+            let mut rhs = [Vec3::zero(); A];
+            let defect = self.states[g].defect(c, &t, &self.gradients[g], weight, &mut rhs);
+            self.gradients[g].g = rhs;
+            for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
+                compression = compression.max(L::get(&defect.compression, i));
+            }
+            self.defects[g] = defect;
+        }
+        let mut missing = Vec3::<L::Chain>::zero();
+        for k in (0..n).rev() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            missing = get_mat::<L>(&self.states[g].s, i) * missing;
+            for rhs in &mut self.gradients[g].g {
+                let sum = get::<L>(rhs, i) + missing;
+                put::<L>(rhs, i, sum);
+            }
+            missing -= get::<L>(&self.defects[g].moment, i);
+        }
+        if self.symmetric {
+            self.rotations_of_step::<true>();
+        } else {
+            self.rotations_of_step::<false>();
+        }
+        Found {
+            tip: self.correction(),
+            compression,
+        }
+    }
+
+    /// Motion of the tip by the rotations in `step` and the defects; measures that of the
+    /// lengths.
+    #[inline(always)]
+    pub fn correction(&mut self) -> Vec3<L::Chain> {
+        let n = self.module_count();
+        for length in &mut self.length_errors {
+            *length = L::Chain::zero();
+        }
+        let mut tip = Vec3::<L::Chain>::zero();
+        let mut x = Vec3::<L::Chain>::zero();
+        for g in 0..self.states.len() {
+            let (c, state, gradient) = (&self.constants[g], &self.states[g], &self.gradients[g]);
+            let (mut turn, mut moved) = (Vec3::zero(), self.defects[g].place);
+            for a in 0..A {
+                turn += self.step[g][a];
+                moved += gradient.r[a] * self.step[g][a];
+            }
+            let here = L::WIDTH.min(n - g * L::WIDTH);
+            for (j, tendon) in self.tendons.iter().enumerate() {
+                let span = Span::new(c, tendon, &state.s, state.rho);
+                let longer = span.direction.dot(moved + turn.cross(span.arm));
+                for i in 0..here {
+                    if g * L::WIDTH + i <= tendon.end_disk {
+                        self.length_errors[j] += L::get(&longer, i);
+                    }
+                }
+            }
+            let offset = state.offset(c);
+            let end = moved + turn.cross(state.s.column(2) * c.clamp[1]);
+            for i in 0..here {
+                let k = g * L::WIDTH + i;
+                let own = x.cross(get::<L>(&offset, i)) + get::<L>(&end, i);
+                tip += self.rotations[k] * own;
+                x = get_mat::<L>(&state.s, i).tr_mul(x + get::<L>(&turn, i));
+            }
+        }
+        tip
+    }
+}
