@@ -68,8 +68,9 @@ def test_tensions_to_pulls_and_back(name, request):
     for _ in range(20):
         tensions = draw.uniform(1.0, most, robot.core.tendon_count)
         load = {"gravity": (0, 1, -3), "tip_force": (*draw.uniform(-0.1, 0.1, 2), 0)}
-        given = bs.solve(robot, tensions, **load).raise_for_status()
-        found = bs.solve(robot, pulls=given.pulls, **load).raise_for_status()
+        # the same elements both ways: else they differ by the discretisation error
+        given = bs.solve(robot, tensions, **load, elements=1).raise_for_status()
+        found = bs.solve(robot, pulls=given.pulls, **load, elements=1).raise_for_status()
         assert np.abs(found.tensions - tensions).max() < 1e-8 * tensions.max()
         assert np.abs(tip(found) - tip(given)).max() < 1e-10 * robot.length
         assert found.slack == () and not found.slack_lengths.any()
@@ -471,7 +472,6 @@ def test_bad_drives(robot, given, says):
         (lambda h: h.update(robot_hash="0"), "is of another robot (amouri2019)"),
         (lambda h: h.update(schema_version=99), "schema_version 99"),
         (lambda h: h.update(theory="kirchhoff"), "made with theory 'kirchhoff'"),
-        (lambda h: h.update(elements=2), "made with elements 2"),
         (lambda h: h.pop("arcs_rad"), "the history is damaged"),
         (lambda h: h.update(slips=[[0, 0, 0]]), "the history is damaged"),
         (lambda h: h.update(arcs_rad=[[0, 0]]), "the history is damaged"),

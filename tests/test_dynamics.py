@@ -699,7 +699,7 @@ def test_whole_numbers_of_numpy_are_whole(tmp_path: Path) -> None:
 
 def test_errors_carry_their_status() -> None:
     two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
-    heavy = {"gravity": (0.0, 0.0, -98100.0)}
+    heavy = {"gravity": (0.0, 0.0, -981000.0)}
     for fails in (
         lambda: simulate(two, pulled(4000), 1.0),
         lambda: simulate(ROBOT, pulled(5), 0.1, **heavy),

@@ -701,6 +701,8 @@ def test_contract_of_the_command_line(robot):
         "stable",
         "iterations",
         "residual",
+        "error_estimate",
+        "elements",
         "theory",
         "tip",
         "disks",
@@ -744,10 +746,15 @@ def test_examples_in_the_documentation():
 
 def test_message_doubts_a_coarse_mesh() -> None:
     robot = bs.load_robot("amouri2019").with_({"segments.0.disks.count": 3})
-    strong = bs.solve(robot, [200, 0, 0])
+    strong = bs.solve(robot, [60, 0, 0], elements=1)
     assert strong.converged
-    assert "elements=4" in strong.message
-    fine = bs.solve(robot, [200, 0, 0], elements=8)
+    assert "Discretisation error: the tip by up to" in strong.message
+    assert "(1 per module). Leave the number of elements out" in strong.message
+    fine = bs.solve(robot, [60, 0, 0], elements=8)
     assert fine.message == "A stable equilibrium."
-    assert np.linalg.norm(strong.tip.position - fine.tip.position) > 1e-4 * robot.length
+    error = np.linalg.norm(strong.tip.position - fine.tip.position)
+    assert error > 1e-4 * robot.length
+    assert error <= strong.error_estimate.tip <= 30 * error
+    chosen = bs.solve(robot, [60, 0, 0])
+    assert chosen.elements > 1 and chosen.message == "A stable equilibrium."
     assert bs.solve(bs.load_robot("amouri2019"), [80, 0, 0]).message == "A stable equilibrium."

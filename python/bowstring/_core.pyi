@@ -67,7 +67,7 @@ class Robot:
         tip_moment: ArrayLike,
         tendon: str,
         twist: bool,
-        elements: int,
+        elements: int | None,
     ) -> Solution: ...
     def sweep(
         self,
@@ -78,7 +78,7 @@ class Robot:
         tip_moment: ArrayLike,
         tendon: str,
         twist: bool,
-        elements: int,
+        elements: int | None,
         warm: bool,
         disks: bool,
     ) -> dict[str, Any]: ...
@@ -91,7 +91,7 @@ class Robot:
         tip_moment: ArrayLike,
         tendon: str,
         twist: bool,
-        elements: int,
+        elements: int | None,
         threads: int,
         disks: bool,
     ) -> dict[str, Any]: ...
@@ -104,7 +104,7 @@ class Drive:
         theory: str,
         tendon: str,
         twist: bool,
-        elements: int,
+        elements: int | None,
         stiffness: ArrayLike,
         free_length: ArrayLike,
         compliance: ArrayLike,
@@ -244,6 +244,8 @@ class Solution:
     def twist(self) -> bool: ...
     @property
     def elements(self) -> int: ...
+    @property
+    def error_estimate(self) -> tuple[float, float] | None: ...
     @property
     def tensions(self) -> Floats: ...
     @property

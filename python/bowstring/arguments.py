@@ -145,13 +145,17 @@ def check_robot(robot: object) -> None:
         )
 
 
-def check_choices(theory: object, tendon: object, twist: object, elements: object) -> None:
-    """Refuse what is of the wrong type, or no number of elements."""
+def check_choices(
+    theory: object, tendon: object, twist: object, elements: object, *, automatic: bool = False
+) -> None:
+    """Refuse what is of the wrong type, or no number of elements: None where they are chosen."""
     if not isinstance(theory, str):
         raise InputError(f'theory is {shown(theory)}, it must be "cosserat" or "kirchhoff"')
     if not isinstance(tendon, str):
         raise InputError(f'tendon is {shown(tendon)}, it must be "straight" or "continuous"')
     if not isinstance(twist, bool):
         raise InputError(f"twist is {shown(twist)}, it must be True or False")
+    if automatic and elements is None:
+        return
     if not is_whole(elements) or elements not in (1, 2, 4, 8):
         raise InputError(f"elements is {shown(elements)}, it must be 1, 2, 4 or 8")

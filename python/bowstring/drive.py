@@ -47,7 +47,7 @@ def compliances(robot: Robot) -> Floats:
 
 
 def home_lengths(
-    robot: Robot, theory: str, tendon: str, twist: bool, elements: int
+    robot: Robot, theory: str, tendon: str, twist: bool, elements: int | None
 ) -> Floats | None:
     """Length of each tendon at zero pull and no tension, less what lies before the base hole.
 
@@ -187,7 +187,7 @@ class Path:
         theory: str,
         tendon: str,
         twist: bool,
-        elements: int,
+        elements: int | None,
         *,
         rubs: bool = True,
     ) -> None:
@@ -247,6 +247,8 @@ class Path:
                 f"other numbers than {self.robot.name} has now"
             )
         for name, value in self.settings.items():
+            if name == "elements" and (value is None or history.get(name, 1) is None):
+                continue  # chosen step by step
             if history.get(name) != value:
                 raise InputError(
                     f"the history was made with {name} {history.get(name)!r:.40}, it cannot be "

@@ -104,7 +104,7 @@ def modes(
     gravity: Sequence[float] | None = None,
     tendon: TendonPath = "straight",
     twist: bool = True,
-    elements: int = 1,
+    elements: int | None = None,
 ) -> Modes:
     """Natural frequencies and mode shapes about the equilibrium of a load.
 
@@ -140,10 +140,10 @@ def modes(
     force = arguments.row("tip_force", tip_force, 3, "N")
     if not arguments.is_whole(count) or count < 1:
         raise InputError(f"count is {arguments.shown(count)}, it must be a positive whole number")
-    arguments.check_choices(theory, tendon, twist, elements)
+    arguments.check_choices(theory, tendon, twist, elements, automatic=True)
     if gravity is not None:
         gravity = arguments.row("gravity", gravity, 3, "m/s^2").tolist()
-    physics = (theory, tendon, twist, int(elements))
+    physics = (theory, tendon, twist, None if elements is None else int(elements))
     path = None
     if pulled.any() or robot.has_friction or history is not None:
         path = drive.Path(robot, *physics)
@@ -159,7 +159,7 @@ def about(
     pulled: NDArray[np.bool_],
     row: Floats,
     path: drive.Path | None,
-    physics: tuple[Theory, TendonPath, bool, int],
+    physics: tuple[Theory, TendonPath, bool, int | None],
     *,
     gravity: Sequence[float] | None,
     tip_force: Floats,
@@ -174,11 +174,11 @@ def about(
         answer = _core.flexibility_at(path.core) if status == "converged" else None
     else:
         theory, tendon, twist, elements = physics
-        status, answer = _core.flexibility(
-            robot.core, row, theory, gravity, tip_force, tendon, twist, elements
-        )
         solution = robot.core.solve(
             row, theory, gravity, tip_force, np.zeros(3), tendon, twist, elements
+        )
+        status, answer = _core.flexibility(
+            robot.core, row, theory, gravity, tip_force, tendon, twist, solution.elements
         )
     if answer is None:
         raise NoSolutionError(

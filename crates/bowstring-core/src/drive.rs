@@ -313,7 +313,9 @@ impl Drive {
             let coefficients: Vec<f64> = std::iter::once(1.0).chain(changes).collect();
             tip = engine.correct(&coefficients);
         }
-        let error = ErrorEstimate::new(tip, largest, found.compression);
+        // what friction passes on depends on the bends, which the estimate leaves as they are
+        let unsure = if transmission.rubs { 4.0 } else { 1.0 };
+        let error = ErrorEstimate::new(tip * unsure, largest * unsure, found.compression);
         if !tells_stability(error.compression, self.solver.elements())
             && outcome.stable == Some(true)
         {

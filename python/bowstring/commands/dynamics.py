@@ -20,6 +20,7 @@ from bowstring.commands.driving import (
 )
 from bowstring.commands.options import (
     AsJson,
+    AutomaticElements,
     Elements,
     Gravity,
     HistoryFile,
@@ -261,7 +262,7 @@ def modes(
     theory: Theory = "cosserat",
     gravity: Gravity = None,
     tip_force: TipForce = "0,0,0",
-    elements: Elements = 1,
+    elements: AutomaticElements = None,
     history: HistoryFile = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder of pictures of the shapes.")

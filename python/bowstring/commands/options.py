@@ -43,6 +43,13 @@ Gravity = Annotated[
 Elements = Annotated[
     int, typer.Option(metavar="1|2|4|8", help="Elements of fourth order between two disks.")
 ]
+AutomaticElements = Annotated[
+    int | None,
+    typer.Option(
+        metavar="1|2|4|8",
+        help="Elements of fourth order between two disks; chosen for accuracy if left out.",
+    ),
+]
 TipForce = Annotated[
     str, typer.Option(metavar="x,y,z", help="Dead force at the tip, base axes, all the time.")
 ]
@@ -168,8 +175,8 @@ def ratio(flag: str, text: str | None) -> float | None:
     return value
 
 
-def check_elements(elements: int) -> None:
-    if elements not in (1, 2, 4, 8):
+def check_elements(elements: int | None) -> None:
+    if elements not in (None, 1, 2, 4, 8):
         raise InputError(f"--elements: got {elements}; must be 1, 2, 4 or 8.")
 
 

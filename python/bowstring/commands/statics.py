@@ -23,8 +23,8 @@ from bowstring.commands.driving import (
 )
 from bowstring.commands.options import (
     AsJson,
+    AutomaticElements,
     Chord,
-    Elements,
     Gravity,
     HistoryFile,
     Overrides,
@@ -191,7 +191,7 @@ def solve(
     tip_moment: Annotated[
         str, typer.Option(metavar="x,y,z", help="Dead moment at the tip, base axes.")
     ] = "0,0,0",
-    elements: Elements = 1,
+    elements: AutomaticElements = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -236,7 +236,7 @@ def solve(
                     gravity_m_per_s2=weight,
                     tip_force_N=force,
                     tip_moment_Nm=moment,
-                    elements=elements,
+                    elements=solution.elements,
                 ),
             }
         )

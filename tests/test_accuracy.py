@@ -1,0 +1,184 @@
+"""Discretisation error: what answers say of it, against closed forms and finer elements."""
+
+import math
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.errors import InputError
+
+SOFT = {
+    "segments.0.disks.mass": "1e-6 g",
+    "segments.0.backbone.E": "5 MPa",
+    "segments.0.backbone.diameter": "20 mm",
+}
+LIGHT = {"segments.0.disks.mass": "1e-6 g"}
+ELEMENTS = (None, 1, 2, 4, 8)
+
+
+def study(**fields: object) -> bs.Robot:
+    return bs.load_robot("amouri2019", {f"segments.0.{k}": v for k, v in fields.items()})
+
+
+# --- own weight ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("disks", [1, 9])
+@pytest.mark.parametrize("elements", ELEMENTS)
+def test_stretch_under_own_weight(disks: int, elements: int | None) -> None:
+    robot = bs.load_robot("amouri2019", {**SOFT, "segments.0.disks.count": disks})
+    hanging = bs.solve(robot, [0, 0, 0], gravity=[0, 0, 9.81], elements=elements)
+    young, density = 5e6, 1800.0
+    stretch = density * 9.81 * robot.length**2 / (2 * young)
+    assert hanging.tip.position[2] - robot.length == pytest.approx(stretch, rel=1e-6)
+
+
+def heavy_beam(weight: float) -> float:
+    """First frequency of an upright cantilever, over sqrt(EI / (m L^4)) in rad/s.
+
+    `weight` is w L^3 / EI, negative where it hangs; by Ritz with polynomials.
+    """
+    powers = range(2, 12)
+    stiffness, mass = (np.zeros((10, 10)) for _ in range(2))
+    for i, p in enumerate(powers):
+        for j, q in enumerate(powers):
+            bend = p * (p - 1) * q * (q - 1) / (p + q - 3)
+            # compression w (L - x) times the slopes
+            slope = p * q * (1 / (p + q - 1) - 1 / (p + q))
+            stiffness[i, j] = bend - weight * slope
+            mass[i, j] = 1 / (p + q + 1)
+    inverse = np.linalg.inv(np.linalg.cholesky(mass))
+    return math.sqrt(np.linalg.eigvalsh(inverse @ stiffness @ inverse.T)[0])
+
+
+#: w L^3 / EI at which an upright cantilever buckles under its own weight (Greenhill 1881).
+GREENHILL = 7.8373
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.9, -0.9])
+@pytest.mark.parametrize("elements", [None, 1, 4])
+def test_modes_of_a_beam_under_its_own_weight(share: float, elements: int | None) -> None:
+    robot = bs.load_robot("amouri2019", LIGHT)
+    bending, mass = robot.bending_stiffness[0], robot.mass_per_length[0]
+    gravity = share * GREENHILL * bending / (mass * robot.length**3)
+    found = bs.modes(
+        robot, gravity=[0, 0, -gravity], theory="kirchhoff", elements=elements, count=2
+    )
+    unit = math.sqrt(bending / (mass * robot.length**4)) / (2 * math.pi)
+    exact = heavy_beam(share * GREENHILL) * unit
+    assert found.frequency_hz == pytest.approx([exact, exact], rel=1e-3)
+
+
+def test_axial_mode_of_a_light_robot() -> None:
+    robot = bs.load_robot("amouri2019", {**SOFT, "segments.0.backbone.diameter": "40 mm"})
+    modes = bs.modes(robot, count=40)
+    axial = [f for f, kind in zip(modes.frequency_hz, modes.kind, strict=True) if kind == "axial"]
+    exact = math.sqrt(5e6 / 1800.0) / (4 * robot.length)
+    # linear between disks: (pi / 2 / 9)^2 / 24 high
+    assert axial[0] == pytest.approx(exact, rel=2e-3)
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
+def test_a_motion_starts_where_statics_is(theory: str) -> None:
+    robot = bs.load_robot("amouri2019", {**SOFT, "segments.0.backbone.E": "30 MPa"})
+    load = {"gravity": [1.0, 0.0, 9.81], "theory": theory}
+    rest = bs.solve(robot, [5, 0, 0], **load)
+    run = bs.simulate(robot, [5, 0, 0], 0.0, initial_tensions=[5, 0, 0], **load)
+    assert np.linalg.norm(run.tip_position[0] - rest.tip.position) < 2e-5 * robot.length
+
+
+# --- elements that are chosen --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("elements", [None, 8])
+def test_buckling_between_disks(elements: int | None) -> None:
+    robot = study(**{"disks.count": 3})
+    critical = math.pi**2 * robot.bending_stiffness[0] / (robot.length / 3) ** 2
+    below, above = (
+        bs.solve(robot, [share * critical / 3] * 3, theory="kirchhoff", elements=elements)
+        for share in (0.999, 1.001)
+    )
+    assert below.stable is True and "buckled" not in below.message
+    assert "buckled" in above.message
+
+
+def test_few_elements_do_not_call_a_buckled_column_stable() -> None:
+    robot = study(**{"disks.count": 3})
+    critical = math.pi**2 * robot.bending_stiffness[0] / (robot.length / 3) ** 2
+    found = bs.solve(robot, [1.02 * critical / 3] * 3, theory="kirchhoff", elements=1)
+    assert found.stable is None
+
+
+def test_error_near_buckling_is_seen() -> None:
+    robot = study(**{"disks.count": 3})
+    load = {"tip_force": [0.2, 0, 0]}
+    coarse, fine, chosen = (
+        bs.solve(robot, [60] * 3, **load, elements=elements) for elements in (1, 8, None)
+    )
+    error = np.linalg.norm(coarse.tip.position - fine.tip.position)
+    assert error > 3e-3
+    assert error <= coarse.error_estimate.tip <= 30 * error
+    assert "Discretisation error" in coarse.message
+    error = np.linalg.norm(chosen.tip.position - fine.tip.position)
+    assert error < 1e-5 * robot.length and chosen.message == "A stable equilibrium."
+
+
+def test_answers_beyond_all_elements_say_so() -> None:
+    found = bs.solve(bs.load_robot("amouri2019"), [650, 600, 600])
+    assert found.elements == 8
+    assert "Discretisation error: the tip by up to" in found.message
+
+
+def test_tensions_of_three_taut_tendons() -> None:
+    robot = study(**{"disks.count": 3})
+    pulls = [2e-4, 1e-4, 1e-4]
+    coarse, fine, chosen = (
+        bs.solve(robot, pulls=pulls, elements=elements) for elements in (1, 8, None)
+    )
+    error = np.abs(coarse.tensions - fine.tensions).max()
+    assert error <= coarse.error_estimate.tension <= 30 * error
+    assert np.abs(chosen.tensions - fine.tensions).max() < 1e-4 * fine.tensions.max()
+
+
+def test_a_plain_robot_keeps_one_element() -> None:
+    robot = bs.load_robot("amouri2019")
+    assert bs.solve(robot, [80, 0, 0]).elements == 1
+    assert bs.solve(robot, pulls=[0.02, -0.03, -0.03]).elements == 1
+
+
+def test_sweep_and_batch_carry_the_estimate() -> None:
+    robot = study(**{"disks.count": 4})
+    tensions = np.random.default_rng(0).uniform(0, 60, (60, 3))
+    batch = bs.solve_batch(robot, tensions)
+    path = bs.sweep(robot, np.outer(np.linspace(0, 60, 40), [1, 0.3, 0]))
+    for found in (batch, path):
+        assert found.converged.all()
+        assert (found.tip_error <= 1e-5 * robot.length).all()
+        fine = bs.solve_batch(robot, found.tensions, elements=8)
+        error = np.linalg.norm(found.tip_position - fine.tip_position, axis=1)
+        rest = fine.tip_error
+        assert (error <= found.tip_error + rest).all()
+
+
+def test_a_path_takes_on_elements_as_it_needs_them() -> None:
+    robot = study(**{"disks.count": 3, "tendons.friction": 0.1})
+    pulls = np.outer(np.linspace(0, 0.06, 7), [1, -1, -1])
+    path = bs.sweep(robot, pulls=pulls)
+    fine = bs.sweep(robot, pulls=pulls, elements=8)
+    error = np.linalg.norm(path.tip_position - fine.tip_position, axis=1)
+    assert path.converged.all()
+    assert (error <= path.tip_error + fine.tip_error + 1e-9).all()
+    # its history leads on, and only a path with other fixed elements refuses it
+    on = bs.solve(robot, pulls=[0.061, -0.06, -0.06], history=path.history)
+    assert on.converged
+    fixed = bs.solve(robot, pulls=[0.01, -0.01, -0.01], elements=2).history
+    with pytest.raises(InputError, match="made with elements 2"):
+        bs.solve(robot, pulls=[0.02, -0.01, -0.01], history=fixed, elements=1)
+
+
+def test_elements_and_estimate_are_in_the_json() -> None:
+    content = bs.solve(bs.load_robot("amouri2019"), [80, 0, 0]).to_dict()
+    assert content["elements"] == 1
+    assert 1e-7 < content["error_estimate"]["tip_m"] < 6.41e-6
+    assert content["error_estimate"]["tension_N"] == 0
