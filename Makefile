@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: study test bench build clean lock
+.PHONY: study test bench campaign build clean lock
 
 study: build ## the main job: the study of the built-in robot
 	@$(BIN)/bowstring study amouri2019
@@ -52,3 +52,6 @@ clean:
 lock: ## renew the lock file (needs uv)
 	uv pip compile --universal --python-version 3.10 --no-header --no-annotate --extra cad pyproject.toml requirements/dev.in -o requirements/dev.lock
 	uv pip compile --universal --python-version 3.10 --no-header --no-annotate requirements/peers.in -o requirements/peers.lock
+
+campaign: ## random solves by the million, each checked from the outside: make campaign N=1000000
+	cargo run --release --locked -p bowstring-core --example campaign -- $(N)

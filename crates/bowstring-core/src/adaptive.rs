@@ -107,9 +107,12 @@ impl Adaptive {
 
     fn search(&mut self, load: &Load, next: bool) -> Result<Outcome, InputError> {
         let mut iterations = 0;
+        let mut failed: Option<(usize, Outcome)> = None;
         loop {
             let solver = self.at(self.level);
-            let mut outcome = if next {
+            let mut outcome = if failed.is_some() {
+                solver.attempt(load)
+            } else if next {
                 solver.solve_next(load)?
             } else {
                 solver.solve(load)?
@@ -127,8 +130,15 @@ impl Adaptive {
                 _ => elements.max(4),
             };
             if more == elements {
+                if let (Some((level, first)), true) = (failed, outcome.error.is_none()) {
+                    // it tried harder, and tells more of how far the load can go
+                    (self.level, outcome) = (level, first);
+                }
                 outcome.iterations = iterations;
                 return Ok(outcome);
+            }
+            if outcome.status != Status::Converged {
+                failed = failed.or(Some((self.level, outcome)));
             }
             let start = if next {
                 self.solver().last_strain()

@@ -8,20 +8,11 @@ use crate::robot::{InputError, Robot};
 use crate::statics::{Outcome, Pose, Status};
 
 /// What to solve with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Settings {
     pub model: Model,
     /// Elements of fourth order in a module: 1, 2, 4 or 8; `None` chooses them load by load.
     pub elements: Option<usize>,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings {
-            model: Model::default(),
-            elements: None,
-        }
-    }
 }
 
 impl Settings {

@@ -249,8 +249,7 @@ impl Drive {
                 };
                 needed(elements, f64::max(tip, tension), error.compression)
             }
-            // a coarse rod may have no answer where a finer one has
-            None => elements.max(4),
+            None => elements,
         };
         if more == elements {
             return None;

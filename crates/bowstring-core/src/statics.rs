@@ -240,6 +240,18 @@ impl Solver {
         Ok(outcome)
     }
 
+    /// Equilibrium from the straight backbone by Newton's method alone, without raising the load
+    /// step by step: where a coarser rod has found none.
+    pub(crate) fn attempt(&mut self, load: &Load) -> Outcome {
+        self.load.set(load);
+        self.engine.load(load);
+        self.engine.make_straight();
+        let outcome = self.equilibrium(load, false);
+        self.known = 0;
+        self.remember(&outcome);
+        outcome
+    }
+
     /// Estimates the discretisation error of the last answer, which `outcome` is of. Where its
     /// elements cannot tell a stable equilibrium from an unstable one, that it is stable is
     /// taken back.

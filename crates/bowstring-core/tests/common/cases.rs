@@ -1,0 +1,391 @@
+//! Random robots under random loads, and a check of an answer from the outside.
+#![allow(dead_code)]
+
+use bowstring_core::linalg::{Mat3, Vec3};
+use bowstring_core::load::{Load, Model, TendonPath, Theory};
+use bowstring_core::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::statics::{Pose, Solver, Status};
+
+/// SplitMix64: the same draws everywhere, and each by its number alone.
+pub struct Draw(u64);
+
+impl Draw {
+    pub fn new(test: u64, number: usize) -> Self {
+        let mut draw = Draw(test << 32 | number as u64);
+        draw.next();
+        Draw(draw.next())
+    }
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+    pub fn within(&mut self, from: f64, to: f64) -> f64 {
+        from + (to - from) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+    /// Every decade as likely as another.
+    pub fn decades(&mut self, from: f64, to: f64) -> f64 {
+        self.within(from.ln(), to.ln()).exp()
+    }
+    pub fn count(&mut self, from: usize, to: usize) -> usize {
+        from + (self.next() % (to - from + 1) as u64) as usize
+    }
+    pub fn often(&mut self, probability: f64) -> bool {
+        self.within(0.0, 1.0) < probability
+    }
+    pub fn direction(&mut self) -> Vec3 {
+        let (z, a) = (
+            self.within(-1.0, 1.0),
+            self.within(0.0, std::f64::consts::TAU),
+        );
+        let r = (1.0 - z * z).sqrt();
+        Vec3([r * a.cos(), r * a.sin(), z])
+    }
+}
+
+#[derive(Clone, Debug)]
+pub struct Case {
+    pub spec: RobotSpec,
+    pub tensions: Vec<f64>,
+    pub tip_force: Vec3,
+    pub tip_moment: Vec3,
+    pub theory: Theory,
+    pub tendon: TendonPath,
+}
+
+impl Case {
+    /// A robot of realistic size and loads that bend it as in use.
+    pub fn realistic(draw: &mut Draw) -> Self {
+        let segments = draw.count(1, 3);
+        let diameter = draw.decades(0.3e-3, 8e-3);
+        let young = draw.decades(1e9, 210e9);
+        let density = draw.within(1000.0, 8000.0);
+        let slenderness = draw.decades(40.0, 200.0);
+        let poisson = draw.within(0.2, 0.45);
+        let (mut sections, mut disks, mut tendons) = (vec![], vec![], vec![]);
+        let (mut station, mut tensions, mut softest) = (0.0, vec![], f64::INFINITY);
+        for segment in 0..segments {
+            let d = diameter * draw.within(0.7, 1.0).powi(segment as i32);
+            let (area, inertia) = (
+                std::f64::consts::PI * d * d / 4.0,
+                std::f64::consts::PI * d.powi(4) / 64.0,
+            );
+            let shear = young / (2.0 * (1.0 + poisson));
+            sections.push(Section {
+                bending: young * inertia,
+                torsion: shear * 2.0 * inertia,
+                axial: young * area,
+                shear: shear * area,
+                mass_per_length: density * area,
+                rotary_inertia: density * inertia,
+            });
+            let length = d * slenderness * draw.within(0.7, 1.0);
+            let count = draw.count(2, 20);
+            // half of it also goes off the next segment's first module
+            let clamp = f64::min(length / count as f64 * draw.within(0.0, 0.4), d * 0.4);
+            // the weight of all disks, held across, bends the segment by up to a third or so
+            let mass = draw.within(0.0, 1.0) * young * inertia
+                / (length * length)
+                / 9.81
+                / (count * segments * segments) as f64;
+            for k in 1..=count {
+                disks.push(Disk {
+                    station: station + length * k as f64 / count as f64,
+                    clamped_length: clamp,
+                    mass,
+                    inertia: [mass * d * d, mass * d * d],
+                    segment,
+                });
+            }
+            station += length;
+            softest = f64::min(softest, young * inertia);
+            let first = draw.within(0.0, std::f64::consts::TAU);
+            let pitch = length * draw.within(0.02, 0.1);
+            let holes = draw.count(3, 6);
+            for i in 0..holes {
+                let angle = first
+                    + std::f64::consts::TAU * (i as f64 + draw.within(-0.3, 0.3)) / holes as f64;
+                let r = pitch * draw.within(0.7, 1.0);
+                tendons.push(Tendon {
+                    hole: [r * angle.cos(), r * angle.sin()],
+                    end_disk: disks.len() - 1,
+                });
+                // the linear law: theta = T r L / EI
+                let theta = if draw.often(0.5) {
+                    draw.within(0.0, 1.5)
+                } else {
+                    0.0
+                };
+                tensions.push(theta * young * inertia / (pitch * length));
+            }
+        }
+        let force = draw.within(0.0, 3.0) * softest / (station * station);
+        Case {
+            spec: RobotSpec {
+                sections,
+                disks,
+                tendons,
+                gravity: (draw.direction() * if draw.often(0.7) { 9.81 } else { 0.0 }).0,
+            },
+            tensions,
+            tip_force: draw.direction() * if draw.often(0.7) { force } else { 0.0 },
+            tip_moment: Vec3([0.0; 3]),
+            theory: if draw.often(0.5) {
+                Theory::Cosserat
+            } else {
+                Theory::Kirchhoff
+            },
+            tendon: TendonPath::Straight,
+        }
+    }
+
+    pub fn model(&self) -> Model {
+        Model {
+            theory: self.theory,
+            tendon: self.tendon,
+            twist: true,
+        }
+    }
+
+    pub fn at<'a>(&self, fraction: f64, tensions: &'a mut Vec<f64>) -> Load<'a> {
+        tensions.clear();
+        tensions.extend(self.tensions.iter().map(|t| t * fraction));
+        Load {
+            tensions,
+            gravity: self.spec.gravity.map(|g| g * fraction),
+            tip_force: (self.tip_force * fraction).0,
+            tip_moment: (self.tip_moment * fraction).0,
+        }
+    }
+
+    /// Tip at the end of a forward path from rest: stable at every step, no jump.
+    pub fn forward_path(&self, robot: &Robot) -> Option<Vec3> {
+        let mut solver = Solver::new(robot, self.model(), 1).unwrap();
+        let mut tensions = vec![];
+        let mut tip = Vec3([0.0, 0.0, robot.length()]);
+        for step in 1..=16 {
+            let load = self.at(step as f64 / 16.0, &mut tensions);
+            let outcome = solver.solve_next(&load).unwrap();
+            let sound = outcome.status == Status::Converged
+                && outcome.stable == Some(true)
+                && !outcome.left_unstable;
+            let place = solver.tip()?.position;
+            if !sound || (place - tip).norm() > 0.25 * robot.length() {
+                return None;
+            }
+            tip = place;
+        }
+        Some(tip)
+    }
+
+    /// How far the poses are from solving the rod's equation: the largest gap at a disk, by
+    /// place over length of module and by angle.
+    pub fn gap(&self, robot: &Robot, solver: &Solver, steps: usize) -> f64 {
+        let spec = robot.spec();
+        let gravity = Vec3(spec.gravity);
+        let base = Pose {
+            rotation: Mat3::identity(),
+            position: Vec3([0.0; 3]),
+        };
+        let poses: Vec<_> = std::iter::once(base)
+            .chain((0..spec.disks.len()).map(|k| solver.disk(k).unwrap()))
+            .collect();
+        let hole = |t: &Tendon, k: usize| poses[k].rotation * Vec3([t.hole[0], t.hole[1], 0.0]);
+        // of the backbone beyond the disk, about the disk
+        let (mut force, mut moment) = (self.tip_force, self.tip_moment);
+        let mut worst: f64 = 0.0;
+        for k in (0..spec.disks.len()).rev() {
+            let (start, end) = (poses[k], poses[k + 1]);
+            let disk = spec.disks[k];
+            force += gravity * disk.mass;
+            for (t, tension) in spec.tendons.iter().zip(&self.tensions) {
+                let arm = hole(t, k + 1);
+                let unit = |v: Vec3| v * (1.0 / v.norm());
+                let mut pull = Vec3([0.0; 3]);
+                if t.end_disk >= k {
+                    pull -= unit(end.position + arm - start.position - hole(t, k)) * *tension;
+                }
+                if t.end_disk > k {
+                    let next = poses[k + 2].position + hole(t, k + 2);
+                    pull += unit(next - end.position - arm) * *tension;
+                }
+                force += pull;
+                moment += arm.cross(pull);
+            }
+            let before = if k == 0 {
+                (0.0, 0.0)
+            } else {
+                (
+                    spec.disks[k - 1].station,
+                    spec.disks[k - 1].clamped_length / 2.0,
+                )
+            };
+            let pitch = disk.station - before.0;
+            let mut section = Station {
+                pose: end,
+                force,
+                moment,
+            };
+            let s = &spec.sections[disk.segment];
+            let stiff = |section: &mut Station, length: f64| section.rigid(s, gravity, length);
+            stiff(&mut section, disk.clamped_length / 2.0);
+            let flexible = pitch - disk.clamped_length / 2.0 - before.1;
+            section.integrate(s, self.theory, gravity, flexible, steps);
+            stiff(&mut section, before.1);
+            let place = (section.pose.position - start.position).norm() / pitch;
+            let turn = section.pose.rotation.tr_mat(start.rotation) - Mat3::identity();
+            let angle = turn.rows().map(|r| r.norm2()).iter().sum::<f64>().sqrt();
+            worst = worst.max(place).max(angle);
+            if !(place.is_finite() && angle.is_finite()) {
+                return f64::INFINITY;
+            }
+            // keep the solver's pose, carry the wrench on
+            moment = section.moment + (section.pose.position - start.position).cross(section.force);
+            force = section.force;
+        }
+        worst
+    }
+}
+
+/// A section of the backbone: its pose and the wrench of all beyond on it.
+#[derive(Clone, Copy)]
+struct Station {
+    pose: Pose,
+    force: Vec3,
+    moment: Vec3,
+}
+
+impl Station {
+    /// Back along a clamp.
+    fn rigid(&mut self, s: &Section, gravity: Vec3, length: f64) {
+        let back = self.pose.rotation.column(2) * length;
+        let weight = gravity * (s.mass_per_length * length);
+        self.moment += back.cross(self.force) + (back * 0.5).cross(weight);
+        self.force += weight;
+        self.pose.position -= back;
+    }
+
+    /// Back along the elastic rod, by the classical method of Runge and Kutta.
+    fn integrate(&mut self, s: &Section, theory: Theory, gravity: Vec3, length: f64, steps: usize) {
+        let rate = |x: &Station| {
+            let r = &x.pose.rotation;
+            let m = r.tr_mul(x.moment);
+            let n = r.tr_mul(x.force);
+            let u = Vec3([m[0] / s.bending, m[1] / s.bending, m[2] / s.torsion]);
+            let mut v = Vec3([0.0, 0.0, 1.0]);
+            if theory == Theory::Cosserat {
+                v += Vec3([n[0] / s.shear, n[1] / s.shear, n[2] / s.axial]);
+            }
+            let along = *r * v;
+            Station {
+                pose: Pose {
+                    rotation: *r * u.skew(),
+                    position: along,
+                },
+                force: -(gravity * s.mass_per_length),
+                moment: -along.cross(x.force),
+            }
+        };
+        let plus = |x: &Station, d: &Station, h: f64| Station {
+            pose: Pose {
+                rotation: x.pose.rotation + d.pose.rotation * Mat3::scalar(h),
+                position: x.pose.position + d.pose.position * h,
+            },
+            force: x.force + d.force * h,
+            moment: x.moment + d.moment * h,
+        };
+        let h = -length / steps as f64;
+        for _ in 0..steps {
+            let a = rate(self);
+            let b = rate(&plus(self, &a, h / 2.0));
+            let c = rate(&plus(self, &b, h / 2.0));
+            let d = rate(&plus(self, &c, h));
+            for (k, weight) in [(a, 1.0), (b, 2.0), (c, 2.0), (d, 1.0)] {
+                *self = plus(self, &k, h * weight / 6.0);
+            }
+        }
+    }
+}
+
+/// A number that nobody should give, or only just.
+fn extreme(draw: &mut Draw) -> f64 {
+    match draw.count(0, 39) {
+        0 => f64::NAN,
+        1 => f64::INFINITY,
+        2 => -draw.decades(1e-12, 1e12),
+        3 => 0.0,
+        4 => [f64::MAX, f64::MIN_POSITIVE, 5e-324, f64::NEG_INFINITY][draw.count(0, 3)],
+        _ => draw.decades(1e-12, 1e12),
+    }
+}
+
+/// A robot and loads with numbers that no maker would give.
+pub fn hostile(draw: &mut Draw) -> Case {
+    let mut case = Case::realistic(draw);
+    if draw.often(0.2) {
+        case.spec.disks.truncate(1);
+        case.spec.sections.truncate(1);
+        case.spec.tendons.iter_mut().for_each(|t| t.end_disk = 0);
+    }
+    if draw.often(0.1) {
+        case.spec.tendons.clear();
+        case.tensions.clear();
+    }
+    if draw.often(0.2) {
+        case.tendon = TendonPath::Continuous;
+    }
+    if draw.often(0.3) {
+        case.tip_moment = draw.direction() * draw.decades(1e-6, 1e6);
+    }
+    for _ in 0..draw.count(1, 4) {
+        let value = extreme(draw);
+        let spec = &mut case.spec;
+        let section = draw.count(0, spec.sections.len() - 1);
+        let s = &mut spec.sections[section];
+        let disk = draw.count(0, spec.disks.len() - 1);
+        let d = &mut spec.disks[disk];
+        let axis = draw.count(0, 2);
+        match draw.count(0, 15) {
+            0 => s.bending = value,
+            1 => s.torsion = value,
+            2 => s.axial = value,
+            3 => s.shear = value,
+            4 => s.mass_per_length = value,
+            5 => d.station = value,
+            6 => d.clamped_length = value,
+            7 => d.mass = value,
+            8 => spec.gravity[axis] = value,
+            9 => case.tip_force[axis] = value,
+            10 => case.tip_moment[axis] = value,
+            11 => d.segment = draw.count(0, 3),
+            kind if spec.tendons.is_empty() => case.tensions.extend((kind > 13).then_some(value)),
+            kind => {
+                let i = draw.count(0, spec.tendons.len() - 1);
+                match kind {
+                    12 => spec.tendons[i].hole = [value, extreme(draw)],
+                    13 => spec.tendons[i].hole = [0.0; 2],
+                    14 => case.tensions[i] = value,
+                    _ => case
+                        .tensions
+                        .iter_mut()
+                        .for_each(|t| *t *= draw.decades(1.0, 1e9)),
+                }
+            }
+        }
+    }
+    if draw.often(0.05) {
+        // one disk hardly beyond the one before
+        let last = case.spec.disks.len() - 1;
+        let gap = draw.decades(1e-15, 1e-6);
+        if last > 0 {
+            case.spec.disks[last].station = case.spec.disks[last - 1].station + gap;
+        }
+        case.spec
+            .disks
+            .iter_mut()
+            .for_each(|d| d.clamped_length = 0.0);
+    }
+    case
+}
