@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bowstring import study
-from bowstring.budget import BudgetRow
+from bowstring.budget import BudgetRow, Side
 from bowstring.comparison import Physics
 from bowstring.robot import load_robot
 
@@ -44,7 +46,7 @@ def test_every_effect_has_a_row(paper: study.Study) -> None:
         "E_plus_10",
     ]
     labels = " ".join(r.label for r in paper.budget.rows)
-    assert "3 mm" in labels and "1 N" in labels
+    assert "3 mm" in labels and "transverse tip force 1 N" in labels
     for r in paper.budget.rows:
         assert r.added.problem is None and r.full.problem is None and r.removed.problem is None
 
@@ -71,7 +73,7 @@ def test_torsion_is_worth_nothing_in_a_plane(paper: study.Study) -> None:
     assert row(paper, "torsion").added.comparisons["cc_from_force"].mean < 1e-9
 
 
-def test_the_force_across_the_tip_leaves_the_plane(paper: study.Study) -> None:
+def test_a_transverse_tip_force_leaves_the_plane(paper: study.Study) -> None:
     case = row(paper, "tip_force").added
     assert case.physics.tip_force == (0.0, 1.0, 0.0)
     # less than the 80.9 mm of a backbone that may twist
@@ -104,3 +106,74 @@ def test_a_robot_that_buckles_says_so_and_the_study_goes_on() -> None:
             known = np.isfinite(case.tip_position).all(axis=1)
             assert (case.problem is None) == known.all()
     json.dumps(got.to_dict(), allow_nan=False)
+
+
+# -- contributions -----------------------------------------------------------------------------
+
+
+def test_a_contribution_is_with_the_effect_less_without_it(paper: study.Study) -> None:
+    b = paper.budget
+    name = "cc_from_force"
+
+    def mean(case: object) -> float:
+        return case.comparisons[name].mean  # type: ignore[attr-defined, no-any-return]
+
+    hanging = row(paper, "gravity_hanging")
+    c = b.contribution(hanging, "removed", name)
+    assert (c.with_effect, c.without_effect) == (mean(hanging.full), mean(hanging.removed))
+    assert c.mean / MM == pytest.approx(-10.89, abs=5e-3)  # it makes the error smaller
+    assert c.n == c.of == 17 and not c.partial
+
+    # the sweep has straight spans, so they are taken out; it has no tip force, so that is added
+    spans, force = row(paper, "straight_spans"), row(paper, "tip_force")
+    for r, present, absent in ((spans, b.sweep, spans.in_sweep), (force, force.in_sweep, b.sweep)):
+        c = b.contribution(r, "in_sweep", name)
+        assert (c.with_effect, c.without_effect) == (mean(present), mean(absent))
+        assert c.mean > 0.0
+    for r in b.rows:
+        c = b.contribution(r, "added", name)
+        assert (c.with_effect, c.without_effect) == (mean(r.added), mean(b.plainest))
+
+
+def test_contributions_in_json_have_one_sign(paper: study.Study) -> None:
+    rows = {r["effect"]: r for r in paper.budget.to_dict()["rows"]}
+    sides: tuple[Side, ...] = ("added", "removed", "in_sweep")
+    for r in paper.budget.rows:
+        for side in sides:
+            for name in ("cc_from_lengths", "cc_from_force"):
+                c = paper.budget.contribution(r, side, name)
+                entry = rows[r.effect][side][name]
+                assert entry["contribution_mm"] == pytest.approx(c.mean / MM)
+                assert entry["contribution_n"] == c.n
+    got = rows["straight_spans"]["in_sweep"]
+    assert got["how"] == "removed" and got["cc_from_force"]["contribution_mm"] > 4.0
+    moved = rows["gravity_hanging"]["removed"]["tip_moved_mean_mm"]
+    case = row(paper, "gravity_hanging")
+    away = np.linalg.norm(case.full.tip_position - case.removed.tip_position, axis=1)
+    assert moved == pytest.approx(away.mean() / MM)
+
+
+def test_a_contribution_is_over_the_loads_that_both_cases_have(paper: study.Study) -> None:
+    r = row(paper, "tip_force")
+    gaps = {}
+    for name, c in r.removed.comparisons.items():
+        difference = c.difference.copy()
+        difference[11:] = np.nan
+        gaps[name] = replace(c, difference=difference)
+    r = replace(r, removed=replace(r.removed, comparisons=gaps, problem="no equilibrium there"))
+    c = paper.budget.contribution(r, "removed", "cc_from_force")
+    assert (c.n, c.of, c.partial) == (11, 17, True)
+    assert c.with_effect == pytest.approx(r.full.error("cc_from_force")[:11].mean())
+    assert paper.budget.problems(r, "removed") == ("without it: no equilibrium there",)
+
+
+def test_other_gravity_is_compared_with_the_sweep_without_any() -> None:
+    """What upright gravity adds to the sweep of a robot that hangs is not what turning it does."""
+    robot = load_robot(Path(__file__).parent / "silicone.yaml")
+    got = study.run(robot, points=3)
+    plain = study.run(robot.with_({"gravity": "0 0 0 m/s^2"}), points=3)
+    for effect in ("gravity_upright", "gravity_hanging", "gravity_horizontal"):
+        for name in ("cc_from_lengths", "cc_from_force"):
+            ours = got.budget.contribution(row(got, effect), "in_sweep", name)
+            same = plain.budget.contribution(row(plain, effect), "in_sweep", name)
+            assert (ours.n, ours.mean) == (same.n, pytest.approx(same.mean, rel=1e-9))

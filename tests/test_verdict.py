@@ -11,6 +11,7 @@ import pytest
 
 from bowstring import arc, rod, study, verdict
 from bowstring.robot import load_robot
+from bowstring.words import in_mm
 
 MM = 1e-3
 EI = 35e9 * math.pi / 64 * 0.005**4  # of the study's robot, N m^2
@@ -87,3 +88,20 @@ def test_the_verdict_compares_only_effects_with_all_loads(paper: study.Study) ->
     (text,) = verdict._on_left_out(replace(paper.budget, rows=rows))
     assert "1000 mm" not in text
     assert text.endswith("from lengths: E 10 % lower / from force: E 10 % lower.")
+
+
+def test_the_costliest_effect_has_the_numbers_of_the_budget(paper: study.Study) -> None:
+    (text,) = [t for t in paper.verdict.text if t.startswith("A real robot has effects")]
+    rows = [r for r in paper.budget.rows if not r.acts_in_sweep]
+    for name, words in (("cc_from_lengths", "from lengths"), ("cc_from_force", "from force")):
+        found = {r.label: paper.budget.contribution(r, "in_sweep", name) for r in rows}
+        label = max(found, key=lambda one: found[one].mean)
+        c = found[label]
+        assert label == "transverse tip force 1 N" and label in text
+        assert f"{words} by {in_mm(c.mean)} to {in_mm(c.with_effect)}" in text
+
+
+def test_a_robot_that_hangs_does_not_leave_out_gravity() -> None:
+    got = study.run(load_robot(Path(__file__).parent / "silicone.yaml"), points=5)
+    (text,) = [t for t in got.verdict.text if t.startswith("A real robot has effects")]
+    assert "gravity" not in text and "E 10 %" in text

@@ -1,34 +1,65 @@
 """The error budget: what each physical effect does to constant curvature's error.
 
-Each effect is added alone to the plainest physics, removed alone from the fullest, and changed
-alone in the physics of the main sweep. How the robot is driven (friction, elastic tendons, pulled
-lengths) has a table of its own, `bowstring.actuation`, since it depends on the path.
+Each effect is added alone to the plainest physics (the baseline), removed alone from the fullest
+(the full model), and changed alone in the physics of the main sweep. Its contribution is always the
+mean error with it less the mean error without it.
+
+How the robot is driven (friction, elastic tendons, pulled lengths) has a table of its own,
+`bowstring.actuation`, since it depends on the path.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.actuation import DriveBudget, drive_budget
-from bowstring.comparison import Case, Model, Physics, known_mean
+from bowstring.comparison import MEANINGS, Case, Model, Physics
 from bowstring.robot import Robot
 from bowstring.words import round_down
 
-__all__ = ["GRAVITY", "Budget", "BudgetRow", "error_budget"]
+__all__ = ["GRAVITY", "Budget", "BudgetRow", "Contribution", "Side", "error_budget"]
 
 Array = NDArray[np.float64]
+Side = Literal["added", "removed", "in_sweep"]
 
 GRAVITY: Final = 9.81
 """m/s^2, in every gravity case of the budget."""
-_MAX_SIDEWAYS: Final = 0.13  # of the length: what 1 N across the tip of the study's robot does
+_MAX_SIDEWAYS: Final = (
+    0.13  # of the length: what 1 N transverse at the tip of the study's robot does
+)
 
 
 # -- what is computed --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """What one effect adds to the mean error of constant curvature, nothing else changed."""
+
+    n: int
+    """Loads that have numbers both with and without the effect; the means are over these."""
+    of: int
+    """Loads of the sweep."""
+    with_effect: float
+    """Mean error with the effect, m; NaN without such loads."""
+    without_effect: float
+    """Mean error without it, m."""
+
+    @property
+    def mean(self) -> float:
+        """With less without, m: positive if the effect makes the mean error larger."""
+        return self.with_effect - self.without_effect
+
+    @property
+    def partial(self) -> bool:
+        """Whether some loads are missing, so that it does not compare with other contributions."""
+        return 0 < self.n < self.of
 
 
 @dataclass(frozen=True)
@@ -46,25 +77,10 @@ class BudgetRow:
     removed: Case
     in_sweep: Case
     """The main sweep with only this effect changed: removed if it acts there, else added."""
+    beside: Case
+    """What `in_sweep` differs from in this effect alone: the main sweep; if that has gravity of
+    another kind, for which this one stands in, the main sweep without gravity."""
     acts_in_sweep: bool
-
-    def worth(self, meaning: str) -> float:
-        """What the effect adds to the mean error when all others act too, m; may be negative."""
-        return known_mean(self.full.error(meaning) - self.removed.error(meaning))
-
-    def to_dict(self, plainest: Case, sweep: Case) -> dict[str, Any]:
-        """The row in mm and percent."""
-        return {
-            "effect": self.effect,
-            "label": self.label,
-            "added": self.added.to_dict(plainest),
-            "full": self.full.to_dict(),
-            "removed": self.removed.to_dict(self.full),
-            "in_sweep": {
-                "how": "removed" if self.acts_in_sweep else "added",
-                **self.in_sweep.to_dict(sweep),
-            },
-        }
 
 
 @dataclass(frozen=True)
@@ -82,15 +98,73 @@ class Budget:
     drive: DriveBudget
     """Friction, elastic tendons and pulled lengths."""
 
+    def cases(self, row: BudgetRow, side: Side) -> tuple[Case, Case]:
+        """The two cases that differ in one effect alone: with it, and without it."""
+        if side == "added":
+            return row.added, self.plainest
+        if side == "removed":
+            return row.full, row.removed
+        pair = (row.beside, row.in_sweep)
+        return pair if row.acts_in_sweep else pair[::-1]
+
+    def contribution(self, row: BudgetRow, side: Side, meaning: str) -> Contribution:
+        """What an effect adds to the mean error.
+
+        Parameters
+        ----------
+        row : BudgetRow
+        side : {"added", "removed", "in_sweep"}
+            Beside which physics: added to the baseline, removed from the full model, or changed in
+            the main sweep.
+        meaning : str
+            Name of the comparison, one of `bowstring.comparison.MEANINGS`.
+
+        Returns
+        -------
+        Contribution
+        """
+        present, absent = (case.error(meaning) for case in self.cases(row, side))
+        common = np.isfinite(present) & np.isfinite(absent)
+        means = (float(e[common].mean()) if common.any() else math.nan for e in (present, absent))
+        return Contribution(int(common.sum()), len(common), *means)
+
+    def problems(self, row: BudgetRow, side: Side) -> tuple[str, ...]:
+        """Why a contribution lacks loads, each reason once."""
+        present, absent = self.cases(row, side)
+        named = (("with it", present.problem), ("without it", absent.problem))
+        return tuple(f"{which}: {problem}" for which, problem in named if problem)
+
     def to_dict(self) -> dict[str, Any]:
         """The budget in mm and percent."""
         return {
             "plainest": {"is": self.plainest_is, **self.plainest.to_dict()},
             "fullest": {"is": self.fullest_is, **self.fullest.to_dict()},
             "sweep": self.sweep.to_dict(),
-            "rows": [row.to_dict(self.plainest, self.sweep) for row in self.rows],
+            "rows": [self._row_to_dict(row) for row in self.rows],
             "notes": list(self.notes),
             "drive": self.drive.to_dict(),
+        }
+
+    def _row_to_dict(self, row: BudgetRow) -> dict[str, Any]:
+        def side(name: Side) -> dict[str, Any]:
+            case: Case = getattr(row, name)
+            out = case.to_dict()
+            for meaning in MEANINGS:
+                found = self.contribution(row, name, meaning)
+                length = case.comparisons[meaning].length
+                out[meaning]["contribution_n"] = found.n
+                out[meaning]["contribution_mm"] = found.mean * 1e3
+                out[meaning]["contribution_percent"] = found.mean / length * 100.0
+            present, absent = self.cases(row, name)
+            return out | present.moved_from(absent)
+
+        return {
+            "effect": row.effect,
+            "label": row.label,
+            "added": side("added"),
+            "full": row.full.to_dict(),
+            "removed": side("removed"),
+            "in_sweep": {"how": "removed" if row.acts_in_sweep else "added", **side("in_sweep")},
         }
 
 
@@ -145,6 +219,7 @@ def error_budget(
                 full=case(whole),
                 removed=case(_without(whole, effect)),
                 in_sweep=case(_changed(model, effect)),
+                beside=case(_beside(model, effect)),
                 acts_in_sweep=_acts(model, effect),
             )
         )
@@ -168,19 +243,22 @@ def error_budget(
         fullest_is=f"straight spans, clamps, shear and extension, twist, gravity ({posture}), tip "
         "force, E 10 % lower",
         notes=(
-            "Effects interact and can cancel: neither the column 'added' nor the column 'removed' "
-            "adds up to the whole, and one effect can lower the error that another one makes.",
+            "A contribution is the mean error with the effect less the mean error without it, all "
+            "else the same: positive if the effect makes the error larger.",
+            "Effects interact and can cancel: contributions do not add up to the whole, one effect "
+            "can lower the error that another one makes, and beside another physics the same "
+            "effect has another contribution.",
             "'From force' always uses the file's own E and length, as a user would, also where "
             "the physics is stiffer, softer or clamped.",
             "'In this sweep' changes the effect alone in the physics of the main sweep: taken out "
-            "if it acts there, added if not (gravity takes the place of the file's).",
-            "'Removed' takes the effect out of the fullest physics. The alternatives (gravity in "
-            "the other orientations, E 10 % higher) are compared with a fullest physics that has "
-            "them in place of its own.",
+            "if it acts there, added if not. Gravity takes the place of the file's, and its "
+            "contribution is against the same sweep without gravity.",
+            "'In the full model' takes the effect out of the full model. The alternatives (gravity "
+            "in the other orientations, E 10 % higher) take the place of the full model's own.",
             f"Gravity is {GRAVITY} m/s2: upright along -z (base below), hanging along +z, "
             f"horizontal along ({_zero(-x):.3g}, {_zero(-y):.3g}, 0), in the bending plane and "
             "against the pulled tendon, which lies on top.",
-            "The force across the tip is dead and perpendicular to the bending plane. It is the "
+            "The transverse tip force is dead and perpendicular to the bending plane. It is the "
             "largest round force that moves the straight robot's tip by at most 13 % of the "
             "length by linear theory: 1 N for the study's robot.",
             f"Clamps: {clamps}.",
@@ -222,7 +300,9 @@ def _effects(model: Model) -> list[_Effect]:
             True,
         ),
         _Effect(
-            "tip_force", f"{force:g} N across the tip", {"tip_force": _times(model.across, force)}
+            "tip_force",
+            f"transverse tip force {force:g} N",
+            {"tip_force": _times(model.across, force)},
         ),
         _Effect("E_minus_10", "E 10 % lower", {"stiffness": 0.9}),
         _Effect("E_plus_10", "E 10 % higher", {"stiffness": 1.1}, True),
@@ -256,6 +336,13 @@ def _changed(model: Model, effect: _Effect) -> Physics:
     if _acts(model, effect):
         return _without(model.main, effect)
     return replace(model.main, **effect.on)
+
+
+def _beside(model: Model, effect: _Effect) -> Physics:
+    """The physics of the main sweep, without its gravity where the effect takes its place."""
+    if "gravity" in effect.on and not _acts(model, effect):
+        return _without(model.main, effect)
+    return model.main
 
 
 def _times(vector: tuple[float, float, float], factor: float) -> tuple[float, float, float]:

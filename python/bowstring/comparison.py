@@ -155,13 +155,18 @@ class Case:
             out[name] = {k: entry[k] for k in ("n", "mean_mm", "max_mm", "mean_percent")}
             if base is not None:
                 change = self.error(name) - base.error(name)
+                out[name]["change_n"] = int(np.isfinite(change).sum())
                 out[name]["change_of_mean_mm"] = known_mean(change) * 1e3
                 out[name]["change_of_mean_percent"] = known_mean(change) / comparison.length * 100.0
-        if base is not None:
-            moved = np.linalg.norm(self.tip_position - base.tip_position, axis=-1)
-            out["tip_moved_mean_mm"] = known_mean(moved) * 1e3
-            out["tip_moved_max_mm"] = known_max(moved) * 1e3
-        return out
+        return out if base is None else out | self.moved_from(base)
+
+    def moved_from(self, base: Case) -> dict[str, float]:
+        """How far the tip is from that of another case, in mm, at the loads that both have."""
+        moved = np.linalg.norm(self.tip_position - base.tip_position, axis=-1)
+        return {
+            "tip_moved_mean_mm": known_mean(moved) * 1e3,
+            "tip_moved_max_mm": known_max(moved) * 1e3,
+        }
 
 
 # -- computing it ------------------------------------------------------------------------------

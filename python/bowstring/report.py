@@ -15,7 +15,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from bowstring.comparison import COMPARISONS
+from bowstring.budget import Side
+from bowstring.comparison import COMPARISONS, MEANINGS
 from bowstring.errors import InputError
 from bowstring.files import check_place, resolved, write_whole
 from bowstring.processes import for_each
@@ -37,6 +38,11 @@ __all__ = ["check_folder", "default_folder", "write", "write_fit", "write_modes"
 Progress = Callable[[str, float], None]
 
 _DPI: Final = 160
+_BUDGET_TABLES: Final[dict[Side, tuple[str, str]]] = {
+    "in_sweep": ("Each effect alone in this sweep", "The sweep"),
+    "removed": ("Each effect alone in the full model", "The full model"),
+}
+"""Tables of the error budget on the page; study.json and budget.csv also have the baseline."""
 _CALLED: Final = {"fe": "finite elements"}  # what is not called as its file
 
 
@@ -336,6 +342,7 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
         comparisons=[(COMPARISONS[c.name], c.to_dict()) for c in simulated(study)],
         data=None if study.data is None else _data_page(study.data),
         sweep=_sweep_rows(study),
+        budget=[_budget_page(study, side, *words) for side, words in _BUDGET_TABLES.items()],
         # drawn by this program, ids and text escaped by matplotlib
         figures=[(f, Markup(drawn[f.stem])) for f in study.figures],
         tables=[name for name, _, _ in study_tables(study)],
@@ -343,6 +350,25 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
         provenance=content["provenance"],
     )
     return page + "\n"
+
+
+def _budget_page(study: Study, side: Side, title: str, where: str) -> dict[str, Any]:
+    """One table of the error budget: each effect beside the same physics."""
+    budget = study.budget
+    base = budget.sweep if side == "in_sweep" else budget.fullest
+    rows = []
+    for row in budget.rows:
+        present, absent = budget.cases(row, side)
+        rows.append(
+            {
+                "label": row.label,
+                "contributions": [budget.contribution(row, side, m) for m in MEANINGS],
+                "problems": budget.problems(row, side),
+                "moved": present.moved_from(absent)["tip_moved_mean_mm"],
+            }
+        )
+    means = [(base.comparisons[m].mean * 1e3, base.comparisons[m].n) for m in MEANINGS]
+    return {"title": title, "where": where, "base": means, "rows": rows}
 
 
 def _data_page(found: AgainstData) -> dict[str, Any]:

@@ -272,37 +272,30 @@ def _budget_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
     names = list(study.verdict.fine_error)
     header = ["effect", "case", "problem", "tip_moved_mean_mm", "tip_moved_max_mm"]
     for name in names:
-        header += [
-            f"{name}_n",
-            f"{name}_mean_mm",
-            f"{name}_max_mm",
-            f"{name}_mean_percent",
-            f"{name}_change_of_mean_mm",
-            f"{name}_change_of_mean_percent",
-        ]
+        header += [f"{name}_{what}" for what in ("n", "mean_mm", "max_mm", "mean_percent")]
+        header += [f"{name}_contribution_{what}" for what in ("n", "mm", "percent")]
 
-    def row(effect: str, what: str, case: Case, base: Case | None) -> list[Cell]:
-        d = case.to_dict(base)
+    def row(effect: str, what: str, d: dict[str, Any]) -> list[Cell]:
         cells: list[Cell] = [effect, what, d["problem"]]
         cells += [d.get("tip_moved_mean_mm"), d.get("tip_moved_max_mm")]
         for name in names:
             e = d[name]
             cells += [e["n"], e["mean_mm"], e["max_mm"], e["mean_percent"]]
-            cells += [e.get("change_of_mean_mm"), e.get("change_of_mean_percent")]
+            cells += [e.get(f"contribution_{what}") for what in ("n", "mm", "percent")]
         return cells
 
-    b = study.budget
+    b = study.budget.to_dict()
     rows = [
-        row("", "plainest", b.plainest, None),
-        row("", "fullest", b.fullest, None),
-        row("", "this sweep", b.sweep, None),
+        row("", "plainest", b["plainest"]),
+        row("", "fullest", b["fullest"]),
+        row("", "this sweep", b["sweep"]),
     ]
-    for r in b.rows:
-        rows.append(row(r.effect, "added to plainest", r.added, b.plainest))
-        rows.append(row(r.effect, "fullest with it", r.full, None))
-        rows.append(row(r.effect, "removed from fullest", r.removed, r.full))
-        how = "removed from this sweep" if r.acts_in_sweep else "added to this sweep"
-        rows.append(row(r.effect, how, r.in_sweep, b.sweep))
+    for r in b["rows"]:
+        rows.append(row(r["effect"], "added to plainest", r["added"]))
+        rows.append(row(r["effect"], "fullest with it", r["full"]))
+        rows.append(row(r["effect"], "removed from fullest", r["removed"]))
+        to = {"added": "added to", "removed": "removed from"}[r["in_sweep"]["how"]]
+        rows.append(row(r["effect"], f"{to} this sweep", r["in_sweep"]))
     return header, list(rows)
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, Final
 
 from bowstring.actuation import COMMANDED
-from bowstring.budget import BudgetRow
+from bowstring.budget import Side
 from bowstring.comparison import COMPARISONS, MEANINGS, Case
 from bowstring.study import Study
 from bowstring.study_tables import simulated
@@ -23,6 +21,9 @@ if TYPE_CHECKING:
     from bowstring.against_data import AgainstData
 
 __all__ = ["print_study"]
+
+_SIDES: Final[dict[Side, str]] = {"in_sweep": "this sweep", "removed": "full model"}
+"""The physics beside which the terminal shows contributions."""
 
 
 def print_study(study: Study, console: Console, folder: Path | None = None) -> None:
@@ -93,8 +94,6 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
             console.print(Padding(Text(sentence), (0, 0, 0, 2)))
     console.print()
 
-    plainest, fullest = study.budget.plainest, study.budget.fullest
-
     loads = len(study.statics.tension)
 
     def counted(text: str, n: int) -> str:
@@ -103,38 +102,39 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
     def means(case: Case) -> list[str]:
         return [counted(number(c.mean * 1e3, 2), c.n) for c in case.comparisons.values()]
 
-    def worth(row: BudgetRow, name: str) -> str:
-        common = np.isfinite(row.full.error(name)) & np.isfinite(row.removed.error(name))
-        return counted(signed(row.worth(name) * 1e3), int(common.sum()))
-
     budget = table(
-        "Error budget: mean tip error (mm) with an effect added alone to the\n"
-        "plainest physics, and what the effect changes in the fullest",
+        "Error budget: mean tip error (mm) of this sweep and of the full model, and what\n"
+        "each effect alone adds to it (with the effect less without it)",
         "effect",
-        "added:\nlengths",
-        "added:\nforce",
-        "in fullest:\nlengths",
-        "in fullest:\nforce",
+        "this sweep:\nlengths",
+        "this sweep:\nforce",
+        "full model:\nlengths",
+        "full model:\nforce",
     )
-    budget.add_row("(plainest; fullest)", *means(plainest), *means(fullest))
-    partial = any(" of " in cell for cell in (*means(plainest), *means(fullest)))
-    for row in study.budget.rows:
-        worths = [worth(row, name) for name in fullest.comparisons]
-        mark = " *" if row.added.problem or row.removed.problem or row.full.problem else ""
-        budget.add_row(_short(row.label) + mark, *means(row.added), *worths)
-        partial = partial or any(" of " in cell for cell in (*means(row.added), *worths))
+    b = study.budget
+    first = [*means(b.sweep), *means(b.fullest)]
+    budget.add_row("(mean error)", *first)
+    partial = any(" of " in cell for cell in first)
+    problems: dict[str, None] = {}
+    for row in b.rows:
+        cells = []
+        for side in _SIDES:
+            for name in MEANINGS:
+                found = b.contribution(row, side, name)
+                cells.append(counted(signed(found.mean * 1e3), found.n))
+            for problem in b.problems(row, side):
+                problems[f"* {_short(row.label)}, {_SIDES[side]}, {problem}"] = None
+        mark = " *" if any(b.problems(row, side) for side in _SIDES) else ""
+        budget.add_row(_short(row.label) + mark, *cells)
+        partial = partial or any(" of " in cell for cell in cells)
     console.print(budget)
     if partial:
         note = f"(n of {loads}): over these loads only, not comparable with the other numbers"
         console.print(Text(note, style="dim"))
-    problems = [
-        f"* {_short(row.label)}: {problem}"
-        for row in study.budget.rows
-        for problem in dict.fromkeys([row.added.problem, row.full.problem, row.removed.problem])
-        if problem
-    ]
     for problem in problems:
         console.print(Text(problem, style="dim"))
+    if partial or problems:
+        console.print()
 
     drive = study.budget.drive
     driven = table(

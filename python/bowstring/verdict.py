@@ -365,29 +365,36 @@ def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float
 
 
 def _on_left_out(budget: Budget) -> list[str]:
-    """Which effect that the main sweep lacks would cost most."""
-    out = []
+    """Which effect that the main sweep lacks would cost most, as the error budget has it."""
+    found: dict[str, list[str]] = {}
     partly = []
+    gravity = any(budget.sweep.physics.gravity)
     for meaning, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
-        needed = np.isfinite(budget.sweep.error(meaning))
+        needed = int(np.isfinite(budget.sweep.error(meaning)).sum())
         rows, missing = [], []
         for row in budget.rows:
-            if row.acts_in_sweep:
+            # of a robot that hangs or stands, gravity in other orientations is not left out
+            if row.acts_in_sweep or (gravity and row.effect.startswith("gravity")):
                 continue
-            if not needed.any() or np.any(needed & ~np.isfinite(row.in_sweep.error(meaning))):
+            contribution = budget.contribution(row, "in_sweep", meaning)
+            if contribution.n < needed or needed == 0:
                 missing.append(row.label)
             else:
-                rows.append((row.in_sweep.comparisons[meaning].mean, row))
+                rows.append((contribution.mean, contribution.with_effect, row.label))
         if rows:
-            mean, row = max(rows, key=lambda pair: pair[0])
-            out.append(f"{words} a mean error of {in_mm(mean)} ({row.label})")
+            more, mean, label = max(rows)
+            change = "raises the mean error" if more > 0.0 else "lowers the mean error"
+            parts = found.setdefault(label, [])
+            change = "" if parts and parts[0].startswith(change) else f"{change} "
+            parts.append(f"{change}{words} by {in_mm(abs(more))} to {in_mm(mean)}")
         if missing:
             partly.append(f"{words}: {'; '.join(missing)}")
-    if not out:
+    if not found:
         return []
     text = (
         "A real robot has effects that this sweep leaves out. Of those in the budget, each added "
-        f"alone to this sweep, the costliest makes {' and '.join(out)}."
+        f"alone to this sweep, the costliest {'is' if len(found) == 1 else 'are'} "
+        f"{listed([f'{label}, which {listed(parts)}' for label, parts in found.items()])}."
     )
     if partly:
         text += (
