@@ -207,16 +207,17 @@ DATA_FIGURES: Final = (
         "All repeats are drawn.",
     ),
     Figure(
-        "fig10_measured_errors",
+        "fig12_measured_errors",
         "Tip error by axis against load",
-        "Model minus measurement along each axis, as Fig. 10 of the study, all in the one base "
-        "frame for all models; repeats averaged. Solid: loading. Dotted: unloading.",
+        "Model minus measurement along each axis, as Fig. 12 of the study has it for constant "
+        "curvature, all in the one base frame for all models; repeats averaged. Solid: loading. "
+        "Dotted: unloading.",
     ),
     Figure(
-        "fig12_measured_comparison",
+        "measured_comparison",
         "Comparison of errors by model",
-        "Mean tip error of each model with its bootstrap interval at 95 %, as Fig. 12 of the "
-        "study; the thin mark is the largest error. Not registered, in the one base frame for "
+        "Mean tip error of each model with its bootstrap interval at 95 %; the study has no such "
+        "figure. The thin mark is the largest error. Not registered, in the one base frame for "
         "all, and each model in the base frame that suits it best.",
     ),
     Figure(

@@ -29,7 +29,7 @@ _MODEL_LOOKS: Final = {
     "rod": ("rod as in the file", "green", "^"),
     "rod_calibrated": ("rod calibrated", "blue", "o"),
 }
-"""Models that the figures of Fig. 9 and 10 show."""
+"""Models in the figures after Fig. 9 and 12 of the source study."""
 
 
 def measured_tip(study: Study) -> Figure:

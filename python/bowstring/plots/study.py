@@ -534,7 +534,7 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "error_budget": _error_budget,
     "hysteresis": _hysteresis,
     "fig09_measured_tip": measured_tip,
-    "fig10_measured_errors": measured_errors,
-    "fig12_measured_comparison": measured_comparison,
+    "fig12_measured_errors": measured_errors,
+    "measured_comparison": measured_comparison,
     "measured_residuals": measured_residuals,
 }
