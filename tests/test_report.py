@@ -7,6 +7,8 @@ import io
 import json
 import os
 import re
+import shutil
+import subprocess
 import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -16,10 +18,12 @@ import pytest
 from rich.console import Console
 
 from bowstring import plots, report, study
+from bowstring.comparison import MEANINGS
 from bowstring.errors import InputError
 from bowstring.robot import load_robot
 from bowstring.style import figure_style, svg
 from bowstring.terminal import print_study
+from bowstring.words import signed
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +162,7 @@ def test_names_from_a_robot_file_are_escaped(tmp_path: Path) -> None:
 def test_the_folder_holds_what_the_study_lists(written: Path) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     assert set(contents(written)) == set(content["files"])
-    assert len(content["figures"]) == len(study.FIGURES) == 9
+    assert len(content["figures"]) == len(study.FIGURES) == 10
     for figure in content["figures"]:
         assert (written / figure["png"]).read_bytes().startswith(b"\x89PNG")
         assert (written / figure["pdf"]).read_bytes().startswith(b"%PDF")
@@ -193,6 +197,7 @@ def test_tables_have_units_and_numbers(written: Path, paper: study.Study) -> Non
         "dynamics",
         "comparisons",
         "errors",
+        "backbones",
         "budget",
         "drive",
     } <= names
@@ -352,6 +357,82 @@ def test_an_empty_folder_and_missing_parents_are_fine(paper: study.Study, tmp_pa
 def test_the_default_folder_stays_where_it_belongs(name: str, folder: str) -> None:
     robot = load_robot("amouri2019").with_({"name": name})
     assert report.default_folder(robot) == Path("bowstring-study") / folder
+
+
+# -- the error budget, wherever it is shown ----------------------------------------------------
+
+
+def rows_of(source: str, title: str) -> dict[str, list[str]]:
+    """Cells of a table of the page by the name of the row."""
+    table = re.search(rf'aria-label="{title}">.*?</table>', source, flags=re.DOTALL)
+    assert table is not None
+    out = {}
+    for row in re.findall(r'<tr><th scope="row">(.*?)</tr>', table.group(), flags=re.DOTALL):
+        name, *cells = re.sub(r"\s*<[^>]*>\s*", "|", row).strip("|").split("|")
+        out[name] = [cell for cell in cells if cell]
+    return out
+
+
+def test_terminal_page_and_table_have_the_same_contributions(
+    written: Path, paper: study.Study
+) -> None:
+    out = io.StringIO()
+    print_study(paper, Console(file=out, width=100))
+    text = out.getvalue()
+    printed = {
+        line[:26].strip(): line[26:].split()
+        for line in text[text.index("(mean error)") : text.index("How the robot")].splitlines()
+        if line.strip()
+    }
+    source = (written / "report.html").read_text(encoding="utf-8")
+    pages = [
+        rows_of(source, f"Each effect alone in {where}")
+        for where in ("this sweep", "the full model")
+    ]
+    with (written / "tables" / "budget.csv").open(newline="", encoding="utf-8") as file:
+        table = {(r["effect"], r["case"]): r for r in csv.DictReader(file)}
+    for row in paper.budget.rows:
+        ours = printed[re.sub(r" \(.*\)|, not a continuous tendon", "", row.label)]
+        in_page = []
+        for page in pages:
+            cells = page[row.label]
+            in_page += [cells[2], cells[5]]
+            for first in (0, 3):  # with, without, contribution
+                numbers = [
+                    float(c.replace("\N{MINUS SIGN}", "-")) for c in cells[first : first + 3]
+                ]
+                assert numbers[0] - numbers[1] == pytest.approx(numbers[2], abs=0.0101)
+        assert ours == in_page
+        how = "removed from" if row.acts_in_sweep else "added to"
+        in_csv = [
+            signed(float(table[row.effect, case][f"{name}_contribution_mm"]))
+            for case in (f"{how} this sweep", "removed from fullest")
+            for name in MEANINGS
+        ]
+        assert ours == in_csv
+
+
+def test_no_table_is_cut_in_a_window_of_1280_pixels(tmp_path: Path) -> None:
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("needs a browser")
+    data = Path(__file__).parents[1] / "examples" / "bench.csv"
+    found = study.run(load_robot("amouri2019"), measurements=data)
+    source = report._html(
+        found, found.to_dict(), dict.fromkeys((f.stem for f in found.figures), "")
+    )
+    script = """<script>onload = () => { document.title = [...document.querySelectorAll(".scroll")]
+        .map(e => e.scrollWidth - e.clientWidth).join(" ") }</script></body>"""
+    page = tmp_path / "page.html"
+    page.write_text(source.replace("</body>", script), encoding="utf-8")
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--window-size=1280,900"]
+    options += [f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=2000"]
+    done = subprocess.run(
+        [browser, *options, "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=60
+    )
+    title = re.search(r"<title>([\d ]+)</title>", done.stdout)
+    assert title is not None, done.stderr[-500:]
+    assert title.group(1).split() == ["0"] * source.count('class="scroll"')
 
 
 # -- the terminal ------------------------------------------------------------------------------

@@ -9,8 +9,8 @@
 4. constant curvature beside both in its two meanings: fed with the *lengths* that physics gives
    (Eq. 2-5), and fed with the *force* through the linear law; each plain and corrected
    (`bowstring.comparison`);
-5. an error budget: physical effects one by one, added to the plainest physics and removed from the
-   fullest (`bowstring.budget`); friction, elastic tendons and pulled lengths along a path of
+5. an error budget: physical effects one by one, in this sweep, added to a baseline and removed from
+   a full model (`bowstring.budget`); friction, elastic tendons and pulled lengths along a path of
    loading and unloading (`bowstring.actuation`);
 6. a verdict at a stated tolerance (`bowstring.verdict`);
 7. with measurements, every model against them, registered and not, what explains the error, and
@@ -152,6 +152,13 @@ FIGURES: Final = (
         "curvature from lengths and from force at the same loads.",
     ),
     Figure(
+        "backbones",
+        "Shapes at the largest load",
+        "The backbone in the bending plane at the largest load: the rod by statics, and constant "
+        "curvature from lengths and from force, markers at the disks. Below, how far each disk by "
+        "constant curvature is from the same disk by statics.",
+    ),
+    Figure(
         "fig11_errors",
         "Errors by axis",
         "Difference of the tip by constant curvature from statics along each axis, as Fig. 11 of "
@@ -160,8 +167,10 @@ FIGURES: Final = (
     Figure(
         "error_budget",
         "Error budget",
-        "Mean error of constant curvature with each effect added alone to the plainest physics, "
-        "and removed alone from the fullest (dashed: the fullest); the first scale is logarithmic. "
+        "Mean error of constant curvature with each effect (filled) and without it (hollow), all "
+        "else the same: in this sweep, and in the full model. The line between them is the "
+        "contribution of the effect; it points to the left where the effect makes the error "
+        "smaller. A count at the right, such as 11 of 17, marks means over so many loads only. "
         "Below, how the robot is driven: friction and stretch of the tendons, loading and "
         "unloading.",
     ),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from bowstring.backbones import backbones
 from bowstring.comparison import Case, Comparison
 from bowstring.study import Study
 
@@ -99,6 +100,17 @@ def study_tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[C
             [tension, disk + 1, *(point * 1e3).tolist()]
             for tension, disks in zip(s.tension.tolist(), s.disk_positions, strict=True)
             for disk, point in enumerate(disks)
+        ],
+    )
+
+    found = backbones(study)
+    yield (
+        "backbones",
+        ["name", "tension_N", "disk", *position, "from_statics_mm"],
+        [
+            [shape.name, found.tension, disk + 1, *(point * 1e3).tolist(), float(away) * 1e3]
+            for shape in found.shapes
+            for disk, (point, away) in enumerate(zip(shape.disks, shape.from_statics, strict=True))
         ],
     )
 

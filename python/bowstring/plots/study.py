@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.actuation import COMMANDED, DriveBudget
+from bowstring.backbones import backbones
 from bowstring.bricks import plots as brick_plots
-from bowstring.comparison import Case, known_max
+from bowstring.budget import Budget, Side
+from bowstring.comparison import known_max
 from bowstring.plots.data import (
     measured_comparison,
     measured_errors,
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 __all__ = ["draw"]
 
 Array = NDArray[np.float64]
+
+_MAGNIFIED: Final = 2.0  # an inset that magnifies less is not worth its place
 
 
 def draw(study: Study) -> Iterator[tuple[str, Figure]]:
@@ -199,7 +203,8 @@ def _configurations(study: Study) -> Figure:
     rim = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
     holes = np.column_stack([robot.tendons.hole_m, np.zeros(len(robot.tendons.hole_m))])
     pulled = study.settings.tendon
-    points = []
+    points: list[Array] = []
+    tips: list[tuple[Array, Array, str]] = []
     for i in shown:
         centres = np.concatenate([np.zeros((1, 3)), g.disk_positions[i]]) * 1e3
         frames = np.concatenate([np.eye(3)[None], g.disk_rotations[i]])
@@ -226,19 +231,69 @@ def _configurations(study: Study) -> Figure:
             axes.plot(*path.T, color=LIGHT[colour], linewidth=width)
         backbone = g.backbone[i] * 1e3
         axes.plot(*backbone.T, color=LIGHT["ink"], linewidth=2.0)
-        points += rings
-        beyond = backbone[-1] + frames[-1][:, 2] * 0.06 * study.length * 1e3
-        axes.text(*beyond, f"{g.pull[i] * 1e3:.3g}", fontsize=8.5, ha="center", va="center")
+        points += [*rings, backbone]
+        tips.append((backbone[-1], frames[-1][:, 2], f"{g.pull[i] * 1e3:.3g}"))
     _fit_box(axes, np.concatenate(points))
     # the bending plane is seen nearly from the front
     azimuth = math.degrees(float(robot.tendons.angle_rad[pulled])) - 65.0
     axes.view_init(elev=20.0, azim=azimuth)
+    _label_tips(axes, tips, np.concatenate(points))
     for colour, label in (("ink", "backbone"), ("red", "pulled tendon"), ("blue", "other tendons")):
         axes.plot([], [], [], color=LIGHT[colour], label=label)
     axes.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
     figure.legend(loc="upper left", ncols=3, handlelength=1.4, columnspacing=1.0)
     figure.text(0.02, 0.9, "number at each tip: pull in mm", fontsize=8.5)
     return figure
+
+
+def _label_tips(axes: Any, tips: Sequence[tuple[Array, Array, str]], drawn: Array) -> None:
+    """Put a text beyond each tip, where it covers least of what is drawn and lies on top of it."""
+    from mpl_toolkits.mplot3d import proj3d
+
+    axes.figure.draw_without_rendering()  # puts the axes and their numbers into their places
+    projection, per_point = axes.get_proj(), 72.0 / axes.figure.dpi
+
+    def on_page(points: Array) -> tuple[Array, Array]:
+        """In the axes' own two coordinates, and in points (1/72 inch)."""
+        flat = np.column_stack(proj3d.proj_transform(*np.atleast_2d(points).T, projection)[:2])
+        return flat, axes.transData.transform(flat) * per_point
+
+    share = np.linspace(0.0, 1.0, 50)[:, None]
+    parts = [on_page(drawn)[1]]
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        ends = axes.transData.transform(axis.line.get_xydata())
+        parts.append((ends[0] + share * (ends[-1] - ends[0])) * per_point)
+        for label in axis.get_ticklabels():
+            box = label.get_window_extent()
+            grid = np.meshgrid(np.linspace(box.x0, box.x1, 7), np.linspace(box.y0, box.y1, 4))
+            parts.append(np.stack(grid, axis=-1).reshape(-1, 2) * per_point)
+    taken = np.concatenate(parts)
+    for tip, onward, text in tips:
+        ends, (start, end) = on_page(np.stack([tip, tip + 1e-3 * np.ptp(drawn) * onward]))
+        angle = math.atan2(*(end - start)[::-1])
+        half = np.array([2.6 * len(text) + 1.0, 5.0])  # of the text, in points
+        best: tuple[int, Array] | None = None
+        for away in (12.0, 16.0, 20.0, 26.0, 32.0):
+            for turn in np.radians([0, 20, -20, 40, -40, 60, -60, 90, -90, 120, -120]):
+                towards = np.array([math.cos(angle + turn), math.sin(angle + turn)])
+                offset = towards * away
+                hidden = int(np.all(np.abs(taken - start - offset) < half, axis=1).sum())
+                if best is None or hidden < best[0]:
+                    best = hidden, offset
+        assert best is not None
+        axes.annotate(
+            text,
+            ends[0],
+            xytext=best[1],
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=8.5,
+            zorder=1e3,  # over all disks
+            bbox={"facecolor": LIGHT["paper"], "edgecolor": "none", "pad": 0.8},
+        )
+        corners = start + best[1] + half * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1], [0, 0]])
+        taken = np.concatenate([taken, corners])
 
 
 def _fit_box(axes: Any, points: Array) -> None:
@@ -269,7 +324,9 @@ def _overlay(study: Study) -> Figure:
     force = path(study.comparison("cc_from_force").tip_position)
 
     def draw_on(axes: Axes) -> None:
-        axes.plot(*physics, label="statics", color=LIGHT["ink"], marker="o", markersize=3.5)
+        ink: dict[str, Any] = {"color": LIGHT["ink"], "marker": "o", "markersize": 3.5}
+        axes.plot(*physics, label="statics", **ink)
+        axes.plot(*physics, linestyle="none", zorder=3, **ink)  # over the markers of the others
         blue: dict[str, Any] = {"linestyle": "none", "color": LIGHT["blue"], "marker": "s"}
         axes.plot(*lengths, label="CC from lengths", markerfacecolor="none", markersize=8, **blue)
         red: dict[str, Any] = {"linestyle": "--", "color": LIGHT["red"], "marker": "x"}
@@ -280,26 +337,103 @@ def _overlay(study: Study) -> Figure:
             axes.plot(*bricks, label="finite elements", markersize=9, **green)
 
     draw_on(axes)
-    direction = "x" if abs(towards[1]) < 1e-9 and towards[0] > 0 else "towards the pulled tendon"
-    axes.set(xlabel=f"tip, {direction} (mm)", ylabel="tip, z (mm)")
+    axes.set(xlabel=f"tip, {_direction(towards)} (mm)", ylabel="tip, z (mm)")
     axes.set_aspect("equal", adjustable="datalim")
     legend_above(axes, 3 if study.bricks is None else 2)
 
-    # the last loads large, in the corner that a bent robot leaves free
-    ends = np.concatenate(
-        [p[:, np.all(np.isfinite(p), axis=0)][:, -2:] for p in (physics, force)], 1
-    )
-    reach = float(np.ptp(ends, axis=1).max()) if ends.size else 0.0
-    if reach > 0.0:
-        inset = axes.inset_axes((0.03, 0.03, 0.5, 0.6))
-        draw_on(inset)
-        x, z = 0.5 * (ends.min(axis=1) + ends.max(axis=1))
-        inset.set(xlim=(x - 0.8 * reach, x + 0.8 * reach), ylim=(z - 0.8 * reach, z + 0.8 * reach))
-        inset.set(xticks=[], yticks=[], aspect="equal")
-        inset.spines[:].set_visible(True)
-        inset.set_title("the last loads, magnified", fontsize=8, pad=3)
-        axes.indicate_inset_zoom(inset, edgecolor=LIGHT["muted"])
+    paths = [p[:, np.all(np.isfinite(p), axis=0)] for p in (physics, lengths, force)]
+    _magnify_end(figure, axes, paths, np.concatenate([p[:, -2:] for p in paths[::2]], 1), draw_on)
     return figure
+
+
+def _magnify_end(
+    figure: Figure,
+    axes: Axes,
+    paths: Sequence[Array],
+    ends: Array,
+    draw_on: Callable[[Axes], None],
+) -> None:
+    """Show the last loads large in a corner, if they are close together and a corner is free."""
+    reach = float(np.ptp(ends, axis=1).max()) if ends.size else 0.0
+    if reach == 0.0:
+        return
+    middle = 0.5 * (ends.min(axis=1) + ends.max(axis=1))
+    low, high = middle - 0.8 * reach, middle + 0.8 * reach
+    former = axes.dataLim.frozen()
+    axes.update_datalim([low, high])  # the frame around them stays within the axes
+    axes.autoscale_view()
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+    axes.apply_aspect()
+    size = np.array([axes.bbox.width, axes.bbox.height])
+    edges = np.array([axes.get_xlim(), axes.get_ylim()])
+    scale = size[0] / np.ptp(edges[0])  # pixels in a mm
+    along = np.linspace(0.0, 1.0, 20)[:, None]
+    taken = np.concatenate(
+        [
+            np.concatenate([p.T, *((1 - t) * p.T[:-1] + t * p.T[1:] for t in along)])
+            for p in (*paths, np.stack([low, high, [low[0], high[1]], [high[0], low[1]]], 1))
+        ]
+    )
+    taken = (taken - edges[:, 0]) / np.ptp(edges, axis=1)
+    for width, height in ((0.5, 0.6), (0.45, 0.5), (0.4, 0.4)):
+        side = min(width * size[0], height * size[1])
+        if side / (2 * 0.8 * reach) < _MAGNIFIED * scale:
+            break
+        share = side / size  # a square on the page
+        top = 0.97 - share[1] - 0.06  # room for its title
+        for corner in ((0.03, 0.03), (0.97 - share[0], top), (0.97 - share[0], 0.03), (0.03, top)):
+            inside = (taken > np.array(corner) - 0.03) & (taken < corner + share + (0.03, 0.09))
+            if not np.any(np.all(inside, axis=1)):
+                inset = axes.inset_axes((*corner, *share))
+                draw_on(inset)
+                inset.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+                inset.set(xticks=[], yticks=[], aspect="equal")
+                inset.spines[:].set_visible(True)
+                inset.set_title("the last loads, magnified", fontsize=8, pad=3)
+                axes.indicate_inset_zoom(inset, edgecolor=LIGHT["muted"])
+                return
+    axes.dataLim.set(former)
+    axes.autoscale_view()
+
+
+def _backbones(study: Study) -> Figure:
+    """The shapes themselves at the largest load, and how far they part along the robot."""
+    found = backbones(study)
+    figure, (shapes, apart) = subplots(2, 6.0, height_ratios=(2, 1))
+    hole = study.robot.tendons.hole_m[study.settings.tendon]
+    towards = hole / np.linalg.norm(hole)
+
+    def in_plane(points: Array) -> Array:
+        return np.stack([points[:, :2] @ towards, points[:, 2]]) * 1e3
+
+    looks = {
+        "statics": ("statics", "ink", "-", "o"),
+        "cc_from_lengths": ("CC from lengths", "blue", "-.", "s"),
+        "cc_from_force": ("CC from force", "red", "--", "x"),
+    }
+    stations = np.concatenate([[0.0], study.robot.disks.station_m]) / study.length * 100.0
+    for shape in found.shapes:
+        label, colour, line, marker = looks[shape.name]
+        look: dict[str, Any] = {"color": LIGHT[colour], "marker": marker, "markersize": 4.5}
+        shapes.plot(*in_plane(shape.backbone), color=LIGHT[colour], linestyle=line, linewidth=1.4)
+        shapes.plot(*in_plane(shape.disks), linestyle="none", markerfacecolor="none", **look)
+        shapes.plot([], [], label=label, linestyle=line, markerfacecolor="none", **look)
+        if shape.name != "statics":
+            away = np.concatenate([[0.0], shape.from_statics]) * 1e3
+            apart.plot(stations, away, linestyle=line, markerfacecolor="none", **look)
+    shapes.set(xlabel=f"{_direction(towards)} (mm)", ylabel="z (mm)")
+    shapes.set_aspect("equal", adjustable="datalim")
+    legend_above(shapes, 3)
+    shapes.set_title(f"tendon {study.settings.tendon + 1} at {found.tension:.4g} N", pad=22)
+    apart.set(xlabel="disk (% of length from the base)", ylabel="CC from statics,\nby disk (mm)")
+    apart.set_ylim(0.0, max(apart.get_ylim()[1], TINY * 1e3))
+    return figure
+
+
+def _direction(towards: Array) -> str:
+    along_x = abs(towards[1]) < 1e-9 and towards[0] > 0
+    return "x" if along_x else "towards the pulled tendon"
 
 
 def _errors(study: Study) -> Figure:
@@ -348,72 +482,89 @@ def _error_budget(study: Study) -> Figure:
     budget = study.budget
     drive = budget.drive
     count = len(budget.rows)
-    figure, (*panels, driven) = subplots(3, 8.6, height_ratios=(count, count, len(drive.rows) + 3))
-    labels = [row.label.replace(", not a continuous tendon", "") for row in budget.rows]
-    labels = [re.sub(r" \(.*\)", "", label) for label in labels]
-    places = np.arange(len(labels))[::-1]
-    sides = (
-        ("Added alone to the plainest physics", [row.added for row in budget.rows], None),
-        (
-            "Removed alone from the fullest (dashed)",
-            [row.removed for row in budget.rows],
-            budget.fullest,
-        ),
+    figure, (*panels, driven) = subplots(3, 8.8, height_ratios=(count, count, len(drive.rows) + 3))
+    sides: tuple[tuple[Side, str], ...] = (
+        ("in_sweep", "Each effect alone in this sweep"),
+        ("removed", "Each effect alone in the full model"),
     )
-    series = (
-        ("cc_from_lengths", "CC from lengths", "blue", "s", 0.14),
-        ("cc_from_force", "CC from force", "red", "o", -0.14),
-    )
-    for axes, (title, cases, whole) in zip(panels, sides, strict=True):
-        for name, label, colour, marker, shift in series:
-            means = np.array([_mean_of(case, name) for case in cases])
-            axes.plot(
-                np.maximum(means, TINY) * 1e3,
-                places + shift,
-                linestyle="none",
-                color=LIGHT[colour],
-                marker=marker,
-                markersize=5.5,
-                label=label,
-            )
-            if whole is not None and math.isfinite(_mean_of(whole, name)):
-                axes.axvline(
-                    max(_mean_of(whole, name), TINY) * 1e3,
-                    color=LIGHT[colour],
-                    linewidth=1.0,
-                    linestyle="--",
-                )
-        for case, place in zip(cases, places, strict=True):
-            if not math.isfinite(_mean_of(case, "cc_from_force")):
-                axes.annotate(
-                    "no equilibrium",
-                    (0.5, place),
-                    xycoords=("axes fraction", "data"),
-                    ha="center",
-                    va="center",
-                    fontsize=8,
-                    color=LIGHT["muted"],
-                )
-        if whole is None:
-            axes.set_xscale("log")
-            low, high = axes.get_xlim()
-            axes.set_xlim(low, max(high, 10.0 * low))
-        else:
-            axes.set_xlim(left=0.0)
-        axes.set_yticks(places, labels)
-        axes.set_ylim(-0.6, len(labels) - 0.4)
+    for axes, (side, title) in zip(panels, sides, strict=True):
+        _contributions(axes, budget, side)
         axes.set_title(title)
-        axes.grid(axis="x", which="major")
-        axes.set_xlabel("mean error of CC (mm)")
-    left, _ = panels[0].get_xlim()
-    if left <= TINY * 1e3:
-        panels[0].set_xlabel("mean error of CC (mm)\n(0.001 or less at the left)")
-    _drive_panel(
-        driven, drive, (*series, (COMMANDED, "CC from commanded lengths", "green", "^", 0))
-    )
-    handles, names = driven.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper left", ncols=2)
+    by_drive = (*_BY_MEANING, (COMMANDED, "CC from commanded lengths", "green", "^", 0.0))
+    _drive_panel(driven, drive, by_drive)
+    keys: list[tuple[str, str, str, str]] = [
+        (label, LIGHT[colour], marker, LIGHT[colour]) for _, label, colour, marker, _ in by_drive
+    ]
+    keys += [("with the effect", LIGHT["muted"], "o", LIGHT["muted"])]
+    keys += [("without it", LIGHT["muted"], "o", LIGHT["paper"])]
+    for label, colour, marker, face in keys:
+        look: dict[str, Any] = {"color": colour, "marker": marker, "markerfacecolor": face}
+        driven.plot([], [], label=label, linestyle="none", markersize=5.5, **look)
+    figure.legend(*driven.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
+
+
+_BY_MEANING: Final = (
+    ("cc_from_lengths", "CC from lengths", "blue", "s", 0.16),
+    ("cc_from_force", "CC from force", "red", "o", -0.16),
+)
+"""Name, label, colour, marker, and place beside the row."""
+
+
+def _contributions(axes: Axes, budget: Budget, side: Side) -> None:
+    """One row by effect: the mean error without it (hollow) joined to that with it (filled)."""
+    labels = [re.sub(r" \(.*\)|, not a continuous tendon", "", row.label) for row in budget.rows]
+    places = np.arange(len(labels))[::-1]
+    counted, means = [], []
+    for row, place in zip(budget.rows, places, strict=True):
+        counts = []
+        for name, _, colour, marker, shift in _BY_MEANING:
+            c = budget.contribution(row, side, name)
+            counts.append((c.n, c.of))
+            if not c.n:
+                continue
+            means += [c.without_effect, c.with_effect]
+            ends = np.maximum([c.without_effect, c.with_effect], TINY) * 1e3
+            look: dict[str, Any] = {"color": LIGHT[colour], "marker": marker, "markersize": 5.5}
+            level = place + shift
+            axes.plot(ends, [level, level], color=LIGHT[colour], linewidth=1.2, zorder=2.0)
+            # the ground of the page hides the line behind a hollow marker
+            axes.plot(ends[0], level, markerfacecolor=LIGHT["paper"], zorder=2.1, **look)
+            axes.plot(ends[1], level, zorder=2.2, **look)
+        counted.append(_say_loads(axes, float(place), counts))
+    notes = []
+    if means and min(means) < 0.01 * max(means):
+        axes.set_xscale("log")
+        low, high = axes.get_xlim()
+        axes.set_xlim(low, max(high, 10.0 * low))
+        notes = [f"({TINY * 1e3:g} or less at the left)"] if min(means) <= TINY else []
+    else:
+        axes.set_xlim(left=0.0)
+    axes.set_yticks(places, labels)
+    axes.set_ylim(-0.6, len(labels) - 0.4)
+    _mean_axis(axes, notes, any(counted))
+
+
+def _say_loads(axes: Axes, place: float, counts: Sequence[tuple[int, int]]) -> bool:
+    """Beside a row: over how many loads its means are, where these are not all."""
+    if all(n == of for n, of in counts):
+        return False
+    text = "; ".join(dict.fromkeys(f"{n} of {of}" if n else "none" for n, of in counts))
+    axes.annotate(
+        text,
+        (1.02, place),
+        xycoords=("axes fraction", "data"),
+        va="center",
+        fontsize=8,
+        color=LIGHT["muted"],
+    )
+    return True
+
+
+def _mean_axis(axes: Axes, notes: Sequence[str], counted: bool) -> None:
+    more = ["(at the right: over these loads only)"] if counted else []
+    axes.set_xlabel("\n".join(["mean error of CC (mm)", *notes, *more]))
+    axes.grid(axis="x", which="major")
 
 
 def _drive_panel(
@@ -430,27 +581,30 @@ def _drive_panel(
     cases = [*by_tension, *by_pull]
     places = np.arange(len(cases), dtype=float)[::-1]
     places[: len(by_tension)] += 0.4  # a gap between the two ways to drive
-    for name, label, colour, marker, shift in series:
-        known = [
-            (_mean_of(case, name) * 1e3, place + shift)
-            for (_, case), place in zip(cases, places, strict=True)
-            if name in case.comparisons
-        ]
-        axes.plot(
-            *np.array(known).T,
-            linestyle="none",
-            color=LIGHT[colour],
-            marker=marker,
-            markersize=5.5,
-            label=label,
-        )
+    counted = []
+    for (_, case), place in zip(cases, places, strict=True):
+        base = case is drive.tension_driven or case is drive.pull_driven
+        counts = []
+        for name, _, colour, marker, shift in series:
+            if name not in case.comparisons:
+                continue
+            c = case.comparisons[name]
+            counts.append((c.n, len(c.error)))
+            axes.plot(
+                c.mean * 1e3,
+                place + shift,
+                color=LIGHT[colour],
+                marker=marker,
+                markersize=5.5,
+                markerfacecolor=LIGHT["paper"] if base else LIGHT[colour],
+            )
+        counted.append(_say_loads(axes, float(place), counts))
     axes.set_yticks(places, [label for label, _ in cases])
     axes.set_ylim(-0.6, len(cases))
     axes.set_xlim(left=0.0)
     axes.set_title("How the robot is driven")
-    axes.grid(axis="x", which="major")
-    assumed = f"\n(assumed: {', '.join(drive.assumptions)})" if drive.assumptions else ""
-    axes.set_xlabel("mean error of CC (mm)" + assumed)
+    notes = [f"(assumed: {', '.join(drive.assumptions)})"] if drive.assumptions else []
+    _mean_axis(axes, notes, any(counted))
 
 
 def _hysteresis(study: Study) -> Figure:
@@ -477,10 +631,6 @@ def _hysteresis(study: Study) -> Figure:
         axes.set_xlabel(_force_label(study) if by_tension else f"pull of tendon {number} (mm)")
         axes.legend(loc="best")
     return figure
-
-
-def _mean_of(case: Case, name: str) -> float:
-    return case.comparisons[name].mean
 
 
 def _force_label(study: Study) -> str:
@@ -528,6 +678,7 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig06_tip_against_pull": _tip_against_pull,
     "fig07_configurations": _configurations,
     "fig10_overlay": _overlay,
+    "backbones": _backbones,
     "fig11_errors": _errors,
     "fe_stress": _fe_stress,
     "fe_field": _fe_field,
