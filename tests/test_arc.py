@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import bowstring as bs
 from bowstring import arc
 from bowstring.errors import InputError, NoSolutionError
 
@@ -840,8 +841,37 @@ def test_bad_input(text):
 
 
 def test_module_buckling_is_no_solution():
-    with pytest.raises(NoSolutionError, match="limit 2540"):
-        arc.from_force_arm([1e4, 0, 0], ANGLES, RADIUS, LENGTH, STIFFNESS, MODULES)
+    euler = np.pi**2 * STIFFNESS * MODULES**2 / LENGTH**2  # of the backbone between two disks
+    assert euler == pytest.approx(2089, abs=1)
+    arc.from_force_arm([0.999 * euler, 0, 0], ANGLES, RADIUS, LENGTH, STIFFNESS, MODULES)
+    for share in (1.0, 1.1, 5.0):
+        with pytest.raises(NoSolutionError, match="limit 2089"):
+            arc.from_force_arm([share * euler, 0, 0], ANGLES, RADIUS, LENGTH, STIFFNESS, MODULES)
+
+
+def test_the_lever_arm_law_ends_where_the_rod_does():
+    """Three taut tendons alike: a straight robot, until the backbone buckles between its disks."""
+    robot = bs.load_robot("amouri2019", {"segments.0.disks.count": 3})
+    euler = np.pi**2 * robot.bending_stiffness[0] * 9 / robot.length**2
+    for share, status in ((0.98, "converged"), (1.02, None)):
+        tensions = np.full(3, share * euler / 3)
+        exact = bs.solve(robot, tensions, theory="kirchhoff", elements=8)
+        straight = exact.converged and np.abs(exact.tip.position[:2]).max() < 1e-6
+        assert straight == (status is not None)
+        if straight:
+            arc.robot_from_tensions(robot, tensions, law="arm")
+        else:
+            with pytest.raises(NoSolutionError, match="buckles the backbone between its disks"):
+                arc.robot_from_tensions(robot, tensions, law="arm")
+
+
+@pytest.mark.parametrize("bend", [1e-6, 0.1, 0.5])
+def test_the_tip_from_lengths_is_that_of_eq_1(bend):
+    """The study prints Eq. 5 with twice the z of its Eq. 1."""
+    lengths = LENGTH - bend * RADIUS * np.cos(ANGLES)
+    tip = arc.tip_from_lengths(lengths, ANGLES, RADIUS).position
+    kappa = bend / LENGTH
+    assert tip == pytest.approx([(1 - np.cos(bend)) / kappa, 0, np.sin(bend) / kappa], abs=1e-9)
 
 
 @given(

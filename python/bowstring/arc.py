@@ -17,6 +17,10 @@ Curvature and direction are singular where the arc is straight, so the *bend coo
 (theta cos(phi), theta sin(phi), length) carry the computation and are what Jacobians refer to
 unless asked otherwise; in them nothing is special about the straight pose.
 
+The tip is that of the study's Eq. 1, z = sin(theta)/kappa, also from tendon lengths. Its Eq. 5,
+which is Eq. 1 with the lengths put in, is printed with twice this z: it would put the straight
+robot's tip at twice its length.
+
 Bad input raises `bowstring.errors.InputError`; "row" in its text counts along the flattened leading
 dimensions.
 
@@ -425,7 +429,7 @@ def tip_from_lengths(
     length: ArrayLike | None = None,
     modules: int | ArrayLike | None = None,
 ) -> Pose:
-    """Tip pose straight from tendon lengths (Amouri 2019, Eq. 5).
+    """Tip pose straight from tendon lengths (Amouri 2019, Eq. 5, with the z of Eq. 1).
 
     Parameters
     ----------
@@ -517,7 +521,8 @@ def from_force_arm(
     Raises
     ------
     NoSolutionError
-        For a total tension at which the backbone buckles between its disks, 12 E I n^2/l^2.
+        From the total tension on at which the backbone buckles between its disks, Euler's
+        pi^2 E I n^2/l^2.
 
     Notes
     -----

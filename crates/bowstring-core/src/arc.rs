@@ -715,6 +715,9 @@ pub fn linear_law(
 ///
 /// for one tendon the known theta = (F l/EI) (r + (l/n) a/12 - r a^2/8). It is a quadratic with one
 /// positive root, taken here in the form that loses no digits near straight.
+///
+/// From Euler's load F = pi^2 EI/h^2 on, the backbone buckles between two disks and there is no
+/// answer. The quadratic alone would go on to 12 EI/h^2, the load that buckles an arc held to be one.
 pub fn lever_arm_law(
     tensions: &[f64],
     holes: &[Hole],
@@ -728,14 +731,15 @@ pub fn lever_arm_law(
     let linear = linear_law(tensions, holes, length, bending_stiffness)?;
     let (force, _) = pull(tensions, holes)?;
     let n2 = (modules as f64).powi(2);
-    // EI a - F h^2 a/12: what is left of the straight module's stiffness
-    let limit = 12.0 * n2 * bending_stiffness / (length * length);
-    let stiffness = 1.0 - force / limit;
-    if stiffness <= 0.0 {
+    let unit = n2 * bending_stiffness / (length * length); // EI/h^2
+    let buckling = PI * PI * unit; // Euler's column of length h, hinged at both ends
+    if force >= buckling {
         return Err(Error::NoSolution(format!(
-            "a total tension of {force:?} N buckles the backbone between its disks (limit {limit:.4} N), where the lever-arm law ends; lower the tensions"
+            "a total tension of {force:?} N buckles the backbone between its disks (limit {buckling:.4} N), where the lever-arm law ends; lower the tensions"
         )));
     }
+    // EI a - F h^2 a/12: what is left of the straight module's stiffness
+    let stiffness = 1.0 - force / (12.0 * unit);
     let root = stiffness.hypot(linear.theta() / (2.0 * n2).sqrt());
     let gain = 2.0 / (stiffness + root);
     Ok(Arc {
