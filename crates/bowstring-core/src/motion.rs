@@ -283,7 +283,11 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         for k in 0..n {
             let (module, section) = (robot.modules[k], robot.section(k));
             let arc = module.flexible / A as f64;
-            // Simpson's rule over each pair of arcs; clamps go to their disk
+            // Simpson's rule over each pair of arcs. The mass of a clamp and of the node where it
+            // begins goes to the clamp's disk, which it is rigid with, and its second moment to the
+            // director along the axis. Its first moment is zero where both sides of a disk are
+            // alike. Elsewhere, as at the last disk, it is left out: it couples points with
+            // directors, and M is diagonal.
             let lump = section.mass_per_length * arc / 3.0;
             for a in 0..A {
                 masses[k * A + a] += lump * if a % 2 == 0 { 4.0 } else { 2.0 };
@@ -294,11 +298,14 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let [across, along] = disk.inertia;
             let rotary = section.rotary_inertia * held;
             directors[k][0] += along / 2.0 + rotary;
-            directors[k][1] += f64::max(across - along / 2.0, 0.0);
+            let second =
+                |clamp: f64| section.mass_per_length * clamp.powi(3) / 3.0 + lump * clamp.powi(2);
+            directors[k][1] += f64::max(across - along / 2.0, 0.0) + second(module.clamp[1]);
             masses[k * A + A - 1] += disk.mass + section.mass_per_length * module.clamp[1];
             if k > 0 {
                 let held = module.flexible / 2.0 + module.clamp[0];
                 directors[k - 1][0] += section.rotary_inertia * held;
+                directors[k - 1][1] += second(module.clamp[0]);
                 masses[k * A - 1] += lump + section.mass_per_length * module.clamp[0];
             }
         }
@@ -1486,6 +1493,58 @@ mod tests {
     use super::*;
     use crate::real::Scalar;
     use crate::robot::{Disk, RobotSpec, Section, Tendon};
+
+    /// Turning as a whole, the straight robot has the inertia of its disks and of the whole rod,
+    /// clamped lengths included.
+    #[test]
+    fn inertia_is_that_of_the_rod_with_its_clamps() {
+        let section = Section {
+            bending: 1.1,
+            torsion: 0.8,
+            axial: 7e5,
+            shear: 2.6e5,
+            mass_per_length: 0.035,
+            rotary_inertia: 5.5e-8,
+        };
+        let disks = (0..4).map(|k| Disk {
+            // 20 mm between all clamps; the last disk would clamp on one side alone, and has none
+            station: if k < 3 { 0.045 + 0.07 * k as f64 } else { 0.23 },
+            clamped_length: if k < 3 { 0.05 } else { 0.0 },
+            mass: 0.002,
+            inertia: [5.1e-6, 1.0e-5],
+            segment: 0,
+        });
+        let robot = Robot::new(RobotSpec {
+            sections: vec![section],
+            disks: disks.collect(),
+            tendons: vec![Tendon {
+                hole: [0.02, 0.0],
+                end_disk: 3,
+            }],
+            gravity: [0.0; 3],
+        })
+        .unwrap();
+        let still = Damping {
+            mass: 0.0,
+            material: 0.0,
+        };
+        let model = Model::default();
+        let mut motion = Motion::<Scalar, 2>::new(&robot, model, [0.0; 3], still);
+        assert!(motion.settle());
+        let points = motion.masses.iter().zip(&motion.place.points);
+        let lumped: f64 = points.map(|(m, p)| m * p.0[2].powi(2)).sum();
+        // directors across the axis and along it move
+        let turning: f64 = motion.directors.iter().map(|[e1, e3]| e1 + e3).sum();
+        let length = robot.length();
+        let mut whole = section.mass_per_length * length.powi(3) / 3.0;
+        // the first half module's rotary inertia is the base's
+        whole += section.rotary_inertia * (length - robot.modules[0].flexible / 2.0);
+        for disk in &robot.spec().disks {
+            whole += disk.mass * disk.station.powi(2) + disk.inertia[0];
+        }
+        let off = (lumped + turning) / whole - 1.0;
+        assert!(off.abs() < 1e-12, "{off:e}");
+    }
 
     /// The change of momentum in one step is the load less what the base holds, by the strain of
     /// the first module and the spans that leave the base. Its node between the arcs, whose
