@@ -724,8 +724,15 @@ def test_outer_tendons_must_pass_the_inner_disks(load, refuse):
     # clamps of two segments meet at the border
     inner = {"segments.0.disks.clamped_length": "49 mm"}
     load(two, {**inner, "segments.1.disks.clamped_length": "49 mm"})
-    narrow = {"segments.1.disks.count": 8, "segments.1.disks.clamped_length": "2 mm"}
-    assert "segments[1].disks.clamped_length: got 2 mm" in refuse(two, {**inner, **narrow})
+    # the end disk of the inner segment clamps the outer one's first module
+    for own, also in (("2 mm", ", which clamps 1 mm"), ("0 mm", "")):
+        narrow = {"segments.1.disks.count": 9, "segments.1.disks.clamped_length": own}
+        text = refuse(two, {**inner, **narrow})
+        assert "segments[0].disks.clamped_length: got 49 mm; the end disk of segments[0]" in text
+        assert f"before disk 1 of segments[1]{also}; write a smaller length" in text
+        assert "got 0 mm" not in text and "segments[1].disks.clamped_length" not in text
+    wide = {"segments.1.disks.count": 2, "segments.1.disks.clamped_length": "300 mm"}
+    assert "segments[1].disks.clamped_length: got 300 mm" in refuse(two, {**inner, **wide})
 
 
 @pytest.mark.parametrize(

@@ -791,23 +791,34 @@ def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
 
 def _clamp_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
     """Each module needs backbone that can bend between what its two disks clamp."""
-    before = 0.0  # clamped length of the disk before; the base clamps none
+    before = 0.0  # what the disk before clamps of a segment's first module; the base clamps none
     for k, s in enumerate(parts):
         spacing = np.diff((0.0, *s.disk_positions))
-        clamped = np.full(len(spacing), s.disks.clamped_length)
-        clamped[0] = (before + s.disks.clamped_length) / 2
-        before = s.disks.clamped_length
+        own = s.disks.clamped_length
+        half = np.full(len(spacing), own / 2)
+        start = np.concatenate(([before], half[1:]))
+        before = own / 2
         if np.any(spacing <= 0):
             continue  # reported with the positions
-        full = np.flatnonzero(spacing <= clamped * (1 + 1e-9))
-        if full.size:
-            i = int(full[0])
+        full = np.flatnonzero(spacing <= (start + half) * (1 + 1e-9))
+        if not full.size:
+            continue
+        i = int(full[0])
+        space = number_with_unit(float(spacing[i]), "m")
+        advice = "write a smaller length, so that some backbone is free to bend"
+        if start[i] > half[i]:  # the end disk of the segment before holds more of it
             yield (
-                f"segments[{k}].disks.clamped_length: "
-                f"got {number_with_unit(s.disks.clamped_length, 'm')}; the disks would clamp "
-                "all of the "
-                f"{number_with_unit(float(spacing[i]), 'm')} before disk {i + 1} of the "
-                "segment; write a smaller length, so that some backbone is free to bend"
+                f"segments[{k - 1}].disks.clamped_length: got "
+                f"{number_with_unit(parts[k - 1].disks.clamped_length, 'm')}; the end disk of "
+                f"segments[{k - 1}] would clamp {number_with_unit(float(start[i]), 'm')} of the "
+                f"{space} before disk 1 of segments[{k}]"
+                + (f", which clamps {number_with_unit(float(half[i]), 'm')}" if half[i] else "")
+                + f"; {advice}"
+            )
+        else:
+            yield (
+                f"segments[{k}].disks.clamped_length: got {number_with_unit(own, 'm')}; the disks "
+                f"would clamp all of the {space} before disk {i + 1} of the segment; {advice}"
             )
 
 
