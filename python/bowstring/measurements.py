@@ -27,7 +27,7 @@ from bowstring.mapping import Mapping, load_mapping
 from bowstring.robot import Robot
 from bowstring.tables import Row, Table, open_table
 from bowstring.tendon_order import TendonCheck, check_tendons
-from bowstring.units import quote
+from bowstring.units import printable, quote
 from bowstring.words import in_mm
 
 __all__ = [
@@ -354,7 +354,7 @@ class _Reader:
             arrays["sigma"] = np.full(len(arrays["line"]), sigma)
         return Measurements(
             source=self.source(),
-            name=self.layout.name or self.table.path.stem,
+            name=printable(self.layout.name or self.table.path.stem),
             stations=self.stations(),
             scale=self.layout.scale,
             tool=self.layout.tool,
@@ -470,7 +470,8 @@ class _Reader:
         repeat = numbers(layout.repeat, "whole") if layout.repeat else np.ones(n)
         out["repeat"] = np.where(good, repeat, 0).astype(np.int64)
         out["group"] = np.array(
-            [cell.strip() for cell in columns[layout.group.index]] if layout.group and n else
+            [printable(cell.strip()) for cell in columns[layout.group.index]]
+            if layout.group and n else
             [""] * n, dtype=str,
         )  # fmt: skip
         if layout.label is not None and n:

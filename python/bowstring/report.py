@@ -24,6 +24,7 @@ from bowstring.robot import Robot
 from bowstring.study import Study
 from bowstring.study_tables import simulated, study_tables, write_csv
 from bowstring.style import figure_style, svg
+from bowstring.units import printable
 from bowstring.words import number, signed
 
 if TYPE_CHECKING:
@@ -318,7 +319,16 @@ def _glyphs_alone() -> Iterator[None]:
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Plain values, as people can read them; NaN is an error."""
     text = json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False)
+    # JSON escapes control characters but those from DEL on, and no lone surrogates
+    text = re.sub("[\x7f-\x9f\ud800-\udfff]", lambda found: f"\\u{ord(found[0]):04x}", text)
     path.write_text(text + "\n", encoding="utf-8")
+
+
+def _plain_text(value: Any) -> Any:
+    """What the page shows of a value: HTML has no control characters."""
+    from markupsafe import Markup
+
+    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
@@ -328,6 +338,7 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
     environment = Environment(
         loader=PackageLoader("bowstring"),
         autoescape=True,
+        finalize=_plain_text,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -34,7 +34,7 @@ from bowstring.disk import distinct_holes, drilled_disk, room_for_holes
 from bowstring.errors import InputError
 from bowstring.plausibility import doubts
 from bowstring.safe_yaml import read_yaml, reading, text_of
-from bowstring.units import NUMBER, Count, Quantity, Text, number_with_unit, quote, wrong
+from bowstring.units import NUMBER, Count, Quantity, Text, number_with_unit, printable, quote, wrong
 
 __all__ = [
     "Backbone",
@@ -889,7 +889,7 @@ def load_robot(source: str | Path, overrides: Mapping[str, Any] | None = None) -
     if len(label) > 200 or not label.isprintable():
         label = f"Robot file {quote(label)}"
     tree = read_yaml(_read_text(path, label, names), label)
-    tree.setdefault("name", path.stem[:100] or "robot")
+    tree.setdefault("name", printable(path.stem)[:100].strip() or "robot")
     return _build(_override(tree, overrides or {}), label)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from bowstring.robot import Robot
-from bowstring.units import Quantity
+from bowstring.units import Quantity, printable
 
 __all__ = ["to_yaml"]
 
@@ -28,7 +28,7 @@ def to_yaml(robot: Robot, comment: str = "") -> str:
     """
     import yaml
 
-    head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
+    head = "".join(f"# {printable(line)}".rstrip() + "\n" for line in comment.splitlines())
     return head + yaml.safe_dump(_plain(robot), sort_keys=False, allow_unicode=True, width=100)
 
 

@@ -166,6 +166,19 @@ def rounded(value: float, digits: int = 2) -> str:
     return f"{float(f'{value:.{digits}g}'):g}"
 
 
+def printable(text: str) -> str:
+    """The text with escapes such as \\x1b for what a terminal or a file would take as a command.
+
+    Line feeds and tabs stay. Names of files and columns, labels and units come from elsewhere.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")
+        for c in text
+    )
+
+
 def quote(value: object) -> str:
     """Show what was given: on one line, and short."""
     if isinstance(value, str):

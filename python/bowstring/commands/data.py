@@ -9,6 +9,7 @@ import typer
 
 from bowstring.commands.options import AsJson
 from bowstring.commands.output import new_table, write, write_json, write_tables
+from bowstring.units import printable
 
 
 def list_sets(as_json: AsJson = False) -> None:
@@ -66,6 +67,6 @@ def get(
             }
         )
     write(
-        f"{folder}: {item.kind}, {item.licence} licence, github.com/{item.repository} at commit "
-        f"{item.commit[:12]}; hashes agree\n"
+        f"{printable(str(folder))}: {item.kind}, {item.licence} licence, "
+        f"github.com/{item.repository} at commit {item.commit[:12]}; hashes agree\n"
     )

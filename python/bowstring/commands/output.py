@@ -7,7 +7,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -17,6 +17,7 @@ import typer
 
 from bowstring import __version__
 from bowstring.robot import Robot
+from bowstring.units import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -44,7 +45,7 @@ def counted(n: int, thing: str, things: str | None = None) -> str:
 
 def say(kind: str, sentence: str) -> None:
     """A line on stderr."""
-    print(f"{kind}: {sentence}", file=sys.stderr)
+    print(printable(f"{kind}: {sentence}"), file=sys.stderr)
 
 
 def write(text: str) -> None:
@@ -142,9 +143,19 @@ def write_tables(*parts: Table | str) -> None:
 
 
 def write_rich(draw: Callable[[Console], None]) -> None:
-    from rich.console import Console
+    from rich.console import Console, ConsoleOptions, RenderableType
+    from rich.segment import Segment
+
+    class Plain(Console):
+        """Text that is shown has no control characters of its own; styles come on top of it."""
+
+        def render(
+            self, renderable: RenderableType, options: ConsoleOptions | None = None
+        ) -> Iterable[Segment]:
+            for part in super().render(renderable, options):
+                yield part if part.control else part._replace(text=printable(part.text))
 
     buffer, terminal = io.StringIO(), sys.stdout.isatty()
     width = Console().width if terminal else 100
-    draw(Console(file=buffer, width=width, force_terminal=terminal, highlight=False, markup=False))
+    draw(Plain(file=buffer, width=width, force_terminal=terminal, highlight=False, markup=False))
     write("\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n")
