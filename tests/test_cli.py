@@ -532,3 +532,40 @@ def test_a_request_to_end_is_like_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Non
             cli.main()
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "got", "meant"),
+    [
+        ("ik amouri2019 --tip 100,0,600", "--tip: got 100 ", "100 mm"),
+        ("ik amouri2019 --tip 0.1,0,600", "--tip: got 600 ", "600 mm"),
+        ("fk amouri2019 --lengths 29,29,29", "--lengths: got 29 ", "29 mm"),
+        ("fk amouri2019 --lengths 630,641,641", "--lengths: got 630 ", "630 mm"),
+        ("solve amouri2019 --pull 10,-5,-5", "--pull: got 10 ", "10 mm"),
+        ("solve amouri2019 --tension 5,-,- --pull -,2,-1", "--pull: got 2 ", "2 mm"),
+        (
+            "solve amouri2019 --set segments.0.tendons.spool_radius=0.01 --angle 90,-45,-45",
+            "--angle: got 90 ",
+            "90 deg",
+        ),
+        ("solve amouri2019 --tension 1,0,0 --gravity 0,0,9810", "--gravity: ", "9810 mm/s^2"),
+        ("simulate amouri2019 --pull 10,-5,-5", "--pull: got 10 ", "10 mm"),
+        (
+            "bench simulate amouri2019 --masses 0:1:2 --out x.csv --tool 0,0,8",
+            "--tool: got 8 ",
+            "8 mm",
+        ),
+    ],
+)
+def test_a_bare_number_that_is_far_too_large_suggests_its_unit(shell, arguments, got, meant):
+    said = shell.error(*arguments.split())
+    assert said.startswith(got) and " without a unit, which is " in said
+    assert f'write "{meant}" if that is meant, else "' in said and said.endswith('".')
+
+
+def test_a_unit_that_is_given_is_believed(shell):
+    said = shell.error("ik", "amouri2019", "--tip", "0,0,600 m")
+    assert "got a point 600 m from the base, out of reach: amouri2019 is 641 mm long" in said
+    code, out, _ = shell("fk", "amouri2019", "--lengths", "29 m,29 m,29 m")
+    assert code == 0 and "29000.000" in out
+    assert shell("fk", "amouri2019", "--lengths", "641 mm,0.65,0.65")[0] == 0

@@ -490,3 +490,17 @@ def test_a_public_set_by_name(shell: Shell, public_data: Callable[[str], Path]) 
     assert val["rmse_centred_mm"] == pytest.approx(12.50, abs=0.05)
     said = shell.error("fit", "crl-ftdcr-v4", "--data", "crl-ftdcr-mocap", "--parameter", "base")
     assert "name one" in said
+
+
+def test_a_soft_backbone_is_told_in_its_own_unit(shell: Shell, tmp_path: Path) -> None:
+    soft = {E: "1 MPa", "segments.0.backbone.diameter": "20 mm", "segments.0.length": "400 mm"}
+    overrides = [text for path, value in soft.items() for text in ("--set", f"{path}={value}")]
+    table = tmp_path / "soft.csv"
+    loads = ("--tensions", "0:0.1:0.5", "--out", str(table), "--no-unload")
+    shell("bench", "simulate", "amouri2019", *loads, *overrides)
+    command = ("fit", "amouri2019", "--measurements", str(table), "--parameter", E, *overrides)
+    (found,) = shell.json(*command)["parameters"]
+    assert found["unit"] == "MPa" and found["value"] == pytest.approx(1.0, rel=0.01)
+    assert found["start"] == pytest.approx(1.0)
+    code, out, _ = shell(*command)
+    assert code == 0 and "MPa" in out and "GPa" not in out

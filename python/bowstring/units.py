@@ -161,6 +161,23 @@ def number_with_unit(value: float, si: str) -> str:
     return f"{rounded(value / factor, 4)} {unit}"
 
 
+_BY_SIZE: Final = {"Pa": ("GPa", "MPa", "kPa", "Pa"), "N": ("kN", "N", "mN")}
+
+
+def unit_of_size(value: float, si: str, usual: str) -> str:
+    """The unit that people use for a value of this size: the usual one, or a smaller one."""
+    units = _BY_SIZE.get(si, ())
+    if usual not in units or value == 0:
+        return usual
+    smaller = units[units.index(usual) :]
+    return next((u for u in smaller if abs(value) >= _UNITS[si][u]), smaller[-1])
+
+
+def is_bare(text: str) -> bool:
+    """Whether a number of the command line has no unit, so that it is SI."""
+    return re.fullmatch(NUMBER, text.strip(), re.ASCII) is not None
+
+
 def rounded(value: float, digits: int = 2) -> str:
     """Write a number with so many significant digits, and up to a million without exponent."""
     return f"{float(f'{value:.{digits}g}'):g}"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bowstring.arguments import shown
 from bowstring.errors import InputError
 from bowstring.robot import Backbone, Disks, Robot, Segment, Tendon, TendonRing
-from bowstring.units import Quantity, read_number
+from bowstring.units import Quantity, read_number, unit_of_size
 
 __all__ = ["Setting", "Unknown", "Unknowns"]
 
@@ -335,6 +335,7 @@ class Unknowns:
             if quantity is None or not quantity.si:
                 unit, per_unit = "", 1.0
             else:
+                unit = unit_of_size(start, quantity.si, unit)
                 per_unit = read_number(f"1 {unit}", quantity.si)
             low = _limit(quantity.low, quantity.si) if quantity else -np.inf
             high = _limit(quantity.high, quantity.si) if quantity else np.inf

@@ -20,6 +20,7 @@ from bowstring.commands.options import (
     RobotSource,
     Theory,
     changes_of,
+    check_bare,
     load,
     not_negative,
     numbers_of,
@@ -159,6 +160,14 @@ def simulate(
     angles = numbers_of("--tilt", tilt, "rad")
     if len(angles) > 2:
         raise InputError(f"--tilt: got {len(angles)} numbers; write an angle, and where to.")
+    for flag, text, most in (
+        ("--noise", noise, 1.0),
+        ("--tool", tool, 5.0),
+        ("--tool-error", tool_error, 1.0),
+        ("--drift", drift, 5.0),
+        ("--shift", shift, 50.0),
+    ):
+        check_bare(flag, text, "m", model, most * model.length, "mm")
     lean, towards = angles[0], angles[1] if len(angles) == 2 else 0.0
     if not 0 <= lean <= math.pi:
         raise InputError(

@@ -10,7 +10,14 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from bowstring.commands.options import not_negative, numbers_of, of_flag, per_tendon, tendon_count
+from bowstring.commands.options import (
+    check_bare_drive,
+    not_negative,
+    numbers_of,
+    of_flag,
+    per_tendon,
+    tendon_count,
+)
 from bowstring.commands.output import counted
 from bowstring.errors import InputError
 from bowstring.files import check_parent, write_whole_file
@@ -83,6 +90,7 @@ def some_tendons(flag: str, text: str, si: str, robot: Robot) -> Driven:
     values: Driven = [
         None if item in ("", "-") else numbers_of(flag, item, si)[0] for item in items
     ]
+    check_bare_drive(flag, text, si, robot)
     for i, value in enumerate(values, 1):
         if flag == "--tension" and value is not None and value < 0:
             raise InputError(

@@ -10,14 +10,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
+import numpy as np
 import typer
 
 from bowstring.commands.output import counted, say
 from bowstring.errors import InputError
 from bowstring.robot import Robot, load_robot
-from bowstring.units import quote, read_number
+from bowstring.units import is_bare, number_with_unit, quote, read_number
 
 MOST_LOADS: Final = 100_000  # of a range
+_MOST_BARE_GRAVITY: Final = 1000.0  # m/s^2, 100 times that of Earth, which is 9807 mm/s^2
 
 RobotSource = Annotated[
     str, typer.Argument(metavar="ROBOT", help="A built-in robot's name or the path of a file.")
@@ -131,6 +133,8 @@ def numbers_of(flag: str, text: str, si: str) -> list[float]:
                 f"{flag}: got {quote(item.strip())}, {error}; write for example "
                 f"{flag} {_example(flag, si)}."
             ) from None
+        if si == "m/s^2" and is_bare(item) and abs(values[-1]) > _MOST_BARE_GRAVITY:
+            raise _is_bare(flag, item.strip(), si, "mm/s^2")
     return values
 
 
@@ -190,6 +194,42 @@ def vector(flag: str, text: str, si: str) -> list[float]:
     return values
 
 
+def check_bare(
+    flag: str, text: str, si: str, robot: Robot, most: float | Sequence[float], small: str
+) -> None:
+    """Refuse a number without a unit that is far too large, where a smaller unit makes sense of it.
+
+    ``most`` is for each of the numbers, or one for all.
+    """
+    items = [item.strip() for item in text.split(",")]
+    limits = [most] * len(items) if isinstance(most, (int, float)) else most
+    for item, limit in zip(items, limits, strict=False):
+        if not is_bare(item) or abs(float(item)) <= limit:
+            continue
+        if abs(read_number(f"{item} {small}", si)) <= limit:
+            winds = " and more than all of a tendon" if si == "rad" else ""
+            why = f"{winds}, and {robot.name} is {number_with_unit(robot.length, 'm')} long"
+            raise _is_bare(flag, item, si, small, why)
+
+
+def _is_bare(flag: str, item: str, si: str, small: str, why: str = "") -> InputError:
+    return InputError(
+        f"{flag}: got {item} without a unit, which is {item} {si}{why}; "
+        f'write "{item} {small}" if that is meant, else "{item} {si}".'
+    )
+
+
+def check_bare_drive(flag: str, text: str, si: str, robot: Robot) -> None:
+    """Refuse pulls and angles without a unit that take in more than all of a tendon."""
+    tendons = robot.tendons
+    longest = robot.disks.station_m[tendons.end_disk] + tendons.free_length_m
+    if si == "m":  # of a pull that is but a little too long the solver has more to say
+        check_bare(flag, text, si, robot, (1.6 * longest).tolist(), "mm")
+    if si == "rad":
+        turns = longest / tendons.spool_radius_m  # NaN without a spool, which is refused elsewhere
+        check_bare(flag, text, si, robot, np.nan_to_num(turns, nan=math.inf).tolist(), "deg")
+
+
 def per_tendon(
     flag: str,
     text: str,
@@ -205,6 +245,8 @@ def per_tendon(
             f"{flag}: got {counted(len(values), 'number')}; {robot.name} has "
             f"{counted(wanted, 'tendon')}, write one number for each."
         )
+    if signed:
+        check_bare_drive(flag, text, si, robot)
     for i, value in enumerate(values, 1):
         if not signed and (value < 0 or (above_zero and value == 0)):
             rule = "positive" if above_zero else "0 or more, a tendon cannot push"

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 import typer
@@ -30,6 +30,7 @@ from bowstring.commands.options import (
     Overrides,
     RobotSource,
     Theory,
+    check_bare,
     check_elements,
     load,
     of_flag,
@@ -49,11 +50,16 @@ from bowstring.commands.output import (
 )
 from bowstring.errors import InputError
 from bowstring.robot import Robot, load_robot, robot_names, robot_schema
+from bowstring.units import number_with_unit
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.rod import Solution
+
+
+#: Lengths of a robot beyond which a bare number is hardly meant in m; a thousandth is plausible.
+_FAR: Final = 10.0
 
 
 def robots(as_json: AsJson = False) -> None:
@@ -98,6 +104,7 @@ def fk(
     """Constant curvature forward: tendon lengths to arcs and tip."""
     model = load(robot, overrides)
     values = per_tendon("--lengths", lengths, "m", model, above_zero=True)
+    check_bare("--lengths", lengths, "m", model, _FAR * model.length, "mm")
     try:
         arcs = arc.robot_fk(model, values, "chord" if chord else None)
     except InputError as error:
@@ -132,6 +139,7 @@ def ik(
     """
     model = load(robot, overrides)
     point = np.array(vector("--tip", tip, "m"))
+    check_bare("--tip", tip, "m", model, _FAR * model.length, "mm")
     if len(model.segments) != 1:
         raise InputError(
             f"{model.name} has {len(model.segments)} segments; ik is for robots of one segment."
@@ -143,8 +151,8 @@ def ik(
         distance, reach = math.hypot(*point), model.length
         if distance > reach:
             raise InputError(
-                f"--tip: got a point {1e3 * distance:.4g} mm from the base, out of reach: "
-                f"{model.name} is {1e3 * reach:.4g} mm long."
+                f"--tip: got a point {number_with_unit(distance, 'm')} from the base, out of "
+                f"reach: {model.name} is {number_with_unit(reach, 'm')} long."
             )
         kappa, phi, nearest_miss = arc.nearest_tip(point, model.length)
         length, miss = np.asarray(model.length), float(nearest_miss)
