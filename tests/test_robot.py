@@ -18,6 +18,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import bowstring as bs
 import bowstring.units as units
 from bowstring.errors import InputError
 from bowstring.robot import Robot, load_robot, robot_names, robot_schema
@@ -1117,6 +1118,54 @@ def test_other_doubts_name_the_number(path, value, words):
     text = "\n".join(load_robot("amouri2019", {path: value}).warnings)
     for word in words:
         assert word in text
+
+
+def test_thick_disks_must_say_what_they_clamp():
+    """With 3 mm the tip of the study's robot is 16 mm elsewhere at 80 N."""
+    path = "segments.0.disks.clamped_length"
+    for robot in (
+        load_robot("amouri2019", {path: None}),
+        load_robot("amouri2019", {path: None}).with_({"segments.0.backbone.E": "34 GPa"}),
+    ):
+        (warning,) = robot.warnings
+        assert warning.startswith("segments[0].disks.clamped_length: missing")
+        assert "thickness of 3 mm would clamp 4.2 % of it" in warning and "0 mm if none" in warning
+        assert robot.with_({path: "0 mm"}).warnings == robot.with_({path: "3 mm"}).warnings == ()
+    thin = load_robot("amouri2019", {path: None, "segments.0.disks.thickness": "1 mm"})
+    assert thin.warnings == ()
+
+
+SILICONE = {
+    "segments.0.length": "400 mm",
+    "segments.0.backbone.diameter": "20 mm",
+    "segments.0.backbone.E": "1 MPa",
+    "segments.0.backbone.density": 1070,
+    "segments.0.disks.count": 10,
+    "segments.0.disks.mass": "30 g",
+    "segments.0.disks.thickness": "5 mm",
+    "segments.0.tendons.pitch_radius": "25 mm",
+    "gravity": "0 0 9.80665",
+}
+
+
+@pytest.mark.parametrize("friction", [0, 0.1])
+def test_a_load_without_an_answer_names_its_likely_cause(friction):
+    """A doubtful modulus if there is one, else how far the load would bend the robot."""
+    rubs = {"segments.0.tendons.friction": friction}
+    soft = load_robot("amouri2019", {"segments.0.backbone.E": "60 MPa", **rubs})
+    said = bs.solve(soft, [80, 0, 0]).message
+    assert "segments[0].backbone.E = 60 MPa looks too small (GPa, not MPa?)" in said
+    silicone = load_robot("amouri2019", {**SILICONE, **rubs})
+    assert silicone.warnings == ()
+    for said in (
+        bs.solve(silicone, [10, 0, 0]).message,
+        bs.sweep(silicone, [[0, 0, 0], [10, 0, 0]]).message(1),
+    ):
+        assert "By the linear law these tensions would bend amouri2019 by 730 degrees." in said
+        assert "GPa" not in said
+    # equal tensions bend nothing: neither is to blame
+    balanced = bs.solve(load_robot("amouri2019", rubs), [1000, 1000, 1000]).message
+    assert "GPa" not in balanced and "linear law" not in balanced
 
 
 # --- identity, copies, speed ----------------------------------------------------------

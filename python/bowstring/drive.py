@@ -304,10 +304,12 @@ def message(
     conflict: tuple[Sequence[int], Sequence[float] | None],
     residual: float,
     iterations: int,
+    advice: str = "",
 ) -> str:
     """How a step ended and, if it failed, what to try.
 
-    ``slack`` counts from 0; ``friction`` is the largest coefficient.
+    ``slack`` counts from 0; ``friction`` is the largest coefficient; ``advice`` is that of
+    `bowstring.plausibility.load_advice`.
     """
     fighting, nearest = conflict
     match status:
@@ -338,8 +340,8 @@ def message(
             )
         case "no_equilibrium":
             return (
-                "No equilibrium: two neighbouring disks collide. Check Young's modulus (GPa, not "
-                "MPa?), or lower pulls, tensions and loads."
+                f"No equilibrium: two neighbouring disks collide. {advice}Lower pulls, tensions "
+                "and loads."
             )
         case "unstable":
             return (
@@ -356,6 +358,6 @@ def message(
                 )
             return (
                 f"No equilibrium was found: the solver gave up after {iterations} iterations"
-                f"{left}. {doubt}Approach it by a sweep in smaller steps, or lower pulls, tensions "
-                "and loads."
+                f"{left}. {advice}{doubt}Approach it by a sweep in smaller steps, or lower pulls, "
+                "tensions and loads."
             )

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bowstring.units import number_with_unit, rounded
 
@@ -34,6 +34,9 @@ _MIN_BEND: Final = math.radians(1.0)
 _SLENDERNESS: Final = (5.0, 5000.0)  # length/diameter; 60 to 143 for the built-in robots
 _DENSITY: Final = (100.0, 25_000.0)  # kg/m^3: light foam to osmium
 _DISK_DENSITY: Final = (20.0, 25_000.0)  # of the full disk; holes and cut-outs make it lighter
+# Share of the length that disks may hold over their thickness while the file does not say whether
+# they do: the bend is off by as much, and the tip by about half of it in lengths.
+_HELD: Final = 0.02
 _MAX_E: Final = 1.3e12  # Pa: diamond
 _MAX_GRAVITY: Final = 30.0  # m/s^2: a little more than on Jupiter
 
@@ -74,6 +77,16 @@ def doubts(robot: Robot) -> Iterator[str]:
                 f"{here}.disks.density = {rounded(material, 4)} kg/m^3: no material has it; is it "
                 "in the wrong unit (kg/m^3, g/cm^3)?"
             )
+        if "clamped_length" not in s.disks.model_fields_set:
+            held = len(s.disk_positions) * s.disks.thickness / s.length
+            if held >= _HELD:
+                yield (
+                    f"{here}.disks.clamped_length: missing, so that no disk stiffens the backbone; "
+                    f"disks that hold it over their thickness of "
+                    f"{number_with_unit(s.disks.thickness, 'm')} would clamp {rounded(100 * held)} "
+                    "% of it, and the robot would bend less by about as much: give the length that "
+                    "a disk holds, 0 mm if none"
+                )
         if s.backbone.G is not None:
             nu = s.backbone.E / (2 * s.backbone.G) - 1
             if not -1 < nu <= 0.5:
@@ -107,13 +120,23 @@ def _weight(robot: Robot) -> float:
     return float(mass) * _STANDARD_GRAVITY
 
 
-def _stiffness_doubts(robot: Robot, k: int, weight: float) -> Iterator[str]:
-    s, passing = robot.segments[k], robot.tendons.segment >= k
+def _turns(robot: Robot, k: int, weight: float) -> float:
+    """Turns of a segment under a pull of the robot's own weight on one tendon, linear law."""
+    return weight * _bend_by_newton(robot, k) / math.tau
+
+
+def _bend_by_newton(robot: Robot, k: int) -> float:
+    """Bend of a segment by a tendon, by the linear law, in rad/N."""
+    passing = robot.tendons.segment >= k
     arm = float(robot.tendons.pitch_radius_m[passing].max())
-    bend_by_newton = arm * s.length / float(robot.bending_stiffness[k])  # rad/N
+    return arm * robot.segments[k].length / float(robot.bending_stiffness[k])
+
+
+def _stiffness_doubts(robot: Robot, k: int, weight: float) -> Iterator[str]:
+    s = robot.segments[k]
     where = f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}"
     diameter = f"diameter = {number_with_unit(s.backbone.diameter, 'm')}"
-    turns = weight * bend_by_newton / math.tau
+    turns = _turns(robot, k, weight)
     if s.backbone.E > _MAX_E:
         yield f"{where}: stiffer than diamond; is the unit right (MPa, GPa)?"
     elif turns > _MAX_TURNS:
@@ -121,17 +144,68 @@ def _stiffness_doubts(robot: Robot, k: int, weight: float) -> Iterator[str]:
         guess = f"is the unit right (MPa, GPa), and {diameter}?"
         if turns / 1000 <= _MAX_TURNS and stiffer <= _MAX_E:
             meant = number_with_unit(stiffer, "Pa")
-            bend = math.degrees(weight * bend_by_newton / 1000)
+            bend = 360.0 * turns / 1000
             guess = f"with {meant} it would bend it by {rounded(bend)} degrees: is {meant} meant?"
         yield (
             f"{where} looks wrong: a pull of the robot's own weight ({rounded(weight)} N) on one "
             f"tendon would wind the backbone {rounded(turns)} times around; {guess}"
         )
-    elif _STRONG_PULL * bend_by_newton < _MIN_BEND:
+    elif _STRONG_PULL * _bend_by_newton(robot, k) < _MIN_BEND:
         yield (
             f"{where} with {diameter} looks wrong: 1 kN on one tendon would bend the segment by "
             f"less than a degree; is one of the two in the wrong unit (GPa, MPa; mm, cm)?"
         )
+
+
+#: Bend by the linear law that is worth a word where a load has no answer, rad.
+_MUCH_BEND: Final = math.pi
+
+
+def load_advice(robot: Robot, tensions: ArrayLike, tip_force: ArrayLike = (0, 0, 0)) -> str:
+    """What is probably wrong with a load that has no equilibrium.
+
+    Parameters
+    ----------
+    robot : Robot
+    tensions : array_like (T,)
+        In N; NaN where a tendon has none of its own.
+    tip_force : array_like (3,)
+        In N.
+
+    Returns
+    -------
+    str
+        A sentence that names a doubtful Young's modulus or, if there is none, how far the load
+        would bend the robot by the linear law, with a blank behind it; empty if neither is odd.
+    """
+    weight = _weight(robot)
+    for k in range(len(robot.segments)):
+        if _turns(robot, k, weight) > _MAX_TURNS:
+            modulus = number_with_unit(robot.segments[k].backbone.E, "Pa")
+            return (
+                f"Check Young's modulus: segments[{k}].backbone.E = {modulus} looks too small "
+                "(GPa, not MPa?). "
+            )
+    tension = np.nan_to_num(np.asarray(tensions, dtype=float))
+    sideways = float(np.hypot(*np.asarray(tip_force, dtype=float)[:2]))
+    total, by_force, beyond = np.zeros(2), 0.0, robot.length
+    for k, s in enumerate(robot.segments):
+        passing = robot.tendons.segment >= k
+        law = s.length / float(robot.bending_stiffness[k])
+        total += law * tension[passing] @ robot.tendons.hole_m[passing]
+        by_force += law * sideways * (beyond - s.length / 2)  # a cantilever's end
+        beyond -= s.length
+    by_tension = float(np.hypot(*total))
+    what, bend = max(
+        (("these tensions", by_tension), ("this force at the tip", by_force)), key=lambda x: x[1]
+    )
+    if bend <= _MUCH_BEND:
+        return ""
+    return f"By the linear law {what} would bend {robot.name} by {_degrees(bend)} degrees. "
+
+
+def _degrees(angle: float) -> str:
+    return rounded(math.degrees(angle), 2 if angle > 100 else 3)
 
 
 def _buckling_doubts(robot: Robot) -> Iterator[str]:

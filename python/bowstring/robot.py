@@ -463,7 +463,8 @@ class Robot(_Part):
         InputError
             If a path does not exist or the changed robot is not valid.
         """
-        tree = self.model_dump(mode="json", exclude_none=True)
+        # what the file left out stays left out
+        tree = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
         return _build(_override(tree, overrides), self.name)
 
     @property

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import drive
 from bowstring.arguments import check_choices, check_robot
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.plausibility import load_advice
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -215,6 +216,7 @@ class Solution:
                 core.conflict,
                 core.residual,
                 core.iterations,
+                self._advice,
             )
             return message + self._accuracy
         message = _message(
@@ -225,6 +227,7 @@ class Solution:
             core.collision,
             core.residual,
             core.iterations,
+            self._advice,
         )
         return message + self._accuracy
 
@@ -235,6 +238,12 @@ class Solution:
         if found is None:
             return ""
         return _coarse(found, self.tensions, self.robot.length, self.elements)
+
+    @property
+    def _advice(self) -> str:
+        if self.converged:
+            return ""
+        return load_advice(self.robot, self.tensions, self.tip_force)
 
     @property
     def tip(self) -> Pose | None:
@@ -574,6 +583,9 @@ class Sweep:
 
     def message(self, row: int) -> str:
         """One sentence on how a row ended, as `Solution.message`."""
+        advice = ""
+        if not self.converged[row]:
+            advice = load_advice(self.robot, self.tensions[row])
         if self.driven is not None:
             slack = self.driven["slack_lengths"][row]
             return drive.message(
@@ -585,6 +597,7 @@ class Sweep:
                 self.driven["conflicts"][row],
                 float(self.residual[row]),
                 int(self.iterations[row]),
+                advice,
             )
         collision = int(self.collision[row])
         return _message(
@@ -595,6 +608,7 @@ class Sweep:
             collision if collision >= 0 else None,
             float(self.residual[row]),
             int(self.iterations[row]),
+            advice,
         )
 
     def raise_for_status(self) -> Self:
@@ -1123,6 +1137,7 @@ def _message(
     collision: int | None,
     residual: float,
     iterations: int,
+    advice: str = "",
 ) -> str:
     match status:
         case "converged":
@@ -1143,7 +1158,7 @@ def _message(
             disks = "the base and disk 1" if k == 0 else f"disks {k} and {k + 1}"
             return (
                 f"No equilibrium: {disks} collide, because the load closes the gap between them. "
-                "Check Young's modulus (GPa, not MPa?) and the tensions, or lower the load."
+                f"{advice}Check the tensions, or lower the load."
             )
         case "unstable":
             return (
@@ -1156,6 +1171,6 @@ def _message(
             return (
                 f"No equilibrium was found: {reached} converged, then the solver gave up after "
                 f"{iterations} iterations{left}. A pulled tendon or the compressed backbone "
-                "between two disks is probably at its limit (buckling between disks). Lower the "
-                "load, or check Young's modulus (GPa, not MPa?)."
+                f"between two disks is probably at its limit (buckling between disks). {advice}"
+                "Lower the load."
             )
