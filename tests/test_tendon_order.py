@@ -1,4 +1,4 @@
-"""Swapped tendons and left-handed frames are named; where data cannot tell, nothing is claimed."""
+"""Swapped tendons, left-handed frames and wrong units are named, and nothing that is not sure."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def test_what_cannot_be_checked() -> None:
     for other, says in (
         (data.select(slice(3)), "it takes 4 rows or more"),
         (replace(data, scale=None), "points are in pixels"),
-        (replace(data, points=data.points * 0), "the tip hardly moves"),
+        (replace(data, points=data.points * 0, tensions=1e-5 * ANY), "the tip hardly moves"),
         (replace(data, tensions=ANY[:, :0], pulls=ANY[:, :0]), "say of no tendon"),
         (replace(data, tensions=ANY[:, :2], pulls=ANY[:, :2]), "2 tendons, amouri2019 has 3"),
         (replace(data, points=data.points[:, :0]), "no point and no direction"),
@@ -192,3 +192,95 @@ def test_a_stiffness_to_be_calibrated_is_not_doubted(times: float) -> None:
     data = made(STUDY, 0.25 * STAR)
     other = STUDY.with_({"segments.0.backbone.E": times * 35e9})
     assert not check_tendons(other, data).alarm
+
+
+# -- a table in another unit, or by another factor ---------------------------------------------
+
+SILICONE = STUDY.with_(
+    {
+        "gravity": "0 0 9.80665",  # hanging: it bends a tenth of what the linear law says
+        "segments.0.length": "400 mm",
+        "segments.0.backbone.diameter": "20 mm",
+        "segments.0.backbone.E": "1 MPa",
+        "segments.0.backbone.density": 1070,
+        "segments.0.disks.count": 10,
+        "segments.0.disks.mass": "30 g",
+        "segments.0.disks.thickness": "5 mm",
+        "segments.0.tendons.pitch_radius": "25 mm",
+    }
+)
+SLENDER = STUDY.with_(
+    {
+        "segments.0.length": "123.6 mm",
+        "segments.0.backbone.diameter": "1 mm",
+        "segments.0.backbone.E": "60 GPa",
+        "segments.0.disks.mass": "1 g",
+        "segments.0.disks.radius": "6 mm",
+        "segments.0.disks.thickness": "2 mm",
+        "segments.0.tendons.pitch_radius": "4.75 mm",
+    }
+)
+
+
+def by_pull(robot: Robot, tensions: Floats) -> Measurements:
+    data = made(robot, tensions)
+    lengths = bs.solve_batch(robot, tensions).tendon_lengths
+    return replace(data, tensions=tensions * np.nan, pulls=robot.length - lengths)
+
+
+BENCHES = {
+    "silicone": (SILICONE, made(SILICONE, np.outer(np.linspace(0, 1, 12), [1, 0, 0]))),
+    "silicone, any": (SILICONE, made(SILICONE, ANY / 60)),
+    "study": (STUDY, made(STUDY, PLANE)),
+    "slender": (SLENDER, made(SLENDER, STAR / 15)),
+    "slender, by pull": (SLENDER, by_pull(SLENDER, STAR / 15)),
+}
+
+
+@pytest.mark.parametrize("name", BENCHES)
+def test_a_right_table_raises_no_alarm(name: str) -> None:
+    robot, data = BENCHES[name]
+    found = check_tendons(robot, data)
+    assert found.found == "as_said" and found.unexplained < 0.2, found.sentence
+
+
+@pytest.mark.parametrize("name", BENCHES)
+@pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0])  # 1000 times larger ones are refused
+def test_tips_in_another_unit_are_noticed(name: str, factor: float) -> None:
+    robot, data = BENCHES[name]
+    found = check_tendons(robot, replace(data, points=factor * data.points))
+    assert found.found == "unclear" and found.alarm
+    assert "check the unit of the tip's columns" in found.sentence
+    assert "check the order" not in found.sentence
+
+
+@pytest.mark.parametrize("name", BENCHES)
+@pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0, 1e3])
+def test_commands_in_another_unit_are_noticed(name: str, factor: float) -> None:
+    robot, data = BENCHES[name]
+    changed = replace(data, tensions=factor * data.tensions, pulls=factor * data.pulls)
+    found = check_tendons(robot, changed)
+    assert found.found == "unclear" and found.alarm
+    assert f"of the {'pulls' if 'pull' in name else 'tensions'}" in found.sentence
+    assert "check the unit of" in found.sentence
+    assert "check the order" not in found.sentence
+
+
+def test_a_tip_that_does_not_move_is_noticed() -> None:
+    data = made(STUDY, ANY)
+    found = check_tendons(STUDY, replace(data, points=data.points * 0))
+    assert found.alarm and "does not move, though amouri2019 would" in found.sentence
+
+
+def test_other_errors_of_a_robot_file_are_not_taken_for_a_unit() -> None:
+    robot, data = BENCHES["slender"]
+    for path, factor in (("backbone.E", 0.4), ("backbone.E", 2.5), ("length", 1.3)):
+        value = factor * (robot.length if path == "length" else robot.segments[0].backbone.E)
+        assert not check_tendons(robot.with_({f"segments.0.{path}": value}), data).alarm
+
+
+def test_pulls_that_stretch_the_tendons_are_no_wrong_unit() -> None:
+    soft = {"segments.0.tendons.compliance": "5 mm/N"}
+    data = BENCHES["slender, by pull"][1]
+    pulls = data.pulls + 5e-3 * STAR / 15
+    assert not check_tendons(SLENDER.with_(soft), replace(data, pulls=pulls)).alarm

@@ -8,7 +8,7 @@ as a motion that would have to mirror. What cannot be told apart is not told.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Final, Literal
@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring import arc
-from bowstring.words import listed, significant
+from bowstring.errors import BowstringError
+from bowstring.words import in_mm, listed, significant
 
 if TYPE_CHECKING:
     from bowstring.measurements import Measurements
@@ -32,6 +33,7 @@ _MOST_ROWS: Final = 400  # enough for a direction, and quick
 _FEWEST_ROWS: Final = 4
 _MOST_PAIRS: Final = 200
 _GAINS: Final = (0.35, 0.5, 0.7, 0.85, 1.0, 1.2)
+_NEAR: Final = (0.6, 0.8, 1.0, 1.2, 1.5)  # gains beside the best one of the order as said
 _CLEARLY: Final = 0.7  # what is left by the better candidate, of what is left as said
 _GOOD: Final = 0.4  # what may be left of the motion by a candidate that is believed
 _POOR: Final = 0.65  # left as said: an order that explains so little is doubted
@@ -39,6 +41,11 @@ _TIE: Final = 1.15
 _STILL: Final = 0.005  # of the length: less motion says nothing
 _TURNED: Final = np.radians(20)
 _WOUND: Final = 4 * 2 * np.pi  # rad by the linear law: no robot is bent so far by its tendons
+_TURN: Final = 2 * np.pi
+_MOST_BENT: Final = 4.0  # rad
+_MOST_SOLVED: Final = 60  # rows
+_FACTOR: Final = 6.0  # more than a stiffness to be calibrated is off by, less than a wrong unit
+_LESS_BY_FAR: Final = 50.0
 _UNMOVED: Final = 20.0  # times less bend than motion, which no weight or load makes up for
 
 
@@ -50,8 +57,8 @@ class TendonCheck:
     ----------
     found : str
         "as_said"; "turned": as said if the measuring frame is turned about z; "swapped";
-        "mirrored"; "unclear": none of these fits, or the tensions are far too large or too small
-        for the motion; "unchecked": the data cannot tell.
+        "mirrored"; "unclear": none of these fits, or the commands are far too large or too small
+        for the motion, as in another unit; "unchecked": the data cannot tell.
     sentence : str
     tendons : tuple of int
         The two that look swapped, from 1; empty if none do.
@@ -109,10 +116,13 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
     if 0 < measurements.without_tip < len(measurements):
         measurements = measurements.select(measurements.seen)
     problem, bends, measured = _data(robot, measurements)
+    if problem and len(measured) and (doubt := _doubted_size(robot, measurements, bends, measured)):
+        return TendonCheck("unclear", doubt)
     if problem:
         return TendonCheck("unchecked", f"The order of the tendons is not checked: {problem}.")
     found = _order(robot, measurements, bends, measured)
-    doubt = _doubted_tensions(robot, measurements, bends, measured)
+    doubt = _doubted_commands(robot, measurements, bends, measured)
+    doubt = doubt or _doubted_size(robot, measurements, bends, measured)
     if not doubt or found.found in ("swapped", "mirrored"):
         return found
     # what an order that is unclear would say is no news then
@@ -126,11 +136,17 @@ def _order(
     with_tip = measurements.points.shape[1] > 0
     tool = np.asarray(measurements.tool) if with_tip else np.zeros(3)
 
-    def fit(order: NDArray[np.int64], mirror: bool = False) -> _Fit:
-        return _fit(robot, bends(order), measured, tool, mirror, with_tip)
-
     count = measurements.tendon_count
     same = np.arange(count)
+    # gravity or a wrong unit may hold the robot far straighter than tendons alone would
+    gain, _ = _best_gain(robot, bends(same), measured, tool, with_tip)
+    within = _capped(bends(same))
+    usual = within * min(_GAINS) <= gain <= within * max(_GAINS)
+    gains = [] if usual else [gain * factor for factor in _NEAR]
+
+    def fit(order: NDArray[np.int64], mirror: bool = False) -> _Fit:
+        return _fit(robot, bends(order), measured, tool, mirror, with_tip, gains)
+
     said = fit(same)
     turn = float(np.arctan2(said.rotation[1, 0], said.rotation[0, 0]))
     swaps = {pair: fit(_swapped(count, pair)) for pair in _pairs(count)}
@@ -201,8 +217,17 @@ def _agreed(
     return TendonCheck("turned", f"{text}.", named[0] if len(named) == 1 else (), said.left, turn)
 
 
-def _doubted_tensions(robot: Robot, m: Measurements, bends: _Bends, measured: Floats) -> str:
-    """A sentence where the linear law and the motion differ by as much as a wrong unit makes."""
+def _doubted_commands(robot: Robot, m: Measurements, bends: _Bends, measured: Floats) -> str:
+    """A sentence where tensions or pulls differ from what moves so as a wrong unit makes them."""
+    if not np.isnan(m.pulls).any():
+        bend = float(np.linalg.norm(bends(np.arange(m.tendon_count)), axis=2).max())
+        if bend <= _TURN or _stretches(robot):
+            return ""
+        return (
+            f"{in_mm(float(np.abs(m.pulls).max()))}, the largest pull, would wind {robot.name} "
+            f"{significant(bend / _TURN, 2)} times around: check the unit of the pulls, and the "
+            "pitch radius of the robot file."
+        )
     if np.isnan(m.tensions).any():
         return ""
     bend = float(np.linalg.norm(bends(np.arange(m.tendon_count)), axis=2).max())
@@ -218,6 +243,106 @@ def _doubted_tensions(robot: Robot, m: Measurements, bends: _Bends, measured: Fl
             f"{significant(np.degrees(bend), 2)} degrees only, and the tip moves far more: {advice}"
         )
     return ""
+
+
+def _doubted_size(robot: Robot, m: Measurements, bends: _Bends, measured: Floats) -> str:
+    """A sentence where the motion is several times larger or smaller than that of the robot file.
+
+    The same arcs are fitted to the measured motion and to that which the commands should make, by
+    geometry from pulls and by statics from tensions; their gains are compared.
+    """
+    with_tip = m.points.shape[1] > 0
+    tool = np.asarray(m.tool) if with_tip else np.zeros(3)
+    reach = robot.length + float(np.linalg.norm(tool))
+    middle = np.median(measured, axis=0)
+    if with_tip and np.linalg.norm(measured - middle, axis=1).max() > 2 * reach:
+        return (
+            f"The tips lie farther apart than {robot.name} reaches, which is {in_mm(robot.length)} "
+            "long: check the unit of the tip's columns."
+        )
+    expected, rows = _expected(robot, m, bends, tool, with_tip)
+    if len(rows) < _FEWEST_ROWS:
+        return ""
+    order = np.arange(m.tendon_count)
+    measured, bent = measured[rows], bends(order)[rows]
+    still = _STILL * (robot.length if with_tip else 1.0)
+    if not bent.any() or max(_spread(measured), _spread(expected)) < still:
+        return ""
+    moved = _spread(measured) / max(_spread(expected), 1e-12 * still)
+    if moved > 1 / _LESS_BY_FAR:  # else too little moves to fit an arc to it
+        gains = [_best_gain(robot, bent, p, tool, with_tip) for p in (measured, expected)]
+        if max(left for _, left in gains) > _POOR:
+            return ""
+        moved = gains[0][0] / gains[1][0]
+    if 1 / _FACTOR < moved < _FACTOR:
+        return ""
+    by_pull = not np.isnan(m.pulls).any()
+    what, largest = ("pulls", m.pulls) if by_pull else ("tensions or masses", m.tensions)
+    amount = float(np.abs(largest).max())
+    shown = in_mm(amount) if by_pull else f"{significant(amount)} N"
+    rest = "the pitch radius" if by_pull else "E and gravity"
+    if moved < 1e-6:
+        how = "does not move, though"
+    else:
+        more = "more" if moved > 1 else "less"
+        how = f"moves {significant(max(moved, 1 / moved), 2)} times {more} than"
+    return (
+        f"The tip {how} {robot.name} would by these {what} (up to {shown}): check the unit of the "
+        f"tip's columns and of the {what}, and {rest} of the robot file."
+    )
+
+
+def _expected(
+    robot: Robot, m: Measurements, bends: _Bends, tool: Floats, with_tip: bool
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Where the tip should be, and of which rows that is known."""
+    from bowstring import rod
+
+    arcs = bends(np.arange(m.tendon_count))
+    rows = np.flatnonzero(np.linalg.norm(arcs, axis=2).max(axis=1) <= _TURN / 2)
+    if len(rows) < _FEWEST_ROWS or not arcs[rows].any():  # a wound robot tells less
+        rows = np.arange(len(arcs))
+    some = np.linspace(0, len(rows) - 1, min(len(rows), _MOST_SOLVED)).round().astype(int)
+    rows = rows[np.unique(some)]
+    by_pull = not np.isnan(m.pulls).any()
+    if by_pull and not _stretches(robot):
+        position, axis = _tips(robot, arcs[rows], tool)
+        return (position if with_tip else axis), rows
+    driven = {"pulls" if by_pull else "tensions": bends.driven[rows]}
+    try:
+        found = rod.solve_batch(robot, **driven, disks=False)
+    except BowstringError:
+        return np.empty((0, 3)), rows[:0]
+    good = np.asarray(found.converged)
+    position, rotation = found.tip_position[good], found.tip_rotation[good]
+    return (position + rotation @ tool if with_tip else rotation[..., 2]), rows[good]
+
+
+def _stretches(robot: Robot) -> bool:
+    """Whether a pull may go into the tendon or its transmission instead of into a bend."""
+    tendons = robot.tendons
+    elastic = np.isfinite(tendons.axial_stiffness_N).any()
+    return bool(elastic or tendons.compliance_m_per_N.any())
+
+
+def _best_gain(
+    robot: Robot, bends: Floats, measured: Floats, tool: Floats, with_tip: bool
+) -> tuple[float, float]:
+    """Factor on all bends with which arcs explain the motion best, and the share left over."""
+    largest = float(np.linalg.norm(bends, axis=2).max())
+    if largest == 0 or _spread(measured) == 0:
+        return 1.0, 1.0
+    bent = np.logspace(-5, np.log10(_MOST_BENT), 40)
+
+    def left(angle: float) -> float:
+        position, axis = _tips(robot, bends * (angle / largest), tool)
+        return _rigid(position if with_tip else axis, measured).left
+
+    for _ in range(2):
+        at = int(np.argmin(found := [left(angle) for angle in bent]))
+        best = (float(bent[at]), found[at])
+        bent = np.geomspace(bent[max(0, at - 1)], bent[min(len(bent) - 1, at + 1)], 12)
+    return best[0] / largest, best[1]
 
 
 def _or(pairs: list[tuple[int, int]]) -> str:
@@ -273,7 +398,7 @@ def _data(robot: Robot, m: Measurements) -> tuple[str, _Bends, Floats]:
         return f"it takes {_FEWEST_ROWS} rows or more", nothing, none
     measured = measured[rows]
     if _spread(measured) < _STILL * size:
-        return "the tip hardly moves", nothing, none
+        return "the tip hardly moves", _Bends(driven[rows], by_tendon), measured
     return "", _Bends(driven[rows], by_tendon), measured
 
 
@@ -318,22 +443,32 @@ def _by_tension(robot: Robot) -> Floats:
 
 
 def _fit(
-    robot: Robot, bends: Floats, measured: Floats, tool: Floats, mirror: bool, with_tip: bool
+    robot: Robot,
+    bends: Floats,
+    measured: Floats,
+    tool: Floats,
+    mirror: bool,
+    with_tip: bool,
+    gains: Sequence[float],
 ) -> _Fit:
     """The best of the gains, each with the rigid motion that fits it best."""
     largest = float(np.linalg.norm(bends, axis=2).max())
     if largest == 0:
         return _Fit(1.0, np.eye(3))
-    # stiffness may be far from that of the file, so tensions wind up or do nothing: a bend at most
-    bends = bends * min(1.0, 2.5 / largest)
+    cap = _capped(bends)
     fits = []
-    for gain in _GAINS:
+    for gain in (*(cap * gain for gain in _GAINS), *gains):
         position, axis = _tips(robot, gain * bends, tool)
         predicted = position if with_tip else axis
         if mirror:
             predicted = predicted * [1.0, -1.0, 1.0]
         fits.append(_rigid(predicted, measured))
     return min(fits, key=lambda fit: fit.left)
+
+
+def _capped(bends: Floats) -> float:
+    """Factor that leaves a bend at most: stiffness may be far from that of the file."""
+    return min(1.0, 2.5 / max(float(np.linalg.norm(bends, axis=2).max()), 1e-300))
 
 
 def _tips(robot: Robot, bends: Floats, tool: Floats) -> tuple[Floats, Floats]:
