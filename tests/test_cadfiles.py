@@ -218,7 +218,7 @@ def test_folders_that_may_not_be_searched(tmp_path, monkeypatch, asked):
 
 def test_what_fails_leaves_the_former_file(tmp_path, solid, monkeypatch):
     file = tmp_path / "robot.step"
-    file.write_text("former")
+    file.write_text("bowstring_version: former")
     monkeypatch.setattr(bd, "export_step", lambda *_: False)
     with pytest.raises(InputError, match=r"cannot write the solid .* the CAD kernel could not"):
         write_solid(solid, file)
@@ -229,4 +229,4 @@ def test_what_fails_leaves_the_former_file(tmp_path, solid, monkeypatch):
 
     with pytest.raises(InputError, match="No space left on device"):
         write_whole_file(file, "solid", full)
-    assert file.read_text() == "former" and list(tmp_path.iterdir()) == [file]
+    assert file.read_text() == "bowstring_version: former" and list(tmp_path.iterdir()) == [file]

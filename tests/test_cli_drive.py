@@ -126,7 +126,7 @@ def test_no_equilibrium(shell: Shell, tmp_path: Path) -> None:
         (["--pull", "0,0,0", "--history", "none.json"], "--history: none.json cannot be read"),
         (["--pull", "0,0,0", "--history", "mine"], "--history: mine cannot be read"),
         (["--pull", "0,0,0", "--history", "mine/notes.txt"], "is no JSON"),
-        (["--pull", "0,0,0", "--save-history", "no/a.json"], "--save-history: cannot write no/a"),
+        (["--pull", "0,0,0", "--save-history", "no/a.json"], "cannot write the history to no/a"),
         (["--pull", "0,0,0", "--save-history", "mine"], "it is a folder"),
     ],
 )

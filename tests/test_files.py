@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from bowstring import bench, report, runfile, vtk
+from bowstring import bench, files, report, runfile, vtk
 from bowstring.errors import InputError
-from bowstring.files import check_file, check_place, write_whole, write_whole_file
+from bowstring.files import (
+    check_file,
+    check_place,
+    folder_beside,
+    sweep,
+    write_whole,
+    write_whole_file,
+)
 from bowstring.robot import load_robot
 from made_frames import made_file
 
@@ -21,7 +33,7 @@ sealed = pytest.mark.skipif(not SEALED.is_dir(), reason="needs /proc, a folder t
 @sealed
 def test_a_folder_that_takes_no_file_is_refused() -> None:
     with pytest.raises(InputError, match="the folder /proc may not be written"):
-        check_file(SEALED / "x.step", "solid", (".step",))
+        check_file(SEALED / "x.step", "solid", (".step",), b"mark")
     with pytest.raises(InputError, match="the folder /proc may not be written"):
         runfile.check_file(SEALED / "run.nc")
     for check in (vtk.check_folder, report.check_folder):
@@ -32,7 +44,7 @@ def test_a_folder_that_takes_no_file_is_refused() -> None:
 def test_a_place_that_is_free_is_left_as_it_is(tmp_path: Path) -> None:
     check_place(tmp_path / "a" / "b", "no")
     check_place(tmp_path, "no")
-    check_file(tmp_path / "x.step", "solid", (".step",))
+    check_file(tmp_path / "x.step", "solid", (".step",), b"mark")
     assert os.listdir(tmp_path) == []
 
 
@@ -54,7 +66,7 @@ def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="links lead to it in a circle"):
             check(tmp_path / "a.gif")
     with pytest.raises(InputError, match="links lead to it in a circle"):
-        check_file(tmp_path / "a.gif", "animation", (".gif",))
+        check_file(tmp_path / "a.gif", "animation", (".gif",), b"mark")
     with pytest.raises(InputError, match="links lead to it in a circle"):
         bench.check_table(tmp_path / "a.csv")
     with pytest.raises(InputError, match="its name is not valid"):
@@ -81,7 +93,7 @@ def test_what_only_another_user_may_replace(
     (tmp_path / "series").mkdir()
     checks = (
         lambda: runfile.check_file(tmp_path / "run.nc"),
-        lambda: check_file(tmp_path / "a.gif", "animation", (".gif",)),
+        lambda: check_file(tmp_path / "a.gif", "animation", (".gif",), b"mark"),
         lambda: vtk.check_folder(tmp_path / "series"),
     )
     monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
@@ -124,3 +136,129 @@ def test_rights_are_those_of_any_new_file(tmp_path: Path, mask: int) -> None:
     for name in ("file", "folder/a", "run.nc"):
         assert (tmp_path / name).stat().st_mode & 0o777 == 0o666 & ~mask
     assert (tmp_path / "folder").stat().st_mode & 0o777 == 0o777 & ~mask
+
+
+# -- places that cannot be replaced as a whole -----------------------------------------------------
+
+
+@pytest.mark.parametrize("check", [report.check_folder, vtk.check_folder])
+def test_the_root_and_the_working_folder_are_refused(
+    check: Callable[[Path], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InputError, match="it is the root of the file system"):
+        check(Path("/"))
+    (tmp_path / "a").mkdir()
+    monkeypatch.chdir(tmp_path / "a")
+    for here in (Path(), Path("..")):
+        with pytest.raises(InputError, match="the working folder is or lies in it"):
+            check(here)
+    check(Path("new"))
+
+
+@pytest.mark.skipif(not os.path.ismount("/dev/shm"), reason="needs a drive of its own")
+def test_a_mounted_drive_is_refused() -> None:
+    with pytest.raises(InputError, match="a drive is mounted there"):
+        report.check_folder("/dev/shm")
+
+
+def test_a_large_tree_of_others_is_not_walked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One file is enough to refuse it."""
+    for i in range(20):
+        (tmp_path / "mine" / str(i)).mkdir(parents=True)
+        (tmp_path / "mine" / str(i) / "notes").touch()
+    looked, walk = [], os.walk
+
+    def counted(*arguments: Any, **options: Any) -> Iterator[Any]:
+        for each in walk(*arguments, **options):
+            looked.append(each)
+            yield each
+
+    monkeypatch.setattr(os, "walk", counted)
+    with pytest.raises(InputError, match="no study of Bowstring"):
+        report.check_folder(tmp_path / "mine")
+    assert len(looked) <= 2
+
+
+# -- what a killed process leaves ------------------------------------------------------------------
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from bowstring import files
+
+def fill(new):
+    (new / "half").write_text("half")
+    if sys.argv[2] == "fill":
+        os.kill(os.getpid(), signal.SIGKILL)
+
+rename, moves = os.rename, []
+def killed(*names):
+    rename(*names)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+if sys.argv[2] == "move":
+    files._exchange = lambda *_: False
+    os.rename = killed
+files.write_whole(Path(sys.argv[1]), "study", fill)
+"""
+
+
+def killed(place: Path, when: str) -> None:
+    code = subprocess.run([sys.executable, "-c", KILLED, str(place), when], check=False).returncode
+    assert code == -signal.SIGKILL
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
+def test_leftovers_of_a_killed_process_are_swept(tmp_path: Path) -> None:
+    place = tmp_path / "study"
+    killed(place, "fill")
+    assert [p.name[:7] for p in tmp_path.iterdir()] == [".study-"]
+    (tmp_path / ".mine-0123456789ab").mkdir()
+    write_whole(place, "study", lambda new: (new / "whole").touch())
+    assert sorted(os.listdir(tmp_path)) == [".mine-0123456789ab", "study"]
+    assert os.listdir(place) == ["whole"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no SIGKILL")
+def test_killed_between_two_renames_the_former_folder_comes_back(tmp_path: Path) -> None:
+    place = tmp_path / "study"
+    place.mkdir()
+    (place / "former").touch()
+    killed(place, "move")
+    assert not place.exists()
+    check_place(place, "no")  # as the next run does before its work
+    assert os.listdir(place) == ["former"] and os.listdir(tmp_path) == ["study"]
+
+
+def test_what_a_live_process_writes_is_not_swept(tmp_path: Path) -> None:
+    with folder_beside(tmp_path / "study") as work:
+        (work / "half").touch()
+        sweep(tmp_path)
+        write_whole_file(tmp_path / "other", "file", _fill)
+        assert os.listdir(work) == ["half"]
+    assert os.listdir(tmp_path) == ["other"]
+
+
+@pytest.mark.parametrize("atomic", [True, False])
+def test_a_former_folder_is_exchanged(
+    atomic: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not atomic:
+        monkeypatch.setattr(files, "_exchange", lambda *_: False)
+    for name in ("former", "later"):
+        write_whole(tmp_path / "study", "study", lambda new, name=name: (new / name).touch())
+    assert os.listdir(tmp_path) == ["study"] and os.listdir(tmp_path / "study") == ["later"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="of Linux")
+def test_the_exchange_is_one_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "study").mkdir()
+
+    def never(*_: object) -> None:
+        raise AssertionError("two steps")
+
+    monkeypatch.setattr(os, "rename", never)
+    write_whole(tmp_path / "study", "study", lambda new: (new / "later").touch())
+    assert os.listdir(tmp_path / "study") == ["later"]

@@ -286,7 +286,7 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
     said = "are done" if motion else "are kept"
     assert "it was interrupted" in stopped.value.run.message
     assert stopped.value.run.message.endswith(said)
-    assert not list(own_cache.glob("bowstring-fe-*"))
+    assert not list(own_cache.glob(".bowstring-fe-*"))
     rest = run()
     assert rest.iterations < whole.iterations
     assert rest.cached == 0 if motion else rest.cached >= 2
@@ -389,7 +389,7 @@ def test_an_early_end_is_told(
     with pytest.raises(NoSolutionError, match="1 of 3 are kept") as error:
         run.raise_for_status()
     assert error.value.status == status
-    assert not list(own_cache.glob("bowstring-fe-*"))
+    assert not list(own_cache.glob(".bowstring-fe-*"))
 
 
 def test_a_run_that_reached_nothing_has_fields_of_no_load(
@@ -593,13 +593,13 @@ def test_calculix_ends_with_the_process_that_started_it(
         wait_for((own_cache / "pid").exists)
         program = int((own_cache / "pid").read_text())
         assert runs(program)
-        assert list(own_cache.glob("bowstring-fe-*"))
+        assert list(own_cache.glob(".bowstring-fe-*"))
         child.send_signal(number)
         _, said = child.communicate(timeout=30)
     finally:
         child.kill()
     wait_for(lambda: not runs(program))
-    wait_for(lambda: not list(own_cache.glob("bowstring-fe-*")))
+    wait_for(lambda: not list(own_cache.glob(".bowstring-fe-*")))
     if number == signal.SIGTERM:
         assert child.returncode == 130
         assert "the same command goes on from there" in said
@@ -655,7 +655,7 @@ def test_files_of_calculix_stay_where_they_are_wanted(own_cache: Path) -> None:
     assert run.converged
     names = {path.name for path in (own_cache / "files").iterdir()}
     assert {"robot.inp", "robot.dat", "robot.sta", "robot.log"} <= names
-    assert not list(own_cache.glob("bowstring-fe-*"))
+    assert not list(own_cache.glob(".bowstring-fe-*"))
 
 
 def test_files_of_another_run_are_not_taken_for_its_own(

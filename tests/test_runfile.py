@@ -300,7 +300,7 @@ def test_a_drive_that_is_full_at_once(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     run = made_file(tmp_path / "run.nc", ROBOT, SETTINGS)
-    monkeypatch.setattr("bowstring.runfile.new_beside", full)
+    monkeypatch.setattr("bowstring.runfile.folder_beside", full)
     with pytest.raises(InputError, match=r"cannot write the run .* is full; nothing was written"):
         run.append(chunk(0))
     assert os.listdir(tmp_path) == []

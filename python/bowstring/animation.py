@@ -30,6 +30,7 @@ _DPI: Final = 110
 _MOST: Final = 5000
 _HUES: Final = ("red", "green", "purple", "amber")
 _MM: Final = 1e3
+_MARK: Final = b"Bowstring animation"  # in the comment of a file, tells it from those of others
 
 
 def check_picture(path: str | Path) -> Path:
@@ -50,7 +51,7 @@ def check_picture(path: str | Path) -> Path:
     InputError
         If its ending or folder is wrong, or ffmpeg is missing that makes an MP4.
     """
-    file = check_file(Path(path), "animation", (".gif", ".mp4"))
+    file = check_file(Path(path), "animation", (".gif", ".mp4"), _MARK)
     if file.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
         raise InputError(
             f"cannot write the animation to {file}: ffmpeg makes MP4 and is not installed; install "
@@ -120,7 +121,12 @@ def animate(
     if file.suffix.lower() == ".gif":
         writer = PillowWriter(fps=_FPS)
     else:
-        writer = FFMpegWriter(fps=_FPS, codec="libx264", extra_args=["-pix_fmt", "yuv420p"])
+        writer = FFMpegWriter(
+            fps=_FPS,
+            codec="libx264",
+            metadata={"comment": _MARK.decode()},
+            extra_args=["-pix_fmt", "yuv420p"],
+        )
 
     def fill(new: Path) -> None:
         try:
@@ -137,9 +143,22 @@ def animate(
                 f"{error.returncode}); name a .gif"
             ) from None
 
-    write_whole_file(file, "animation", fill)
+        if new.suffix.lower() == ".gif":
+            _comment(new)
+
+    write_whole_file(file, "animation", fill, lambda: check_picture(file))
     tell("animation", 1.0)
     return file
+
+
+def _comment(gif: Path) -> None:
+    """Add the comment to a GIF, before its pictures."""
+    raw = gif.read_bytes()
+    flags = raw[10]
+    table = 3 * 2 ** (flags % 8 + 1) if flags & 0x80 else 0  # bytes of the colours of all pictures
+    begin = 13 + table
+    comment = b"\x21\xfe" + bytes([len(_MARK)]) + _MARK + b"\0"
+    gif.write_bytes(raw[:begin] + comment + raw[begin:])
 
 
 class _Scene:

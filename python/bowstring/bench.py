@@ -631,9 +631,11 @@ def write(measurements: Measurements, path: str | Path) -> tuple[Path, Path]:
             data = {"file": file.name, "sha256": hashlib.sha256(new.read_bytes()).hexdigest()}
             text = json.dumps({**truth, "data": data}, allow_nan=False)
             (work / beside.name).write_text(text + "\n", "utf-8")
-            former, had = work / "former", beside.exists()
+            check_table(file)
+            former, had = work / "old" / beside.name, beside.exists()
             try:
-                if had:
+                if had:  # where `folder_beside` gives it back if the process is killed
+                    former.parent.mkdir()
                     os.replace(beside, former)
                 os.replace(work / beside.name, beside)
                 os.replace(new, file)

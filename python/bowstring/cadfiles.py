@@ -20,6 +20,16 @@ __all__ = ["SUFFIXES", "check_solid_file", "write_solid"]
 
 SUFFIXES: Final = (".step", ".stp", ".stl", ".glb", ".gltf")
 
+# What tells our files from those of others.
+_STL_HEADER: Final = b"Bowstring, binary STL in mm"
+_MARKS: Final = {
+    ".step": b"bowstring_version: ",
+    ".stp": b"bowstring_version: ",
+    ".stl": _STL_HEADER,
+    ".glb": b'"bowstring_version": ',
+    ".gltf": b'"bowstring_version": ',
+}
+
 # Of a mesh: how far it leaves the surface, as a share of the robot's length, and the angle
 # between two of its facets.
 _DEFLECTION: Final = 1e-4
@@ -28,7 +38,8 @@ _ANGLE: Final = 0.2  # rad
 
 def check_solid_file(path: str | Path) -> Path:
     """Say before any work whether a solid may be written to a file; see `files.check_file`."""
-    return check_file(Path(path), "solid", SUFFIXES)
+    file = Path(path)
+    return check_file(file, "solid", SUFFIXES, _MARKS.get(file.suffix.lower(), b""))
 
 
 def write_solid(solid: Solid, path: str | Path) -> Path:
@@ -58,7 +69,7 @@ def write_solid(solid: Solid, path: str | Path) -> Path:
         if not write(solid, new):
             raise OSError("the CAD kernel could not write it")
 
-    write_whole_file(file, "solid", fill)
+    write_whole_file(file, "solid", fill, lambda: check_solid_file(file))
     return file
 
 
@@ -97,6 +108,9 @@ def _meshed(solid: Solid) -> Any:
 def _stl(solid: Solid, file: Path) -> bool:
     bd = check_cad()
     made = bd.export_stl(_meshed(solid), str(file), tolerance=MESHED, angular_tolerance=_ANGLE)
+    if made:
+        with file.open("r+b") as stream:
+            stream.write(_STL_HEADER.ljust(80))
     return bool(made)
 
 
@@ -113,7 +127,9 @@ def _gltf(solid: Solid, file: Path) -> bool:
     if not made:
         return False
     content, data = _read_glb(file.read_bytes())
-    content["asset"]["extras"] = _about(solid)
+    # first, so that it stands near the begin of the file
+    asset = {**content.pop("asset"), "extras": _about(solid)}
+    content = {"asset": asset, **content}
     for material in content["materials"]:  # left out, it would be bare metal, black in most viewers
         material["pbrMetallicRoughness"].update(metallicFactor=0.1, roughnessFactor=0.6)
     if file.suffix.lower() == ".gltf":

@@ -45,7 +45,10 @@ class _Kind(NamedTuple):
 
 def check_drawing_file(path: str | Path) -> Path:
     """Say before any work whether a drawing may be written to a file; see `files.check_file`."""
-    return check_file(Path(path), "drawing", _SUFFIXES)
+    from bowstring.style import MARKS
+
+    file = Path(path)
+    return check_file(file, "drawing", _SUFFIXES, MARKS.get(file.suffix.lower(), b""))
 
 
 def write_drawing(robot: Robot, path: str | Path) -> Path:
@@ -67,12 +70,17 @@ def write_drawing(robot: Robot, path: str | Path) -> Path:
         If the suffix is another one, the file cannot be written, a size makes no disk (`sizes_of`)
         or the robot has more than 12 kinds of disks.
     """
-    from bowstring.style import figure_style
+    from bowstring import style
 
     file = check_drawing_file(path)
-    with figure_style():
+    with style.figure_style():
         figure = draw_disks(robot)
-        write_whole_file(file, "drawing", lambda new: figure.savefig(new, dpi=_DPI))
+        write_whole_file(
+            file,
+            "drawing",
+            lambda new: style.save(figure, new, _DPI),
+            lambda: check_drawing_file(file),
+        )
     return file
 
 

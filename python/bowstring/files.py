@@ -3,30 +3,44 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
+import re
 import shutil
 import stat
+import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Final
 
 from bowstring.errors import InputError
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 __all__ = [
     "check_file",
     "check_parent",
     "check_place",
+    "check_replaceable",
     "check_writable",
     "folder_beside",
-    "new_beside",
+    "has_mark",
+    "not_overwritten",
     "resolved",
+    "sweep",
     "write_whole",
     "write_whole_file",
 ]
 
 
-_LETTERS = 50  # of a name that stand in that of a hidden file or folder beside it
-_ENDING = 10  # letters of a suffix that does; a longer one is of no format
+_LETTERS: Final = 50  # of a name that stand in that of the hidden folder beside it
+_HIDDEN: Final = re.compile(r"\..*-[0-9a-f]{12}\.bowstring", re.DOTALL)
+_OLD: Final = "old"  # in a hidden folder: what was moved away from its place
+_WINDOW: Final = 65536  # bytes at either end of a file in which its mark stands
 
 
 def resolved(path: str | Path, why: str) -> Path:
@@ -72,11 +86,32 @@ def check_place(folder: Path, why: str) -> None:
     check_writable(place, why)
 
 
+def check_replaceable(folder: Path, why: str) -> None:
+    """Refuse a folder that cannot be replaced as a whole; `why` begins the sentence."""
+    if folder.parent == folder:
+        raise InputError(f"{why}: it is the root of the file system; name a folder in it")
+    try:
+        here: Path | None = Path.cwd()
+    except OSError:  # it was removed
+        here = None
+    if here is not None and (folder == here or folder in here.parents):
+        raise InputError(
+            f"{why}: the folder is replaced as a whole, and the working folder is or lies in it; "
+            f"name a folder in it, for example {folder / 'out'}"
+        )
+    if os.path.ismount(folder):
+        raise InputError(
+            f"{why}: a drive is mounted there, so the folder cannot be replaced as a whole; name a "
+            f"folder in it, for example {folder / 'out'}"
+        )
+
+
 def check_writable(path: Path, why: str) -> None:
     """Refuse a place in a folder that takes no file, and what only its owner may replace there.
 
     That is what others have in a folder such as /tmp.
     """
+    sweep(path.parent)
     if not _takes_files(path.parent):
         raise InputError(f"{why}: the folder {path.parent} may not be written")
     if not hasattr(os, "geteuid"):
@@ -109,28 +144,101 @@ def _takes_files(folder: Path) -> bool:
         return False
 
 
-def new_beside(file: Path) -> tuple[int, str]:
-    """A new, hidden file that will take another's place: its descriptor and its path.
-
-    Anybody may read it who may read new files here; a temporary file is its owner's only.
-    """
-    suffix = file.suffix if len(file.suffix) <= _ENDING else ""
-    name = str(file.with_name(f".{file.stem[:_LETTERS]}-{os.urandom(6).hex()}{suffix}"))
-    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-    return os.open(name, flags, 0o666), name
-
-
 @contextlib.contextmanager
 def folder_beside(path: Path) -> Iterator[Path]:
-    """A new, hidden folder for what will take a place, on the same drive; removed at the end."""
-    work = Path(tempfile.mkdtemp(prefix=f".{path.name[:_LETTERS]}-", dir=path.parent))
+    """A new, hidden folder for what will take a place, on the same drive; removed at the end.
+
+    It is locked while it is in use, so that `sweep` tells it from what a killed process left.
+    """
+    sweep(path.parent)
+    work, lock = _locked_folder(path)
     try:
         yield work
     finally:
         shutil.rmtree(work, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
 
 
-def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
+def _locked_folder(path: Path) -> tuple[Path, int | None]:
+    while True:
+        name = f".{path.name[:_LETTERS]}-{os.urandom(6).hex()}.bowstring"
+        work = path.with_name(name)
+        work.mkdir(0o700)
+        if fcntl is None:
+            return work, None
+        try:
+            lock = os.open(work, os.O_RDONLY)
+        except FileNotFoundError:  # another process swept it before it was locked
+            continue
+        with contextlib.suppress(OSError):  # a drive without locks: nothing is swept there either
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        with contextlib.suppress(OSError):
+            if os.path.samestat(os.stat(work), os.fstat(lock)):
+                return work, lock
+        os.close(lock)
+
+
+def sweep(folder: Path) -> None:
+    """Remove what killed processes left hidden in a folder; what they had moved away comes back.
+
+    What a live process uses is locked and stays.
+    """
+    if fcntl is None:
+        return
+    try:
+        with os.scandir(folder) as entries:
+            left = [
+                Path(entry.path)
+                for entry in entries
+                if _HIDDEN.fullmatch(entry.name) and entry.is_dir(follow_symlinks=False)
+            ]
+    except OSError:
+        return
+    for work in left:
+        try:
+            lock = os.open(work, os.O_RDONLY | os.O_NOFOLLOW)
+        except OSError:
+            continue
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _give_back(work)
+            shutil.rmtree(work, ignore_errors=True)
+        except OSError:
+            pass
+        finally:
+            os.close(lock)
+
+
+def _give_back(work: Path) -> None:
+    """Put what was moved away where it was, unless something else has come there."""
+    with contextlib.suppress(FileNotFoundError):
+        for former in (work / _OLD).iterdir():
+            place = work.with_name(former.name)
+            if not os.path.lexists(place):
+                os.rename(former, place)
+
+
+def not_overwritten(why: str, name: str = "it") -> InputError:
+    """The error for a file in the way that Bowstring did not write; `why` begins the sentence."""
+    return InputError(
+        f"{why}: {name} was not written by Bowstring, and existing files are not overwritten; name "
+        "another file, or move that one away"
+    )
+
+
+def has_mark(file: Path, mark: bytes) -> bool:
+    """Whether a file is empty or has a mark near its begin or its end."""
+    with file.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(0)
+        if size == 0 or mark in stream.read(_WINDOW):
+            return True
+        stream.seek(max(0, size - _WINDOW))
+        return mark in stream.read(_WINDOW)
+
+
+def check_file(file: Path, content: str, suffixes: Sequence[str], mark: bytes) -> Path:
     """Say before any work whether a file may be written.
 
     Parameters
@@ -140,6 +248,8 @@ def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
         Stands in the error.
     suffixes : sequence of str
         One of them must end its name, such as ``".png"``; upper case is the same.
+    mark : bytes
+        What every such file of Bowstring holds near its begin or its end.
 
     Returns
     -------
@@ -149,8 +259,8 @@ def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
     Raises
     ------
     InputError
-        If its name ends otherwise or is too long, it is a folder, or its folder does not exist or
-        may not be reached or written.
+        If its name ends otherwise or is too long, it is a folder, its folder does not exist or may
+        not be reached or written, or a file is there that Bowstring did not write.
     """
     why = f"cannot write the {content} to {file}"
     if file.suffix.lower() not in suffixes:
@@ -163,13 +273,21 @@ def check_file(file: Path, content: str, suffixes: Sequence[str]) -> Path:
         if found.exists() and not found.is_file():
             what = "a folder" if found.is_dir() else "a device or pipe"
             raise InputError(f"{why}: it is {what}; name a file")
+        check_writable(found, why)
+        if found.exists() and not has_mark(found, mark):
+            raise not_overwritten(why)
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None
-    check_writable(found, why)
     return found
 
 
-def write_whole_file(file: Path, what: str, fill: Callable[[Path], None]) -> None:
+def _nothing() -> None:
+    pass
+
+
+def write_whole_file(
+    file: Path, what: str, fill: Callable[[Path], None], check: Callable[[], object] = _nothing
+) -> None:
     """Fill a new file beside its place, then put it there in exchange for a former one.
 
     Parameters
@@ -180,26 +298,29 @@ def write_whole_file(file: Path, what: str, fill: Callable[[Path], None]) -> Non
         Stands in the error.
     fill : callable
         Is given the new file's path, which has the same suffix.
+    check : callable
+        Called just before the exchange; raises if the file may not be replaced, as the check before
+        the work did.
 
     Raises
     ------
     InputError
         If the drive does not take it; what was there before stays.
     """
-    name = ""
     try:
-        handle, name = new_beside(file)
-        os.close(handle)
-        fill(Path(name))
-        os.replace(name, file)
+        with folder_beside(file) as work:
+            new = work / f"new{file.suffix if len(file.suffix) < 10 else ''}"
+            new.touch()
+            fill(new)
+            check()
+            os.replace(new, file)
     except OSError as error:
         raise InputError(f"cannot write the {what} to {file}: {error.strerror or error}") from None
-    finally:
-        with contextlib.suppress(OSError):
-            os.unlink(name)
 
 
-def write_whole(folder: Path, what: str, fill: Callable[[Path], None]) -> None:
+def write_whole(
+    folder: Path, what: str, fill: Callable[[Path], None], check: Callable[[], object] = _nothing
+) -> None:
     """Fill a new folder beside its place, then put it there in exchange for a former one.
 
     Parameters
@@ -209,7 +330,11 @@ def write_whole(folder: Path, what: str, fill: Callable[[Path], None]) -> None:
     what : str
         Stands in the error.
     fill : callable
-        Is given the new, empty folder.
+        Is given the new, empty folder. Beside it, in a hidden folder, is room for what is only
+        passed on.
+    check : callable
+        Called just before the exchange; raises if the folder may not be replaced, as the check
+        before the work did.
 
     Raises
     ------
@@ -222,19 +347,38 @@ def write_whole(folder: Path, what: str, fill: Callable[[Path], None]) -> None:
             new = work / "new"
             new.mkdir()
             fill(new)
-            _move_in(new, folder, work / "old")
+            check()
+            _move_in(new, folder, work)
     except OSError as error:
         why = error.strerror or error
         raise InputError(f"cannot write the {what} to {folder}: {why}") from None
 
 
-def _move_in(new: Path, folder: Path, old: Path) -> None:
+def _move_in(new: Path, folder: Path, work: Path) -> None:
     if not folder.exists():
         os.rename(new, folder)
         return
-    os.rename(folder, old)
+    if _exchange(new, folder):
+        return
+    # two steps; `sweep` takes back the first where the process is killed after it
+    former = work / _OLD / folder.name
+    former.parent.mkdir()
+    os.rename(folder, former)
     try:
         os.rename(new, folder)
     except BaseException:
-        os.rename(old, folder)
+        os.rename(former, folder)
         raise
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Exchange two folders in one step; False where the system or the drive cannot."""
+    try:
+        library = ctypes.CDLL(None)
+        paths = os.fsencode(one), os.fsencode(other)
+        if sys.platform == "linux":
+            here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+            return bool(library.renameat2(here, paths[0], here, paths[1], exchange) == 0)
+        return bool(library.renamex_np(*paths, 2) == 0)  # macOS; RENAME_SWAP
+    except (AttributeError, OSError, TypeError):
+        return False

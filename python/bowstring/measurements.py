@@ -10,7 +10,6 @@ import csv
 import io
 import json
 import math
-import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,9 +19,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import datasets
+from bowstring import __version__, datasets
 from bowstring.columns import SOURCES, Column, Layout, check_stations, tidy
 from bowstring.errors import InputError
+from bowstring.files import has_mark, not_overwritten, write_whole_file
 from bowstring.mapping import Mapping, load_mapping
 from bowstring.robot import Robot
 from bowstring.tables import Row, Table, open_table
@@ -46,6 +46,7 @@ _MOST_LABELS: Final = 100
 _LARGEST: Final = 1e30  # what is larger may overflow on its way to SI
 _REACH: Final = 3.0  # lengths between a tip and the middle of all, at most 1 + root of 3
 _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
+_WRITTEN: Final = "# written by Bowstring"  # tells our tables from those of others
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
@@ -648,7 +649,8 @@ def write_measurements(
     ----------
     measurements : Measurements
     path : str or Path
-        Of the file, which is written whole or not at all.
+        Of the file, which is written whole or not at all. A file that this function wrote is
+        replaced, no other.
     comments : sequence of str
         More lines above the header.
 
@@ -659,7 +661,8 @@ def write_measurements(
     Raises
     ------
     InputError
-        If the data have no place in the format, or the drive refuses.
+        If the data have no place in the format, something else is in the file's place, or the
+        drive refuses.
     """
     path = Path(path)
     m = measurements
@@ -667,20 +670,24 @@ def write_measurements(
     if not m.tendon_count or both.any():
         why = "no tendon is driven" if not m.tendon_count else "a tendon is driven in two ways"
         raise InputError(f"{m.name} cannot be written as a table: {why}")
-    new = path.with_name(f".{path.name}.new")
-    try:
+
+    def fill(new: Path) -> None:
         with new.open("w", encoding="utf-8", newline="") as file:
             file.writelines(_tidy_lines(m, comments))
-        os.replace(new, path)
-    except OSError as error:
-        new.unlink(missing_ok=True)
-        raise InputError(f"cannot write {path}: {error.strerror}") from None
+
+    write_whole_file(path, "table", fill, lambda: _check_table(path))
     return path
+
+
+def _check_table(path: Path) -> None:
+    if path.exists() and not (path.is_file() and has_mark(path, _WRITTEN.encode())):
+        raise not_overwritten(f"cannot write the table to {path}")
 
 
 def _tidy_lines(m: Measurements, comments: Sequence[str]) -> Iterator[str]:
     yield f"# source: {m.source}\n"
     yield f"# name: {' '.join(m.name.split())}\n"
+    yield f"{_WRITTEN} {__version__}\n"
     if m.tool.any():
         yield f"# tool: {' '.join(repr(round(1e3 * v, 9)) for v in m.tool.tolist())} mm\n"
     if m.stations is not None:

@@ -36,7 +36,10 @@ _SMOOTH: Final = 0.8  # cosine between normals that are one surface
 
 def check_picture_file(path: str | Path) -> Path:
     """Say before any work whether a picture may be written to a file; see `files.check_file`."""
-    return check_file(Path(path), "picture", _SUFFIXES)
+    from bowstring.style import MARKS
+
+    file = Path(path)
+    return check_file(file, "picture", _SUFFIXES, MARKS.get(file.suffix.lower(), b""))
 
 
 def write_picture(solid: Solid, path: str | Path) -> Path:
@@ -57,12 +60,17 @@ def write_picture(solid: Solid, path: str | Path) -> Path:
     InputError
         If the suffix is another one, or the file cannot be written.
     """
-    from bowstring.style import figure_style
+    from bowstring import style
 
     file = check_picture_file(path)
-    with figure_style():
+    with style.figure_style():
         figure = draw_solid(solid)
-        write_whole_file(file, "picture", lambda new: figure.savefig(new, dpi=_DPI))
+        write_whole_file(
+            file,
+            "picture",
+            lambda new: style.save(figure, new, _DPI),
+            lambda: check_picture_file(file),
+        )
     return file
 
 

@@ -8,9 +8,10 @@ write is never touched.
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
+import os
 import re
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 from bowstring.budget import Side
 from bowstring.comparison import COMPARISONS, MEANINGS
 from bowstring.errors import InputError
-from bowstring.files import check_place, resolved, write_whole
+from bowstring.files import check_place, check_replaceable, resolved, write_whole
 from bowstring.processes import for_each
 from bowstring.robot import Robot
 from bowstring.study import Study
@@ -91,31 +92,78 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
     called = _CALLED.get(what, what)
     folder = resolved(out, f"cannot write the {called} to {out}")
     why = f"cannot write the {called} to {folder}"
+    check_replaceable(folder, why)
     check_place(folder, why)
-    if not folder.exists():
-        return folder
-    if not folder.is_dir():
-        raise InputError(f"{why}: it is a file; name a folder")
-    present = {
-        p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_symlink() or p.is_file()
-    }
-    if not present:
-        return folder
     try:
-        former = json.loads((folder / f"{what}.json").read_text(encoding="utf-8"))
-        files = set(former["files"])
-    except (OSError, ValueError, KeyError, TypeError):
-        raise InputError(
-            f"{why}: it holds files but no {called} of Bowstring, and nothing of yours is "
-            "replaced; name a new or an empty folder"
-        ) from None
-    foreign = sorted(present - files)
-    if foreign:
-        raise InputError(
-            f"cannot replace the {called} in {folder}: it also holds {foreign[0]}, which Bowstring "
-            "did not write; move that away or name another folder"
-        )
+        if not folder.exists():
+            return folder
+        if not folder.is_dir():
+            raise InputError(f"{why}: it is a file; name a folder")
+        present = _files_in(folder)
+        if next(present, None) is None:
+            return folder
+        listed = _listed(folder / f"{what}.json")
+        if listed is None:  # before all files are looked at, which may be those of a whole drive
+            raise InputError(
+                f"{why}: it holds files but no {called} of Bowstring, and nothing of yours is "
+                "replaced; name a new or an empty folder"
+            )
+        cannot = f"cannot replace the {called} in {folder}"
+        for file in sorted(_files_in(folder)):
+            if file not in listed:
+                raise InputError(
+                    f"{cannot}: it also holds {file}, which Bowstring did not write; move that "
+                    "away or name another folder"
+                )
+            digest = listed[file]
+            if digest is not None and _sha256(folder / file) != digest:
+                raise InputError(
+                    f"{cannot}: {file} was changed since Bowstring wrote it; move that away or "
+                    "name another folder"
+                )
+    except OSError as error:
+        raise InputError(f"{why}: {error.strerror}") from None
     return folder
+
+
+def _files_in(folder: Path) -> Iterator[str]:
+    """Paths of all that is no folder, relative; a folder that is not readable is an `OSError`."""
+
+    def give_up(error: OSError) -> None:
+        raise error
+
+    for place, folders, files in os.walk(folder, onerror=give_up):
+        links = [name for name in folders if os.path.islink(os.path.join(place, name))]
+        for name in (*files, *links):
+            yield Path(place, name).relative_to(folder).as_posix()
+
+
+def _listed(file: Path) -> dict[str, str | None] | None:
+    """The files that a folder's JSON file lists, with their SHA-256 where it has that."""
+    try:
+        former = json.loads(file.read_text(encoding="utf-8"))
+        hashes = former.get("sha256", {})
+        return {str(name): hashes.get(name) for name in former["files"]}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None
+
+
+def _sha256(file: Path) -> str:
+    if file.is_symlink() or not file.is_file():
+        return "not a file"
+    digest = hashlib.sha256()
+    with file.open("rb") as stream:
+        while block := stream.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def write_listing(file: Path, content: dict[str, Any]) -> None:
+    """Write the JSON file of a folder: its content, and a list of all files for `check_folder`."""
+    written = sorted(_files_in(file.parent))
+    hashes = {name: _sha256(file.parent / name) for name in written}
+    files = sorted([*written, file.name])
+    write_json(file, {**content, "files": files, "sha256": hashes})
 
 
 def write(study: Study, out: str | Path | None = None, *, progress: Progress | None = None) -> Path:
@@ -142,7 +190,7 @@ def write(study: Study, out: str | Path | None = None, *, progress: Progress | N
     """
     tell = progress or (lambda what, share: None)
     folder = check_folder(default_folder(study.robot) if out is None else out)
-    write_whole(folder, "study", lambda new: _fill(study, new, tell))
+    write_whole(folder, "study", lambda new: _fill(study, new, tell), lambda: check_folder(folder))
     tell("done", 1.0)
     return folder
 
@@ -186,10 +234,9 @@ def write_modes(
         with figure_style():
             made = list(plots.draw_modes(modes))
             for_each(made, save, tell=lambda share: tell("pictures", share))
-        files = sorted([*(p.name for p in new.iterdir()), "modes.json"])
-        write_json(new / "modes.json", {**content, "files": files})
+        write_listing(new / "modes.json", content)
 
-    write_whole(folder, "modes", fill)
+    write_whole(folder, "modes", fill, lambda: check_folder(folder, "modes"))
     tell("done", 1.0)
     return folder
 
@@ -245,10 +292,9 @@ def write_fit(
         write_json(new / BESIDE, calibration.beside_to_dict())
         with figure_style():
             save_figures(plots.draw_fit(calibration), new, lambda share: tell("figures", share))
-        files = sorted([*(p.name for p in new.iterdir()), "fit.json"])
-        write_json(new / "fit.json", {**content, "files": files})
+        write_listing(new / "fit.json", content)
 
-    write_whole(folder, "fit", fill)
+    write_whole(folder, "fit", fill, lambda: check_folder(folder, "fit"))
     tell("done", 1.0)
     return folder
 
@@ -263,7 +309,9 @@ def _fill(study: Study, folder: Path, tell: Progress) -> None:
 
     figures = folder / "figures"
     figures.mkdir()
-    with figure_style(), tempfile.TemporaryDirectory() as passed_on:
+    passed_on = folder.with_name("passed")
+    passed_on.mkdir()
+    with figure_style():
 
         def save(drawing: tuple[str, Figure]) -> None:
             stem, figure = drawing
@@ -277,9 +325,7 @@ def _fill(study: Study, folder: Path, tell: Progress) -> None:
     tell("report", 0.95)
     content = study.to_dict()
     (folder / "report.html").write_text(_html(study, content, drawn), encoding="utf-8")
-    written = [p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file()]
-    content["files"] = sorted([*written, "study.json"])
-    write_json(folder / "study.json", content)
+    write_listing(folder / "study.json", content)
 
 
 def save_figures(

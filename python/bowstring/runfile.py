@@ -37,7 +37,7 @@ from bowstring.fields import FIELDS, Field, Floats, Ints
 from bowstring.files import (
     check_parent,
     check_writable,
-    new_beside,
+    folder_beside,
     resolved,
 )
 from bowstring.robot import Robot
@@ -95,7 +95,7 @@ def check_file(path: str | Path) -> Path:
                 raise InputError(f"{why}: it is a device or pipe; name a file")
             with file.open("rb") as former:
                 head = former.read(8192)
-            if not head.startswith(_MAGIC) or _OURS not in head:
+            if head and not (head.startswith(_MAGIC) and _OURS in head):
                 raise InputError(
                     f"{why}: it is not a run of Bowstring, and nothing of yours is replaced; "
                     "name another file"
@@ -267,18 +267,15 @@ class RunFile:
 
     def _replace(self, *parts: bytes | memoryview) -> None:
         """Put a new file in place, whole, and go on in it."""
-        handle, name = new_beside(self.path)
-        try:
-            with os.fdopen(handle, "wb", buffering=0) as new:
+        with folder_beside(self.path) as work:
+            name = work / "new.nc"
+            with name.open("wb", buffering=0) as new:
                 for part in parts:
                     _write(new, part)
+            check_file(self.path)
             os.replace(name, self.path)
             self._placed = True
             self._open()  # at once: later another run may have this name
-        except BaseException:
-            with contextlib.suppress(OSError):
-                os.unlink(name)
-            raise
 
     @property
     def _size(self) -> int:

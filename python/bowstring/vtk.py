@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from bowstring.arguments import check_robot, is_whole, shown
 from bowstring.errors import InputError
 from bowstring.fields import Section, surface_stress
-from bowstring.files import check_place, resolved, write_whole
+from bowstring.files import check_place, check_replaceable, not_overwritten, resolved, write_whole
 from bowstring.robot import Robot
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ Ints = NDArray[np.int64]
 Progress = Callable[[str, float], None]
 
 _PVD: Final = "run.pvd"
+_MARK: Final = "<!-- Bowstring:"  # in the .pvd, tells it from that of another program
 _POLY_LINE, _POLYGON, _QUAD = 4, 7, 9
 
 
@@ -61,6 +62,7 @@ def check_folder(out: str | Path) -> Path:
     folder = resolved(out, f"cannot write the VTK series to {out}")
     why = f"cannot write the VTK series to {folder}"
     try:
+        check_replaceable(folder, why)
         check_place(folder, why)
         if not folder.exists():
             return folder
@@ -70,7 +72,10 @@ def check_folder(out: str | Path) -> Path:
         if not present:
             return folder
         pvd = folder / _PVD
-        listed = re.findall(r'file="([^"]*)"', pvd.read_text("utf-8")) if pvd.is_file() else []
+        text = pvd.read_text("utf-8", errors="replace") if pvd.is_file() else ""
+        if text and _MARK not in text:
+            raise not_overwritten(why, _PVD)
+        listed = re.findall(r'file="([^"]*)"', text)
         foreign = sorted(present - {_PVD, *listed})
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None
@@ -165,14 +170,14 @@ def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, tell: Pr
         )
         (new / _PVD).write_text(
             '<?xml version="1.0"?>\n'
-            f"<!-- Bowstring: {about.replace('--', '- -')}; SI units, base frame -->"
+            f"{_MARK} {about.replace('--', '- -')}; SI units, base frame -->"
             '\n<VTKFile type="Collection" version="1.0">\n<Collection>\n'
             + "\n".join(rows)
             + "\n</Collection>\n</VTKFile>\n",
             encoding="utf-8",
         )
 
-    write_whole(folder, "VTK series", fill)
+    write_whole(folder, "VTK series", fill, lambda: check_folder(folder))
     tell("VTK series", 1.0)
     return folder / _PVD
 

@@ -62,10 +62,9 @@ def write(
             report.save_figures(
                 pictures.draw(run, beside), new, lambda share: tell("figures", share)
             )
-        files = sorted(p.relative_to(new).as_posix() for p in new.rglob("*") if p.is_file())
-        report.write_json(new / "fe.json", {**content, "files": sorted([*files, "fe.json"])})
+        report.write_listing(new / "fe.json", content)
 
-    write_whole(folder, "finite elements", fill)
+    write_whole(folder, "finite elements", fill, lambda: check_folder(folder))
     return folder
 
 

@@ -26,7 +26,7 @@ from bowstring.bricks import ccx, deck, output
 from bowstring.bricks.fields import State
 from bowstring.bricks.mesh import BrickMesh
 from bowstring.errors import InputError
-from bowstring.files import check_place, write_whole_file
+from bowstring.files import check_place, folder_beside, write_whole_file
 from bowstring.robot import Robot
 
 __all__ = ["Ended", "Job", "work"]
@@ -126,11 +126,8 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
 @contextlib.contextmanager
 def _folder(keep: Path | None) -> Iterator[Path]:
     if keep is None:
-        folder = Path(tempfile.mkdtemp(prefix="bowstring-fe-"))
-        try:
+        with folder_beside(Path(tempfile.gettempdir(), "bowstring-fe")) as folder:
             yield folder
-        finally:
-            shutil.rmtree(folder, ignore_errors=True)
         return
     keep.mkdir(parents=True, exist_ok=True)
     yield keep

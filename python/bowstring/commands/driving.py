@@ -20,7 +20,7 @@ from bowstring.commands.options import (
 )
 from bowstring.commands.output import counted
 from bowstring.errors import InputError
-from bowstring.files import check_parent, write_whole_file
+from bowstring.files import check_file, not_overwritten, write_whole_file
 from bowstring.robot import Robot
 
 LONGEST_RUN: Final = 10_000.0  # s
@@ -101,6 +101,8 @@ def some_tendons(flag: str, text: str, si: str, robot: Robot) -> Driven:
 
 
 _MOST_HISTORY: Final = 200_000_000  # bytes
+# of a file of --save-history, among others
+_NAMES: Final = {"schema_version", "robot_hash", "commands", "tensions_N", "arcs_rad"}
 
 
 def read_history(file: Path) -> dict[str, Any]:
@@ -119,10 +121,17 @@ def read_history(file: Path) -> dict[str, Any]:
     return content
 
 
-def check_history_file(file: Path) -> None:
-    check_parent(file, f"cannot write {file}")
-    if file.is_dir():
-        raise InputError(f"cannot write {file}: it is a folder")
+def check_history_file(file: Path) -> Path:
+    """Say before any work whether a history may be written to a file: it must be new, or one."""
+    found = check_file(file, "history", (file.suffix.lower(),), b'{"schema_version": ')
+    if found.exists() and found.stat().st_size:
+        try:
+            content = json.loads(found.read_bytes()[:_MOST_HISTORY])
+        except (OSError, ValueError, RecursionError):
+            content = None
+        if not isinstance(content, dict) or not _NAMES.issubset(content):
+            raise not_overwritten(f"cannot write the history to {found}")
+    return found
 
 
 def write_history(file: Path, history: dict[str, Any] | None) -> None:
@@ -132,7 +141,7 @@ def write_history(file: Path, history: dict[str, Any] | None) -> None:
         new.write_text(json.dumps(history, allow_nan=False) + "\n", "utf-8")
 
     try:
-        write_whole_file(file, "history", fill)
+        write_whole_file(file, "history", fill, lambda: check_history_file(file))
     except InputError as error:
         raise InputError(f"--save-history: {error}") from None
 

@@ -214,7 +214,7 @@ def solve(
     moment = vector("--tip-moment", tip_moment, "N*m")
     before = None if history is None else read_history(history)
     if save_history is not None:
-        of_flag("--save-history", check_history_file, save_history)
+        save_history = of_flag("--save-history", check_history_file, save_history)
     solution = rod.solve(
         model,
         tensions,

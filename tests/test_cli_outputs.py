@@ -1,0 +1,169 @@
+"""Every output of every command: an existing file that Bowstring did not write is kept."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+from bowstring.robot import load_robot
+from bowstring.robotfile import to_yaml
+from shell import Shell
+
+MOTION = ("simulate", "amouri2019", "--tension", "1,0,0", "--rise", "0.02", "--hold", "0")
+SOLVE = ("solve", "amouri2019", "--tension", "1,0,0")
+BENCH = ("bench", "simulate", "amouri2019", "--masses", "0:1:2", "--repeats", "1")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def foreign(path: Path) -> bytes:
+    """A file of the kind that its name says, by another program than Bowstring."""
+    if path.suffix in (".png", ".svg", ".pdf"):
+        figure = Figure()
+        figure.text(0.1, 0.5, "Bowstring, drawn by hand")
+        figure.savefig(path)
+    elif path.suffix == ".gif":
+        from PIL import Image
+
+        Image.new("P", (4, 4)).save(path, comment=b"holiday")
+    elif path.suffix == ".nc":
+        path.write_bytes(b"CDF\x02 years of weather")
+    elif path.suffix == ".step":
+        path.write_text("ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('Open CASCADE Model'),'2;1');\n")
+    elif path.suffix == ".stl":
+        path.write_bytes(b"STL Exported by Open CASCADE Technology".ljust(80) + bytes(4))
+    elif path.suffix in (".glb", ".gltf"):
+        path.write_bytes(b'glTF {"asset": {"generator": "Open CASCADE Technology"}}')
+    elif path.suffix == ".yaml":
+        path.write_text(to_yaml(load_robot("amouri2019"), "for Bowstring"), "utf-8")
+    elif path.suffix == ".json":
+        path.write_text('{"schema_version": 1, "robot_hash": "", "notes": "mine"}')
+    else:
+        path.write_text("tip_x_mm,tension_1_N\n1,2\n")
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        (("solve", "mine.yaml", "--tension", "1,0,0", "--save-history"), "mine.yaml"),
+        ((*SOLVE, "--save-history"), "notes.json"),
+        (("cad", "amouri2019", "--drawing"), "mine.svg"),
+        (("cad", "amouri2019", "--drawing"), "mine.pdf"),
+        (("cad", "amouri2019", "--drawing"), "mine.png"),
+        (("cad", "amouri2019", "--picture"), "mine.png"),
+        (("cad", "amouri2019", "--out"), "mine.step"),
+        (("cad", "amouri2019", "--out"), "mine.stl"),
+        (("cad", "amouri2019", "--out"), "mine.glb"),
+        (("cad", "amouri2019", "--out"), "mine.gltf"),
+        ((*MOTION, "--out"), "mine.nc"),
+        ((*MOTION, "--animation"), "mine.gif"),
+        ((*BENCH, "--out"), "mine.csv"),
+    ],
+)
+def test_a_file_of_others_is_kept(
+    shell: Shell, here: Path, arguments: tuple[str, ...], name: str
+) -> None:
+    before = foreign(here / name)
+    assert "overwritten" in (said := shell.error(*arguments, name)) or "of yours" in said
+    assert (here / name).read_bytes() == before
+    assert [p.name for p in here.iterdir()] == [name]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [
+        ((*SOLVE, "--save-history"), "path"),
+        (("cad", "amouri2019", "--drawing"), "disk.svg"),
+        (("cad", "amouri2019", "--drawing"), "disk.pdf"),
+        (("cad", "amouri2019", "--drawing"), "disk.png"),
+        ((*MOTION, "--out"), "run.nc"),
+        ((*MOTION, "--animation"), "run.gif"),
+        ((*MOTION, "--vtk"), "series"),
+        ((*BENCH, "--out"), "table.csv"),
+    ],
+)
+def test_what_bowstring_wrote_is_replaced(
+    shell: Shell, here: Path, arguments: tuple[str, ...], name: str
+) -> None:
+    for _ in range(2):
+        code, _, err = shell(*arguments, name)
+        assert (code, err) == (0, "")
+    left = {p.name for p in here.iterdir()} - {"table.truth.json", "table.csv.truth.json"}
+    assert left == {name}
+
+
+def test_solids_that_bowstring_wrote_are_replaced(shell: Shell, here: Path) -> None:
+    pytest.importorskip("build123d", exc_type=ImportError)
+    for name in ("a.step", "a.stl", "a.glb", "a.gltf"):
+        for _ in range(2):
+            code, _, err = shell("cad", "amouri2019", "--out", name)
+            assert (code, err) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "result"),
+    [
+        (("modes", "amouri2019"), "modes.json"),
+        (("study", "amouri2019"), "study.json"),
+        (("fit", "amouri2019", "--measurements", "table.csv", "--parameter", "gain"), "fit.json"),
+    ],
+)
+def test_a_folder_of_others_is_kept(
+    shell: Shell, here: Path, arguments: tuple[str, ...], result: str
+) -> None:
+    if arguments[0] == "fit":
+        assert shell(*BENCH, "--out", "table.csv")[0] == 0
+    mine = here / "mine"
+    mine.mkdir()
+    (mine / result).write_text(json.dumps({"files": [result]}))
+    (mine / "notes.txt").write_text("mine")
+    said = shell.error(*arguments, "--out", "mine")
+    assert "notes.txt, which Bowstring did not write" in said
+    (mine / "notes.txt").unlink()
+    (mine / result).write_text("[]")
+    assert "nothing of yours is replaced" in shell.error(*arguments, "--out", "mine")
+    assert (mine / result).read_text() == "[]"
+
+
+def test_a_file_that_was_changed_is_kept(shell: Shell, here: Path) -> None:
+    assert shell("modes", "amouri2019", "--count", "1", "--out", "shapes")[0] == 0
+    assert shell("modes", "amouri2019", "--count", "1", "--out", "shapes")[0] == 0
+    picture = next((here / "shapes").glob("*.svg"))
+    picture.write_text(picture.read_text("utf-8") + "<!-- annotated -->", "utf-8")
+    said = shell.error("modes", "amouri2019", "--out", "shapes")
+    assert f"{picture.name} was changed since Bowstring wrote it" in said
+    assert picture.read_text("utf-8").endswith("<!-- annotated -->")
+
+
+def test_a_series_of_another_program_is_kept(shell: Shell, here: Path) -> None:
+    series = here / "series"
+    series.mkdir()
+    (series / "run.pvd").write_text('<VTKFile><DataSet file="flow.vtu"/></VTKFile>')
+    (series / "flow.vtu").write_text("mine")
+    assert "run.pvd was not written by Bowstring" in shell.error(*MOTION, "--vtk", "series")
+    assert sorted(p.name for p in series.iterdir()) == ["flow.vtu", "run.pvd"]
+
+
+def test_a_file_that_comes_while_the_work_goes_on_is_kept(
+    here: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from bowstring import drawing
+
+    draw = drawing.draw_disks
+
+    def meanwhile(*arguments: object) -> Figure:
+        (here / "disk.svg").write_text("mine")
+        return draw(*arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(drawing, "draw_disks", meanwhile)
+    said = shell.error("cad", "amouri2019", "--drawing", "disk.svg")
+    assert "not written by Bowstring" in said
+    assert (here / "disk.svg").read_text() == "mine"
