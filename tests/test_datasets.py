@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import gzip
 import hashlib
 import http.server
 import os
@@ -11,6 +13,7 @@ import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -236,3 +239,120 @@ def test_list(shell: Shell) -> None:
     assert rows[2]["transcribed_from"] and rows[2]["files"][0]["url"] is None
     code, out, err = shell("data", "list")
     assert code == 0 and not err and "ucl-planar-shape" in out
+
+
+# -- servers and files without an end ------------------------------------------------------------
+
+
+@pytest.fixture
+def hostile(
+    online: tuple[datasets.DataSet, Path], monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[[Callable[[http.server.BaseHTTPRequestHandler], None]], None]]:
+    """Serve what a function writes in place of the file."""
+    answer: list[Callable[[http.server.BaseHTTPRequestHandler], None]] = []
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            with contextlib.suppress(OSError):  # it hangs up
+                answer[0](self)
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as host:
+        host.daemon_threads = True
+        thread = threading.Thread(target=host.serve_forever, args=(0.01,))
+        thread.start()
+        monkeypatch.setattr(datasets, "_RAW", f"http://127.0.0.1:{host.server_port}")
+        yield answer.append
+        host.shutdown()
+        thread.join()
+
+
+def head(handler: http.server.BaseHTTPRequestHandler, **fields: str) -> None:
+    handler.send_response(302 if "Location" in fields else 200)
+    for name, value in fields.items():
+        handler.send_header(name.replace("_", "-"), value)
+    handler.end_headers()
+
+
+def test_a_body_without_an_end_is_cut_off(hostile: Any, shell: Shell) -> None:
+    sent = []
+
+    def answer(handler: http.server.BaseHTTPRequestHandler) -> None:
+        head(handler)
+        while True:
+            handler.wfile.write(bytes(1 << 20))
+            sent.append(1)
+
+    hostile(answer)
+    assert "cannot be downloaded" in (said := shell.error("data", "get", "made-up"))
+    assert "it is longer than 20 MB" in said
+    assert len(sent) < 60
+
+
+def test_a_compressed_body_is_not_unpacked(hostile: Any, shell: Shell) -> None:
+    def answer(handler: http.server.BaseHTTPRequestHandler) -> None:
+        head(handler, Content_Encoding="gzip")
+        handler.wfile.write(gzip.compress(bytes(30_000_000)))
+
+    hostile(answer)
+    assert "the server sends it compressed (gzip), unasked" in shell.error("data", "get", "made-up")
+
+
+@pytest.mark.parametrize("within", ["head", "body"])
+def test_a_server_that_sends_byte_by_byte(
+    hostile: Any, shell: Shell, monkeypatch: pytest.MonkeyPatch, within: str
+) -> None:
+    monkeypatch.setattr(datasets, "_LONGEST", 0.3)
+    over = threading.Event()
+
+    def answer(handler: http.server.BaseHTTPRequestHandler) -> None:
+        if within == "body":
+            head(handler, Content_Length="1000")
+        else:
+            handler.wfile.write(b"HTTP/1.1 200 OK\r\nX: ")
+        while not over.wait(0.02):
+            handler.wfile.write(b"x")
+            handler.wfile.flush()
+
+    hostile(answer)
+    try:
+        assert "it is not there after 0.3 s" in shell.error("data", "get", "made-up")
+    finally:
+        over.set()
+
+
+def test_redirects_in_a_circle(hostile: Any, shell: Shell) -> None:
+    hostile(lambda handler: head(handler, Location="/again"))
+    assert "redirects more than 5 times" in shell.error("data", "get", "made-up")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name")
+def test_a_pipe_in_place_of_a_file(given: Path, shell: Shell) -> None:
+    (given / "bending.csv").unlink()
+    os.mkfifo(given / "bending.csv")
+    assert "cannot be read: it is not a regular file" in shell.error("data", "get", "tamm-spring")
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero")
+def test_a_device_and_a_huge_file_in_place_of_a_file(given: Path, shell: Shell) -> None:
+    (given / "bending.csv").unlink()
+    (given / "bending.csv").symlink_to("/dev/zero")
+    assert "it is not a regular file" in shell.error("data", "get", "tamm-spring")
+    (given / "bending.csv").unlink()
+    with (given / "bending.csv").open("wb") as file:
+        file.truncate(10**12)
+    assert "it has 1e+06 MB, a file of a data set has at most 20 MB" in shell.error(
+        "data", "get", "tamm-spring"
+    )
+
+
+def test_a_copy_that_was_changed_is_kept(
+    online: tuple[datasets.DataSet, Path], tmp_path: Path, shell: Shell
+) -> None:
+    kept = datasets.copy("made-up", tmp_path) / "a.csv"
+    kept.write_text("x\n1\nmine\n")
+    said = shell.error("data", "get", "made-up", "--out", str(tmp_path))
+    assert "existing files are not overwritten" in said
+    assert kept.read_text() == "x\n1\nmine\n"

@@ -6,16 +6,21 @@ Where `BOWSTRING_DATA` names a folder, the files are taken from there and nothin
 from __future__ import annotations
 
 import difflib
+import errno
 import hashlib
 import os
+import queue
 import shutil
+import stat
+import threading
+import urllib.parse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from bowstring.errors import InputError
-from bowstring.files import write_whole
+from bowstring.files import check_replaceable, folder_beside, resolved, write_whole
 from bowstring.units import quote
 
 __all__ = ["DataFile", "DataSet", "available", "copy", "describe", "path", "table"]
@@ -23,6 +28,10 @@ __all__ = ["DataFile", "DataSet", "available", "copy", "describe", "path", "tabl
 VARIABLE: Final = "BOWSTRING_DATA"
 _RAW: Final = "https://raw.githubusercontent.com"
 _LICENCE: Final = "LICENSE"
+_MOST: Final = 20_000_000  # bytes of a file; the largest has 0.7 MB
+_LONGEST: Final = 120.0  # s for the download of a file, whatever the server does
+_SILENCE: Final = 30.0  # s in which the server must send something
+_REDIRECTS: Final = 5
 
 
 @dataclass(frozen=True)
@@ -301,25 +310,38 @@ def copy(name: str, folder: str | Path) -> Path:
     """
     found = describe(name)
     target = Path(folder) / name
-    known = {file.name for file in found.files}
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target} is a file; name another folder")
-    try:
-        strange = sorted({p.name for p in target.iterdir()} - known) if target.exists() else []
-    except OSError as error:
-        raise InputError(f"{target} cannot be read: {error.strerror}") from None
-    if strange:
-        raise InputError(
-            f"{target} holds {quote(strange[0])}, which is none of {name}; name another folder"
-        )
+    check_replaceable(resolved(target, f"cannot write {target}"), f"cannot write {name}")
+    _check_copy(found, target)
     files = [_file(found, file) for file in found.files]
+    _check_copy(found, target)
 
     def fill(new: Path) -> None:
         for file in files:
             shutil.copyfile(file, new / file.name)
 
-    write_whole(target, f"data set {name}", fill)
+    write_whole(target, f"data set {name}", fill, lambda: _check_copy(found, target))
     return target
+
+
+def _check_copy(found: DataSet, target: Path) -> None:
+    """Refuse a folder that holds more than files of this set, or one that was changed."""
+    known = {file.name: file.sha256 for file in found.files}
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target} is a file; name another folder")
+    try:
+        for there in sorted(target.iterdir()) if target.exists() else ():
+            if there.name not in known or not there.is_file():
+                raise InputError(
+                    f"{target} holds {quote(there.name)}, which is none of {found.name}; name "
+                    "another folder"
+                )
+            if _digest(there) != known[there.name]:
+                raise InputError(
+                    f"{there} is not the published file, as one that was changed, and existing "
+                    "files are not overwritten; move it away or name another folder"
+                )
+    except OSError as error:
+        raise InputError(f"{target} cannot be read: {error.strerror}") from None
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -353,7 +375,7 @@ def _given(home: Path, found: DataSet, file: DataFile) -> Path:
         )
     there = folder / file.name
     try:
-        digest = hashlib.sha256(there.read_bytes()).hexdigest()
+        digest = _digest(there)
     except FileNotFoundError:
         raise InputError(
             f"{there} is missing; {VARIABLE} names this folder, put the file there, or unset it "
@@ -370,37 +392,119 @@ def _given(home: Path, found: DataSet, file: DataFile) -> Path:
     return there
 
 
+def _digest(file: Path) -> str:
+    """SHA-256 of a file; an `OSError` for a pipe or device, which may have no end."""
+    handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    with os.fdopen(handle, "rb") as stream:
+        found = os.fstat(handle)
+        if not stat.S_ISREG(found.st_mode):
+            raise OSError(errno.EINVAL, "it is not a regular file")
+        if found.st_size > _MOST:
+            raise OSError(
+                errno.EFBIG,
+                f"it has {found.st_size / 1e6:.3g} MB, a file of a data set has at most "
+                f"{_MOST / 1e6:.3g} MB",
+            )
+        return hashlib.sha256(stream.read(_MOST)).hexdigest()
+
+
 def _download(found: DataSet, file: DataFile, url: str) -> Path:
     import pooch
-    import requests
 
-    pooch.get_logger().setLevel("WARNING")
     cache = Path(pooch.os_cache("bowstring")) / found.name / found.commit[:12]
+    there = cache / file.name
     try:
-        return Path(
-            pooch.retrieve(url, known_hash=f"sha256:{file.sha256}", fname=file.name, path=cache)
-        )
-    except requests.exceptions.RequestException as error:
-        raise InputError(
-            f"{file.name} of {found.name} cannot be downloaded from {url}: {_why(error)}; "
-            f"{VARIABLE} can name a folder that has it"
-        ) from None
-    except OSError as error:
-        raise InputError(
-            f"{file.name} of {found.name} cannot be kept in {cache}: "
-            f"{error.strerror or 'permission denied'}; make the folder writable, or have the files "
-            f"in one that {VARIABLE} names"
-        ) from None
-    except ValueError:  # pooch's word for another hash, and it keeps nothing
+        if _digest(there) == file.sha256:
+            return there
+    except OSError:
+        pass  # not there, or to be mended
+    data = _fetch(found, file, url)
+    if hashlib.sha256(data).hexdigest() != file.sha256:
         raise InputError(
             f"{url} is not the file that it was (another SHA-256 than {file.sha256[:12]}...) and "
             "is not used; try again, and report it if this stays"
+        )
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+        with folder_beside(there) as work:
+            (work / "new").write_bytes(data)
+            os.replace(work / "new", there)
+    except OSError as error:
+        raise InputError(
+            f"{file.name} of {found.name} cannot be kept in {cache}: {error.strerror or error}; "
+            f"make the folder writable, or have the files in one that {VARIABLE} names"
         ) from None
+    return there
+
+
+class _Refused(Exception):
+    """An answer that is not taken; the text says why."""
+
+
+def _fetch(found: DataSet, file: DataFile, url: str) -> bytes:
+    """The bytes at an address, of limited size and within a limited time.
+
+    A thread of its own reads them: a server that sends byte by byte never ends a read.
+    """
+    answers: queue.SimpleQueue[bytes | Exception] = queue.SimpleQueue()
+    given_up = threading.Event()
+
+    def work() -> None:
+        try:
+            answers.put(_body(url, given_up))
+        except Exception as error:
+            answers.put(error)
+
+    threading.Thread(target=work, name="download", daemon=True).start()
+    try:
+        answer = answers.get(timeout=_LONGEST)
+    except queue.Empty:
+        answer = _Refused(f"it is not there after {_LONGEST:g} s")
+    finally:
+        given_up.set()
+    if isinstance(answer, bytes):
+        return answer
+    raise InputError(
+        f"{file.name} of {found.name} cannot be downloaded from {url}: {_why(answer)}; "
+        f"{VARIABLE} can name a folder that has it"
+    )
+
+
+def _body(url: str, given_up: threading.Event) -> bytes:
+    import requests
+
+    for _ in range(_REDIRECTS + 1):
+        # not followed by requests, which reads all that a redirect sends
+        with requests.get(
+            url,
+            stream=True,
+            timeout=_SILENCE,
+            allow_redirects=False,
+            headers={"Accept-Encoding": "identity"},
+        ) as answer:
+            if answer.is_redirect:
+                url = urllib.parse.urljoin(url, answer.headers["Location"])
+                continue
+            answer.raise_for_status()
+            coding = answer.headers.get("Content-Encoding", "identity")
+            if coding != "identity":  # a little of it may be gigabytes
+                raise _Refused(f"the server sends it compressed ({coding[:20]}), unasked")
+            data = bytearray()
+            for block in answer.raw.stream(65536, decode_content=False):
+                data += block
+                if len(data) > _MOST:
+                    raise _Refused(f"it is longer than {_MOST / 1e6:.3g} MB")
+                if given_up.is_set():
+                    break
+            return bytes(data)
+    raise _Refused(f"the server redirects more than {_REDIRECTS} times")
 
 
 def _why(error: Exception) -> str:
     import requests
 
+    if isinstance(error, _Refused):
+        return str(error)
     if isinstance(error, requests.exceptions.HTTPError) and error.response is not None:
         return f"the server answers {error.response.status_code}"
     if isinstance(error, requests.exceptions.Timeout):
