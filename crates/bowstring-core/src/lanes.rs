@@ -55,9 +55,10 @@ impl SideBySide {
 
     /// Solves up to `width` loads from straight; `None` for those left to the careful solver.
     pub fn solve(&mut self, loads: &[Load]) -> [Option<Outcome>; 8] {
-        // SAFETY: the lanes were chosen by what the processor has
         match &mut self.rod {
+            // SAFETY: `new` makes this variant only where the processor has AVX2 and FMA
             Wide::Avx2(rod) => unsafe { solve_avx2(rod, &self.settings, self.error, loads) },
+            // SAFETY: `new` makes this variant only where it has AVX-512 F, VL, DQ as well
             Wide::Avx512(rod) => unsafe { solve_avx512(rod, &self.settings, self.error, loads) },
         }
     }

@@ -113,20 +113,33 @@ impl Real for Fused {
     }
 }
 
-/// The intrinsics are safe to call here because these types exist only where the processor
-/// has them; reading a lane goes through the array that a vector is.
+// Why the intrinsics may be called: numbers of these types are made by code that runs behind
+// `has_avx2` or `has_avx512` alone (`Solver::new`, `batch`; the module is private to the crate).
 macro_rules! vector {
     ($type:ident, $n:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident,
      $set:ident, $load:ident, $sqrt:ident, $a:ident, $b:ident => $max:expr, $abs:expr) => {
-        operator!($type, Add, add, a, b => unsafe { $add(a, b) });
-        operator!($type, Sub, sub, a, b => unsafe { $sub(a, b) });
-        operator!($type, Mul, mul, a, b => unsafe { $mul(a, b) });
-        operator!($type, Div, div, a, b => unsafe { $div(a, b) });
+        operator!($type, Add, add, a, b => {
+            // SAFETY: a number of this type exists only where the processor has the instruction
+            unsafe { $add(a, b) }
+        });
+        operator!($type, Sub, sub, a, b => {
+            // SAFETY: a number of this type exists only where the processor has the instruction
+            unsafe { $sub(a, b) }
+        });
+        operator!($type, Mul, mul, a, b => {
+            // SAFETY: a number of this type exists only where the processor has the instruction
+            unsafe { $mul(a, b) }
+        });
+        operator!($type, Div, div, a, b => {
+            // SAFETY: a number of this type exists only where the processor has the instruction
+            unsafe { $div(a, b) }
+        });
         assignments!($type);
         impl Neg for $type {
             type Output = Self;
             #[inline(always)]
             fn neg(self) -> Self {
+                // SAFETY: a number of this type exists only where the processor has the instruction
                 $type(unsafe { $sub($set(-0.0), self.0) })
             }
         }
@@ -134,6 +147,7 @@ macro_rules! vector {
             const LANES: usize = $n;
             #[inline(always)]
             fn splat(x: f64) -> Self {
+                // SAFETY: code that makes numbers of this type runs behind a check of the processor
                 $type(unsafe { $set(x) })
             }
             #[inline(always)]
@@ -142,34 +156,43 @@ macro_rules! vector {
                 for (i, x) in lanes.iter_mut().enumerate() {
                     *x = f(i);
                 }
+                // SAFETY: as of `splat`, and the load, which needs no alignment, reads the $n numbers
+                // of `lanes`
                 $type(unsafe { $load(lanes.as_ptr()) })
             }
             #[inline(always)]
             fn lane(&self, i: usize) -> f64 {
                 debug_assert!(i < $n);
+                // SAFETY: the vector is $n numbers (`repr(transparent)`), of which `i % $n` is one;
+                // the borrow of `self` covers all of them
                 unsafe { *(self as *const Self as *const f64).add(i % $n) }
             }
             #[inline(always)]
             fn set_lane(&mut self, i: usize, x: f64) {
                 debug_assert!(i < $n);
+                // SAFETY: as of `lane`, and the borrow is exclusive
                 unsafe { *(self as *mut Self as *mut f64).add(i % $n) = x }
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
+                // SAFETY: a number of this type exists only where the processor has the instruction
                 $type(unsafe { $sqrt(self.0) })
             }
             #[inline(always)]
             fn abs(self) -> Self {
                 let $a = self.0;
+                // SAFETY: a number of this type exists only where the processor has the instruction
                 $type(unsafe { $abs })
             }
             #[inline(always)]
             fn max(self, o: Self) -> Self {
                 let ($a, $b) = (self.0, o.0);
+                // SAFETY: a number of this type exists only where the processor has the instruction
                 $type(unsafe { $max })
             }
             #[inline(always)]
             fn mul_add(self, a: Self, b: Self) -> Self {
+                // SAFETY: a number of this type exists only where the processor has the instruction
                 $type(unsafe { $fma(self.0, a.0, b.0) })
             }
         }

@@ -251,7 +251,7 @@ fn put<'a>(out: &'a mut [u8], values: &[f64]) -> &'a mut [u8] {
     let (to, rest) = out.split_at_mut(8 * values.len());
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has it
+        // SAFETY: the processor has just been found to have AVX2
         unsafe { with_avx2(to, values) };
         return rest;
     }
