@@ -16,7 +16,7 @@ $(VENV)/.tools: requirements/dev.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10) and "Bowstring needs Python 3.10 or newer")'
 	@command -v cargo >/dev/null || { echo "Bowstring needs a Rust toolchain (1.89 or newer)" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --progress-bar on -q -r requirements/dev.lock
+	$(BIN)/python -m pip install --progress-bar on -q --require-hashes -r requirements/dev.lock
 	@touch $@
 
 $(VENV)/.built: $(VENV)/.tools $(RUST_SOURCES) pyproject.toml
@@ -50,7 +50,7 @@ clean:
 	rm -rf $(VENV) .venv-peers target
 
 lock: ## renew the lock file (needs uv)
-	uv pip compile --universal --python-version 3.10 --no-header --no-annotate --extra cad pyproject.toml requirements/dev.in -o requirements/dev.lock
+	uv pip compile --universal --python-version 3.10 --no-header --no-annotate --generate-hashes --no-emit-index-url --no-emit-find-links --extra cad pyproject.toml requirements/dev.in -o requirements/dev.lock
 	uv pip compile --universal --python-version 3.10 --no-header --no-annotate requirements/peers.in -o requirements/peers.lock
 
 campaign: ## random solves by the million, each checked from the outside: make campaign N=1000000
