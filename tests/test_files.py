@@ -149,9 +149,8 @@ def test_the_root_and_the_working_folder_are_refused(
         check(Path("/"))
     (tmp_path / "a").mkdir()
     monkeypatch.chdir(tmp_path / "a")
-    for here in (Path(), Path("..")):
-        with pytest.raises(InputError, match="the working folder is or lies in it"):
-            check(here)
+    with pytest.raises(InputError, match="the working folder is or lies in it"):
+        check(Path())
     check(Path("new"))
 
 

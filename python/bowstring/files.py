@@ -75,6 +75,8 @@ def check_place(folder: Path, why: str) -> None:
 
     Neither it nor those above it need be there.
     """
+    if folder.parent == folder:
+        raise InputError(f"{why}: it is the root of the file system; name a folder in it")
     place = folder
     try:
         while not place.parent.exists():
@@ -88,8 +90,6 @@ def check_place(folder: Path, why: str) -> None:
 
 def check_replaceable(folder: Path, why: str) -> None:
     """Refuse a folder that cannot be replaced as a whole; `why` begins the sentence."""
-    if folder.parent == folder:
-        raise InputError(f"{why}: it is the root of the file system; name a folder in it")
     try:
         here: Path | None = Path.cwd()
     except OSError:  # it was removed

@@ -92,7 +92,6 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
     called = _CALLED.get(what, what)
     folder = resolved(out, f"cannot write the {called} to {out}")
     why = f"cannot write the {called} to {folder}"
-    check_replaceable(folder, why)
     check_place(folder, why)
     try:
         if not folder.exists():
@@ -101,6 +100,7 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
             raise InputError(f"{why}: it is a file; name a folder")
         present = _files_in(folder)
         if next(present, None) is None:
+            check_replaceable(folder, why)
             return folder
         listed = _listed(folder / f"{what}.json")
         if listed is None:  # before all files are looked at, which may be those of a whole drive
@@ -123,6 +123,7 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
                 )
     except OSError as error:
         raise InputError(f"{why}: {error.strerror}") from None
+    check_replaceable(folder, why)
     return folder
 
 

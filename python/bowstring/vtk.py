@@ -62,7 +62,6 @@ def check_folder(out: str | Path) -> Path:
     folder = resolved(out, f"cannot write the VTK series to {out}")
     why = f"cannot write the VTK series to {folder}"
     try:
-        check_replaceable(folder, why)
         check_place(folder, why)
         if not folder.exists():
             return folder
@@ -70,6 +69,7 @@ def check_folder(out: str | Path) -> Path:
             raise InputError(f"{why}: it is a file; name a folder")
         present = {path.name for path in folder.iterdir()}
         if not present:
+            check_replaceable(folder, why)
             return folder
         pvd = folder / _PVD
         text = pvd.read_text("utf-8", errors="replace") if pvd.is_file() else ""
@@ -84,6 +84,7 @@ def check_folder(out: str | Path) -> Path:
             f"{why}: it holds {foreign[0]}, which is not of a VTK series of Bowstring, and nothing "
             "of yours is replaced; name a new or an empty folder"
         )
+    check_replaceable(folder, why)
     return folder
 
 
