@@ -472,7 +472,7 @@ def test_mode_pictures(shell: Shell, tmp_path: Path) -> None:
     names = ["mode_01.pdf", "mode_01.png", "mode_01.svg", "modes.json"]
     assert sorted(p.name for p in folder.iterdir()) == names
     kept: dict[str, Any] = json.loads((folder / "modes.json").read_text())
-    assert kept.pop("files") == names
+    assert kept.pop("files") == names and set(kept.pop("sha256")) == set(names[:-1])
     assert kept == {key: value for key, value in found.items() if key != "folder"}
     (folder / "notes.txt").write_text("keep me")
     assert "it also holds notes.txt" in shell.error(*arguments)

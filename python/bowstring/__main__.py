@@ -27,9 +27,10 @@ def _answer(handler: Callable[[int, FrameType | None], object] | signal.Handlers
 def main() -> None:
     """Run the command of ``sys.argv`` and exit."""
     _answer(_stopped)
+    from bowstring import interrupts
     from bowstring.cli import main as command
 
-    _answer(signal.default_int_handler)
+    _answer(interrupts.handler)
     try:
         command()
     except KeyboardInterrupt:  # one more while the first was answered

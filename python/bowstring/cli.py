@@ -6,7 +6,6 @@ Libraries that take long to load are imported by the command that needs them.
 from __future__ import annotations
 
 import io
-import signal
 import sys
 import traceback
 from collections.abc import Sequence
@@ -14,9 +13,9 @@ from typing import Annotated, Final
 
 import typer
 
-from bowstring import __version__
+from bowstring import __version__, interrupts
 from bowstring.commands import bench, cad, data, dynamics, fe, fit, statics, study
-from bowstring.commands.output import Stopped, say, was_stopped, write
+from bowstring.commands.output import Stopped, say, write
 from bowstring.errors import InputError, NoSolutionError
 
 BAD_INPUT: Final = 2
@@ -94,12 +93,18 @@ def run(arguments: Sequence[str]) -> int:
     """
     try:
         code = app(list(arguments), prog_name="bowstring", standalone_mode=False)
-    except InputError as error:
-        say("Error", str(error))
-        return BAD_INPUT
-    except NoSolutionError as error:
-        say("Error", str(error))
-        return NO_SOLUTION
+        late = interrupts.pending() and code != STOPPED
+        interrupts.answered()
+        if late:
+            say("Stopped", "the work was done before.")
+            return STOPPED
+    except (InputError, NoSolutionError) as error:
+        if interrupts.pending():  # what went wrong is the interrupt's, as an import that it broke
+            interrupts.answered()
+            code = STOPPED
+        else:
+            say("Error", str(error))
+            return BAD_INPUT if isinstance(error, InputError) else NO_SOLUTION
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "bowstring"
@@ -108,17 +113,20 @@ def run(arguments: Sequence[str]) -> int:
         say("Error", f"{sentence}; see {command} --help.")
         return BAD_INPUT
     except Stopped as stopped:
+        interrupts.answered()
         say("Stopped", str(stopped))
         return STOPPED
     except KeyboardInterrupt:
+        interrupts.answered()
         code = STOPPED
     except BaseException as error:  # a panic of the core is no Exception
         if isinstance(error, SystemExit):
             raise
-        if not was_stopped(error):
+        if not (interrupts.was_stopped(error) or interrupts.pending()):
             traceback.print_exc()
             say("Error", "this is a bug in Bowstring; please report it with the lines above.")
             return BUG
+        interrupts.answered()
         code = STOPPED
     if code == STOPPED:
         say("Stopped", "nothing was written.")
@@ -130,6 +138,9 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a name in Greek on an ASCII terminal
-    # as Ctrl-C, so that a study takes its temporary folder away
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    sys.exit(run(sys.argv[1:]))
+    interrupts.listen()
+    try:
+        code = run(sys.argv[1:])
+    finally:
+        interrupts.answered()
+    sys.exit(code)

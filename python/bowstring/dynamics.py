@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring import arguments, simulators
+from bowstring import arguments, interrupts, simulators
 from bowstring import drive as driving
 from bowstring.courses import Driven, Load, Loads, OverTime, Table, over_time, ramp, step
 from bowstring.drive import Given
@@ -535,6 +535,7 @@ def simulate(
                 ended = True
             except KeyboardInterrupt:  # one more, which waited with the first
                 continue
+        interrupts.answered()
         raise RunInterrupted(run) from None
     except BaseException as error:
         finish("failed", str(error) or type(error).__name__)
@@ -545,20 +546,18 @@ def simulate(
 @contextmanager
 def _deaf() -> Iterator[None]:
     """Ctrl-C within, above all a second one, is not heard: how a run ended is kept whole."""
-    heard = []
+    heard = {}
     if threading.current_thread() is threading.main_thread():  # the only one that hears any
-        heard = [
-            number
-            for number in (signal.SIGINT, signal.SIGTERM)
-            if signal.getsignal(number) is signal.default_int_handler
-        ]
+        ours = (signal.default_int_handler, interrupts.handler)
+        handlers = {number: signal.getsignal(number) for number in interrupts.HEARD}
+        heard = {number: handler for number, handler in handlers.items() if handler in ours}
     try:
         for number in heard:
             signal.signal(number, signal.SIG_IGN)
         yield
     finally:
-        for number in heard:
-            signal.signal(number, signal.default_int_handler)
+        for number, handler in heard.items():
+            signal.signal(number, handler)
 
 
 _WHY: Final[dict[str, str]] = {

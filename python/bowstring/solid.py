@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from bowstring.arguments import check_robot, shown
 from bowstring.errors import InputError
+from bowstring.interrupts import was_stopped
 from bowstring.robot import Robot
 from bowstring.sizes import Sizes, sizes_of
 from bowstring.vtk import check_data, holes
@@ -159,6 +160,8 @@ def check_cad() -> Any:
     try:
         import build123d
     except ImportError as error:
+        if was_stopped(error):
+            raise KeyboardInterrupt from None
         why = "" if error.name == "build123d" else f" ({error})"
         if "libGL" in why:  # the kernel is there, and what it draws with is not
             raise InputError(

@@ -22,6 +22,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring import interrupts
 from bowstring.bricks import ccx, deck, output
 from bowstring.bricks.fields import State
 from bowstring.bricks.mesh import BrickMesh
@@ -109,6 +110,7 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
             return work(job, program, kept, keep, tell)
         ended.status, ended.why = end
     except KeyboardInterrupt:
+        interrupts.answered()
         ended.status, ended.why = "interrupted", "it was interrupted"
     except OSError as error:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)

@@ -45,11 +45,11 @@ from bowstring.commands.output import (
     plain,
     progress_bar,
     provenance_of,
-    was_stopped,
     write_json,
     write_tables,
 )
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.interrupts import was_stopped
 from bowstring.units import rounded
 
 if TYPE_CHECKING:

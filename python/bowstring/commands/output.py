@@ -32,13 +32,6 @@ class Stopped(Exception):
     """Ctrl-C where something is kept; the text says what."""
 
 
-def was_stopped(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind an error: in the middle of an import it may become another one."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
-
-
 def counted(n: int, thing: str, things: str | None = None) -> str:
     return f"{n} {thing if n == 1 else things or thing + 's'}"
 

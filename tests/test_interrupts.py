@@ -1,0 +1,115 @@
+"""Ctrl-C and SIGTERM reach a command wherever they come."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="no SIGTERM")
+
+# what an import of large libraries does with an interrupt; `ready` says when it may come
+BROKEN_IMPORT = """
+try:
+    ready()
+    time.sleep(20)
+except KeyboardInterrupt as error:
+    raise ImportError("the core cannot be loaded") from error
+"""
+OPTIONAL_IMPORT = """
+try:
+    try:
+        ready()
+        time.sleep(20)
+    except BaseException:
+        raise ImportError("no fast variant") from None
+except ImportError:
+    pass
+time.sleep(20)
+"""
+DESTRUCTOR = """
+class Kept:
+    def __del__(self):
+        ready()
+        time.sleep(20)
+
+kept = Kept()
+del kept
+time.sleep(20)
+"""
+CALLBACK = """
+import weakref
+
+class Kept:
+    pass
+
+def gone(_):
+    ready()
+    time.sleep(20)
+
+kept = Kept()
+watched = weakref.ref(kept, gone)
+del kept
+time.sleep(20)
+"""
+
+
+def stop(folder: Path, library: str, signals: list[signal.Signals]) -> tuple[int, str]:
+    """Exit code and words of `bowstring cad` that is stopped while it imports a library."""
+    marker = folder / "ready"
+    begin = f"import time\ndef ready():\n    open({str(marker)!r}, 'w').close()\n"
+    (folder / "build123d.py").write_text(begin + textwrap.dedent(library))
+    with subprocess.Popen(
+        [sys.executable, "-m", "bowstring", "cad", "amouri2019", "--out", "a.step"],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
+        try:
+            while not marker.exists():
+                assert process.poll() is None
+                time.sleep(0.01)
+            for number in signals:
+                process.send_signal(number)
+                time.sleep(0.03)
+            out, _ = process.communicate(timeout=15)
+        finally:
+            process.kill()
+    assert not (folder / "a.step").exists()
+    return process.returncode, out
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("library", [BROKEN_IMPORT, OPTIONAL_IMPORT])
+def test_an_interrupt_within_an_import(
+    tmp_path: Path, library: str, number: signal.Signals
+) -> None:
+    assert stop(tmp_path, library, [number]) == (130, "Stopped: nothing was written.\n")
+
+
+@pytest.mark.parametrize("library", [DESTRUCTOR, CALLBACK])
+def test_an_interrupt_that_python_throws_away(tmp_path: Path, library: str) -> None:
+    signals = [signal.SIGTERM, signal.SIGTERM]
+    assert stop(tmp_path, library, signals) == (130, "Stopped: nothing was written.\n")
+
+
+def test_further_signals_do_not_break_off_the_clean_up(tmp_path: Path) -> None:
+    library = """
+    try:
+        ready()
+        time.sleep(20)
+    finally:
+        time.sleep(0.3)
+        print("cleaned up", flush=True)
+    """
+    signals = [signal.SIGTERM, signal.SIGTERM, signal.SIGINT]
+    code, out = stop(tmp_path, library, signals)
+    assert (code, out) == (130, "cleaned up\nStopped: nothing was written.\n")
