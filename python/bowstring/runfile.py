@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import fields
+from bowstring import fields, netcdf
 from bowstring.errors import InputError
 from bowstring.fields import FIELDS, Field, Floats, Ints
 from bowstring.files import (
@@ -379,39 +379,64 @@ def read_run(path: str | Path) -> xr.Dataset:
     import xarray as xr
 
     try:
-        with open(path, "rb") as file:
-            head = file.read(8192)
-    except OSError as error:
-        raise InputError(f"cannot read the run {path}: {error.strerror}") from None
-    if not head.startswith((b"CDF", b"\x89HDF")):
-        raise InputError(f"{path} is not a run of Bowstring; it is not a NetCDF file")
+        with _open_regular(path) as file:
+            head = file.read(8)
+            if not head.startswith((netcdf.CLASSIC, netcdf.HDF5)):
+                raise InputError(f"{path} is not a run of Bowstring; it is not a NetCDF file")
+            netcdf.check(path, file)
+    except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        reason = getattr(error, "strerror", None) or "its name is not valid"
+        raise InputError(f"cannot read the run {path}: {reason}") from None
     try:
         data = xr.load_dataset(path, engine="netcdf4")
-    except (OSError, ValueError, RuntimeError) as error:
-        raise InputError(f"cannot read the run {path}: {error}") from None
-    if head.startswith(b"CDF") and _is_cut(path):
-        raise InputError(
-            f"cannot read the run {path}: the file is cut off, as by a copy that did not end"
-        )
-    if _OURS.decode() not in data.attrs:
-        raise InputError(f"{path} is a NetCDF file, but not a run of Bowstring")
-    if data.attrs["schema_version"] > fields.SCHEMA_VERSION:
-        raise InputError(
-            f"{path} was written by a newer Bowstring ({data.attrs['bowstring_version']}); update"
-        )
+    except Exception as error:  # what is damaged raises errors of all kinds, also a KeyError
+        why = " ".join(str(error).split())[:200] or type(error).__name__
+        raise InputError(f"cannot read the run {path}: it is damaged: {why}") from None
+    _check_content(path, data)
     return data
 
 
-def _is_cut(path: str | Path) -> bool:
-    """Whether the file is shorter than its header says; the NetCDF library reads zeros there."""
-    from scipy.io import netcdf_file
+def _open_regular(path: str | Path) -> BinaryIO:
+    """A file, open; an `OSError` for a pipe or device, which cannot be read twice."""
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    file = os.fdopen(os.open(path, flags), "rb")
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "it is not a regular file")
+    return file
 
-    try:
-        # looks at no number, but lays out all of them in the file
-        with netcdf_file(path, "r", mmap=True):
-            return False
-    except (IndexError, TypeError, ValueError):
-        return True
+
+def _check_content(path: str | Path, data: xr.Dataset) -> None:
+    """Refuse what is no run, of a newer version, or does not have the form of a run."""
+    about = data.attrs
+    if _OURS.decode() not in about:
+        raise InputError(f"{path} is a NetCDF file, but not a run of Bowstring")
+    version = about.get("schema_version")
+    if not isinstance(version, (int, np.integer)):
+        raise InputError(
+            f"cannot read the run {path}: it is damaged: schema_version is {version!r:.40}"
+        )
+    if version > fields.SCHEMA_VERSION:
+        raise InputError(
+            f"{path} was written by a newer Bowstring ({about[_OURS.decode()]!s:.40}); update"
+        )
+    for name in (_OURS.decode(), "status", "robot", "robot_hash"):
+        if not isinstance(about.get(name), str):
+            raise InputError(
+                f"cannot read the run {path}: it is damaged: {name} is {about.get(name)!r:.40}, "
+                "not text"
+            )
+    for field in (fields.Field("time", (), "", "", ""), *FIELDS):
+        if field.name not in data.variables:
+            continue
+        found = data[field.name]
+        if not set(found.dims) <= {"time", *field.dims} or found.dtype.kind not in "fiu":
+            raise InputError(
+                f"cannot read the run {path}: it is damaged: {field.name} has the axes "
+                f"{', '.join(map(str, found.dims)) or 'none'} and holds {found.dtype}"
+            )
 
 
 # -- the format --------------------------------------------------------------------------------
