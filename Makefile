@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: study test bench campaign build clean lock
+.PHONY: study test bench build campaign campaign-files clean lock
 
 study: build ## the main job: the study of the built-in robot
 	@$(BIN)/bowstring study amouri2019
@@ -45,6 +45,11 @@ bench: build .venv-peers/.tried ## our times beside those of other solvers
 		.venv-peers/bin/python -m pip install -q -c requirements/peers.lock "$$peer" || true; \
 	done < requirements/peers.in
 	@touch $@
+
+N ?= 100000
+campaign-files: build ## N more damaged files, then 100 killed commands; slow, resumable
+	nice -n 10 $(BIN)/python -m campaign.files $(N)
+	nice -n 10 $(BIN)/python -m campaign.kills 100
 
 clean:
 	rm -rf $(VENV) .venv-peers target

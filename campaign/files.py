@@ -1,0 +1,408 @@
+"""Damaged files of all kinds that Bowstring reads: each is read, or refused by an `InputError`.
+
+``python -m campaign.files N`` goes on from the last campaign for N more files. A trial is known by
+its number alone, so ``python -m campaign.files --only NUMBER`` repeats one. Each worker is a
+process of its own: one that hangs or dies costs one trial, which is counted as a failure.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import multiprocessing
+import os
+import resource
+import shutil
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+import zipfile
+from collections import Counter
+from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from random import Random
+from typing import Any, Final
+
+from campaign.mutations import damage
+
+ROOT: Final = Path(__file__).parents[1]
+RESULTS: Final = Path(__file__).parent / "results"
+SHARES: Final = {
+    **{
+        "robot": 30,
+        "table": 18,
+        "foreign": 6,
+        "workbook": 4,
+        "mapping": 8,
+        "drive": 6,
+        "history": 6,
+    },
+    **{"start": 2, "truth": 2, "run": 21, "hdf5": 1},
+}
+"""Kinds of files, and how many of a hundred trials are of each."""
+PATIENCE: Final = 20.0  # s for a file; an HDF5 file has twice as much
+MEMORY: Final = 2 << 30  # bytes that a worker may take beside what it has at its start
+
+
+# -- the files ---------------------------------------------------------------------------------
+
+
+class Kind:
+    """Whole files of a kind, and what reads one."""
+
+    def __init__(self, suffix: str, corpus: list[bytes], read: Callable[[Path], object]) -> None:
+        assert corpus
+        self.suffix, self.corpus, self.read = suffix, corpus, read
+
+
+def kinds(folder: Path) -> dict[str, Kind]:
+    """All kinds; whole files that are not in the repository are made in a folder."""
+    import bowstring as bs
+    from bowstring import bench, calibration
+    from bowstring.commands.driving import read_history
+    from bowstring.drive import Path as DrivePath
+    from bowstring.mapping import load_mapping
+    from bowstring.robotfile import to_yaml
+    from bowstring.runfile import read_run
+    from bowstring.timetable import read_drive
+
+    package = ROOT / "python" / "bowstring"
+    robot = bs.load_robot("amouri2019")
+    rough = robot.with_({"segments.0.tendons.friction": "0.1"})
+    elastic = bs.load_robot("rao2021")
+
+    def raw(*files: Path) -> list[bytes]:
+        return [file.read_bytes() for file in files]
+
+    def read_robot(file: Path) -> None:
+        found = bs.load_robot(file)
+        again = file.with_name("again.yaml")
+        again.write_text(to_yaml(found), "utf-8")
+        if bs.load_robot(again).hash != found.hash:
+            raise AssertionError("the robot is another one when it is written and read again")
+
+    def read_path(file: Path) -> None:
+        path = DrivePath(rough, "cosserat", "straight", True, 1)
+        path.resume(read_history(file))
+
+    def table(file: Path) -> None:
+        bs.measurements.read_measurements(file, robot)
+
+    # a bench, its truth and a workbook of it
+    data = bench.simulate(robot, masses=(0.0, 1.0, 2.0), tendon=1, repeats=2, seed=1)
+    made, truth = bench.write(data, folder / "bench.csv")
+    rows = [
+        line.split(",") for line in made.read_text("utf-8").splitlines() if not line.startswith("#")
+    ]
+    _workbook(folder / "bench.xlsx", rows)
+    # a history and runs
+    history = bs.solve(rough, [10.0, 0.0, 0.0]).history
+    assert history is not None
+    small = robot.with_({"segments.0.disks.count": 3})
+    bs.simulate(small, [1.0, 0.0, 0.0], 0.03, out=folder / "run.nc", points=2)
+    moved = read_run(folder / "run.nc")
+    moved.to_netcdf(folder / "run3.nc", format="NETCDF3_64BIT")
+    moved.to_netcdf(folder / "run.h5")
+    moved.isel(time=slice(0, 2)).to_netcdf(
+        folder / "packed.h5", encoding={"position": {"zlib": True}}
+    )
+    start = {"robot": "a", "units": "SI: m, rad, s", "values": {"gain": 1.02, "base.x": 1e-4}}
+    drive = "t_s,tension_1_N,tension_2_N,tension_3_N\n0,0,0,0\n0.5,10,0,0\n1,0,5,0\n"
+    pulled = "t_s,pull_1_mm,pull_2_mm,tension_3_N\n0,0,0,0\n0.5,1,-0.5,2\n"
+    mapping = ROOT / "examples" / "foreign.yaml"
+    foreign = mapping.with_suffix(".csv")
+    found = {
+        "robot": Kind(
+            ".yaml",
+            [
+                *raw(*sorted((package / "robots").glob("*.yaml"))),
+                *raw(ROOT / "examples" / "my_robot.yaml"),
+                to_yaml(elastic).encode(),
+            ],
+            read_robot,
+        ),
+        "table": Kind(".csv", [*raw(ROOT / "examples" / "bench.csv"), made.read_bytes()], table),
+        "foreign": Kind(
+            ".csv",
+            raw(foreign),
+            lambda file: bs.measurements.read_measurements(file, mapping=mapping),
+        ),
+        "workbook": Kind(".xlsx", raw(folder / "bench.xlsx"), table),
+        "mapping": Kind(
+            ".yaml",
+            [
+                *raw(*sorted((package / "mappings").glob("*.yaml"))),
+                *raw(mapping),
+            ],
+            load_mapping,
+        ),
+        "drive": Kind(
+            ".csv", [drive.encode(), pulled.encode()], lambda file: read_drive(file, robot)
+        ),
+        "history": Kind(".json", [json.dumps(history).encode()], read_path),
+        "start": Kind(".json", [json.dumps(start).encode()], calibration.read_start),
+        "truth": Kind(".truth.json", [truth.read_bytes()], _truth_reader(made, bench)),
+        "run": Kind(".nc", raw(folder / "run.nc", folder / "run3.nc"), read_run),
+        "hdf5": Kind(".nc", raw(folder / "run.h5", folder / "packed.h5"), read_run),
+    }
+    for kind in found.values():  # what is not damaged is read
+        for content in kind.corpus:
+            whole = folder / f"whole{kind.suffix}"
+            whole.write_bytes(content)
+            kind.read(whole)
+    return found
+
+
+def _truth_reader(table: Path, bench: Any) -> Callable[[Path], object]:
+    place = bench.truth_file(table)
+
+    def read(file: Path) -> object:
+        shutil.copyfile(file, place)
+        return bench.read_truth(table)
+
+    return read
+
+
+def _workbook(file: Path, rows: list[list[str]]) -> None:
+    from openpyxl import Workbook
+
+    book = Workbook()
+    sheet = book.active
+    for row in rows:
+        sheet.append([_cell(each) for each in row])
+    book.save(file)
+
+
+def _cell(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _damaged_workbook(data: bytes, random: Random, folder: Path) -> bytes:
+    """Mostly a part of the archive is damaged, not the archive."""
+    if random.random() < 0.3:
+        return damage(data, random, [data])
+    source, target = folder / "whole.xlsx", folder / "part.xlsx"
+    source.write_bytes(data)
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        names = old.namelist()
+        chosen = random.choice(names)
+        for name in names:
+            part = old.read(name)
+            new.writestr(name, damage(part, random, [part]) if name == chosen else part)
+    return target.read_bytes()
+
+
+# -- a trial -----------------------------------------------------------------------------------
+
+
+def trial(number: int, of: dict[str, Kind], folder: Path, seed: int = 0) -> tuple[str, str, str]:
+    """Damage a file and read it.
+
+    Parameters
+    ----------
+    number : int
+    of : dict
+        As `kinds` returns it.
+    folder : Path
+    seed : int
+
+    Returns
+    -------
+    tuple of str
+        Kind; "read", "refused" or "failed"; and the error.
+    """
+    from bowstring.errors import InputError
+
+    name, random = kind_of(number, seed), Random(f"{seed}:{number}")
+    kind = of[name]
+    data = random.choice(kind.corpus)
+    if name == "workbook":
+        data = _damaged_workbook(data, random, folder)
+    else:
+        data = damage(data, random, kind.corpus)
+    file = folder / f"damaged{kind.suffix}"
+    file.write_bytes(data)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            kind.read(file)
+    except InputError as error:
+        said = str(error)
+        if not said or len(said) > 5000:
+            return name, "failed", f"no sentence, but {len(said)} letters: {said[:300]!r}"
+        return name, "refused", ""
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        return name, "failed", "".join(traceback.format_exception(error))[-3000:]
+    return name, "read", ""
+
+
+def kind_of(number: int, seed: int = 0) -> str:
+    """Kind of a trial."""
+    return Random(f"kind:{seed}:{number}").choices([*SHARES], [*SHARES.values()])[0]
+
+
+# -- many trials -------------------------------------------------------------------------------
+
+
+def _work(pipe: Connection, seed: int) -> None:
+    """A worker: takes numbers of trials, sends what came of each."""
+    with tempfile.TemporaryDirectory(prefix="bowstring-campaign-") as made:
+        folder = Path(made)
+        of = kinds(folder)
+        pages = int(Path("/proc/self/statm").read_text("ascii").split()[0])
+        limit = pages * resource.getpagesize() + MEMORY
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        pipe.send("ready")
+        with contextlib.suppress(EOFError, KeyboardInterrupt):
+            while True:
+                number = pipe.recv()
+                pipe.send((number, *trial(number, of, folder, seed)))
+
+
+class _Worker:
+    def __init__(self, seed: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, other = context.Pipe()
+        self.process = context.Process(target=_work, args=(other, seed), daemon=True)
+        self.process.start()
+        other.close()
+        self.number: int | None = None
+        self.until = time.monotonic() + 120.0
+
+    def give(self, number: int, seed: int) -> None:
+        self.number = number
+        self.until = time.monotonic() + PATIENCE * (1 + (kind_of(number, seed) == "hdf5"))
+        self.pipe.send(number)
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.join()
+
+
+def campaign(count: int, seed: int = 0, workers: int = 2) -> dict[str, Any]:
+    """Go on for so many trials; what there is so far is in ``campaign/results/files.json``."""
+    RESULTS.mkdir(exist_ok=True)
+    place = RESULTS / f"files-{seed}.json"
+    kept = json.loads(place.read_text("utf-8")) if place.exists() else {"next": 0, "failures": []}
+    counts = Counter(kept.get("counts", {}))
+    failures = kept["failures"]
+    first = kept["next"]
+    todo = iter(range(first, first + count))
+    done = 0
+    begun = time.monotonic()
+    waiting: set[int] = set()
+    crew = [_Worker(seed) for _ in range(workers)]
+
+    def keep() -> None:
+        # what others still work on is done again after a stop, and counted once
+        new = place.with_suffix(".new")
+        content = {
+            "seed": seed,
+            "next": first + done,
+            "counts": dict(sorted(counts.items())),
+            "failures": failures,
+        }
+        new.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
+        os.replace(new, place)
+
+    def note(number: int, kind: str, outcome: str, why: str) -> None:
+        nonlocal done
+        done += 1
+        counts[f"{kind} {outcome}"] += 1
+        waiting.discard(number)
+        if outcome == "failed":
+            failures.append({"number": number, "kind": kind, "why": why})
+            print(f"trial {number}, {kind}: {why.strip().splitlines()[-1][:150]}", flush=True)
+        if done % 500 == 0:
+            keep()
+            rate = done / (time.monotonic() - begun)
+            print(f"{done} of {count}, {rate:.0f}/s, {len(failures)} failures", flush=True)
+
+    def next_for(worker: _Worker) -> bool:
+        number = next(todo, None)
+        if number is None:
+            return False
+        worker.give(number, seed)
+        waiting.add(number)
+        return True
+
+    try:
+        while crew:
+            ready = set(wait([worker.pipe for worker in crew], timeout=0.5))
+            for worker in list(crew):
+                if worker.pipe in ready:
+                    try:
+                        said = worker.pipe.recv()
+                    except EOFError:
+                        said = None
+                    if isinstance(said, tuple):
+                        note(*said)
+                    if said is not None:
+                        if not next_for(worker):
+                            worker.end()
+                            crew.remove(worker)
+                        continue
+                    why = "the process died"
+                elif time.monotonic() > worker.until:
+                    why = f"not read after {PATIENCE:g} s"
+                else:
+                    continue
+                worker.end()
+                crew.remove(worker)
+                if worker.number is None:
+                    raise RuntimeError(f"a worker does not start: {why}")
+                note(worker.number, kind_of(worker.number, seed), "failed", why)
+                crew.append(_Worker(seed))
+    finally:
+        for worker in crew:
+            worker.end()
+        if not waiting:
+            keep()
+    return {"counts": dict(sorted(counts.items())), "failures": failures, "files": first + done}
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("count", type=int, nargs="?", default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--only", type=int, help="repeat one trial, and keep its file")
+    return parser.parse_args()
+
+
+def _lines(found: dict[str, Any]) -> Iterator[str]:
+    counts = found["counts"]
+    yield f"{'kind':10} {'read':>8} {'refused':>8} {'failed':>8}"
+    for kind in SHARES:
+        row = [counts.get(f"{kind} {outcome}", 0) for outcome in ("read", "refused", "failed")]
+        yield f"{kind:10} " + " ".join(f"{value:8}" for value in row)
+    yield f"{found['files']} files, {len(found['failures'])} failures"
+
+
+def main() -> None:
+    options = _options()
+    if options.only is not None:
+        with tempfile.TemporaryDirectory() as made:
+            name, outcome, why = trial(options.only, kinds(Path(made)), Path(made), options.seed)
+            print(f"{name}: {outcome}\n{why}")
+            for file in Path(made).glob("damaged*"):
+                RESULTS.mkdir(exist_ok=True)
+                print(shutil.copy(file, RESULTS / f"{options.seed}-{options.only}{file.suffix}"))
+        return
+    found = campaign(options.count, options.seed, options.workers)
+    print("\n".join(_lines(found)))
+    sys.exit(1 if found["failures"] else 0)
+
+
+if __name__ == "__main__":
+    main()
