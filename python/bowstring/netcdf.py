@@ -36,7 +36,7 @@ _CUT: Final = "the file is cut off, as by a copy that did not end"
 
 _RATIO: Final = 1100  # deflate makes a byte of at most so many
 _ROOM: Final = 512 << 20  # bytes that a reader needs beside the data
-_SECONDS: Final = 10.0  # of computing to read a small file
+_SECONDS: Final = 5.0  # of computing to read a small file
 _RATE: Final = 2e7  # bytes/s, of a larger one
 
 
