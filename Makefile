@@ -47,6 +47,9 @@ bench: build .venv-peers/.tried ## our times beside those of other solvers
 	@touch $@
 
 N ?= 100000
+campaign: ## random solves by the million, each checked from the outside: make campaign N=1000000
+	cargo run --release --locked -p bowstring-core --example campaign -- $(N)
+
 campaign-files: build ## N more damaged files, then 100 killed commands; slow, resumable
 	nice -n 10 $(BIN)/python -m campaign.files $(N)
 	nice -n 10 $(BIN)/python -m campaign.kills 100
@@ -57,6 +60,3 @@ clean:
 lock: ## renew the lock file (needs uv)
 	uv pip compile --universal --python-version 3.10 --no-header --no-annotate --generate-hashes --no-emit-index-url --no-emit-find-links --extra cad pyproject.toml requirements/dev.in -o requirements/dev.lock
 	uv pip compile --universal --python-version 3.10 --no-header --no-annotate requirements/peers.in -o requirements/peers.lock
-
-campaign: ## random solves by the million, each checked from the outside: make campaign N=1000000
-	cargo run --release --locked -p bowstring-core --example campaign -- $(N)
