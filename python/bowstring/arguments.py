@@ -44,6 +44,8 @@ def floats(value: Any) -> Floats:
     ------
     TypeError
         For what is none; text, booleans and complex numbers are none.
+    InputError
+        For more numbers than fit into memory.
     """
     if _has_truth(value):
         raise TypeError("a boolean is no number")
@@ -54,6 +56,15 @@ def floats(value: Any) -> Floats:
         return array.astype(float)
     except (ValueError, OverflowError) as error:
         raise TypeError(str(error)) from None
+    except MemoryError:
+        raise too_large(value) from None
+
+
+def too_large(value: Any) -> InputError:
+    """What to raise for more numbers than fit into memory."""
+    return InputError(
+        f"an array of shape {np.shape(value)} does not fit into memory; give fewer numbers at once"
+    )
 
 
 def _has_truth(value: Any) -> bool:
@@ -85,6 +96,8 @@ def is_whole(value: object) -> bool:
 
 def row(name: str, value: Any, count: int, unit: str, or_else: str = "") -> Floats:
     """Finite numbers (count,); `or_else` says what the value may be besides."""
+    if isinstance(value, np.ndarray) and value.shape != (count,):
+        raise InputError(f"{name} has shape {value.shape}, it must be ({count},), in {unit}")
     try:
         found = floats(value)
     except TypeError:

@@ -112,6 +112,10 @@ def run(arguments: Sequence[str]) -> int:
         sentence = sentence.replace("Value error, ", "")
         say("Error", f"{sentence}; see {command} --help.")
         return BAD_INPUT
+    except MemoryError as error:
+        what = f" ({error})" if str(error) else ""
+        say("Error", f"the memory does not suffice{what}; ask for less at a time.")
+        return BAD_INPUT
     except Stopped as stopped:
         interrupts.answered()
         say("Stopped", str(stopped))

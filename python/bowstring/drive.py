@@ -126,8 +126,15 @@ def commands(
 
 
 def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Floats:
+    from bowstring import _core
+
     count = robot.core.tendon_count
     shape = f"(n, {count})" if rows else f"({count},)"
+    if isinstance(values, np.ndarray):
+        # before it is copied
+        _check_shape(name, values, count, unit, rows)
+        what = f"{name} of shape {values.shape}"
+        _core.check_memory(40.0 * values.size, what, "give fewer loads at a time")
     try:
         table = arguments.floats(values)
     except TypeError:
@@ -135,6 +142,12 @@ def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Flo
             f"{name} must be numbers of shape {shape} in {unit}, None where a tendon is driven "
             "otherwise"
         ) from None
+    _check_shape(name, table, count, unit, rows)
+    return table
+
+
+def _check_shape(name: str, table: NDArray[Any], count: int, unit: str, rows: bool) -> None:
+    shape = f"(n, {count})" if rows else f"({count},)"
     if rows and (table.ndim != 2 or table.shape[1] != count):
         raise InputError(
             f"{name} has shape {table.shape}, it must have one row for each load and {count} "
@@ -144,7 +157,6 @@ def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Flo
         raise InputError(f"{name} has shape {table.shape}, it must have {shape}, in {unit}")
     if not rows and len(table) != count:
         raise InputError(f"{name} has {len(table)} numbers, it must have {count}, in {unit}")
-    return table
 
 
 def _not_one(

@@ -449,6 +449,7 @@ def simulate(
             settings["history"] = dict(history)
     times = _output_times(duration, every)
     stations = simulators.stations(robot, points)
+    _check_size(robot, points, len(times), kept=out is None)
     planned = None
     if out is not None:
         from bowstring.runfile import RunFile
@@ -640,6 +641,22 @@ def _output_times(duration: float, every: float) -> Floats:
         return np.concatenate([times, [duration]])
     times[-1] = duration
     return times
+
+
+def _check_size(robot: Robot, points: int, times: int, *, kept: bool) -> None:
+    """Refuse fields that do not fit into memory: of all times, or of one at a time."""
+    if points == 0:
+        return
+    from bowstring import _core
+
+    disks, tendons = len(robot.disks.station_m), len(robot.tendons.end_disk)
+    numbers = 34.0 * disks * points + 18.0 * disks + 2.0 * disks * tendons
+    if kept:
+        cure = "name a file for them (out), or give a longer every or fewer points"
+        # an array that grows takes twice its size
+        _core.check_memory(16.0 * times * numbers, f"fields at {times} times", cure)
+    else:
+        _core.check_memory(48.0 * numbers, "fields at one time", "give fewer points")
 
 
 def _rayleigh(

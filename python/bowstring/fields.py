@@ -208,9 +208,11 @@ class Section:
         self.shear: Floats = (shear_factor / area)[segment]
         bend = 1.0 / robot.bending_stiffness
         turn = 1.0 / robot.torsion_stiffness if twist else 0.0 * bend
-        # what a disk clamps is rigid
+        # what a disk clamps is rigid; only the disks before and after a station can clamp it
         d = robot.disks
-        depth = 0.5 * d.clamped_length_m[:, None] - abs(station - d.station_m[:, None])
+        after = np.searchsorted(d.station_m, station)
+        beside = np.clip([after - 1, after], 0, len(d.station_m) - 1)
+        depth = 0.5 * d.clamped_length_m[beside] - abs(station - d.station_m[beside])
         free = np.all(depth <= 1e-9 * robot.length, axis=0)[:, None]
         self.bending_compliance: Floats = np.stack([bend, bend, turn], axis=1)[segment] * free
         if theory == "kirchhoff":

@@ -19,6 +19,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.rod import TendonPath, Theory
 
 if TYPE_CHECKING:
+    from bowstring import _core
     from bowstring.robot import Robot
 
 __all__ = ["Modes", "modes"]
@@ -27,6 +28,9 @@ Floats = NDArray[np.float64]
 
 _NEUTRAL: Final = 1e8  # by which bending is quicker than what is called neutral, squared
 _ROUNDING: Final = 1e-12
+_DENSE: Final = 450  # freedoms up to which all modes are found at once
+_SHARE: Final = 0.2  # of all modes from which that takes less time as well
+_DEFLATIONS: Final = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,51 +190,50 @@ def about(
             "bowstring.solve with the same loads tells more",
             status="no_equilibrium",
         )
-    matrix, masses, points = answer
+    masses, points = answer.masses, answer.points
     if not (masses > 0).any():
         raise InputError(f"{robot.name} has no mass: it has no natural frequencies")
     # sqrt(M) F sqrt(M) z = z / omega^2
     root = np.sqrt(masses)
-    values, vectors = np.linalg.eigh(root[:, None] * matrix * root[None, :])
-    order = np.argsort(values)[::-1]
+    values, shapes = _slowest(robot, answer, root, count)
     stiffness = float(robot.bending_stiffness.min()) / robot.length**3
-    if values[order[0]] > _NEUTRAL * masses.sum() / stiffness:
+    if values[0] > _NEUTRAL * masses.sum() / stiffness:
         raise NoSolutionError(
             f"{robot.name}: the equilibrium is all but neutral, and its oscillations are lost in "
             "rounding; change the load a little",
             status="no_equilibrium",
         )
     # what rounding leaves of massless freedoms is no mode
-    order = order[values[order] > _ROUNDING * values[order[0]]][:count]
-    shapes = (matrix @ (root[:, None] * vectors[:, order])).T / values[order][:, None]
+    moving = values > _ROUNDING * values[0]
+    values, shapes = values[moving], shapes[moving]
     positions, frames = solution.disk_positions, solution.disk_rotations
     assert positions is not None and frames is not None
-    found = shapes.reshape(len(order), len(positions), points + 1, 3)
+    found = shapes.reshape(len(values), len(positions), points + 1, 3)
     weights = masses.reshape(len(positions), points + 1, 3)
     moved, turned = found[:, :, -2], found[:, :, -1]
     # share of the energy along and about the axis
     own = np.einsum("nji,knj->kni", frames, moved)
-    moving = own**2 * weights[:, -2]
+    sliding = own**2 * weights[:, -2]
     turning = turned**2 * weights[:, -1]
-    total = moving.sum(axis=(1, 2)) + turning.sum(axis=(1, 2))
+    total = sliding.sum(axis=(1, 2)) + turning.sum(axis=(1, 2))
     shares = {
-        "axial": moving[..., 2].sum(axis=1) / total,
+        "axial": sliding[..., 2].sum(axis=1) / total,
         "torsion": turning[..., 2].sum(axis=1) / total,
     }
     kinds = [
         next((name for name, share in shares.items() if share[k] > 0.5), "bending")
-        for k in range(len(order))
+        for k in range(len(values))
     ]
     size = np.linalg.norm(moved, axis=2).max(axis=1)
     spin = np.linalg.norm(turned, axis=2).max(axis=1)
     scale = np.where(size > 1e-9 * spin, size, spin)
     # the sign that moves the tip forward along its largest axis
     tip = np.where((size > 1e-9 * spin)[:, None], moved[:, -1], turned[:, -1])
-    sign = np.sign(tip[np.arange(len(order)), np.abs(tip).argmax(axis=1)])
+    sign = np.sign(tip[np.arange(len(values)), np.abs(tip).argmax(axis=1)])
     scale = (scale * np.where(sign == 0, 1.0, sign))[:, None, None]
     return Modes(
         robot=robot,
-        frequency_hz=1.0 / (2.0 * np.pi * np.sqrt(values[order])),
+        frequency_hz=1.0 / (2.0 * np.pi * np.sqrt(values)),
         kind=kinds,
         displacement=moved / scale,
         rotation=turned / scale,
@@ -238,3 +241,80 @@ def about(
         orientation=frames,
         tensions=solution.tensions,
     )
+
+
+def _slowest(
+    robot: Robot, flexibility: _core.Flexibility, root: Floats, count: int
+) -> tuple[Floats, Floats]:
+    """Largest eigenvalues of the flexibility between masses, and displacements by their modes.
+
+    The eigenvalues are 1 / omega^2, (K,); displacements of all freedoms (K, F).
+    """
+    size = len(root)
+    count = min(count, size)
+    if size <= _DENSE or count > _SHARE * size:
+        from bowstring import _core
+
+        _core.check_memory(
+            40.0 * size**2,
+            f"{count} modes of a robot with {len(robot.disks.station_m)} disks",
+            "ask for fewer modes, or use fewer disks",
+        )
+        matrix = flexibility.matrix()
+        values, vectors = np.linalg.eigh(root[:, None] * matrix * root[None, :])
+        order = np.argsort(values)[::-1][:count]
+        shapes = (matrix @ (root[:, None] * vectors[:, order])).T / values[order][:, None]
+        return values[order], shapes
+    values, vectors = _iterated(flexibility, root, count)
+    moved = np.array([flexibility.apply(root * vector) for vector in vectors.T])
+    return values, moved / np.maximum(values, np.finfo(float).tiny)[:, None]
+
+
+def _iterated(flexibility: _core.Flexibility, root: Floats, count: int) -> tuple[Floats, Floats]:
+    """Largest eigenvalues (K,) and eigenvectors (F, K) by implicitly restarted Lanczos iteration.
+
+    Lanczos iteration from one start may miss one of two equal eigenvalues, such as those of
+    bending in two planes: the rest of the operator is searched as well, until what it has is less.
+    """
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+
+    from bowstring import _core
+
+    size = len(root)
+    basis = max(2 * count + 1, 20)
+    _core.check_memory(
+        8.0 * size * (3 * basis + 2 * count), f"{count} modes", "ask for fewer modes"
+    )
+    values, vectors = np.zeros(0), np.zeros((size, 0))
+
+    def rest(z: Floats) -> Floats:
+        z = z.ravel()
+        moved = root * flexibility.apply(root * z)
+        moved -= vectors @ (values * (vectors.T @ z))
+        return np.asarray(moved, dtype=np.float64)
+
+    random = np.random.default_rng(0)
+    wanted = count
+    try:
+        for _ in range(_DEFLATIONS):
+            found, shapes = eigsh(
+                LinearOperator((size, size), matvec=rest, dtype=np.float64),
+                k=wanted,
+                ncv=basis,
+                which="LA",
+                v0=random.standard_normal(size),
+            )
+            known = values.min() if len(values) >= count else -np.inf
+            values = np.concatenate([values, found])
+            vectors = np.hstack([vectors, shapes])
+            order = np.argsort(values)[::-1][:count]
+            values, vectors = values[order], vectors[:, order]
+            if found.max() <= known * (1 + 1e-9):
+                break
+            wanted = 1
+    except ArpackNoConvergence:
+        raise NoSolutionError(
+            f"{count} modes were not found in the iterations allowed; ask for fewer modes",
+            status="max_iterations",
+        ) from None
+    return values, vectors

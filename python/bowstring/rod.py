@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring import drive
+from bowstring import arguments, drive
 from bowstring.arguments import check_choices, check_robot
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.plausibility import load_advice
@@ -594,7 +594,7 @@ class Sweep:
                 drive.hanging(self.robot, slack) if self.converged[row] else (),
                 bool(self.driven["undetermined"][row]),
                 float(self.robot.tendons.friction.max()),
-                self.driven["conflicts"][row],
+                self.driven["conflicts"].get(range(len(self))[row], ((), None)),
                 float(self.residual[row]),
                 int(self.iterations[row]),
                 advice,
@@ -1077,6 +1077,8 @@ def _array(values: Any, name: str, shape: str) -> Floats:
         raise InputError(
             f"{name} must be numbers of shape {shape}, as a list or an array"
         ) from None
+    except MemoryError:
+        raise arguments.too_large(values) from None
 
 
 def _rows(tensions: drive.Given | None, name: str, robot: Robot) -> Floats:

@@ -3,6 +3,7 @@
 //! One element is fourth order and enough for most loads; what it misses is estimated after the
 //! solve (see [`crate::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
 
+use crate::interrupt;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
 use crate::robot::{InputError, Robot};
@@ -83,12 +84,25 @@ impl Adaptive {
         self.solvers[self.level].as_ref().expect("it has solved")
     }
 
-    fn at(&mut self, level: usize) -> &mut Solver {
+    /// Forgets the answers of all solvers.
+    pub(crate) fn reset(&mut self) {
+        if !self.fixed {
+            self.level = 0;
+        }
+        for solver in self.solvers.iter_mut().flatten() {
+            solver.unsettle();
+        }
+    }
+
+    /// # Errors
+    /// If the solver does not fit into memory.
+    fn at(&mut self, level: usize) -> Result<&mut Solver, InputError> {
+        let solver = match self.solvers[level].take() {
+            Some(solver) => solver,
+            None => Box::new(Solver::new(&self.robot, self.model, LEVELS[level])?),
+        };
         self.level = level;
-        self.solvers[level].get_or_insert_with(|| {
-            let solver = Solver::new(&self.robot, self.model, LEVELS[level]);
-            Box::new(solver.expect("the robot was checked"))
-        })
+        Ok(self.solvers[level].insert(solver))
     }
 
     /// Equilibrium from the straight backbone.
@@ -109,7 +123,7 @@ impl Adaptive {
         let mut iterations = 0;
         let mut failed: Option<(usize, Outcome)> = None;
         loop {
-            let solver = self.at(self.level);
+            let solver = self.at(self.level)?;
             let mut outcome = if failed.is_some() {
                 solver.attempt(load)
             } else if next {
@@ -121,7 +135,7 @@ impl Adaptive {
             iterations += outcome.iterations;
             let elements = LEVELS[self.level];
             let more = match (outcome.status, outcome.error) {
-                _ if self.fixed => elements,
+                _ if self.fixed || interrupt::interrupted() => elements,
                 (Status::Converged, Some(error)) => {
                     let ratio = error.tip / (TIP_TOLERANCE * self.robot.length());
                     needed(elements, ratio, error.compression)
@@ -145,8 +159,12 @@ impl Adaptive {
             } else {
                 None
             };
-            self.level = LEVELS.iter().position(|e| *e == more).expect("one of them");
-            let finer = self.at(self.level);
+            let level = LEVELS.iter().position(|e| *e == more).expect("one of them");
+            let Ok(finer) = self.at(level) else {
+                // a coarse answer, whose error is told, rather than none
+                outcome.iterations = iterations;
+                return Ok(outcome);
+            };
             finer.unsettle();
             if let Some(mut strain) = start {
                 for _ in 0..(more / elements).ilog2() {

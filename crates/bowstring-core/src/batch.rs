@@ -1,6 +1,8 @@
 //! Many loads in one call: in order, each from the one before, or independent over all cores.
 
 use crate::adaptive::Adaptive;
+use crate::engine;
+use crate::interrupt;
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::SideBySide;
 use crate::load::{Load, Model};
@@ -72,6 +74,9 @@ impl<'a> Loads<'a> {
             }
         }
         for i in 0..n {
+            if interrupt::work(1 + tendons / 4) {
+                break;
+            }
             let row = self.row(i, tendons);
             row.check(robot)
                 .map_err(|e| InputError(format!("row {i}: {e}")))?;
@@ -107,12 +112,26 @@ pub fn sweep(
     warm: bool,
     disks: bool,
 ) -> Result<Solutions, InputError> {
-    let mut solver = settings.solver(robot)?;
+    sweep_with(robot, &mut settings.solver(robot)?, loads, warm, disks)
+}
+
+/// As [`sweep`], with a solver of the robot and settings.
+pub fn sweep_with(
+    robot: &Robot,
+    solver: &mut Adaptive,
+    loads: &Loads,
+    warm: bool,
+    disks: bool,
+) -> Result<Solutions, InputError> {
     loads.check(robot)?;
+    solver.reset();
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     for mut chunk in solutions.chunks(robot, loads.count.max(1)) {
         for i in 0..chunk.outcomes.len() {
-            chunk.solve(i, &mut solver, loads, warm);
+            if interrupt::interrupted() {
+                break;
+            }
+            chunk.solve(i, solver, loads, warm);
         }
     }
     Ok(solutions)
@@ -130,15 +149,17 @@ pub fn solve_batch(
     disks: bool,
 ) -> Result<Solutions, InputError> {
     settings.solver(robot)?;
+    let elements = settings.elements.unwrap_or(1);
+    engine::check_solvers(robot, elements, 2 * thread_count(threads))?;
     loads.check(robot)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
-    let chunks = solutions.chunks(robot, CHUNK);
+    let mut chunks = solutions.chunks(robot, CHUNK);
     let scratch = || Scratch {
         solver: settings.solver(robot).expect("checked above"),
         #[cfg(target_arch = "x86_64")]
         lanes: SideBySide::new(robot, settings),
     };
-    for_each_chunk(chunks, threads, scratch, |scratch, chunk| {
+    for_each(&mut chunks, threads, scratch, |scratch, chunk| {
         chunk.fill(scratch, loads)
     });
     Ok(solutions)
@@ -154,79 +175,129 @@ struct Scratch {
 /// Loads that one thread takes at a time: whole sets of lanes.
 const CHUNK: usize = 64;
 
+/// Threads to run on: 0 stands for all cores.
+pub fn thread_count(threads: usize) -> usize {
+    match threads {
+        _ if !cfg!(feature = "threads") => 1,
+        0 => std::thread::available_parallelism().map_or(1, |n| n.get()),
+        threads => threads,
+    }
+}
+
+/// Does work on every item, on `threads` threads (0: one for each core) with scratch memory of
+/// their own. Work that is interrupted leaves items as they are.
 #[cfg(feature = "threads")]
-fn for_each_chunk<S: Send>(
-    mut chunks: Vec<Chunk<'_>>,
+pub fn for_each<T: Send, S>(
+    items: &mut [T],
     threads: usize,
-    scratch: impl Fn() -> S + Sync,
-    work: impl Fn(&mut S, &mut Chunk<'_>) + Sync,
+    scratch: impl Fn() -> S + Sync + Send,
+    work: impl Fn(&mut S, &mut T) + Sync + Send,
 ) {
     use rayon::prelude::*;
-    if threads != 1 && chunks.len() > 1 {
+    if threads != 1 && items.len() > 1 {
+        let shared = interrupt::Shared::default();
+        let join = shared.clone();
         // a pool of its own: the global one would not survive a fork of the process
         let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads.min(chunks.len()))
+            .num_threads(threads.min(items.len()))
+            .start_handler(move |_| join.join())
             .build();
         if let Ok(pool) = pool {
-            return pool.install(|| {
-                chunks
-                    .par_iter_mut()
-                    .for_each_init(&scratch, |s, chunk| work(s, chunk))
+            return pool.in_place_scope(|scope| {
+                let finisher = shared.finisher();
+                scope.spawn(|_| {
+                    let _finisher = finisher;
+                    items
+                        .par_iter_mut()
+                        .for_each_init(&scratch, |s, item| work(s, item))
+                });
+                // only the calling thread is told of an interruption
+                shared.wait();
             });
         }
     }
-    let mut s = scratch();
-    chunks.iter_mut().for_each(|chunk| work(&mut s, chunk));
+    one_by_one(items, scratch, work);
 }
 
+/// Does work on every item, on one thread.
 #[cfg(not(feature = "threads"))]
-fn for_each_chunk<S>(
-    mut chunks: Vec<Chunk<'_>>,
+pub fn for_each<T, S>(
+    items: &mut [T],
     _threads: usize,
     scratch: impl Fn() -> S,
-    work: impl Fn(&mut S, &mut Chunk<'_>),
+    work: impl Fn(&mut S, &mut T),
 ) {
+    one_by_one(items, scratch, work);
+}
+
+fn one_by_one<T, S>(items: &mut [T], scratch: impl Fn() -> S, work: impl Fn(&mut S, &mut T)) {
     let mut s = scratch();
-    chunks.iter_mut().for_each(|chunk| work(&mut s, chunk));
+    items.iter_mut().for_each(|item| work(&mut s, item));
+}
+
+/// So many numbers that are not known yet.
+///
+/// # Errors
+/// If they do not fit into memory, with the sentence of `refused`.
+pub fn unknown(
+    len: Option<usize>,
+    refused: &dyn Fn() -> InputError,
+) -> Result<Vec<f64>, InputError> {
+    const STRIDE: usize = 1 << 16;
+    let mut v = Vec::new();
+    match len.map(|len| v.try_reserve_exact(len)) {
+        Some(Ok(())) => {}
+        _ => return Err(refused()),
+    }
+    let len = len.unwrap_or(0);
+    while v.len() < len {
+        if interrupt::work(STRIDE / 16) {
+            return Err(InputError("the work was interrupted".into()));
+        }
+        v.resize(len.min(v.len() + STRIDE), f64::NAN);
+    }
+    Ok(v)
 }
 
 impl Solutions {
     /// Room for `n` answers, all NaN.
     fn pending(robot: &Robot, n: usize, disks: bool) -> Result<Self, InputError> {
-        let nan = |columns: usize| {
-            let mut v = Vec::new();
-            let room = n.checked_mul(columns);
-            match room.map(|len| v.try_reserve_exact(len)) {
-                Some(Ok(())) => {
-                    v.resize(n * columns, f64::NAN);
-                    Ok(v)
-                }
-                _ => Err(InputError(format!(
-                    "the answers of {n} loads do not fit into memory: give fewer at a time or leave the disks out"
-                ))),
-            }
+        let refused = || {
+            InputError(format!(
+                "the answers of {n} loads do not fit into memory: give fewer at a time or leave the disks out"
+            ))
         };
+        let nan = |columns: usize| unknown(n.checked_mul(columns), &refused);
         let all = if disks { robot.module_count() } else { 0 };
-        Ok(Solutions {
+        let mut outcomes = Vec::new();
+        outcomes.try_reserve_exact(n).map_err(|_| refused())?;
+        let solutions = Solutions {
+            outcomes,
             tip_position: nan(3)?,
             tip_rotation: nan(9)?,
             tendon_length: nan(robot.tendon_count())?,
             disk_position: nan(3 * all)?,
             disk_rotation: nan(9 * all)?,
-            outcomes: vec![
-                Outcome {
-                    status: Status::MaxIterations,
-                    stable: None,
-                    iterations: 0,
-                    residual: f64::NAN,
-                    left_unstable: false,
-                    fraction: 0.0,
-                    collision: None,
-                    error: None,
-                };
-                n
-            ],
-        })
+        };
+        Ok(solutions.with_outcomes(n))
+    }
+
+    /// With so many loads whose outcome is not known yet.
+    fn with_outcomes(mut self, n: usize) -> Self {
+        self.outcomes.resize(
+            n,
+            Outcome {
+                status: Status::MaxIterations,
+                stable: None,
+                iterations: 0,
+                residual: f64::NAN,
+                left_unstable: false,
+                fraction: 0.0,
+                collision: None,
+                error: None,
+            },
+        );
+        self
     }
 
     /// Disjoint pieces of `size` rows, the last one perhaps shorter.
@@ -316,6 +387,9 @@ impl<'a> Chunk<'a> {
         if let Some(lanes) = &mut scratch.lanes {
             let width = lanes.width();
             for start in (0..rows).step_by(width) {
+                if interrupt::interrupted() {
+                    return;
+                }
                 let set = start..(start + width).min(rows);
                 let row = |lane: usize| {
                     let i = (start + lane).min(set.end - 1);
@@ -341,6 +415,9 @@ impl<'a> Chunk<'a> {
             return;
         }
         for i in 0..rows {
+            if interrupt::interrupted() {
+                return;
+            }
             self.solve(i, &mut scratch.solver, loads, false);
         }
     }

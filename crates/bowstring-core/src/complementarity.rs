@@ -1,5 +1,7 @@
 //! Small dense systems, and which of their unknowns are held at zero.
 
+use crate::interrupt;
+
 /// A mixed linear complementarity problem, with its scratch memory: find `z` between its bounds
 /// with `w = q + M z`, where `w >= 0` at a lower bound, `w <= 0` at an upper one, and `w = 0`
 /// between.
@@ -126,6 +128,9 @@ impl Complementarity {
             self.z[i] = 0f64.max(self.lower[i]).min(self.upper[i]);
         }
         for _ in 0..RELAXATIONS {
+            if interrupt::work(n * n / 8) {
+                return false;
+            }
             for i in 0..n {
                 let row = &self.matrix[i * n..(i + 1) * n];
                 let w = self.q[i] + row.iter().zip(&self.z).map(|(a, z)| a * z).sum::<f64>();
@@ -200,6 +205,9 @@ impl Complementarity {
         for _ in 0..30 {
             let mut off = 0.0;
             for p in 0..m {
+                if interrupt::work(m * m / 2) {
+                    return 0;
+                }
                 for q in p + 1..m {
                     let apq = a[p * m + q];
                     off += apq * apq;
@@ -229,11 +237,14 @@ impl Complementarity {
     }
 }
 
-/// Gauss's elimination with row pivoting of `m` rows of `m + 1`; the answer is the last column.
-/// False where the matrix is singular.
-fn eliminate(a: &mut [f64], m: usize) -> bool {
-    let width = m + 1;
+/// Gauss's elimination with row pivoting of `m` rows: a square matrix, and right-hand sides in
+/// the columns after it, which become the answers. False where the matrix is singular.
+pub(crate) fn eliminate(a: &mut [f64], m: usize) -> bool {
+    let width = a.len().checked_div(m).unwrap_or(0);
     for column in 0..m {
+        if interrupt::work((m - column) * (width - column) / 8) {
+            return false;
+        }
         let size = |row: usize| a[row * width + column].abs();
         let best = (column..m).fold(column, |b, row| if size(row) > size(b) { row } else { b });
         let pivot = a[best * width + column];
@@ -256,12 +267,14 @@ fn eliminate(a: &mut [f64], m: usize) -> bool {
             }
         }
     }
-    for row in (0..m).rev() {
-        let mut sum = a[row * width + m];
-        for j in row + 1..m {
-            sum -= a[row * width + j] * a[j * width + m];
+    for right in m..width {
+        for row in (0..m).rev() {
+            let mut sum = a[row * width + right];
+            for j in row + 1..m {
+                sum -= a[row * width + j] * a[j * width + right];
+            }
+            a[row * width + right] = sum / a[row * width + row];
         }
-        a[row * width + m] = sum / a[row * width + row];
     }
     true
 }

@@ -3,7 +3,9 @@
 //! [`Transmission`].
 
 use crate::adaptive::{needed, refine, tells_stability, LEVELS, TENSION_TOLERANCE, TIP_TOLERANCE};
+use crate::engine;
 use crate::estimate::ErrorEstimate;
+use crate::interrupt;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
 use crate::mixing::Mixing;
@@ -37,6 +39,24 @@ pub struct DriveOutcome {
     pub error: Option<ErrorEstimate>,
 }
 
+impl DriveOutcome {
+    /// Of a step that is not solved yet.
+    pub fn pending() -> Self {
+        DriveOutcome {
+            status: Status::MaxIterations,
+            stable: None,
+            iterations: 0,
+            increments: 1,
+            residual: f64::INFINITY,
+            length_residual: f64::INFINITY,
+            undetermined: false,
+            fighting: vec![],
+            nearest: None,
+            error: None,
+        }
+    }
+}
+
 /// A robot that is driven through its tendons.
 #[derive(Clone)]
 pub struct Drive {
@@ -50,6 +70,8 @@ pub struct Drive {
     ends: [Vec<f64>; 2],
     /// Rotation of a module by a newton in a tendon, about.
     per_tension: f64,
+    /// Unknowns of a step that were found to fit into memory.
+    fitting: usize,
 }
 
 /// Length, as a share of the robot's, to which pulls are met.
@@ -78,6 +100,7 @@ impl Drive {
     ) -> Result<Self, InputError> {
         let given = elements.into();
         let elements = given.unwrap_or(1);
+        engine::check_driven(robot, elements, 0, 1)?;
         let mut transmission = Transmission::new(robot, model, lines)?;
         let mut solver = Solver::new(robot, model, elements)?;
         // home: pretension alone, no load
@@ -110,6 +133,7 @@ impl Drive {
             mixing: Mixing::default(),
             ends: Default::default(),
             per_tension,
+            fitting: 0,
         })
     }
 
@@ -199,13 +223,36 @@ impl Drive {
         self.solver.engine.span_tension(k, i)
     }
 
+    /// Checks that copies for steps side by side fit into memory.
+    ///
+    /// # Errors
+    /// If they do not.
+    pub fn check_copies(&self, copies: usize) -> Result<(), InputError> {
+        let unknowns = self.transmission.lines.len() + self.transmission.most_holes();
+        engine::check_driven(self.robot(), self.solver.elements(), unknowns, copies)
+    }
+
+    /// Checks the numbers of a step, and that its unknowns fit into memory.
+    ///
+    /// # Errors
+    /// If they do not.
+    pub fn check(&mut self, commands: &[Command], load: &Load) -> Result<(), InputError> {
+        self.transmission.check(self.robot(), commands, load)?;
+        let pulled = commands.iter().filter(|c| matches!(c, Command::Pull(_)));
+        let unknowns = pulled.count() + self.transmission.most_holes();
+        if unknowns > self.fitting {
+            engine::check_driven(self.robot(), self.solver.elements(), unknowns, 1)?;
+            self.fitting = unknowns;
+        }
+        Ok(())
+    }
+
     /// Equilibrium under commands and load, one step on the path from the last.
     ///
     /// # Errors
     /// If a number does not fit the robot.
     pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<DriveOutcome, InputError> {
-        self.transmission
-            .check(self.solver.robot(), commands, load)?;
+        self.check(commands, load)?;
         let mut iterations = 0;
         loop {
             let old = self.transmission.now.clone();
@@ -221,7 +268,7 @@ impl Drive {
             outcome.iterations = iterations;
             if outcome.status != Status::Converged {
                 self.transmission.now = old;
-                if outcome.status != Status::NoEquilibrium {
+                if outcome.status != Status::NoEquilibrium && !interrupt::interrupted() {
                     self.explain(&mut outcome, commands, load);
                 }
                 self.solver.unsettle();
@@ -233,7 +280,7 @@ impl Drive {
 
     /// The same robot, where a step from `old` needs more elements than it has.
     fn finer(&self, outcome: &DriveOutcome, old: &History) -> Option<Drive> {
-        if !self.automatic {
+        if !self.automatic || interrupt::interrupted() {
             return None;
         }
         let elements = self.solver.elements();
@@ -262,6 +309,8 @@ impl Drive {
         let lines = &self.transmission.lines;
         let mut finer = Drive::new(self.robot(), self.solver.model(), elements, lines).ok()?;
         finer.automatic = self.automatic;
+        engine::check_driven(self.robot(), elements, self.fitting, 1).ok()?;
+        finer.fitting = self.fitting;
         let mut strain = now.strain.clone();
         while strain.len() < finer.virgin.strain.len() {
             strain = refine(&strain);
@@ -356,6 +405,9 @@ impl Drive {
             if outcome.iterations > MOST_ITERATIONS {
                 break;
             }
+            if interrupt::interrupted() {
+                break;
+            }
             if found.status == Status::Converged {
                 increments += 1;
                 if share == 1.0 {
@@ -442,18 +494,7 @@ impl Drive {
 
     /// One implicit step from `old`; leaves the answer in `self.transmission.now`.
     fn newton(&mut self, old: &History, commands: &[Command], load: &Load) -> DriveOutcome {
-        let mut outcome = DriveOutcome {
-            status: Status::MaxIterations,
-            stable: None,
-            iterations: 0,
-            increments: 1,
-            residual: f64::INFINITY,
-            length_residual: f64::INFINITY,
-            undetermined: false,
-            fighting: vec![],
-            nearest: None,
-            error: None,
-        };
+        let mut outcome = DriveOutcome::pending();
         self.start(old, commands, load);
         let symmetric = load.tip_moment == [0.0; 3];
         let scale = self.robot().moment_scale();
@@ -463,8 +504,9 @@ impl Drive {
         let rigid = self.transmission.is_rigid();
         let (mut last, mut shift) = (f64::INFINITY, 0.0);
         let (mut before, mut pivot) = (0.0, f64::NAN);
+        let work = self.solver.settings().work * (2 + self.transmission.problem.size);
         for step in 0..=MAX_STEPS {
-            if !self.solver.engine.evaluate().is_finite() {
+            if interrupt::work(work) || !self.solver.engine.evaluate().is_finite() {
                 return outcome;
             }
             self.solver.engine.measure_spans(self.transmission.rubs);
@@ -522,6 +564,9 @@ impl Drive {
             let engine = &mut *self.solver.engine;
             self.transmission.gather(engine, old, caution, chord);
             let solved = self.transmission.problem.solve();
+            if interrupt::interrupted() {
+                return outcome;
+            }
             if symmetric && pivot <= 1e-12 * unit {
                 // what the pulls hold does not count
                 let held = self.transmission.problem.negative_eigenvalues();

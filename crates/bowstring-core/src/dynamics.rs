@@ -2,6 +2,7 @@
 
 use crate::drive::{Command, Drive, History, Line};
 use crate::engine::{self, Moving};
+use crate::interrupt;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, OwnedLoad};
 pub use crate::motion::{Damping, Energies, Fields};
@@ -288,8 +289,15 @@ fn solve(
 ) -> bool {
     let (mut iteration, mut best, mut last) = (0, f64::INFINITY, f64::INFINITY);
     let most = MAX_ITERATIONS[usize::from(driven.is_some())];
+    let work = match &driven {
+        None => motion.work(),
+        Some(driven) => motion.work() * (2 + driven.transmission.problem.size),
+    };
     loop {
         let tolerance = tolerances[usize::from(iteration > 0)];
+        if interrupt::work(work) {
+            return false;
+        }
         let mut residual = motion.residual();
         let (mut settled, mut better) = (true, true);
         if let Some(driven) = &mut driven {
@@ -388,6 +396,9 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
         // at rest Newton's matrix tells whether the equilibrium is stable
         let least = usize::from(settling);
         let mut sound = solve(motion, driven, &mut march.count, tolerances, least, again);
+        if interrupt::interrupted() {
+            return Some(Stop::StepFailed);
+        }
         if settling {
             let (mut tendons, mut held) = (0.0, 0);
             if let Some(driven) = &mut march.driven {
@@ -540,7 +551,10 @@ impl Simulator {
             ..OwnedLoad::default()
         };
         Ok(Simulator {
-            engine: engine::moving(robot, model, elements, gravity, damping)?,
+            engine: {
+                engine::check_moving(robot, elements)?;
+                engine::moving(robot, model, elements, gravity, damping)?
+            },
             robot: robot.clone(),
             model,
             elements,

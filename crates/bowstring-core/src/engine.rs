@@ -7,6 +7,7 @@ use crate::estimate::Found;
 use crate::lie::Pose;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
+use crate::memory;
 use crate::motion::{Damping, Energies, Fields, Motion};
 use crate::real::{Real, Scalar};
 use crate::robot::{InputError, Robot};
@@ -227,6 +228,66 @@ pub(crate) fn avx2(robot: &Robot, model: Model) -> Box<dyn Passes> {
     ))
 }
 
+/// Memory of a rod in bytes, and of `columns` answers to single tensions; the lanes take about
+/// the same.
+fn bytes(robot: &Robot, elements: usize, columns: usize) -> f64 {
+    match elements {
+        1 => Rod::<Scalar, 2>::bytes(robot, columns),
+        2 => Rod::<Scalar, 4>::bytes(robot, columns),
+        4 => Rod::<Scalar, 8>::bytes(robot, columns),
+        _ => Rod::<Scalar, 16>::bytes(robot, columns),
+    }
+}
+
+fn size(robot: &Robot) -> String {
+    format!(
+        "a robot with {} disks and {} tendons",
+        robot.module_count(),
+        robot.tendon_count()
+    )
+}
+
+/// Checks that `solvers` at a time fit into memory.
+pub(crate) fn check_solvers(
+    robot: &Robot,
+    elements: usize,
+    solvers: usize,
+) -> Result<(), InputError> {
+    let bytes = solvers as f64 * bytes(robot, elements, 0);
+    memory::check(bytes, || size(robot), "use fewer disks")
+}
+
+/// Checks that a robot in motion fits into memory: two rods, and what inertia adds.
+pub(crate) fn check_moving(robot: &Robot, elements: usize) -> Result<(), InputError> {
+    let bytes = 4.0 * bytes(robot, elements, 0);
+    memory::check(bytes, || size(robot), "use fewer disks")
+}
+
+/// Arrays of a transmission by modules and tendons, of its history and their copies.
+const TRANSMISSION_ARRAYS: f64 = 20.0;
+
+/// Checks that a robot that is driven through its tendons fits into memory, with `unknowns`
+/// tensions and holes that stick, so many times.
+pub(crate) fn check_driven(
+    robot: &Robot,
+    elements: usize,
+    unknowns: usize,
+    copies: usize,
+) -> Result<(), InputError> {
+    let (n, m, k) = (
+        robot.module_count() as f64,
+        robot.tendon_count() as f64,
+        unknowns as f64,
+    );
+    let transmission = 8.0 * (n * m * TRANSMISSION_ARRAYS + 2.0 * k * n + 2.0 * k * k);
+    let bytes = copies as f64 * (transmission + bytes(robot, elements, unknowns + 1));
+    let what = || match unknowns {
+        0 => size(robot),
+        _ => format!("{}, {unknowns} tensions of which are unknown,", size(robot)),
+    };
+    memory::check(bytes, what, "use fewer disks, or pull fewer tendons")
+}
+
 /// A rod in plain numbers, by elements in a module.
 pub(crate) enum Plain {
     One(Box<Rod<Scalar, 2>>),
@@ -332,6 +393,8 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn account(&mut self, tendons: &Energies);
     fn put_in(&mut self, energy: f64);
     fn is_stable(&self, held: usize) -> bool;
+    /// Of an iteration, in units of `interrupt::work`.
+    fn work(&self) -> usize;
 }
 
 /// The same for a moving rod.
@@ -417,6 +480,9 @@ macro_rules! moving {
             }
             fn is_stable(&self, held: usize) -> bool {
                 Motion::is_stable(self, held)
+            }
+            fn work(&self) -> usize {
+                Motion::work(self)
             }
         }
 

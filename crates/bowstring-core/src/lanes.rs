@@ -6,6 +6,7 @@
 use crate::adaptive::{tells_stability, TIP_TOLERANCE};
 use crate::batch;
 use crate::estimate::ErrorEstimate;
+use crate::interrupt;
 use crate::linalg::Vec3;
 use crate::load::Load;
 use crate::real::Real;
@@ -138,6 +139,9 @@ fn solve<M: Real>(
     let mut iterations = [0; 8];
     let mut outcomes = [None; 8];
     for round in 0..=MAX_PLAIN_STEPS {
+        if interrupt::work(M::LANES * settings.work) {
+            break;
+        }
         let residual = rod.gradient() * M::splat(1.0 / settings.moment_scale);
         let ready = |lane: usize| residual.lane(lane) <= TOLERANCE && minimum_nearby[lane];
         if round == MAX_PLAIN_STEPS || (0..M::LANES).all(|lane| ready(lane) || !plain[lane]) {

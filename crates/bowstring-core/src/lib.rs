@@ -8,11 +8,13 @@ pub mod drive;
 pub mod dynamics;
 mod engine;
 pub mod estimate;
+pub mod interrupt;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 pub mod lie;
 pub mod linalg;
 pub mod load;
+pub mod memory;
 mod mixing;
 pub mod modes;
 mod module;

@@ -2,10 +2,14 @@
 //!
 //! With flexibility `F` and masses `M`, the eigenvalues of `sqrt(M) F sqrt(M)` are `1/omega^2`.
 
+use crate::batch::unknown;
 use crate::drive::Drive;
+use crate::engine;
+use crate::interrupt;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
-use crate::motion::{Damping, Lock, Motion};
+use crate::memory;
+use crate::motion::{Damping, Lock, Motion, Rest};
 use crate::real::Scalar;
 use crate::robot::{InputError, Robot};
 use crate::statics::{Outcome, Solver, Status};
@@ -14,14 +18,69 @@ use crate::statics::{Outcome, Solver, Status};
 ///
 /// Freedoms, module by module: translation of every mass point from base to tip, the disk
 /// last, in the base frame; then rotation of the disk, in its own frame.
-#[derive(Clone, Debug)]
 pub struct Flexibility {
-    /// Displacement (row) by unit force (column), m/N, rad/N, m/(N m), rad/(N m); by rows.
-    pub matrix: Vec<f64>,
+    rest: Box<dyn AnswersForces>,
     /// kg and kg m^2.
     pub masses: Vec<f64>,
     /// Mass points of a module, the disk among them.
     pub points: usize,
+    /// Of a column, in units of `interrupt::work`.
+    work: usize,
+}
+
+impl Flexibility {
+    /// Displacement of all freedoms by forces on all of them, m and rad by N and N m: the
+    /// product of the flexibility matrix and the forces, in a time that grows in proportion to the
+    /// robot.
+    ///
+    /// # Panics
+    /// If there are not as many forces as masses.
+    pub fn apply(&mut self, forces: &[f64]) -> Vec<f64> {
+        assert_eq!(forces.len(), self.masses.len());
+        interrupt::work(self.work);
+        self.rest.answer(forces)
+    }
+
+    /// Displacement (row) by unit force (column), m/N, rad/N, m/(N m), rad/(N m); by rows.
+    ///
+    /// # Errors
+    /// If it does not fit into memory.
+    pub fn matrix(&mut self) -> Result<Vec<f64>, InputError> {
+        let size = self.masses.len();
+        let refused = || {
+            InputError(format!(
+                "a flexibility matrix of {size} rows does not fit into memory; apply it to forces"
+            ))
+        };
+        let mut matrix = unknown(size.checked_mul(size), &refused)?;
+        let mut unit = vec![0.0; size];
+        for column in 0..size {
+            if interrupt::interrupted() {
+                break;
+            }
+            unit[column] = 1.0;
+            for (row, v) in self.apply(&unit).iter().enumerate() {
+                matrix[row * size + column] = *v;
+            }
+            unit[column] = 0.0;
+        }
+        Ok(matrix)
+    }
+}
+
+trait AnswersForces: Send + Sync {
+    fn answer(&mut self, forces: &[f64]) -> Vec<f64>;
+}
+
+struct AtRest<const A: usize> {
+    motion: Motion<Scalar, A>,
+    rest: Rest<A>,
+}
+
+impl<const A: usize> AnswersForces for AtRest<A> {
+    fn answer(&mut self, forces: &[f64]) -> Vec<f64> {
+        self.motion.answer_forces(forces, &self.rest)
+    }
 }
 
 /// Flexibility about the equilibrium under a load; none where there is no stable one, or where
@@ -45,8 +104,12 @@ pub fn flexibility(
 
 /// The same where a path of equilibria has come to: tendons that are pulled by a length keep it,
 /// and with friction none slips. None where the path has not come to a stable one.
-pub fn flexibility_at(drive: &Drive) -> Option<Flexibility> {
+///
+/// # Errors
+/// If what holds the tendons does not fit into memory.
+pub fn flexibility_at(drive: &Drive) -> Result<Option<Flexibility>, InputError> {
     let solver = drive.solver();
+    engine::check_moving(solver.robot(), solver.elements())?;
     match solver.elements() {
         1 => held::<2>(drive),
         2 => held::<4>(drive),
@@ -55,13 +118,19 @@ pub fn flexibility_at(drive: &Drive) -> Option<Flexibility> {
     }
 }
 
-fn held<const A: usize>(drive: &Drive) -> Option<Flexibility> {
+fn held<const A: usize>(drive: &Drive) -> Result<Option<Flexibility>, InputError> {
     let (solver, history) = (drive.solver(), drive.history());
-    solver.tip()?;
     let [gravity, tip_force, tip_moment] = history.load;
-    if tip_moment != [0.0; 3] {
-        return None; // no potential
+    if solver.tip().is_none() || tip_moment != [0.0; 3] {
+        return Ok(None); // no potential
     }
+    let locks = drive.transmission().lock_count() as f64;
+    let modules = solver.robot().module_count() as f64;
+    memory::check(
+        8.0 * locks * (modules * (3 * A + 4) as f64 + 3.0 * locks),
+        || format!("a robot with {modules} disks and {locks} spans of tendons that are held"),
+        "use fewer disks",
+    )?;
     let mut motion = still::<A>(
         solver,
         &Load {
@@ -72,7 +141,7 @@ fn held<const A: usize>(drive: &Drive) -> Option<Flexibility> {
         },
     );
     motion.set_span_tensions(|k, i| drive.span_tension(k, i));
-    found(motion, &drive.transmission().locks())
+    Ok(found(motion, &drive.transmission().locks()))
 }
 
 /// At rest in the pose of a solver.
@@ -94,11 +163,12 @@ fn found<const A: usize>(mut motion: Motion<Scalar, A>, locks: &[Lock]) -> Optio
     if !motion.settle() {
         return None;
     }
-    let (matrix, masses) = motion.flexibility(locks)?;
+    let rest = motion.linearise_at_rest(locks)?;
     Some(Flexibility {
-        matrix,
-        masses,
+        masses: motion.masses_of_freedoms(),
         points: A,
+        work: motion.work() + locks.len() * (2 * A * motion.module_count() + locks.len()) / 4,
+        rest: Box::new(AtRest { motion, rest }),
     })
 }
 
@@ -107,6 +177,7 @@ fn about<const A: usize>(
     model: Model,
     load: &Load,
 ) -> Result<(Outcome, Option<Flexibility>), InputError> {
+    engine::check_moving(robot, A / 2)?;
     let mut solver = Solver::new(robot, model, A / 2)?;
     let mut outcome = solver.solve(load)?;
     if outcome.status != Status::Converged || outcome.stable != Some(true) {

@@ -30,7 +30,7 @@ use crate::sweep::{Blocks, Eliminated};
 mod flexibility;
 mod record;
 
-pub(crate) use flexibility::Lock;
+pub(crate) use flexibility::{Lock, Rest};
 pub use record::Fields;
 
 /// The unknown of a module.
@@ -382,6 +382,11 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             forward: 1.0,
             rod,
         }
+    }
+
+    /// Of an iteration, in units of `interrupt::work`.
+    pub fn work(&self) -> usize {
+        A * self.module_count() * (8 + self.rod.tendons.len())
     }
 
     pub fn module_count(&self) -> usize {
@@ -1110,6 +1115,9 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         let n = self.module_count();
         let own = std::iter::once(None);
         for (column, source) in own.chain(sources.iter(n).map(Some)).enumerate() {
+            if crate::interrupt::work(n * (16 + 2 * self.rod.tendons.len())) {
+                return;
+            }
             self.substitute(column, source);
             self.rate_spans(column);
         }

@@ -4,6 +4,7 @@
 //! rotations, costate and elimination, runs along the chain (`L::Chain`).
 
 use crate::estimate::Defect;
+use crate::interrupt;
 use crate::lie::Pose;
 use crate::linalg::{Mat3, Vec3};
 use crate::load::{Load, Model, TendonPath};
@@ -239,6 +240,32 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             tip_moment: Vec3::zero(),
             modules,
         }
+    }
+
+    /// Memory of a rod in bytes, and of `columns` answers to single tensions.
+    pub fn bytes(robot: &Robot, columns: usize) -> f64 {
+        let tendons = robot.tendon_count();
+        let module = size_of::<Constants<L::Module>>()
+            + size_of::<Constants<f64>>()
+            + size_of::<State<L::Module, A>>()
+            + size_of::<Gradient<L::Module, A>>()
+            + size_of::<Hessian<L::Module, A>>()
+            + size_of::<Response<L::Module, A>>()
+            + 2 * size_of::<[Vec3<L::Module>; A]>()
+            + size_of::<Eliminated<L::Chain, A, 1>>()
+            + 7 * size_of::<Vec3<L::Chain>>()
+            + size_of::<Mat3<L::Chain>>()
+            + tendons * (2 * size_of::<f64>() + 2 * size_of::<L::Module>());
+        let answers = size_of::<[Vec3<L::Module>; A]>()
+            + size_of::<Vec3<L::Module>>()
+            + tendons * size_of::<L::Module>();
+        let spans = if columns == 0 {
+            0
+        } else {
+            tendons * size_of::<Span<L::Module>>()
+        };
+        let each = module as f64 + spans as f64 + columns as f64 * answers as f64;
+        each * robot.module_count() as f64
     }
 
     /// Sets the tensions alone.
@@ -563,6 +590,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
         for part in 0..total.div_ceil(L::WIDTH) {
             let first = part * L::WIDTH;
+            if interrupt::work(L::WIDTH * n * (16 + 2 * count)) {
+                return;
+            }
             self.substitute(part, first..total.min(first + L::WIDTH), &sources);
         }
     }

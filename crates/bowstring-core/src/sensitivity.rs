@@ -3,6 +3,7 @@
 //! The sweep of the Newton step with other right-hand sides: a parameter acts on a module as a
 //! change of the force on its end, of its end's place, and of the moments on its arcs.
 
+use crate::interrupt;
 use crate::linalg::{Mat3, Vec3};
 use crate::load::TendonPath;
 use crate::module::{Response, Span};
@@ -178,6 +179,13 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
     parameter: &Parameter,
 ) -> Derivative {
     let n = rod.module_count();
+    if interrupt::work(n * (16 + 2 * rod.lengths.len())) {
+        return Derivative {
+            position: Vec3::splat([f64::NAN; 3]),
+            rotation: Vec3::zero(),
+            lengths: vec![],
+        };
+    }
     let sources: Vec<_> = (0..n)
         .map(|k| source(rod, &responses[k], segments, k, parameter))
         .collect();

@@ -3,6 +3,7 @@
 use crate::adaptive::tells_stability;
 use crate::engine::{self, Passes, Plain};
 use crate::estimate::ErrorEstimate;
+use crate::interrupt;
 pub use crate::lie::Pose;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, OwnedLoad};
@@ -104,6 +105,8 @@ pub(crate) struct Settings {
     pub shift_unit: f64,
     /// Measure of length, m.
     pub length: f64,
+    /// Work of a Newton iteration, in units of `interrupt::work`.
+    pub work: usize,
 }
 
 impl Settings {
@@ -115,6 +118,7 @@ impl Settings {
             moment_scale: robot.moment_scale(),
             shift_unit: 0.1 * stiffness,
             length: robot.length(),
+            work: robot.module_count() * elements * (8 + 2 * robot.tendon_count()),
         }
     }
 }
@@ -145,6 +149,7 @@ impl Solver {
     /// A solver with 1, 2, 4 or 8 elements of fourth order in a module; 1 is the default of
     /// all outputs.
     pub fn new(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
+        engine::check_solvers(robot, elements, 1)?;
         let engine = engine::quickest(robot, model, elements)?;
         let straight = vec![Vec3::zero(); 2 * elements * robot.module_count()];
         Ok(Solver {
@@ -380,7 +385,8 @@ impl Solver {
                 increment *= 0.3;
             }
             // a load that is past hope must not take long to say so
-            if increment < 1e-3 || outcome.iterations > MAX_CONTINUATION {
+            if increment < 1e-3 || outcome.iterations > MAX_CONTINUATION || interrupt::interrupted()
+            {
                 outcome.fraction = reached;
                 return Attempt::Stuck;
             }
@@ -473,6 +479,9 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
     // the last elimination still tells the inertia if the step after it was short
     let mut minimum_nearby = false;
     loop {
+        if interrupt::work(settings.work) {
+            return Attempt::Stuck;
+        }
         outcome.residual = rod.gradient() / settings.moment_scale;
         let settled = outcome.residual <= TOLERANCE;
         if settled && minimum_nearby {
@@ -494,7 +503,7 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
             }
             shift = if shift == 0.0 { unit } else { shift * 4.0 };
             shifts += 1;
-            if shifts > MAX_SHIFTS {
+            if shifts > MAX_SHIFTS || interrupt::work(settings.work) {
                 return Attempt::Stuck;
             }
         };
@@ -511,7 +520,7 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
             }
             escapes += 1;
             outcome.left_unstable = true;
-            energy = leave_saddle(rod, unit, escapes, energy);
+            energy = leave_saddle(rod, settings, escapes, energy);
             continue;
         }
         let step = rod.newton_step(true);
@@ -532,7 +541,7 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
             }
             fraction *= 0.5;
             halvings += 1;
-            if halvings > MAX_HALVINGS {
+            if halvings > MAX_HALVINGS || interrupt::work(settings.work) {
                 return Attempt::Stuck;
             }
         }
@@ -550,6 +559,9 @@ fn newton_on_residual(rod: &mut dyn Passes, settings: &Settings, outcome: &mut O
     let mut residual = rod.gradient() / settings.moment_scale;
     for step in 0..=MAX_RESIDUAL_STEPS {
         outcome.residual = residual;
+        if interrupt::work(settings.work) {
+            break;
+        }
         if residual <= TOLERANCE {
             return converged(rod, None);
         }
@@ -580,7 +592,7 @@ fn newton_on_residual(rod: &mut dyn Passes, settings: &Settings, outcome: &mut O
                 break;
             }
             fraction *= 0.5;
-            if !(fraction > 1e-3) {
+            if !(fraction > 1e-3) || interrupt::work(settings.work) {
                 return Attempt::Stuck;
             }
         }
@@ -600,10 +612,10 @@ pub(crate) fn is_minimum_nearby(largest: f64, pivot: f64, unit: f64, stiffening:
 /// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start looks for the
 /// lowest mode, so that the same load always takes the same branch.
 #[cold]
-fn leave_saddle(rod: &mut dyn Passes, unit: f64, attempt: usize, energy: f64) -> f64 {
-    let mut shift = 1e-6 * unit;
+fn leave_saddle(rod: &mut dyn Passes, settings: &Settings, attempt: usize, energy: f64) -> f64 {
+    let mut shift = 1e-6 * settings.shift_unit;
     for _ in 0..MAX_SHIFTS {
-        if rod.eliminate(true, shift) > 0.0 {
+        if rod.eliminate(true, shift) > 0.0 || interrupt::work(settings.work) {
             break;
         }
         shift *= 2.0;
@@ -614,6 +626,9 @@ fn leave_saddle(rod: &mut dyn Passes, unit: f64, attempt: usize, energy: f64) ->
     });
     let mut largest = 1.0;
     for round in 0..9 {
+        if interrupt::work(settings.work) {
+            break;
+        }
         if round > 0 {
             rod.step_to_gradient(1.0 / largest);
         }

@@ -62,6 +62,29 @@ pub struct Derived {
     pub place: Vec<f64>,
 }
 
+impl Derived {
+    /// Appends those of further sections, `total` in all.
+    pub fn append(&mut self, other: &Derived, total: usize) {
+        for (to, from, width) in [
+            (&mut self.curvature, &other.curvature, 3),
+            (&mut self.strain, &other.strain, 3),
+            (&mut self.axial, &other.axial, 1),
+            (&mut self.bending, &other.bending, 1),
+            (&mut self.normal, &other.normal, 1),
+            (&mut self.shear, &other.shear, 1),
+            (&mut self.torsion, &other.torsion, 1),
+            (&mut self.von_mises, &other.von_mises, 1),
+            (&mut self.angle, &other.angle, 1),
+            (&mut self.place, &other.place, 3),
+        ] {
+            if to.capacity() == 0 {
+                to.reserve_exact(width * total);
+            }
+            to.extend_from_slice(from);
+        }
+    }
+}
+
 /// Sections worked on side by side.
 const WIDTH: usize = 16;
 type Lanes = [f64; WIDTH];

@@ -1021,6 +1021,21 @@ impl Transmission {
         energy
     }
 
+    /// Holes that may stick together.
+    pub fn most_holes(&self) -> usize {
+        let rubbing = (0..self.lines.len()).filter(|&i| self.lines[i].friction > 0.0);
+        rubbing.map(|i| self.ends[i] + 1).sum()
+    }
+
+    /// At most as many as `locks` gives.
+    pub fn lock_count(&self) -> usize {
+        let all = |i: usize| match self.lines[i].friction > 0.0 {
+            true => self.ends[i] + 1,
+            false => 1,
+        };
+        (0..self.lines.len()).map(all).sum()
+    }
+
     /// What keeps its length in small oscillations: tendons that are pulled and do not hang; where
     /// they rub, every stretch between two holes that hold, for a small motion does not make them
     /// slip. A hole without bend holds nothing.

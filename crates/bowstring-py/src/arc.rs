@@ -1,8 +1,10 @@
 //! Constant curvature on arrays: one arc a row. An arc is a row (bend x, bend y, length).
 
+use crate::interrupt::interruptible;
 use bowstring_core::arc::{
     bend_jacobian, lever_arm_law, linear_law, Arc, Error, Hole, Spans, TendonFit,
 };
+use bowstring_core::interrupt;
 use numpy::ndarray::{ArrayD, ArrayView1, IxDyn};
 use numpy::{IntoPyArray, PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -32,16 +34,19 @@ fn each<T: Send>(
             text
         }
     };
-    py.detach(|| {
+    interruptible(py, || {
         (0..rows)
             .map(|row| {
+                if interrupt::work(10) {
+                    return Err(Error::Input("the work was interrupted".into()));
+                }
                 f(row).map_err(|e| match e {
                     Error::Input(text) => Error::Input(place(row, text)),
                     Error::NoSolution(text) => Error::NoSolution(place(row, text)),
                 })
             })
             .collect::<Result<Vec<T>, Error>>()
-    })
+    })?
     .map_err(raise)
 }
 

@@ -1,16 +1,18 @@
 //! Robots driven by pulls, and tendons that rub: `Drive`, one step of a path after another.
 
 use crate::input::{input_error, numbers, refused, settings, three, OwnLoads};
-use crate::rod::{Answer, Driven, Robot, Solution, State};
-use bowstring_core::batch::{Settings, Solutions};
+use crate::interrupt::interruptible;
+use crate::rod::{array, check_rows, Answer, Driven, Robot, Solution, State};
+use bowstring_core::batch::{self, Settings, Solutions};
 use bowstring_core::drive::{self, Command, DriveOutcome, Line};
+use bowstring_core::interrupt::{self, interrupted};
 use bowstring_core::load::{Load, OwnedLoad};
 use bowstring_core::robot::InputError;
 use bowstring_core::statics::{Outcome, Status};
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyReadonlyArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::PyDict;
 
 /// A robot that is driven through its tendons, along a path.
 #[pyclass(module = "bowstring._core")]
@@ -61,9 +63,9 @@ impl Drive {
                 pretension: pretension[i],
             })
             .collect();
-        let drive = robot
-            .py()
-            .detach(|| drive::Drive::new(inner, settings.model, settings.elements, &lines));
+        let drive = interruptible(robot.py(), || {
+            drive::Drive::new(inner, settings.model, settings.elements, &lines)
+        })?;
         Ok(Drive {
             robot: robot.clone().unbind(),
             settings,
@@ -104,9 +106,8 @@ impl Drive {
         };
         let given = orders(&pulled, &commands);
         let drive = &mut self.inner;
-        let found = py
-            .detach(|| drive.step(&given, &load.borrow()))
-            .map_err(input_error)?;
+        let found =
+            interruptible(py, || drive.step(&given, &load.borrow()))?.map_err(input_error)?;
         let converged = found.status == Status::Converged;
         load.tensions = if converged {
             self.inner.history().tensions.clone()
@@ -158,19 +159,36 @@ impl Drive {
         if pulled.shape() != commands.shape() {
             return Err(refused("pulled and commands must have the same shape"));
         }
+        let (count, n, m) = (
+            commands.shape()[0],
+            core.module_count(),
+            core.tendon_count(),
+        );
+        let numbers = 12 + (n + 7) * m + if disks { 12 * n } else { 0 } + 40;
+        check_rows(count, numbers, disks)?;
         let loads = OwnLoads::new(core, commands, gravity, tip_force, tip_moment)?;
         let pulled: Vec<bool> = pulled.as_array().iter().copied().collect();
-        let count = loads.count;
-        let mut rows = Rows::new(core, count, disks);
         let drive = &mut self.inner;
-        py.detach(|| {
-            if path {
-                return rows.fill(drive, &pulled, &loads, 0, false);
+        let rows = interruptible(py, || {
+            for row in 0..count {
+                if interrupt::work(10 + m) {
+                    break;
+                }
+                let load = loads.borrow().row(row, m);
+                let given = orders(&pulled[row * m..][..m], load.tensions);
+                drive
+                    .check(&given, &load)
+                    .map_err(|e| InputError(format!("row {row}: {e}")))?;
             }
-            let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-            let wanted = if threads == 0 { cores } else { threads };
-            rows.fill_side_by_side(drive, &pulled, &loads, wanted)
-        })
+            let mut rows = Rows::new(core, count, disks)?;
+            if path {
+                rows.follow(drive, &pulled, &loads);
+            } else {
+                drive.check_copies(2 * batch::thread_count(threads).min(count))?;
+                rows.solve(drive, &pulled, &loads, threads);
+            }
+            Ok(rows)
+        })?
         .map_err(input_error)?;
         rows.arrays(py, robot.get(), disks)
     }
@@ -302,135 +320,176 @@ fn outcome(found: &DriveOutcome) -> Outcome {
     }
 }
 
-/// Answers row by row; NaN where a row did not converge.
-struct Rows {
-    found: Vec<DriveOutcome>,
-    solutions: Solutions,
-    tensions: Vec<f64>,
-    pulls: Vec<f64>,
-    slack: Vec<f64>,
-    spans: Vec<f64>,
+/// What there is to say of a row beside its numbers.
+struct Row {
+    outcome: Outcome,
+    undetermined: bool,
+    length_residual: f64,
+    /// Tendons that fight, and the nearest pulls with an equilibrium.
+    conflict: Option<Box<Conflict>>,
 }
 
-impl Rows {
-    fn new(robot: &bowstring_core::robot::Robot, count: usize, disks: bool) -> Self {
-        let (n, m) = (robot.module_count(), robot.tendon_count());
-        let none = |width: usize| vec![f64::NAN; width * count];
-        let shown = if disks { n } else { 0 };
-        Rows {
-            found: Vec::with_capacity(count),
-            solutions: Solutions {
-                outcomes: Vec::with_capacity(count),
-                tip_position: none(3),
-                tip_rotation: none(9),
-                tendon_length: none(m),
-                disk_position: none(3 * shown),
-                disk_rotation: none(9 * shown),
-            },
-            tensions: none(m),
-            pulls: none(m),
-            slack: none(m),
-            spans: none(n * m),
-        }
+type Conflict = (Vec<usize>, Option<Vec<f64>>);
+
+/// Answers row by row; NaN where a row did not converge.
+struct Rows {
+    rows: Vec<Row>,
+    /// Flat arrays, see `Columns`.
+    columns: Columns<Vec<f64>>,
+}
+
+/// Numbers of rows, one array for each kind.
+#[derive(Default)]
+struct Columns<T> {
+    tip_position: T,
+    tip_rotation: T,
+    tendon_length: T,
+    disk_position: T,
+    disk_rotation: T,
+    tensions: T,
+    pulls: T,
+    slack: T,
+    spans: T,
+}
+
+impl<T> Columns<T> {
+    fn each(self) -> [T; 9] {
+        [
+            self.tip_position,
+            self.tip_rotation,
+            self.tendon_length,
+            self.disk_position,
+            self.disk_rotation,
+            self.tensions,
+            self.pulls,
+            self.slack,
+            self.spans,
+        ]
     }
 
-    /// Rows from `first` on, as many as there is place for.
-    fn fill(
-        &mut self,
-        drive: &mut drive::Drive,
-        pulled: &[bool],
-        loads: &OwnLoads,
-        first: usize,
-        apart: bool,
-    ) -> Result<(), InputError> {
-        let m = drive.robot().tendon_count();
-        let n = core_modules(drive);
-        let start = apart.then(|| drive.clone());
-        for row in 0..self.tensions.len() / m {
-            if let (Some(start), true) = (&start, row > 0) {
-                drive.clone_from(start);
-            }
-            let i = first + row;
-            let load = loads.borrow().row(i, m);
-            let given = orders(&pulled[i * m..][..m], load.tensions);
-            let found = drive
-                .step(&given, &load)
-                .map_err(|e| InputError(format!("row {i}: {e}")))?;
-            self.solutions.outcomes.push(outcome(&found));
-            let tensions = &mut self.tensions[row * m..][..m];
-            if found.status == Status::Converged {
-                let answer = Answer::read(drive.robot(), drive.solver());
-                let s = &mut self.solutions;
-                let put = |to: &mut [f64], width: usize, from: &[f64]| {
-                    if !to.is_empty() {
-                        to[row * width..][..width].copy_from_slice(from);
-                    }
-                };
-                put(&mut s.tip_position, 3, &answer.disk_position[3 * (n - 1)..]);
-                put(&mut s.tip_rotation, 9, &answer.disk_rotation[9 * (n - 1)..]);
-                put(&mut s.tendon_length, m, &answer.tendon_length);
-                put(&mut s.disk_position, 3 * n, &answer.disk_position);
-                put(&mut s.disk_rotation, 9 * n, &answer.disk_rotation);
-                tensions.copy_from_slice(&drive.history().tensions);
-                let pulls: Vec<f64> = (0..m).map(|j| drive.pull(j)).collect();
-                put(&mut self.pulls, m, &pulls);
-                put(&mut self.slack, m, drive.slack());
-                put(&mut self.spans, n * m, &span_tensions(drive));
-            } else {
-                tensions.copy_from_slice(&tensions_of(&given));
-            }
-            self.found.push(found);
+    fn of(values: [T; 9]) -> Self {
+        let [tip_position, tip_rotation, tendon_length, disk_position, disk_rotation, tensions, pulls, slack, spans] =
+            values;
+        Columns {
+            tip_position,
+            tip_rotation,
+            tendon_length,
+            disk_position,
+            disk_rotation,
+            tensions,
+            pulls,
+            slack,
+            spans,
         }
-        Ok(())
+    }
+}
+
+/// Consecutive rows and the place for their answers.
+struct Part<'a> {
+    first: usize,
+    rows: &'a mut [Row],
+    columns: Columns<&'a mut [f64]>,
+}
+
+/// Rows that one thread takes at a time.
+const PART: usize = 16;
+
+impl Rows {
+    /// Room for so many rows.
+    fn new(
+        robot: &bowstring_core::robot::Robot,
+        count: usize,
+        disks: bool,
+    ) -> Result<Self, InputError> {
+        let refused = || {
+            InputError(format!(
+                "the answers of {count} loads do not fit into memory; give fewer at a time"
+            ))
+        };
+        let mut rows = Vec::new();
+        rows.try_reserve_exact(count).map_err(|_| refused())?;
+        rows.resize_with(count, || Row {
+            outcome: outcome(&DriveOutcome::pending()),
+            undetermined: false,
+            length_residual: f64::NAN,
+            conflict: None,
+        });
+        let mut columns = Columns::default().each();
+        for (column, width) in columns.iter_mut().zip(widths(robot, disks)) {
+            *column = batch::unknown(count.checked_mul(width), &refused)?;
+        }
+        Ok(Rows {
+            rows,
+            columns: Columns::of(columns),
+        })
+    }
+
+    /// Disjoint pieces of `size` rows, the last one perhaps shorter.
+    fn parts(&mut self, widths: [usize; 9], size: usize) -> Vec<Part<'_>> {
+        let Columns {
+            tip_position,
+            tip_rotation,
+            tendon_length,
+            disk_position,
+            disk_rotation,
+            tensions,
+            pulls,
+            slack,
+            spans,
+        } = &mut self.columns;
+        let mut rest: [&mut [f64]; 9] = [
+            tip_position,
+            tip_rotation,
+            tendon_length,
+            disk_position,
+            disk_rotation,
+            tensions,
+            pulls,
+            slack,
+            spans,
+        ];
+        let mut parts = Vec::new();
+        for (i, rows) in self.rows.chunks_mut(size.max(1)).enumerate() {
+            let mut here: [&mut [f64]; 9] = Default::default();
+            for ((here, rest), width) in here.iter_mut().zip(&mut rest).zip(widths) {
+                (*here, *rest) = std::mem::take(rest).split_at_mut(width * rows.len());
+            }
+            parts.push(Part {
+                first: i * size,
+                rows,
+                columns: Columns::of(here),
+            });
+        }
+        parts
+    }
+
+    /// Rows in order, each from where the drive has come to.
+    fn follow(&mut self, drive: &mut drive::Drive, pulled: &[bool], loads: &OwnLoads) {
+        let widths = widths(drive.robot(), !self.columns.disk_position.is_empty());
+        for mut part in self.parts(widths, loads.count) {
+            for row in 0..part.rows.len() {
+                if interrupted() {
+                    return;
+                }
+                part.fill(row, drive, pulled, loads);
+            }
+        }
     }
 
     /// Independent rows, each from where the drive stands.
-    fn fill_side_by_side(
-        &mut self,
-        drive: &drive::Drive,
-        pulled: &[bool],
-        loads: &OwnLoads,
-        threads: usize,
-    ) -> Result<(), InputError> {
-        let robot = drive.robot();
-        let disks = !self.solutions.disk_position.is_empty();
-        let size = loads.count.div_ceil(threads.max(1)).max(1);
-        let firsts: Vec<usize> = (0..loads.count).step_by(size).collect();
-        let parts: Vec<Result<Rows, InputError>> = std::thread::scope(|scope| {
-            let workers: Vec<_> = firsts
-                .iter()
-                .map(|first| {
-                    scope.spawn(move || {
-                        let count = size.min(loads.count - first);
-                        let mut part = Rows::new(robot, count, disks);
-                        let mut drive = drive.clone();
-                        part.fill(&mut drive, pulled, loads, *first, true)?;
-                        Ok(part)
-                    })
-                })
-                .collect();
-            let joined = workers.into_iter().map(|w| w.join());
-            joined
-                .map(|part| part.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-                .collect()
+    fn solve(&mut self, drive: &drive::Drive, pulled: &[bool], loads: &OwnLoads, threads: usize) {
+        let widths = widths(drive.robot(), !self.columns.disk_position.is_empty());
+        let mut parts = self.parts(widths, PART);
+        let copy = || drive.clone();
+        batch::for_each(&mut parts, threads, copy, |copy, part| {
+            for row in 0..part.rows.len() {
+                if interrupted() {
+                    return;
+                }
+                copy.clone_from(drive);
+                part.fill(row, copy, pulled, loads);
+            }
         });
-        *self = Rows::new(robot, 0, disks);
-        for part in parts {
-            let part = part?;
-            self.found.extend(part.found);
-            let (s, t) = (&mut self.solutions, part.solutions);
-            s.outcomes.extend(t.outcomes);
-            s.tip_position.extend(t.tip_position);
-            s.tip_rotation.extend(t.tip_rotation);
-            s.tendon_length.extend(t.tendon_length);
-            s.disk_position.extend(t.disk_position);
-            s.disk_rotation.extend(t.disk_rotation);
-            self.tensions.extend(part.tensions);
-            self.pulls.extend(part.pulls);
-            self.slack.extend(part.slack);
-            self.spans.extend(part.spans);
-        }
-        Ok(())
     }
 
     fn arrays<'py>(
@@ -439,23 +498,101 @@ impl Rows {
         robot: &Robot,
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let (count, m) = (self.found.len(), robot.inner.tendon_count());
+        let (count, m) = (self.rows.len(), robot.inner.tendon_count());
         let n = robot.inner.module_count();
-        let out = robot.arrays(py, self.solutions, disks)?;
-        let table = |v: Vec<f64>| v.into_pyarray(py).reshape([count, m]);
-        out.set_item("tensions", table(self.tensions)?)?;
-        out.set_item("pulls", table(self.pulls)?)?;
-        out.set_item("slack_lengths", table(self.slack)?)?;
-        let spans = self.spans.into_pyarray(py).reshape([count, n, m])?;
-        out.set_item("span_tensions", spans)?;
-        let undetermined = self.found.iter().map(|f| f.undetermined);
-        out.set_item("undetermined", PyArray1::from_iter(py, undetermined))?;
-        let lacks = self.found.iter().map(|f| f.length_residual);
-        out.set_item("length_residual", PyArray1::from_iter(py, lacks))?;
-        let fighting = self.found.iter().map(|f| f.fighting.clone());
-        let nearest = self.found.iter().map(|f| f.nearest.clone());
-        let why = fighting.zip(nearest).collect::<Vec<_>>();
-        out.set_item("conflicts", PyList::new(py, why)?)?;
+        let Columns {
+            tip_position,
+            tip_rotation,
+            tendon_length,
+            disk_position,
+            disk_rotation,
+            tensions,
+            pulls,
+            slack,
+            spans,
+        } = self.columns;
+        let solutions = Solutions {
+            outcomes: self.rows.iter().map(|row| row.outcome).collect(),
+            tip_position,
+            tip_rotation,
+            tendon_length,
+            disk_position,
+            disk_rotation,
+        };
+        let out = robot.arrays(py, solutions, disks)?;
+        out.set_item("tensions", array(py, tensions, [count, m])?)?;
+        out.set_item("pulls", array(py, pulls, [count, m])?)?;
+        out.set_item("slack_lengths", array(py, slack, [count, m])?)?;
+        out.set_item("span_tensions", array(py, spans, [count, n, m])?)?;
+        let undetermined = self.rows.iter().map(|row| row.undetermined).collect();
+        out.set_item("undetermined", array(py, undetermined, [count])?)?;
+        let lacks = self.rows.iter().map(|row| row.length_residual).collect();
+        out.set_item("length_residual", array(py, lacks, [count])?)?;
+        // of the rows that have one
+        let conflicts = PyDict::new(py);
+        for (i, row) in self.rows.into_iter().enumerate() {
+            if let Some(conflict) = row.conflict {
+                conflicts.set_item(i, *conflict)?;
+            }
+        }
+        out.set_item("conflicts", conflicts)?;
         Ok(out)
+    }
+}
+
+/// Numbers of a row in each column.
+fn widths(robot: &bowstring_core::robot::Robot, disks: bool) -> [usize; 9] {
+    let (n, m) = (robot.module_count(), robot.tendon_count());
+    let shown = if disks { n } else { 0 };
+    Columns {
+        tip_position: 3,
+        tip_rotation: 9,
+        tendon_length: m,
+        disk_position: 3 * shown,
+        disk_rotation: 9 * shown,
+        tensions: m,
+        pulls: m,
+        slack: m,
+        spans: n * m,
+    }
+    .each()
+}
+
+impl Part<'_> {
+    /// A step of the drive to the load of a row.
+    fn fill(&mut self, row: usize, drive: &mut drive::Drive, pulled: &[bool], loads: &OwnLoads) {
+        let (n, m) = (core_modules(drive), drive.robot().tendon_count());
+        let i = self.first + row;
+        let load = loads.borrow().row(i, m);
+        let given = orders(&pulled[i * m..][..m], load.tensions);
+        let found = drive.step(&given, &load).expect("all rows were checked");
+        let to = &mut self.columns;
+        let put = |to: &mut [f64], from: &[f64]| {
+            if !to.is_empty() {
+                to[row * from.len()..][..from.len()].copy_from_slice(from);
+            }
+        };
+        if found.status == Status::Converged {
+            let answer = Answer::read(drive.robot(), drive.solver());
+            put(to.tip_position, &answer.disk_position[3 * (n - 1)..]);
+            put(to.tip_rotation, &answer.disk_rotation[9 * (n - 1)..]);
+            put(to.tendon_length, &answer.tendon_length);
+            put(to.disk_position, &answer.disk_position);
+            put(to.disk_rotation, &answer.disk_rotation);
+            put(to.tensions, &drive.history().tensions);
+            let pulls: Vec<f64> = (0..m).map(|j| drive.pull(j)).collect();
+            put(to.pulls, &pulls);
+            put(to.slack, drive.slack());
+            put(to.spans, &span_tensions(drive));
+        } else {
+            put(to.tensions, &tensions_of(&given));
+        }
+        let tells = !found.fighting.is_empty() || found.nearest.is_some();
+        self.rows[row] = Row {
+            outcome: outcome(&found),
+            undetermined: found.undetermined,
+            length_residual: found.length_residual,
+            conflict: tells.then(|| Box::new((found.fighting, found.nearest))),
+        };
     }
 }

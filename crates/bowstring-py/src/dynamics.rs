@@ -3,13 +3,14 @@
 use crate::drive::Drive;
 use crate::fields::Records;
 use crate::input::{input_error, model, numbers, refused, three};
+use crate::interrupt::interruptible;
 use crate::rod::Robot;
 use bowstring_core::dynamics::{self, Count, Damping, Energies, Fields, Settings, Step, Stop};
 use bowstring_core::load::Load;
-use bowstring_core::modes::{self, Flexibility};
+use bowstring_core::modes;
 use numpy::{
-    IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArray1,
+    PyReadonlyArray2, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -138,14 +139,16 @@ impl Simulator {
             tip_force: three(tip_force, "tip_force", "N")?,
             tip_moment: three(tip_moment, "tip_moment", "N m")?,
         };
-        let outcome = self.inner.rest(&load).map_err(input_error)?;
+        let outcome =
+            interruptible(tensions.py(), || self.inner.rest(&load))?.map_err(input_error)?;
         Ok(outcome.status.word())
     }
 
     /// Goes to rest where a drive of the same robot and settings has come to, and is driven on as in
     /// its last step; returns whether that worked.
     fn rest_at(&mut self, drive: PyRef<'_, Drive>) -> PyResult<bool> {
-        let stop = self.inner.rest_at(drive.inner()).map_err(input_error)?;
+        let path = drive.inner();
+        let stop = interruptible(drive.py(), || self.inner.rest_at(path))?.map_err(input_error)?;
         Ok(stop.is_none())
     }
 
@@ -161,7 +164,9 @@ impl Simulator {
             .into_iter()
             .map(|r| [r[0], r[1], r[2]])
             .collect();
-        let stop = self.inner.rest_with_disk_forces(&rows, increments);
+        let stop = interruptible(forces.py(), || {
+            self.inner.rest_with_disk_forces(&rows, increments)
+        })?;
         Ok(stop.map_err(input_error)?.is_none())
     }
 
@@ -222,7 +227,7 @@ impl Simulator {
         let tensions = tensions.as_array();
         let mut own = vec![0.0; tendons];
         let mut stop = None;
-        let done = py.detach(|| {
+        let done = interruptible(py, || {
             for row in 0..rows {
                 for (to, from) in own.iter_mut().zip(tensions.row(row)) {
                     *to = *from;
@@ -256,7 +261,8 @@ impl Simulator {
             written = records.flush(py);
             self.output += begun.elapsed();
         }
-        done.and(written)?;
+        done??;
+        written?;
         Ok(stop.map(|s| match s {
             Stop::StepFailed => "step_failed",
             Stop::Collision => "collision",
@@ -422,36 +428,61 @@ impl Simulator {
     }
 }
 
-/// Flexibility (K, K), masses (K,), mass points a module.
-type Arrays<'py> = (
-    Bound<'py, PyArrayDyn<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    usize,
-);
-
-fn arrays<'py>(py: Python<'py>, found: Flexibility) -> PyResult<Arrays<'py>> {
-    let size = found.masses.len();
-    let matrix = found.matrix.into_pyarray(py).reshape([size, size])?;
-    Ok((
-        matrix.to_dyn().clone(),
-        found.masses.into_pyarray(py),
-        found.points,
-    ))
+/// How all mass of a robot answers forces about an equilibrium.
+#[pyclass(module = "bowstring._core")]
+pub struct Flexibility {
+    inner: modes::Flexibility,
 }
 
-/// The same where a drive has come to: None where that is no stable equilibrium.
+#[pymethods]
+impl Flexibility {
+    /// Mass of every freedom (K,), kg and kg m^2.
+    #[getter]
+    fn masses<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.inner.masses)
+    }
+
+    /// Mass points of a module.
+    #[getter]
+    fn points(&self) -> usize {
+        self.inner.points
+    }
+
+    /// Displacement (K,) of all freedoms by forces (K,).
+    fn apply<'py>(
+        &mut self,
+        py: Python<'py>,
+        forces: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        if forces.len() != self.inner.masses.len() {
+            return Err(refused(format!(
+                "there are {} forces, there must be {}, one for each mass",
+                forces.len(),
+                self.inner.masses.len()
+            )));
+        }
+        let forces: Vec<_> = forces.as_array().iter().copied().collect();
+        let moved = interruptible(py, || self.inner.apply(&forces))?;
+        Ok(moved.into_pyarray(py))
+    }
+
+    /// Displacement (row) by unit force (column), (K, K).
+    fn matrix<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let size = self.inner.masses.len();
+        let matrix = interruptible(py, || self.inner.matrix())?.map_err(input_error)?;
+        matrix.into_pyarray(py).reshape([size, size])
+    }
+}
+
+/// Flexibility where a drive has come to: None where that is no stable equilibrium.
 #[pyfunction]
-pub fn flexibility_at<'py>(
-    py: Python<'py>,
-    drive: PyRef<'py, Drive>,
-) -> PyResult<Option<Arrays<'py>>> {
+pub fn flexibility_at(py: Python<'_>, drive: PyRef<'_, Drive>) -> PyResult<Option<Flexibility>> {
     let drive = drive.inner();
-    let found = py.detach(|| modes::flexibility_at(drive));
-    found.map(|f| arrays(py, f)).transpose()
+    let found = interruptible(py, || modes::flexibility_at(drive))?.map_err(input_error)?;
+    Ok(found.map(|inner| Flexibility { inner }))
 }
 
-/// Status, and flexibility (K, K), masses (K,) and mass points a module about the equilibrium of
-/// a load: None where there is no stable equilibrium.
+/// Status, and flexibility about the equilibrium of a load: None where there is no stable one.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)]
 pub fn flexibility<'py>(
@@ -464,7 +495,7 @@ pub fn flexibility<'py>(
     tendon: &str,
     twist: bool,
     elements: usize,
-) -> PyResult<(&'static str, Option<Arrays<'py>>)> {
+) -> PyResult<(&'static str, Option<Flexibility>)> {
     let robot = &robot.inner;
     let tensions = numbers(tensions, "tensions", "N", robot.tendon_count())?;
     let load = Load {
@@ -477,9 +508,10 @@ pub fn flexibility<'py>(
         tip_moment: [0.0; 3],
     };
     let model = model(theory, tendon, twist)?;
-    let (outcome, found) = py
-        .detach(|| modes::flexibility(robot, model, elements, &load))
+    let (outcome, found) = interruptible(py, || modes::flexibility(robot, model, elements, &load))?
         .map_err(input_error)?;
-    let found = found.map(|f| arrays(py, f)).transpose()?;
-    Ok((outcome.status.word(), found))
+    Ok((
+        outcome.status.word(),
+        found.map(|inner| Flexibility { inner }),
+    ))
 }

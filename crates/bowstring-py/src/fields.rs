@@ -1,7 +1,10 @@
 //! Fields of a run: strain and stress of sections, and the records of its file.
 
-use crate::input::refused;
+use crate::input::{input_error, refused};
+use crate::interrupt::interruptible;
 use bowstring_core::dynamics::Fields;
+use bowstring_core::interrupt;
+use bowstring_core::memory;
 use bowstring_core::robot::Robot;
 use bowstring_core::stress::{self, Derived, Section, Sections};
 use numpy::{
@@ -24,17 +27,26 @@ pub fn von_mises<'py>(
         return Err(refused("stress coefficients must be two arrays (3, K)"));
     }
     let (sigma, tau) = (sigma.as_slice()?, tau.as_slice()?);
-    let rows = |v: &'_ [f64]| [0, 1, 2].map(|q| v[q * count..(q + 1) * count].to_vec());
-    let (sigma, tau) = (rows(sigma), rows(tau));
-    let found = py.detach(|| {
-        stress::largest_of_many(
-            sigma.each_ref().map(Vec::as_slice),
-            tau.each_ref().map(Vec::as_slice),
-        )
-    });
-    found
-        .concat()
-        .into_pyarray(py)
+    check_sections(count, 3 + 6)?;
+    let (sigma, tau) = (sigma.to_vec(), tau.to_vec());
+    let mut out = vec![0.0; 3 * count];
+    interruptible(py, || {
+        for start in (0..count).step_by(BLOCK) {
+            if interrupt::work(8 * BLOCK) {
+                return;
+            }
+            let end = count.min(start + BLOCK);
+            let rows = [0, 1, 2].map(|q| q * count + start..q * count + end);
+            let found = stress::largest_of_many(
+                rows.clone().map(|row| &sigma[row]),
+                rows.map(|row| &tau[row]),
+            );
+            for (q, row) in found.iter().enumerate() {
+                out[q * count + start..][..row.len()].copy_from_slice(row);
+            }
+        }
+    })?;
+    out.into_pyarray(py)
         .reshape([3, count])
         .map(|a| a.to_dyn().clone())
 }
@@ -53,8 +65,12 @@ pub fn surface_stress<'py>(
     shape.extend(outer_shape(&sections, [&force, &moment])?);
     let (force, moment) = (force.as_slice()?, moment.as_slice()?);
     let total = force.len() / 3;
+    check_sections(total, 6)?;
     let mut out = vec![0.0; 6 * total];
     for i in 0..total {
+        if i % BLOCK == BLOCK - 1 {
+            py.check_signals()?;
+        }
         let three = |v: &[f64]| [v[3 * i], v[3 * i + 1], v[3 * i + 2]];
         let found = sections[i % sections.len()].stress(three(force), three(moment));
         for (q, v) in found.as_flattened().iter().enumerate() {
@@ -80,15 +96,31 @@ pub fn derive<'py>(
     if rotation.len() != 3 * position.len() {
         return Err(refused("rotations must be (T, P, 3, 3)"));
     }
-    let given = Sections {
-        sections: &sections,
-        position: position.as_slice()?,
-        rotation: rotation.as_slice()?,
-        force: force.as_slice()?,
-        moment: moment.as_slice()?,
-    };
+    let (position, rotation) = (position.as_slice()?, rotation.as_slice()?);
+    let (force, moment) = (force.as_slice()?, moment.as_slice()?);
+    let total = force.len() / 3;
+    check_sections(total, 16)?;
     let mut found = Derived::default();
-    py.detach(|| stress::derive(given, &mut found));
+    interruptible(py, || {
+        // whole times, so that each begins with the first section
+        let size = BLOCK.div_ceil(sections.len()) * sections.len();
+        let mut block = Derived::default();
+        for start in (0..total).step_by(size) {
+            if interrupt::work(8 * size) {
+                return;
+            }
+            let end = total.min(start + size);
+            let given = Sections {
+                sections: &sections,
+                position: &position[3 * start..3 * end],
+                rotation: &rotation[9 * start..9 * end],
+                force: &force[3 * start..3 * end],
+                moment: &moment[3 * start..3 * end],
+            };
+            stress::derive(given, &mut block);
+            found.append(&block, total);
+        }
+    })?;
     let mut vector = shape.clone();
     vector.push(3);
     let out = PyDict::new(py);
@@ -268,6 +300,16 @@ fn first_largest(values: &[f64]) -> usize {
         }
     }
     top
+}
+
+/// Sections between two looks for an interruption.
+const BLOCK: usize = 1 << 15;
+
+/// Checks that so many numbers for each of `count` sections fit into memory.
+fn check_sections(count: usize, numbers: usize) -> PyResult<()> {
+    let bytes = 8.0 * count as f64 * numbers as f64;
+    let what = || format!("strain and stress of {count} sections");
+    memory::check(bytes, what, "give fewer times or points").map_err(input_error)
 }
 
 fn sections_of(columns: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Section>> {

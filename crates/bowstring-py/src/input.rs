@@ -2,8 +2,9 @@
 
 use bowstring_core::batch::{Loads, Settings};
 use bowstring_core::load::{Model, TendonPath, Theory};
+use bowstring_core::memory;
 use bowstring_core::robot::InputError;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
@@ -43,6 +44,13 @@ impl OwnLoads {
                 robot.tendon_count()
             )));
         }
+        let given = 8.0 * (count as f64) * (tendons as f64 + 9.0);
+        memory::check(
+            given,
+            || format!("a copy of {count} loads"),
+            "give fewer at a time",
+        )
+        .map_err(input_error)?;
         let rows = |value: &Bound<PyAny>, name: &str, unit: &str| match value
             .extract::<PyReadonlyArray2<f64>>()
         {
@@ -113,34 +121,70 @@ pub(crate) fn model(theory: &str, tendon: &str, twist: bool) -> PyResult<Model> 
     })
 }
 
-/// A sequence of `count` numbers: an array, a list, a tuple or what NumPy makes an array of.
+/// A sequence of `count` numbers: an array, a list, a tuple or what NumPy makes an array of. Its
+/// size is checked before any number is read.
 pub(crate) fn numbers(
     value: &Bound<'_, PyAny>,
     name: &str,
     unit: &str,
     count: usize,
 ) -> PyResult<Vec<f64>> {
-    let found = if let Ok(array) = value.extract::<PyReadonlyArray1<f64>>() {
-        Some(array.as_array().iter().copied().collect())
+    /// Length up to which a wrong sequence is read, to tell what is wrong with it.
+    const SHORT: usize = 1000;
+    let wrong_count = |len: usize| {
+        refused(format!(
+            "{name} has {len} numbers, it must have {count}, in {unit}"
+        ))
+    };
+    let array = if value.cast::<PyUntypedArray>().is_ok() {
+        Some(value.clone())
     } else if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
-        value.extract::<Vec<f64>>().ok()
+        None
     } else if value.hasattr("__array__")? {
-        let array = value.call_method0("__array__")?;
-        array.extract::<Vec<f64>>().ok()
+        Some(value.call_method0("__array__")?)
+    } else {
+        None
+    };
+    let found = if let Some(array) = array {
+        let shape = array.cast::<PyUntypedArray>().map(|a| a.shape().to_vec());
+        match shape.as_deref() {
+            Ok([len]) if *len != count && *len > SHORT => return Err(wrong_count(*len)),
+            Ok([_]) => match array.extract::<PyReadonlyArray1<f64>>() {
+                Ok(array) => Some(array.as_array().iter().copied().collect()),
+                Err(_) => array.extract::<Vec<f64>>().ok(),
+            },
+            Ok(shape) if !shape.is_empty() => {
+                let shape: Vec<_> = shape.iter().map(usize::to_string).collect();
+                return Err(refused(format!(
+                    "{name} has shape ({}), it must be {count} numbers, in {unit}",
+                    shape.join(", ")
+                )));
+            }
+            _ => None,
+        }
+    } else if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
+        let len = value.len()?;
+        if len != count && len > SHORT {
+            return Err(wrong_count(len));
+        }
+        value.extract::<Vec<f64>>().ok()
     } else {
         None
     };
     match found {
         Some(v) if v.len() == count => Ok(v),
-        Some(v) => Err(refused(format!(
-            "{name} has {} numbers, it must have {count}, in {unit}",
-            v.len()
-        ))),
+        Some(v) => Err(wrong_count(v.len())),
         None => Err(refused(format!(
             "{name} is {}, it must be {count} numbers, in {unit}",
             brief(value)
         ))),
     }
+}
+
+/// Raises `InputError` if so many bytes cannot be allocated, from what takes them and what to do.
+#[pyfunction]
+pub fn check_memory(bytes: f64, what: &str, cure: &str) -> PyResult<()> {
+    memory::check(bytes, || what.into(), cure).map_err(input_error)
 }
 
 pub(crate) fn three(value: &Bound<'_, PyAny>, name: &str, unit: &str) -> PyResult<[f64; 3]> {

@@ -7,6 +7,7 @@ mod drive;
 mod dynamics;
 mod fields;
 mod input;
+mod interrupt;
 mod rod;
 
 #[pymodule]
@@ -22,9 +23,11 @@ mod _core {
     #[pymodule_export]
     use crate::drive::Drive;
     #[pymodule_export]
-    use crate::dynamics::{flexibility, flexibility_at, Simulator};
+    use crate::dynamics::{flexibility, flexibility_at, Flexibility, Simulator};
     #[pymodule_export]
     use crate::fields::{derive, surface_stress, von_mises};
+    #[pymodule_export]
+    use crate::input::check_memory;
     #[pymodule_export]
     use crate::rod::{Robot, Solution};
 

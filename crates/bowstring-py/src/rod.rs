@@ -1,24 +1,33 @@
 //! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one answer.
 
 use crate::input::{input_error, numbers, refused, settings, three, OwnLoads};
+use crate::interrupt::interruptible;
+use bowstring_core::adaptive::Adaptive;
 use bowstring_core::batch::{self, write_pose, Settings, Solutions};
 use bowstring_core::drive::DriveOutcome;
 use bowstring_core::load::{OwnedLoad, TendonPath, Theory};
+use bowstring_core::memory;
 use bowstring_core::robot::{Disk, InputError, RobotSpec, Section, Tendon};
 use bowstring_core::sensitivity::Derivative;
 use bowstring_core::statics::Solver;
 use bowstring_core::statics::{Outcome, Status};
+use numpy::ndarray::{Array, ArrayView, Dim, Dimension, IntoDimension, Ix1, ShapeError};
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyArrayMethods, PyReadonlyArray1,
-    PyReadonlyArray2, PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1,
+    PyReadonlyArray2, PyUntypedArrayMethods, ToPyArray,
 };
+use pyo3::exceptions::PyValueError;
+use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyList, PyString};
+use std::sync::{Mutex, PoisonError};
 
 /// A robot in the core, checked and immutable.
 #[pyclass(frozen, module = "bowstring._core")]
 pub struct Robot {
     pub(crate) inner: bowstring_core::robot::Robot,
+    /// The solvers of the last calls, for the next with the same settings.
+    solvers: Mutex<Vec<(Settings, Adaptive)>>,
 }
 
 #[pymethods]
@@ -112,6 +121,7 @@ impl Robot {
         };
         Ok(Robot {
             inner: bowstring_core::robot::Robot::new(spec).map_err(input_error)?,
+            solvers: Mutex::default(),
         })
     }
 
@@ -140,7 +150,8 @@ impl Robot {
         twist: bool,
         elements: Option<usize>,
     ) -> PyResult<Solution> {
-        let robot = &slf.get().inner;
+        let this = slf.get();
+        let robot = &this.inner;
         let settings = settings(theory, tendon, twist, elements)?;
         let load = OwnedLoad {
             tensions: numbers(tensions, "tensions", "N", robot.tendon_count())?,
@@ -151,15 +162,16 @@ impl Robot {
             tip_force: three(tip_force, "tip_force", "N")?,
             tip_moment: three(tip_moment, "tip_moment", "N m")?,
         };
-        slf.py()
-            .detach(|| {
-                let mut solver = settings.solver(robot)?;
+        let found = interruptible(slf.py(), || {
+            this.with_solver(settings, |solver| {
                 let outcome = solver.solve(&load.borrow())?;
                 let solver = solver.solver();
                 let answer =
                     (outcome.status == Status::Converged).then(|| Answer::read(robot, solver));
                 Ok((outcome, answer, solver.elements()))
             })
+        })?;
+        found
             .map(|(outcome, answer, elements)| Solution {
                 robot: slf.clone().unbind(),
                 settings: Settings {
@@ -191,9 +203,13 @@ impl Robot {
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let settings = settings(theory, tendon, twist, elements)?;
+        self.check_rows(tensions.shape()[0], disks)?;
         let loads = OwnLoads::new(&self.inner, tensions, gravity, tip_force, tip_moment)?;
-        let found =
-            py.detach(|| batch::sweep(&self.inner, &settings, &loads.borrow(), warm, disks));
+        let found = interruptible(py, || {
+            self.with_solver(settings, |solver| {
+                batch::sweep_with(&self.inner, solver, &loads.borrow(), warm, disks)
+            })
+        })?;
         self.arrays(py, found.map_err(input_error)?, disks)
     }
 
@@ -214,14 +230,53 @@ impl Robot {
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let settings = settings(theory, tendon, twist, elements)?;
+        self.check_rows(tensions.shape()[0], disks)?;
         let loads = OwnLoads::new(&self.inner, tensions, gravity, tip_force, tip_moment)?;
-        let found = py
-            .detach(|| batch::solve_batch(&self.inner, &settings, &loads.borrow(), threads, disks));
+        let found = interruptible(py, || {
+            batch::solve_batch(&self.inner, &settings, &loads.borrow(), threads, disks)
+        })?;
         self.arrays(py, found.map_err(input_error)?, disks)
     }
 }
 
 impl Robot {
+    /// Largest robot whose solvers are kept, and how many: chosen elements, and those chosen.
+    const MOST_DISKS: usize = 500;
+    const MOST_SOLVERS: usize = 2;
+
+    /// Work of a solver with these settings, a former one if it has them: a solver's answers do
+    /// not depend on what it solved before.
+    fn with_solver<T>(
+        &self,
+        settings: Settings,
+        work: impl FnOnce(&mut Adaptive) -> Result<T, InputError>,
+    ) -> Result<T, InputError> {
+        let kept = || self.solvers.lock().unwrap_or_else(PoisonError::into_inner);
+        let former = {
+            let mut kept = kept();
+            let place = kept.iter().position(|(of, _)| *of == settings);
+            place.map(|place| kept.remove(place).1)
+        };
+        let mut solver = match former {
+            Some(solver) => solver,
+            None => settings.solver(&self.inner)?,
+        };
+        let done = work(&mut solver);
+        if self.inner.module_count() <= Self::MOST_DISKS {
+            let mut kept = kept();
+            kept.truncate(Self::MOST_SOLVERS - 1);
+            kept.insert(0, (settings, solver));
+        }
+        done
+    }
+
+    /// Checks that the answers of so many loads fit into memory, as arrays and lists of Python.
+    fn check_rows(&self, count: usize, disks: bool) -> PyResult<()> {
+        let (n, m) = (self.inner.module_count(), self.inner.tendon_count());
+        let numbers = 12 + 4 * m + if disks { 12 * n } else { 0 } + 20;
+        check_rows(count, numbers, disks)
+    }
+
     /// The answers as NumPy arrays, named as in `bowstring.rod.Sweep`.
     pub(crate) fn arrays<'py>(
         &self,
@@ -231,49 +286,132 @@ impl Robot {
     ) -> PyResult<Bound<'py, PyDict>> {
         let n = found.outcomes.len();
         let modules = self.inner.module_count();
-        let outcomes = &found.outcomes;
-        let column =
-            |value: &dyn Fn(&Outcome) -> f64| PyArray1::from_iter(py, outcomes.iter().map(value));
         let out = PyDict::new(py);
-        let words = outcomes.iter().map(|o| o.status.word());
-        out.set_item("status", PyList::new(py, words.collect::<Vec<_>>())?)?;
-        let stable = outcomes.iter().map(|o| o.stable);
-        out.set_item("stable", PyList::new(py, stable.collect::<Vec<_>>())?)?;
-        let converged = outcomes.iter().map(|o| o.status == Status::Converged);
-        out.set_item("converged", PyArray1::from_iter(py, converged))?;
-        let iterations = outcomes.iter().map(|o| o.iterations as i64);
-        out.set_item("iterations", PyArray1::from_iter(py, iterations))?;
-        out.set_item("residual", column(&|o| o.residual))?;
-        out.set_item("fraction", column(&|o| o.fraction))?;
-        let error = |o: &Outcome| o.error.map_or([f64::NAN; 2], |e| [e.tip, e.tension]);
-        out.set_item("tip_error", column(&|o| error(o)[0]))?;
-        out.set_item("tension_error", column(&|o| error(o)[1]))?;
-        let left = outcomes.iter().map(|o| o.left_unstable);
-        out.set_item("left_unstable", PyArray1::from_iter(py, left))?;
-        let collision = outcomes
-            .iter()
-            .map(|o| o.collision.map_or(-1, |k| k as i64));
-        out.set_item("collision", PyArray1::from_iter(py, collision))?;
-        let shaped = |v: Vec<f64>, shape: &[usize]| v.into_pyarray(py).reshape(shape);
-        out.set_item("tip_position", shaped(found.tip_position, &[n, 3])?)?;
-        out.set_item("tip_rotation", shaped(found.tip_rotation, &[n, 3, 3])?)?;
+        self.outcomes(py, &found.outcomes, &out)?;
+        out.set_item(
+            intern!(py, "tip_position"),
+            array(py, found.tip_position, [n, 3])?,
+        )?;
+        out.set_item(
+            intern!(py, "tip_rotation"),
+            array(py, found.tip_rotation, [n, 3, 3])?,
+        )?;
         let tendons = self.inner.tendon_count();
         out.set_item(
-            "tendon_lengths",
-            shaped(found.tendon_length, &[n, tendons])?,
+            intern!(py, "tendon_lengths"),
+            array(py, found.tendon_length, [n, tendons])?,
         )?;
         let (positions, rotations) = if disks {
-            let positions: Bound<'py, PyArrayDyn<f64>> =
-                shaped(found.disk_position, &[n, modules, 3])?;
-            let rotations = shaped(found.disk_rotation, &[n, modules, 3, 3])?;
-            (Some(positions), Some(rotations))
+            (
+                Some(array(py, found.disk_position, [n, modules, 3])?),
+                Some(array(py, found.disk_rotation, [n, modules, 3, 3])?),
+            )
         } else {
             (None, None)
         };
-        out.set_item("disk_positions", positions)?;
-        out.set_item("disk_rotations", rotations)?;
+        out.set_item(intern!(py, "disk_positions"), positions)?;
+        out.set_item(intern!(py, "disk_rotations"), rotations)?;
         Ok(out)
     }
+
+    fn outcomes<'py>(
+        &self,
+        py: Python<'py>,
+        outcomes: &[Outcome],
+        out: &Bound<'py, PyDict>,
+    ) -> PyResult<()> {
+        let n = outcomes.len();
+        let words = [
+            Status::Converged,
+            Status::MaxIterations,
+            Status::Unstable,
+            Status::NoEquilibrium,
+        ]
+        .map(|status| (status, PyString::intern(py, status.word())));
+        let word = |o: &Outcome| {
+            let (_, word) = words.iter().find(|(status, _)| *status == o.status)?;
+            Some(word)
+        };
+        let status = PyList::new(py, outcomes.iter().map(word))?;
+        out.set_item(intern!(py, "status"), status)?;
+        let stable = PyList::new(py, outcomes.iter().map(|o| o.stable))?;
+        out.set_item(intern!(py, "stable"), stable)?;
+        py.check_signals()?;
+        out.set_item(
+            intern!(py, "converged"),
+            column(py, n, |i| outcomes[i].status == Status::Converged)?,
+        )?;
+        out.set_item(
+            intern!(py, "iterations"),
+            column(py, n, |i| outcomes[i].iterations as i64)?,
+        )?;
+        out.set_item(
+            intern!(py, "residual"),
+            column(py, n, |i| outcomes[i].residual)?,
+        )?;
+        out.set_item(
+            intern!(py, "fraction"),
+            column(py, n, |i| outcomes[i].fraction)?,
+        )?;
+        let error = |i: usize| {
+            outcomes[i]
+                .error
+                .map_or([f64::NAN; 2], |e| [e.tip, e.tension])
+        };
+        out.set_item(intern!(py, "tip_error"), column(py, n, |i| error(i)[0])?)?;
+        out.set_item(
+            intern!(py, "tension_error"),
+            column(py, n, |i| error(i)[1])?,
+        )?;
+        out.set_item(
+            intern!(py, "left_unstable"),
+            column(py, n, |i| outcomes[i].left_unstable)?,
+        )?;
+        out.set_item(
+            intern!(py, "collision"),
+            column(py, n, |i| outcomes[i].collision.map_or(-1, |k| k as i64))?,
+        )
+    }
+}
+
+/// Checks that the answers of so many loads, of so many numbers each, fit into memory.
+pub(crate) fn check_rows(count: usize, numbers: usize, disks: bool) -> PyResult<()> {
+    let cure = if disks {
+        "give fewer at a time, or leave the disks out (disks=False)"
+    } else {
+        "give fewer at a time"
+    };
+    let what = || format!("an answer to {count} loads");
+    memory::check(8.0 * count as f64 * numbers as f64, what, cure).map_err(input_error)
+}
+
+/// Array of one value for each load.
+fn column<'py, T: Element + Copy>(
+    py: Python<'py>,
+    n: usize,
+    value: impl Fn(usize) -> T,
+) -> PyResult<Bound<'py, PyArray<T, Ix1>>> {
+    array(py, (0..n).map(value).collect(), [n])
+}
+
+/// Array of a shape: a small one is copied, which takes less time than to hand it over.
+pub(crate) fn array<'py, T: Element + Copy, const D: usize>(
+    py: Python<'py>,
+    values: Vec<T>,
+    shape: [usize; D],
+) -> PyResult<Bound<'py, PyArray<T, Dim<[usize; D]>>>>
+where
+    Dim<[usize; D]>: Dimension,
+    [usize; D]: IntoDimension<Dim = Dim<[usize; D]>>,
+{
+    const SMALL: usize = 4096;
+    let wrong = |e: ShapeError| PyValueError::new_err(e.to_string());
+    if values.len() <= SMALL {
+        let view = ArrayView::from_shape(shape, &values).map_err(wrong)?;
+        return Ok(view.to_pyarray(py));
+    }
+    let owned = Array::from_shape_vec(shape, values).map_err(wrong)?;
+    Ok(owned.into_pyarray(py))
 }
 
 /// The answer to one load.
@@ -318,9 +456,10 @@ impl Solution {
         if let Some(state) = self.state() {
             return Ok(question(&state.solver));
         }
-        let mut solver = self.settings.solver(&self.robot.get().inner)?;
-        solver.solve(&self.load.borrow())?;
-        Ok(question(solver.solver()))
+        self.robot.get().with_solver(self.settings, |solver| {
+            solver.solve(&self.load.borrow())?;
+            Ok(question(solver.solver()))
+        })
     }
 }
 
@@ -556,9 +695,10 @@ impl Solution {
         if self.answer.is_none() {
             return Ok(None);
         }
-        let points = py
-            .detach(|| self.ask(|solver| solver.centerline(points_per_module)))
-            .map_err(input_error)?;
+        let points = interruptible(py, || {
+            self.ask(|solver| solver.centerline(points_per_module))
+        })?
+        .map_err(input_error)?;
         let Some(points) = points else {
             return Ok(None);
         };
@@ -574,9 +714,11 @@ impl Solution {
             return Ok(None);
         }
         let robot = &self.robot.get().inner;
-        let found = py
-            .detach(|| self.ask(Solver::jacobians))
-            .map_err(input_error)?;
+        let columns = robot.tendon_count() + robot.spec().sections.len() + 6;
+        // twice: as columns and as arrays
+        let bytes = 16.0 * columns as f64 * (robot.tendon_count() + 6) as f64;
+        memory::check(bytes, || "derivatives".into(), "use fewer tendons").map_err(input_error)?;
+        let found = interruptible(py, || self.ask(Solver::jacobians))?.map_err(input_error)?;
         let Some(found) = found else {
             return Ok(None);
         };

@@ -1,7 +1,8 @@
 //! Small motions about a rest: how all mass answers forces.
 
 use super::Motion;
-use crate::complementarity::Complementarity;
+use crate::complementarity::eliminate;
+use crate::interrupt;
 use crate::linalg::Vec3;
 use crate::module::share;
 use crate::real::Scalar;
@@ -13,6 +14,43 @@ pub(crate) struct Lock {
     pub spans: Vec<f64>,
     /// Stretch, m/N.
     pub compliance: f64,
+}
+
+/// A rest that is linearised.
+pub(crate) struct Rest<const A: usize> {
+    /// Forces on points and moments on disks.
+    force: Vec<Vec3>,
+    moment: Vec<Vec3>,
+    /// Imbalance of arcs and of contact forces that rounding leaves.
+    gradients: Vec<[Vec3; A]>,
+    deltas: Vec<Vec3>,
+    /// By locks and freedoms: displacement by a unit of the lock's tension, m/N.
+    moved: Vec<f64>,
+    /// Of the matrix that tells the length of each lock by the tension of each, N/m.
+    inverse: Vec<f64>,
+}
+
+impl<const A: usize> Rest<A> {
+    /// Takes off a displacement by forces what locked tendons hold.
+    fn hold(&self, forces: &[f64], displacement: &mut [f64]) {
+        let size = forces.len();
+        // by reciprocity a tension's displacement tells what a force does to the length
+        let longer: Vec<f64> = self
+            .moved
+            .chunks_exact(size)
+            .map(|moved| moved.iter().zip(forces).map(|(m, f)| m * f).sum())
+            .collect();
+        for (row, moved) in self
+            .inverse
+            .chunks_exact(longer.len().max(1))
+            .zip(self.moved.chunks_exact(size))
+        {
+            let tension: f64 = row.iter().zip(&longer).map(|(a, q)| -a * q).sum();
+            for (to, by_tension) in displacement.iter_mut().zip(moved) {
+                *to += tension * by_tension;
+            }
+        }
+    }
 }
 
 impl<const A: usize> Motion<Scalar, A> {
@@ -31,16 +69,10 @@ impl<const A: usize> Motion<Scalar, A> {
         false
     }
 
-    /// How all mass answers forces at rest: displacement of every freedom by a unit force on
-    /// every other, m/N and so on, and the mass of every freedom. Freedoms are the translation
-    /// of points from base to tip, base frame, and after that of each disk its rotation, in
-    /// its own frame. Locked tendons keep their lengths but for their own stretch.
-    /// None where that has no answer.
-    pub fn flexibility(&mut self, locks: &[Lock]) -> Option<(Vec<f64>, Vec<f64>)> {
-        let n = self.module_count();
-        let per = 3 * A + 3;
-        let size = n * per;
-        let mut masses = vec![0.0; size];
+    /// Mass of every freedom, kg and kg m^2.
+    pub fn masses_of_freedoms(&self) -> Vec<f64> {
+        let (n, per) = (self.module_count(), 3 * A + 3);
+        let mut masses = vec![0.0; n * per];
         for k in 0..n {
             let [e1, e3] = self.directors[k];
             for a in 0..A {
@@ -48,75 +80,88 @@ impl<const A: usize> Motion<Scalar, A> {
             }
             masses[k * per + 3 * A..][..3].copy_from_slice(&[e1 + e3, e1 + e3, 2.0 * e1]);
         }
+        masses
+    }
+
+    /// Prepares [`Self::answer_forces`] at the rest that was settled. Locked tendons keep their
+    /// lengths but for their own stretch. None where the rest has no answer.
+    pub fn linearise_at_rest(&mut self, locks: &[Lock]) -> Option<Rest<A>> {
         self.begin_at_rest();
         self.residual();
         self.linearise();
-        let mut matrix = vec![0.0; size * size];
-        let (force, moment) = (self.force.clone(), self.moment.clone());
-        let still: Vec<_> = self.rod.gradients.iter().map(|g| g.g).collect();
-        let still_delta: Vec<_> = self.inertia.iter().map(|i| i.g_delta).collect();
-        for column in 0..size {
-            let (k, within, axis) = (column / per, column % per / 3, column % 3);
-            let mut unit = Vec3::zero();
-            unit[axis] = 1.0;
-            self.force.copy_from_slice(&force);
-            self.moment.copy_from_slice(&moment);
-            if within < A {
-                self.force[k * A + within] += unit;
-            } else {
-                self.moment[k] += self.rod.rotations[k + 1] * unit;
-            }
-            self.imbalance();
-            for j in 0..n {
-                for a in 0..A {
-                    self.rod.gradients[j].g[a] -= still[j][a];
-                }
-                self.inertia[j].g_delta -= still_delta[j];
-            }
-            self.substitute(0, None);
-            let moved = self.displacement(0);
-            for (row, v) in moved.iter().enumerate() {
-                matrix[row * size + column] = *v;
-            }
-        }
-        self.force = force;
-        self.moment = moment;
-        self.lock(locks, &mut matrix).then_some((matrix, masses))
+        let mut rest = Rest {
+            force: self.force.clone(),
+            moment: self.moment.clone(),
+            gradients: self.rod.gradients.iter().map(|g| g.g).collect(),
+            deltas: self.inertia.iter().map(|i| i.g_delta).collect(),
+            moved: vec![],
+            inverse: vec![],
+        };
+        self.lock(locks, &mut rest).then_some(rest)
     }
 
-    /// Takes off a flexibility what locked tendons hold.
-    fn lock(&mut self, locks: &[Lock], matrix: &mut [f64]) -> bool {
+    /// Displacement of every freedom by forces on all of them: m and rad by N and N m. Freedoms
+    /// are the translation of points from base to tip, base frame, and after that of each disk its
+    /// rotation, in its own frame.
+    pub fn answer_forces(&mut self, forces: &[f64], rest: &Rest<A>) -> Vec<f64> {
+        let (n, per) = (self.module_count(), 3 * A + 3);
+        // forces far from one would be lost beside those of the rest
+        let largest = forces.iter().fold(0.0, |m: f64, f| m.max(f.abs()));
+        if largest == 0.0 {
+            return vec![0.0; forces.len()];
+        }
+        for k in 0..n {
+            let vector = |at: usize| {
+                let v = &forces[k * per + 3 * at..][..3];
+                Vec3([v[0], v[1], v[2]]) * (1.0 / largest)
+            };
+            for a in 0..A {
+                self.force[k * A + a] = rest.force[k * A + a] + vector(a);
+            }
+            self.moment[k] = rest.moment[k] + self.rod.rotations[k + 1] * vector(A);
+        }
+        self.imbalance();
+        for j in 0..n {
+            for a in 0..A {
+                self.rod.gradients[j].g[a] -= rest.gradients[j][a];
+            }
+            self.inertia[j].g_delta -= rest.deltas[j];
+        }
+        self.substitute(0, None);
+        let mut out = self.displacement(0);
+        for v in &mut out {
+            *v *= largest;
+        }
+        rest.hold(forces, &mut out);
+        out
+    }
+
+    /// Finds what locked tendons hold; false where they cannot.
+    fn lock(&mut self, locks: &[Lock], rest: &mut Rest<A>) -> bool {
         self.rod.measure_spans(false);
-        let n = self.module_count();
-        let mut moved = vec![];
-        let mut problem = Complementarity::default();
-        problem.resize(locks.len());
+        let (n, m) = (self.module_count(), locks.len());
+        let mut problem = vec![0.0; 2 * m * m];
         for (c, lock) in locks.iter().enumerate() {
+            if interrupt::work(self.work() + n * m) {
+                return false;
+            }
             self.substitute(1, Some((lock.tendon, &lock.spans)));
             self.rate_spans(1);
-            moved.push(self.displacement(1));
+            rest.moved.extend(self.displacement(1));
             let rates = &self.columns[1].rates;
             for (r, row) in locks.iter().enumerate() {
                 let spans = row.spans.iter().enumerate();
                 let longer: f64 = spans.map(|(k, s)| s * rates[row.tendon * n + k]).sum();
-                problem.matrix[r * locks.len() + c] = -longer;
+                problem[r * 2 * m + c] = -longer;
             }
-            problem.matrix[c * locks.len() + c] += lock.compliance;
+            problem[c * 2 * m + c] += lock.compliance;
+            problem[c * 2 * m + m + c] = 1.0;
         }
-        let size = moved.first().map_or(0, Vec::len);
-        for column in 0..size {
-            // by reciprocity a tension's displacement tells what a force does to the length
-            for (q, by_tension) in problem.q.iter_mut().zip(&moved) {
-                *q = by_tension[column];
-            }
-            if !problem.solve() {
-                return false;
-            }
-            for (tension, by_tension) in problem.z.iter().zip(&moved) {
-                for (row, v) in by_tension.iter().enumerate() {
-                    matrix[row * size + column] += tension * v;
-                }
-            }
+        if !eliminate(&mut problem, m) {
+            return false;
+        }
+        for row in problem.chunks_exact(2 * m.max(1)) {
+            rest.inverse.extend(&row[m..]);
         }
         true
     }

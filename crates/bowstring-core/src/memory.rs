@@ -1,0 +1,58 @@
+//! Estimates of memory, checked before work begins: an allocation that fails ends the process.
+
+use crate::robot::InputError;
+
+/// Bytes below which nothing is checked.
+const SMALL: f64 = 16e6;
+
+/// Checks that so many bytes can be allocated.
+///
+/// # Errors
+/// If they cannot: "... would take 259 GB of memory, more than is available; ...", from what takes
+/// them and what to do.
+pub fn check(bytes: f64, what: impl FnOnce() -> String, cure: &str) -> Result<(), InputError> {
+    if bytes < SMALL {
+        return Ok(());
+    }
+    let mut probe = Vec::<u8>::new();
+    // as a float it may exceed every size
+    if bytes < isize::MAX as f64 && probe.try_reserve_exact(bytes as usize).is_ok() {
+        return Ok(());
+    }
+    Err(InputError(format!(
+        "{} would take {} GB of memory, more than is available; {cure}",
+        what(),
+        Digits(1e-9 * bytes)
+    )))
+}
+
+/// Three significant digits.
+struct Digits(f64);
+
+impl std::fmt::Display for Digits {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let Digits(value) = *self;
+        if value >= 1e6 {
+            return write!(f, "{value:.2e}");
+        }
+        let decimals = (2 - value.log10().floor() as i32).max(0) as usize;
+        write!(f, "{value:.decimals$}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_much_memory_is_refused_with_its_size() {
+        let refused = check(3e17, || "a matrix".into(), "take less").unwrap_err();
+        assert_eq!(
+            refused.0,
+            "a matrix would take 3.00e8 GB of memory, more than is available; take less"
+        );
+        assert!(check(f64::INFINITY, || "all".into(), "").is_err());
+        assert!(check(1e3, || "little".into(), "").is_ok());
+        assert!(check(2e7, || "some".into(), "").is_ok());
+    }
+}
