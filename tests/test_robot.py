@@ -1345,3 +1345,8 @@ def test_schema_examples_are_good_and_fields_described():
             assert content.get("description"), (name, field)
             for example in content.get("examples", []):
                 jsonschema.validate(example, content)
+
+
+def test_a_part_of_what_the_file_left_out_can_be_set() -> None:
+    changed = load_robot("amouri2019").with_({"gravity.2": -9.81})
+    assert changed.gravity == (0.0, 0.0, -9.81)

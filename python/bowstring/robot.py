@@ -11,7 +11,7 @@ import importlib
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -463,8 +463,11 @@ class Robot(_Part):
         InputError
             If a path does not exist or the changed robot is not valid.
         """
-        # what the file left out stays left out
+        # what the file left out stays left out, but where a part of it is set
         tree = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+        whole = self.model_dump(mode="json", exclude_none=True)
+        for path in overrides:
+            _fill(tree, whole, str(path).split("."))
         return _build(_override(tree, overrides), self.name)
 
     @property
@@ -914,6 +917,22 @@ _EITHER: Final = {
     **{"G": "nu", "nu": "G", "count": "positions", "positions": "count"},
     **{"mass": "density", "density": "mass"},
 }
+
+
+def _fill(tree: Any, whole: Any, keys: Sequence[str]) -> None:
+    """Take from the whole what a path goes through and the tree lacks."""
+    if len(keys) < 2:
+        return
+    key, *rest = keys
+    if isinstance(tree, dict) and isinstance(whole, dict):
+        if key not in tree and isinstance(whole.get(key), dict | list):
+            tree[key] = whole[key]
+        elif key in tree:
+            _fill(tree[key], whole.get(key), rest)
+    elif isinstance(tree, list) and isinstance(whole, list):
+        for i, (item, known) in enumerate(zip(tree, whole, strict=False)):
+            if key in ("*", str(i)):
+                _fill(item, known, rest)
 
 
 def _override(tree: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
