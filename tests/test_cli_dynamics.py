@@ -288,6 +288,10 @@ HEADER = "t_s,tension_1_N,tension_2_N,tension_3_N\n"
         (HEADER.replace("3_N", "2_mN") + "0,0,0,0\n", "tension_2_mN is there twice"),
         (HEADER.replace("3_N", "3_kg") + "0,0,0,0\n", 'row 1: got tension_3_kg, but "kg"'),
         (HEADER.replace("t_s", "time") + "0,0,0,0\n", '"time" is no column of a table'),
+        (
+            HEADER.replace("tension_1_N", f"tension_1_{'a' * 5000}N") + "0,0,0,0\n",
+            "is no column of a table",
+        ),
         (HEADER.replace(",", ";") + "0;0;0;0\n", "row 1: columns are separated by commas"),
         (HEADER + "0,0,0,0\n1,2,3\n", "row 3: it has 3 cells, the header has 4"),
         (HEADER + "0,0,0,0\n1,2,x,0\n", 'row 3: got "x" for tension_2_N'),

@@ -19,6 +19,7 @@ from bowstring.units import quote, read_number
 __all__ = ["read_drive"]
 
 _LARGEST: Final = 100_000_000  # bytes
+_LONG: Final = 100  # letters of the name of a column
 _KINDS: Final = {"tension": ("tensions", "N"), "pull": ("pulls", "m"), "angle": ("angles", "rad")}
 
 
@@ -128,7 +129,7 @@ def _columns(here: str, header: list[str], count: int) -> tuple[list[tuple[int, 
     for i, name in enumerate(header):
         pattern = r"t_(?P<t>.+)|(?P<kind>tension|pull|angle)_(?P<k>[0-9]{1,4})_(?P<unit>.+)"
         match = re.fullmatch(pattern, name)
-        if match is None:
+        if match is None or len(name) > _LONG:
             raise InputError(f"{here}: {quote(name)} is no column of a table; {_wanted(count)}")
         si = "s" if match["t"] else _KINDS[match["kind"]][1]
         k = int(match["k"] or 0)
