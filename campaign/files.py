@@ -237,7 +237,7 @@ def trial(number: int, of: dict[str, Kind], folder: Path, seed: int = 0) -> tupl
     except InputError as error:
         said = str(error)
         if not said or len(said) > 5000:
-            return name, "failed", f"no sentence, but {len(said)} letters: {said[:300]!r}"
+            return name, "failed", f"{len(said)} letters: {said[:300]!r}"
         return name, "refused", ""
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt):

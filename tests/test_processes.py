@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -78,6 +79,37 @@ def test_a_stop_ends_the_other_processes(monkeypatch: pytest.MonkeyPatch) -> Non
     with pytest.raises(KeyboardInterrupt):
         processes.for_each(range(2), do)
     assert not multiprocessing.active_children()
+
+
+def test_a_stop_while_processes_start_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt between the start of one and its entry in the list would leave it alone."""
+    monkeypatch.setattr(processes, "_cores", lambda: 3)
+    start = processes._start
+
+    def interrupted(*arguments: Any) -> Any:
+        process = start(*arguments)
+        signal.raise_signal(signal.SIGINT)
+        return process
+
+    monkeypatch.setattr(processes, "_start", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        processes.for_each(range(3), lambda i: time.sleep(600.0))
+    assert not multiprocessing.active_children()
+
+
+def test_processes_end_by_a_signal_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Also where Python cannot run a handler, as while it waits for a lock for good."""
+    monkeypatch.setattr(processes, "_cores", lambda: 2)
+    here = os.getpid()
+
+    def do(i: int) -> None:
+        if os.getpid() != here:
+            kept = [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)]
+            assert kept == [signal.SIG_DFL, signal.SIG_IGN]
+            (tmp_path / "known").touch()
+
+    processes.for_each(range(2), do)
+    assert (tmp_path / "known").exists()
 
 
 def test_a_process_that_hangs_is_not_waited_for_long(

@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
-__all__ = ["HEARD", "answered", "handler", "listen", "pending", "was_stopped"]
+__all__ = ["HEARD", "answered", "handler", "held", "listen", "pending", "was_stopped"]
 
 HEARD: Final = (signal.SIGINT, signal.SIGTERM)
 _AGAIN: Final = 0.1  # s between two attempts
@@ -54,6 +57,26 @@ def answered() -> None:
 def pending() -> bool:
     """Whether an interrupt came that nobody has answered."""
     return _first is not None
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Hold interrupts back within; one that came is heard at the end."""
+    came: list[int] = []
+    former = {}
+    if threading.current_thread() is threading.main_thread():  # the only one that hears any
+        numbers = [*HEARD, *([signal.SIGALRM] if hasattr(signal, "SIGALRM") else [])]
+        ours = (signal.default_int_handler, handler, _again)
+        former = {n: signal.getsignal(n) for n in numbers if signal.getsignal(n) in ours}
+    try:
+        for number in former:
+            signal.signal(number, lambda one, _: came.append(one))
+        yield
+    finally:
+        for number, one in former.items():
+            signal.signal(number, one)
+        if came:
+            signal.raise_signal(came[0])
 
 
 def was_stopped(error: BaseException | None) -> bool:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import signal
 import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
 from multiprocessing.process import BaseProcess
 from typing import TypeVar
+
+from bowstring import interrupts
 
 __all__ = ["for_each"]
 
@@ -44,8 +47,11 @@ def for_each(
     count = min(_cores(), _MOST, max(len(items), 1)) if may_fork else 1
     own, *shares = (items[k::count] for k in range(count))
     began = time.monotonic()
-    helpers = [_start(share, do) for share in shares]
+    helpers: list[BaseProcess | None] = []
     try:
+        for share in shares:
+            with interrupts.held():  # one that is started is known, hence ended below
+                helpers.append(_start(share, do))
         for i, item in enumerate(own):
             if tell is not None:
                 tell(i / len(own))
@@ -76,6 +82,9 @@ def _start(share: Sequence[T], do: Callable[[T], None]) -> BaseProcess | None:
     def work() -> None:
         # leaves at once: clean-up and output that was forked with us belong to the first process
         code = 1
+        # the first process ends it; where its threads held a lock, Python's own handlers never run
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         try:
             for item in share:
                 do(item)
