@@ -39,6 +39,12 @@ fn statics(c: &mut Criterion) {
         c.bench_function(&format!("cold_{name}"), |b| {
             b.iter(|| solver.solve(&load(&[80.0, 10.0, 5.0])).unwrap())
         });
+        // elements chosen and errors estimated, as in a sweep of Python
+        let settings = Settings {
+            model: model(theory),
+            elements: None,
+        };
+        let mut solver = settings.solver(&robot).unwrap();
         c.bench_function(&format!("warm17_{name}"), |b| {
             b.iter(|| {
                 for i in 0..17 {
