@@ -176,17 +176,69 @@ def test_calibrated_constant_curvature_has_its_best_gain(
     verdict: AgainstData, robot: bs.Robot, bench: Measurements
 ) -> None:
     (gain,) = verdict.gains.values()
+    own = verdict.own_frames["cc_calibrated"]
     angle = bs.arc.robot_from_tensions(robot, bench.tensions)
 
     def mean(factor: float) -> float:
         tips = bs.arc.pose(factor * angle.kappa[:, 0], angle.phi[:, 0], angle.length[:, 0]).position
-        return float(np.linalg.norm(tips - verdict.point, axis=1).mean())
+        return float(np.linalg.norm(tips - own.apply(bench.tip), axis=1).mean())
 
     mine = verdict.comparison("cc_calibrated").mean
     assert mine == pytest.approx(mean(gain), rel=1e-6)
-    assert mine < verdict.comparison("cc_from_force").mean
     # the robust loss lies between squares and absolute values
     assert mine < 1.05 * min(mean(g) for g in np.linspace(0.8, 1.3, 501))
+
+
+def test_calibrated_constant_curvature_is_judged_as_it_was_fitted(verdict: AgainstData) -> None:
+    mine, own = (verdict.comparison("cc_calibrated", f) for f in ("calibrated", "own"))
+    assert mine.mean == pytest.approx(own.mean, rel=1e-9)
+    assert mine.rms == pytest.approx(own.rms, rel=1e-9)
+    # and yet its tips stand in the one base frame for all, beside the others
+    assert mine.tip_position - verdict.point == pytest.approx(mine.difference, abs=1e-12)
+    # never worse than the same model uncalibrated, in the same frame
+    for frame in ("as_measured", "own"):
+        plain = verdict.comparison("cc_from_force", frame)  # type: ignore[arg-type]
+        fitted = verdict.comparison("cc_calibrated", frame)  # type: ignore[arg-type]
+        assert fitted.rms <= 1.001 * plain.rms
+
+
+def test_calibration_of_constant_curvature_does_not_lose_to_none_of_it() -> None:
+    # gravity along the bending plane: the calibrated rod's base frame is wrong for any arc
+    lying = (9.81, 0.0, 0.0)
+    robot = load_robot("amouri2019").with_({"gravity": list(lying)})
+    found = judge_data(robot, made(gravity=lying, repeats=1), 0.01)
+    mine = found.comparison("cc_calibrated").mean
+    assert mine < 8e-3 < found.comparison("cc_from_force").mean
+    assert mine < found.comparison("cc_from_force", "own").mean
+    # the one from lengths has those of the rod, and says so
+    assert found.lengths_of == "rod_calibrated"
+    assert found.labels["cc_from_lengths"].startswith("CC from lengths of the calibrated rod")
+    text = " ".join(found.text)
+    assert "from lengths (those of the calibrated rod, for none were measured)" in text
+    assert "with a base frame of its own" in text
+
+
+def test_calibrated_constant_curvature_that_did_not_settle_is_not_shown(
+    robot: bs.Robot, bench: Measurements, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = study_calibration.calibrate_arc
+
+    def worse(*args: Any) -> study_calibration.ArcCalibration:
+        found = real(*args)
+        return replace(found, point=found.point * [1.3, 1.0, 1.0])
+
+    monkeypatch.setattr(study_calibration, "calibrate_arc", worse)
+    found = judge_data(robot, bench, 0.01)
+    assert "cc_calibrated" not in found.models and not found.gains
+    assert any("constant curvature is left out: its fit ended at" in n for n in found.notes)
+
+    def unsettled(*args: Any) -> study_calibration.ArcCalibration:
+        return replace(real(*args), converged=False, message="Stopped after 50 passes.")
+
+    monkeypatch.setattr(study_calibration, "calibrate_arc", unsettled)
+    found = judge_data(robot, bench, 0.01)
+    assert "cc_calibrated" not in found.models
+    assert any("did not settle. Stopped after 50 passes." in note for note in found.notes)
 
 
 def test_effects_one_after_another_end_at_the_calibrated_rod(verdict: AgainstData) -> None:

@@ -6,7 +6,9 @@ three frames, because a base that stands a little askew looks like an error of t
 
 - ``as_measured``: the measuring frame is taken for the base frame. Not registered.
 - ``calibrated``: one base frame for all, that of the calibrated rod. Registered; this is meant
-  where nothing else is said.
+  where nothing else is said. A calibrated model is judged as it was fitted: calibrated constant
+  curvature keeps the base frame of its own calibration here, and where nothing is registered its
+  gain is fitted in the measuring frame.
 - ``own``: each model in the base frame that suits it best, by least squares. It mends whatever a
   rigid motion can mend of the model's own errors, so it flatters; its RMS is the least that can be
   said against a model, its mean need not be.
@@ -35,7 +37,7 @@ from bowstring.registration import fit_model
 from bowstring.resampling import LEVEL, RESAMPLES, Expected, Intervals, bootstrap, refitted
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot
-from bowstring.study_calibration import StudyCalibration
+from bowstring.study_calibration import ArcCalibration, StudyCalibration
 from bowstring.words import in_mm, in_percent, listed, significant, with_error
 
 __all__ = [
@@ -59,11 +61,11 @@ DATA_MODELS: Final = {
     "cc_from_force": "CC from force (linear law)",
     "cc_from_lengths_chord": "CC from lengths, chords",
     "cc_from_force_arm": "CC from force, mean arm",
-    "cc_calibrated": "CC calibrated (fitted gain)",
+    "cc_calibrated": "CC calibrated (fitted gain and base)",
     "rod": "rod, as the robot file has it",
     "rod_calibrated": "rod calibrated",
 }
-"""Names of the models and what people call them."""
+"""Names of the models and what people call them; `AgainstData.labels` says whose lengths."""
 
 FRAMES: Final = {
     "calibrated": "registered, one frame for all",
@@ -76,6 +78,7 @@ _FEWEST_ROWS: Final = 4
 _FEWEST_LOADS: Final = 3
 _MOST_ROWS: Final = 20_000
 _LONG: Final = 100  # rows, most without repeats, that are a path
+_AS_GOOD: Final = 1.01  # times the error without calibration, which a calibrated model may have
 _SAME: Final = 1e-9  # of the largest command: the same load
 
 
@@ -205,7 +208,9 @@ class AgainstData:
     own_frames: dict[str, Rigid]
     """By model."""
     gains: dict[str, float]
-    """Of calibrated constant curvature, in the one frame for all."""
+    """Of calibrated constant curvature, fitted together with its own base frame."""
+    lengths_of: str
+    """Whose tendon lengths constant curvature gets: measurement, rod_calibrated or rod."""
     calibration: StudyCalibration | None
     plain: float
     """Mean error of the plainest rod, with which the decomposition begins, m."""
@@ -226,6 +231,22 @@ class AgainstData:
     def models(self) -> tuple[str, ...]:
         """Names of the models that there are."""
         return tuple(dict.fromkeys(c.name for c in self.comparisons))
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """What people call the models; it says so where tendon lengths are not measured ones."""
+        whose = {
+            "rod_calibrated": "CC from lengths of the calibrated rod",
+            "rod": "CC from lengths of the rod",
+        }.get(self.lengths_of)
+        return {
+            name: DATA_MODELS[name].replace("CC from lengths", whose or "CC from lengths")
+            for name in self.models
+        }
+
+    def has(self, name: str, frame: Frame = "calibrated") -> bool:
+        """Whether there is that model in that frame."""
+        return any((c.name, c.frame) == (name, frame) for c in self.comparisons)
 
     def comparison(self, name: str, frame: Frame = "calibrated") -> DataComparison:
         """The comparison of that model in that frame."""
@@ -446,7 +467,7 @@ def judge_data(
         notes.append(f"The rod is not calibrated: {str(error).rstrip('.')}.")
     tell(0.5)
 
-    points, why = _points(robot, data, theory, calibration)
+    points, lengths_of, why = _points(robot, data, theory, calibration)
     notes += why
     if not points:
         raise InputError(f"{data.name}: no model has an answer to these commands. {' '.join(why)}")
@@ -473,37 +494,43 @@ def judge_data(
         notes.append(f"No base frame of its own was found for: {listed(without)}.")
 
     gains: dict[str, float] = {}
-    at_best = None
+    raw: Array | None = None
     try:
-        gains, _, points["cc_calibrated"] = study_calibration.calibrate_arc(robot, data, frame)
-        _, own["cc_calibrated"], at_best = study_calibration.calibrate_arc(robot, data, None)
+        calibrated = study_calibration.calibrate_arc(robot, data)
+        problem = _is_worse(calibrated, points, own, data)
+        if problem:
+            notes.append(f"Calibrated constant curvature is left out: {problem}.")
+        else:
+            gains, own["cc_calibrated"] = calibrated.gains, calibrated.frame
+            # written in the one base frame for all; its distance to the data stays its own
+            points["cc_calibrated"] = frame.apply(
+                calibrated.frame.inverse().apply(calibrated.point)
+            )
+            raw = study_calibration.calibrate_arc(robot, data, Rigid.identity()).point
     except BowstringError as error:
-        notes.append(f"Calibrated constant curvature is left out: {str(error).rstrip('.')}.")
+        of = " that is not registered" if "cc_calibrated" in points else ""
+        notes.append(f"Calibrated constant curvature{of} is left out: {str(error).rstrip('.')}.")
     tell(0.7)
 
     measured = data.tip
     made: list[DataComparison] = []
+
+    def add(name: str, kind: Frame, model: Array, place: Rigid) -> None:
+        difference = model - place.apply(measured)
+        made.append(DataComparison(name, "measurement", robot.length, model, difference, kind))
+
     for name in DATA_MODELS:
         if name not in points:
             continue
-        places: dict[Frame, Rigid] = {"calibrated": frame, "as_measured": Rigid.identity()}
-        if name in own:
-            places["own"] = own[name]
-        for kind, place in places.items():
-            own_gain = kind == "own" and name == "cc_calibrated" and at_best is not None
-            model = at_best if own_gain else points[name]
-            assert model is not None
-            moved = place.apply(measured)
-            made.append(
-                DataComparison(
-                    name,
-                    "measurement",
-                    robot.length,
-                    model,
-                    model - moved,
-                    kind,
-                )
-            )
+        add(name, "calibrated", points[name], frame)
+        if name != "cc_calibrated":
+            add(name, "as_measured", points[name], Rigid.identity())
+        elif raw is not None:
+            add(name, "as_measured", raw, Rigid.identity())
+        if name == "cc_calibrated":
+            add(name, "own", calibrated.point, calibrated.frame)
+        elif name in own:
+            add(name, "own", points[name], own[name])
     intervals = bootstrap([c.difference for c in made], loads.resampled[0])
     comparisons = tuple(replace(c, intervals=i) for c, i in zip(made, intervals, strict=True))
     tell(0.8)
@@ -534,6 +561,7 @@ def judge_data(
         comparisons=comparisons,
         own_frames=own,
         gains=gains,
+        lengths_of=lengths_of,
         calibration=calibration,
         plain=plain,
         effects=effects,
@@ -546,8 +574,11 @@ def judge_data(
 
 def _points(
     robot: Robot, data: Measurements, theory: Theory, calibration: StudyCalibration | None
-) -> tuple[dict[str, Array], list[str]]:
-    """The measured point (K, 3) by each model but calibrated CC, m, base frame; and why not."""
+) -> tuple[dict[str, Array], str, list[str]]:
+    """The measured point (K, 3) by each model but calibrated CC, m, base frame.
+
+    Also whose tendon lengths were taken, and why what is missing is missing.
+    """
     why = []
     out: dict[str, Array] = {}
     file = study_calibration.predicted(robot, data, theory)
@@ -556,18 +587,18 @@ def _points(
         out["rod"] = file.tip_position + file.tip_rotation @ data.tool
     else:
         why.append("The rod as the robot file has it has no equilibrium at any row.")
-    lengths = None
     if calibration is not None:
         out["rod_calibrated"] = calibration.point
         best = study_calibration.predicted(calibration.robot, data, theory, calibration.gain)
         sweeps.insert(0, (best, "the calibrated rod"))
-    whole = not np.isnan(data.pulls).any()
-    if whole:
+    lengths_of = "measurement"
+    if not np.isnan(data.pulls).any():
         tendons = robot.tendons
         lengths = robot.disks.station_m[tendons.end_disk] - data.pulls
     else:
         sweep, name = sweeps[0]
         lengths = sweep.tendon_lengths
+        lengths_of = "rod" if calibration is None else "rod_calibrated"
         why.append(
             "Tendon lengths were not measured: constant curvature from lengths gets those that "
             f"{name} has at the same commands."
@@ -597,7 +628,40 @@ def _points(
                 f"{DATA_MODELS[name]} has no answer to {gaps} of {int(data.seen.sum())} rows; its "
                 "numbers are over the others."
             )
-    return out, why
+    return out, lengths_of, why
+
+
+def _is_worse(
+    calibrated: ArcCalibration,
+    points: dict[str, Array],
+    own: dict[str, Rigid],
+    data: Measurements,
+) -> str:
+    """Why calibrated constant curvature is not shown: it must not lose to the same uncalibrated."""
+    if not calibrated.converged:
+        return f"its fit did not settle. {calibrated.message.rstrip('.')}"
+    name = "cc_from_force" if "cc_from_force" in points else "cc_from_lengths"
+    if name not in own:
+        return ""
+    sizes = [
+        np.linalg.norm(point - frame.apply(data.tip), axis=1)
+        for point, frame in (
+            (calibrated.point, calibrated.frame),
+            (points[name], own[name]),
+        )
+    ]
+    known = np.all(np.isfinite(sizes), axis=0)
+    if not known.any():
+        return ""
+    mine, plain = (
+        (float(np.mean(s[known])), float(np.sqrt(np.mean(s[known] ** 2)))) for s in sizes
+    )
+    if mine[0] <= _AS_GOOD * plain[0] or mine[1] <= _AS_GOOD * plain[1]:
+        return ""
+    return (
+        f"its fit ended at a mean error of {in_mm(mine[0])}, more than the {in_mm(plain[0])} "
+        "without calibration"
+    )
 
 
 def _by_arcs(
@@ -779,17 +843,24 @@ def _over(c: DataComparison, found: AgainstData) -> str:
 
 
 def _sentence(found: AgainstData, name: str, tolerance: float) -> str:
-    registered, raw = found.comparison(name), found.comparison(name, "as_measured")
+    registered = found.comparison(name)
     subject = _SUBJECT[name]
-    if name == "cc_calibrated" and found.gains:
+    own = name == "cc_calibrated"
+    if own and found.gains:
         gains = ", ".join(significant(g, 4) for g in found.gains.values())
-        subject += f" (gain {gains})"
+        subject += f" (gain {gains}, with a base frame of its own)"
+    elif name == "cc_from_lengths" and found.lengths_of != "measurement":
+        rod = "the calibrated rod" if found.lengths_of == "rod_calibrated" else "the rod"
+        subject += f" (those of {rod}, for none were measured)"
     out = (
         f"{subject} is off by {_mean(registered)} in the mean{_over(registered, found)}, "
         f"{in_percent(registered.mean / registered.length)} of length, and by up to "
-        f"{in_mm(registered.maximum)}; not registered by {_mean(raw)}"
+        f"{in_mm(registered.maximum)}"
     )
-    if name in found.own_frames:
+    if found.has(name, "as_measured"):
+        again = " (its gain fitted so)" if own else ""
+        out += f"; not registered{again} by {_mean(found.comparison(name, 'as_measured'))}"
+    if name in found.own_frames and not own:
         out += f", in the base frame that suits it best by {_mean(found.comparison(name, 'own'))}"
     share = registered.mean / registered.length
     beyond = "beyond" if share > tolerance else "within"
@@ -850,7 +921,8 @@ def _notes(
         }[data.source],
         "Registered means: one base frame for all models, "
         + ("that of the calibrated rod" if calibration else "said below")
-        + ". Each model is also shown in the base frame that suits it best, which mends what a "
+        + ". Calibrated constant curvature keeps the base frame that was fitted together with its "
+        "gain. Each model is also shown in the base frame that suits it best, which mends what a "
         "rigid motion can mend of its own errors, and not registered. The frame that suits best "
         "has the least sum of squares; the mean error in it can be larger than in another.",
         f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). What is resampled is "

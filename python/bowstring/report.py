@@ -431,14 +431,14 @@ def _budget_page(study: Study, side: Side, title: str, where: str) -> dict[str, 
 
 def _data_page(found: AgainstData) -> dict[str, Any]:
     """What the page shows of the verdict on data."""
-    from bowstring.against_data import DATA_MODELS, FRAMES
+    from bowstring.against_data import FRAMES
 
     label = found.label[0].upper() + found.label[1:]
     return {
         "label": label,
         "models": [
             (
-                DATA_MODELS[name],
+                found.labels[name],
                 [
                     (FRAMES[c.frame], c.to_dict())
                     for kind in FRAMES

@@ -25,7 +25,7 @@ from bowstring.measurements import STANDARD_GRAVITY, Measurements
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot, TendonRing
 
-__all__ = ["StudyCalibration", "calibrate", "calibrate_arc", "predicted"]
+__all__ = ["ArcCalibration", "StudyCalibration", "calibrate", "calibrate_arc", "predicted"]
 
 Array = NDArray[np.float64]
 GravityFrom = Literal["file", "assumed", "calibrated"]
@@ -35,6 +35,7 @@ _EARTHLY: Final = 0.03  # of standard gravity, beside four standard errors
 _MOST_SLOW: Final = 1200  # rows times tendons on which friction and gravity are fitted, in seconds
 _ASKEW: Final = 2.0  # deg, by which a base may stand beside what its file says
 _BASE: Final = ("x", "y", "z", "rx", "ry", "rz")
+_GAINS: Final = (1.0, 0.3, 0.1)  # of constant curvature, from which its fit is started
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,27 +138,42 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibrat
     )
 
 
-def calibrate_arc(
-    robot: Robot, data: Measurements, frame: Rigid | None
-) -> tuple[dict[str, float], Rigid, Array]:
-    """Constant curvature at its best: a gain on the bend of each segment.
+@dataclass(frozen=True, eq=False)
+class ArcCalibration:
+    """Constant curvature by measurements: gains on the bend, and the base frame they go with."""
 
-    From force where tendons are driven by tension, from lengths where they are pulled.
+    gains: dict[str, float]
+    """On the bend of the robot or of each segment, by name."""
+    frame: Rigid
+    """Measuring frame to base frame."""
+    point: Array
+    """(K, 3), the measured point, m, base frame."""
+    converged: bool
+    message: str
+
+
+def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) -> ArcCalibration:
+    """Calibrate constant curvature: a gain on the bend of each segment.
+
+    From force where tendons are driven by tension, from lengths where they are pulled. In gravity
+    the linear law can bend the robot ten times too much, and the least squares have local minima:
+    the fit is started from several gains, and the one with the least error is taken.
 
     Parameters
     ----------
     robot : Robot
     data : Measurements
     frame : Rigid, optional
-        Measuring frame to base frame; if not given, the one that suits it best.
+        Measuring frame to base frame, held; if not given, it is fitted together with the gains.
 
     Returns
     -------
-    gains : dict
-        By name.
-    frame : Rigid
-    point : array (K, 3)
-        The measured point, m, base frame.
+    ArcCalibration
+
+    Raises
+    ------
+    InputError, NoSolutionError
+        If the data do not suffice, or constant curvature has no answer to them.
     """
     names = ["bend_gain.segments" if len(robot.segments) > 1 else "bend_gain"]
     held: dict[str, float] = {}
@@ -167,12 +183,21 @@ def calibrate_arc(
         back = frame.inverse()
         place = (*back.translation.tolist(), *back.rotation_vector.tolist())
         held = {f"base.{axis}": value for axis, value in zip(_BASE, place, strict=True)}
-    found = fit_.fit(robot, data, names, model="arc", start=held)
+    fits = [
+        fit_.fit(robot, data, names, model="arc", start={**held, names[0]: gain}) for gain in _GAINS
+    ]
+    found = min(fits, key=lambda each: each.score.mean)
     gains = {name: v for name, v in found.values.items() if name.startswith("bend_gain")}
     if frame is None:
         place_found = np.array([found.values[f"base.{axis}"] for axis in _BASE])
         frame = Rigid.from_rotation_vector(place_found[3:], place_found[:3]).inverse()
-    return gains, frame, frame.apply(found.predict(data))
+    return ArcCalibration(
+        gains=gains,
+        frame=frame,
+        point=frame.apply(found.predict(data)),
+        converged=found.converged,
+        message=found.message,
+    )
 
 
 # -- which parameters --------------------------------------------------------------------------

@@ -190,7 +190,7 @@ def _print_data(found: AgainstData, console: Console, table: Callable[..., Table
     from rich.padding import Padding
     from rich.text import Text
 
-    from bowstring.against_data import DATA_MODELS, FRAMES
+    from bowstring.against_data import FRAMES
 
     errors = table(
         f"Tip error against the data; {found.label}",
@@ -211,7 +211,7 @@ def _print_data(found: AgainstData, console: Console, table: Callable[..., Table
             d = c.to_dict()
             low, high = (number(v, 2) for v in d["interval_95"]["mean_mm"])
             errors.add_row(
-                _short(DATA_MODELS[c.name]).replace(
+                _short(found.labels[c.name]).replace(
                     ", as the robot file has it", " as in the file"
                 ),
                 number(d["mean_mm"]),

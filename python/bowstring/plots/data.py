@@ -116,8 +116,6 @@ def measured_errors(study: Study) -> Figure:
 
 def measured_comparison(study: Study) -> Figure:
     """Mean error of every model with its interval, with and without registration."""
-    from bowstring.against_data import DATA_MODELS
-
     found = _data_of(study)
     figure, (axes,) = subplots(1, 5.4)
     names = list(found.models)
@@ -152,7 +150,7 @@ def measured_comparison(study: Study) -> Figure:
     )
     axes.set_xscale("log")
     axes.grid(axis="x", which="major")
-    labels = [re.sub(r" \(.*\)|, as the robot", "", DATA_MODELS[name]) for name in names]
+    labels = [re.sub(r" \(.*\)|, as the robot", "", found.labels[name]) for name in names]
     axes.set_yticks(places, [label.replace(" file has it", " as in the file") for label in labels])
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.set_xlabel(f"tip error against the {found.data.source} tip (mm):\nmean, 95 %, largest")
