@@ -505,6 +505,21 @@ def written(whole: study.Study, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return report.write(whole, tmp_path_factory.mktemp("study") / "out")
 
 
+def test_friction_that_the_data_told_is_that_of_the_budget(
+    whole: study.Study, written: Path, verdict: AgainstData
+) -> None:
+    drive = whole.budget.drive
+    assert verdict.calibration is not None
+    assert drive.friction_is == "calibrated" and drive.to_dict()["friction_is"] == "calibrated"
+    assert drive.friction == verdict.calibration.robot.tendons.friction[0]
+    assert "(calibrated)" in drive.row("friction_loading").label
+    assert "With the calibrated one, 0.1" in whole.verdict.text[-1]
+    assert any("friction that was calibrated is left out" in note for note in whole.notes)
+    page = (written / "report.html").read_text(encoding="utf-8")
+    assert "Calibrated to the data: friction 0.1" in page
+    assert "gives none: friction" not in page
+
+
 def test_the_json_has_the_comparisons_and_the_block(written: Path, whole: study.Study) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     against = [c for c in content["comparisons"] if c["against"] == "measurement"]

@@ -13,8 +13,15 @@ from rich.console import Console
 
 import bowstring as bs
 from bowstring import arc, report, study
-from bowstring.actuation import ASSUMED_FRICTION, ASSUMED_STIFFNESS, COMMANDED, DriveBudget
+from bowstring.actuation import (
+    ASSUMED_FRICTION,
+    COMMANDED,
+    DriveBudget,
+    assumed_stiffness,
+    drive_budget,
+)
 from bowstring.comparison import Model, with_tendons
+from bowstring.errors import InputError
 from bowstring.robot import Robot, load_robot
 from bowstring.terminal import print_study
 
@@ -22,6 +29,8 @@ MM = 1e-3
 UP = np.linspace(0.0, 80.0, 49)
 UP_AND_DOWN = np.concatenate((UP, UP[-2::-1]))
 DRIVE = "segments.0.tendons."
+STRETCH = "E A 30 kN (steel, 0.6 mm, by the robot's size)"
+ASSUMED = 30e3
 ROWS = [
     "friction_loading",
     "friction_unloading",
@@ -33,8 +42,6 @@ ROWS = [
 
 def drive(robot: Robot, max_tension: float = 80.0, points: int = 17) -> DriveBudget:
     """The drive's part of the budget alone."""
-    from bowstring.actuation import drive_budget
-
     model = Model(
         robot, int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0]), "cosserat"
     )
@@ -89,7 +96,7 @@ def test_pulls_are_those_that_constant_curvature_asks_for(
     d = paper.budget.drive
     pulls, meant = pulls_for(amouri, UP)
     assert d.pull == pytest.approx(pulls[::3, 0], abs=1e-12)
-    elastic = amouri.with_({DRIVE + "axial_stiffness": ASSUMED_STIFFNESS})
+    elastic = amouri.with_({DRIVE + "axial_stiffness": ASSUMED})
     both = elastic.with_({DRIVE + "friction": ASSUMED_FRICTION})
     for robot, case in ((amouri, d.pull_driven), (elastic, d.row("tendon_elasticity").case)):
         found = bs.sweep(robot, pulls=pulls).raise_for_status()
@@ -108,8 +115,8 @@ def test_pulls_are_those_that_constant_curvature_asks_for(
 def test_an_elastic_tendon_is_late_by_its_stretch(paper: study.Study, amouri: Robot) -> None:
     """Elastic tendons at a pull are inextensible ones at that pull less T l0 / (E A)."""
     pulls, _ = pulls_for(amouri, UP[-1:])
-    elastic = bs.solve(amouri.with_({DRIVE + "axial_stiffness": ASSUMED_STIFFNESS}), pulls=pulls[0])
-    late = pulls[0] - [elastic.tensions[0] * amouri.length / ASSUMED_STIFFNESS, 0, 0]
+    elastic = bs.solve(amouri.with_({DRIVE + "axial_stiffness": ASSUMED}), pulls=pulls[0])
+    late = pulls[0] - [elastic.tensions[0] * amouri.length / ASSUMED, 0, 0]
     tip = bs.solve(amouri, pulls=late).raise_for_status().tip
     ours = paper.budget.drive.row("tendon_elasticity").case.tip_position[-1]
     assert tip is not None and ours == pytest.approx(tip.position, abs=1e-9)
@@ -187,7 +194,7 @@ def test_json(paper: study.Study) -> None:
 
 def test_what_is_assumed_is_said(paper: study.Study) -> None:
     d = paper.budget.drive
-    assert d.assumptions == ("friction 0.1", "E A 30 kN")
+    assert d.assumptions == ("friction 0.1", STRETCH)
     assert sum("not measured" in note for note in d.notes) == 2
     assert all("assumed" in row.label for row in d.rows)
     assert all("assumed" in sentence for sentence in d.text[:2])
@@ -209,6 +216,63 @@ def test_a_compliance_alone_is_elasticity_enough(amouri: Robot) -> None:
     d = drive(amouri.with_({DRIVE + "compliance": "0.01 mm/N"}))
     assert not d.elasticity_assumed and np.isinf(d.axial_stiffness)
     assert d.assumptions == ("friction 0.1",)
+
+
+def test_assumed_stiffness_follows_from_the_tendon(amouri: Robot) -> None:
+    thin = amouri.with_({DRIVE + "diameter": "150 um"})
+    assert assumed_stiffness(thin, 0) == (1.9e3, "steel, 0.15 mm, diameter as in the file")
+    nylon = thin.with_({DRIVE + "material": "nylon"})
+    assert assumed_stiffness(nylon, 0)[0] == pytest.approx(44.0)
+    assert nylon.hash == amouri.hash  # an assumption of a study is no physics of the robot
+    with pytest.raises(InputError, match='got "wood"; must be one of steel'):
+        thin.with_({DRIVE + "material": "wood"})
+    d = drive(thin, points=3)
+    assert d.axial_stiffness == 1.9e3 and d.elasticity_is == "assumed"
+    assert d.assumptions[1] == "E A 1.9 kN (steel, 0.15 mm, diameter as in the file)"
+    assert any("diameter as in the file" in note for note in d.notes)
+
+
+def test_a_robot_whose_size_tells_no_tendon_has_no_row_of_stretch() -> None:
+    small = load_robot("amouri2019").with_(
+        {
+            "segments.0.length": "20 mm",
+            "segments.0.backbone.diameter": "0.3 mm",
+            "segments.0.disks.radius": "1 mm",
+            "segments.0.disks.thickness": "0.2 mm",
+            "segments.0.disks.mass": "1 mg",
+            DRIVE + "pitch_radius": "0.8 mm",
+        }
+    )
+    d = drive(small, 0.5, points=5)
+    assert d.elasticity_is == "left_out" and np.isinf(d.axial_stiffness)
+    assert [row.effect for row in d.rows] == [name for name in ROWS if "elasticity" not in name]
+    assert all("elastic" not in row.label for row in d.rows)
+    assert all(np.isfinite(row.moved) for row in d.rows)
+    assert any("left out" in origin and "0.017 mm" in origin for origin in d.origins)
+    assert any("stretch of the tendons is left out" in note for note in d.notes)
+    assert not any("stretch of the tendons, " in sentence for sentence in d.text)
+    # with a diameter there is one
+    d = drive(small.with_({DRIVE + "diameter": "0.05 mm"}), 0.5, points=5)
+    assert d.row("tendon_elasticity").moved > 0.0
+
+
+def test_calibrated_friction_is_that_of_the_budget(amouri: Robot) -> None:
+    model = Model(amouri, 0, "cosserat")
+    tension = np.linspace(0.0, 80.0, 5)
+    sweep = model.case(model.main, tension)
+    calibrated = amouri.with_({DRIVE + "friction": 0.2007})
+    d = drive_budget(model, tension, sweep, calibrated)
+    assert (d.friction, d.friction_is) == (0.2007, "calibrated")
+    assert "friction" not in " ".join(d.assumptions)
+    assert d.row("friction_loading").label == "friction 0.2007 (calibrated), loading"
+    assert d.row("friction_loading").assumed == ()
+    assert "friction of 0.2007 at the holes (calibrated to the data)" in d.text[0]
+    assert any("that of the calibration" in note for note in d.notes)
+    assert not any("gives no friction:" in note for note in d.notes)
+    assert d.origins[0] == "calibrated to the data: friction 0.2007"
+    own = drive_budget(Model(calibrated, 0, "cosserat"), tension, sweep)
+    ours, file = (each.row("friction_loading").case.tip_position for each in (d, own))
+    assert ours == pytest.approx(file, abs=1e-12)
 
 
 # -- a robot whose file has friction ---------------------------------------------------------------
@@ -286,11 +350,15 @@ def test_report_and_terminal_show_it(paper: study.Study, tmp_path: Path) -> None
         assert row.label in text
     for sentence in (*paper.budget.drive.text, *paper.budget.drive.notes):
         assert sentence.replace("'", "&#39;") in text
-    assert "Assumed, since the robot file gives none: friction 0.1; E A 30 kN" in text
+    assert (
+        f"Assumed, the robot file gives none: friction 0.1; {STRETCH}".replace("'", "&#39;") in text
+    )
     assert 'id="hysteresis"' in page
     for name in ("drive", "hysteresis_by_tension", "hysteresis_by_pull"):
         assert (folder / "tables" / f"{name}.csv").exists()
     out = io.StringIO()
     print_study(paper, Console(file=out, width=80))
     assert "How the robot is driven" in out.getvalue()
-    assert "assumed, the robot file gives none: friction 0.1; E A 30 kN" in out.getvalue()
+    assert f"assumed, the robot file gives none: friction 0.1; {STRETCH}" in (
+        " ".join(out.getvalue().split())
+    )

@@ -6,9 +6,11 @@ Two ways to drive the tendon that the study pulls, each beside itself without th
 - by *pull*: constant curvature says which lengths the tendons must have, and spools command them;
   with inextensible tendons, with elastic ones, and with elastic ones that rub, there and back.
 
-With friction the pose depends on the path, so both ways are followed step by step. A robot file
-that gives no friction or no elasticity is studied with a stated assumption, to show what it would
-be worth; it is marked as assumed wherever it shows.
+With friction the pose depends on the path, so both ways are followed step by step. Friction that
+was calibrated to measurements is taken before that of the robot file. A file that gives no friction
+or no elasticity is studied with a stated assumption, to show what it would be worth; it is marked
+as assumed wherever it shows. The assumed elasticity follows from the diameter and the material of
+the tendon, or from the robot's size; where that makes no tendon, its row is left out.
 """
 
 from __future__ import annotations
@@ -31,29 +33,29 @@ from bowstring.comparison import (
     known_mean,
     with_tendons,
 )
-from bowstring.robot import Robot
+from bowstring.robot import TENDON_MATERIALS, Robot, TendonRing
 from bowstring.words import in_mm, in_percent, significant
 
 __all__ = [
     "ASSUMED_FRICTION",
-    "ASSUMED_STIFFNESS",
     "COMMANDED",
     "DriveBudget",
     "DriveRow",
     "Loop",
+    "assumed_stiffness",
     "drive_budget",
 ]
 
 Array = NDArray[np.float64]
 DrivenBy = Literal["tension", "pull"]
+Source = Literal["file", "calibrated", "assumed", "left_out"]
 
 ASSUMED_FRICTION: Final = 0.1
 """Of tendons for which the file gives none: the order of a steel cable in a smooth or greased hole
 (dry steel on plastic or steel is above it, a PTFE liner below)."""
-ASSUMED_STIFFNESS: Final = 30e3
-"""E A in N of tendons for which the file gives neither E A nor a compliance: a stranded steel cable
-of 0.8 mm. A bit more than half of its 0.50 mm^2 is metal, and a strand that has settled has about
-100 GPa: 0.28 mm^2 times 105 GPa. A solid wire of this diameter would have 100 kN."""
+_SLENDER: Final = 48.0  # pitch radii to a tendon's diameter: 0.6 mm for the study's robot
+_THINNEST, _THICKEST = 2e-5, 5e-3  # m: tendons that are made; beyond them the size tells none
+_MATERIAL: Final = "steel"  # where the file says none
 _SURPLUS: Final = 0.01  # of the length: by how much more than needed the other tendons are paid out
 _STEPS: Final = 40  # at least so many, up and again down
 
@@ -166,13 +168,17 @@ class DriveBudget:
 
     friction: float
     """Of the pulled tendon."""
-    friction_assumed: bool
+    friction_is: Source
+    """Where it comes from: the robot file, the calibration to measurements, or an assumption."""
     axial_stiffness: float
     """E A of the pulled tendon, N; infinite if only its transmission gives way."""
     compliance: float
     """Of its transmission, m/N."""
     free_length: float
-    elasticity_assumed: bool
+    elasticity_is: Source
+    """``"left_out"`` where nothing tells an E A."""
+    elasticity_by: str
+    """What an assumed E A follows from, or why there is none."""
     pull: Array
     """(n,) commanded of the pulled tendon at the loads of the sweep, m."""
     tension_driven: Case
@@ -189,7 +195,30 @@ class DriveBudget:
     def assumptions(self) -> tuple[str, ...]:
         """What the file does not give and is assumed here."""
         out = [f"friction {self.friction:g}"] * self.friction_assumed
-        return (*out, *[_elasticity(self.axial_stiffness, 0.0)] * self.elasticity_assumed)
+        stretch = f"{_elasticity(self.axial_stiffness, 0.0)} ({self.elasticity_by})"
+        return (*out, *[stretch] * self.elasticity_assumed)
+
+    @property
+    def friction_assumed(self) -> bool:
+        """Whether the file gives no friction, and no measurements did."""
+        return self.friction_is == "assumed"
+
+    @property
+    def elasticity_assumed(self) -> bool:
+        """Whether the file gives no elasticity, and one is assumed."""
+        return self.elasticity_is == "assumed"
+
+    @property
+    def origins(self) -> tuple[str, ...]:
+        """Where what the robot file does not say comes from, in sentences without a full stop."""
+        out = []
+        if self.friction_is == "calibrated":
+            out.append(f"calibrated to the data: friction {self.friction:.4g}")
+        if self.assumptions:
+            out.append(f"assumed, the robot file gives none: {'; '.join(self.assumptions)}")
+        if self.elasticity_is == "left_out":
+            out.append(f"left out: stretch of the tendons, {self.elasticity_by}")
+        return tuple(out)
 
     def row(self, effect: str) -> DriveRow:
         """The row of that effect."""
@@ -199,11 +228,12 @@ class DriveBudget:
         """The budget of the drive in mm and percent."""
         return {
             "friction": self.friction,
-            "friction_is": _source(self.friction_assumed),
+            "friction_is": self.friction_is,
             "axial_stiffness_N": self.axial_stiffness,
             "compliance_m_per_N": self.compliance,
             "free_length_m": self.free_length,
-            "elasticity_is": _source(self.elasticity_assumed),
+            "elasticity_is": self.elasticity_is,
+            "elasticity_by": self.elasticity_by,
             "commanded_pull_mm": (self.pull * 1e3).tolist(),
             "tension": {"is": "tension, no friction (this sweep)", **self.tension_driven.to_dict()},
             "pull": {"is": "pull, no stretch, no friction", **self.pull_driven.to_dict()},
@@ -217,7 +247,9 @@ class DriveBudget:
 # -- running it --------------------------------------------------------------------------------
 
 
-def drive_budget(model: Model, tension: Array, sweep: Case) -> DriveBudget:
+def drive_budget(
+    model: Model, tension: Array, sweep: Case, calibrated: Robot | None = None
+) -> DriveBudget:
     """What the drive does to the error of constant curvature.
 
     Parameters
@@ -227,6 +259,8 @@ def drive_budget(model: Model, tension: Array, sweep: Case) -> DriveBudget:
         Loads of the pulled tendon, rising in even steps, N.
     sweep : Case
         The main sweep at these loads.
+    calibrated : Robot, optional
+        The same robot with the friction that measurements gave it.
 
     Returns
     -------
@@ -234,11 +268,15 @@ def drive_budget(model: Model, tension: Array, sweep: Case) -> DriveBudget:
     """
     t = model.tendon
     given = model.driven.tendons
-    friction_assumed = not given.friction[t] > 0.0
-    elasticity_assumed = math.isinf(given.axial_stiffness_N[t]) and not given.compliance_m_per_N[t]
-    rubs = {"friction": ASSUMED_FRICTION} if friction_assumed else {}
-    gives = {"axial_stiffness": ASSUMED_STIFFNESS} if elasticity_assumed else {}
-    rubbing = with_tendons(model.driven, rubs, missing=True)
+    rubbing, friction_is = _rubbing(model, calibrated)
+    stiff_of: float | None = None
+    elasticity_is: Source = "file"
+    elasticity_by = "as in the file"
+    if math.isinf(given.axial_stiffness_N[t]) and not given.compliance_m_per_N[t]:
+        stiff_of, elasticity_by = assumed_stiffness(model.driven, t)
+        elasticity_is = "left_out" if stiff_of is None else "assumed"
+    elastic_too = elasticity_is != "left_out"
+    gives = {} if stiff_of is None else {"axial_stiffness": stiff_of}
     both = with_tendons(rubbing, gives, missing=True)
     elastic = with_tendons(both, {"friction": 0.0})
     rigid = with_tendons(elastic, {"axial_stiffness": None, "compliance": 0.0})
@@ -283,10 +321,13 @@ def drive_budget(model: Model, tension: Array, sweep: Case) -> DriveBudget:
     mu = both.tendons.friction[t]
     stiffness = float(both.tendons.axial_stiffness_N[t])
     compliance = float(both.tendons.compliance_m_per_N[t])
-    rub = f"friction {mu:g}{' (assumed)' * friction_assumed}"
-    elasticity = _elasticity(stiffness, compliance) + ", assumed" * elasticity_assumed
-    give = f"pulled, elastic tendons ({elasticity})"
-    not_given = ("friction",) * friction_assumed, ("elasticity",) * elasticity_assumed
+    rub = f"friction {mu:.4g}" + ("" if friction_is == "file" else f" ({friction_is})")
+    elasticity = _elasticity(stiffness, compliance) + ", assumed" * (elasticity_is == "assumed")
+    give = f"pulled, elastic tendons ({elasticity})" if elastic_too else "pulled"
+    not_given = (
+        ("friction",) * (friction_is == "assumed"),
+        ("elasticity",) * (elasticity_is == "assumed"),
+    )
     tail = {"loading": ", loading", "unloading": ", unloading"}
     rows = (
         *(
@@ -300,7 +341,8 @@ def drive_budget(model: Model, tension: Array, sweep: Case) -> DriveBudget:
             )
             for way, found in (("loading", up), ("unloading", down))
         ),
-        DriveRow("tendon_elasticity", give, "pull", not_given[1], pull_case(stretched), base),
+        *[DriveRow("tendon_elasticity", give, "pull", not_given[1], pull_case(stretched), base)]
+        * elastic_too,
         *(
             DriveRow(
                 f"pull_driven_{way}",
@@ -329,19 +371,69 @@ def drive_budget(model: Model, tension: Array, sweep: Case) -> DriveBudget:
     )
     return DriveBudget(
         friction=float(mu),
-        friction_assumed=friction_assumed,
+        friction_is=friction_is,
         axial_stiffness=stiffness,
         compliance=compliance,
         free_length=float(both.tendons.free_length_m[t]),
-        elasticity_assumed=elasticity_assumed,
+        elasticity_is=elasticity_is,
+        elasticity_by=elasticity_by,
         pull=commanded.pulls[::every, t],
         tension_driven=sweep,
         pull_driven=base,
         rows=rows,
         loops=loops,
-        notes=_notes(model, friction_assumed, elasticity_assumed, len(there) - 1, tight),
-        text=_in_words(rows, loops, friction_assumed, elasticity_assumed),
+        notes=_notes(model, friction_is, elasticity_is, elasticity_by, stiffness)
+        + _path_notes(model, len(there) - 1, tight),
+        text=_in_words(rows, loops, friction_is, elasticity_is),
     )
+
+
+def _rubbing(model: Model, calibrated: Robot | None) -> tuple[Robot, Source]:
+    """The robot with the friction that is shown, and where that of the pulled tendon comes from."""
+    robot = model.driven
+    if calibrated is not None:
+        changes = {}
+        for k, segment in enumerate(calibrated.segments):
+            ring = isinstance(segment.tendons, TendonRing)
+            for i, tendon in enumerate(segment.tendon_list[:1] if ring else segment.tendon_list):
+                where = f"segments.{k}.tendons" if ring else f"segments.{k}.tendons.{i}"
+                changes[f"{where}.friction"] = tendon.friction
+        return robot.with_(changes), "calibrated"
+    if robot.tendons.friction[model.tendon] > 0.0:
+        return robot, "file"
+    return with_tendons(robot, {"friction": ASSUMED_FRICTION}, missing=True), "assumed"
+
+
+def assumed_stiffness(robot: Robot, tendon: int) -> tuple[float | None, str]:
+    """The E A of a tendon whose file gives none, and what it follows from.
+
+    Parameters
+    ----------
+    robot : Robot
+    tendon : int
+        From 0.
+
+    Returns
+    -------
+    stiffness : float or None
+        In N, to two digits: of a tendon of its diameter and material, else of a steel tendon as
+        thick as the robot's size lets expect. None where no such tendon is made.
+    by : str
+        What it follows from, or why there is none.
+    """
+    material = [t for s in robot.segments for t in s.tendon_list][tendon].material
+    diameter = float(robot.tendons.diameter_m[tendon])
+    by = "diameter as in the file"
+    if math.isnan(diameter):
+        diameter = float(robot.tendons.pitch_radius_m[tendon]) / _SLENDER
+        by = "by the robot's size"
+        if not _THINNEST <= diameter <= _THICKEST:
+            return None, (
+                f"for the file gives neither E A nor diameter, and the robot's size would make it "
+                f"{1e3 * diameter:.2g} mm thick, which no tendon is"
+            )
+    stiffness = TENDON_MATERIALS[material or _MATERIAL] * math.pi / 4.0 * diameter**2
+    return float(f"{stiffness:.2g}"), f"{material or _MATERIAL}, {1e3 * diameter:.2g} mm, {by}"
 
 
 class _Commanded:
@@ -399,13 +491,15 @@ def _physics(model: Model) -> dict[str, Any]:
 
 # -- in words ----------------------------------------------------------------------------------
 
+_SAID: Final[dict[Source, str]] = {
+    "file": "as in the file",
+    "calibrated": "calibrated to the data",
+    "assumed": "assumed, the file gives none",
+}
+
 
 def _fed_by(driven_by: DrivenBy) -> str:
     return "cc_from_force" if driven_by == "tension" else COMMANDED
-
-
-def _source(assumed: bool) -> str:
-    return "assumed" if assumed else "file"
 
 
 def _elasticity(stiffness: float, compliance: float) -> str:
@@ -419,9 +513,9 @@ def _elasticity(stiffness: float, compliance: float) -> str:
 
 
 def _in_words(
-    rows: tuple[DriveRow, ...], loops: tuple[Loop, Loop], friction: bool, elasticity: bool
+    rows: tuple[DriveRow, ...], loops: tuple[Loop, Loop], friction: Source, elasticity: Source
 ) -> tuple[str, ...]:
-    up, down, stretched, pulled, released = rows
+    up, down, *stretches, pulled, released = rows
     by_tension, by_pull = loops
     out = []
 
@@ -432,7 +526,7 @@ def _in_words(
         return in_mm(row.base.comparisons[_fed_by(row.driven_by)].mean)
 
     if math.isfinite(up.moved) and math.isfinite(down.moved):
-        source = "assumed, the file gives none" if friction else "as in the file"
+        source = _SAID[friction]
         than = "more" if up.exceeds or down.exceeds else "less"
         true, *rubbed = (
             case.comparisons["cc_from_lengths"].mean for case in (up.base, up.case, down.case)
@@ -442,15 +536,15 @@ def _in_words(
             from_lengths = (
                 f"; from true lengths {' and '.join(map(in_mm, rubbed))} instead of {in_mm(true)}"
             )
-        mu = up.label.split(",")[0].removesuffix(" (assumed)").removeprefix("friction ")
+        mu = up.label.split(",")[0].split(" (")[0].removeprefix("friction ")
         out.append(
             f"Driven by tension, friction of {mu} at the holes ({source}) moves the tip by "
             f"{in_mm(up.moved)} in the mean while the load rises and {in_mm(down.moved)} while it "
             f"falls: {than} than constant curvature's own error from force, {own(up)}, which "
             f"becomes {mean(up)} and {mean(down)}{from_lengths}."
         )
-    if math.isfinite(stretched.moved):
-        source = " (assumed, the file gives none)" if elasticity else " (as in the file)"
+    for stretched in (row for row in stretches if math.isfinite(row.moved)):
+        source = f" ({_SAID[elasticity]})"
         than = "more" if stretched.exceeds else "less"
         give = stretched.label.removeprefix("pulled, elastic tendons (").removesuffix(")")
         text = (
@@ -482,8 +576,38 @@ def _in_words(
 
 
 def _notes(
-    model: Model, friction: bool, elasticity: bool, steps: int, tight: bool
+    model: Model, friction: Source, elasticity: Source, by: str, stiffness: float
 ) -> tuple[str, ...]:
+    """What is not of the robot file, and where it comes from."""
+    out = []
+    if friction == "assumed":
+        out.append(
+            f"The file gives no friction: {ASSUMED_FRICTION:g} is assumed, the order of a steel "
+            "cable in a smooth hole, not measured. Set friction in the robot file to have yours."
+        )
+    elif friction == "calibrated":
+        out.append(
+            "Friction is that of the calibration to the measurements"
+            + (", not that of the file." if model.driven.has_friction else "; the file gives none.")
+        )
+    if elasticity == "assumed":
+        out.append(
+            f"The file gives the tendons no elasticity: {_elasticity(stiffness, 0.0)} is assumed "
+            f"({by}), right within a factor of two, not measured; of the free length between motor "
+            "and base hole only what the file gives stretches. Set axial_stiffness, free_length "
+            "and compliance to have yours, or the tendon's diameter and material for a better "
+            "guess."
+        )
+    elif elasticity == "left_out":
+        out.append(
+            f"The stretch of the tendons is left out, {by}. Set axial_stiffness or diameter in the "
+            "robot file to have it."
+        )
+    return tuple(out)
+
+
+def _path_notes(model: Model, steps: int, tight: bool) -> tuple[str, ...]:
+    """How the paths are made, and how to read them."""
     out = [
         "How the robot is driven: the physics is that of the main sweep. 'Change' and 'tip moves' "
         "are against the same commands on tendons that neither rub nor stretch.",
@@ -500,16 +624,4 @@ def _notes(
     ]
     if tight:
         out.append("In spite of that another tendon than the pulled one is tight at some commands.")
-    if friction:
-        out.append(
-            f"The file gives no friction: {ASSUMED_FRICTION:g} is assumed, the order of a steel "
-            "cable in a smooth hole, not measured. Set friction in the robot file to have yours."
-        )
-    if elasticity:
-        out.append(
-            f"The file gives the tendons no elasticity: E A = {ASSUMED_STIFFNESS / 1e3:g} kN is "
-            "assumed, about that of a stranded steel cable of 0.8 mm, not measured; of the free "
-            "length between motor and base hole only what the file gives stretches. Set "
-            "axial_stiffness, free_length and compliance to have yours."
-        )
     return tuple(out)

@@ -172,7 +172,10 @@ class Budget:
 
 
 def error_budget(
-    model: Model, tension: Array, tell: Callable[[float], None] = lambda share: None
+    model: Model,
+    tension: Array,
+    tell: Callable[[float], None] = lambda share: None,
+    calibrated: Robot | None = None,
 ) -> Budget:
     """What each physical effect does to the error of constant curvature.
 
@@ -183,6 +186,8 @@ def error_budget(
         Loads of the pulled tendon, N.
     tell : callable, optional
         Is told the share that is done, up to 1.
+    calibrated : Robot, optional
+        The same robot with the friction that measurements gave it.
 
     Returns
     -------
@@ -224,7 +229,7 @@ def error_budget(
             )
         )
         tell((i + 1) / (len(effects) + 1))
-    drive = drive_budget(model, tension, case(model.main))
+    drive = drive_budget(model, tension, case(model.main), calibrated)
     tell(1.0)
 
     clamps = (

@@ -34,7 +34,17 @@ from bowstring.disk import distinct_holes, drilled_disk, room_for_holes
 from bowstring.errors import InputError
 from bowstring.plausibility import doubts
 from bowstring.safe_yaml import read_yaml, reading, text_of
-from bowstring.units import NUMBER, Count, Quantity, Text, number_with_unit, printable, quote, wrong
+from bowstring.units import (
+    NUMBER,
+    Choice,
+    Count,
+    Quantity,
+    Text,
+    number_with_unit,
+    printable,
+    quote,
+    wrong,
+)
 
 __all__ = [
     "Backbone",
@@ -50,6 +60,16 @@ __all__ = [
     "robot_schema",
 ]
 
+TENDON_MATERIALS: Final = {
+    "steel": 105e9,
+    "tungsten": 200e9,
+    "nitinol": 55e9,
+    "aramid": 40e9,
+    "polyethylene": 30e9,
+    "nylon": 2.5e9,
+}
+"""E A over the area of the full circle in Pa, for a tendon of that material whose E A is not known:
+the middle between strand and wire (steel: 60 to 190 GPa), right within a factor of two."""
 _BUILT_IN: Final = Path(__file__).with_name("robots")
 _MAX_SEGMENTS: Final = 100
 _MAX_DISKS: Final = 100_000
@@ -231,7 +251,11 @@ class _TendonDrive(_Part):
         None, description="Radius at which a spool winds the tendon; needed for motor angles."
     )
     diameter: Annotated[float | None, Quantity("m", "1 mm", "1 um", "100 m")] = Field(
-        None, description="Diameter of the tendon; only its solid has it."
+        None,
+        description="Diameter of the tendon, for its solid, and for the E A that a study assumes.",
+    )
+    material: Annotated[str | None, Choice(tuple(TENDON_MATERIALS), "steel")] = Field(
+        None, description="Material of the tendon, for the E A that a study assumes; else steel."
     )
 
 
@@ -248,6 +272,8 @@ class TendonRing(_TendonDrive):
         Angle of the first tendon from x in rad.
     axial_stiffness, free_length, compliance, friction, pretension, spool_radius, diameter : float
         Of each tendon, as in `Tendon`.
+    material : str or None
+        Of each tendon.
     """
 
     count: Annotated[int, Count(_MAX_TENDONS, "3")] = Field(description="Number of tendons.")
@@ -281,7 +307,9 @@ class Tendon(_TendonDrive):
     spool_radius : float or None
         In m; None where no spool is given, hence no motor angle.
     diameter : float or None
-        In m; only the solid has it.
+        In m; the solid has it, and a study that has to assume E A.
+    material : str or None
+        One of `TENDON_MATERIALS`; for a study that has to assume E A.
     """
 
     angle: Annotated[float, _ANGLE] = Field(description="Angle from x, counter-clockwise.")
@@ -618,7 +646,7 @@ class Robot(_Part):
             drive = {
                 name: exact(getattr(t, name))
                 for name, field in _TendonDrive.model_fields.items()
-                if getattr(t, name) != field.default and name != "diameter"
+                if getattr(t, name) != field.default and name not in ("diameter", "material")
             }
             return [exact(t.angle), exact(t.pitch_radius), *([drive] if drive else [])]
 

@@ -574,7 +574,10 @@ def run(
 
     tell("error budget", 0.2)
     budget = error_budget(
-        model, statics.tension, lambda share: tell("error budget", 0.2 + 0.6 * share)
+        model,
+        statics.tension,
+        lambda share: tell("error budget", 0.2 + 0.6 * share),
+        _calibrated_friction(data),
     )
 
     tell("verdict", 0.8)
@@ -795,6 +798,14 @@ def _dynamics(
     return motion, ""
 
 
+def _calibrated_friction(data: AgainstData | None) -> Robot | None:
+    """The calibrated robot, where the data told its friction."""
+    if data is None or data.calibration is None or not data.calibration.fit.converged:
+        return None
+    names = data.calibration.fit.names
+    return data.calibration.robot if any(n.endswith(".friction") for n in names) else None
+
+
 def _claim(
     robot: Robot,
     settings: Settings,
@@ -856,9 +867,11 @@ def _notes(
             f"The load range to {settings.max_tension:g} N was chosen by the program: the largest "
             "round load that bends the robot by at most 80 degrees by the linear law."
         )
-    if robot.has_friction:
+    calibrated = _calibrated_friction(data) is not None
+    if robot.has_friction or calibrated:
+        whose = "that was calibrated" if calibrated else "that the robot file gives"
         out.append(
-            "The friction that the robot file gives is left out of the main sweep, of dynamics, of "
+            f"The friction {whose} is left out of the main sweep, of dynamics, of "
             "stress and strain and of the ranges in the verdict. What it does, loading and "
             "unloading, is in the error budget under 'How the robot is driven' and in the "
             "verdict's last sentences."

@@ -163,8 +163,7 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
                     r.short_label + mark, *driven_means(r.case), number(r.moved * 1e3, 2)
                 )
     console.print(driven)
-    if drive.assumptions:
-        note = f"assumed, the robot file gives none: {'; '.join(drive.assumptions)}"
+    for note in drive.origins:
         console.print(Text(note, style="dim"))
     gaps = dict.fromkeys(c.problem for r in drive.rows for c in (r.base, r.case) if c.problem)
     for gap in gaps:

@@ -354,6 +354,29 @@ class Count:
 
 
 @dataclass(frozen=True)
+class Choice:
+    """Marks one of a few words."""
+
+    words: tuple[str, ...]
+    example: str
+
+    def read(self, value: object) -> str:
+        if not isinstance(value, str) or value.strip() not in self.words:
+            raise wrong(f"got {quote(value)}; must be one of {', '.join(self.words)}")
+        return value.strip()
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"type": "string", "enum": list(self.words), "examples": [self.example]}
+
+
+@dataclass(frozen=True)
 class Text:
     """Marks a text of limited length; ``lines``: of several lines or none."""
 

@@ -357,8 +357,10 @@ def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float
             parts.append(f"{words}, {way}: {where}")
     if not parts:
         return []
+    calibrated = budget.drive.friction_is == "calibrated"
+    whose = "the calibrated one" if calibrated else "that of the file"
     return [
-        f"The ranges above are without friction. With that of the file, {budget.drive.friction:g}, "
+        f"The ranges above are without friction. With {whose}, {budget.drive.friction:.4g}, "
         f"the error is above {tolerance * 100:.3g} % of length at these of the sweep's "
         f"{len(tension)} loads: {'; '.join(parts)}."
     ]
