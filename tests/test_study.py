@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,6 +88,101 @@ def test_two_tendons_have_a_force_law_but_no_arc_from_lengths() -> None:
 def test_the_load_range_follows_the_linear_law(stiffness: str, tension: float) -> None:
     robot = load_robot("amouri2019").with_({"segments.0.backbone.E": stiffness})
     assert study.run(robot, points=2).settings.max_tension == tension
+
+
+def silicone(gravity: str) -> Robot:
+    """Silicone, E = 1 MPa, with disks of 30 g: gravity decides how far a load bends it."""
+    return load_robot("amouri2019").with_(
+        {
+            "gravity": gravity,
+            "segments.0.length": "400 mm",
+            "segments.0.backbone": {
+                "diameter": "20 mm",
+                "E": "1 MPa",
+                "nu": 0.49,
+                "density": "1100 kg/m^3",
+            },
+            "segments.0.disks.mass": "30 g",
+            "segments.0.tendons.pitch_radius": "25 mm",
+        }
+    )
+
+
+def test_the_load_range_in_gravity_is_that_of_statics() -> None:
+    hanging = silicone("0 0 9.81 m/s^2")
+    got = study.run(hanging, points=2)
+    load = got.settings.max_tension
+    assert load == 3.0  # the linear law alone would end at 1 N, where the robot bends by 20 degrees
+    for tension, bent in ((load, True), (4.0, False)):  # the next round load
+        tip = rod.solve(hanging, [tension, 0.0, 0.0]).raise_for_status().tip
+        assert tip is not None
+        assert (math.degrees(math.acos(tip.rotation[2, 2])) <= 80.0) == bent
+    assert any("by statics in gravity" in note for note in got.notes)
+    # commanded lengths and geometry end where the robot does, not at the linear law's 219 degrees
+    assert math.degrees(got.geometry.theta[-1, 0]) == pytest.approx(80.0, abs=1.0)
+    assert any("about the robot's own bend" in note for note in got.notes)
+    assert got.budget.drive.pull_driven.problem is None
+
+
+def test_gravity_that_bends_further_ends_the_load_range_earlier() -> None:
+    upright = load_robot("amouri2019").with_({"gravity": "0 0 -9.81 m/s^2"})
+    got = study.run(upright, points=2)
+    assert got.settings.max_tension < 80.0
+    assert got.geometry.scale == 1.0
+
+
+def test_any_tendon_or_several_can_be_pulled() -> None:
+    robot = load_robot("rao2021")
+    inner = study.run(robot, tendon=1, points=3)
+    assert inner.settings.tendon == 0 and inner.settings.pulled == "tendon 1"
+    assert inner.geometry.theta[-1, 0] > 1.0 and inner.geometry.theta[-1, 1] == pytest.approx(0)
+    direct = rod.solve(robot, [inner.settings.max_tension, 0, 0, 0, 0, 0]).raise_for_status().tip
+    assert direct is not None
+    assert inner.statics.tip_position[-1] == pytest.approx(direct.position, abs=1e-9)
+
+    both = study.run(robot, tendon={2: 1.0, 4: 0.5}, max_tension=2.0, points=3)
+    assert both.settings.pulled == "tendons 2 and 4 (at 0.5 of it)"
+    sweep = both.to_dict()["sweep"]
+    assert sweep["pulled_tendon"] == 2 and sweep["shares"] == [0, 1, 0, 0.5, 0, 0]
+    direct = rod.solve(robot, [0, 2, 0, 1, 0, 0]).raise_for_status().tip
+    assert direct is not None
+    assert both.statics.tip_position[-1] == pytest.approx(direct.position, abs=1e-9)
+    # the linear law's pull of tendon 2: both segments' bends along its own direction
+    ei = 54e9 * math.pi / 64 * 0.0014**4
+    own, other = 2.0 * 0.01**2 * 0.2 / ei, 1.0 * 0.01**2 * 0.2 / ei * math.cos(math.radians(120))
+    assert both.statics.linear_pull[-1] == pytest.approx(own + other, rel=1e-9)
+    # towards which it bends: between 90 and -30 degrees
+    x, y, _ = both.towards
+    assert -30.0 < math.degrees(math.atan2(y, x)) < 90.0
+    assert both.comparison("cc_from_lengths").mean < 1e-3 * robot.length
+    assert both.budget.drive.row("tendon_elasticity").case.problem is None
+
+
+def test_the_published_claim_is_of_the_studys_own_tendon() -> None:
+    other = study.run(load_robot("amouri2019"), tendon=2, points=3)
+    assert other.settings.max_tension == 80.0 and other.claim is None
+
+
+@pytest.mark.parametrize(
+    ("tendon", "words"),
+    [
+        (0, "tendon is 0; must be a whole number from 1 to 3"),
+        (4, "tendon is 4; must be"),
+        ({1: 0.0}, "share of tendon 1 is 0.0; must be above 0"),
+        ({1: 0.5}, "largest share of the pulled tendons is 0.5; must be 1"),
+        ({1: 1, 2: 1, 3: 1}, "balance each other"),
+        ({}, "largest share"),
+    ],
+)
+def test_bad_tendons(tendon: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        study.run(load_robot("amouri2019"), tendon=tendon)
+
+
+def test_tendons_that_balance_each_other_can_be_studied_to_a_given_load() -> None:
+    got = study.run(load_robot("amouri2019"), tendon={1: 1, 2: 1, 3: 1}, max_tension=10.0, points=3)
+    assert got.comparison("cc_from_force").maximum < 1e-4  # shortened alone
+    json.dumps(got.to_dict(), allow_nan=False)
 
 
 def test_a_load_that_winds_the_robot_up_is_named() -> None:

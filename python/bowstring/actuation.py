@@ -34,7 +34,7 @@ from bowstring.comparison import (
     with_tendons,
 )
 from bowstring.robot import TENDON_MATERIALS, Robot, TendonRing
-from bowstring.words import in_mm, in_percent, significant
+from bowstring.words import in_mm, in_percent, listed, significant
 
 __all__ = [
     "ASSUMED_FRICTION",
@@ -437,11 +437,14 @@ def assumed_stiffness(robot: Robot, tendon: int) -> tuple[float | None, str]:
 
 
 class _Commanded:
-    """What the spools are told: the lengths of the arcs that the linear law has at these loads."""
+    """What the spools are told: the lengths of the arcs that the linear law has at these loads.
+
+    In gravity, where it bends far more than the robot does, up to about the robot's own bend.
+    """
 
     def __init__(self, model: Model, tension: Array) -> None:
         robot = model.robot
-        arcs = arc.robot_from_tensions(robot, model.tensions(tension))
+        arcs = arc.robot_from_tensions(robot, model.tensions(model.arc_scale * tension))
         self.tip = arcs.tip.position
         """(n, 3) that constant curvature means by these lengths, m."""
         self.lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
@@ -449,7 +452,7 @@ class _Commanded:
         # A tendon with pretension is meant to stay tight; one without is given room, so that it
         # hangs and does not fight the pulled one over what the arc gets wrong.
         hangs = robot.tendons.pretension_N == 0.0
-        hangs[model.tendon] = False
+        hangs[model.shares > 0.0] = False
         self._others = np.flatnonzero(hangs)
         self._nothing = 1e-12 * robot.length
         self.pulls = straight - self.lengths - _SURPLUS * robot.length * hangs
@@ -608,6 +611,10 @@ def _notes(
 
 def _path_notes(model: Model, steps: int, tight: bool) -> tuple[str, ...]:
     """How the paths are made, and how to read them."""
+    pulled = np.flatnonzero(model.shares) + 1
+    wound = f"Tendon {pulled[0]} is wound up to its length"
+    if len(pulled) > 1:
+        wound = f"Tendons {listed([str(t) for t in pulled])} are wound up to their lengths"
     out = [
         "How the robot is driven: the physics is that of the main sweep. 'Change' and 'tip moves' "
         "are against the same commands on tendons that neither rub nor stretch.",
@@ -616,12 +623,17 @@ def _path_notes(model: Model, steps: int, tight: bool) -> tuple[str, ...]:
         "Friction can also lower constant curvature's error: while loading it takes bend away, and "
         "a law that bends the robot too little comes nearer by that.",
         "Pulls: the linear law makes an arc of each tension of the sweep, and the inverse of Eq. 5 "
-        f"makes tendon lengths of the arc. Tendon {model.tendon + 1} is wound up to its length, "
-        "the others are paid out to theirs and "
+        f"makes tendon lengths of the arc. {wound}, the others are paid out to theirs and "
         f"{_SURPLUS * 100:g} % of the robot's length more, so that they hang and do not fight; one "
         "that the file gives a pretension gets no surplus. Constant curvature's tip is that of the "
         "lengths without the surplus.",
     ]
+    if model.arc_scale < 1.0:
+        out.append(
+            "In gravity the linear law bends far more than the robot: its arcs, of which the pulls "
+            f"are made, are taken at {in_percent(model.arc_scale)} of the tensions, so that they "
+            "end at about the robot's own bend."
+        )
     if tight:
         out.append("In spite of that another tendon than the pulled one is tight at some commands.")
     return tuple(out)

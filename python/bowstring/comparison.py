@@ -173,17 +173,37 @@ class Case:
 
 
 class Model:
-    """Robot, pulled tendon and theory, and what all parts of the study ask of them."""
+    """Robot, pulled tendons and theory, and what all parts of the study ask of them.
 
-    def __init__(self, robot: Robot, tendon: int, theory: Theory) -> None:
+    Parameters
+    ----------
+    robot : Robot
+    tendon : int
+        Index of the tendon that has the whole tension of the sweep, from 0.
+    theory : {"cosserat", "kirchhoff"}
+    shares : sequence of float, optional
+        Share (T,) of the sweep's tension that each tendon has, from 0 to 1; that tendon alone if
+        not given.
+    """
+
+    def __init__(
+        self, robot: Robot, tendon: int, theory: Theory, shares: Sequence[float] | None = None
+    ) -> None:
         self.driven = robot
         """As the file has it, with the friction of its tendons."""
         self.robot = with_tendons(robot, {"friction": 0.0})
         """Without friction, which the main sweep, its dynamics and the verdict leave out."""
         self.tendon = tendon
-        """Index of the pulled tendon, from 0."""
+        """Index of the pulled tendon, from 0; of several, the one with the whole tension."""
+        self.shares = np.zeros(len(robot.tendons.segment))
+        """Share (T,) of the sweep's tension in each tendon."""
+        self.shares[tendon] = 1.0
+        if shares is not None:
+            self.shares[:] = shares
+        self.arc_scale = 1.0
+        """Share of the linear law's bend to which geometric sweep and commanded lengths go."""
         self.length = robot.length
-        angle = float(robot.tendons.angle_rad[tendon])
+        angle = self._angle()
         self.towards = (math.cos(angle), math.sin(angle), 0.0)
         """The way the pulled tendon bends the robot."""
         self.across = (-math.sin(angle), math.cos(angle), 0.0)
@@ -199,9 +219,39 @@ class Model:
 
     def tensions(self, tension: Array) -> Array:
         """Tensions of all tendons (n, T), N."""
-        out = np.zeros((len(tension), len(self.robot.tendons.segment)))
-        out[:, self.tendon] = tension
+        return np.asarray(np.outer(tension, self.shares))
+
+    @cached_property
+    def linear_bend(self) -> Array:
+        """Bend (S, 2) of each segment by 1 N of the sweep, linear law, towards x and y, rad/N."""
+        robot = self.robot
+        out = np.zeros((len(robot.segments), 2))
+        for k, segment in enumerate(robot.segments):
+            passing = robot.tendons.segment >= k
+            moment = self.shares[passing] @ robot.tendons.hole_m[passing]
+            size = float(np.abs(self.shares[passing]) @ robot.tendons.pitch_radius_m[passing])
+            if np.linalg.norm(moment) > 1e-9 * size:  # else the tendons balance each other
+                out[k] = moment * segment.length / float(robot.bending_stiffness[k])
         return out
+
+    @property
+    def linear_bend_of_all(self) -> float:
+        """Sum of the bends of the segments by 1 N of the sweep, linear law, rad/N."""
+        return float(np.linalg.norm(self.linear_bend, axis=1).sum())
+
+    def linear_pull(self, tension: Array) -> Array:
+        """By how much the linear law shortens the pulled tendon (n,), m."""
+        last = int(self.robot.tendons.segment[self.tendon])
+        hole = self.robot.tendons.hole_m[self.tendon]
+        return np.asarray(tension * float((self.linear_bend[: last + 1] @ hole).sum()))
+
+    def _angle(self) -> float:
+        """Towards which angle from x the tendons bend the robot, rad."""
+        alone = np.count_nonzero(self.shares) == 1
+        whole = self.linear_bend.sum(axis=0)
+        if alone or not whole.any():
+            return float(self.robot.tendons.angle_rad[self.tendon])
+        return math.atan2(whole[1], whole[0])
 
     @cached_property
     def budget_clamps(self) -> list[float]:

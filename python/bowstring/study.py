@@ -1,9 +1,9 @@
 """The study: how good is constant curvature for a robot, and where does it stop being so?
 
-`run` repeats what Amouri 2019 did with one cable, for any robot:
+`run` repeats what Amouri 2019 did with one cable, for any robot and tendon, or several tendons:
 
 1. its geometric sweep, constant curvature alone (Eq. 5, Fig. 6 and 7);
-2. a sweep of one tendon from zero, solved by straight-span statics;
+2. a sweep of the tension from zero, solved by straight-span statics;
 3. the same pull in time, solved by dynamics, with stress and strain as in Fig. 5
    (`bowstring.transient`);
 4. constant curvature beside both in its two meanings: fed with the *lengths* that physics gives
@@ -27,6 +27,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import abc
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -38,6 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring import _core, arc
+from bowstring.arguments import is_whole, shown
 from bowstring.budget import Budget, BudgetRow, error_budget
 from bowstring.comparison import COMPARISONS, Case, Comparison, Model, Physics, Theory
 from bowstring.errors import BowstringError, InputError, NoSolutionError
@@ -52,7 +54,7 @@ from bowstring.transient import (
     transient,
 )
 from bowstring.verdict import Meaning, Verdict, judge
-from bowstring.words import in_mm, in_percent, round_down, significant
+from bowstring.words import in_mm, in_percent, listed, round_down, significant
 
 if TYPE_CHECKING:
     from bowstring import finite_elements
@@ -88,6 +90,8 @@ Progress = Callable[[str, float], None]
 
 SCHEMA_VERSION: Final = 1
 _MAX_BEND: Final = math.radians(80.0)
+_FARTHEST: Final = 16.0  # times the load that the linear law bends so far: no range in gravity ends
+_TRIED: Final = 33  # loads, of which the range in gravity is found
 
 
 @dataclass(frozen=True)
@@ -254,13 +258,30 @@ class Settings:
     points: int
     theory: Theory
     tendon: int
-    """Index of the pulled tendon, from 0."""
+    """Index of the pulled tendon, from 0; of several, of the first that has the whole tension."""
+    shares: tuple[float, ...]
+    """Share of the sweep's tension in each tendon, from 0 to 1."""
     range_chosen: bool
     """Whether the program chose `max_tension`."""
     rise: float | None
     """Rise of the tension in dynamics, s; None if the program chose it."""
     modal_damping: float
     """Of the slowest modes in dynamics, as a share of critical."""
+
+    @property
+    def pulled(self) -> str:
+        """The pulled tendons in words: ``tendon 1``, ``tendons 1 and 4 (at 0.5 of it)``."""
+        parts = [
+            f"{i}" if share == 1.0 else f"{i} (at {significant(share)} of it)"
+            for i, share in enumerate(self.shares, 1)
+            if share
+        ]
+        return f"tendon{'s' * (len(parts) > 1)} {listed(parts)}"
+
+    @property
+    def pulled_alone(self) -> bool:
+        """Whether one tendon is pulled and all others are slack."""
+        return sum(share > 0.0 for share in self.shares) == 1
 
 
 @dataclass(frozen=True)
@@ -281,14 +302,16 @@ class GeometricSweep:
     """(n, N, 3, 3)."""
     backbone: Array
     """(n, P, 3), points along the backbone from the base, m."""
+    scale: float = 1.0
+    """Share of the sweep's tensions that the linear law makes these arcs of; 1 without gravity."""
 
 
 @dataclass(frozen=True)
 class Statics:
-    """The sweep of one tendon by straight-span statics."""
+    """The sweep by straight-span statics."""
 
     tension: Array
-    """(n,) of the pulled tendon, N; all others are zero."""
+    """(n,) of the pulled tendon, N; the others have their shares of it."""
     status: tuple[str, ...]
     converged: NDArray[np.bool_]
     tip_position: Array
@@ -344,6 +367,12 @@ class Study:
     def length(self) -> float:
         """Length of the robot, m."""
         return self.robot.length
+
+    @property
+    def towards(self) -> tuple[float, float, float]:
+        """Towards which side the pulled tendons bend the robot, a unit vector."""
+        chosen = self.settings
+        return Model(self.robot, chosen.tendon, chosen.theory, chosen.shares).towards
 
     def comparison(self, name: str, against: str = "statics") -> Comparison:
         """The comparison of that name against that physics; registered against a measurement."""
@@ -412,6 +441,7 @@ class Study:
             "warnings": list(self.robot.warnings),
             "sweep": {
                 "pulled_tendon": self.settings.tendon + 1,
+                "shares": list(self.settings.shares),
                 "tension_N": s.tension.tolist(),
                 "status": list(s.status),
                 "tip_position_mm": (s.tip_position * 1e3).tolist(),
@@ -464,6 +494,7 @@ def run(
     max_tension: float | None = None,
     points: int = 17,
     theory: Theory = "cosserat",
+    tendon: int | abc.Mapping[int, float] | None = None,
     rise: float | None = None,
     modal_damping: float = MODAL_DAMPING,
     measurements: Measurements | str | Path | None = None,
@@ -474,8 +505,8 @@ def run(
 ) -> Study:
     """Study how good constant curvature is for a robot.
 
-    The first tendon of the outermost segment is pulled from zero, in equal steps, all others are
-    slack.
+    One tendon, or several at fixed shares of one tension, is pulled from zero, in equal steps; all
+    others are slack.
 
     Parameters
     ----------
@@ -485,11 +516,16 @@ def run(
     max_tension : float, optional
         End of the sweep, N. If not given, the largest round load (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6
         or 8 times a power of ten) that bends the whole robot by at most 80 degrees by the linear
-        law: 80 N for the study's robot, as in the study.
+        law: 80 N for the study's robot, as in the study. In gravity: that turns it by at most 80
+        degrees from its pose without tension, by statics.
     points : int
         Number of loads, zero included.
     theory : {"cosserat", "kirchhoff"}
         Of the main sweep and of dynamics. The budget uses both.
+    tendon : int or mapping from int to float, optional
+        Which tendon is pulled, counted from 1; or which ones, each with its share of the sweep's
+        tension, of which the largest must be 1: ``{1: 1.0, 4: 0.5}``. The first tendon of the
+        outermost segment if not given.
     rise : float, optional
         In dynamics the tension rises from zero within so many seconds, a quarter to 200 periods of
         the slowest mode. If not given, 20 of them: near statics.
@@ -521,7 +557,14 @@ def run(
     """
     tell = progress or (lambda what, share: None)
     settings = _settings(
-        robot, tolerance, max_tension, points, theory, rise=rise, modal_damping=modal_damping
+        robot,
+        tolerance,
+        max_tension,
+        points,
+        theory,
+        tendon=tendon,
+        rise=rise,
+        modal_damping=modal_damping,
     )
     if solid:
         from bowstring.sizes import sizes_of
@@ -551,7 +594,8 @@ def run(
         tell,
         _until(tell, 1.0 if fe is None else 0.2),
     )  # finite elements take most of the time
-    model = Model(robot, settings.tendon, settings.theory)
+    model = Model(robot, settings.tendon, settings.theory, settings.shares)
+    model.arc_scale = _arc_scale(model, settings)
 
     tell("geometric sweep", 0.0)
     geometry = _geometric_sweep(model, settings)
@@ -596,7 +640,7 @@ def run(
             statics.tension, bricks.tip_position, bricks.tendon_lengths, tuple(COMPARISONS), "fe"
         )
         if data is not None:
-            bricks = third.at_data(bricks, statics.tension, settings.tendon, data)
+            bricks = third.at_data(bricks, statics.tension, model.shares, data)
     whole("done", 1.0)
     return Study(
         robot=robot,
@@ -614,7 +658,7 @@ def run(
         budget=budget,
         verdict=verdict,
         claim=_claim(robot, settings, comparisons, in_time, by_bricks),
-        notes=_notes(robot, settings, statics, comparisons, in_time, data),
+        notes=_notes(robot, settings, geometry, statics, comparisons, in_time, data),
         data=data,
         solid=solid,
         bricks=bricks,
@@ -656,6 +700,7 @@ def _settings(
     points: int,
     theory: Theory,
     *,
+    tendon: int | abc.Mapping[int, float] | None,
     rise: float | None,
     modal_damping: float,
 ) -> Settings:
@@ -676,43 +721,125 @@ def _settings(
             "modal damping is a share of critical damping and must lie from 0 to below 1, got "
             f"{modal_damping}"
         )
-    tendon = int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0])
+    shares = _shares(robot, tendon)
+    leading = int(np.argmax(shares))
     limit = max_tension
     if limit is None:
-        limit = round_down(_MAX_BEND / sum(_linear_bend(robot, tendon)))
+        limit = _largest_load(Model(robot, leading, theory, shares))
     return Settings(
         tolerance=tolerance,
         max_tension=limit,
         points=points,
         theory=theory,
-        tendon=tendon,
+        tendon=leading,
+        shares=shares,
         range_chosen=max_tension is None,
         rise=rise,
         modal_damping=modal_damping,
     )
 
 
-def _linear_bend(robot: Robot, tendon: int) -> list[float]:
-    """Bend of each segment by 1 N in the tendon, by the linear law, rad/N."""
-    r = float(robot.tendons.pitch_radius_m[tendon])
-    last = int(robot.tendons.segment[tendon])
-    return [
-        r * segment.length / float(stiffness) if k <= last else 0.0
-        for k, (segment, stiffness) in enumerate(
-            zip(robot.segments, robot.bending_stiffness, strict=True)
+def _shares(robot: Robot, tendon: int | abc.Mapping[int, float] | None) -> tuple[float, ...]:
+    """Share of the sweep's tension in each tendon."""
+    count = len(robot.tendons.segment)
+    out = [0.0] * count
+    if tendon is None:
+        out[int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0])] = 1.0
+        return tuple(out)
+    given = tendon if isinstance(tendon, abc.Mapping) else {tendon: 1.0}
+    for number, share in given.items():
+        if not is_whole(number) or not 1 <= number <= count:
+            raise InputError(
+                f"tendon is {shown(number)}; must be a whole number from 1 to {count}, the tendons "
+                f"of {robot.name}"
+            )
+        if not isinstance(share, (int, float)) or not 0.0 < share <= 1.0:
+            raise InputError(
+                f"the share of tendon {number} is {shown(share)}; must be above 0 and at most 1"
+            )
+        out[number - 1] = float(share)
+    if max(out) != 1.0:
+        raise InputError(
+            f"the largest share of the pulled tendons is {max(out):g}; must be 1, the tendon that "
+            "has the whole tension of the sweep"
         )
-    ]
+    return tuple(out)
+
+
+def _largest_load(model: Model) -> float:
+    """The round load that ends the sweep, where none is asked for, N."""
+    by_newton = model.linear_bend_of_all
+    if not by_newton > 0.0:
+        raise InputError(
+            "the pulled tendons balance each other and bend nothing by the linear law, so that no "
+            "load range follows; give a largest tension, or pull other tendons"
+        )
+    linear = _MAX_BEND / by_newton
+    if not any(model.robot.gravity):
+        return round_down(linear)
+    top = linear
+    while top <= _FARTHEST * linear:
+        tension = np.linspace(0.0, top, _TRIED)
+        bend = _turned(model, tension)
+        beyond = np.flatnonzero(~(bend <= _MAX_BEND))
+        if beyond.size:
+            break
+        top *= 2.0
+    else:
+        return round_down(0.5 * top)
+    i = int(beyond[0])
+    if i == 0:  # no pose without tension to turn from
+        return round_down(linear)
+    low, high = tension[i - 1], tension[i]
+    load = float(low)
+    if np.isfinite(bend[i]):
+        load += float((high - low) * (_MAX_BEND - bend[i - 1]) / (bend[i] - bend[i - 1]))
+    return round_down(load) if load > 0.0 else round_down(linear)
+
+
+def _turned(model: Model, tension: Array) -> Array:
+    """How far each load turns the segments from their pose without tension (n,), summed, rad."""
+    try:
+        sweep = model.solve(model.main, tension, disks=True)
+    except BowstringError:
+        return np.full(len(tension), math.nan)
+    assert sweep.disk_rotations is not None
+    disks = model.robot.disks.segment
+    ends = np.append(np.flatnonzero(np.diff(disks)), len(disks) - 1)
+    out, before = np.zeros(len(tension)), np.broadcast_to(np.eye(3), (len(tension), 3, 3))
+    for end in ends:
+        here = np.where(sweep.converged[:, None, None], sweep.disk_rotations[:, end], math.nan)
+        bent = np.swapaxes(before, 1, 2) @ here
+        turn = np.swapaxes(bent[:1], 1, 2) @ bent
+        cosine = 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0)
+        out += np.arccos(np.clip(cosine, -1.0, 1.0))
+        before = here
+    return out
+
+
+def _arc_scale(model: Model, settings: Settings) -> float:
+    """Share of the tensions at which the linear law's arcs end at the robot's own bend.
+
+    Without gravity 1. In gravity the linear law may bend a robot ten times as far as it goes, and
+    its arcs, as geometry or as commanded lengths, would wind it up.
+    """
+    linear = settings.max_tension * model.linear_bend_of_all
+    if not any(model.robot.gravity) or linear <= _MAX_BEND:
+        return 1.0
+    bend = _turned(model, np.linspace(0.0, settings.max_tension, _TRIED))
+    known = bend[np.isfinite(bend)]
+    return min(1.0, max(_MAX_BEND, float(known[-1]) if known.size else 0.0) / linear)
 
 
 def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     """Shorten the pulled tendon as the linear law would, the others follow at constant length."""
     robot = model.robot
     tension = np.linspace(0.0, settings.max_tension, settings.points)
-    arcs = arc.robot_from_tensions(robot, model.tensions(tension))
+    arcs = arc.robot_from_tensions(robot, model.tensions(model.arc_scale * tension))
     try:
         lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
     except BowstringError:
-        turns = settings.max_tension * sum(_linear_bend(robot, settings.tendon)) / math.tau
+        turns = settings.max_tension * model.linear_bend_of_all / math.tau
         raise InputError(
             f"by the linear law {settings.max_tension:g} N winds {robot.name} up by "
             f"{significant(turns)} turns, tighter than its tendons' distance from the backbone "
@@ -731,6 +858,7 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
         disk_positions=arcs.disk_positions,
         disk_rotations=arcs.disk_rotations,
         backbone=_backbone(arcs),
+        scale=model.arc_scale,
     )
 
 
@@ -760,7 +888,6 @@ def _statics(model: Model, settings: Settings) -> Statics:
         )
     assert sweep.disk_positions is not None
     straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
-    r = float(robot.tendons.pitch_radius_m[settings.tendon])
     return Statics(
         tension=tension,
         status=tuple(sweep.status),
@@ -769,7 +896,7 @@ def _statics(model: Model, settings: Settings) -> Statics:
         disk_positions=sweep.disk_positions,
         tendon_lengths=sweep.tendon_lengths,
         pull=straight - sweep.tendon_lengths[:, settings.tendon],
-        linear_pull=r * sum(_linear_bend(robot, settings.tendon)) * tension,
+        linear_pull=model.linear_pull(tension),
         surface=surface_at_rest(model, tension, sweep.tip_position),
     )
 
@@ -816,6 +943,8 @@ def _claim(
     """The study's printed mean, for its own robot and load range only."""
     if robot.name != "amouri2019" or settings.max_tension != 80.0:
         return None
+    if settings.tendon != 0 or not settings.pulled_alone:
+        return None
     ours = comparisons["cc_from_force"]
     x, _, z = ours.mean_by_axis
     moving = ""
@@ -839,6 +968,7 @@ def _claim(
 def _notes(
     robot: Robot,
     settings: Settings,
+    geometry: GeometricSweep,
     statics: Statics,
     comparisons: dict[str, Comparison],
     in_time: dict[str, Comparison],
@@ -865,7 +995,19 @@ def _notes(
     if settings.range_chosen:
         out.append(
             f"The load range to {settings.max_tension:g} N was chosen by the program: the largest "
-            "round load that bends the robot by at most 80 degrees by the linear law."
+            "round load that "
+            + (
+                "turns the robot by at most 80 degrees from its pose without tension, by statics "
+                f"in gravity (at most {_FARTHEST:g} times that of the linear law)."
+                if any(robot.gravity)
+                else "bends the robot by at most 80 degrees by the linear law."
+            )
+        )
+    if geometry.scale < 1.0:
+        out.append(
+            f"In gravity the linear law bends {robot.name} far more than it goes: the geometric "
+            "sweep and the commanded lengths end at the arcs of "
+            f"{significant(geometry.scale * settings.max_tension)} N, about the robot's own bend."
         )
     calibrated = _calibrated_friction(data) is not None
     if robot.has_friction or calibrated:

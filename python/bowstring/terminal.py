@@ -51,8 +51,7 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
     console.print(
         Text.assemble(
             (robot.name, "bold"),
-            f": {study.length * 1e3:g} mm, tendon {settings.tendon + 1} pulled to "
-            f"{settings.max_tension:g} N",
+            f": {study.length * 1e3:g} mm, {settings.pulled} pulled to {settings.max_tension:g} N",
         )
     )
 

@@ -22,6 +22,7 @@ __all__ = ["FiniteElements", "at_data", "check", "solve"]
 
 Array = NDArray[np.float64]
 
+_SAME: Final = 1e-9  # of a tension: the sweep's own
 _HOLDS: Final = {
     "bonded": "to which it is bonded",
     "sliding": "in which it may widen and narrow",
@@ -174,17 +175,17 @@ def solve(
 
 
 def at_data(
-    found: FiniteElements, tension: Array, tendon: int, data: AgainstData
+    found: FiniteElements, tension: Array, shares: Array, data: AgainstData
 ) -> FiniteElements:
-    """Set a sweep beside measurements, at the rows that pull its tendon alone.
+    """Set a sweep beside measurements, at the rows that pull its tendons alone, in its shares.
 
     Parameters
     ----------
     found : FiniteElements
     tension : ndarray (n,)
         Of the sweep, rising, in N.
-    tendon : int
-        The one that it pulls, from 0.
+    shares : ndarray (T,)
+        Of that tension in each tendon; one at least is 1.
     data : AgainstData
 
     Returns
@@ -197,7 +198,9 @@ def at_data(
     table = data.data.tensions
     point = np.full((len(table), 3), math.nan)
     reached = len(found.run.states)
-    alone = (np.delete(table, tendon, axis=1) == 0).all(axis=1)
+    tendon = int(np.argmax(shares))
+    rest = np.abs(table - np.outer(table[:, tendon], shares))
+    alone = (rest <= _SAME * np.abs(table[:, [tendon]])).all(axis=1)
     if reached > 1:
         frames = found.run.frames
         by_load = frames.disk_position[:, -1] + frames.disk_rotation[:, -1] @ data.data.tool

@@ -88,6 +88,7 @@ _EXAMPLES: Final = {
     "--mass-damping": "0.5",
     "--material-damping": '"1 ms"',
     "--modal-damping": '"1 %"',
+    "--tendon": "1,2:0.5",
     "--g": "9.81",
     "--masses": '0:"500 g":8',
     "--tensions": "0:5:80",

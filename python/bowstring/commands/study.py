@@ -17,9 +17,11 @@ from bowstring.commands.options import (
     number_of,
     of_flag,
     share_of,
+    tendon_count,
 )
 from bowstring.commands.output import Stopped, progress_bar, write_json, write_rich
 from bowstring.errors import InputError
+from bowstring.robot import Robot
 from bowstring.units import quote
 
 
@@ -45,6 +47,14 @@ def study(
         str | None, typer.Option(metavar="T", help="End of the sweep; chosen if not given.")
     ] = None,
     points: Annotated[int, typer.Option(metavar="N", help="Loads of the sweep.")] = 17,
+    tendon: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N[:SHARE],...",
+            help="The pulled tendon, or several: 1,4:0.5 pulls tendon 4 half as much.  "
+            "[default: the first of the outermost segment]",
+        ),
+    ] = None,
     theory: Theory = "cosserat",
     rise: Annotated[
         str | None,
@@ -99,6 +109,7 @@ def study(
             "below 100 %."
         )
     model = load(robot, overrides)
+    pulled = None if tendon is None else _shares(tendon, model)
 
     from bowstring import report
     from bowstring import study as study_
@@ -116,6 +127,7 @@ def study(
                 max_tension=limit,
                 points=points,
                 theory=theory,
+                tendon=pulled,
                 rise=seconds,
                 modal_damping=damping,
                 measurements=measurements,
@@ -134,3 +146,31 @@ def study(
     if as_json:
         return write_json({**found.to_dict(), "folder": folder})
     write_rich(lambda console: print_study(found, console, folder))
+
+
+def _shares(text: str, robot: Robot) -> dict[int, float]:
+    """Numbers of tendons and their shares of the sweep's tension."""
+    out: dict[int, float] = {}
+    count = tendon_count(robot)
+    for item in text.split(","):
+        number, colon, share = item.strip().partition(":")
+        if not (number.isdecimal() and 1 <= int(number) <= count):
+            raise InputError(
+                f"--tendon: got {quote(item.strip())}; must be a tendon of {robot.name} from 1 to "
+                f"{count}, and its share after a colon, for example --tendon 1,{min(count, 2)}:0.5."
+            )
+        value = share_of("--tendon", share) if colon else 1.0
+        if not 0 < value <= 1:
+            raise InputError(
+                f"--tendon: got {quote(share)} as the share of tendon {number}; must be above 0 "
+                "and at most 1, or 100 %."
+            )
+        if int(number) in out:
+            raise InputError(f"--tendon: tendon {number} is there twice; name each one once.")
+        out[int(number)] = value
+    if max(out.values()) < 1:
+        raise InputError(
+            f"--tendon: the largest share is {max(out.values()):g}; one tendon must have the whole "
+            "tension, write it without a share."
+        )
+    return out

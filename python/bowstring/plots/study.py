@@ -127,7 +127,7 @@ def _over_time(study: Study) -> Figure:
     figure, (pull, tip, apart) = subplots(3, 6.4, sharex=True, height_ratios=(2, 4, 2))
     time = motion.time
     pull.plot(time, motion.tension, color=LIGHT["ink"])
-    pull.set(ylabel=f"tension of\ntendon {study.settings.tendon + 1} (N)")
+    pull.set(ylabel=f"tension of\n{study.settings.pulled} (N)")
     pull.set_title("simulated", fontsize=8.5, loc="right")
     for k, (name, colour, _) in enumerate(AXES):
         tip.plot(time, motion.tip_position[:, k] * 1e3, color=LIGHT[colour], label=name)
@@ -202,7 +202,7 @@ def _configurations(study: Study) -> Figure:
     turn = np.linspace(0.0, math.tau, 33)
     rim = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
     holes = np.column_stack([robot.tendons.hole_m, np.zeros(len(robot.tendons.hole_m))])
-    pulled = study.settings.tendon
+    pulled = np.flatnonzero(study.settings.shares)
     points: list[Array] = []
     tips: list[tuple[Array, Array, str]] = []
     for i in shown:
@@ -227,7 +227,7 @@ def _configurations(study: Study) -> Figure:
         for t, hole in enumerate(holes):
             last = int(robot.tendons.end_disk[t]) + 2
             path = centres[:last] + frames[:last] @ (hole * 1e3)
-            colour, width = ("red", 1.2) if t == pulled else ("blue", 0.8)
+            colour, width = ("red", 1.2) if t in pulled else ("blue", 0.8)
             axes.plot(*path.T, color=LIGHT[colour], linewidth=width)
         backbone = g.backbone[i] * 1e3
         axes.plot(*backbone.T, color=LIGHT["ink"], linewidth=2.0)
@@ -235,7 +235,7 @@ def _configurations(study: Study) -> Figure:
         tips.append((backbone[-1], frames[-1][:, 2], f"{g.pull[i] * 1e3:.3g}"))
     _fit_box(axes, np.concatenate(points))
     # the bending plane is seen nearly from the front
-    azimuth = math.degrees(float(robot.tendons.angle_rad[pulled])) - 65.0
+    azimuth = math.degrees(math.atan2(study.towards[1], study.towards[0])) - 65.0
     axes.view_init(elev=20.0, azim=azimuth)
     _label_tips(axes, tips, np.concatenate(points))
     for colour, label in (("ink", "backbone"), ("red", "pulled tendon"), ("blue", "other tendons")):
@@ -313,8 +313,7 @@ def _fit_box(axes: Any, points: Array) -> None:
 
 def _overlay(study: Study) -> Figure:
     figure, (axes,) = subplots(1, 3.6)
-    hole = study.robot.tendons.hole_m[study.settings.tendon]
-    towards = hole / np.linalg.norm(hole)
+    towards = np.array(study.towards[:2])
 
     def path(tip: Array) -> Array:
         return np.stack([tip[:, :2] @ towards, tip[:, 2]]) * 1e3
@@ -634,7 +633,7 @@ def _hysteresis(study: Study) -> Figure:
 
 
 def _force_label(study: Study) -> str:
-    return f"tension of tendon {study.settings.tendon + 1} (N)"
+    return f"tension of {study.settings.pulled} (N)"
 
 
 def _solid(study: Study) -> Figure:
@@ -647,8 +646,7 @@ def _solid(study: Study) -> Figure:
     statics = study.statics
     found = np.flatnonzero(np.array(statics.status) == "converged")
     robot = with_tendons(study.robot, {"friction": 0.0})  # as in the sweep
-    tensions = np.zeros(len(robot.tendons.angle_rad))
-    tensions[study.settings.tendon] = statics.tension[found[-1]]
+    tensions = statics.tension[found[-1]] * np.array(study.settings.shares)
     pose = rod.solve(robot, tensions, theory=study.settings.theory)
     return draw_solid(make_solid(robot, pose if pose.converged else None), pixels=900)
 
