@@ -506,6 +506,15 @@ def test_stopped_while_it_starts(number: str) -> None:
         (["study", "--tolerance", "0"], ("--tolerance: got 0",)),
         (["study", "--max-tension", "-5"], ("--max-tension: got -5 N",)),
         (["study", "--points", "1"], ("--points: got 1",)),
+        (
+            ["study", "--tendon", "4"],
+            ("--tendon: got 4; must be a tendon of amouri",),
+        ),
+        (["study", "--tendon", "1,"], ('--tendon: got ""; must be a tendon',)),
+        (["study", "--tendon", "1:0"], ("--tendon: got 0 as the share of tendon 1",)),
+        (["study", "--tendon", "1,1"], ("--tendon: tendon 1 is there twice",)),
+        (["study", "--tendon", "1:50 %"], ("--tendon: the largest share is 0.5;",)),
+        (["study", "--tendon", "1,2,3"], ("balance each other",)),
     ],
 )
 def test_errors_name_their_flag(
@@ -514,6 +523,19 @@ def test_errors_name_their_flag(
     assert cli.run(arguments) == cli.BAD_INPUT
     err = capsys.readouterr().err
     assert all(part in err for part in parts), err
+
+
+def test_study_of_two_tendons(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    flags = ("--tendon", "2,4:50 %", "--points", "3", "--json")
+    code, out, _ = shell("study", "rao2021", *flags)
+    assert code == 0
+    content = json.loads(out)
+    assert content["sweep"]["shares"] == [0, 1, 0, 0.5, 0, 0]
+    page = (tmp_path / "bowstring-study" / "rao2021" / "report.html").read_text(encoding="utf-8")
+    assert "tendons 2 and 4 (at 0.5 of it)" in page
 
 
 @pytest.mark.skipif(os.name == "nt", reason="no SIGTERM")

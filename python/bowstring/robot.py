@@ -39,6 +39,7 @@ from bowstring.units import (
     Choice,
     Count,
     Quantity,
+    Share,
     Text,
     number_with_unit,
     printable,
@@ -107,6 +108,8 @@ class Backbone(_Part):
         Poisson's ratio; None where ``G`` is given.
     density : float
         In kg/m^3.
+    yield_strength, strain_limit : float or None
+        Von Mises stress in Pa and strain that the material can take; they only warn.
     """
 
     model_config = ConfigDict(json_schema_extra=_one_of("G", "nu"))
@@ -128,6 +131,12 @@ class Backbone(_Part):
     )
     density: Annotated[float, Quantity("kg/m^3", "1800 kg/m^3", "0 kg/m^3", "1e5 kg/m^3")] = Field(
         description="Mass by volume of the material."
+    )
+    yield_strength: Annotated[float | None, Quantity("Pa", "200 MPa", "1 Pa", "1 TPa")] = Field(
+        None, description="Von Mises stress that the material can take, for warnings."
+    )
+    strain_limit: Annotated[float | None, Share("1 %", 10.0)] = Field(
+        None, description="Strain along the surface that the material can take, for warnings."
     )
 
     @model_validator(mode="after")

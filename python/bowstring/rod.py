@@ -407,6 +407,19 @@ class Solution:
         settings["tensions_N"] = self.tensions.tolist()
         return labelled.to_dataset(self.robot, frames, settings, status=self.status)
 
+    def warnings(self) -> tuple[str, ...]:
+        """What this pose meets: disks below the base, and limits of the backbone's material.
+
+        Returns
+        -------
+        tuple of str
+            Sentences; none where the robot stays above its base and, where its file says so,
+            within ``yield_strength`` and ``strain_limit``.
+        """
+        from bowstring import limits
+
+        return limits.of_solution(self)[0]
+
     def raise_for_status(self) -> Self:
         """Return self if converged, else raise.
 

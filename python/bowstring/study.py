@@ -31,6 +31,7 @@ from collections import abc
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
@@ -38,7 +39,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import _core, arc
+from bowstring import _core, arc, limits
 from bowstring.arguments import is_whole, shown
 from bowstring.budget import Budget, BudgetRow, error_budget
 from bowstring.comparison import COMPARISONS, Case, Comparison, Model, Physics, Theory
@@ -402,6 +403,21 @@ class Study:
         ]
         return (*of_data, *found)
 
+    @cached_property
+    def _limits(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        s = self.statics
+        return limits.of_sweep(self.robot, s.tension, s.disk_positions, s.surface.by_segment)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Of the robot file, and of the sweep: disks below the base, limits of the backbone."""
+        return (*self.robot.warnings, *self._limits[0])
+
+    @property
+    def limits_text(self) -> tuple[str, ...]:
+        """How far the sweep uses up the limits of the robot file, where it gives some."""
+        return self._limits[1]
+
     @property
     def dynamics_text(self) -> tuple[str, ...]:
         """What dynamics did and found, or why it is left out."""
@@ -438,7 +454,8 @@ class Study:
             "registered": d is not None,
             "measurements": None if d is None else d.to_dict(),
             "notes": list(self.notes),
-            "warnings": list(self.robot.warnings),
+            "warnings": list(self.warnings),
+            "backbone_limits": list(self.limits_text),
             "sweep": {
                 "pulled_tendon": self.settings.tendon + 1,
                 "shares": list(self.settings.shares),

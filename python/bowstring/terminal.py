@@ -87,6 +87,8 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
     console.print(Text("Dynamics", style="bold"))
     for sentence in study.dynamics_text:
         console.print(Padding(Text(sentence), (0, 0, 0, 2)))
+    for sentence in study.limits_text:
+        console.print(Padding(Text(sentence), (0, 0, 0, 2)))
     if study.bricks is not None:
         console.print(Text("Finite elements", style="bold"))
         for sentence in study.bricks.text:

@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import dynamics, fields, simulators
+from bowstring import dynamics, fields, limits, simulators
 from bowstring.comparison import Model, known_max, known_mean
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot import Robot
@@ -60,6 +60,8 @@ class Surface:
     """Largest magnitude, Pa."""
     strain: Array
     """Largest magnitude of strain along the backbone: bending and extension."""
+    by_segment: Array
+    """(2, K, S), largest von Mises stress in Pa and strain of each segment."""
 
     def to_dict(self) -> dict[str, list[float]]:
         """In MPa and percent."""
@@ -387,7 +389,8 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
     Surface
     """
     main = model.main
-    found = np.full((len(Surface.__dataclass_fields__), len(tension)), math.nan)
+    found = np.full((3, len(tension)), math.nan)
+    by_segment = np.full((2, len(tension), len(model.robot.segments)), math.nan)
     for i, row in enumerate(model.tensions(tension)):
         try:
             frames = simulators.at_rest(
@@ -408,17 +411,19 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
         if np.linalg.norm(frames.disk_position[0, -1] - tip[i]) < _SAME * model.length:
             surface = _surface(model, frames)
             found[:, i] = surface.von_mises[0], surface.normal_stress[0], surface.strain[0]
-    return Surface(*found)
+            by_segment[:, i] = surface.by_segment[:, 0]
+    von_mises, normal, strain = found
+    return Surface(von_mises, normal, strain, by_segment)
 
 
 def _surface(model: Model, frames: fields.Frames) -> Surface:
     main = model.main
     section = fields.Section(model.robot, frames.station, frames.module, main.theory, main.twist)
     found = fields.derive(model.robot, frames, section)
-    bend = np.hypot(found["curvature"][..., 0], found["curvature"][..., 1])
-    strain = bend * section.radius + np.abs(found["strain"][..., 2])
+    von_mises, strain = limits.by_segment(model.robot, frames, section, found)
     return Surface(
         von_mises=found["von_mises_max"],
         normal_stress=found["normal_stress"].max(axis=1),
         strain=strain.max(axis=1),
+        by_segment=np.stack([von_mises, strain]),
     )

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
@@ -351,6 +352,41 @@ class Count:
     ) -> dict[str, Any]:
         example = int(self.example)
         return {"type": "integer", "minimum": 1, "maximum": self.most, "examples": [example]}
+
+
+@dataclass(frozen=True)
+class Share:
+    """Marks a share, as a plain number or in percent."""
+
+    example: str
+    high: float
+
+    def read(self, value: object) -> float:
+        share = math.nan
+        if isinstance(value, str) and value.strip().endswith("%"):
+            with suppress(ValueError):
+                share = read_number(value.strip()[:-1], "") / 100.0
+        elif isinstance(value, str):
+            with suppress(ValueError):
+                share = read_number(value, "")
+        elif isinstance(value, (int, float)) and not isinstance(value, bool):
+            share = float(value)
+        if not 0.0 < share <= self.high:
+            raise wrong(
+                f"got {quote(value)}; must be above 0 and at most {self.high:g} (or "
+                f'{self.high:.0%}), write for example "{self.example}"'
+            )
+        return share
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"type": ["string", "number"], "examples": [self.example]}
 
 
 @dataclass(frozen=True)

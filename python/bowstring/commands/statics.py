@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 import typer
 
-from bowstring import arc
+from bowstring import arc, limits
 from bowstring.commands.driving import (
     Angle,
     Pull,
@@ -43,6 +43,7 @@ from bowstring.commands.output import (
     frame,
     new_table,
     provenance_of,
+    say,
     tip_line,
     write,
     write_json,
@@ -229,6 +230,7 @@ def solve(
     )
     if save_history is not None and solution.converged:
         write_history(save_history, solution.history)
+    warnings, uses = limits.of_solution(solution)
     if as_json:
         write_json(
             {
@@ -246,9 +248,13 @@ def solve(
                     tip_moment_Nm=moment,
                     elements=solution.elements,
                 ),
+                "warnings": [*model.warnings, *warnings],
+                "backbone_limits": [use.to_dict() for use in uses],
             }
         )
     solution.raise_for_status()
+    for sentence in warnings:
+        say("Warning", sentence)
     tip = solution.tip
     assert tip is not None
     if not as_json:
@@ -256,6 +262,7 @@ def solve(
             f"{model.name}, {theory}: {solution.message} "
             f"({solution.iterations} iterations, residual {solution.residual:.1e})",
             tip_line(tip.position, tip.rotation),
+            *([_used_line(uses, model)] if uses else []),
             _driven_table(solution),
         )
 
@@ -288,6 +295,11 @@ def _tendon_table(robot: Robot, lengths: Any) -> Table:
     for i, length in enumerate(lengths):
         table.add_row(str(i + 1), fixed(1e3 * length, 3), fixed(1e3 * (straight[i] - length), 3))
     return table
+
+
+def _used_line(uses: Sequence[limits.Use], robot: Robot) -> str:
+    several = len(robot.segments) > 1
+    return "\n".join(f"backbone{f' of segment {u.segment}' * several}: {u}" for u in uses)
 
 
 def _driven_table(solution: Solution) -> Table:

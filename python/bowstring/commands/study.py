@@ -19,7 +19,7 @@ from bowstring.commands.options import (
     share_of,
     tendon_count,
 )
-from bowstring.commands.output import Stopped, progress_bar, write_json, write_rich
+from bowstring.commands.output import Stopped, progress_bar, say, write_json, write_rich
 from bowstring.errors import InputError
 from bowstring.robot import Robot
 from bowstring.units import quote
@@ -143,6 +143,8 @@ def study(
         raise Stopped(
             f"finite elements {stopped.run.message}; the same command goes on from there."
         ) from None
+    for sentence in found.warnings[len(model.warnings) :]:  # the robot's own are said already
+        say("Warning", sentence)
     if as_json:
         return write_json({**found.to_dict(), "folder": folder})
     write_rich(lambda console: print_study(found, console, folder))

@@ -602,7 +602,7 @@ def _drive_panel(
     axes.set_ylim(-0.6, len(cases))
     axes.set_xlim(left=0.0)
     axes.set_title("How the robot is driven")
-    notes = [f"(assumed: {', '.join(drive.assumptions)})"] if drive.assumptions else []
+    notes = [f"assumed: {each}" for each in drive.assumptions]
     _mean_axis(axes, notes, any(counted))
 
 
