@@ -510,7 +510,7 @@ def test_stopped_while_it_starts(number: str) -> None:
             ["study", "--tendon", "4"],
             ("--tendon: got 4; must be a tendon of amouri",),
         ),
-        (["study", "--tendon", "1,"], ('--tendon: got ""; must be a tendon',)),
+        (["study", "--tendon", "1,"], ("--tendon: got nothing; must be a tendon",)),
         (["study", "--tendon", "1:0"], ("--tendon: got 0 as the share of tendon 1",)),
         (["study", "--tendon", "1,1"], ("--tendon: tendon 1 is there twice",)),
         (["study", "--tendon", "1:50 %"], ("--tendon: the largest share is 0.5;",)),

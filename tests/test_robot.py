@@ -663,14 +663,14 @@ def test_positions_forms(load):
             "three",
             'segments[0].tendons: got "three"; must be a set of fields: '
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "friction, pretension, spool_radius, diameter.",
+            "friction, pretension, spool_radius, diameter, material.",
         ),
         (
             "pitch_radius: 12 mm",
             "pitch_radius: 12 mm, mu: 0.1",
             "segments[0].tendons.mu: unknown field; did you mean friction? Known here: "
             "count, pitch_radius, first_angle, axial_stiffness, free_length, compliance, "
-            "friction, pretension, spool_radius, diameter.",
+            "friction, pretension, spool_radius, diameter, material.",
         ),
         (
             "thickness: 3 mm",
@@ -692,7 +692,8 @@ def test_positions_forms(load):
             "segments[0].backbone.diameter: missing; "
             'write for example "diameter: 5 mm" (and 1 more).\n'
             "  segments[0].backbone.outer_diameter: unknown field; did you mean diameter? "
-            "Known here: diameter, inner_diameter, E, G, nu, density.",
+            "Known here: diameter, inner_diameter, E, G, nu, density, yield_strength, "
+            "strain_limit.",
         ),
     ],
 )
