@@ -108,6 +108,14 @@ def test_loads_without_an_equilibrium_are_passed_over(limited: Robot) -> None:
     assert uses[0].endswith("strain 0.3 %, 60 % of strain_limit 0.5 % at 2 N.")
 
 
+def test_stress_is_known_where_a_sweep_takes_more_elements(limited: Robot) -> None:
+    few = limited.with_({"segments.0.disks.count": 2})
+    found = study.run(few, max_tension=80.0, points=3)
+    assert found.statics.converged.all()
+    assert np.isfinite(found.statics.surface.strain).all()
+    assert found.warnings[-1].startswith("From 80 N on the backbone is beyond what it can take")
+
+
 def test_limits_are_no_physics(limited: Robot) -> None:
     assert limited.hash == load_robot("amouri2019").hash
     assert limited.segments[0].backbone.strain_limit == 0.005

@@ -44,6 +44,7 @@ _LONGEST_RISE: Final = 200.0  # of them
 _HOLD: Final = 5.0  # of them
 _OUTPUTS: Final = 24  # a period
 _TOLERANCE: Final = 1e-7  # of the length in each step: three digits of every figure hold
+_ELEMENTS: Final = (1, 2, 4, 8)  # of a module, for stress and strain at rest
 _SAME: Final = 1e-4  # of the length: dynamics lumps the backbone's weight, which moves 1e-6
 
 
@@ -388,14 +389,26 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
     -------
     Surface
     """
-    main = model.main
     found = np.full((3, len(tension)), math.nan)
     by_segment = np.full((2, len(tension), len(model.robot.segments)), math.nan)
     for i, row in enumerate(model.tensions(tension)):
+        frames = _frames_at_rest(model, row, tip[i])
+        if frames is not None:
+            surface = _surface(model, frames)
+            found[:, i] = surface.von_mises[0], surface.normal_stress[0], surface.strain[0]
+            by_segment[:, i] = surface.by_segment[:, 0]
+    von_mises, normal, strain = found
+    return Surface(von_mises, normal, strain, by_segment)
+
+
+def _frames_at_rest(model: Model, tensions: Array, tip: Array) -> fields.Frames | None:
+    """Fields of the equilibrium with that tip, in the fewest elements that have it."""
+    main = model.main
+    for elements in _ELEMENTS:
         try:
             frames = simulators.at_rest(
                 model.robot,
-                row,
+                tensions,
                 None,
                 tip_force=(0.0, 0.0, 0.0),
                 tip_moment=(0.0, 0.0, 0.0),
@@ -403,17 +416,14 @@ def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
                 theory=main.theory,
                 tendon=main.tendon,
                 twist=main.twist,
-                elements=1,
+                elements=elements,
                 points=dynamics.DEFAULT_POINTS,
             )
         except NoSolutionError:
             continue
-        if np.linalg.norm(frames.disk_position[0, -1] - tip[i]) < _SAME * model.length:
-            surface = _surface(model, frames)
-            found[:, i] = surface.von_mises[0], surface.normal_stress[0], surface.strain[0]
-            by_segment[:, i] = surface.by_segment[:, 0]
-    von_mises, normal, strain = found
-    return Surface(von_mises, normal, strain, by_segment)
+        if np.linalg.norm(frames.disk_position[0, -1] - tip) < _SAME * model.length:
+            return frames
+    return None
 
 
 def _surface(model: Model, frames: fields.Frames) -> Surface:
