@@ -279,8 +279,9 @@ def test_what_is_wrong_with_a_table(text: str, says: str, file: Write) -> None:
         return
     with pytest.raises(InputError) as error:
         read_measurements(path)
-    assert says in str(error.value) and str(path) in str(error.value)
-    assert "\n" not in str(error.value)
+    sentence, _, mapping = str(error.value).partition("\n\n")
+    assert says in sentence and str(path) in sentence and "\n" not in sentence
+    assert ("--mapping" in sentence) == bool(mapping)
 
 
 def test_too_few_and_too_many_tendons(file: Write) -> None:
@@ -558,7 +559,8 @@ def test_any_text_gives_data_or_a_sentence(text: str) -> None:
             try:
                 found = read_measurements(path)
             except InputError as error:
-                assert "\n" not in str(error)
+                sentence, _, mapping = str(error).partition("\n\n")
+                assert "\n" not in sentence and ("--mapping" in sentence) == bool(mapping)
             else:
                 assert np.isfinite(found.tip).all() and np.isfinite(found.tensions).all()
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic_core import PydanticCustomError
 
 from bowstring.errors import InputError
-from bowstring.tables import Table
+from bowstring.tables import Table, UnknownColumnsError
 from bowstring.units import Quantity, quote, read_number
 
 __all__ = [
@@ -40,6 +40,7 @@ SIGMA: Final = Quantity("m", "0.02 mm", "1e-12 m", "10 m")
 
 Floats = NDArray[np.float64]
 Kind = Literal["tension", "pull"]
+Part = Literal["all", "positive", "negative"]
 
 _SI: Final = {
     "mass": "kg",
@@ -58,7 +59,7 @@ _PATTERN: Final = re.compile(
     r"|tip_(?P<tip>[xyz])(?:_(?P<tip_unit>.+))?"
     r"|point_(?P<p>[0-9]{1,4})_(?P<point>[xyz])(?:_(?P<point_unit>.+))?"
     r"|(?P<one>sigma|time|bend|direction)(?:_(?P<one_unit>.+))?"
-    r"|(?P<plain>repeat|group|source)"
+    r"|(?P<plain>repeat|group|recording|source)"
 )
 _SYNONYMS: Final = {
     "force": "tension",
@@ -76,11 +77,30 @@ _SYNONYMS: Final = {
 
 @dataclass(frozen=True)
 class Column:
-    """A column of numbers: its place, its name, and what makes its numbers SI."""
+    """A column of numbers: its place, its name, and what makes its numbers SI.
+
+    Attributes
+    ----------
+    index : int
+        From 0.
+    name : str
+    factor : float
+        To SI, with its sign.
+    part : {"all", "positive", "negative"}
+        What is taken of its numbers, after the factor; the other part is zero, and the negative
+        part is taken without its sign.
+    constant : float or None
+        A number that stands in every row instead, before the factor; there is no column then.
+    is_date : bool
+        Whether its cells are dates and times of ISO 8601 and not numbers.
+    """
 
     index: int
     name: str
     factor: float = 1.0
+    part: Part = "all"
+    constant: float | None = None
+    is_date: bool = False
 
 
 @dataclass
@@ -90,7 +110,8 @@ class Layout:
     `shape` is a column whose cells are JSON lists of points, `rotation` turns the file's axes into
     those of the measuring frame, `keep` is a column and what its cells must say for the row to be
     read. `scale` is None where points are in pixels. `label` is a column that says what the data
-    are; without `own_label` it may as well speak of something else.
+    are; without `own_label` it may as well speak of something else. Rows with the same text in
+    `recording` are one path.
     """
 
     tendons: list[tuple[Kind, Column]] = field(default_factory=list)
@@ -103,6 +124,7 @@ class Layout:
     time: Column | None = None
     repeat: Column | None = None
     group: Column | None = None
+    recording: Column | None = None
     label: Column | None = None
     own_label: bool = True
     keep: tuple[Column, str] | None = None
@@ -203,6 +225,7 @@ class _Header:
         found.scale = None if PIXELS in (u for u, _ in self.units.values()) else 1.0
         found.stations = self.stations(len(found.points))
         found.name = self.table.about.get("name")
+        found.recording = self.recording(found)
         if (tool := self.table.about.get("tool")) is not None:
             found.tool = np.array(self.comment("tool", TOOL, tool))
         if (sigma := self.table.about.get("sigma")) is not None:
@@ -217,10 +240,26 @@ class _Header:
             )
         return found
 
+    def recording(self, found: Layout) -> Column | None:
+        """The column that says which rows are one path: of its own, or that of a comment."""
+        text = self.table.about.get("recording")
+        if text is None:
+            return found.recording
+        column = {"group": found.group, "repeat": found.repeat}.get(text)
+        if column is None or found.recording is not None:
+            raise InputError(
+                f"{self.table.path}: the comment '# recording:' is {quote(text)}; must be group or "
+                "repeat, a column of the table, where there is no column recording"
+            )
+        return column
+
     def column(self, index: int, name: str, kind: str, unit: str | None) -> Column:
         si = _SI[kind]
         if not unit:
-            raise self.fail(f"{name} has no unit; write for example {name}_{_EXAMPLE[si]}")
+            raise UnknownColumnsError(
+                f"{self.here}: {name} has no unit; write for example {name}_{_EXAMPLE[si]}",
+                self.table,
+            )
         group = "point" if kind in ("tip", "point") else kind
         before, where = self.units.setdefault(group, (unit, name))
         if before != unit:
@@ -249,7 +288,8 @@ class _Header:
         digits = (re.findall(r"[0-9]+", name) or ["1"])[0]
         known = [f"{kind}_{digits}_{_EXAMPLE[_SI[kind]]}" for kind in ("mass", "tension", "pull")]
         known += [f"tip_{axis}_{unit}" for axis in "xyz"]
-        known += ["sigma_mm", "time_s", "bend_deg", "direction_deg", "repeat", "group"]
+        known += ["sigma_mm", "time_s", "bend_deg", "direction_deg"]
+        known += ["repeat", "group", "recording"]
         word = re.match(r"[A-Za-z]+", name)
         synonym = _SYNONYMS.get(word[0].lower()) if word else None
         if synonym:
@@ -258,7 +298,8 @@ class _Header:
             near = nearest(name, known)
         return None if near in self.table.header else near
 
-    def missing(self, what: str, like: str | tuple[str, ...]) -> InputError:
+    def missing(self, what: str, like: str | tuple[str, ...], whole: bool = False) -> InputError:
+        """What is missing, and what may be meant; `whole`: nothing of that kind is there."""
         hints = ((name, self.guess(name)) for name in self.strangers)
         hint = next(
             (f"; did you mean {near} by {quote(name)}?" for name, near in hints
@@ -266,6 +307,8 @@ class _Header:
             "",
         )  # fmt: skip
         notes = "".join(f"; {text}" for _, text in self.table.notes)  # of another sheet
+        if whole and self.strangers:
+            return UnknownColumnsError(f"{self.here}: {what}{hint}{notes}", self.table)
         return self.fail(f"{what}{hint}{notes}")
 
     def tendons(self, found: dict[int, tuple[Kind, Column]]) -> list[tuple[Kind, Column]]:
@@ -276,6 +319,7 @@ class _Header:
                 "no column says how the tendons are driven; give each tendon a column such as "
                 "mass_1_kg, tension_1_N or pull_1_mm",
                 ("mass", "tension", "pull"),
+                whole=True,
             )
         for k in range(1, max(found)):
             if k not in found:
@@ -294,7 +338,9 @@ class _Header:
             if layout.bend is not None:
                 return []
             raise self.missing(
-                "there is no measured point; give columns tip_x_mm, tip_y_mm and tip_z_mm", "tip"
+                "there is no measured point; give columns tip_x_mm, tip_y_mm and tip_z_mm",
+                "tip",
+                whole=True,
             )
         for k, axes in found.items():
             for axis in "xyz":

@@ -23,9 +23,11 @@ from bowstring import __version__, datasets
 from bowstring.columns import SOURCES, Column, Layout, check_stations, tidy
 from bowstring.errors import InputError
 from bowstring.files import has_mark, not_overwritten, write_whole_file
+from bowstring.joining import seconds_of
 from bowstring.mapping import Mapping, load_mapping
+from bowstring.mapping_draft import draft
 from bowstring.robot import Robot
-from bowstring.tables import Row, Table, open_table
+from bowstring.tables import Row, Table, UnknownColumnsError, open_table
 from bowstring.tendon_order import TendonCheck, check_tendons
 from bowstring.units import printable, quote
 from bowstring.words import in_mm
@@ -87,6 +89,9 @@ class Measurements:
     """(K,), rad, towards which it bends, from x counter-clockwise."""
     time: Floats | None = None
     """(K,), s."""
+    recording: Ints | None = None
+    """(K,), number of the recording, from 1: each is a path of its own, which begins at home
+    without a history. None: all rows are one path."""
     scale: float | None = 1.0
     """Metres of a unit of `points`: 1, or None where they are in pixels."""
     tool: Floats = field(default_factory=lambda: np.zeros(3))
@@ -184,9 +189,10 @@ _BY_ROW: Final = (
     "bend",
     "direction",
     "time",
+    "recording",
 )
 _ARRAYS: Final = (*_BY_ROW, "stations", "tool")
-_TYPES: Final = {"line": np.int64, "repeat": np.int64, "group": str}
+_TYPES: Final = {"line": np.int64, "repeat": np.int64, "recording": np.int64, "group": str}
 
 
 # -- reading -----------------------------------------------------------------------------------
@@ -249,12 +255,20 @@ def read_measurements(
     """
     if not 0 < g <= 10_000:
         raise InputError(f"g is {g:g} m/s^2, it must be above 0 and up to 10000")
-    table = open_table(path)
     if mapping is None:
-        layout = tidy(table, g)
+        try:
+            table = open_table(path)
+            layout = tidy(table, g)
+        except UnknownColumnsError as error:
+            tendons = None if robot is None else len(robot.tendons.angle_rad)
+            raise InputError(
+                f"{error}; or say what the columns are in a mapping file, given by --mapping (in "
+                f"Python mapping=), to start from:\n\n{draft(error.table, tendons)}"
+            ) from None
     else:
         if not isinstance(mapping, Mapping):
             mapping = load_mapping(mapping)
+        table = mapping.open(path)
         layout = mapping.layout(table, g)
     count = len(layout.tendons)
     if robot is not None and count != len(robot.tendons.angle_rad):
@@ -306,7 +320,7 @@ class _Reader:
 
     def __init__(self, table: Table, layout: Layout) -> None:
         self.table, self.layout = table, layout
-        self.issues: list[tuple[int, str]] = list(table.notes)
+        self.issues: list[tuple[int, str]] = []
         self.left_out = 0
         self.unlisted = (0, 0)  # how many rows left out are not listed, and the last
         self.unseen = 0  # rows without a tip, which are kept
@@ -314,6 +328,7 @@ class _Reader:
         self.point: int | None = None
         self.comma_is_sure = table.separator == ";"  # where commas are decimal ones
         self.labels: dict[str, int] = {}
+        self.recordings: dict[str, int] = {}
         self.width = len(table.header)
         self.point_count = len(layout.points)
 
@@ -326,6 +341,7 @@ class _Reader:
                     parts.setdefault(name, []).append(array)
         if not parts:
             raise self.nothing()
+        self.issues += self.table.notes
         arrays: dict[str, Any] = {name: np.concatenate(pieces) for name, pieces in parts.items()}
         if self.comma is not None and self.point is not None:
             raise InputError(
@@ -367,13 +383,12 @@ class _Reader:
         )
 
     def nothing(self) -> InputError:
-        listed = [issue for issue in self.issues if issue not in self.table.notes]
-        if not listed:
+        if not self.issues:
             return InputError(
                 f"{self.table.path}: there is no row of numbers below the header, which is in "
                 f"line {self.table.line}"
             )
-        line, text = min(listed)
+        line, text = min(self.issues)
         more = f" (rows left out in all: {self.left_out})" if self.left_out > 1 else ""
         return InputError(f"{self.table.path}: no row can be read; line {line}: {text}{more}")
 
@@ -428,15 +443,17 @@ class _Reader:
         def numbers(
             column: Column, why: str = "", blank: bool | NDArray[np.bool_] = False
         ) -> Floats:
+            if column.constant is not None:
+                return np.full(len(rows), column.constant * column.factor)
             given = columns[column.index] if rows else ()
-            values = self.numbers(given, lines)
+            values = self.numbers(given, lines, column)
             bad = ~(np.abs(values) < _LARGEST)
             if blank is True and bad.any():
                 bad &= [bool(cell.strip()) for cell in given]
             elif blank is not False:
                 bad &= ~np.asarray(blank)
-            if why == "tension" and not bad.all():
-                bad |= values < 0
+            if why == "tension" and column.part == "all":
+                bad |= values * column.factor < 0
             elif why == "sigma":
                 bad |= ~(values > 0)
             elif why == "whole":
@@ -444,7 +461,7 @@ class _Reader:
             for i in np.flatnonzero(bad & good):
                 self.leave_out(lines[i], _reason(column, given[i], float(values[i]), why))
             good[bad] = False
-            return np.asarray(values * column.factor)
+            return _part(values * column.factor, column)
 
         n, layout = len(rows), self.layout
         tensions = np.full((n, len(layout.tendons)), np.nan)
@@ -470,11 +487,14 @@ class _Reader:
                 out[name] = numbers(one, name)
         repeat = numbers(layout.repeat, "whole") if layout.repeat else np.ones(n)
         out["repeat"] = np.where(good, repeat, 0).astype(np.int64)
+        label = layout.group or layout.recording
         out["group"] = np.array(
-            [printable(cell.strip()) for cell in columns[layout.group.index]]
-            if layout.group and n else
+            [printable(cell.strip()) for cell in columns[label.index]] if label and n else
             [""] * n, dtype=str,
         )  # fmt: skip
+        if layout.recording is not None:
+            named = columns[layout.recording.index] if n else ()
+            out["recording"] = np.array([self.recording(cell) for cell in named], dtype=np.int64)
         if layout.label is not None and n:
             for line, cell in zip(lines, columns[layout.label.index], strict=True):
                 if cell.strip() and len(self.labels) < _MOST_LABELS:
@@ -485,13 +505,17 @@ class _Reader:
         out["key"] = np.array([hash(row) for row in cells], dtype=np.int64)
         return {name: array[good] for name, array in out.items()}
 
+    def recording(self, cell: str) -> int:
+        """Number of a recording, from 1 in the order of first appearance."""
+        return self.recordings.setdefault(cell.strip(), len(self.recordings) + 1)
+
     def without(
         self, tip: Sequence[Column], columns: Sequence[Sequence[str]], count: int
     ) -> NDArray[np.bool_]:
         """Rows (count,) in which no coordinate of the tip was measured: blank or NaN, all three."""
         out = np.ones(count, bool)
         for column in tip:
-            if count and out.any():
+            if count and out.any() and column.constant is None:
                 cells = columns[column.index]
                 out &= [not (text := cell.strip()) or text.lower() == "nan" for cell in cells]
         return out
@@ -522,8 +546,12 @@ class _Reader:
                 return False
         return True
 
-    def numbers(self, cells: Sequence[str], lines: list[int]) -> Floats:
+    def numbers(self, cells: Sequence[str], lines: list[int], column: Column) -> Floats:
         """Numbers of a column's cells, NaN where a cell is none."""
+        if column.is_date:
+            return np.array([seconds_of(cell) for cell in cells], dtype=float)
+        if self.table.own is not None and column.index >= self.table.own:  # written by a join
+            return np.array([_number(cell) for cell in cells], dtype=float)
         text = "".join(cells)
         if "." in text and self.point is None:
             self.point = next(n for n, c in zip(lines, cells, strict=True) if "." in c)
@@ -565,11 +593,17 @@ class _Reader:
     def note_order(self, arrays: dict[str, Any]) -> None:
         """Rows are a path: a table that was sorted afterwards is told by its repeats or times."""
         lines, runs = arrays["line"], arrays["repeat"]
-        begins = np.flatnonzero(np.r_[True, runs[1:] != runs[:-1]])
-        _, first = np.unique(runs[begins], return_index=True)
-        again = np.setdiff1d(np.arange(len(begins)), first)
-        back = np.flatnonzero(np.diff(arrays["time"]) < 0) + 1 if "time" in arrays else again[:0]
-        for rows, what in ((begins[again], "repeat comes again"), (back, "time goes back")):
+        path = arrays.get("recording", np.ones_like(lines))
+        anew = np.r_[True, path[1:] != path[:-1]]
+        again = {"recording": _come_again(path, anew)}
+        begins = anew | np.r_[True, runs[1:] != runs[:-1]]
+        pairs = np.unique(np.stack([path, runs]), axis=1, return_inverse=True)[1]
+        again["repeat"] = _come_again(pairs.ravel(), begins)
+        notes = [(rows, f"{what} comes again") for what, rows in again.items()]
+        if "time" in arrays:
+            back = np.r_[False, np.diff(arrays["time"]) < 0] & ~anew
+            notes.append((np.flatnonzero(back), "time goes back"))
+        for rows, what in notes:
             if len(rows):
                 times = f" (the first of {len(rows)} times)" if len(rows) > 1 else ""
                 text = f"{what}{times}: rows must stand in the order in which they were measured"
@@ -585,6 +619,19 @@ class _Reader:
         if len(again) > _MOST_ISSUES:
             text = f"{len(again) - _MOST_ISSUES} more rows repeat earlier ones; they are kept"
             self.issues.append((int(lines[again[-1]]), text))
+
+
+def _come_again(labels: Ints, begins: NDArray[np.bool_]) -> Ints:
+    """Rows at which a block of rows begins whose label an earlier block has."""
+    rows = np.flatnonzero(begins)
+    _, first = np.unique(labels[rows], return_index=True)
+    return np.asarray(rows[np.setdiff1d(np.arange(len(rows)), first)])
+
+
+def _part(values: Floats, column: Column) -> Floats:
+    if column.part == "positive":
+        return np.maximum(values, 0.0)
+    return np.maximum(-values, 0.0) if column.part == "negative" else np.asarray(values)
 
 
 def _same(cell: str, wanted: str) -> bool:
@@ -715,6 +762,8 @@ def _tidy_lines(m: Measurements, comments: Sequence[str]) -> Iterator[str]:
         if (values := getattr(m, name.partition("_")[0])) is not None:
             columns[name] = _rounded(factor * values)
     columns["repeat"] = m.repeat
+    if m.recording is not None:
+        columns["recording"] = m.recording
     if (m.group != "").any():
         columns["group"] = m.group
     if m.source != "measured":

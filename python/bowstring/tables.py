@@ -11,16 +11,17 @@ import io
 import re
 import warnings
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import IO, Final
 
+from bowstring import motive
 from bowstring.errors import InputError
 from bowstring.units import NUMBER, quote
 
-__all__ = ["Table", "open_table"]
+__all__ = ["Form", "Table", "UnknownColumnsError", "open_table"]
 
 MOST_ROWS: Final = 2_000_000
 MOST_SHEET_ROWS: Final = 200_000  # a spreadsheet is read at a tenth of the speed of text
@@ -36,6 +37,45 @@ _LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML: a row is held as a whole
 _CHUNK: Final = 200_000  # cells
 
 Row = tuple[int, list[str]]
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a table lies in its file, where that is not a header and rows below it.
+
+    Attributes
+    ----------
+    skip : int
+        Lines (rows of a sheet) above the header, or above the numbers where there is no header.
+    skip_below : int
+        Rows between the header and the numbers, such as one of units.
+    has_header : bool
+    names : tuple of str
+        Of the columns, instead of those of the header; without both they are ``column_1`` and so
+        on.
+    separator : str or None
+        Between cells; ``" "`` for blanks, None to find it.
+    """
+
+    skip: int = 0
+    skip_below: int = 0
+    has_header: bool = True
+    names: tuple[str, ...] = ()
+    separator: str | None = None
+
+
+class UnknownColumnsError(InputError):
+    """The columns of a table do not say what they are.
+
+    Attributes
+    ----------
+    table : Table
+        As far as it was read.
+    """
+
+    def __init__(self, message: str, table: Table) -> None:
+        super().__init__(message)
+        self.table = table
 
 
 @dataclass
@@ -56,7 +96,13 @@ class Table:
     separator : str
         Between cells; empty in a spreadsheet.
     notes : list of (int, str)
-        What a reader should know of the file, with a line.
+        What a reader should know of the file, with a line; rows may add to them while they are
+        read.
+    form : Form
+    length_unit : str or None
+        Of all coordinates, where the file says it.
+    own : int or None
+        How many of the columns are the file's own; the others were joined. None: all.
     """
 
     path: Path
@@ -66,13 +112,16 @@ class Table:
     about: dict[str, str]
     separator: str
     notes: list[tuple[int, str]] = field(default_factory=list)
-    _rows: Iterator[Row] = field(default_factory=lambda: iter(()), repr=False)
+    rows: Iterator[Row] = field(default_factory=lambda: iter(()), repr=False)
+    form: Form = Form()
+    length_unit: str | None = None
+    own: int | None = None
 
     def chunks(self) -> Iterator[list[Row]]:
         """The rows once, many at a time: line and cells; blank lines and comments are left out."""
         count, most = 0, MOST_ROWS if self.separator else MOST_SHEET_ROWS
         size = max(_CHUNK // max(len(self.header), 10), 1)
-        while chunk := list(islice(self._rows, size)):
+        while chunk := list(islice(self.rows, size)):
             count += len(chunk)
             if count > most:
                 text = "split it" if self.separator else "save it as CSV, of which more is read"
@@ -83,7 +132,7 @@ class Table:
             yield chunk
 
 
-def open_table(path: str | Path) -> Table:
+def open_table(path: str | Path, form: Form | None = None) -> Table:
     """Open a table and read its header.
 
     Parameters
@@ -91,7 +140,9 @@ def open_table(path: str | Path) -> Table:
     path : str or Path
         Text in UTF-8 (or UTF-16 with its mark) with commas, semicolons or tabs between cells, or an
         Excel workbook (.xlsx), of which the first sheet is read. Blank lines and lines that begin
-        with # are skipped.
+        with # are skipped. A CSV export of OptiTrack's Motive is known by its first line.
+    form : Form, optional
+        How the table lies in the file.
 
     Returns
     -------
@@ -100,21 +151,22 @@ def open_table(path: str | Path) -> Table:
     Raises
     ------
     InputError
-        If it cannot be read; the text says what to do.
+        If it cannot be read; the text says what to do. `UnknownColumnsError` if there are numbers
+        in place of a header, or blanks between its names.
     """
-    path = Path(path)
+    path, form = Path(path), form or Form()
     data = _bytes(path)
     sha256 = hashlib.sha256(data).hexdigest()
     if not data.strip():
         raise InputError(f"{path}: the table is empty")
     if data.startswith(b"PK\x03\x04"):
-        return _workbook(path, data, sha256)
+        return _workbook(path, data, sha256, form)
     if data.startswith(b"\xd0\xcf\x11\xe0"):
         raise InputError(
             f"{path}: this is a workbook of the old Excel format (or a locked one); save it as "
             ".xlsx without a password, or as CSV"
         )
-    return _text(path, data, sha256)
+    return _text(path, data, sha256, form)
 
 
 def _bytes(path: Path) -> bytes:
@@ -141,31 +193,105 @@ def _bytes(path: Path) -> bytes:
 # -- text --------------------------------------------------------------------------------------
 
 
-def _text(path: Path, data: bytes, sha256: str) -> Table:
+def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
     encoding = _encoding(path, data)
     file = io.TextIOWrapper(io.BytesIO(data), encoding=encoding, newline="")
     about: dict[str, str] = {}
     number, first = 0, ""
-    for number, first in enumerate(file, 1):  # noqa: B007
-        if first.strip() and not _is_comment(first):
+    for number, first in enumerate(file, 1):
+        if number > form.skip and first.strip() and not _is_comment(first):
             break
-        _remember(first, about)
+        if number > form.skip:
+            _remember(first, about)
     else:
-        raise InputError(f"{path}: the table is empty, there are only comments")
-    separator = max("\t;,", key=lambda mark: first.count(mark))  # the first of equals
-    if separator not in first and len(first.split()) > 3:
-        raise InputError(
+        what = f"the table has no line below the {form.skip} that are skipped" if form.skip else (
+            "the table is empty, there are only comments"
+        )  # fmt: skip
+        raise InputError(f"{path}: {what}")
+    if motive.is_export(first) and form == Form():
+        return _motive(path, file, first, number, sha256)
+    separator = form.separator or _separator(first)
+    words = first.split()
+    if separator not in first and len(words) > 3:
+        has_header = not all(re.fullmatch(NUMBER, word) for word in words)
+        if not has_header:
+            words = [f"column_{i}" for i in range(1, len(words) + 1)]
+        blanks = Form(has_header=has_header, separator=" ")
+        raise UnknownColumnsError(
             f"{path}, line {number}: the header has blanks between its names; separate cells by "
-            "commas, semicolons or tabs"
+            "commas, semicolons or tabs",
+            Table(path, sha256, words, number, about, " ", form=blanks),
         )
-    rest = csv.reader(_with_first(first, file), delimiter=separator, strict=True)
-    rows = _text_rows(path, rest, number - 1)
+    lines = _with_first(first, file)
+    rest = _Blanks(lines) if separator == " " else None
+    rows = _text_rows(path, rest or csv.reader(lines, delimiter=separator, strict=True), number - 1)
+    table = Table(path, sha256, [], number, about, separator, [], rows, form)
+    return _named(table)
+
+
+def _separator(line: str) -> str:
+    """What stands between the cells of a line: the most frequent, in numbers the strongest."""
+    marks = "\t;,"
+    found = max(marks, key=lambda mark: line.count(mark))  # the first of equals
+    if any(re.fullmatch(r"\s*" + NUMBER + r"\s*", cell) for cell in re.split(r"[\t;,]", line)):
+        return next((mark for mark in marks if mark in line), found)  # commas may be decimal ones
+    return found
+
+
+class _Blanks:
+    """Rows of cells between which there are blanks, as `csv.reader` gives them."""
+
+    def __init__(self, lines: Iterator[str]) -> None:
+        self.lines, self.line_num = lines, 0
+
+    def __iter__(self) -> Iterator[list[str]]:
+        return self
+
+    def __next__(self) -> list[str]:
+        line = next(self.lines)
+        self.line_num += 1
+        return line.split()
+
+
+def _named(table: Table) -> Table:
+    """Read the names of the columns, and skip what lies between them and the numbers."""
+    form = table.form
     try:
-        line, header = next(rows)
+        table.line, first = next(table.rows)
     except StopIteration:
-        raise InputError(f"{path}: the table is empty") from None
-    _check_header(path, line, header)
-    return Table(path, sha256, header, line, about, separator, [], rows)
+        raise InputError(f"{table.path}: the table is empty") from None
+    below: Iterable[Row] = ()
+    if form.has_header:
+        table.header = [name.strip() for name in first]
+        while table.header and not table.header[-1]:
+            table.header.pop()
+    else:
+        while first and not first[-1].strip():
+            first.pop()
+        table.header = [f"column_{i}" for i in range(1, len(first) + 1)]
+        below = [(table.line, first)]
+    if form.names:
+        if len(form.names) != len(table.header):
+            raise InputError(
+                f"{table.path}, line {table.line}: the mapping names {len(form.names)} columns, "
+                f"here there are {len(table.header)}"
+            )
+        table.header = list(form.names)
+    rows = islice(chain(below, table.rows), form.skip_below, None)
+    table.rows = rows
+    _check_header(table)
+    return table
+
+
+def _motive(path: Path, file: Iterator[str], first: str, line: int, sha256: str) -> Table:
+    reader = csv.reader(_with_first(first, file), strict=True)
+    rows = _text_rows(path, reader, line - 1)
+    export = motive.read_header(path, rows)
+    about = {"name": export.take} if export.take else {}
+    table = Table(path, sha256, export.columns, export.line, about, ",", [], rows)
+    table.length_unit = export.unit
+    _check_header(table)
+    return table
 
 
 def _with_first(first: str, rest: Iterator[str]) -> Iterator[str]:
@@ -219,31 +345,31 @@ def _text_rows(path: Path, reader: Iterator[list[str]], skipped: int) -> Iterato
         ) from None
 
 
-def _check_header(path: Path, line: int, header: list[str]) -> None:
-    header[:] = [name.strip() for name in header]
-    while header and not header[-1]:
-        header.pop()
+def _check_header(table: Table) -> None:
+    header, here = table.header, f"{table.path}, line {table.line}"
     if len(header) > _MOST_COLUMNS:
         raise InputError(
-            f"{path}, line {line}: the header has {len(header)} columns; up to {_MOST_COLUMNS} "
-            "are read"
+            f"{here}: the header has {len(header)} columns; up to {_MOST_COLUMNS} are read"
         )
     if all(re.fullmatch(NUMBER, name) for name in header):
-        raise InputError(
-            f"{path}, line {line}: there are numbers where the names of the columns are expected; "
-            "write a header"
+        table.form = Form(has_header=False)
+        table.header = [f"column_{i}" for i in range(1, len(header) + 1)]
+        raise UnknownColumnsError(
+            f"{here}: there are numbers where the names of the columns are expected; write a "
+            "header",
+            table,
         )
     seen: set[str] = set()
     for name in header:
         if name and name in seen:
-            raise InputError(f"{path}, line {line}: the column {quote(name)} is there twice")
+            raise InputError(f"{here}: the column {quote(name)} is there twice")
         seen.add(name)
 
 
 # -- spreadsheets ------------------------------------------------------------------------------
 
 
-def _workbook(path: Path, data: bytes, sha256: str) -> Table:
+def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
     _check_parts(path, data)
     import openpyxl
 
@@ -264,14 +390,14 @@ def _workbook(path: Path, data: bytes, sha256: str) -> Table:
             cell = next(iter(other.iter_rows(max_row=1, max_col=1, values_only=True)), (None,))
             about["source"] = _cell(cell[0] if cell else None).strip()
     sheet.reset_dimensions()  # a file can claim any
-    line, header = _sheet_header(path, sheet, about)
-    _check_header(path, line, header)
-    notes = []
+    line, first = _sheet_header(path, sheet, about, form.skip)
+    rows = chain([(line, first)], _sheet_rows(path, sheet, line, len(first)))
+    table = _named(Table(path, sha256, [], line, about, "", [], rows, form))
     if len(sheets) > 1:
         names = ", ".join(quote(other.title) for other in sheets[1:11])
-        notes.append((line, f"only the first sheet, {quote(sheet.title)}, is read, not {names}"))
-    rows = _sheet_rows(path, sheet, line, len(header))
-    return Table(path, sha256, header, line, about, "", notes, rows)
+        text = f"only the first sheet, {quote(sheet.title)}, is read, not {names}"
+        table.notes.append((table.line, text))
+    return table
 
 
 def _check_parts(path: Path, data: bytes) -> None:
@@ -338,8 +464,10 @@ def _check_xml(path: Path, file: IO[bytes]) -> None:
         tail = block[-50:]
 
 
-def _sheet_header(path: Path, sheet: object, about: dict[str, str]) -> tuple[int, list[str]]:
-    rows = _values(path, sheet, 1, _MOST_COLUMNS + 1)
+def _sheet_header(
+    path: Path, sheet: object, about: dict[str, str], skip: int
+) -> tuple[int, list[str]]:
+    rows = _values(path, sheet, 1 + skip, _MOST_COLUMNS + 1)
     for line, cells in islice(rows, 1000):
         if not any(cells):
             continue

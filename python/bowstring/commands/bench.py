@@ -285,6 +285,7 @@ def _measurements_json(
         "sigma_m": None if found.sigma is None else float(np.median(found.sigma)),
         "groups": {name: count for name, count in groups.items() if name},
         "repeats": len(np.unique(found.repeat)),
+        "recordings": 1 if found.recording is None else len(np.unique(found.recording)),
         "time_s": None if found.time is None else [found.time.min(), found.time.max()],
         "issues": [{"line": line, "text": text} for line, text in found.issues],
         "tendon_check": None
@@ -372,6 +373,8 @@ def _measurements_tables(found: Measurements, check: TendonCheck | None) -> Iter
         lines.append(f"groups: {', '.join(shown_groups[:8])}{more}")
     if len(np.unique(found.repeat)) > 1:
         lines.append(f"repeats: {len(np.unique(found.repeat))}")
+    if found.recording is not None and (count := len(np.unique(found.recording))) > 1:
+        lines.append(f"recordings: {count}, each a path of its own")
     if lines:
         yield "\n".join(lines)
     if found.issues:

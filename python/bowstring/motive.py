@@ -1,0 +1,126 @@
+"""The header of a CSV export of OptiTrack's Motive: seven lines (eight with parents) to names.
+
+A take has columns of rigid bodies, of the markers of rigid bodies, and of markers. The lines of
+its header say of each column: Type, Name, ID, (Parent), what it is (Rotation, Position), its axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from bowstring.errors import InputError
+from bowstring.units import quote
+
+__all__ = ["FRAME", "TIME", "Export", "is_export", "read_header"]
+
+FRAME: Final = "Frame"
+TIME: Final = "Time (Seconds)"
+_FIRST: Final = "Format Version"
+_UNITS: Final = {"Meters": "m", "Centimeters": "cm", "Millimeters": "mm"}
+_MOST_LINES: Final = 12
+_LABELS: Final = ("Type", "Name", "ID", "Parent")
+
+
+@dataclass(frozen=True)
+class Export:
+    """What the header says.
+
+    Attributes
+    ----------
+    columns : list of str
+        ``Frame``, ``Time (Seconds)``, then such as ``tip Position X``.
+    line : int
+        Of the last line of the header, from 1.
+    unit : str
+        Of all positions: m, cm or mm.
+    take : str
+        Name of the recording.
+    """
+
+    columns: list[str]
+    line: int
+    unit: str
+    take: str
+
+
+def is_export(line: str) -> bool:
+    """Whether a file that begins with this line is such an export."""
+    return line.lstrip('"').startswith(_FIRST)
+
+
+def read_header(path: Path, rows: Iterator[tuple[int, list[str]]]) -> Export:
+    """Read the header, and leave the rows at the first of numbers.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    rows : iterator of (int, list of str)
+        Lines and cells from the first line of the file; blank lines are left out.
+
+    Returns
+    -------
+    Export
+
+    Raises
+    ------
+    InputError
+        If the header has no column names, no positions, or a unit that is not known.
+    """
+    _, cells = next(rows)
+    about = dict(zip(cells[::2], cells[1::2], strict=False))
+    unit = _UNITS.get(about.get("Length Units", "Meters").strip().capitalize())
+    if unit is None:
+        raise InputError(
+            f"{path}: this Motive export has lengths in {quote(about['Length Units'])}; must be "
+            f"{', '.join(_UNITS)}"
+        )
+    lines: list[list[str]] = []
+    for line, cells in rows:
+        if cells[0].strip() == FRAME:
+            columns = _columns(cells, lines)
+            if not any(" Position " in name for name in columns):
+                raise InputError(
+                    f"{path}: this Motive export has no position of a rigid body or a marker; "
+                    "export them, and the header"
+                )
+            return Export(columns, line, unit, about.get("Take Name", "").strip())
+        lines.append(cells)
+        if len(lines) > _MOST_LINES:
+            break
+    raise InputError(
+        f"{path}: this begins as a Motive export, but the line that begins with {FRAME} is not "
+        "among the first of it; export it with its header"
+    )
+
+
+def _columns(axes: list[str], lines: list[list[str]]) -> list[str]:
+    """Names of the columns, each once: name, quantity and axis; the type where two are alike."""
+    width = len(axes)
+    labelled = {}
+    what = [""] * width
+    for cells in lines:
+        padded = [cell.strip() for cell in cells] + [""] * (width - len(cells))
+        if (label := padded[1]) in _LABELS:
+            labelled[label] = padded
+        else:
+            what = padded  # the line above the axes has no label
+    names = labelled.get("Name", [""] * width)
+    types = labelled.get("Type", [""] * width)
+    out: list[str] = []
+    for i, axis in enumerate(axes):
+        parts = [FRAME] if i == 0 else [TIME] if i == 1 else [names[i], what[i], axis.strip()]
+        name = " ".join(part for part in parts if part)
+        if name in out and types[i]:
+            name = f"{name} ({types[i]})"
+        again = 2
+        while name in out:
+            name = f"{' '.join(part for part in parts if part)} {again}"
+            again += 1
+        out.append(name)
+    while out and not out[-1]:
+        out.pop()
+    return out

@@ -1,0 +1,561 @@
+"""Tables as other programs write them: mappings, headers, logs joined by time, Motive exports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import openpyxl
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import bowstring as bs
+from bowstring.errors import InputError
+from bowstring.joining import seconds_of
+from bowstring.mapping import Mapping, load_mapping
+from bowstring.mapping_draft import draft
+from bowstring.measurements import Measurements, read_measurements, write_measurements
+from bowstring.tables import Table
+from shell import Shell
+
+Read = Callable[..., Measurements]
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Read:
+    """Read a table by a mapping, both as text; others lie beside it."""
+
+    def write(mapping: str, table: str, *robot: bs.Robot, **others: str) -> Measurements:
+        (tmp_path / "map.yaml").write_text(mapping)
+        (tmp_path / "table.csv").write_text(table)
+        for name, text in others.items():
+            (tmp_path / f"{name}.csv").write_text(text)
+        return read_measurements(tmp_path / "table.csv", *robot, mapping=tmp_path / "map.yaml")
+
+    return write
+
+
+TIP = "tip: {columns: [x, y, z], unit: mm}\n"
+TABLE = "F,G,x,y,z\n0,1,0,0,640\n5,2,3,4,600\n"
+
+
+def _mapping(columns: str, tip: str = TIP, quantity: str = "tension", unit: str = "N") -> str:
+    tendons = f"tendons: {{quantity: {quantity}, unit: {unit}, columns: {columns}}}\n"
+    return f"source: measured\n{tendons}{tip}"
+
+
+# -- columns -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("nothing", ["0", "null", "~", "0.0"])
+def test_constants_in_place_of_columns(nothing: str, read: Read) -> None:
+    robot = bs.load_robot("rao2021")
+    found = read(_mapping(f"[{nothing}, {nothing}, 1.5, F, 0, {nothing}]"), TABLE, robot)
+    assert found.tensions.tolist() == [[0, 0, 1.5, 0, 0, 0], [0, 0, 1.5, 5, 0, 0]]
+
+
+def test_a_constant_coordinate_and_a_column_whose_name_is_a_number(read: Read) -> None:
+    found = read(_mapping("[0, F]", "tip: {columns: [x, 1.5, z], unit: cm}\n"), TABLE)
+    np.testing.assert_allclose(found.tip[1], [0.03, 0.015, 6])
+    named = read(_mapping("['1', 2]"), TABLE.replace("F,G", "1,H"))
+    assert named.tensions.tolist() == [[0, 2], [5, 2]]
+    with pytest.raises(InputError, match="of each point at least one coordinate must be a column"):
+        read(_mapping("[F]", "tip: {columns: [0, 0, null], unit: mm}\n"), TABLE)
+
+
+def test_blank_cells_beside_a_constant_are_a_tip_that_was_not_measured(read: Read) -> None:
+    tip = "tip: {columns: [x, 0, z], unit: mm}\n"
+    found = read(_mapping("[F]", tip), TABLE + "6,0,,,\n")
+    assert found.without_tip == 1 and len(found) == 3
+
+
+def test_scale_and_sign_of_a_column(read: Read) -> None:
+    columns = "[{column: F, unit: 0.1 mm}, {column: G, sign: -1}]"
+    tip = "tip: {columns: [{column: x, unit: cm}, {column: y, sign: '-'}, z], unit: 0.5 mm}\n"
+    found = read(_mapping(columns, tip, "pull", "2 mm"), TABLE)
+    np.testing.assert_allclose(found.pulls, [[0, -2e-3], [5e-4, -4e-3]])
+    np.testing.assert_allclose(found.tip[1], [0.03, -2e-3, 0.3])
+    negative = read(_mapping("[{column: F, sign: -1}]"), TABLE.replace("\n5,", "\n-5,"))
+    assert negative.tensions.tolist() == [[0], [5]]
+    refused = read(_mapping("[{column: F, sign: -1}]"), TABLE)
+    assert refused.left_out == 1 and "a tendon cannot push" in refused.issues[0][1]
+
+
+def test_one_column_for_an_antagonistic_pair(read: Read) -> None:
+    table = "d,x,y,z\n-3,0,0,640\n0,0,0,641\n4,0,0,640\n"
+    pair = "[{column: d, part: positive}, {column: d, part: negative}]"
+    found = read(_mapping(pair), table)
+    assert found.tensions.tolist() == [[0, 3], [0, 0], [4, 0]] and found.left_out == 0
+    both = read(_mapping("[d, {column: d, sign: -1}]", TIP, "pull", "mm"), table)
+    np.testing.assert_allclose(both.pulls, [[-3e-3, 3e-3], [0, 0], [4e-3, -4e-3]])
+
+
+@pytest.mark.parametrize(
+    ("columns", "unit", "says"),
+    [
+        ("[F, F]", "N", "one is there twice; each tendon has its own, or of one column for a pair"),
+        ("[F, {column: F, part: all}]", "N", "one is there twice"),
+        ("[{column: F, unit: mm}]", "N", 'columns[0].unit: got "mm"'),
+        ("[F]", "0.1", "unit: got 0.1, which has no unit"),
+        ("[F]", "-1 N", "which must be above zero; for the sign of a column write sign: -1"),
+        ("[{column: F, sign: 2}]", "N", "tendons.columns[0].sign: got 2; must be"),
+        ("[{column: F, parts: all}]", "N", "parts: unknown field; did you mean part?"),
+        ("[[F]]", "N", "must be a column, a number or null"),
+        ("[H]", "N", 'there is no column "H"'),
+    ],
+)
+def test_what_is_wrong_with_columns(columns: str, unit: str, says: str, read: Read) -> None:
+    with pytest.raises(InputError) as error:
+        read(_mapping(columns, unit=unit), TABLE)
+    assert says in str(error.value).partition("\n")[0]
+
+
+def test_a_left_handed_frame_says_which_axes_to_give(read: Read) -> None:
+    with pytest.raises(InputError) as error:
+        read(_mapping("[F]") + "frame: {handed: left}\n", TABLE)
+    assert "give axes as well" in str(error.value)
+    for axes in ("[x, z, y]", "[x, -y, z]", "[x, y, -z]"):
+        assert axes in str(error.value)
+        read(_mapping("[F]") + f"frame: {{handed: left, axes: {axes}}}\n", TABLE)
+
+
+# -- where the table lies in its file --------------------------------------------------------------
+
+
+def test_lines_to_skip_above_and_below_the_header(read: Read) -> None:
+    above = "Rig 7, operator: A. B.\nrate,100,Hz\n\n"
+    table = above + TABLE.replace("z\n", "z\nN,N,mm,mm,mm\n")
+    found = read(_mapping("[F, G]") + "table: {skip: 3, skip_below: 1}\n", table)
+    assert found.tensions.tolist() == [[0, 1], [5, 2]] and not found.issues
+    assert found.line.tolist() == [6, 7]
+
+
+@pytest.mark.parametrize(
+    ("table", "form"),
+    [
+        ("0,1,0,0,640\n5,2,3,4,600\n", "{header: none}"),
+        ("0,1,0,0,640\n5,2,3,4,600\n", "{header: none, names: [a, b, c, d, e]}"),
+        ("0 1 0 0 640\n5  2 3 4 600 \n", "{header: none, separator: blanks}"),
+        ("0;1;0;0;640,0\n5;2;3;4;600,0\n", "{header: none}"),
+    ],
+)
+def test_tables_without_a_header(table: str, form: str, read: Read) -> None:
+    named = "names" in form
+    tip, first = ("[c, d, e]", "a") if named else ("[column_3, column_4, column_5]", "column_1")
+    mapping = _mapping(f"[{first}]", f"tip: {{columns: {tip}, unit: mm}}\n") + f"table: {form}\n"
+    found = read(mapping, table)
+    assert found.tensions.tolist() == [[0], [5]]
+    np.testing.assert_allclose(found.tip[1], [0.003, 0.004, 0.6])
+
+
+def test_a_sheet_with_lines_to_skip(tmp_path: Path) -> None:
+    book = openpyxl.Workbook()
+    assert book.active is not None
+    for row in (["Rig 7"], ["F", "x", "y", "z"], ["N", "mm", "mm", "mm"], [5, 3, 4, 600]):
+        book.active.append(row)
+    book.save(tmp_path / "a.xlsx")
+    mapping = Mapping.model_validate(
+        {
+            "source": "measured",
+            "table": {"skip": 1, "skip_below": 1},
+            "tendons": {"quantity": "tension", "unit": "N", "columns": ["F", 0, None]},
+            "tip": {"columns": ["x", "y", "z"], "unit": "mm"},
+        }
+    )
+    found = read_measurements(tmp_path / "a.xlsx", mapping=mapping)
+    assert found.tensions.tolist() == [[5, 0, 0]] and found.line.tolist() == [4]
+
+
+@pytest.mark.parametrize(
+    ("form", "says"),
+    [
+        ("{skip: 9}", "no line below the 9 that are skipped"),
+        ("{names: [a, b]}", "the mapping names 2 columns, here there are 5"),
+        ("{skip: -1}", "table.skip: got -1"),
+        ("{heder: none}", "did you mean header?"),
+    ],
+)
+def test_what_is_wrong_with_a_form(form: str, says: str, read: Read) -> None:
+    with pytest.raises(InputError) as error:
+        read(_mapping("[F]") + f"table: {form}\n", TABLE)
+    assert says in str(error.value)
+
+
+# -- two tables, joined by time --------------------------------------------------------------------
+
+FORCES = "ms,force\n1000,0\n1100,10\n1200,20\n1300,\n1400,40\n"
+CAMERA = "t,x,y,z\n0.0,1,0,640\n0.05,2,0,640\n0.15,3,0,640\n0.3,4,0,640\n0.9,5,0,640\n"
+
+
+def _joined(more: str = "", time: str = "{column: ms, unit: ms}") -> str:
+    join = f"join: {{file: forces.csv, time: {time}, shift: -1 s{more}}}\n"
+    return _mapping("[force, 0]") + join + "time: {column: t, unit: s}\n"
+
+
+def test_a_log_joined_by_time(read: Read) -> None:
+    found = read(_joined(), CAMERA, forces=FORCES)
+    np.testing.assert_allclose(found.tensions[:, 0], [0, 5, 15], atol=1e-9)
+    assert found.tip[:, 0].tolist() == [0.001, 0.002, 0.003]
+    lines = dict(found.issues)
+    assert "force is empty" in lines[5]  # the log has a gap there
+    assert any("too far from the samples of forces.csv" in text for _, text in found.issues)
+
+
+@pytest.mark.parametrize(
+    ("more", "tensions"),
+    [
+        (", how: nearest", [0, 0, 10]),
+        (", how: previous", [0, 0, 10]),
+        (", within: 1 ms", [0]),
+        (", how: previous, within: 60 ms", [0, 0, 10]),
+    ],
+)
+def test_between_the_samples_of_a_log(more: str, tensions: list[float], read: Read) -> None:
+    found = read(_joined(more), CAMERA, forces=FORCES)
+    assert len(found) >= len(tensions)
+    np.testing.assert_allclose(found.tensions[: len(tensions), 0], tensions, atol=1e-9)
+
+
+def test_a_log_with_dates(read: Read) -> None:
+    dates = [f"2026-05-01T10:00:0{s},force" for s in ("0.000", "1.000000", "2.5")]
+    log = "when,force\n" + "".join(
+        f"{date.partition(',')[0]},{f}\n" for date, f in zip(dates, (0, 10, 40), strict=True)
+    )
+    table = "t,x,y,z\n2026-05-01T10:00:00.5Z,1,0,640\n2026-05-01 12:00:02+02:00,2,0,640\n"
+    join = "join: {file: forces.csv, time: {column: when, unit: iso}}\n"
+    mapping = _mapping("[force]") + join + "time: {column: t, unit: iso}\n"
+    found = read(mapping, table, forces=log)
+    np.testing.assert_allclose(found.tensions[:, 0], [5, 30])
+    assert found.time is not None and np.diff(found.time).tolist() == [1.5]
+    assert np.isnan(seconds_of("yesterday")) and seconds_of("1970-01-01") == 0
+
+
+def test_a_log_beside_decimal_commas_and_a_name_that_both_have(read: Read) -> None:
+    table = CAMERA.replace(",", ";").replace(".", ",")
+    log = FORCES.replace("ms,force", "t,force").replace("\n1", "\n1")
+    join = "join: {file: forces.csv, time: {column: t, unit: ms}, shift: -1 s}\n"
+    tip = "tip: {columns: [x, log.t, z], unit: mm}\n"
+    mapping = _mapping("[force]", tip) + join + "time: {column: t, unit: s}\n"
+    found = read(mapping, table, forces=log)
+    np.testing.assert_allclose(found.tensions[:3, 0], [0, 5, 15], atol=1e-9)
+    np.testing.assert_allclose(found.tip[:3, 1], [1.0, 1.05, 1.15])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("shift: -1 s", "shift: 100 s", "no row lies within the times of forces.csv"),
+        ("{column: ms, unit: ms}", "{column: x, unit: ms}", 'there is no column "x", which the'),
+        ("{column: ms, unit: ms}", "{column: ms, unit: iso}", "no row has a time"),
+        ("time: {column: t, unit: s}\n", "", "time: missing; tables are joined by time"),
+        ("forces.csv", "nothing.csv", "the table cannot be read"),
+        ("file: forces.csv", "file: forces.csv, how: guess", "join.how: got"),
+    ],
+)
+def test_what_is_wrong_with_a_join(old: str, new: str, says: str, read: Read) -> None:
+    with pytest.raises(InputError) as error:
+        read(_joined().replace(old, new), CAMERA, forces=FORCES)
+    assert says in str(error.value).partition("\n")[0]
+
+
+def test_a_log_out_of_order(read: Read) -> None:
+    with pytest.raises(InputError, match="line 4: ms goes back"):
+        read(_joined(), CAMERA, forces="ms,force\n1000,0\n1100,1\n1050,2\n")
+
+
+def test_a_gap_in_a_log_is_told(read: Read) -> None:
+    log = "ms,force\n" + "".join(f"{1000 + i},1\n" for i in range(50)) + "1900,2\n"
+    found = read(_joined(), CAMERA, forces=log)
+    assert any("has no sample for up to 0.851 s" in text for _, text in found.issues)
+
+
+# -- exports of Motive -----------------------------------------------------------------------------
+
+MOTIVE = """\
+Format Version,1.23,Take Name,Take 7,Capture Frame Rate,120.000000,Export Frame Rate,120.000000,\
+Total Frames in Take,4,Total Exported Frames,4,Rotation Type,Quaternion,Length Units,Meters,\
+Coordinate Space,Global
+
+,Type,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,Rigid Body,\
+Rigid Body Marker,Rigid Body Marker,Rigid Body Marker,Marker,Marker,Marker
+,Name,tip,tip,tip,tip,tip,tip,tip,tip,tip:Marker1,tip:Marker1,tip:Marker1,tip:Marker1,\
+tip:Marker1,tip:Marker1
+,ID,"1","1","1","1","1","1","1","1","2","2","2","3","3","3"
+,,Rotation,Rotation,Rotation,Rotation,Position,Position,Position,Mean Marker Error,Position,\
+Position,Position,Position,Position,Position
+Frame,Time (Seconds),X,Y,Z,W,X,Y,Z,,X,Y,Z,X,Y,Z
+0,0.000000,0,0,0,1,0.1,0.64,0.0,0.0002,0.1,0.65,0.0,0.1,0.65,0.0
+1,0.100000,0,0,0,1,0.2,0.63,0.0,0.0002,0.2,0.64,0.0,,,
+2,0.200000,,,,,,,,,,,,,,
+3,0.300000,0,0,0,1,0.3,0.60,0.1,0.0002,0.3,0.61,0.1,0.3,0.61,0.1
+"""
+PLUMB = "frame: {axes: [z, x, y]}\n"
+
+
+def test_a_motive_export_is_read_as_it_is(read: Read) -> None:
+    found = read("source: measured\ntip: {name: tip}\n" + PLUMB, MOTIVE)
+    assert found.name == "Take 7" and found.line.tolist() == [8, 9, 10, 11]
+    np.testing.assert_allclose(found.tip[[0, 3]], [[0, 0.1, 0.64], [0.1, 0.3, 0.6]])
+    assert found.without_tip == 1 and found.time is not None
+    np.testing.assert_allclose(found.time, [0, 0.1, 0.2, 0.3])
+
+
+def test_other_versions_and_units_of_motive(read: Read) -> None:
+    text = MOTIVE.replace("1.23", "1.25").replace("Meters", "Millimeters")
+    text = text.replace(',ID,"1"', ",Parent,,,,,,,,,,,,,,\n,ID,1")
+    found = read("source: measured\ntip: {name: 'tip:Marker1'}\n", "\ufeff" + text)
+    np.testing.assert_allclose(found.tip[0], [1e-4, 6.5e-4, 0])
+    columns = "tip: {columns: [tip Position X, tip Position Y, tip Position Z]}\n"
+    assert read("source: measured\n" + columns, text).without_tip == 1
+    second = "tip:Marker1 Position {} (Marker)"
+    names = ", ".join(f"'{second.format(axis)}'" for axis in "XYZ")
+    markers = read(f"source: measured\ntip: {{columns: [{names}]}}\n", text)
+    assert markers.without_tip == 2
+
+
+def test_a_motive_export_with_a_force_log(read: Read) -> None:
+    join = "join: {file: forces.csv, time: {column: ms, unit: ms}, shift: -1 s}\n"
+    mapping = _mapping("[force, 0, 0]", "tip: {name: tip}\n") + PLUMB + join
+    found = read(mapping, MOTIVE, bs.load_robot("amouri2019"), forces=FORCES)
+    np.testing.assert_allclose(found.tensions[:3, 0], [0, 10, 20], atol=1e-9)
+    # the other way round: a row for each sample of the log
+    back = "join: {file: take.csv}\ntime: {column: s, unit: s}\n"
+    mapping = _mapping("[force, 0, 0]", "tip: {name: tip}\n") + PLUMB + back
+    found = read(mapping, "s,force\n0.05,1\n0.15,2\n0.31,3\n", take=MOTIVE)
+    assert found.tensions[:, 0].tolist() == [1, 2, 3]
+    np.testing.assert_allclose(found.tip[0], [0, 0.15, 0.635])
+    assert found.seen.tolist() == [True, False, True]  # nothing between a point and none
+
+
+@pytest.mark.parametrize(
+    ("mapping", "old", "new", "says"),
+    [
+        ("tip: {name: tipp}\n", "", "", 'no rigid body or marker "tipp"'),
+        ("tip: {name: tip, unit: mm}\n", "", "", 'tip.unit: got "mm"; '),
+        ("tip: {name: tip}\n", "Meters", "Furlongs", 'lengths in "Furlongs"'),
+        ("tip: {name: tip}\n", "Frame,Time", "Bild,Zeit", "the line that begins with Frame"),
+        ("tip: {name: tip}\n", "Position", "Velocity", "has no position of a rigid body"),
+        ("tip: {}\n", "", "", "give either columns, those of x, y and z, or name"),
+    ],
+)
+def test_what_is_wrong_with_an_export(
+    mapping: str, old: str, new: str, says: str, read: Read
+) -> None:
+    with pytest.raises(InputError) as error:
+        read("source: measured\n" + mapping, MOTIVE.replace(old, new) if old else MOTIVE)
+    assert says in str(error.value)
+
+
+def test_a_name_of_a_body_is_for_exports(read: Read) -> None:
+    with pytest.raises(InputError, match="it is no Motive export, give columns"):
+        read("source: measured\ntip: {name: tip, unit: mm}\n", TABLE)
+    with pytest.raises(InputError, match=r"tip.unit: missing; .* write for example unit: mm"):
+        read("source: measured\ntip: {columns: [x, y, z]}\n", TABLE)
+
+
+# -- a mapping to start from -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("table", "tensions", "tip"),
+    [
+        (
+            "Time [ms],Force [N],Tip X [cm],Tip Y [cm],Tip Z [cm],q\n0,5,1,2,3,1\n",
+            [5, 0, 0],
+            [0.01, 0.02, 0.03],
+        ),
+        ("load_g,x,y,z\n100,1,2,3\n", [0.980665, 0, 0], [1e-3, 2e-3, 3e-3]),
+        ("1,2,3,4,5,6\n7,8,9,4,5,6\n", [1, 2, 3], [4e-3, 5e-3, 6e-3]),
+        ("1 2 3 4 5 6\n7 8 9 4 5 6\n", [1, 2, 3], [4e-3, 5e-3, 6e-3]),
+    ],
+)
+def test_an_unknown_table_gets_a_mapping_to_start_from(
+    table: str, tensions: list[float], tip: list[float], shell: Shell, tmp_path: Path
+) -> None:
+    path = tmp_path / "bench.csv"
+    path.write_text(table)
+    code, out, err = shell("bench", "check", str(path), "--robot", "amouri2019")
+    assert (code, out) == (2, "")
+    sentence, _, mapping = err.partition("\n\n")
+    assert "--mapping" in sentence and "\n" not in sentence
+    (tmp_path / "map.yaml").write_text(mapping)
+    found = read_measurements(path, bs.load_robot("amouri2019"), tmp_path / "map.yaml")
+    np.testing.assert_allclose(found.tensions[0], tensions)
+    np.testing.assert_allclose(found.tip[0], tip)
+
+
+def test_a_motive_export_without_a_mapping_gets_one(shell: Shell, tmp_path: Path) -> None:
+    (tmp_path / "take.csv").write_text(MOTIVE)
+    (tmp_path / "forces.csv").write_text(
+        "time,tension_1,tension_2,tension_3\n-1,0,0,0\n0.15,9,0,0\n1,0,0,0\n"
+    )
+    _, _, err = shell("bench", "check", str(tmp_path / "take.csv"), "--robot", "amouri2019")
+    mapping = err.partition("\n\n")[2]
+    assert '# of "tip"' in mapping
+    (tmp_path / "map.yaml").write_text(mapping)
+    found = read_measurements(
+        tmp_path / "take.csv", bs.load_robot("amouri2019"), tmp_path / "map.yaml"
+    )
+    assert len(found) == 4 and found.tensions.max() > 7
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    st.lists(st.text(max_size=12).map(str.strip), min_size=1, max_size=8, unique=True),
+    st.integers(1, 6),
+    st.booleans(),
+)
+def test_any_header_gives_a_mapping_that_is_valid(
+    header: list[str], tendons: int, has_header: bool
+) -> None:
+    import tempfile
+
+    table = Table(Path("t.csv"), "", header, 1, {}, ",")
+    text = draft(table, tendons)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "map.yaml")
+        path.write_text(text, "utf-8")
+        if any(name.isprintable() and name.lower() not in ("", "~", "null") for name in header):
+            load_mapping(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "columns"),
+    [("tamm-spring", ["l1_mm", "l2_mm", "l3_mm"]), ("crl-ftdcr-mocap", ["servo_4_mm"])],
+)
+def test_drafts_for_tables_of_others(
+    name: str, columns: list[str], public_data: Callable[[str], Path], tmp_path: Path
+) -> None:
+    folder = public_data(name)
+    path = next(iter(sorted(folder.glob("*.csv"))))
+    with pytest.raises(InputError) as error:
+        read_measurements(path)
+    (tmp_path / "map.yaml").write_text(str(error.value).partition("\n\n")[2])
+    mapping = load_mapping(tmp_path / "map.yaml")
+    assert mapping.tendons is not None and mapping.tendons.quantity == "pull"
+    assert [c.column for c in mapping.tendons.columns][: len(columns)] == columns
+    found = read_measurements(path, mapping=mapping)
+    whole = read_measurements(path, mapping=name)
+    np.testing.assert_array_equal(found.pulls, whole.pulls)
+    np.testing.assert_array_equal(found.points, whole.points)
+
+
+def test_pulls_and_motion_capture_of_others_joined_again(
+    public_data: Callable[[str], Path], tmp_path: Path
+) -> None:
+    """A recording cut into a log of pulls and one of tips is the same when it is joined."""
+    path = public_data("crl-ftdcr-mocap") / "ftdcr_v4_val.csv"
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    (tmp_path / "pulls.csv").write_text("\n".join(",".join(r[:1] + r[2:11]) for r in rows))
+    (tmp_path / "tips.csv").write_text("\n".join(",".join(r[:2] + r[11:]) for r in rows))
+    whole = load_mapping("crl-ftdcr-mocap")
+    join = {"file": "pulls.csv", "time": {"column": "timestamp", "unit": "s"}}
+    mapping = Mapping.model_validate({**whole.model_dump(exclude_none=True), "join": join})
+    found = read_measurements(tmp_path / "tips.csv", mapping=mapping)
+    again = read_measurements(path, mapping=whole)
+    np.testing.assert_allclose(found.pulls, again.pulls, rtol=1e-12)
+    np.testing.assert_array_equal(found.tip, again.tip)
+
+
+# -- several recordings ----------------------------------------------------------------------------
+
+
+def _recordings(robot: bs.Robot) -> Measurements:
+    """Two recordings of a robot with friction, each from home: loading, unloading."""
+    loads = np.outer([20, 40, 21, 20, 19.5], [1.0, 0, 0])
+    tips = bs.sweep(robot, loads).tip_position
+    rows = 2 * len(loads)
+    return Measurements(
+        source="synthetic",
+        name="two",
+        tensions=np.vstack([loads, loads]),
+        pulls=np.full((rows, 3), np.nan),
+        points=np.vstack([tips, tips])[:, None],
+        line=np.arange(rows),
+        group=np.repeat(["a", "b"], len(loads)),
+        repeat=np.ones(rows),
+        recording=np.repeat([1, 2], len(loads)),
+    )
+
+
+def test_each_recording_is_a_path_of_its_own(tmp_path: Path) -> None:
+    from bowstring.fit import fit
+    from bowstring.study_calibration import predicted
+
+    robot = bs.load_robot("amouri2019").with_({"segments.0.tendons.friction": 0.2})
+    data = _recordings(robot)
+    one_path = predicted(robot, data.select(slice(None)), "cosserat").tip_position
+    np.testing.assert_allclose(one_path, data.tip, atol=1e-12)
+    assert not np.allclose(bs.sweep(robot, data.tensions).tip_position, data.tip, atol=1e-4)
+    noise = np.random.default_rng(1).normal(scale=1e-5, size=data.points.shape)
+    noisy = replace(data, points=data.points + noise)
+    found = fit(robot, noisy, ["segments.0.backbone.E"])
+    assert (
+        found.score.rmse
+        < 4e-5
+        < 4e-4
+        < fit(robot, replace(noisy, recording=None), ["segments.0.backbone.E"]).score.rmse
+    )
+    assert found["segments.0.backbone.E"].value == pytest.approx(35, rel=1e-3)
+    again = read_measurements(write_measurements(data, tmp_path / "a.csv"))
+    assert again.recording is not None and again.recording.tolist() == [1] * 5 + [2] * 5
+    assert not [text for _, text in again.issues if "comes again" in text]
+
+
+def test_backlash_and_delay_begin_anew_with_each_recording() -> None:
+    from bowstring.fit import Data, fit
+
+    robot = bs.load_robot("amouri2019")
+    pulls = np.outer([2, 4, 6, 4, 3], [1e-3, -0.5e-3, -0.5e-3])
+    time = np.arange(5.0)
+    points = bs.solve_batch(robot, pulls=pulls).tip_position
+    data = Data(
+        points=np.vstack([points, points]),
+        pulls=np.vstack([pulls, pulls]),
+        time=np.r_[time, time],
+        recording=np.repeat(["a", "b"], 5),
+    )
+    found = fit(robot, data, ["gain"], start={"delay": 0.3, "backlash": 4e-4})
+    np.testing.assert_allclose(found.residuals[:5], found.residuals[5:], atol=1e-12)
+    assert np.abs(found.residuals).max() > 1e-4
+
+
+def test_recordings_are_counted(shell: Shell, tmp_path: Path) -> None:
+    table = "tension_1_N,tip_x_mm,tip_y_mm,tip_z_mm,recording\n1,2,3,4,a\n1,2,3,5,b\n"
+    (tmp_path / "a.csv").write_text(table)
+    assert shell.json("bench", "check", str(tmp_path / "a.csv"))["recordings"] == 2
+    _, out, _ = shell("bench", "check", str(tmp_path / "a.csv"))
+    assert "recordings: 2, each a path of its own" in out
+
+
+@pytest.mark.parametrize(
+    ("header", "comment"),
+    [("recording", ""), ("group", "# recording: group\n")],
+)
+def test_recordings_in_a_table(header: str, comment: str, tmp_path: Path) -> None:
+    table = comment + f"tension_1_N,tip_x_mm,tip_y_mm,tip_z_mm,time_s,{header}\n"
+    table += "".join(f"{f},{f},0,640,{f},{name}\n" for name in "ab" for f in (0, 1, 2))
+    (tmp_path / "a.csv").write_text(table)
+    found = read_measurements(tmp_path / "a.csv")
+    assert found.recording is not None and found.recording.tolist() == [1, 1, 1, 2, 2, 2]
+    assert list(found.split()) == ["a", "b"] and not found.issues  # time may begin anew
+    mapping = Mapping.model_validate(
+        {
+            "source": "measured",
+            "tendons": {"quantity": "tension", "unit": "N", "columns": ["tension_1_N"]},
+            "tip": {"columns": ["tip_x_mm", "tip_y_mm", "tip_z_mm"], "unit": "mm"},
+            "group": header,
+            "recording": header,
+        }
+    )
+    assert read_measurements(tmp_path / "a.csv", mapping=mapping).recording is not None
+
+
+def test_a_comment_that_names_no_column(tmp_path: Path) -> None:
+    table = "# recording: run\ntension_1_N,tip_x_mm,tip_y_mm,tip_z_mm\n1,2,3,4\n"
+    (tmp_path / "a.csv").write_text(table)
+    with pytest.raises(InputError, match=r"'# recording:' is \"run\"; must be group or repeat"):
+        read_measurements(tmp_path / "a.csv")
