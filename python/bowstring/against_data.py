@@ -381,8 +381,10 @@ def _loads(data: Measurements) -> Loads:
     scale = np.where(span > 0.0, span, np.maximum(np.abs(commands).max(axis=0), 1.0))
     main = commands[:, tendon]
     alone = not np.any(np.delete(span, tendon) > _SAME * np.delete(scale, tendon))
-    run = np.unique(data.repeat, return_inverse=True)[1]
-    run = np.cumsum(np.r_[False, run[1:] != run[:-1]])
+    anew = data.repeat[1:] != data.repeat[:-1]
+    if data.recording is not None:
+        anew = anew | (data.recording[1:] != data.recording[:-1])
+    run = np.cumsum(np.r_[False, anew])
     loading = np.ones(len(data), bool)
     for k in range(1, len(data)):
         if run[k] != run[k - 1]:

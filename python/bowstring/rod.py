@@ -7,7 +7,7 @@ A rotation maps body to base. N is the number of disks, T the number of tendons.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -976,6 +976,45 @@ def _follow(
     extra = {name: found.pop(name) for name in (*names, "length_residual")}
     extra["history"] = way.history() if path else None
     return Sweep(robot, theory=theory, **found, physics=physics, driven=extra)
+
+
+def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
+    """Sweeps of parts of the rows as one; it has no history, for it is no single path.
+
+    Parameters
+    ----------
+    parts : sequence of (ndarray of int, Sweep)
+        Rows of each sweep in the whole; of one robot and the same options.
+
+    Returns
+    -------
+    Sweep
+    """
+    order = np.argsort(np.concatenate([rows for rows, _ in parts]), kind="stable")
+
+    def whole(values: list[Any]) -> Any:
+        if any(value is None for value in values):
+            return None
+        if isinstance(values[0], np.ndarray):
+            return np.concatenate(values)[order]
+        rows = [row for value in values for row in value]
+        return [rows[k] for k in order]
+
+    sweeps = [sweep for _, sweep in parts]
+    rows = {
+        field.name: whole([getattr(sweep, field.name) for sweep in sweeps])
+        for field in fields(Sweep)
+        if field.name not in ("robot", "theory", "physics", "driven")
+    }
+    driven = [sweep.driven for sweep in sweeps]
+    extra = None
+    if all(each is not None for each in driven):
+        extra = {
+            name: None if name == "history" else whole([(each or {})[name] for each in driven])
+            for name in driven[0] or {}
+        }
+    first = sweeps[0]
+    return Sweep(first.robot, theory=first.theory, physics=first.physics, driven=extra, **rows)
 
 
 def jacobians(solution: Solution) -> Jacobians:

@@ -42,7 +42,8 @@ class Measured(Protocol):
     ``tensions`` and ``pulls`` are (K, T) in N and m, NaN where a tendon has the other; either may
     be None. ``points`` is (K, P, 3) in m, the last point the tip (or ``tip`` (K, 3)). ``group``
     (K,) and ``time`` (K,) in s may be None. Read where they are there, as in
-    `bowstring.measurements.Measurements`: ``sigma`` (K,) in m, ``repeat`` (K,), ``tool`` (3,) in m.
+    `bowstring.measurements.Measurements`: ``sigma`` (K,) in m, ``repeat`` (K,), ``recording`` (K,),
+    ``tool`` (3,) in m.
     """
 
     @property
@@ -71,6 +72,9 @@ class Data:
         Names of runs or patterns, for validation.
     time : array_like (K,) or None
         In s.
+    recording : array_like (K,) or None
+        Rows with the same number or name are one path, which begins at home without a history;
+        None: all rows are.
     """
 
     points: ArrayLike
@@ -78,6 +82,7 @@ class Data:
     pulls: ArrayLike | None = None
     group: Any = None
     time: ArrayLike | None = None
+    recording: ArrayLike | None = None
 
 
 @dataclass(frozen=True)
@@ -173,7 +178,18 @@ def commands(data: Measured, robot: Robot) -> Commands:
             raise InputError(f"time has shape {time.shape}, it must be ({len(values)},), in s")
         if not np.isfinite(time).all():
             time = None
-    return Commands(pulled, values, time)
+    return Commands(pulled, values, time, _recording(data, len(values)))
+
+
+def _recording(data: Measured, count: int) -> NDArray[np.int64] | None:
+    """Number (K,) of the recording of each row; None where all rows are one path."""
+    given = getattr(data, "recording", None)
+    if given is None:
+        return None
+    found = np.unique(np.asarray(given), return_inverse=True)[1].ravel()
+    if found.shape != (count,):
+        raise InputError(f"recording has shape {np.shape(given)}, it must be ({count},)")
+    return np.asarray(found, dtype=np.int64)
 
 
 def tips(data: Measured, count: int) -> Floats:

@@ -24,6 +24,7 @@ from bowstring.fit import Fit
 from bowstring.measurements import STANDARD_GRAVITY, Measurements
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot, TendonRing
+from bowstring.tipmodel import paths_of
 
 __all__ = ["ArcCalibration", "StudyCalibration", "calibrate", "calibrate_arc", "predicted"]
 
@@ -71,7 +72,7 @@ class StudyCalibration:
 
 
 def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> rod.Sweep:
-    """The robot's answer to the commands of all rows; one path where its tendons rub.
+    """The robot's answer to the commands of all rows; each recording a path where its tendons rub.
 
     Parameters
     ----------
@@ -85,7 +86,19 @@ def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.
     for name, values in (("tensions", data.tensions), ("pulls", data.pulls)):
         if not np.isnan(values).all():
             given[name] = gain * values
-    return rod.sweep(robot, **given) if robot.has_friction else rod.solve_batch(robot, **given)
+    if not robot.has_friction:
+        return rod.solve_batch(robot, **given)
+    paths = paths_of(data.recording, len(data))
+    if len(paths) == 1:
+        return rod.sweep(robot, **given)
+
+    def part(rows: NDArray[np.int64]) -> dict[str, Any]:
+        return {
+            name: value[rows] if isinstance(value, np.ndarray) else value
+            for name, value in given.items()
+        }
+
+    return rod.joined([(rows, rod.sweep(robot, **part(rows))) for rows in paths])
 
 
 def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibration:

@@ -17,7 +17,7 @@ from bowstring.errors import BowstringError, InputError
 from bowstring.robot import Robot
 from bowstring.unknowns import DRIVE, Setting, Unknown, Unknowns
 
-__all__ = ["Commands", "Model", "Prediction", "TipModel", "rotation"]
+__all__ = ["Commands", "Model", "Prediction", "TipModel", "paths_of", "rotation"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -41,11 +41,14 @@ class Commands:
         In m and N.
     time : ndarray (K,) or None
         In s.
+    recording : ndarray of int (K,) or None
+        Rows with the same number are one path, which begins at home; None: all rows are.
     """
 
     pulled: Bools
     values: Floats
     time: Floats | None
+    recording: NDArray[np.int64] | None = None
 
     def __len__(self) -> int:
         return len(self.values)
@@ -54,19 +57,38 @@ class Commands:
         """Pulls and tensions (K, T) after delay, backlash, gain and offset."""
         values = self.values
         if setting.delay:
-            values = _delayed(values, self.clock(), setting.delay)
+            time, late = self.clock(), np.empty_like(values)
+            for rows in self.paths:
+                late[rows] = _delayed(values[rows], time[rows], setting.delay)
+            values = late
         if setting.backlash.any():
-            values = np.where(self.pulled, _play(values, setting.backlash), values)
+            followed = np.empty_like(values)
+            for rows in self.paths:
+                followed[rows] = _play(values[rows], setting.backlash)
+            values = np.where(self.pulled, followed, values)
         out: Floats = values * setting.gain + np.where(self.pulled, setting.offset, 0.0)
         return out
 
+    @property
+    def paths(self) -> list[NDArray[np.int64]]:
+        """Rows of each path, in their order."""
+        return paths_of(self.recording, len(self))
+
     def clock(self) -> Floats:
         """Times (K,) that a delay can be taken from."""
-        if self.time is None:
+        time = self.time
+        if time is None:
             raise InputError("delay needs the time of each row, and the measurements have none")
-        if not (np.diff(self.time) > 0).all():
+        if not all((np.diff(time[rows]) > 0).all() for rows in self.paths):
             raise InputError("delay needs times that increase from row to row")
-        return self.time
+        return time
+
+
+def paths_of(recording: NDArray[np.int64] | None, count: int) -> list[NDArray[np.int64]]:
+    """Rows of each recording in their order; of all rows where None is given."""
+    if recording is None:
+        return [np.arange(count)]
+    return [np.flatnonzero(recording == number) for number in np.unique(recording)]
 
 
 def _delayed(values: Floats, time: Floats, delay: float) -> Floats:
@@ -175,11 +197,10 @@ class TipModel:
         pulled = self.commands.pulled
         given = np.where(pulled, given, np.maximum(given, 0.0))
         way = drive.Path(robot, self.theory, "straight", True, 1)
-        if not keep or robot.has_friction:
-            path = robot.has_friction
-            found = way.core.follow(
-                pulled, given, None, _NO_LOAD, _NO_LOAD, False, path, 0 if not path else 1
-            )
+        if robot.has_friction:
+            return self._paths(way, setting, given)
+        if not keep:
+            found = way.core.follow(pulled, given, None, _NO_LOAD, _NO_LOAD, False, False, 0)
             solved = found["converged"]
             return Prediction(found["tip_position"], found["tip_rotation"], solved, setting, given)
         solutions = []
@@ -193,6 +214,19 @@ class TipModel:
             position[k] = solutions[k].tip_position
             turned[k] = solutions[k].tip_rotation
         return Prediction(position, turned, solved, setting, given, solutions)
+
+    def _paths(self, way: drive.Path, setting: Setting, given: Floats) -> Prediction:
+        """The rod along each path, with friction; a path begins at home."""
+        position = np.full((len(given), 3), np.nan)
+        turned = np.full((len(given), 3, 3), np.nan)
+        solved = np.zeros(len(given), bool)
+        for rows in self.commands.paths:
+            way.core.reset()
+            loads = self.commands.pulled[rows], given[rows], None, _NO_LOAD, _NO_LOAD
+            found = way.core.follow(*loads, False, True, 1)
+            position[rows], turned[rows] = found["tip_position"], found["tip_rotation"]
+            solved[rows] = found["converged"]
+        return Prediction(position, turned, solved, setting, given)
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Constant curvature: the tendons' arcs, segment by segment, each bend times its gain."""
