@@ -1,13 +1,14 @@
 # Everything happens in .venv; nothing outside this folder is touched.
 PYTHON ?= python3
+ROBOT ?= amouri2019
 VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
 .PHONY: study test bench build campaign campaign-files clean lock
 
-study: build ## the main job: the study of the built-in robot
-	@$(BIN)/bowstring study amouri2019
+study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
+	@$(BIN)/bowstring study "$(ROBOT)"
 
 build: $(VENV)/.built
 

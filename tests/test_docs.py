@@ -6,6 +6,7 @@ import doctest
 import re
 import shlex
 import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,26 @@ def test_commands(
             assert_same_text(out, shown)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_that_are_not_run(page: Path) -> None:
+    """What takes minutes or others' data stands in sh blocks; its flags are those there are."""
+    import typer
+
+    fences = re.findall(
+        r"^```([a-z]*)\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
+    )
+    for language, block in fences:
+        for line in block.replace("\\\n", " ").splitlines():
+            if language not in ("", "sh") or not line.startswith("bowstring "):
+                continue
+            assert language == "sh", f"{line!r} is never run: put it into a console block"
+            _, *arguments = shlex.split(line, comments=True)
+            command = typer.main.get_command(cli.app)
+            while hasattr(command, "commands"):
+                command = command.commands[arguments.pop(0)]
+            command.make_context("bowstring", arguments)
+
+
 def finite_elements_at(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Skip where there is no CalculiX; its results are kept apart from the user's."""
     if shutil.which("ccx") is None:
@@ -97,6 +118,23 @@ def test_python(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         assert result.failed == 0
     else:
         exec(compile(block, "page", "exec"), {"__name__": "page"})
+
+
+def test_readme_says_where_the_command_is_before_it_is_used() -> None:
+    text = (ROOT / "README.md").read_text("utf-8")
+    assert 0 < text.find("$ source .venv/bin/activate") < text.find("$ bowstring")
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
+@pytest.mark.parametrize(
+    ("given", "robot"), [((), "amouri2019"), (("ROBOT=my robot.yaml",), "my robot.yaml")]
+)
+def test_make_study_of_a_robot(given: tuple[str, ...], robot: str) -> None:
+    found = subprocess.run(
+        ["make", "-n", "-C", str(ROOT), "study", *given], capture_output=True, text=True, check=True
+    )
+    last = [line for line in found.stdout.splitlines() if "bowstring study" in line][-1]
+    assert shlex.split(last)[-1] == robot
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
