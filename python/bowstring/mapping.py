@@ -80,6 +80,14 @@ _NOTHING: Final = ("", "~", "null", "Null", "NULL")
 DATES: Final = "iso"
 
 
+def _name_or_number(value: object) -> object:
+    if value is None or (isinstance(value, str) and value.strip() in _NOTHING):
+        return None
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return repr(value)
+    return _COLUMN.read(value)
+
+
 class Source(_Part):
     """A column, or a number that stands in every row; written as its name alone where that is all.
 
@@ -95,7 +103,7 @@ class Source(_Part):
         What is taken of its numbers; the negative part without its sign.
     """
 
-    column: Annotated[str | None, BeforeValidator(lambda v: _name_or_number(v))] = None
+    column: Annotated[str | None, BeforeValidator(_name_or_number)] = None
     unit: str | None = None
     sign: Literal["1", "-1", "+", "-"] = "1"
     part: Part = "all"
@@ -119,14 +127,6 @@ class Source(_Part):
         """Factor to SI with its sign, where all have this unit."""
         scale = 1.0 if unit == PIXELS else _scale_of(self.unit or unit, si)
         return -scale if self.sign in ("-1", "-") else scale
-
-
-def _name_or_number(value: object) -> object:
-    if value is None or (isinstance(value, str) and value.strip() in _NOTHING):
-        return None
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return repr(value)
-    return _COLUMN.read(value)
 
 
 Triple = Annotated[tuple[Source, Source, Source], Field(description="Columns of x, y and z.")]

@@ -91,7 +91,8 @@ class Rigid:
     @property
     def rotation_vector(self) -> Array:
         """Axis times angle (3,), rad, the angle at most pi."""
-        return np.asarray(Rotation.from_matrix(self._rotation).as_rotvec())
+        # a copy, because SciPy before 1.15.2 takes no read-only array
+        return np.asarray(Rotation.from_matrix(self._rotation.copy()).as_rotvec())
 
     def apply(self, points: ArrayLike) -> Array:
         """Points (..., 3), m, moved; NaN stay."""

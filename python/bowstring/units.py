@@ -86,7 +86,8 @@ def _factor(unit: str, si: str) -> Decimal:
     except Exception as error:  # pint raises many kinds on text that is no unit
         raise ValueError(f"; {quote(unit)} is not a known unit") from error
     try:
-        return Decimal(repr(float(registry.Quantity(1.0, found).m_as(si))))
+        # versions of pint differ in the last digit, and a robot's hash must not
+        return Decimal(f"{float(registry.Quantity(1.0, found).m_as(si)):.15g}")
     except Exception as error:
         raise ValueError(f"; {quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}") from error
 
