@@ -33,6 +33,7 @@ from bowstring.comparison import (
     known_mean,
     with_tendons,
 )
+from bowstring.display import short_repr
 from bowstring.robot import TENDON_MATERIALS, Robot, TendonRing
 from bowstring.words import in_mm, in_percent, listed, significant
 
@@ -66,6 +67,7 @@ COMMANDED: Final = "cc_from_commanded_lengths"
 # -- what is computed --------------------------------------------------------------------------
 
 
+@short_repr
 @dataclass(frozen=True)
 class DriveRow:
     """One effect of the drive, beside the same commands without it."""
@@ -110,6 +112,7 @@ class DriveRow:
         }
 
 
+@short_repr
 @dataclass(frozen=True)
 class Loop:
     """Up to the largest command and down again: the hysteresis of the tip."""
@@ -162,6 +165,7 @@ class Loop:
         }
 
 
+@short_repr
 @dataclass(frozen=True)
 class DriveBudget:
     """What friction, elastic tendons and pulled lengths do to constant curvature's error."""

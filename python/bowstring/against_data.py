@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from bowstring import arc, samples, study_calibration
 from bowstring.comparison import Comparison, Theory, with_tendons
+from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError
 from bowstring.fit import Estimate
 from bowstring.measurements import Measurements, TendonCheck, check_tendons
@@ -85,6 +86,7 @@ _SAME: Final = 1e-9  # of the largest command: the same load
 # -- what is computed --------------------------------------------------------------------------
 
 
+@short_repr
 @dataclass(frozen=True)
 class Loads:
     """The commands as an axis, in groups, and in the order of the bench."""
@@ -129,6 +131,7 @@ class Loads:
         return np.asarray(2 * self.unit + self.loading, dtype=np.int64)
 
 
+@short_repr
 @dataclass(frozen=True)
 class DataComparison(Comparison):
     """A model against the measurement in one frame, with its intervals."""
@@ -158,6 +161,7 @@ class DataComparison(Comparison):
         return out
 
 
+@short_repr
 @dataclass(frozen=True)
 class Effect:
     """One step of the decomposition of the rod's error."""
@@ -191,6 +195,7 @@ class Effect:
         }
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class AgainstData:
     """All that a study says about measurements."""

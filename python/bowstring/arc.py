@@ -40,6 +40,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import _core
+from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError
 
 Array = NDArray[np.float64]
@@ -766,6 +767,7 @@ class _Robot(Protocol):
     def bending_stiffness(self) -> Any: ...
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class RobotArcs:
     """A robot's backbone as one arc a segment, in the robot's base frame."""

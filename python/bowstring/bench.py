@@ -22,7 +22,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import _core, drive, rod
-from bowstring.arguments import check_robot, floats, is_whole, number, numbers, shown
+from bowstring.arguments import (
+    check_robot,
+    floats,
+    is_whole,
+    number,
+    numbers,
+    shown,
+    with_options_of,
+)
 from bowstring.comparison import with_tendons
 from bowstring.errors import InputError
 from bowstring.files import check_parent, folder_beside, resolved
@@ -170,48 +178,6 @@ class Bench:
             tool=self.tool,
             truth={**self.truth, "seed": told},
         )
-
-
-def simulate(
-    robot: Robot,
-    tensions: drive.Given | None = None,
-    *,
-    seed: Seed = 0,
-    **setup: Any,
-) -> Measurements:
-    """Make synthetic measurements of a robot.
-
-    Parameters
-    ----------
-    robot, tensions, setup
-        As for `set_up`.
-    seed : int, Generator or None
-        As for `Bench.measure`.
-
-    Returns
-    -------
-    Measurements
-        Source "synthetic", points in the measuring frame; `Measurements.truth` says with what they
-        were made.
-
-    Raises
-    ------
-    InputError
-        If an argument is wrong; nothing is solved then.
-    NoSolutionError
-        If a load has no solution.
-
-    Examples
-    --------
-    The study's bench, but with all that disturbs one:
-
-    >>> import bowstring as bs
-    >>> from bowstring import bench
-    >>> data = bench.simulate(bs.load_robot("amouri2019"), **bench.STUDY)
-    >>> data.source, len(data), data.truth["differences"][0]["actual"]
-    ('synthetic', 99, 0.1)
-    """
-    return set_up(robot, tensions, **setup).measure(seed)
 
 
 def set_up(
@@ -376,6 +342,50 @@ def set_up(
         noise=sigma,
         truth=truth,
     )
+
+
+@with_options_of(set_up)
+def simulate(
+    robot: Robot,
+    tensions: drive.Given | None = None,
+    *,
+    seed: Seed = 0,
+    **setup: Any,
+) -> Measurements:
+    """Make synthetic measurements of a robot.
+
+    Parameters
+    ----------
+    robot, tensions, pulls, masses, tendon, g, repeats, unload, noise, friction, actual, gravity, \
+gravity_frame, base, tilt, tilt_towards, shift, tool, tool_error, tip_force, drift, theory
+        As for `set_up`.
+    seed : int, Generator or None
+        As for `Bench.measure`.
+
+    Returns
+    -------
+    Measurements
+        Source "synthetic", points in the measuring frame; `Measurements.truth` says with what they
+        were made.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong; nothing is solved then.
+    NoSolutionError
+        If a load has no solution.
+
+    Examples
+    --------
+    The study's bench, but with all that disturbs one:
+
+    >>> import bowstring as bs
+    >>> from bowstring import bench
+    >>> data = bench.simulate(bs.load_robot("amouri2019"), **bench.STUDY)
+    >>> data.source, len(data), data.truth["differences"][0]["actual"]
+    ('synthetic', 99, 0.1)
+    """
+    return set_up(robot, tensions, **setup).measure(seed)
 
 
 # -- what is driven, and from where it is seen ---------------------------------------------------

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bowstring.actuation import DriveBudget, drive_budget
 from bowstring.comparison import MEANINGS, Case, Model, Physics
+from bowstring.display import short_repr
 from bowstring.robot import Robot
 from bowstring.words import round_down
 
@@ -38,6 +39,7 @@ _MAX_SIDEWAYS: Final = (
 # -- what is computed --------------------------------------------------------------------------
 
 
+@short_repr
 @dataclass(frozen=True)
 class Contribution:
     """What one effect adds to the mean error of constant curvature, nothing else changed."""
@@ -62,6 +64,7 @@ class Contribution:
         return 0 < self.n < self.of
 
 
+@short_repr
 @dataclass(frozen=True)
 class BudgetRow:
     """One effect: added alone to the plainest physics, removed alone from the fullest.
@@ -83,6 +86,7 @@ class BudgetRow:
     acts_in_sweep: bool
 
 
+@short_repr
 @dataclass(frozen=True)
 class Budget:
     """The error budget."""

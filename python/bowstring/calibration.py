@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.fit import CrossValidation, Fit, Loss, Score, cross_validate, fit, hold_out, score
 from bowstring.measurements import Measurements
@@ -39,6 +40,7 @@ _IN_FILE: Final = ("segments", "gravity", "hole_angle", "pitch_radius")
 _MOST_BYTES: Final = 1_000_000
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Calibration:
     """A fit to measurements and what is to be told beside it; made by `calibrate`.

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring import arc, rod
+from bowstring.display import short_repr
 from bowstring.errors import BowstringError
 from bowstring.robot import Robot, TendonRing
 
@@ -51,6 +52,7 @@ MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
 # -- what is computed --------------------------------------------------------------------------
 
 
+@short_repr
 @dataclass(frozen=True)
 class Physics:
     """One set of physical assumptions; the defaults are the plainest."""
@@ -66,6 +68,7 @@ class Physics:
     """Factor on Young's modulus."""
 
 
+@short_repr
 @dataclass(frozen=True)
 class Comparison:
     """Tips of constant curvature against tips of physics."""
@@ -132,6 +135,7 @@ class Comparison:
         }
 
 
+@short_repr
 @dataclass(frozen=True)
 class Case:
     """One set of physics, and what it makes of constant curvature's error."""

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import arguments, interrupts, simulators
 from bowstring import drive as driving
 from bowstring.courses import Driven, Load, Loads, OverTime, Table, over_time, ramp, step
+from bowstring.display import html_table, in_few_rows, millimetres
 from bowstring.drive import Given
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.fields import Frames, Section
@@ -129,6 +130,13 @@ class Run:
 
     def __repr__(self) -> str:
         return f"<Run of {self.robot.name}: {self.message}>"
+
+    def _repr_html_(self) -> str:
+        def row(k: int) -> tuple[object, ...]:
+            return f"{self.time[k]:.6g} s", millimetres(self.tip_position[k])
+
+        title = repr(self).strip("<>")
+        return html_table(title, in_few_rows(len(self.time), row), ("time", "tip"))
 
     @property
     def converged(self) -> bool:

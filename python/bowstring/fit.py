@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bowstring import samples, words
 from bowstring.arguments import check_robot, is_whole, shown
+from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.noise import CHANCE, autocorrelation
 from bowstring.resampling import Linear
@@ -225,6 +226,7 @@ class Fit:
         }
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class CrossValidation:
     """Errors on rows that were left out; made by `cross_validate`.
@@ -742,8 +744,11 @@ def cross_validate(
     parameters: Sequence[str],
     *,
     folds: int = 5,
+    model: Model = "rod",
+    start: Mapping[str, float] | None = None,
     rows: ArrayLike | None = None,
-    **options: Any,
+    loss: Loss = "soft_l1",
+    theory: str = "cosserat",
 ) -> CrossValidation:
     """Fit without a part of the rows and predict that part, for each part.
 
@@ -754,12 +759,10 @@ def cross_validate(
 
     Parameters
     ----------
-    robot, data, parameters, rows
+    robot, data, parameters, model, start, rows, loss, theory
         As for `fit`.
     folds : int
         Number of parts.
-    options
-        Others of `fit`.
 
     Returns
     -------
@@ -779,7 +782,16 @@ def cross_validate(
     scores, labels, converged = [], [], True
     for k in range(int(folds)):
         out = used & (part == k)
-        found = fit(robot, data, parameters, rows=used & ~out, **options)
+        found = fit(
+            robot,
+            data,
+            parameters,
+            model=model,
+            start=start,
+            rows=used & ~out,
+            loss=loss,
+            theory=theory,
+        )
         predicted[out] = found.predict(data)[out]
         scores.append(score(predicted[out], measured[out]))
         names = list(dict.fromkeys(group[out].tolist()))

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from bowstring import __version__, datasets
 from bowstring.columns import SOURCES, Column, Layout, check_stations, tidy
+from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.files import has_mark, not_overwritten, write_whole_file
 from bowstring.joining import seconds_of
@@ -55,6 +56,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Measurements:
     """K rows of data of one robot with T tendons, and P measured points a row; read-only.

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import arguments, drive
+from bowstring.display import html_table, in_few_rows
 from bowstring.drive import Given
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.rod import TendonPath, Theory
@@ -71,6 +72,13 @@ class Modes:
         frequencies = ", ".join(f"{f:.4g}" for f in self.frequency_hz[:6])
         more = ", ..." if len(self) > 6 else ""
         return f"<Modes of {self.robot.name}: {frequencies}{more} Hz>"
+
+    def _repr_html_(self) -> str:
+        def row(k: int) -> tuple[object, ...]:
+            return k + 1, f"{self.frequency_hz[k]:.6g}", self.kind[k]
+
+        header = ("mode", "frequency, Hz", "kind")
+        return html_table(f"Modes of {self.robot.name}", in_few_rows(len(self), row), header)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``bowstring modes --json``."""

@@ -30,6 +30,7 @@ from scipy.spatial.transform import Rotation
 
 from bowstring.arguments import floats, number, numbers, shown, vectors
 from bowstring.comparison import Comparison
+from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.rigid import SKEW, Rigid
 
@@ -72,6 +73,7 @@ _CLEARLY: Final = 3.0  # times the sum of squares: what a model does wrong is no
 # -- a registration ----------------------------------------------------------------------------
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Registration:
     """Measuring frame to base frame, and how well it is known.

@@ -31,6 +31,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from bowstring.disk import distinct_holes, drilled_disk, room_for_holes
+from bowstring.display import html_table, short_repr
 from bowstring.errors import InputError
 from bowstring.plausibility import doubts
 from bowstring.safe_yaml import read_yaml, reading, text_of
@@ -381,6 +382,7 @@ class Segment(_Part):
         )
 
 
+@short_repr
 @dataclass(frozen=True)
 class RobotDisks:
     """All disks from base to tip (N of them, the base excluded), in SI.
@@ -399,6 +401,7 @@ class RobotDisks:
     segment: Ints
 
 
+@short_repr
 @dataclass(frozen=True)
 class RobotTendons:
     """All tendons (T of them, segment by segment, inner first, in file order), in SI.
@@ -465,6 +468,34 @@ class Robot(_Part):
         if problems:
             raise PydanticCustomError("bowstring_many", "", {"problems": problems})
         return self
+
+    def __repr__(self) -> str:
+        return f"<Robot {self.name}: {self._summary}>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                segment.name or f"segment {j}",
+                number_with_unit(segment.length, "m"),
+                number_with_unit(segment.backbone.diameter, "m"),
+                number_with_unit(segment.backbone.E, "Pa"),
+                int((self.disks.segment == j - 1).sum()),
+                int((self.tendons.segment == j - 1).sum()),
+            )
+            for j, segment in enumerate(self.segments, 1)
+        ]
+        header = ("", "length", "diameter", "E", "disks", "tendons")
+        return html_table(f"{self.name}: {self._summary}", rows, header)
+
+    @property
+    def _summary(self) -> str:
+        counts = [
+            (len(self.segments), "segment"),
+            (len(self.disks.station_m), "disk"),
+            (len(self.tendons.angle_rad), "tendon"),
+        ]
+        named = ", ".join(f"{n} {what}{'' if n == 1 else 's'}" for n, what in counts)
+        return f"{number_with_unit(self.length, 'm')}, {named}"
 
     # Caches live in __dict__; the core's object cannot be pickled and need not be.
     def __getstate__(self) -> dict[Any, Any]:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bowstring import arguments, drive
 from bowstring.arguments import check_choices, check_robot
+from bowstring.display import html_table, in_few_rows, millimetres, short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.plausibility import load_advice
 
@@ -134,6 +135,18 @@ class Solution:
             x, y, z = 1e3 * position
             return f"<Solution of {self.robot.name}: tip at ({x:.3f}, {y:.3f}, {z:.3f}) mm>"
         return f"<Solution of {self.robot.name}: {self.status}>"
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, object]] = [
+            ("status", self.status),
+            ("stable", "unknown" if self.stable is None else "yes" if self.stable else "no"),
+            ("theory", self.theory),
+            ("tensions", ", ".join(f"{v:.6g}" for v in self.tensions) + " N"),
+        ]
+        if self.core.tip_position is not None:
+            rows.insert(0, ("tip", millimetres(self.core.tip_position)))
+            rows.append(("tendon lengths", millimetres(self.tendon_lengths)))
+        return html_table(f"Solution of {self.robot.name}", rows)
 
     def __reduce__(self) -> tuple[Any, ...]:
         c = self.core
@@ -594,6 +607,15 @@ class Sweep:
         done = int(self.converged.sum())
         return f"<Sweep of {self.robot.name}: {done} of {len(self)} loads converged>"
 
+    def _repr_html_(self) -> str:
+        def row(k: int) -> tuple[object, ...]:
+            tensions = ", ".join(f"{v:.6g}" for v in self.tensions[k])
+            tip = millimetres(self.tip_position[k]) if self.converged[k] else ""
+            return k, tensions, tip, self.status[k]
+
+        title = repr(self).strip("<>")
+        return html_table(title, in_few_rows(len(self), row), ("", "tensions, N", "tip", "status"))
+
     def message(self, row: int) -> str:
         """One sentence on how a row ended, as `Solution.message`."""
         advice = ""
@@ -642,6 +664,7 @@ class Sweep:
         return self
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Jacobians:
     """Derivatives of an equilibrium; made by `jacobians`.
@@ -676,6 +699,7 @@ class Jacobians:
     lengths_by_stiffness: Floats
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class PullJacobian:
     """Derivatives of an equilibrium by pulls; made by `pull_jacobian`.

@@ -25,6 +25,7 @@ all is SI and radians; `Study.to_dict` is for people and files, in mm, degrees a
 
 from __future__ import annotations
 
+import inspect
 import math
 import sys
 from collections import abc
@@ -43,6 +44,7 @@ from bowstring import _core, arc, limits
 from bowstring.arguments import is_whole, shown
 from bowstring.budget import Budget, BudgetRow, error_budget
 from bowstring.comparison import COMPARISONS, Case, Comparison, Model, Physics, Theory
+from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.robot import Robot, load_robot
 from bowstring.transient import (
@@ -248,6 +250,7 @@ DATA_FIGURES: Final = (
 # -- what is computed --------------------------------------------------------------------------
 
 
+@short_repr
 @dataclass(frozen=True)
 class Settings:
     """What was asked of the study."""
@@ -285,6 +288,7 @@ class Settings:
         return sum(share > 0.0 for share in self.shares) == 1
 
 
+@short_repr
 @dataclass(frozen=True)
 class GeometricSweep:
     """The study's own sweep: constant curvature alone, no physics."""
@@ -307,6 +311,7 @@ class GeometricSweep:
     """Share of the sweep's tensions that the linear law makes these arcs of; 1 without gravity."""
 
 
+@short_repr
 @dataclass(frozen=True)
 class Statics:
     """The sweep by straight-span statics."""
@@ -363,6 +368,18 @@ class Study:
     """Whether the report shows the robot as a solid."""
     bricks: FiniteElements | None = None
     """The sweep by finite elements, where they were asked for."""
+
+    def __repr__(self) -> str:
+        force, count = f"{self.settings.max_tension:.6g} N", len(self.comparisons)
+        return f"<Study of {self.robot.name} to {force}: {count} comparisons>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (c.name, c.against, f"{1e3 * c.mean:.3f}", f"{1e3 * c.maximum:.3f}")
+            for c in self.comparisons
+        ]
+        title = repr(self).strip("<>")
+        return html_table(title, rows, ("comparison", "against", "mean, mm", "max, mm"))
 
     @property
     def length(self) -> float:
@@ -1076,6 +1093,12 @@ class _CallableModule(ModuleType):
 
     def __call__(self, *args: Any, **options: Any) -> Study:
         return run(*args, **options)
+
+    __call__.__doc__ = run.__doc__
+
+    @property
+    def __signature__(self) -> inspect.Signature:
+        return inspect.signature(run)
 
 
 sys.modules[__name__].__class__ = _CallableModule

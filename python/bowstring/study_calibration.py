@@ -19,6 +19,7 @@ from scipy import special
 from bowstring import fit as fit_
 from bowstring import rod
 from bowstring.comparison import Theory
+from bowstring.display import short_repr
 from bowstring.errors import BowstringError
 from bowstring.fit import Fit
 from bowstring.measurements import STANDARD_GRAVITY, Measurements
@@ -39,6 +40,7 @@ _BASE: Final = ("x", "y", "z", "rx", "ry", "rz")
 _GAINS: Final = (1.0, 0.3, 0.1)  # of constant curvature, from which its fit is started
 
 
+@short_repr
 @dataclass(frozen=True, eq=False)
 class StudyCalibration:
     """A robot, its drive and its base frame by measurements."""

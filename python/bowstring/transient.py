@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bowstring import dynamics, fields, limits, simulators
 from bowstring.comparison import Model, known_max, known_mean
+from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot import Robot
 from bowstring.words import in_mm, in_percent, significant
@@ -51,6 +52,7 @@ _SAME: Final = 1e-4  # of the length: dynamics lumps the backbone's weight, whic
 # -- what is computed --------------------------------------------------------------------------
 
 
+@short_repr
 @dataclass(frozen=True)
 class Surface:
     """Largest values on the whole backbone's surface (K,)."""
@@ -73,6 +75,7 @@ class Surface:
         }
 
 
+@short_repr
 @dataclass(frozen=True)
 class Transient:
     """The motion, and statics at the same tensions."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from bowstring.budget import Budget
 from bowstring.comparison import MEANINGS, Case, Comparison, Model, Physics, known_max
+from bowstring.display import short_repr
 from bowstring.words import in_mm, in_newtons, in_percent, listed, significant
 
 __all__ = ["Meaning", "Share", "Verdict", "judge"]
@@ -30,6 +31,7 @@ _WORTH_NAMING: Final = 0.1  # share of the error below which no effect is called
 # -- what is computed --------------------------------------------------------------------------
 
 
+@short_repr
 @dataclass(frozen=True)
 class Share:
     """What one effect has in constant curvature's error at one load of the main sweep."""
@@ -42,6 +44,7 @@ class Share:
     """(error - error_without) / error; shares interact and need not add up to one."""
 
 
+@short_repr
 @dataclass(frozen=True)
 class Meaning:
     """The verdict on one meaning of constant curvature."""
@@ -70,6 +73,7 @@ class Meaning:
         return largest[0] if largest and largest[0].share >= _WORTH_NAMING else None
 
 
+@short_repr
 @dataclass(frozen=True)
 class Verdict:
     """The answer in plain words, and the numbers it is made of."""

@@ -1,0 +1,96 @@
+"""How objects show themselves: one short line as text, a small table in a notebook."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, Final, TypeVar
+
+import numpy as np
+
+__all__ = ["html_table", "in_few_rows", "millimetres", "short_repr"]
+
+Class = TypeVar("Class", bound=type)
+
+_LONGEST: Final = 60  # characters of a value
+_MOST: Final = 4  # numbers of an array that are shown
+_MOST_ROWS: Final = 10
+
+
+def short_repr(cls: Class) -> Class:
+    """Give a dataclass a repr of one line, in which arrays and long values are told by their size.
+
+    A decorator above that of the dataclass.
+    """
+
+    def text(self: Any) -> str:
+        shown = (f"{f.name}={_brief(getattr(self, f.name))}" for f in fields(self) if f.repr)
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+    setattr(cls, "__repr__", text)  # noqa: B010
+    return cls
+
+
+def _brief(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        if value.size <= _MOST and value.ndim == 1:
+            form = "{:.6g}" if value.dtype.kind == "f" else "{}"
+            return f"[{', '.join(form.format(item) for item in value)}]"
+        return f"array {value.shape}"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, str):
+        return repr(value if len(value) <= _LONGEST else value[: _LONGEST - 3] + "...")
+    if isinstance(value, (Mapping, Sequence)) and not hasattr(value, "_fields"):
+        text = repr(value) if len(value) <= _MOST else ""
+        many = f"{type(value).__name__} of {len(value)}"
+        return text if text and len(text) <= _LONGEST and "array" not in text else many
+    text = repr(value)
+    return text if len(text) <= _LONGEST and "\n" not in text else f"<{type(value).__name__}>"
+
+
+def html_table(title: str, rows: Iterable[Sequence[object]], header: Sequence[str] = ()) -> str:
+    """Write a table for a notebook.
+
+    Parameters
+    ----------
+    title : str
+        Stands above it.
+    rows : iterable of sequence
+        Cells, shown by `str`; the first of a row is its name.
+    header : sequence of str
+        Of the columns.
+
+    Returns
+    -------
+    str
+        HTML without anything that could run.
+    """
+    head = "".join(f"<th>{html.escape(str(cell))}</th>" for cell in header)
+    body = "".join(
+        "<tr>"
+        + f"<th>{html.escape(str(row[0]))}</th>"
+        + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row[1:])
+        + "</tr>"
+        for row in rows
+    )
+    return (
+        f"<table><caption>{html.escape(title)}</caption>"
+        + (f"<thead><tr>{head}</tr></thead>" if head else "")
+        + f"<tbody>{body}</tbody></table>"
+    )
+
+
+def in_few_rows(count: int, row: Callable[[int], Sequence[object]]) -> list[Sequence[object]]:
+    """Rows of a long table: the first, some between, the last."""
+    if count <= _MOST_ROWS:
+        return [row(k) for k in range(count)]
+    shown = np.unique(np.linspace(0, count - 1, _MOST_ROWS).round().astype(int))
+    return [row(int(k)) for k in shown]
+
+
+def millimetres(point: object) -> str:
+    """Write a point or several lengths, given in m."""
+    values = 1e3 * np.asarray(point, dtype=float).ravel()
+    return ", ".join(f"{v:.3f}" for v in values) + " mm"

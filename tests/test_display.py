@@ -1,0 +1,148 @@
+"""What objects and functions say of themselves: reprs, notebooks, signatures, dir."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import bowstring as bs
+from bowstring.dynamics import ramp
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def robot() -> bs.Robot:
+    return bs.load_robot("rao2021")
+
+
+@pytest.fixture(scope="module")
+def objects(robot: bs.Robot) -> dict[str, Any]:
+    """What the public functions return."""
+    solution = bs.solve(robot, [1, 0, 0, 0, 0, 0])
+    loads = np.outer(np.linspace(0, 1, 200), [1, 0, 0, 0, 0, 0])
+    study = bs.study(bs.load_robot("amouri2019"), points=5)
+    return {
+        "robot": robot,
+        "solution": solution,
+        "sweep": bs.sweep(robot, loads),
+        "run": bs.simulate(robot, ramp([0.1, 0, 0, 0, 0, 0], rise=0.01), duration=0.01),
+        "modes": bs.modes(robot),
+        "study": study,
+        "data": bs.measurements.read_measurements(ROOT / "examples" / "bench.csv"),
+        "jacobians": bs.jacobians(solution),
+        "arcs": bs.arc.robot_fk(robot, solution.tendon_lengths),
+        "tendons": robot.tendons,
+        "disks": robot.disks,
+        **{f"study.{name}": value for name, value in vars(study).items()},
+        **{f"study.{c.name}": c for c in study.comparisons},
+    }
+
+
+def test_reprs_are_short(objects: dict[str, Any]) -> None:
+    for name, value in objects.items():
+        if not isinstance(value, tuple):
+            assert len(repr(value)) <= 800 and "\n" not in repr(value), name
+
+
+def test_reprs_say_what_it_is(objects: dict[str, Any]) -> None:
+    assert repr(objects["robot"]) == "<Robot rao2021: 400 mm, 2 segments, 20 disks, 6 tendons>"
+    assert repr(objects["study"]) == "<Study of amouri2019 to 80 N: 8 comparisons>"
+    assert repr(objects["data"]).startswith("Measurements(source='synthetic', name='bench', ten")
+    assert "tensions=array (33, 3)" in repr(objects["data"])
+
+
+class _Tags(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: set[str] = set()
+
+    def handle_starttag(self, tag: str, attributes: object) -> None:
+        self.open.append(tag)
+        self.seen.add(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+@pytest.mark.parametrize("name", ["robot", "solution", "sweep", "run", "modes", "study"])
+def test_notebooks_get_a_small_table(name: str, objects: dict[str, Any]) -> None:
+    text = objects[name]._repr_html_()
+    tags = _Tags()
+    tags.feed(text)
+    assert not tags.open and tags.seen <= {"table", "caption", "thead", "tbody", "tr", "th", "td"}
+    assert len(text) < 3000
+
+
+def test_tables_have_the_numbers(objects: dict[str, Any]) -> None:
+    x, y, z = 1e3 * objects["solution"].tip.position
+    assert f"{x:.3f}, {y:.3f}, {z:.3f} mm" in objects["solution"]._repr_html_()
+    assert objects["sweep"]._repr_html_().count("<tr>") == 11  # of 200 rows
+    assert "cc_from_force" in objects["study"]._repr_html_()
+    failed = bs.solve(bs.load_robot("amouri2019"), [1e5, 1e5, 1e5])
+    assert "converged" not in failed._repr_html_() and failed.status in failed._repr_html_()
+
+
+def test_names_in_tables_are_text(robot: bs.Robot) -> None:
+    named = robot.with_({"name": "<script>alert(1)</script>"})
+    assert "<script>" not in named._repr_html_() and "&lt;script&gt;" in named._repr_html_()
+
+
+# -- functions -----------------------------------------------------------------------------------
+
+
+def _public() -> Iterator[Any]:
+    """Functions that users call, each with its name."""
+    modules = [bs, *(getattr(bs, name) for name in bs.__all__)]
+    seen = set()
+    for module in modules:
+        if not isinstance(module, ModuleType):
+            continue
+        for name in getattr(module, "__all__", ()):
+            found = getattr(module, name)
+            if inspect.isfunction(found) and found not in seen:
+                seen.add(found)
+                yield pytest.param(found, id=f"{found.__module__}.{name}")
+
+
+def _documented(function: Callable[..., Any]) -> list[str]:
+    """Names under "Parameters" of a docstring."""
+    text = inspect.getdoc(function) or ""
+    match = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+\n|\Z)", text, re.S | re.M)
+    if match is None:
+        return []
+    heads = re.findall(r"^(\w[\w, ]*?)(?: :.*)?$", match[1].replace("\\\n", ""), re.M)
+    return [name.strip() for head in heads for name in head.split(",")]
+
+
+@pytest.mark.parametrize("function", list(_public()))
+def test_signatures_and_docstrings_agree(function: Callable[..., Any]) -> None:
+    signature = inspect.signature(function)
+    kinds = {p.kind for p in signature.parameters.values()}
+    assert not kinds & {inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL}
+    assert inspect.getdoc(function)
+    documented = _documented(function)
+    assert set(documented) <= set(signature.parameters), "documents what it does not take"
+    if documented:
+        assert set(documented) == set(signature.parameters), "leaves a parameter out"
+
+
+def test_the_study_is_a_function_with_its_arguments() -> None:
+    assert inspect.signature(bs.study) == inspect.signature(bs.study.run)
+    assert "tolerance" in inspect.signature(bs.study).parameters
+    assert inspect.getdoc(bs.study.__call__) == inspect.getdoc(bs.study.run)
+
+
+def test_dir_has_what_is_public_and_nothing_else() -> None:
+    assert dir(bs) == sorted(bs.__all__)
+    for name in dir(bs):
+        getattr(bs, name)
