@@ -1,11 +1,12 @@
 # Everything happens in .venv; nothing outside this folder is touched.
 PYTHON ?= python3
 ROBOT ?= amouri2019
+RESOLUTION ?= lowest-direct
 VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: study test bench build campaign campaign-files clean lock
+.PHONY: study test test-versions bench build campaign campaign-files clean lock
 
 study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
 	@$(BIN)/bowstring study "$(ROBOT)"
@@ -34,6 +35,13 @@ test: build
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
+test-versions: build ## tests with the oldest versions allowed, or RESOLUTION=highest (needs uv)
+	uv venv --quiet --allow-existing --python $(PYTHON) .venv-$(RESOLUTION)
+	uv pip install --quiet --upgrade --python .venv-$(RESOLUTION) --resolution $(RESOLUTION) -r pyproject.toml
+	uv pip install --quiet --python .venv-$(RESOLUTION) -r requirements/dev.in
+	@echo $(abspath python) > $$(echo .venv-$(RESOLUTION)/lib/python3*/site-packages)/bowstring.pth
+	.venv-$(RESOLUTION)/bin/python -m pytest -n auto --dist loadfile -W default $(TESTS)
+
 bench: build .venv-peers/.tried ## our times beside those of other solvers
 	-cargo bench -p bowstring-core --locked
 	@$(BIN)/python -m benchmarks.run
@@ -56,7 +64,7 @@ campaign-files: build ## N more damaged files, then 100 killed commands; slow, r
 	nice -n 10 $(BIN)/python -m campaign.kills 100
 
 clean:
-	rm -rf $(VENV) .venv-peers target
+	rm -rf $(VENV) .venv-peers .venv-lowest-direct .venv-highest target
 
 lock: ## renew the lock file (needs uv)
 	uv pip compile --universal --python-version 3.10 --no-header --no-annotate --generate-hashes --no-emit-index-url --no-emit-find-links --extra cad pyproject.toml requirements/dev.in -o requirements/dev.lock
