@@ -6,6 +6,8 @@ everything is SI; K is the number of rows, T that of tendons, P that of paramete
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 
 from bowstring import arc, drive
 from bowstring.errors import BowstringError, InputError
+from bowstring.pieces import Pieces
 from bowstring.robot import Robot
 from bowstring.unknowns import DRIVE, Setting, Unknown, Unknowns
 
@@ -27,6 +30,8 @@ _NO_LOAD: Final = (0.0, 0.0, 0.0)
 #: Share of a natural step of a parameter for differences; more where friction jumps.
 _SMALL: Final = 1e-3
 _SMALL_FRICTION: Final = 0.1
+#: Rows from which a row without a solution is tried to be reached.
+_NEIGHBOURS: Final = 2
 
 
 @dataclass(frozen=True)
@@ -124,7 +129,9 @@ class Prediction:
         NaN where the model has no answer.
     solved : ndarray of bool (K,)
     solutions : list or None
-        Of the core, where derivatives are wanted.
+        Of the core, where derivatives are wanted; of a row that is not solved, it has no pose.
+    tensions, slack : ndarray (K, T) or None
+        Of the tendons, N and m, where a rod's statics found them.
     """
 
     position: Floats
@@ -133,6 +140,8 @@ class Prediction:
     setting: Setting
     commands: Floats
     solutions: list[Any] | None = None
+    tensions: Floats | None = None
+    slack: Floats | None = None
 
     @property
     def point(self) -> Floats:
@@ -162,6 +171,8 @@ class TipModel:
         self.model = model
         self.theory = theory
         self.solves = 0
+        #: The last prediction with its derivatives, as far as they were asked for.
+        self._kept: tuple[Prediction, _Exact | None, dict[int, _Column]] | None = None
 
     def predict(self, values: Floats, *, keep: bool = False) -> Prediction:
         """The end disk by these values (P,) of the parameters.
@@ -184,11 +195,66 @@ class TipModel:
         Exact for what acts on pulls and tensions, for E, base and tool, unless tendons rub; central
         differences for the rest.
         """
-        exact = None
-        if at.solutions is not None and not at.setting.robot.has_friction:
-            exact = _Exact.of(at)
-        columns = [self._column(i, values, at, exact) for i in range(len(values))]
+        columns = [column.whole for column in self._columns(values, at)]
         return np.stack(columns, axis=-1) if columns else np.zeros((len(self.commands), 3, 0))
+
+    @property
+    def of_frames(self) -> Bools:
+        """Which parameters (P,) place the base or the tool."""
+        return np.array([n.startswith(("base.", "tool.")) for n in self.unknowns.names], dtype=bool)
+
+    def frame_jacobian(self, values: Floats, at: Prediction) -> Floats:
+        """Derivatives (K, 3, P) by base and tool, zero by other parameters."""
+        table = np.zeros((len(self.commands), 3, len(values)))
+        for i in np.flatnonzero(self.of_frames):
+            table[:, :, i] = self._difference(int(i), values, lambda setting: _placed(at, setting))
+        return table
+
+    def pieces(self, values: Floats, at: Prediction) -> Pieces | None:
+        """The measured point nearby, also where tendons become taut or slack.
+
+        None where no tendon is pulled by a length, where the pulls do not determine the tensions,
+        with friction, and for constant curvature. Rows without a solution have NaN.
+        """
+        exact = self._exact(at) if self.commands.pulled.any() else None
+        if exact is None:
+            return None
+        assert at.solutions is not None
+        slack = np.full(exact.tensions.shape, np.nan)
+        for k in np.flatnonzero(at.solved):
+            slack[k] = at.solutions[k].slack_lengths
+        columns = self._columns(values, at)
+        by_slack = np.stack([column.slack for column in columns], axis=-1)
+        by_tension = np.stack([column.tensions for column in columns], axis=-1)
+        by_point = np.stack([column.point for column in columns], axis=-1)
+        return Pieces(
+            # commanded tensions follow the parameters, whoever is slack
+            point_by_parameter=by_point + exact.by_tension @ by_tension,
+            point_by_tension=exact.by_tension,
+            slack=slack,
+            tensions=exact.tensions,
+            slack_by_parameter=by_slack + exact.slack_by_tension @ by_tension,
+            slack_by_tension=exact.slack_by_tension,
+            pulled=self.commands.pulled,
+        )
+
+    def _exact(self, at: Prediction) -> _Exact | None:
+        if at.solutions is None or at.setting.robot.has_friction:
+            return None
+        if self._kept is None or self._kept[0] is not at:
+            self._kept = at, _Exact.of(at), {}
+        return self._kept[1]
+
+    def _columns(self, values: Floats, at: Prediction) -> list[_Column]:
+        exact = self._exact(at)
+        known: dict[int, _Column] = {} if self._kept is None else self._kept[2]
+        if exact is None:
+            friction = self.model == "rod" and at.setting.robot.has_friction
+            known = self._along_paths(values, at) if friction else {}
+        for i in range(len(values)):
+            if i not in known:
+                known[i] = self._column(i, values, at, exact)
+        return [known[i] for i in range(len(values))]
 
     # -- the models --------------------------------------------------------------------------
 
@@ -201,13 +267,21 @@ class TipModel:
             return self._paths(way, setting, given)
         if not keep:
             found = way.core.follow(pulled, given, None, _NO_LOAD, _NO_LOAD, False, False, 0)
-            solved = found["converged"]
-            return Prediction(found["tip_position"], found["tip_rotation"], solved, setting, given)
+            return Prediction(
+                found["tip_position"],
+                found["tip_rotation"],
+                found["converged"],
+                setting,
+                given,
+                tensions=found["tensions"],
+                slack=found["slack_lengths"],
+            )
         solutions = []
         for held, row in zip(pulled, given, strict=True):
             way.core.reset()
             solutions.append(way.core.step(held, row, None, _NO_LOAD, _NO_LOAD))
         solved = np.array([s.converged for s in solutions])
+        _continue_from_neighbours(way.core, pulled, given, solutions, solved)
         position = np.full((len(given), 3), np.nan)
         turned = np.full((len(given), 3, 3), np.nan)
         for k in np.flatnonzero(solved):
@@ -220,13 +294,15 @@ class TipModel:
         position = np.full((len(given), 3), np.nan)
         turned = np.full((len(given), 3, 3), np.nan)
         solved = np.zeros(len(given), bool)
+        tensions, slack = np.full_like(given, np.nan), np.full_like(given, np.nan)
         for rows in self.commands.paths:
             way.core.reset()
             loads = self.commands.pulled[rows], given[rows], None, _NO_LOAD, _NO_LOAD
             found = way.core.follow(*loads, False, True, 1)
             position[rows], turned[rows] = found["tip_position"], found["tip_rotation"]
             solved[rows] = found["converged"]
-        return Prediction(position, turned, solved, setting, given)
+            tensions[rows], slack[rows] = found["tensions"], found["slack_lengths"]
+        return Prediction(position, turned, solved, setting, given, tensions=tensions, slack=slack)
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Constant curvature: the tendons' arcs, segment by segment, each bend times its gain."""
@@ -241,46 +317,79 @@ class TipModel:
 
     # -- derivatives -------------------------------------------------------------------------
 
-    def _column(self, i: int, values: Floats, at: Prediction, exact: _Exact | None) -> Floats:
+    def _column(self, i: int, values: Floats, at: Prediction, exact: _Exact | None) -> _Column:
         item = self.unknowns.items[i]
         name = item.name
+        none = np.zeros(self.commands.values.shape)
         if name.startswith(("base.", "tool.")):
-            return self._difference(i, values, lambda setting: _placed(at, setting))
+            moved = self._difference(i, values, lambda setting: _placed(at, setting))
+            return _Column(moved, moved, none, none)
+        still = np.zeros((len(none), 3))
+        pulled = self.commands.pulled
         if exact is not None:
             if not item.paths and not name.startswith(("hole_angle", "pitch_radius", "bend_gain")):
                 commands = self._difference(i, values, self.commands.effective)
-                return exact.by_command(commands)
+                shorter = np.where(pulled, commands, 0.0)
+                return exact.column(still, -shorter, np.where(pulled, 0.0, commands))
+            by_home = np.where(pulled, self._difference(i, values, self._home), 0.0)
             if item.leaf in DRIVE:
-                return self._by_drive(i, values, at, exact)
+                # what gives way more is pulled less, tension by tension
+                by_compliance = self._difference(
+                    i, values, lambda setting: drive.compliances(setting.robot)
+                )
+                gives = np.where(pulled, exact.tensions * by_compliance, 0.0)
+                return exact.column(still, by_home + gives, none)
             if item.leaf == "E" and self._same_nu(item):
-                by_home = -self._difference(i, values, self._home)
-                whole: Floats = exact.by_command(np.broadcast_to(by_home, at.commands.shape))
                 for path in item.paths:
                     j = int(path.split(".")[1])
-                    whole = whole + exact.by_stiffness(j) / values[i]
-                return whole
+                    still = still + exact.by_stiffness[:, :, j] / values[i]
+                    by_home = by_home - exact.lengths_by_stiffness[:, :, j] / values[i]
+                return exact.column(still, by_home, none)
 
-        def solved(setting: Setting) -> Floats:
-            given = self.commands.effective(setting)
-            self.solves += 1
-            found = (
-                self._arcs(setting, given)
-                if self.model == "arc"
-                else (self._rod(setting, given, keep=False))
-            )
-            return found.point
+        self.solves += 2
+        change = self._difference(i, values, self._state, self._small(at))
+        return self._by_differences(change, at, exact)
 
-        small = _SMALL_FRICTION if at.setting.robot.has_friction else _SMALL
-        return self._difference(i, values, solved, small)
+    def _state(self, setting: Setting) -> Floats:
+        """Point, tensions and slack lengths (K, 3 + 2 T); of constant curvature the point alone."""
+        given = self.commands.effective(setting)
+        if self.model == "arc":
+            return self._arcs(setting, given).point
+        found = self._rod(setting, given, keep=False)
+        assert found.tensions is not None and found.slack is not None
+        return np.concatenate((found.point, found.tensions, found.slack), axis=1)
 
-    def _by_drive(self, i: int, values: Floats, at: Prediction, exact: _Exact) -> Floats:
-        """What gives way more is pulled less, tension by tension; so is what is longer at home."""
-        by_home = self._difference(i, values, self._home)
-        by_compliance = self._difference(
-            i, values, lambda setting: drive.compliances(setting.robot)
-        )
-        shorter = np.where(self.commands.pulled, by_home + exact.tensions * by_compliance, 0.0)
-        return exact.by_command(-shorter)
+    def _small(self, at: Prediction) -> float:
+        return _SMALL_FRICTION if at.setting.robot.has_friction else _SMALL
+
+    def _by_differences(self, change: Floats, at: Prediction, exact: _Exact | None) -> _Column:
+        """The derivatives that central differences of `_state` mean."""
+        count = self.commands.values.shape[1]
+        none = np.zeros(self.commands.values.shape)
+        if exact is None:
+            return _Column(change[:, :3], change[:, :3], none, none)
+        pulled = self.commands.pulled
+        change = np.where(at.solved[:, None], change, 0.0)
+        whole, tensions, slack = change[:, :3], change[:, 3 : 3 + count], change[:, 3 + count :]
+        forced = np.where(pulled, 0.0, tensions)
+        by_tensions = np.einsum("kit,kt->ki", exact.by_tension, tensions)
+        slack = slack - np.einsum("kst,kt->ks", exact.slack_by_tension, tensions)
+        return _Column(whole, whole - by_tensions, np.where(pulled, slack, 0.0), forced)
+
+    def _along_paths(self, values: Floats, at: Prediction) -> dict[int, _Column]:
+        """Columns of all parameters that are no frame's by differences of paths, side by side."""
+        which = np.flatnonzero(~self.of_frames).tolist()
+        moves = [self._sides(i, values, self._small(at)) for i in which]
+        settings = [setting for sides in moves for setting, _ in sides]
+        self.solves += len(settings)
+        with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+            states = list(pool.map(self._state, settings))
+        out = {}
+        for n, (i, sides) in enumerate(zip(which, moves, strict=True)):
+            apart = sides[0][1] - sides[1][1]
+            change = (states[2 * n] - states[2 * n + 1]) / apart
+            out[i] = self._by_differences(change, at, None)
+        return out
 
     def _home(self, setting: Setting) -> Floats:
         home = drive.home_lengths(setting.robot, self.theory, "straight", True, 1)
@@ -294,18 +403,43 @@ class TipModel:
 
     def _difference(self, i: int, values: Floats, of: Any, small: float = _SMALL) -> Floats:
         """Central difference, one-sided at a limit, of a function of the setting."""
+        (above, high), (below, low) = self._sides(i, values, small)
+        return np.asarray((of(above) - of(below)) / (high - low))
+
+    def _sides(self, i: int, values: Floats, small: float) -> list[tuple[Setting, float]]:
+        """Settings with more and with less of a parameter, and its values."""
         item = self.unknowns.items[i]
-        found, at = [], []
+        sides = []
         for sign in (1.0, -1.0):
             moved = values.copy()
             moved[i] = np.clip(values[i] + sign * small * item.step, item.low, item.high)
             try:
-                found.append(of(self.unknowns.setting(moved)))
+                setting = self.unknowns.setting(moved)
             except BowstringError:  # the one side has no robot
-                moved = values
-                found.append(of(self.unknowns.setting(moved)))
-            at.append(moved[i])
-        return np.asarray((found[0] - found[1]) / (at[0] - at[1]))
+                moved, setting = values, self.unknowns.setting(values)
+            sides.append((setting, float(moved[i])))
+        return sides
+
+
+def _continue_from_neighbours(
+    core: Any, pulled: Bools, given: Floats, solutions: list[Any], solved: Bools
+) -> None:
+    """Solve rows that have no solution from home from the rows with the nearest commands.
+
+    Changes `solutions` and `solved` in place.
+    """
+    known = np.flatnonzero(solved)
+    for k in np.flatnonzero(~solved):
+        alike = known[(pulled[known] == pulled[k]).all(axis=1)]
+        apart = np.linalg.norm(given[alike] - given[k], axis=1)
+        for near in alike[np.argsort(apart, kind="stable")[:_NEIGHBOURS]]:
+            core.reset()
+            if not core.step(pulled[near], given[near], None, _NO_LOAD, _NO_LOAD).converged:
+                continue
+            found = core.step(pulled[k], given[k], None, _NO_LOAD, _NO_LOAD)
+            if found.converged:
+                solutions[k], solved[k] = found, True
+                break
 
 
 def _placed(at: Prediction, setting: Setting) -> Floats:
@@ -314,70 +448,96 @@ def _placed(at: Prediction, setting: Setting) -> Floats:
 
 
 @dataclass(frozen=True)
-class _Exact:
-    """Derivatives of the measured point by commands and stiffness, of all rows.
+class _Column:
+    """Derivatives by one parameter.
 
     Attributes
     ----------
-    tip : ndarray (K, 3, T)
-        By the command of each tendon, its pull or its tension.
-    stiff : ndarray (K, 3, S)
-        By the relative change of the stiffness of each segment, commands held.
+    whole : ndarray (K, 3)
+        Of the measured point.
+    point, slack : ndarray (K, 3), (K, T)
+        Of the measured point and of the slack lengths, all tensions held.
+    tensions : ndarray (K, T)
+        Of tensions that are commanded.
+    """
+
+    whole: Floats
+    point: Floats
+    slack: Floats
+    tensions: Floats
+
+
+@dataclass(frozen=True)
+class _Exact:
+    """Derivatives of the measured point by tensions and stiffness; zero for unsolved rows.
+
+    Attributes
+    ----------
+    by_tension : ndarray (K, 3, T)
+    by_stiffness : ndarray (K, 3, S)
+        By the relative change of the stiffness of each segment, tensions held.
+    lengths_by_stiffness : ndarray (K, T, S)
+    slack_by_tension : ndarray (K, T, T)
+        slack = home - pull - length + compliance x tension
+    answer : ndarray (K, T, T)
+        Tensions by slack, of the taut tendons that hold their pull.
     tensions : ndarray (K, T)
     """
 
-    tip: Floats
-    stiff: Floats
+    by_tension: Floats
+    by_stiffness: Floats
+    lengths_by_stiffness: Floats
+    slack_by_tension: Floats
+    answer: Floats
     tensions: Floats
 
     @classmethod
     def of(cls, at: Prediction) -> _Exact | None:
         """None where the pulls do not determine the tensions."""
         assert at.solutions is not None
-        if not at.solved.all():
+        if not at.solved.any():
             return None
-        each = [s.jacobians() for s in at.solutions]
+        each = [s.jacobians() for s, solved in zip(at.solutions, at.solved, strict=True) if solved]
         if any(found is None for found in each):
             return None
 
         def stacked(name: str) -> Floats:
-            return np.stack([found[name] for found in each])
+            first = each[0][name]
+            table = np.zeros((len(at.solved), *first.shape))
+            table[at.solved] = [found[name] for found in each]
+            return table
 
-        tensions = np.stack([s.tensions for s in at.solutions])
+        tensions = np.where(at.solved[:, None], [s.tensions for s in at.solutions], 0.0)
         pulled = np.stack([s.pulled for s in at.solutions])
         held = pulled & (tensions > 0)
-        # pull = home - length + compliance x tension, for the tendons that hold their pull
-        answer = np.diag(drive.compliances(at.setting.robot)) - stacked("lengths_by_tension")
+        by_tension = np.diag(drive.compliances(at.setting.robot)) - stacked("lengths_by_tension")
         both = held[:, :, None] & held[:, None, :]
-        size = np.abs(np.einsum("kii->ki", answer)).max()
-        block = np.where(both, answer, 0.0) + size * np.eye(held.shape[1]) * ~held[:, :, None]
+        size = np.abs(np.einsum("kii->ki", by_tension)).max()
+        block = np.where(both, by_tension, 0.0) + size * np.eye(held.shape[1]) * ~held[:, :, None]
         if not np.isfinite(block).all() or np.linalg.cond(block).max() > 1e10:
             return None
-        inverse = np.where(both, np.linalg.inv(block), 0.0)
-        free = np.where(~pulled[:, None, :] & held[:, :, None], answer, 0.0)
-        by_command = inverse - inverse @ free + np.eye(held.shape[1]) * ~pulled[:, :, None]
         spin = rotation(at.setting.turn)
-        arm = at.rotation @ at.setting.tool
+        arm = np.where(at.solved[:, None], at.rotation @ at.setting.tool, 0.0)
 
         def point(name: str) -> Floats:
             turned = np.cross(stacked(f"tip_rotation_by_{name}"), arm[:, :, None], axis=1)
             return np.asarray(spin @ (stacked(f"tip_position_by_{name}") + turned))
 
-        by_tension = point("tension")
-        longer = stacked("lengths_by_stiffness")
         return cls(
-            tip=by_tension @ by_command,
-            stiff=point("stiffness") + by_tension @ inverse @ longer,
+            by_tension=point("tension"),
+            by_stiffness=point("stiffness"),
+            lengths_by_stiffness=stacked("lengths_by_stiffness"),
+            slack_by_tension=by_tension,
+            answer=np.where(both, np.linalg.inv(block), 0.0),
             tensions=tensions,
         )
 
-    def by_command(self, change: Floats) -> Floats:
-        """(K, 3) by changes (K, T) of the commands."""
-        moved: Floats = np.einsum("kit,kt->ki", self.tip, change)
-        return moved
-
-    def by_stiffness(self, segment: int) -> Floats:
-        return self.stiff[:, :, segment]
+    def column(self, point: Floats, slack: Floats, tensions: Floats) -> _Column:
+        """By changes at held tensions (K, 3), (K, T), and of commanded tensions (K, T)."""
+        lacks = slack + np.einsum("kst,kt->ks", self.slack_by_tension, tensions)
+        follow = tensions - np.einsum("kst,kt->ks", self.answer, lacks)
+        whole = point + np.einsum("kit,kt->ki", self.by_tension, follow)
+        return _Column(whole, point, slack, tensions)
 
 
 def _arcs_of(robot: Robot, pulled: Bools, given: Floats) -> tuple[Floats, Floats, Floats]:

@@ -1,0 +1,382 @@
+"""The measured point near a state of the parameters: linear, except where tendons go slack.
+
+With T the tensions of the pulled tendons, s their slack lengths and d a change of the parameters,
+a row of measurements is
+
+    s = s0 + G d + M (T - T0),    s >= 0,    T >= 0,    s T = 0
+    point = point0 + A d + B (T - T0)
+
+a linear complementarity problem (LCP) in each row. It sees what the derivatives of one active set
+do not: where a tendon becomes taut or slack, and what the point does beyond. K is the number of
+rows, T that of tendons, P that of parameters; SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Landscape", "Minimum", "Pieces"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+#: Rounds in which all violated complementarities of a row change sides; later one changes.
+_BLOCKS: Final = 10
+_ROUNDS: Final = 60
+#: Tensions and slack lengths, over their size, that count as zero.
+_TINY: Final = 1e-10
+#: Steps of the parameters within which other minima are sought.
+_FAR: Final = 30.0
+#: Starts of the search, by size of the problem: rows x tendons x parameters, all starts together.
+_STARTS: Final = 12
+_FEWEST_STARTS: Final = 3
+_SIZE: Final = 300_000
+#: A start behind a change of sides is so many times as far as the change.
+_BEYOND: Final = 1.5
+_SEED: Final = 1
+#: Steps of the search for the end of an interval, and the share of it to which it is found.
+_REACHES: Final = 14
+_NEAR: Final = 0.05
+#: Share of the largest eigenvalue below which a direction of the parameters moves nothing.
+_LOST: Final = 1e-10
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The piecewise linear model of the measured point.
+
+    Attributes
+    ----------
+    point_by_parameter : ndarray (K, 3, P)
+        At constant tensions of pulled tendons.
+    point_by_tension : ndarray (K, 3, T)
+    slack, tensions : ndarray (K, T)
+    slack_by_parameter : ndarray (K, T, P)
+        At constant tensions.
+    slack_by_tension : ndarray (K, T, T)
+    pulled : ndarray of bool (K, T)
+        Whether a tendon has a given displacement; only these may go slack.
+    """
+
+    point_by_parameter: Floats
+    point_by_tension: Floats
+    slack: Floats
+    tensions: Floats
+    slack_by_parameter: Floats
+    slack_by_tension: Floats
+    pulled: Bools
+
+    def rows(self, which: Bools) -> Pieces:
+        """The model of some rows alone."""
+        return Pieces(**{each.name: getattr(self, each.name)[which] for each in fields(self)})
+
+    def scaled(self, step: Floats) -> Pieces:
+        """The model by parameters over their steps (P,)."""
+        return replace(
+            self,
+            point_by_parameter=self.point_by_parameter * step,
+            slack_by_parameter=self.slack_by_parameter * step,
+        )
+
+    def tangent(self, taut: Bools) -> Floats:
+        """Derivatives (K, 3, P) of the point while these tendons (K, T) are taut."""
+        by = -np.linalg.solve(
+            self._block(taut, self.slack_by_tension),
+            np.where(taut[:, :, None], self.slack_by_parameter, 0.0),
+        )
+        return np.asarray(self.point_by_parameter + self.point_by_tension @ by)
+
+    def moved(self, change: Floats) -> tuple[Floats, Bools]:
+        """Change (K, 3) of the point by a change (P,) of the parameters, and who is taut (K, T)."""
+        free = self.slack + self.slack_by_parameter @ change
+        free = free - np.einsum("kij,kj->ki", self.slack_by_tension, self.tensions)
+        tensions, taut = self._complementary(free)
+        by = self.point_by_tension @ (tensions - self.tensions)[:, :, None]
+        return np.asarray(self.point_by_parameter @ change + by[:, :, 0]), taut
+
+    def answers(self, parameter: int) -> bool:
+        """Whether the point moves with a parameter, if not here then behind a change of sides."""
+        change = np.zeros(self.slack_by_parameter.shape[2])
+        size = np.abs(self.point_by_tension).max(initial=0.0) * np.abs(self.tensions).max(initial=0)
+        for step in (_FAR, -_FAR):
+            change[parameter] = step
+            if np.abs(self.moved(change)[0]).max(initial=0.0) > 1e-9 * (size + 1e-6):
+                return True
+        return False
+
+    def crossings(self) -> tuple[Floats, Floats]:
+        """Distance (K, T) along its gradient to where a tendon changes sides, and gradients.
+
+        Of a slack tendon the slack length, of a taut one the tension, over the norm of its
+        gradient (K, T, P) by the parameters; infinite for tendons that are not pulled.
+        """
+        taut = self.pulled & (self.tensions > 0.0)
+        by = -np.linalg.solve(
+            self._block(taut, self.slack_by_tension),
+            np.where(taut[:, :, None], self.slack_by_parameter, 0.0),
+        )
+        slack_by = self.slack_by_parameter + self.slack_by_tension @ by
+        gradient = np.where(taut[:, :, None], by, slack_by)
+        value = np.where(taut, self.tensions, self.slack)
+        norm = np.linalg.norm(gradient, axis=2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = np.where(self.pulled & (norm > 0.0), value / norm, np.inf)
+        return distance, gradient
+
+    @cached_property
+    def _size(self) -> float:
+        diagonal = np.einsum("kii->ki", self.slack_by_tension)
+        return float(np.abs(diagonal).max(initial=0.0)) or 1.0
+
+    def _block(self, taut: Bools, matrix: Floats) -> Floats:
+        """The matrices (K, T, T) of the taut tendons, regular for the others."""
+        both = taut[:, :, None] & taut[:, None, :]
+        eye = self._size * np.eye(taut.shape[1])
+        return np.asarray(np.where(both, matrix, 0.0) + eye * ~taut[:, :, None])
+
+    def _complementary(self, free: Floats) -> tuple[Floats, Bools]:
+        """Tensions (K, T) by block principal pivoting (Judice and Pires, 1994), and who is taut.
+
+        `free` (K, T) is the slack at zero tension of all pulled tendons.
+        """
+        taut = self.pulled & (self.tensions > 0.0)
+        tensions = np.where(self.pulled, 0.0, self.tensions)
+        matrix, pulled = self.slack_by_tension, self.pulled
+        free = free + (matrix @ tensions[:, :, None])[:, :, 0]  # by tensions that are commanded
+        size = np.abs(free).max(initial=0.0) + 1e-300
+        force = size / self._size
+        todo = np.arange(len(free))
+        best = np.full(len(free), free.shape[1] + 1)
+        left = np.full(len(free), _BLOCKS)
+        for _ in range(_ROUNDS):
+            now = taut[todo]
+            found = np.linalg.solve(
+                self._block(now, matrix), np.where(now, -free[todo], 0.0)[:, :, None]
+            )
+            found = np.where(now, found[:, :, 0], 0.0)
+            slack = free[todo] + (matrix @ found[:, :, None])[:, :, 0]
+            wrong = (now & (found < -_TINY * force)) | (pulled & ~now & (slack < -_TINY * size))
+            tensions[todo] = np.where(pulled, found, tensions[todo])
+            count = wrong.sum(axis=1)
+            some = count > 0
+            if not some.any():
+                break
+            todo, wrong, count, now = todo[some], wrong[some], count[some], now[some]
+            matrix, pulled = matrix[some], pulled[some]
+            fewer = count < best[todo]
+            left[todo] = np.where(fewer, _BLOCKS, left[todo] - 1)
+            best[todo] = np.minimum(best[todo], count)
+            one = np.zeros_like(wrong)
+            last = wrong.shape[1] - 1 - wrong[:, ::-1].argmax(axis=1)
+            one[np.arange(len(one)), last] = True
+            taut[todo] = now ^ np.where((left[todo] > 0)[:, None], wrong, one)
+        return tensions, taut
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A minimum of the cost by the piecewise linear model.
+
+    Attributes
+    ----------
+    change : ndarray (P,)
+        Of the parameters, to it.
+    cost : float
+        As by `scipy.optimize.least_squares`.
+    """
+
+    change: Floats
+    cost: float
+
+
+@dataclass(frozen=True)
+class Landscape:
+    """The cost of a fit near a point, by the piecewise linear model.
+
+    Attributes
+    ----------
+    pieces : Pieces
+        Of all rows that count, by scaled parameters.
+    residuals, weight : ndarray (3 K,)
+        The residuals at no change, and residual for each metre of the point.
+    low, high : ndarray (P,)
+        Bounds of the change.
+    loss : mapping
+        ``loss`` and ``f_scale`` of `scipy.optimize.least_squares`.
+    """
+
+    pieces: Pieces
+    residuals: Floats
+    weight: Floats
+    low: Floats
+    high: Floats
+    loss: Mapping[str, Any]
+
+    @property
+    def size(self) -> int:
+        """Numbers that one derivative of the residuals costs, about."""
+        return self.weight.size * len(self.low)
+
+    def cost(self, change: Floats) -> float:
+        """As by `scipy.optimize.least_squares`."""
+        z = self._residuals(change)
+        loss, turn = self.loss.get("loss", "linear"), self.loss.get("f_scale", 1.0)
+        z = (z / turn) ** 2
+        if loss == "soft_l1":
+            z = 2.0 * (np.sqrt(1.0 + z) - 1.0)
+        elif loss == "huber":
+            z = np.where(z <= 1.0, z, 2.0 * np.sqrt(np.maximum(z, 1.0)) - 1.0)
+        return float(0.5 * turn**2 * z.sum())
+
+    @cached_property
+    def minima(self) -> list[Minimum]:
+        """Minima where other tendons are taut or slack, lowest first; empty if none change sides.
+
+        The first starts are no change, what brings the nearest tendons to the other side, and
+        random ones.
+        """
+        distance, gradient = self.pieces.crossings()
+        near = np.argwhere(distance < _FAR)
+        if not len(near):
+            return []
+        count = max(_FEWEST_STARTS, min(_STARTS, _SIZE // self.size))
+        found = [self._descend(start) for start in _starts(distance, gradient, near, count)]
+        return sorted(found, key=lambda minimum: minimum.cost)
+
+    def reach(self, i: int, sign: float, width: float, most: float, near: list[Minimum]) -> float:
+        """How far a parameter goes before the least cost by all others exceeds a bound.
+
+        Parameters
+        ----------
+        i, sign
+            Parameter, and which way: 1 or -1.
+        width : float
+            About how far.
+        most : float
+            The bound on the cost.
+        near : list of Minimum
+            Where to begin; the farthest reach of them counts.
+
+        Returns
+        -------
+        float
+            Change of the parameter; its bound or infinity if the cost stays below.
+        """
+        bound = float(self.high[i] if sign > 0 else self.low[i])
+        farthest = -np.inf
+        for begin in near:
+            inside, others = float(begin.change[i]), begin.change
+            along = self._profile(begin.change, i)
+            step, outside = width, np.nan
+            for _ in range(_REACHES):
+                value = inside + sign * step if np.isnan(outside) else 0.5 * (inside + outside)
+                value = min(value, bound) if sign > 0 else max(value, bound)
+                # where the others would be without a change of sides, else where they were
+                ahead = self._descend(others + (value - inside) * along, held=i, value=value)
+                if ahead.cost > most:
+                    ahead = self._descend(others, held=i, value=value)
+                if ahead.cost <= most:
+                    inside, others = value, ahead.change
+                    step *= 2.0
+                    if value == bound:
+                        break
+                else:
+                    outside = value
+                if abs(outside - inside) < _NEAR * abs(inside - begin.change[i]):
+                    break
+            end = inside
+            if np.isnan(outside):
+                end = bound if inside == bound else sign * np.inf
+            farthest = max(farthest, sign * end)
+        return float(sign * farthest)
+
+    def _profile(self, change: Floats, i: int) -> Floats:
+        """How the others (P,) follow parameter `i` at the least cost; one for itself."""
+        slope = self._slope(change)
+        size = np.linalg.norm(slope, axis=0)
+        scaled = slope / np.where(size > 0.0, size, 1.0)
+        inverse = np.linalg.pinv(scaled.T @ scaled, rcond=_LOST, hermitian=True)
+        if inverse[i, i] <= 0.0:
+            return np.asarray(np.arange(len(change)) == i, dtype=float)
+        column = inverse[:, i] / np.where(size > 0.0, size, 1.0)
+        return np.asarray(column / column[i] if column[i] else np.arange(len(change)) == i, float)
+
+    def _residuals(self, change: Floats) -> Floats:
+        return np.asarray(self.residuals + self.weight * self.pieces.moved(change)[0].ravel())
+
+    def _slope(self, change: Floats) -> Floats:
+        taut = self.pieces.moved(change)[1]
+        tangent = self.pieces.tangent(taut).reshape(len(self.weight), -1)
+        return np.asarray(tangent * self.weight[:, None])
+
+    def _descend(self, start: Floats, held: int = -1, value: float = 0.0) -> Minimum:
+        from scipy.optimize import least_squares
+
+        free = np.arange(len(start)) != held
+        whole = start.copy()
+
+        last: dict[bytes, tuple[Floats, Bools]] = {}
+
+        def moved(part: Floats) -> tuple[Floats, Bools]:
+            change = full(part)
+            key = change.tobytes()
+            if key not in last:
+                last.clear()
+                last[key] = self.pieces.moved(change)
+            return last[key]
+
+        def residuals(part: Floats) -> Floats:
+            return np.asarray(self.residuals + self.weight * moved(part)[0].ravel())
+
+        def slope(part: Floats) -> Floats:
+            tangent = self.pieces.tangent(moved(part)[1]).reshape(len(self.weight), -1)
+            return np.asarray(tangent[:, free] * self.weight[:, None])
+
+        def full(part: Floats) -> Floats:
+            whole[free] = part
+            if held >= 0:
+                whole[held] = value
+            return np.array(whole)
+
+        if not free.any():
+            return Minimum(full(start[free]), self.cost(full(start[free])))
+        far = np.inf if held >= 0 else _FAR + np.abs(start)
+        low, high = np.maximum(self.low, -far)[free], np.minimum(self.high, far)[free]
+        low, high = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
+        end = least_squares(
+            residuals,
+            np.clip(start[free], np.nextafter(low, high), np.nextafter(high, low)),
+            jac=slope,
+            bounds=(low, high),
+            x_scale="jac",
+            max_nfev=30,
+            ftol=1e-6,
+            xtol=1e-6,
+            **self.loss,
+        )
+        return Minimum(full(end.x), float(end.cost))
+
+
+def _starts(
+    distance: Floats, gradient: Floats, near: NDArray[np.int64], count: int
+) -> list[Floats]:
+    parameters = gradient.shape[2]
+    random = np.random.default_rng(_SEED)
+    order = near[np.argsort([distance[k, t] for k, t in near])]
+    across: dict[int, list[Floats]] = {}
+    for k, t in order:
+        toward = -gradient[k, t] / np.linalg.norm(gradient[k, t])
+        across.setdefault(int(t), []).append(_BEYOND * distance[k, t] * toward)
+    starts = [np.zeros(parameters)]
+    starts.append(sum((each[0] for each in across.values()), np.zeros(parameters)))
+    starts += [each[0] for each in across.values()]
+    starts = starts[: max(2, count // 2)]
+    radii = np.geomspace(1.0, _FAR, count - len(starts))
+    starts += [radius * random.normal(size=parameters) / parameters**0.5 for radius in radii]
+    return starts

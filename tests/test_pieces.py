@@ -1,0 +1,61 @@
+"""The piecewise linear model of a measured point, against the rod that it stands for."""
+
+import numpy as np
+
+import bowstring as bs
+from bowstring import samples
+from bowstring.samples import Data
+from bowstring.tipmodel import TipModel
+from bowstring.unknowns import Unknowns
+
+NAMES = ["segments.0.tendons.compliance", "offset.tendons", "segments.0.backbone.E", "base.rx"]
+#: Three tendons, each pulled in turn while the others are paid out by half of it, m.
+PULLS = np.concatenate(
+    [np.outer(np.linspace(0, 0.02, 4), np.roll([1, -0.5, -0.5], i)) for i in range(3)]
+)
+
+
+def model_at(offset, names=NAMES):
+    """The rod's model, the values, and the point there."""
+    robot = bs.load_robot("amouri2019").with_({"segments.0.tendons.compliance": 2e-4})
+    unknowns = Unknowns(robot, names, {"offset.tendons": offset})
+    data = Data(points=np.zeros((12, 3)), pulls=PULLS)
+    model = TipModel(unknowns, samples.commands(data, robot), "rod")
+    return model, unknowns.start, model.predict(unknowns.start, keep=True)
+
+
+def test_the_model_follows_the_rod_across_changes_of_sides():
+    model, values, at = model_at(5e-4)
+    pieces = model.pieces(values, at)
+    change = np.array([0.0, *(3 * [6e-4]), 0.0, 0.0])  # to where more tendons are taut
+    real = model.predict(values + change, keep=True)
+    moved, taut = pieces.moved(change)
+    before = np.array([s.tensions for s in at.solutions]) > 0
+    after = np.array([s.tensions for s in real.solutions]) > 0
+    assert (before != after).sum() >= 6
+    assert (taut == after).all()
+    error = np.abs(at.point + moved - real.point).max()
+    assert error < 0.03 * np.abs(real.point - at.point).max()
+    straight = np.abs(at.point + pieces.tangent(before) @ change - real.point).max()
+    assert straight > 5 * error  # one active set does not see it
+
+
+def test_its_tangent_is_the_models_derivative():
+    """Also for parameters that are differentiated by differences, as the holes' angle."""
+    model, values, at = model_at(5e-4, [*NAMES, "hole_angle"])
+    pieces = model.pieces(values, at)
+    taut = np.array([s.tensions for s in at.solutions]) > 0
+    exact = model.jacobian(values, at)
+    assert np.abs(pieces.tangent(taut) - exact).max() < 1e-9 * np.abs(exact).max()
+
+
+def test_a_change_of_sides_is_where_the_model_says():
+    model, values, at = model_at(5e-4)
+    pieces = model.pieces(values, at)
+    distance, gradient = pieces.crossings()
+    k, t = np.unravel_index(np.argmin(distance), distance.shape)
+    was = at.solutions[k].tensions[t] > 0
+    toward = -gradient[k, t] / np.linalg.norm(gradient[k, t]) * distance[k, t]
+    for share, changes in ((0.9, False), (1.1, True)):
+        moved = model.predict(values + share * toward, keep=True)
+        assert (was != (moved.solutions[k].tensions[t] > 0)) == changes
