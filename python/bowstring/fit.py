@@ -17,12 +17,13 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import samples, words
 from bowstring.arguments import check_robot, is_whole, shown
 from bowstring.display import short_repr
-from bowstring.errors import InputError, NoSolutionError
+from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.noise import CHANCE, autocorrelation
+from bowstring.pieces import Landscape, Minimum, Pieces
 from bowstring.resampling import Linear
 from bowstring.robot import Robot
 from bowstring.samples import Data, Measured, Score, score
-from bowstring.tipmodel import Model, Prediction, TipModel
+from bowstring.tipmodel import Model, Prediction, TipModel, rotation
 from bowstring.unknowns import Unknown, Unknowns
 
 __all__ = [
@@ -57,6 +58,36 @@ _EXACT: Final = 1e-8
 _MOST_ROWS: Final = 10_000
 _EVALUATIONS: Final = 100
 _RESCALES: Final = 10
+#: Rows without an equilibrium, as a share: at the start to refuse, and at the end to distrust.
+_MOST_LOST_AT_START: Final = 0.5
+_MOST_LOST: Final = 0.05
+#: Compliances that a fit begins from where stiffer tendons have no equilibrium, m/N.
+_SOFTER: Final = (1e-5, 1e-4, 1e-3)
+#: Variances of a residual, for each parameter, by which one more step may promise to lower the
+#: cost of a fit that has converged (Bates and Watts, Technometrics 23, 1981).
+_OFFSET: Final = 0.5
+#: The same, at which a fit with friction is not continued by new derivatives.
+_SETTLED: Final = 0.01
+#: Share of a step's change of the residuals that derivatives with friction may miss and be kept.
+_FORETOLD: Final = 0.2
+#: Tolerance of a descent that ended although its derivatives promise more.
+_TIGHT: Final = 1e-9
+#: A friction to begin with, in natural steps, where it begins from none.
+_LITTLE: Final = 0.2
+#: Share of the squares that a rigid motion leaves, below which residuals are mostly one.
+_RIGID: Final = 0.25
+#: Times that a fit goes on from a minimum beyond a tendon that becomes taut or slack.
+_PASSES: Final = 10
+#: Such minima that are tried before a fit stays where it is.
+_TRIED: Final = 3
+#: What a lower minimum gains at least: share of the cost, and of the variance of a residual.
+_GAIN: Final = (1e-6, 5e-3)
+#: Increase of the cost at the edge of an interval, over that by the derivatives, that is usual.
+_REGULAR: Final = (0.6, 1.7)
+#: Size of a fit times parameters up to which irregular intervals are profiled.
+_LARGE: Final = 300_000
+#: Minima from which a profile begins.
+_STARTS: Final = 4
 
 
 @dataclass(frozen=True)
@@ -67,7 +98,9 @@ class Estimate:
     ----------
     name, unit : str
     value, standard_error, low, high : float
-        The last two bound the 95 % interval; infinite where the data cannot tell.
+        The last two bound the 95 % interval; infinite where the data cannot tell. Where tendons
+        become slack or taut inside it, it is that of the profile likelihood, and the standard error
+        a part of its width.
     start : float
     at_limit : bool
     cut : bool
@@ -109,7 +142,7 @@ class Fit:
     residuals : ndarray (K, 3)
         Predicted less measured, m, of all rows; NaN where there is no measurement.
     used : ndarray of bool (K,)
-        Rows that were fitted.
+        Rows that were fitted: those asked for that have an equilibrium.
     before : ndarray (K, 3)
         The same before the fit, where the parameters begin; a base that is fitted whole is already
         put where it fits best.
@@ -129,6 +162,8 @@ class Fit:
     message : str
     evaluations : int
         Passes over all rows.
+    unsolved : int
+        Rows that should have been fitted and have no equilibrium; they are left out of `used`.
     linear : Linear
         The fit near its end, for `bowstring.resampling.refitted`.
     """
@@ -149,6 +184,7 @@ class Fit:
     converged: bool
     message: str
     evaluations: int
+    unsolved: int
     linear: Linear
     _unknowns: Unknowns
     _values: Floats
@@ -212,6 +248,7 @@ class Fit:
             "correlation": [[plain(v) for v in row] for row in self.correlation.tolist()],
             "cannot_tell_apart": [list(names) for names in self.confused],
             "rows": int(self.used.sum()),
+            "rows_without_equilibrium": self.unsolved,
             "rmse_mm": 1e3 * self.score.rmse,
             "mean_mm": 1e3 * self.score.mean,
             "max_mm": 1e3 * self.score.largest,
@@ -309,16 +346,19 @@ def fit(
         If an argument is wrong, there are fewer measured points than parameters, or a parameter
         has no effect.
     NoSolutionError
-        If the model has no answer to a row to begin with.
+        If the model has no answer to more than half of the rows to begin with.
 
     Notes
     -----
+    Where a tendon becomes taut or slack the error has a kink, and often a minimum on either side.
+    A fit goes on from a minimum to lower ones that a model of its surroundings promises, in which
+    each row is a linear complementarity problem (`bowstring.pieces`). Rows without an equilibrium
+    are left out and counted.
+
     Standard errors are those of M-estimation (Huber, Robust Statistics, 1981, 7.6): they take the
     residuals for independent noise, as large in all rows (or as stated), and along each axis of the
     measuring frame as large as it is there.
     """
-    from scipy.optimize import least_squares
-
     check_robot(robot)
     if model not in ("rod", "arc"):
         raise InputError(f'model is {shown(model)}, it must be "rod" or "arc"')
@@ -351,57 +391,194 @@ def fit(
     sigma = samples.sigmas(data, len(commands))
     work = _Work(TipModel(unknowns, commands, model, theory), measured, used, sigma)
     first = work.begin(start or {})
-    low = np.array([item.low for item in unknowns.items]) / work.step
-    high = np.array([item.high for item in unknowns.items]) / work.step
+    work.take(first)
+    if model == "rod" and commands.pulled.any() and work.has_friction(first):
+        options: dict[str, Any] = {"rows": rows, "loss": loss, "theory": theory}
+        first = _from_frictionless(work, first, robot, data, parameters, start, options)
     work.refuse_without_effect(first)
-
-    def solve(begin: Floats, **options: Any) -> Any:
-        inside = np.clip(begin, np.nextafter(low, high), np.nextafter(high, low))
-        return least_squares(
-            work.residuals,
-            inside,
-            jac=work.jacobian,
-            bounds=(low, high),
-            x_scale="jac",
-            gtol=1e-10,
-            **options,
-        )
-
-    turn = np.inf
-    if loss == "linear":
-        found = solve(first, ftol=1e-6, xtol=1e-6, max_nfev=_EVALUATIONS)
-    else:
-        found = solve(first, ftol=1e-3, xtol=1e-3, max_nfev=_EVALUATIONS // 2)
-        for _ in range(_RESCALES):  # outliers that drew the fit hide in a spread too wide
-            spread = _TURN * max(_spread(found.fun, len(first)), 1e-9)
-            if spread > 0.8 * turn:
-                break
-            turn = spread
-            found = solve(
-                found.x, ftol=1e-6, xtol=1e-6, max_nfev=_EVALUATIONS // 2, loss=loss, f_scale=turn
-            )
+    search = _Search(work, loss)
+    found = search.run(first)
     own = {*unknowns.names, *(start or {})}
     tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
     group = samples.groups(data, len(commands))
-    return _result(work, found, loss, turn, group, theory, tool_said)
+    return _result(search, found, group, theory, tool_said)
+
+
+def _from_frictionless(
+    work: _Work,
+    first: Floats,
+    robot: Robot,
+    data: Measured,
+    parameters: Sequence[str],
+    start: Mapping[str, float] | None,
+    options: Mapping[str, Any],
+) -> Floats:
+    """Scaled values to begin a fit with friction: those without it, where they are better."""
+    smooth = {path: 0.0 for path in work.model.unknowns.friction_paths}
+    others = [name for name in work.model.unknowns.names if not name.endswith(".friction")]
+    held = {k: v for k, v in (start or {}).items() if not k.endswith(".friction")}
+    try:
+        plain = fit(robot.with_(smooth), data, others, start=held, **options)
+    except BowstringError:
+        return first
+    work.model.solves += plain.evaluations
+    at = np.array([plain.values.get(item.name, np.nan) for item in work.items]) / work.step
+    least = np.array([item.low for item in work.items]) / work.step + _LITTLE
+    begins = [first, np.where(np.isnan(at), first, at), np.where(np.isnan(at), least, at)]
+    costs = [float((work.residuals(each) ** 2).sum()) for each in begins]
+    return np.array(begins[int(np.argmin(costs))])
+
+
+class _Search:
+    """The search for the lowest minimum of a fit; made once for it."""
+
+    def __init__(self, work: _Work, loss: Loss) -> None:
+        self.work, self.loss = work, loss
+        #: Residual at which a robust loss turns, mm.
+        self.turn = np.inf
+        self.low = np.array([item.low for item in work.items]) / work.step
+        self.high = np.array([item.high for item in work.items]) / work.step
+        self.options: dict[str, Any] = {}
+        self._land: tuple[Floats, dict[str, Any], Landscape | None] | None = None
+
+    def run(self, first: Floats) -> Any:
+        """The result of `scipy.optimize.least_squares` at the lowest minimum."""
+        fine: dict[str, Any] = {"ftol": 1e-6, "xtol": 1e-6, "max_nfev": _EVALUATIONS}
+        self.options = dict(fine)
+        if self.loss == "linear":
+            return self._settled(self._lowest(self._descend(first)))
+        self.options.update(ftol=1e-3, xtol=1e-3, max_nfev=_EVALUATIONS // 2)
+        found = self._settled(self._lowest(self._descend(first)))
+        for _ in range(_RESCALES):  # outliers that drew the fit hide in a spread too wide
+            spread = _TURN * max(_spread(found.fun, len(first)), 1e-9)
+            if spread > 0.8 * self.turn:
+                break
+            self.turn = spread
+            self.options = {**fine, "max_nfev": _EVALUATIONS // 2}
+            self.options.update(loss=self.loss, f_scale=self.turn)
+            found = self._descend(found.x)
+        return self._settled(self._lowest(found))
+
+    def landscape(self, scaled: Floats) -> Landscape | None:
+        """The cost near a point as far as tendons become taut or slack; None without these."""
+        last = self._land
+        if last is None or not np.array_equal(last[0], scaled) or last[1] != self.options:
+            land = self.work.landscape(scaled, self.low, self.high, self.options)
+            last = self._land = scaled.copy(), dict(self.options), land
+        return last[2]
+
+    def decrease(self, found: Any) -> float:
+        """Decrease of the cost that a step from a minimum promises."""
+        free = np.asarray(found.active_mask) == 0
+        return self.work.decrease(found.x, free, self.loss, self.turn) if free.any() else 0.0
+
+    def _descend(self, begin: Floats) -> Any:
+        from scipy.optimize import least_squares
+
+        inside = np.clip(
+            begin, np.nextafter(self.low, self.high), np.nextafter(self.high, self.low)
+        )
+        return least_squares(
+            self.work.residuals,
+            inside,
+            jac=self.work.jacobian,
+            bounds=(self.low, self.high),
+            x_scale="jac",
+            gtol=1e-10,
+            **self.options,
+        )
+
+    def _lowest(self, found: Any) -> Any:
+        """Go on from a minimum to lower ones where other tendons are taut or slack."""
+        for _ in range(_PASSES):
+            land = self.landscape(found.x)
+            if land is None:
+                break
+            lower = found.cost - self.work.gain(found.cost)
+            better = None
+            for each in [each for each in land.minima if each.cost < lower][:_TRIED]:
+                other = self._descend(found.x + each.change)
+                if other.cost < lower:
+                    better = other
+                    break
+            if better is None:
+                break
+            found = better
+        return found
+
+    def _settled(self, found: Any) -> Any:
+        """Go on while rows find or lose their equilibrium, or new derivatives lead farther."""
+        options = dict(self.options)
+        for _ in range(_PASSES):
+            others = self.work.take(found.x)
+            if others:
+                found = self._descend(found.x)
+                continue
+            if not self.work.has_friction(found.x):
+                break
+            self.work.renew(found.x)
+            if self.decrease(found) <= _SETTLED * len(found.x) * self.work.variance(found.cost):
+                break
+            better = self._descend(found.x)
+            stuck = better.cost > found.cost - self.work.gain(found.cost)
+            found = better if better.cost < found.cost else found
+            if stuck and self.options["xtol"] > _TIGHT:
+                self.options.update(ftol=_TIGHT, xtol=_TIGHT)
+            elif stuck and self.work.corrects:
+                self.work.corrects = False  # what steps tell is too little here
+            elif stuck:
+                break
+        self.work.take(found.x)
+        self.options = options
+        return found
+
+
+@dataclass(frozen=True)
+class _Tangent:
+    """Residuals and their derivatives at a point."""
+
+    scaled: Floats
+    residuals: Floats
+    jacobian: Floats
+    corrected: bool = False
 
 
 class _Work:
     """The residuals in mm of scaled parameters, with the last answer kept for its derivatives.
 
-    Rows count by their uncertainty, the median of which counts once.
+    Rows count by their uncertainty, the median of which counts once. Rows without an equilibrium
+    where a descent begins are left out of it (`take`); of those that lose it on the way the
+    residuals go on along their last derivatives.
+
+    With friction a derivative costs a path over all rows for each parameter. After the first ones,
+    those that are no frame's are corrected by what each step changed (Broyden, Math. Comp. 19,
+    1965), until `renew` asks for new ones.
     """
 
     def __init__(
-        self, model: TipModel, measured: Floats, used: Bools, sigma: Floats | None
+        self, model: TipModel, measured: Floats, asked: Bools, sigma: Floats | None
     ) -> None:
-        self.model, self.measured, self.used, self.sigma = model, measured, used, sigma
-        weight = np.ones(len(used)) if sigma is None else np.median(sigma[used]) / sigma
-        self.weight = np.repeat(weight[used], 3)
+        self.model, self.measured, self.asked, self.sigma = model, measured, asked, sigma
+        self._weights = np.ones(len(asked)) if sigma is None else np.median(sigma[asked]) / sigma
+        self.used = asked
         self.before = np.full_like(measured, np.nan)
         self.items = model.unknowns.items
         self.step = np.array([item.step for item in self.items])
         self._last: tuple[Floats, Prediction] | None = None
+        self._tangent: _Tangent | None = None
+        self._fresh = False
+        #: Whether derivatives with friction are corrected, not renewed, after a step.
+        self.corrects = True
+
+    @property
+    def weight(self) -> Floats:
+        """Of each residual (3 n,)."""
+        return np.repeat(self._weights[self.used], 3)
+
+    @property
+    def unsolved(self) -> int:
+        """Rows to fit that have no equilibrium and are left out."""
+        return int((self.asked & ~self.used).sum())
 
     def begin(self, start: Mapping[str, float]) -> Floats:
         """Scaled values to begin with, the base put where it fits best."""
@@ -416,50 +593,187 @@ class _Work:
                 inside[i] = item.low + 0.5 * item.step
         if (inside != values).any():
             values, at = inside, self.model.predict(inside)
-        failed = np.flatnonzero(~at.solved & self.used)
-        if failed.size:
+        values, at = self._softened(values, at)
+        failed = np.flatnonzero(~at.solved & self.asked)
+        if failed.size > _MOST_LOST_AT_START * self.asked.sum():
             raise NoSolutionError(
-                f"{self.model.unknowns.robot.name}: {failed.size} of {self.used.sum()} rows have "
+                f"{self.model.unknowns.robot.name}: {failed.size} of {self.asked.sum()} rows have "
                 f"no solution to begin with, the first is row {failed[0]}; begin from other "
                 "values, such as tendons with some compliance"
             )
         self._align(values, at, start)
         return np.asarray(values / self.step)
 
+    def _softened(self, values: Floats, at: Prediction) -> tuple[Floats, Prediction]:
+        """Compliances to begin with at which more rows have an equilibrium, where some have none.
+
+        Tendons that give way hardly fight, and the fit makes them as stiff as they are.
+        """
+        soft = np.array([item.leaf == "compliance" for item in self.items])
+        for least in _SOFTER if soft.any() else ():
+            lost = int((~at.solved & self.asked).sum())
+            if not lost:
+                break
+            tried = np.where(soft, np.maximum(values, least), values)
+            found = self.model.predict(tried)
+            if (~found.solved & self.asked).sum() < lost:
+                values, at = tried, found
+        return values, at
+
+    def take(self, scaled: Floats) -> bool:
+        """Descend with the rows that have an equilibrium here; whether these are others."""
+        solved = self._at(scaled).solved
+        used = self.asked & solved
+        if 3 * used.sum() < len(self.items):
+            raise NoSolutionError(
+                f"{self.model.unknowns.robot.name}: {int((self.asked & ~solved).sum())} of "
+                f"{self.asked.sum()} rows have no solution, too many for "
+                f"{len(self.items)} parameters; begin from other values, such as tendons with "
+                "some compliance"
+            )
+        changed = bool((used != self.used).any())
+        self.used = used
+        if changed:
+            self._tangent = None
+        return changed
+
     def _align(self, values: Floats, at: Prediction, start: Mapping[str, float]) -> None:
         base = [i for i, item in enumerate(self.items) if item.name.startswith("base.")]
-        known = self.used & at.solved
+        known = self.asked & at.solved
         if len(base) < 6 or any(name.startswith("base") for name in start) or not known.any():
             return
         local = at.position + at.rotation @ at.setting.tool
         values[base] = _aligned(local[known], self.measured[known])
 
+    def _at(self, scaled: Floats) -> Prediction:
+        if self._last is None or not np.array_equal(self._last[0], scaled):
+            at = self.model.predict(scaled * self.step, keep=self.model.model == "rod")
+            self._last = scaled.copy(), at
+        return self._last[1]
+
     def residuals(self, scaled: Floats) -> Floats:
         try:
-            at = self.model.predict(scaled * self.step, keep=self.model.model == "rod")
+            at = self._at(scaled)
         except InputError:  # no robot has these numbers
-            self._last = None
             return np.full(3 * int(self.used.sum()), 1e6)
-        self._last = scaled.copy(), at
-        error = 1e3 * (at.point - self.measured)[self.used]
-        error[~at.solved[self.used]] = 1e4 * self.model.unknowns.robot.length
-        return np.asarray(error.ravel() * self.weight)
+        error = 1e3 * (at.point - self.measured)[self.used].ravel() * self.weight
+        lost = np.repeat(~at.solved[self.used], 3)
+        if lost.any():
+            tangent = self._tangent
+            error[lost] = 0.0
+            if tangent is not None:
+                along = tangent.residuals + tangent.jacobian @ (scaled - tangent.scaled)
+                error[lost] = along[lost]
+        return np.asarray(error)
 
     def jacobian(self, scaled: Floats) -> Floats:
-        if self._last is None or not np.array_equal(self._last[0], scaled):
-            self.residuals(scaled)
-        assert self._last is not None
-        found = self.model.jacobian(scaled * self.step, self._last[1])[self.used]
-        columns = 1e3 * found.reshape(-1, len(self.items)) * self.step * self.weight[:, None]
-        return np.array(np.nan_to_num(columns))  # rows without a solution pull nowhere
+        last = self._tangent
+        if last is not None and np.array_equal(last.scaled, scaled):
+            return last.jacobian
+        residuals = self.residuals(scaled)
+        at = self._at(scaled)
+        corrected = False
+        if at.setting.robot.has_friction and last is not None and self.corrects:
+            step = residuals - last.residuals
+            missed = step - last.jacobian @ (scaled - last.scaled)
+            # where the last ones foretold the step
+            corrected = not self._fresh and bool(
+                np.linalg.norm(missed) < _FORETOLD * np.linalg.norm(step)
+            )
+        if corrected:
+            assert last is not None
+            jacobian = self._corrected(last, scaled, residuals, at)
+        else:
+            jacobian = self._columns(self.model.jacobian(scaled * self.step, at))
+        self._fresh = False
+        jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)
+        lost = np.repeat(~at.solved[self.used], 3)
+        jacobian[lost] = 0.0 if last is None else last.jacobian[lost]
+        self._tangent = _Tangent(scaled.copy(), residuals, jacobian, corrected)
+        return jacobian
+
+    def renew(self, scaled: Floats) -> Floats:
+        """Derivatives by differences, whatever the steps so far have told."""
+        last = self._tangent
+        if last is not None and last.corrected and np.array_equal(last.scaled, scaled):
+            self._tangent = replace(last, scaled=last.scaled + np.nan)
+            self._fresh = True
+        return self.jacobian(scaled)
+
+    def _columns(self, derivatives: Floats) -> Floats:
+        rows = derivatives[self.used].reshape(-1, len(self.items))
+        return np.asarray(1e3 * rows * self.step * self.weight[:, None])
+
+    def _corrected(
+        self, last: _Tangent, scaled: Floats, residuals: Floats, at: Prediction
+    ) -> Floats:
+        frames = self.model.of_frames
+        jacobian = np.array(last.jacobian)
+        step = scaled - last.scaled
+        rest = residuals - last.residuals - jacobian @ step
+        others = np.where(frames, 0.0, step)
+        if others.any():
+            jacobian = jacobian + np.outer(rest, others) / (others @ others)
+        if frames.any():
+            exact = self._columns(self.model.frame_jacobian(scaled * self.step, at))
+            jacobian[:, frames] = exact[:, frames]
+        return jacobian
+
+    def decrease(self, scaled: Floats, free: Bools, loss: str, turn: float) -> float:
+        """Decrease of the cost that one more step of Gauss and Newton promises."""
+        residuals, jacobian = self.residuals(scaled), self.jacobian(scaled)[:, free]
+        force, slope = _pull(residuals, loss, turn)
+        root = np.sqrt(np.maximum(slope, 1e-12))
+        step = np.linalg.lstsq(root[:, None] * jacobian, force / root, rcond=_SAME)[0]
+        return float(0.5 * (jacobian @ step) @ force)
+
+    def gain(self, cost: float) -> float:
+        """Decrease of a cost that counts."""
+        return max(_GAIN[0] * cost, _GAIN[1] * self.variance(cost))
+
+    def variance(self, cost: float) -> float:
+        """Of a residual, mm^2, not below that of data without noise."""
+        free = max(3 * int(self.used.sum()) - len(self.items), 1)
+        return float(max(2.0 * cost / free, (1e3 * _EXACT) ** 2))
+
+    def landscape(
+        self, scaled: Floats, low: Floats, high: Floats, options: Mapping[str, Any]
+    ) -> Landscape | None:
+        """The cost nearby, beyond tendons that become taut or slack; None where there is none."""
+        pieces = self._pieces(scaled)
+        if pieces is None:
+            return None
+        residuals = self.residuals(scaled)
+        count = np.repeat(self._at(scaled).solved[self.used], 3)
+        return Landscape(
+            pieces,
+            residuals[count],
+            1e3 * self.weight[count],
+            low - scaled,
+            high - scaled,
+            {key: value for key, value in options.items() if key in ("loss", "f_scale")},
+        )
+
+    def has_friction(self, scaled: Floats) -> bool:
+        return self._at(scaled).setting.robot.has_friction
 
     def refuse_without_effect(self, scaled: Floats) -> None:
         size = np.linalg.norm(self.jacobian(scaled), axis=0)
-        for item, each in zip(self.items, size, strict=True):
-            if each <= 1e-9 * np.sqrt(self.used.sum()):
+        idle = np.flatnonzero(size <= 1e-9 * np.sqrt(self.used.sum()))
+        pieces = self._pieces(scaled) if idle.size else None
+        for i in idle:
+            # it may have one as soon as slack tendons are taut
+            if pieces is None or not pieces.answers(int(i)):
                 raise InputError(
-                    f"parameter {item.name} has no effect on the tip in these rows; leave it out"
+                    f"parameter {self.items[i].name} has no effect on the tip in these rows; "
+                    "leave it out"
                 )
+
+    def _pieces(self, scaled: Floats) -> Pieces | None:
+        """The piecewise linear model of the rows that count, by scaled parameters."""
+        at = self._at(scaled)
+        pieces = self.model.pieces(scaled * self.step, at)
+        return None if pieces is None else pieces.rows(at.solved & self.used).scaled(self.step)
 
 
 # --------------------------------------------------------------------------------------
@@ -546,20 +860,13 @@ def _linear(work: _Work, residuals: Floats, jacobian: Floats, loss: str, turn: f
     )
 
 
-def _result(
-    work: _Work,
-    found: Any,
-    loss: Loss,
-    turn: float,
-    group: NDArray[Any],
-    theory: str,
-    tool_said: Bools,
-) -> Fit:
+def _result(search: _Search, found: Any, group: NDArray[Any], theory: str, tool_said: Bools) -> Fit:
+    work, loss, turn = search.work, search.loss, search.turn
     items = work.items
     residuals = work.residuals(found.x)
     jacobian = work.jacobian(found.x)
-    assert work._last is not None
-    at = work._last[1]
+    at = work._at(found.x)
+    land = search.landscape(found.x)
     size = np.linalg.norm(jacobian, axis=0)
     size[size == 0] = 1.0
     _, singular, direction = np.linalg.svd(jacobian / size, full_matrices=False)
@@ -576,13 +883,17 @@ def _result(
     )
     covariance = covariance / np.outer(size, size)
     error = np.sqrt(np.diag(covariance))
+    reaches, across = _reaches(land, covariance, half, jacobian, _pull(residuals, loss, turn)[1])
+    error = np.where(across, (reaches[1] - reaches[0]) / (2.0 * half), error)
     untold = (np.abs(direction[~told]) >= 1e-3).any(axis=0) if (~told).any() else error < 0
-    correlation = covariance / np.outer(error, error)
+    deviation = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(deviation, deviation)
     correlation[untold] = np.nan
     correlation[:, untold] = np.nan
     lowest, highest = np.array([(item.low, item.high) for item in items]).T
     # as wide as all that it may be
-    idle = ~untold & (error * work.step >= highest - lowest)
+    one_sided = across & (np.isinf(reaches).sum(axis=0) == 1)
+    idle = ~untold & ~one_sided & (error * work.step >= highest - lowest)
     correlation[idle] = np.nan
     correlation[:, idle] = np.nan
     confused = (*confused, *((items[i].name,) for i in np.flatnonzero(idle)))
@@ -595,16 +906,24 @@ def _result(
             unit=item.unit,
             value=value / item.per_unit,
             standard_error=wide / item.per_unit,
-            **_interval(item, value, half * wide),
+            **_interval(item, value, *_ends(half * wide, ends * item.step, among)),
             start=item.start / item.per_unit,
             at_limit=bool(edge),
         )
-        for item, value, wide, edge in zip(
-            items, values.tolist(), (error * work.step).tolist(), limit, strict=True
+        for item, value, wide, edge, ends, among in zip(
+            items,
+            values.tolist(),
+            (error * work.step).tolist(),
+            limit,
+            reaches.T,
+            across,
+            strict=True,
         )
     )
-    unsolved = int((~at.solved & work.used).sum())
-    converged = found.status > 0 and not unsolved
+    lost = work.unsolved > _MOST_LOST * work.asked.sum()
+    promised = 0.0 if land is not None else search.decrease(found)
+    stuck = promised > _OFFSET * len(items) * work.variance(found.cost)
+    converged = found.status > 0 and not lost and not stuck
     excess, excess_chance = _excess(errors, work.used, work.sigma, len(items))
     return Fit(
         model=work.model.model,
@@ -621,8 +940,19 @@ def _result(
         excess=excess,
         autocorrelation=alike[0],
         converged=converged,
-        message=_message(found, estimates, confused, unsolved, alike, (excess, excess_chance)),
+        message=_message(
+            found,
+            estimates,
+            confused,
+            stuck,
+            bool(across.any()),
+            (work.unsolved, int(work.asked.sum()), lost),
+            alike,
+            (excess, excess_chance),
+        )
+        + _rigid_offset(work, at),
         evaluations=work.model.solves,
+        unsolved=work.unsolved,
         _unknowns=work.model.unknowns,
         _values=values,
         linear=_linear(work, residuals, jacobian, loss, turn),
@@ -631,10 +961,64 @@ def _result(
     )
 
 
-def _interval(item: Unknown, value: float, half: float) -> dict[str, Any]:
+def _reaches(
+    land: Landscape | None, covariance: Floats, half: float, jacobian: Floats, slope: Floats
+) -> tuple[Floats, Bools]:
+    """Ends (2, P) of profile likelihood intervals, and which (P,) the derivatives do not give.
+
+    Where tendons become taut or slack inside an interval, or another minimum is hardly higher,
+    the derivatives at the minimum say too little. Half the decrease of the loss that bounds the
+    profile is that by which the interval of the derivatives alone would be met.
+    """
+    parameters = len(covariance)
+    none = np.full((2, parameters), np.nan), np.zeros(parameters, dtype=bool)
+    if land is None or np.abs(land.residuals).max() < 1e3 * _EXACT:
+        return none
+    hessian = jacobian.T @ (slope[:, None] * jacobian)
+    bread = np.diag(np.linalg.pinv(hessian, hermitian=True))
+    spread = np.diag(covariance)
+    least = land.cost(np.zeros(parameters))
+    allowed = 0.5 * half**2 * float(np.median(spread / np.maximum(bread, 1e-300)))
+    size, axes = np.linalg.eigh(covariance / np.sqrt(np.outer(spread, spread)))
+    regular = True
+    for length, axis in zip(np.sqrt(np.maximum(size, 0.0)), axes.T, strict=True):
+        for sign in (half, -half):
+            change = sign * length * axis * np.sqrt(spread)
+            if (change < land.low).any() or (change > land.high).any():
+                continue
+            asked = 0.5 * float(change @ hessian @ change)
+            regular &= _REGULAR[0] * asked < land.cost(change) - least < _REGULAR[1] * asked
+    minima = [each for each in land.minima if each.cost < least + allowed]
+    width = half * np.sqrt(spread)
+    for each in minima:
+        regular &= bool((np.abs(each.change) <= width).all())
+    if regular or land.size * parameters > _LARGE:
+        return none
+    starts = [Minimum(np.zeros(parameters), least)]
+    for each in minima:
+        if all((np.abs(each.change - other.change) > 0.1 * width).any() for other in starts):
+            starts.append(each)
+    reaches = np.array(
+        [
+            [
+                land.reach(i, sign, float(width[i]), least + allowed, starts[:_STARTS])
+                for i in range(parameters)
+            ]
+            for sign in (-1.0, 1.0)
+        ]
+    )
+    return reaches, np.ones(parameters, dtype=bool)
+
+
+def _ends(half: float, reach: Floats, among: bool) -> tuple[float, float]:
+    """How far an interval goes below and above the value."""
+    return (-float(reach[0]), float(reach[1])) if among else (half, half)
+
+
+def _interval(item: Unknown, value: float, below: float, above: float) -> dict[str, Any]:
     """Bounds of a parameter's interval in people's unit, and whether its limits cut it."""
-    low, high = value - half, value + half
-    cut = bool(np.isfinite(half)) and (low < item.low or high > item.high)
+    low, high = value - below, value + above
+    cut = bool(np.isfinite(above + below)) and (low < item.low or high > item.high)
     if cut:
         low, high = max(low, item.low), min(high, item.high)
     return {"low": low / item.per_unit, "high": high / item.per_unit, "cut": cut}
@@ -644,13 +1028,24 @@ def _message(
     found: Any,
     estimates: Sequence[Estimate],
     confused: Sequence[Sequence[str]],
-    unsolved: int,
+    stuck: bool,
+    across: bool,
+    unsolved: tuple[int, int, bool],
     alike: tuple[float, float],
     excess: tuple[float, float],
 ) -> str:
-    """How the fit ended and what its numbers are worth; the last two with their chance."""
-    if unsolved:
-        said = [f"Not converged: {unsolved} rows have no solution at the end."]
+    """How the fit ended and what its numbers are worth; the last two with their chance.
+
+    `unsolved` counts rows without an equilibrium, all rows, and says whether these are too many.
+    """
+    count, rows, many = unsolved
+    if many:
+        said = [f"Not converged: {count} of {rows} rows have no equilibrium at the end."]
+    elif stuck:
+        said = [
+            "Not converged: the derivatives promise a lower error, and no step has it: begin from "
+            "better values, or with fewer parameters."
+        ]
     elif found.status > 0:
         said = ["Converged."]
     else:
@@ -658,11 +1053,19 @@ def _message(
             f"Not converged after {found.nfev} steps: begin from better values, or with fewer "
             "parameters."
         ]
+    if count and not many:
+        said.append(f"Left out, without an equilibrium: {count} of {rows} rows.")
     for names in confused:
         if len(names) == 1:
             said.append(f"The data say nothing of {names[0]}.")
         else:
             said.append(f"The data cannot tell {words.listed(list(names))} apart: hold one.")
+    if across:
+        said.append(
+            "Tendons become slack or taut inside the intervals, or elsewhere the error is hardly "
+            "larger: the rows determine the parameters badly, and the intervals are those of the "
+            "profile likelihood, not symmetric."
+        )
     edge = [estimate.name for estimate in estimates if estimate.at_limit]
     if edge:
         said.append(f"At the limit of what it may be: {words.listed(edge)}.")
@@ -715,6 +1118,32 @@ def _excess(
         return float("nan"), float("nan")
     square = float(((errors[used] / sigma[used, None]) ** 2).sum())
     return float(np.sqrt(square / free)), float(chdtrc(free, square))
+
+
+def _rigid_offset(work: _Work, at: Prediction) -> str:
+    """A sentence where a rigid motion of the base would take most of the residuals away."""
+    base = {f"base.{name}" for name in ("x", "y", "z", "rx", "ry", "rz")}
+    free = 3 * int(work.used.sum()) - len(work.items) - 6
+    if free < 1 or base <= {item.name for item in work.items}:
+        return ""
+    predicted, measured = at.point[work.used], work.measured[work.used]
+    motion = _aligned(predicted, measured)
+    moved = predicted @ rotation(motion[3:]).T + motion[:3]
+    before = float(((predicted - measured) ** 2).sum())
+    after = float(((moved - measured) ** 2).sum())
+    from scipy.special import fdtrc
+
+    if before < len(measured) * _EXACT**2 or after * (free + 6) > _RIGID * before * free:
+        return ""
+    if fdtrc(6, free, (before - after) / 6 / max(after / free, 1e-300)) > CHANCE:
+        return ""
+    rms = [words.in_mm(math.sqrt(each / len(measured))) for each in (before, after)]
+    return (
+        f" The residuals are mostly a rigid offset: a motion of the base would leave {rms[1]} of "
+        f"their RMSE of {rms[0]}. The measuring frame is not that of the robot's base: fit the "
+        "parameter base as well, or register the data; until then the other parameters make up "
+        "for it and are wrong."
+    )
 
 
 def _score_before(work: _Work) -> Score:

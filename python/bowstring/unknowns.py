@@ -196,6 +196,11 @@ class Unknowns:
     def start(self) -> Floats:
         return np.array([item.start for item in self.items])
 
+    @property
+    def friction_paths(self) -> list[str]:
+        """Paths in the robot file of all friction coefficients."""
+        return [path for path in self._leaves if path.endswith(".friction")]
+
     def setting(self, values: Floats) -> Setting:
         """What these values (P,) in SI mean.
 

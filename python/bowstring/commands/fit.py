@@ -221,7 +221,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
             e.name,
             fixed(e.value, digits),
             rounded(e.standard_error, 2) if told else "unknown",
-            *([fixed(e.low, digits), fixed(e.high, digits)] if told else ["-", "-"]),
+            *[fixed(end, digits) if math.isfinite(end) else "-" for end in (e.low, e.high)],
             f"{e.start:.6g}",
             e.unit,
         )
