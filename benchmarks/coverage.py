@@ -1,11 +1,16 @@
 """Do the intervals of a calibration hold what they promise? Full fits to 400 synthetic benches.
 
-    python -m benchmarks.coverage [COUNT] [LOSS]
+    python -m benchmarks.coverage [COUNT] [LOSS] [slack]
 
 The virtual bench of `amouri2019`: 17 masses on cable 1, loading and unloading, 3 repeats, gravity,
 friction 0.1, a backbone softer by 3 % than the robot file says, a base that is moved and leans by
 0.3 degrees, 0.02 mm noise. The path is solved once, noise is drawn for each bench; every bench is
 fitted as a user would, from the robot file. All of it is synthetic. About half a second a fit.
+
+`slack`: 12 rows of pulls of `amouri2019` with tendons that give way by 0.2 mm/N and are 1 mm
+shorter than they should be, fitted from 0.1 mm/N and 0 mm. In some rows tendons are at the edge of
+slack, and the error has minima on either side. Two designs, 0.5 mm noise: `in turn`, each tendon
+pulled in turn, and `one pulled`, whose rows hardly tell the offsets. One to four seconds a fit.
 """
 
 from __future__ import annotations
@@ -18,7 +23,7 @@ import numpy as np
 
 import bowstring as bs
 from bowstring.bench import STUDY, set_up
-from bowstring.fit import Fit, Loss, fit
+from bowstring.fit import Data, Fit, Loss, fit
 from bowstring.rigid import Rigid
 
 NAMES = ["segments.0.backbone.E", "segments.0.tendons.friction", "base"]
@@ -48,9 +53,59 @@ def inside(found: list[Fit]) -> np.ndarray:
     return np.asarray((low <= TRUTH) & (high >= TRUTH))
 
 
+#: Pulls of the designs with tendons at the edge of slack, m, and the noise of a coordinate, m.
+SLACK = {
+    "in turn": (
+        np.concatenate(
+            [np.outer(np.linspace(0, 0.02, 4), np.roll([1, -0.5, -0.5], i)) for i in range(3)]
+        ),
+        5e-4,
+    ),
+    "one pulled": (np.outer(np.linspace(0, 0.02, 12), [1.0, 0.0, 0.0]), 5e-4),
+}
+SLACK_NAMES = ["segments.0.tendons.compliance", "offset.tendons"]
+#: mm/N, mm, mm, mm
+SLACK_TRUTH = np.array([0.2, 1.0, 1.0, 1.0])
+
+
+def slack_fits(pulls: np.ndarray, noise: float, count: int, loss: Loss, seed: int = 0) -> list[Fit]:
+    """Fits to tables with tendons at the edge of slack, which differ by their noise alone."""
+    robot = bs.load_robot("amouri2019").with_({SLACK_NAMES[0]: 1e-4})
+    real = robot.with_({SLACK_NAMES[0]: 1e-3 * float(SLACK_TRUTH[0])})
+    tips = bs.solve_batch(real, pulls=pulls + 1e-3 * SLACK_TRUTH[1:]).tip_position
+    rng = np.random.default_rng(seed)
+    return [
+        fit(robot, Data(points=tips + rng.normal(0, noise, tips.shape), pulls=pulls), SLACK_NAMES,
+            loss=loss)
+        for _ in range(count)
+    ]  # fmt: skip
+
+
+def slack(count: int, loss: Loss) -> None:
+    for name, (pulls, noise) in SLACK.items():
+        began = time.perf_counter()
+        found = slack_fits(pulls, noise, count, loss)
+        spent = time.perf_counter() - began
+        low = np.array([[e.low for e in each.estimates] for each in found])
+        high = np.array([[e.high for e in each.estimates] for each in found])
+        held = ((low <= SLACK_TRUTH) & (high >= SLACK_TRUTH)).mean(axis=0)
+        across = sum("determine the parameters badly" in each.message for each in found)
+        print(f"{name}: {count} synthetic tables, loss {loss}, {spent / count:.2f} s a fit")
+        for k, parameter in enumerate(found[0].names):
+            width = np.median(high[:, k] - low[:, k])
+            print(f"  {parameter:30s} inside {100 * held[k]:5.1f} %, median width {width:.4g}")
+        print(
+            f"  not converged: {sum(not each.converged for each in found)}; intervals across "
+            f"changes of sides: {across}"
+        )
+
+
 def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 400
     loss: Loss = "soft_l1" if "soft_l1" in sys.argv else "linear"
+    if "slack" in sys.argv:
+        slack(count, loss)
+        return
     began = time.perf_counter()
     found = fits(count, loss)
     spent = time.perf_counter() - began
