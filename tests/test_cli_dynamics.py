@@ -178,7 +178,7 @@ def test_a_jump_that_no_step_follows(shell: Shell, tmp_path: Path) -> None:
 
 
 def test_no_equilibrium_at_the_start(shell: Shell) -> None:
-    arguments = [*PULLED, "--gravity", "0,0,-98100"]
+    arguments = [*PULLED, "--gravity", "0,0,-981000"]
     code, out, err = shell(*arguments)
     assert (code, out) == (1, "") and "no equilibrium to start from" in err
     found = shell.json(*arguments, code=1)
@@ -187,7 +187,7 @@ def test_no_equilibrium_at_the_start(shell: Shell) -> None:
     sound = shell.json(*SHORT)["provenance"]["settings"]
     settings = found["provenance"]["settings"]
     assert list(settings) == list(sound) and settings["duration_s"] == 2
-    assert settings["gravity_m_per_s2"] == [0, 0, -98100]
+    assert settings["gravity_m_per_s2"] == [0, 0, -981000]
     damped = shell.json(*arguments, "--modal-damping", "1 %", code=1)
     assert damped["status"] == "no_equilibrium"
     assert list(damped["provenance"]["settings"]) == list(sound)
@@ -483,7 +483,7 @@ def test_mode_pictures(shell: Shell, tmp_path: Path) -> None:
 
 
 def test_modes_without_equilibrium(shell: Shell) -> None:
-    arguments = ["modes", "amouri2019", "--gravity", "0,0,-98100"]
+    arguments = ["modes", "amouri2019", "--gravity", "0,0,-981000"]
     code, out, err = shell(*arguments)
     assert (code, out) == (1, "") and "no stable equilibrium" in err
     found = shell.json(*arguments, code=1)

@@ -62,7 +62,9 @@ def test_the_example_is_found(shell: Shell, robot: Robot, tmp_path: Path) -> Non
     # the folder: all of it, and a robot file that can be used as it is
     assert got["folder"] == str(folder)
     kept = json.loads((folder / "fit.json").read_text())
-    assert sorted(p.name for p in folder.iterdir()) == kept.pop("files")
+    names = kept.pop("files")
+    assert sorted(p.name for p in folder.iterdir()) == names
+    assert set(kept.pop("sha256")) == set(names) - {"fit.json"}
     assert kept == {k: v for k, v in got.items() if k != "folder"}
     text = (folder / "robot.yaml").read_text()
     assert "synthetic data: bench" in text and "# Not part of a robot file: base.x = " in text

@@ -1034,9 +1034,17 @@ def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
     extra = None
     if all(each is not None for each in driven):
         extra = {
-            name: None if name == "history" else whole([(each or {})[name] for each in driven])
+            name: whole([(each or {})[name] for each in driven])
             for name in driven[0] or {}
+            if name not in ("history", "conflicts")
         }
+        conflicts = zip(parts, driven, strict=True)
+        extra["conflicts"] = {
+            int(rows[k]): why
+            for (rows, _), each in conflicts
+            for k, why in (each or {})["conflicts"].items()
+        }
+        extra["history"] = None
     first = sweeps[0]
     return Sweep(first.robot, theory=first.theory, physics=first.physics, driven=extra, **rows)
 

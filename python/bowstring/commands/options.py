@@ -19,7 +19,7 @@ from bowstring.robot import Robot, load_robot
 from bowstring.units import is_bare, number_with_unit, quote, read_number
 
 MOST_LOADS: Final = 100_000  # of a range
-_MOST_BARE_GRAVITY: Final = 1000.0  # m/s^2, 100 times that of Earth, which is 9807 mm/s^2
+_EARTH_IN_MM: Final = (9700.0, 9900.0)  # what Earth's gravity is in mm/s^2
 
 RobotSource = Annotated[
     str, typer.Argument(metavar="ROBOT", help="A built-in robot's name or the path of a file.")
@@ -134,7 +134,8 @@ def numbers_of(flag: str, text: str, si: str) -> list[float]:
                 f"{flag}: got {quote(item.strip())}, {error}; write for example "
                 f"{flag} {_example(flag, si)}."
             ) from None
-        if si == "m/s^2" and is_bare(item) and abs(values[-1]) > _MOST_BARE_GRAVITY:
+        low, high = _EARTH_IN_MM
+        if si == "m/s^2" and is_bare(item) and low < abs(values[-1]) < high:
             raise _is_bare(flag, item.strip(), si, "mm/s^2")
     return values
 
