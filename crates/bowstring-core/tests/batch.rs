@@ -2,6 +2,7 @@
 
 mod common;
 use bowstring_core::batch::{solve_batch, sweep, Loads, Settings};
+use bowstring_core::interrupt::{watched, Interrupted};
 use bowstring_core::load::{Load, Model, Theory};
 use bowstring_core::statics::{Solver, Status};
 use common::study_robot;
@@ -151,4 +152,29 @@ fn input_is_checked_before_work_begins() {
         ..loads(&good, &[0.0; 3], &[0.0; 3])
     };
     assert!(refused(&short, 1).contains("tensions were given"));
+}
+
+#[test]
+fn many_loads_are_interrupted_on_all_threads() {
+    let robot = study_robot(9, 0.0);
+    let t = tensions(100_000);
+    let loads = loads(&t, &[0.0; 3], &[0.0; 3]);
+    let settings = Settings {
+        elements: Some(8),
+        ..Settings::default()
+    };
+    for threads in [1, 3] {
+        let batch = || solve_batch(&robot, &settings, &loads, threads, false);
+        assert_eq!(watched(|| true, batch).err(), Some(Interrupted));
+    }
+    let rows = || sweep(&robot, &settings, &loads, true, false);
+    assert_eq!(watched(|| true, rows).err(), Some(Interrupted));
+    let few = Loads {
+        count: 10,
+        tensions: &t[..30],
+        ..loads
+    };
+    let batch = || solve_batch(&robot, &settings, &few, 3, false).unwrap();
+    let done = watched(|| false, batch).unwrap();
+    assert_eq!(done.outcomes.len(), 10);
 }
