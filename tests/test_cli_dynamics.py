@@ -23,7 +23,10 @@ from shell import Shell, process, refuses
 SIMULATE = ("simulate", "amouri2019")
 PULLED = (*SIMULATE, "--tension", "80,0,0")
 SHORT = (*PULLED, "--rise", "0.1", "--hold", "0.1")
-SOUND = "status steps t_s tip_position_m real_time_factor message files robot warnings provenance"
+SOUND = (
+    "status steps error_estimate t_s tip_position_m real_time_factor message files robot warnings "
+    "provenance"
+)
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +42,7 @@ def test_simulate(shell: Shell, robot: bs.Robot) -> None:
     assert set(found) == set(SOUND.split())
     assert found["status"] == "converged" and found["steps"] > 50
     assert found["real_time_factor"] > 0
+    assert 1e-5 < found["error_estimate"]["tip_m"] < 2e-3
     assert found["t_s"] == [k / 100 for k in range(151)]
     expected = bs.simulate(robot, dynamics.ramp([80, 0, 0], 1.0), 1.5, mass_damping=0.5)
     np.testing.assert_allclose(found["tip_position_m"], expected.tip_position, atol=1e-12)
@@ -46,6 +50,21 @@ def test_simulate(shell: Shell, robot: bs.Robot) -> None:
     assert settings["mass_damping_per_s"] == 0.5 and settings["theory"] == "cosserat"
     assert settings["tensions_N"] == {"times_s": [0, 1], "values": [[0, 0, 0], [80, 0, 0]]}
     assert found["provenance"]["robot_hash"] == robot.hash
+
+
+def test_coarse_steps_are_said_to_be(shell: Shell) -> None:
+    arguments = (*PULLED, "--rise", "1", "--hold", "0.5")
+    coarse, fine = (shell.json(*arguments, "--dt", dt) for dt in ("50 ms", "0.2 ms"))
+    off = np.linalg.norm(np.subtract(coarse["tip_position_m"], fine["tip_position_m"]), axis=1)
+    assert off.max() > 10e-3
+    assert off.max() < coarse["error_estimate"]["tip_m"] < 5 * off.max()
+    assert fine["error_estimate"]["tip_m"] < 1e-4
+    assert "give a smaller dt" in coarse["message"]
+    assert "smaller" not in fine["message"]
+    _, shown, _ = shell(*arguments, "--dt", "50 ms")
+    assert "The steps put the tip off by" in shown and "give a smaller dt" in " ".join(
+        shown.split()
+    )
 
 
 @pytest.mark.parametrize("flags", [["--dt", "20 ms"], ["--every", "2 ms"], ["--every", "3 ms"]])

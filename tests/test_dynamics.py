@@ -107,6 +107,55 @@ segments:
     assert error[0] < 0.1e-3
 
 
+@pytest.mark.parametrize("radius", [0.8, 1.0])
+@pytest.mark.parametrize("dt", [None, 1e-2, 5e-2])
+def test_steps_know_their_error(radius: float, dt: float | None) -> None:
+    def moved(dt: float | None) -> Any:
+        return simulate(
+            ROBOT,
+            ramp(pulled(20), 0.1),
+            1.0,
+            mass_damping=0.5,
+            spectral_radius=radius,
+            dt=dt,
+            every=0.05,
+            points=0,
+        )
+
+    run = moved(dt)
+    off = np.linalg.norm(run.tip_position - moved(2e-4).tip_position, axis=1).max()
+    assert off < run.error_estimate < 6 * off
+    assert ("give a smaller dt" in run.message) == (run.error_estimate > 0.01 * ROBOT.length)
+
+
+def test_one_step_says_nothing_of_their_error() -> None:
+    run = simulate(ROBOT, pulled(20), 0.01, initial_tensions=pulled(0), dt=1e-2, points=0)
+    assert run.steps == 1 and run.error_estimate is None
+    assert "nothing" in run.message
+    still = simulate(ROBOT, pulled(0), 0.1, dt=1e-2, points=0)
+    assert still.error_estimate == 0.0
+    assert simulate(ROBOT, pulled(0), 0.0, points=0).error_estimate == 0.0
+
+
+@pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
+def test_a_hundred_periods_keep_their_energy(theory: Any) -> None:
+    run = simulate(
+        ROBOT,
+        pulled(0),
+        44.0,
+        initial_tensions=pulled(40),
+        theory=theory,
+        spectral_radius=1.0,
+        dt=1e-3,
+        every=0.05,
+        points=2,
+    )
+    data = run.raise_for_status().dataset
+    assert float(abs(data.energy_balance).max()) < 1e-4 * float(data.elastic_energy[0])
+    # and swings as far as before
+    assert run.tip_position[-100:, 0].max() > 0.97 * run.tip_position[0, 0]
+
+
 def test_energy_is_kept_without_damping() -> None:
     run = simulate(ROBOT, pulled(0), 2.0, initial_tensions=pulled(40), spectral_radius=1.0, dt=1e-3)
     data = run.dataset
@@ -816,6 +865,49 @@ def test_modes_know_what_rounding_leaves() -> None:
     assert 20 < len(found) < 90 and found.frequency_hz[-1] < 1e7
     with pytest.raises(NoSolutionError, match=r"neutral|no stable"):
         modes(ROBOT, tip_force=[0.0, 0.0, -10.0])
+
+
+@pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
+@pytest.mark.parametrize("count", [1, 8])
+def test_a_start_under_a_moment_is_found(theory: Any, count: int) -> None:
+    """A soft rod that a moment turns far has a start wherever statics have an answer."""
+    soft = {
+        "segments.0.length": "0.4 m",
+        "segments.0.backbone.diameter": "10 mm",
+        "segments.0.backbone.E": "70 MPa",
+        "segments.0.backbone.nu": "0.4",
+        "segments.0.backbone.density": "1200 kg/m^3",
+        "segments.0.disks.count": str(count),
+        "segments.0.disks.mass": "1e-6 g",
+        "segments.0.disks.radius": "12 mm",
+        "segments.0.tendons.pitch_radius": "9 mm",
+    }
+    robot = bs.load_robot("amouri2019", overrides=soft)
+    load: dict[str, Any] = {
+        "gravity": [3.8678, -7.957, -4.2383],
+        "tip_force": [-0.1082, -0.2535, -0.1185],
+        "tip_moment": [0.0029, 0.0734, 0.0316],
+        "theory": theory,
+        "elements": 4,
+    }
+    start = bs.solve(robot, [0, 0, 0], **load).raise_for_status().tip.position
+    run = simulate(robot, [0, 0, 0], 0.02, points=0, **load).raise_for_status()
+    assert np.linalg.norm(run.tip_position - start, axis=1).max() < 1e-4 * robot.length
+
+
+def test_forces_on_disks_hold_beside_a_moment() -> None:
+    holding = np.zeros((9, 3))
+    holding[4, 0], holding[8, 1] = 2.0, 0.5
+    load: dict[str, Any] = {"tip_moment": [0.3, 0.6, 0.2], "points": 0}
+    run = simulate(ROBOT, pulled(10), 0.2, initial_disk_forces=holding, **load)
+    at_rest = bs.solve(ROBOT, pulled(10), tip_moment=load["tip_moment"]).tip.position
+    assert np.linalg.norm(run.tip_position[0] - at_rest) > 0.05  # until they are let go
+    assert np.linalg.norm(run.tip_position[-1] - run.tip_position[0]) > 0.01
+    alone = np.zeros((9, 3))
+    alone[8] = [0.4, 0.5, 0.0]
+    held = simulate(ROBOT, pulled(10), 0.0, initial_disk_forces=alone, **load)
+    same = bs.solve(ROBOT, pulled(10), tip_force=alone[8], tip_moment=load["tip_moment"])
+    assert np.linalg.norm(held.tip_position[0] - same.tip.position) < 1e-5
 
 
 def test_no_equilibrium_to_start_from() -> None:

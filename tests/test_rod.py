@@ -20,7 +20,8 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipe, ellipk
 
 import bowstring as bs
-from bowstring.errors import InputError, NoSolutionError
+from bowstring.dynamics import simulate
+from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 
 # Tension of tendon 1 in N, tip x and z in mm: Kirchhoff, then Cosserat; by shooting.
 SWEEP = np.array(
@@ -275,12 +276,18 @@ def test_elastica(robot, bare):
 def test_roll_up(robot, bare, theta):
     moment = theta * robot.bending_stiffness[0] / robot.length
     found = bs.solve(bare, [0, 0, 0], theory="kirchhoff", tip_moment=(0, moment, 0))
-    x, y, z = found.raise_for_status().tip.position / robot.length
+    assert found.converged
+    x, y, z = found.tip.position / robot.length
     assert abs(z - math.sin(theta) / theta) < 1e-12
     assert abs(x - (1 - math.cos(theta)) / theta) < 1e-12
     assert abs(y) < 1e-12
-    assert found.stable is None
-    assert "not known" in found.message
+    if theta < 3:
+        assert found.raise_for_status().stable is True
+        return
+    # a moment that keeps its direction turns a rod over that it has turned half around
+    assert not found.stable and "stable" in found.message
+    with pytest.warns(StabilityWarning):
+        found.raise_for_status()
 
 
 @pytest.mark.parametrize("ratio", [1.01, 1.1, 1.5, 2.0, 5.0])
@@ -313,6 +320,7 @@ def turn(angle):
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
 
+@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
 def test_turning_the_load_turns_the_answer(robot):
     """Tendons are 120 degrees apart; the robot has no preferred direction."""
     tensions, gravity = np.array([50.0, 10.0, 3.0]), np.array([3.0, -2.0, -9.0])
@@ -384,6 +392,7 @@ def turned(after, before):
     return Rotation.from_matrix(after @ before.T).as_rotvec()
 
 
+@pytest.mark.filterwarnings("ignore::bowstring.errors.StabilityWarning")
 @pytest.mark.parametrize("theory", ["kirchhoff", "cosserat"])
 @pytest.mark.parametrize("moment", [(0, 0, 0), (0.01, -0.02, 0.03)])
 def test_jacobians_against_central_differences(rao, theory, moment):
@@ -758,3 +767,65 @@ def test_message_doubts_a_coarse_mesh() -> None:
     chosen = bs.solve(robot, [60, 0, 0])
     assert chosen.elements > 1 and chosen.message == "A stable equilibrium."
     assert bs.solve(bs.load_robot("amouri2019"), [80, 0, 0]).message == "A stable equilibrium."
+
+
+# -- stability under a moment, which has no potential -------------------------------------------
+
+ROBOT = bs.load_robot("amouri2019")
+
+
+@pytest.mark.parametrize("moment", [1e-12, 1e-6])
+def test_a_negligible_moment_turns_no_failure_into_an_answer(moment: float) -> None:
+    found = bs.solve(ROBOT, [1000.0] * 3, tip_moment=[moment, 0, 0])
+    assert not bs.solve(ROBOT, [1000.0] * 3).converged
+    assert not found.converged and found.tip is None
+    with pytest.raises(NoSolutionError):
+        found.raise_for_status()
+
+
+def test_a_negligible_moment_hides_no_buckle() -> None:
+    buckled = bs.solve(ROBOT, [700.0] * 3, elements=8)
+    assert buckled.stable and "buckled" in buckled.message
+    found = bs.solve(ROBOT, [700.0] * 3, elements=8, tip_moment=[1e-12, 0, 0])
+    assert found.converged and found.stable and "buckled" in found.message
+    assert np.linalg.norm(found.tip.position - buckled.tip.position) < 1e-6
+    # and one that is left straight is told to be unstable
+    assert np.linalg.norm(found.tip.position[:2]) > 0.01
+
+
+@pytest.mark.parametrize("moment", [[0.5, 0, 0], [0, 1.0, 0.01], [0, 0, 0.05]])
+def test_small_motions_under_a_moment_die_out(moment: list[float]) -> None:
+    found = bs.solve(ROBOT, [5.0, 0, 0], tip_moment=moment).raise_for_status()
+    assert found.stable is True and found.message.startswith("A stable equilibrium.")
+
+
+@pytest.mark.parametrize("damping", [0.02, 0.1])
+def test_a_moment_along_a_round_backbone_feeds_small_oscillations(damping: float) -> None:
+    """Nikolai's paradox; how fast they grow is seen in motion."""
+    moment = [0, 0, 0.5]
+    found = bs.solve(ROBOT, [0.0] * 3, tip_moment=moment)
+    assert found.converged and found.stable is None and "damped" in found.message
+    with pytest.warns(StabilityWarning, match="whether it is stable is not known"):
+        found.raise_for_status()
+    run = simulate(
+        ROBOT,
+        [0.0] * 3,
+        6.0,
+        tip_moment=moment,
+        initial_tip_force=[1e-3, 0, 0],
+        tip_force=[0, 0, 0],
+        mass_damping=2 * damping * 2 * np.pi * 2.27,
+        spectral_radius=1.0,
+        dt=2e-3,
+        points=0,
+    )
+    aside = np.linalg.norm(run.tip_position[:, :2], axis=1)
+    grows = aside[450:].max() > aside[150:300].max()
+    assert grows == (damping < 0.05)
+
+
+def test_a_robot_without_mass_does_not_tell_its_stability() -> None:
+    light = {"segments.0.disks.mass": "0 kg", "segments.0.backbone.density": "0 kg/m^3"}
+    robot = bs.load_robot("amouri2019", overrides=light)
+    assert bs.solve(robot, [0.0] * 3, tip_moment=[0, 0, 0.5]).stable is None
+    assert bs.solve(robot, [0.0] * 3, tip_moment=[0, 0, 0.01]).stable is True

@@ -29,6 +29,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.fields import Frames, Section
 from bowstring.oscillations import Modes, about, modes
 from bowstring.rod import TendonPath, Theory
+from bowstring.words import in_mm, in_percent
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,6 +62,7 @@ _MOST_OUTPUTS: Final = 1_000_000
 _LONGEST_WHY: Final = 300  # letters of an error of a user's function
 _STILL: Final = 1e-11  # of the length: a pull that does not jump
 _INCREMENTS: Final = 20  # in which forces on disks are put on
+_COARSE: Final = 0.01  # of the length: an error of the steps worth a word
 _NONE: Final = (0.0, 0.0, 0.0)
 
 
@@ -108,6 +110,12 @@ class Run:
     steps, iterations, repeated : int
         Accepted steps, Newton iterations, and steps done again shorter or without numerical
         damping.
+    error_estimate : float or None
+        How far the steps in time put the tip off at most, by their own estimate, m: the sum of
+        what all steps add, with a margin of 3, but no more than the tip moved. Errors that damping
+        has taken away since are counted, so it is large where fast oscillations die out. What the
+        elements in space are worth is not in it. None if nothing is known of it (a run of one or
+        two steps).
     wall_s : float
         Seconds that the motion took to compute, output to files left out.
     path : Path or None
@@ -124,6 +132,7 @@ class Run:
     steps: int = 0
     iterations: int = 0
     repeated: int = 0
+    error_estimate: float | None = None
     wall_s: float = 0.0
     path: Path | None = None
     frames: Frames | None = field(default=None, repr=False)
@@ -157,8 +166,22 @@ class Run:
     def message(self) -> str:
         """One sentence on how the run ended."""
         if self.converged:
-            return f"{self.end:g} s in {self.steps} steps"
+            worth = f"; {self.worth}" if self.worth else ""
+            return f"{self.end:g} s in {self.steps} steps{worth}"
         return f"stopped at {self.end:.6g} s: {self.reason}"
+
+    @property
+    def worth(self) -> str:
+        """What the steps in time are worth, and where they are coarse what to do; no full stop."""
+        error = self.error_estimate
+        if error is None:
+            return "so few steps tell nothing of their error" if self.steps else ""
+        said = f"the steps put the tip off by {in_mm(error)} at most"
+        if error > _COARSE * self.robot.length:
+            share = in_percent(error / self.robot.length)
+            smaller = "dt" if self.settings.get("dt_s") is not None else "tolerance"
+            said += f", {share} of the length: give a smaller {smaller}"
+        return said
 
     @cached_property
     def dataset(self) -> xr.Dataset:
@@ -307,7 +330,7 @@ def simulate(
         disks and friction left out). There a tendon that is pulled keeps its length if it is taut.
     spectral_radius : float
         Numerical damping: what a long step leaves of the fastest oscillation, 0 to 1. At 1 there
-        is none, and energy is conserved.
+        is none, and each step keeps energy to 1e-5 of its largest value.
     dt : float, optional
         Longest step in s. If not given, steps adapt to `tolerance`.
     tolerance : float, optional
@@ -483,6 +506,7 @@ def simulate(
         elif points and len(time) and run.frames is None:
             run.frames = simulators.frames(simulator, stations)
         run.time, run.tip_position, run.tip_velocity = time, position, velocity
+        run.error_estimate = _at_most(simulator.error, position)
 
     try:
         status = "converged"
@@ -491,13 +515,9 @@ def simulate(
         else:
             status = path.core.step(loads.drive.pulled, initial.drive, gravity, *initial.tip).status
             if status == "converged" and not simulator.rest_at(path.core):
-                status = "max_iterations"
+                status = "unsettled"
         if status != "converged":
-            raise NoStart(
-                f"{robot.name}: there is no equilibrium to start from ({status}); "
-                "bowstring.solve with the loads at the start tells more",
-                run,
-            )
+            raise NoStart(f"{robot.name}: {_why_no_start(status)}", run)
         if holding is not None and not simulator.hold(holding, _INCREMENTS):
             raise NoStart(
                 f"{robot.name}: there is no stable equilibrium to start from under the forces on "
@@ -575,6 +595,25 @@ _WHY: Final[dict[str, str]] = {
     "collision": "two neighbouring disks met: the load closes the gap between them",
 }
 _PULLS: Final = "; bowstring.solve tells whether the pulls of that time fight each other"
+
+
+def _at_most(error: float | None, tip: Floats) -> float | None:
+    """The estimated error, which is no larger than the box that the tip moved in."""
+    if error is None or len(tip) == 0:
+        return None
+    return min(error, float(np.linalg.norm(np.ptp(tip, axis=0))))
+
+
+def _why_no_start(status: str) -> str:
+    if status == "unsettled":
+        return (
+            "statics find an equilibrium at the start, but the robot in motion, whose mass sits in "
+            "points, finds no rest near it; give another number of elements (1, 2, 4 or 8)"
+        )
+    return (
+        f"there is no equilibrium to start from ({status}); bowstring.solve with the loads at the "
+        "start tells more"
+    )
 
 
 def _given(name: str, value: ArrayLike | None, otherwise: Floats) -> Floats:

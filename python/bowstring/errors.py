@@ -1,4 +1,4 @@
-"""The errors that Bowstring raises on purpose."""
+"""The errors that Bowstring raises on purpose, and its warning."""
 
 
 class BowstringError(ValueError):
@@ -22,3 +22,7 @@ class NoSolutionError(BowstringError):
     def __init__(self, message: str, *, status: str = "") -> None:
         super().__init__(message)
         self.status = status
+
+
+class StabilityWarning(UserWarning):
+    """An equilibrium was found, but it is not known to be stable."""

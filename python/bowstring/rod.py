@@ -6,6 +6,7 @@ A rotation maps body to base. N is the number of disks, T the number of tendons.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import arguments, drive
 from bowstring.arguments import check_choices, check_robot
 from bowstring.display import html_table, in_few_rows, millimetres, short_repr
-from bowstring.errors import InputError, NoSolutionError
+from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 from bowstring.plausibility import load_advice
 
 if TYPE_CHECKING:
@@ -92,8 +93,12 @@ class Solution:
         fight each other).
     converged : bool
     stable : bool or None
-        Whether the energy has a minimum here, under what the tendons are driven by. None under a
-        tip moment and with friction, which have no potential.
+        Whether the energy has a minimum here, under what the tendons are driven by. Under a tip
+        moment, which has no potential: whether small motions die out at a damping ratio of 1 %.
+        False with the status ``"converged"`` where it is the moment that leads from a stable
+        equilibrium to one where they do not, as a moment does that rolls a rod up.
+        None where that takes more damping, where a tip moment acts on tendons that are pulled or
+        on a robot without mass, with friction, and where the elements are too few to tell.
     iterations : int
         Newton steps, those of continuation included.
     residual : float
@@ -440,9 +445,16 @@ class Solution:
         ------
         NoSolutionError
             The text says what was reached and what to try.
+
+        Warns
+        -----
+        StabilityWarning
+            If the equilibrium is not stable or, for another reason than friction, not known to be.
         """
         if not self.converged:
             raise NoSolutionError(f"{self.robot.name}: {self.message}", status=self.status)
+        if not self.stable and not self.robot.has_friction:
+            warnings.warn(f"{self.robot.name}: {self.message}", StabilityWarning, stacklevel=2)
         return self
 
     def to_dict(self) -> dict[str, Any]:
@@ -653,6 +665,11 @@ class Sweep:
         ------
         NoSolutionError
             Names the first row that failed, and how many did.
+
+        Warns
+        -----
+        StabilityWarning
+            As that of a solution, for the first row of those.
         """
         failed = np.flatnonzero(~self.converged)
         if failed.size:
@@ -661,6 +678,10 @@ class Sweep:
                 f"{self.robot.name}: {failed.size} of {len(self)} loads have no solution; "
                 f"the first is row {first}: {self.message(first)}"
             )
+        if not all(self.stable) and not self.robot.has_friction:
+            row = [bool(stable) for stable in self.stable].index(False)
+            said = f"{self.robot.name}: row {row}: {self.message(row)}"
+            warnings.warn(said, StabilityWarning, stacklevel=2)
         return self
 
 
@@ -1227,16 +1248,22 @@ def _message(
 ) -> str:
     match status:
         case "converged":
-            if left_unstable:
+            if left_unstable and stable:
                 return (
                     "The robot buckled: the way from straight led to an unstable equilibrium; "
                     "one of several stable branches is returned. A small load to one side chooses "
                     "the branch."
                 )
+            if stable is False:
+                return (
+                    "An equilibrium, but not a stable one: the tip moment, which keeps its "
+                    "direction, leads to it from a stable one, and small motions about it grow."
+                )
             if stable is None:
                 return (
-                    "An equilibrium; whether it is stable is not known, because a tip moment has "
-                    "no potential, or because so few elements do not tell."
+                    "An equilibrium; whether it is stable is not known: a tip moment has no "
+                    "potential and lets small oscillations grow unless they are damped by more "
+                    "than 1 %, or so few elements do not tell."
                 )
             return "A stable equilibrium."
         case "no_equilibrium":

@@ -21,6 +21,8 @@ const LOOSEST: f64 = 1e-4;
 /// Newton iterations of a step before it is cut, without and with pulls and friction, which are
 /// but nearly in Newton's matrix.
 const MAX_ITERATIONS: [usize; 2] = [12, 30];
+/// The same of a search for an equilibrium, which no cut helps.
+const MAX_ITERATIONS_AT_REST: usize = 40;
 /// Length, as a share of the robot's, to which pulls are met; and where rounding allows no
 /// better. Slip that is none is somewhat more.
 const LENGTH: f64 = 1e-13;
@@ -39,6 +41,14 @@ const MOST_STEPS: usize = 2_000_000;
 /// Energy that may appear from nowhere before a step is done again without numerical damping,
 /// whose scheme conserves it; and before a step is cut. Of the largest energy so far.
 const GROWTH: [f64; 2] = [1e-3, 5e-2];
+/// Without numerical damping: the share of the largest energy so far to which energy is kept, and
+/// how often a step is solved again for it.
+const KEPT: f64 = 1e-5;
+const MAX_RESTORATIONS: usize = 3;
+
+/// Errors of steps add up to that of a motion, but for what each leaves in the velocity, which
+/// shows a quarter of an oscillation later.
+const ERROR_MARGIN: f64 = 3.0;
 
 /// How long a step is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +87,9 @@ pub struct Count {
     pub iterations: usize,
     /// Steps done again: shorter, or without numerical damping.
     pub repeated: usize,
+    /// Estimated error of the tip's position that these steps add, m: the sum of their own, with a
+    /// margin. Zero after a single step, of which nothing is known.
+    pub error: f64,
 }
 
 /// A moving robot.
@@ -137,10 +150,13 @@ struct March {
     next: f64,
     /// Estimated error of the last step, m; infinite if unknown.
     error: f64,
-    /// Least energy left, and the largest energy, since the last jump of the load; J.
+    /// Energy left at the last jump of the load; the least since, and the largest energy; J.
+    start: f64,
     left: f64,
     size: f64,
     count: Count,
+    /// Steps just before whose error is not known.
+    unknown: usize,
     /// Whether the last equilibrium was a minimum of the energy.
     stable: bool,
     /// How much of the stretch was done, s.
@@ -288,7 +304,10 @@ fn solve(
     again: bool,
 ) -> bool {
     let (mut iteration, mut best, mut last) = (0, f64::INFINITY, f64::INFINITY);
-    let most = MAX_ITERATIONS[usize::from(driven.is_some())];
+    let most = match least {
+        0 => MAX_ITERATIONS[usize::from(driven.is_some())],
+        _ => MAX_ITERATIONS_AT_REST,
+    };
     let work = match &driven {
         None => motion.work(),
         Some(driven) => motion.work() * (2 + driven.transmission.problem.size),
@@ -333,6 +352,17 @@ fn solve(
         iteration += 1;
         count.iterations += 1;
     }
+}
+
+/// Ends a step that was solved; returns the energy left, and the largest so far.
+fn finish(motion: &mut dyn Moving, march: &March) -> (f64, f64) {
+    motion.finish(&march.between.borrow());
+    if let Some(driven) = &march.driven {
+        let energies = driven.transmission.energies(motion, motion.tendon_work());
+        motion.account(&energies);
+    }
+    let energies = motion.outlook();
+    (energies.left(), f64::max(march.size, energies.size()))
 }
 
 fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
@@ -414,18 +444,27 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             march.stable = motion.is_stable(held);
             return (!sound).then_some(Stop::StepFailed);
         }
-        let mut error = f64::INFINITY;
+        let (mut error, mut tip_error) = (f64::INFINITY, f64::INFINITY);
         march.error = error;
         if sound {
-            motion.finish(&march.between.borrow());
-            if let Some(driven) = &march.driven {
-                let work = motion.tendon_work();
-                let energies = driven.transmission.energies(motion, work);
-                motion.account(&energies);
+            let (mut left, mut size) = finish(motion, march);
+            if march.spectral_radius == 1.0 {
+                for _ in 0..MAX_RESTORATIONS {
+                    let excess = left - march.start;
+                    if excess.abs() <= KEPT * size || !motion.restore(excess) {
+                        break;
+                    }
+                    let driven = march.driven.as_mut();
+                    // one iteration at least: the force may be lost in the tolerance
+                    let again = [0.0, tolerances[1]];
+                    sound = solve(motion, driven, &mut march.count, again, 0, false);
+                    if !sound {
+                        break;
+                    }
+                    (left, size) = finish(motion, march);
+                }
             }
-            error = motion.local_error();
-            let energies = motion.outlook();
-            let (left, size) = (energies.left(), f64::max(march.size, energies.size()));
+            [error, tip_error] = motion.local_errors();
             let grown = left - march.left;
             if !motion.is_fresh() && march.spectral_radius < 1.0 && grown > GROWTH[0] * size {
                 motion.restart();
@@ -433,7 +472,7 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
                 continue;
             }
             // a NaN is not sound
-            sound = grown <= GROWTH[1] * size;
+            sound &= grown <= GROWTH[1] * size;
         }
         if !sound {
             motion.stop_foreseeing();
@@ -462,6 +501,12 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
         motion.commit();
         again = false;
         march.error = error;
+        // steps of which nothing is known count as the next
+        march.unknown += 1;
+        if error.is_finite() {
+            march.count.error += ERROR_MARGIN * tip_error * march.unknown as f64;
+            march.unknown = 0;
+        }
         march.left = f64::min(march.left, motion.energies().left());
         march.size = f64::max(march.size, motion.energies().size());
         march.elapsed += step;
@@ -579,8 +624,10 @@ impl Simulator {
                 driven: None,
                 next: 0.0,
                 error: f64::INFINITY,
+                start: 0.0,
                 left: 0.0,
                 size: 0.0,
+                unknown: 0,
                 count: Count::default(),
                 stable: false,
                 elapsed: 0.0,
@@ -594,14 +641,15 @@ impl Simulator {
     }
 
     /// Starts anew, at rest in the equilibrium of a load, at time zero; the load's gravity is
-    /// not used. Nothing but a converged outcome can be simulated from.
+    /// not used. Nothing but a converged outcome can be simulated from, and where motion, whose
+    /// mass sits in points, finds no rest near it, not that either: see [`Simulator::is_ready`].
     pub fn rest(&mut self, load: &Load) -> Result<Outcome, InputError> {
         let load = Load {
             gravity: self.settings.gravity,
             ..*load
         };
         let mut solver = Solver::new(&self.robot, self.model, self.elements)?;
-        let mut outcome = solver.solve(&load)?;
+        let outcome = solver.solve(&load)?;
         let n = self.robot.module_count();
         let mut strain = vec![Vec3::zero(); 2 * self.elements * n];
         let mut force = vec![Vec3::zero(); n];
@@ -611,10 +659,12 @@ impl Simulator {
         self.march.to.set(&load);
         self.clear_disk_forces();
         self.ready = outcome.status == Status::Converged && self.settle(Task::Rest).is_none();
-        if outcome.status == Status::Converged && !self.ready {
-            outcome.status = Status::MaxIterations;
-        }
         Ok(outcome)
+    }
+
+    /// Whether there is a state to move on from.
+    pub fn is_ready(&self) -> bool {
+        self.ready
     }
 
     /// A robot at home for [`Simulator::rest_at`], driven through lines.
@@ -768,6 +818,7 @@ impl Simulator {
 
     fn forget(&mut self) {
         let energies = *self.energies();
+        self.march.start = energies.left();
         self.march.left = energies.left();
         self.march.size = energies.size();
         self.march.error = f64::INFINITY;

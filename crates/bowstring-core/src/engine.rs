@@ -367,7 +367,8 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn substitute(&mut self);
     fn combine(&mut self, coefficients: &[f64]);
     fn finish(&mut self, load: &Load);
-    fn local_error(&mut self) -> f64;
+    fn restore(&mut self, excess: f64) -> bool;
+    fn local_errors(&mut self) -> [f64; 2];
     fn commit(&mut self);
     fn record(&mut self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
 
@@ -408,12 +409,15 @@ macro_rules! moving {
             hot!([$($generic)*] $motion, [$($feature)?]; substitute() -> () |motion| motion.substitute(0, None));
             hot!([$($generic)*] $motion, [$($feature)?]; combine(coefficients: &[f64]) -> () |motion| motion.combine(coefficients));
             hot!([$($generic)*] $motion, [$($feature)?]; finish(load: &Load) -> () |motion| motion.finish(load));
-            hot!([$($generic)*] $motion, [$($feature)?]; local_error() -> f64 |motion| Motion::local_error(motion));
+            hot!([$($generic)*] $motion, [$($feature)?]; local_errors() -> [f64; 2] |motion| Motion::local_errors(motion));
             hot!([$($generic)*] $motion, [$($feature)?]; commit() -> () |motion| motion.commit());
             hot!([$($generic)*] $motion, [$($feature)?]; record(time: f64, tensions: &[f64], points: usize, out: &mut Fields) -> () |motion| {
                 Motion::record(motion, time, tensions, points, out)
             });
 
+            fn restore(&mut self, excess: f64) -> bool {
+                Motion::restore(self, excess)
+            }
             fn begin_at_rest(&mut self) {
                 Motion::begin_at_rest(self);
             }

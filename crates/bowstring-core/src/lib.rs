@@ -6,6 +6,7 @@ pub mod batch;
 mod complementarity;
 pub mod drive;
 pub mod dynamics;
+mod eigenvalues;
 mod engine;
 pub mod estimate;
 pub mod interrupt;

@@ -4,6 +4,7 @@
 
 use crate::batch::unknown;
 use crate::drive::Drive;
+use crate::eigenvalues;
 use crate::engine;
 use crate::interrupt;
 use crate::linalg::Vec3;
@@ -172,6 +173,68 @@ fn found<const A: usize>(mut motion: Motion<Scalar, A>, locks: &[Lock]) -> Optio
     })
 }
 
+/// Frequencies beyond this many times the slowest are not looked at for growth.
+const SLOW: f64 = 30.0;
+/// Oscillations that are found at most, the slowest.
+const MOST_OSCILLATIONS: usize = 40;
+/// The same where motions may leave without an oscillation, which fast ones do as well.
+const MOST_MOTIONS: usize = 80;
+/// Smallest answer to forces that is not lost in rounding, over the largest.
+const LEAST_ANSWER: f64 = 1e-9;
+
+/// How fast small oscillations about an equilibrium grow without damping, as a share of their
+/// angular frequency, the slow ones: 1 for one that leaves without an oscillation, 0 where there
+/// is a potential and the equilibrium a minimum. A damping ratio as large keeps them from it.
+/// `oscillates`: the symmetric part of the tangent is positive definite, so that nothing leaves
+/// otherwise. None where there is no mass, and where mass in points leaves no equilibrium.
+pub(crate) fn growth(solver: &Solver, load: &Load, oscillates: bool) -> Option<f64> {
+    match solver.elements() {
+        1 => grows::<2>(solver, load, oscillates),
+        2 => grows::<4>(solver, load, oscillates),
+        4 => grows::<8>(solver, load, oscillates),
+        _ => grows::<16>(solver, load, oscillates),
+    }
+}
+
+fn grows<const A: usize>(solver: &Solver, load: &Load, oscillates: bool) -> Option<f64> {
+    engine::check_moving(solver.robot(), A / 2).ok()?;
+    let mut flexibility = found(still::<A>(solver, load), &[])?;
+    let roots: Vec<_> = flexibility.masses.iter().map(|m| m.sqrt()).collect();
+    let mut forces = vec![0.0; roots.len()];
+    let apply = |x: &[f64], out: &mut [f64]| {
+        for ((force, x), root) in forces.iter_mut().zip(x).zip(&roots) {
+            *force = root * x;
+        }
+        let moved = flexibility.apply(&forces);
+        for ((out, moved), root) in out.iter_mut().zip(moved).zip(&roots) {
+            *out = root * moved;
+        }
+    };
+    // 1 / omega^2
+    let most = if oscillates {
+        MOST_OSCILLATIONS
+    } else {
+        MOST_MOTIONS
+    };
+    let squares = eigenvalues::largest(roots.len(), most, apply)?;
+    let size_of = |[re, im]: &[f64; 2]| f64::hypot(*re, *im);
+    let largest = squares.iter().map(size_of).fold(0.0, f64::max);
+    if !(largest > 0.0) {
+        return None;
+    }
+    let seen = squares.iter().filter(|s| {
+        let leaves = s[0] < -s[1].abs();
+        let least = if leaves {
+            LEAST_ANSWER
+        } else {
+            1.0 / (SLOW * SLOW)
+        };
+        size_of(s) >= least * largest
+    });
+    let share = |[re, im]: &[f64; 2]| (0.5 * im.atan2(*re)).sin().abs();
+    Some(seen.map(share).fold(0.0, f64::max))
+}
+
 fn about<const A: usize>(
     robot: &Robot,
     model: Model,
@@ -180,7 +243,8 @@ fn about<const A: usize>(
     engine::check_moving(robot, A / 2)?;
     let mut solver = Solver::new(robot, model, A / 2)?;
     let mut outcome = solver.solve(load)?;
-    if outcome.status != Status::Converged || outcome.stable != Some(true) {
+    let has_potential = load.tip_moment == [0.0; 3];
+    if outcome.status != Status::Converged || outcome.stable != Some(true) || !has_potential {
         return Ok((outcome, None));
     }
     let found = found(still::<A>(&solver, load), &[]);

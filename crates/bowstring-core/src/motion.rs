@@ -12,7 +12,9 @@
 //! Acceleration and velocity at `a` are linear in `y(q_(n+1))`. Without numerical damping this
 //! is the energy-momentum form of the midpoint rule for a constrained system (Betsch and
 //! Steinmann 2001): energy holds to third order in the strain of one step, however stiff the
-//! rod and long the step.
+//! rod and long the step. What this leaves is given back within the step by a force against the
+//! velocity of all mass, of either sign ([`Motion::restore`]): a discrete gradient (Gonzalez 1996)
+//! in the metric of the mass.
 //!
 //! Newton's matrix takes `J` at `q_a` on both sides, which keeps it symmetric: inertia adds to
 //! the blocks of statics, and the sweep's state is rotation and translation of a disk. The
@@ -143,6 +145,17 @@ struct Column<L: Layout, const A: usize> {
     rates: Vec<f64>,
 }
 
+/// What a dead moment at the tip, which has no potential, changes of an answer at rest: in the
+/// tip's frame it is a skew stiffness `S` against the tip's rotation. With the answers `C` of that
+/// rotation to moments, answers of the symmetric elimination are right once a moment
+/// `-(I + S C)^-1 S` times their rotation of the tip is answered as well.
+struct Swivel<L: Layout, const A: usize> {
+    /// Answers to unit moments on the tip about its own axes: arcs, contact forces and disks.
+    columns: [Column<L, A>; 3],
+    disks: [Vec<[Vec3<L::Chain>; 2]>; 3],
+    moment: Mat3<L::Chain>,
+}
+
 /// Numerical damping as three weights.
 #[derive(Clone, Copy)]
 struct Scheme {
@@ -244,6 +257,10 @@ pub(crate) struct Motion<L: Layout, const A: usize> {
     pub tendon_work: f64,
     pub energies: Energies,
     next_energies: Energies,
+    /// Energy that a force of one per mass and velocity would take in this step, J s.
+    loss_by_rate: f64,
+    /// Force per mass and velocity that restores the energy in this step, 1/s.
+    restoring: f64,
     /// Of all points, kg; and of the straight robot, m.
     mass: f64,
     length: f64,
@@ -261,10 +278,14 @@ pub(crate) struct Motion<L: Layout, const A: usize> {
     fresh: bool,
     /// Rotation and translation of every disk by the last substitution, in its own frame.
     answer: Vec<[Vec3<L::Chain>; 2]>,
+    /// Of the last tangent, at rest under a tip moment.
+    swivel: Option<Box<Swivel<L, A>>>,
     /// How far chords and loaded spans point forward, the least of them.
     forward: f64,
 }
 
+/// Largest share of its velocity that restoring the energy takes from the mass in a step.
+const MOST_RESTORING: f64 = 1e-2;
 /// Steps that foresee the next.
 const HISTORY: usize = 4;
 /// Compliance of a Kirchhoff rod's module over that of its bending: small enough not to show,
@@ -368,6 +389,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             tendon_work: 0.0,
             energies: Energies::default(),
             next_energies: Energies::default(),
+            loss_by_rate: 0.0,
+            restoring: 0.0,
             mass: total,
             length: robot.length(),
             rigid: model.theory == Theory::Kirchhoff,
@@ -379,6 +402,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             least_pivot: f64::NAN,
             fresh: true,
             answer: vec![[Vec3::zero(); 2]; n],
+            swivel: None,
             forward: 1.0,
             rod,
         }
@@ -422,6 +446,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// Prepares a search for the equilibrium at the present forces: a step without inertia.
     pub fn begin_at_rest(&mut self) {
         self.duration = f64::INFINITY;
+        self.restoring = 0.0;
         self.scheme = Scheme {
             am: 1.0,
             af: 1.0,
@@ -530,6 +555,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     pub fn begin(&mut self, duration: f64, rho: f64) {
         self.scheme = Scheme::new(if self.fresh { 1.0 } else { rho });
         self.duration = duration;
+        self.restoring = 0.0;
         let Scheme { am, af, gamma } = self.scheme;
         let per = 1.0 / (gamma * duration);
         let keep = 1.0 - am / gamma;
@@ -634,7 +660,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     fn factor(&self) -> f64 {
         let Scheme { am, af, gamma } = self.scheme;
         let per = 1.0 / (gamma * self.duration);
-        (am * per / af + if per > 0.0 { self.damping.mass } else { 0.0 }) * am * per
+        let damping = self.damping.mass + self.restoring;
+        (am * per / af + if per > 0.0 { damping } else { 0.0 }) * am * per
     }
 
     /// Moment that rounding leaves of the forces of this step, N m.
@@ -972,20 +999,57 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             value = joint.arcs.eliminate::<true>(blocks, &mut least_pivot);
         }
         self.least_pivot = least_pivot.lane(0);
+        self.swivel = None;
+        if self.duration.is_infinite() && self.rod.has_tip_moment() {
+            self.swivel = Some(Box::new(self.answer_tip_moments()));
+        }
+    }
+
+    #[cold]
+    fn answer_tip_moments(&mut self) -> Swivel<L, A> {
+        let n = self.module_count();
+        let mut flexibility = Mat3::zero();
+        let mut disks = [const { vec![] }; 3];
+        let columns = [0, 1, 2].map(|axis| {
+            let mut column = self.empty_column();
+            let mut unit = Vec3::zero();
+            unit[axis] = L::Chain::splat(1.0);
+            self.eliminate_back(&mut column, [-unit, Vec3::zero()]);
+            let turned = self.answer[n - 1][0];
+            for row in 0..3 {
+                flexibility.0[row][axis] = turned[row];
+            }
+            disks[axis] = self.answer.clone();
+            column
+        });
+        // as in statics: a rotation in its log chart sees half of the moment
+        let moment = self.rod.rotations[n].tr_mul(self.rod.tip_moment);
+        let stiffness = (moment * L::Chain::splat(-0.5)).skew();
+        let back = (stiffness * flexibility).add_diagonal([L::Chain::splat(1.0); 3]);
+        Swivel {
+            columns,
+            disks,
+            moment: back.inverse() * stiffness * L::Chain::splat(-1.0),
+        }
+    }
+
+    fn empty_column(&self) -> Column<L, A> {
+        let groups = self.next.len();
+        Column {
+            u: vec![[Vec3::zero(); A]; groups],
+            delta: vec![Vec3::zero(); groups],
+            rates: vec![0.0; groups * L::WIDTH * self.rod.tendons.len()],
+        }
     }
 
     /// Answer of arcs, contact forces and disks to the present imbalance, or to more tension.
     #[inline(always)]
     pub fn substitute(&mut self, column: usize, source: Option<(usize, &[f64])>) {
         let n = self.module_count();
-        let splat = L::Chain::splat;
         let groups = self.next.len();
         while self.columns.len() <= column {
-            self.columns.push(Column {
-                u: vec![[Vec3::zero(); A]; groups],
-                delta: vec![Vec3::zero(); groups],
-                rates: vec![0.0; groups * L::WIDTH * self.rod.tendons.len()],
-            });
+            let empty = self.empty_column();
+            self.columns.push(empty);
         }
         let mut out = std::mem::replace(
             &mut self.columns[column],
@@ -1018,7 +1082,34 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 }
             }
         }
-        let mut p = [Vec3::zero(); 2];
+        self.eliminate_back(&mut out, [Vec3::zero(); 2]);
+        if let Some(swivel) = &self.swivel {
+            let moment = swivel.moment * self.answer[n - 1][0];
+            for axis in 0..3 {
+                let (part, disks) = (&swivel.columns[axis], &swivel.disks[axis]);
+                let share = L::Module::splat(moment[axis].lane(0));
+                for g in 0..groups {
+                    for a in 0..A {
+                        out.u[g][a] = part.u[g][a].scaled_add(share, out.u[g][a]);
+                    }
+                    out.delta[g] = part.delta[g].scaled_add(share, out.delta[g]);
+                }
+                for (disk, part) in self.answer.iter_mut().zip(disks) {
+                    for q in 0..2 {
+                        disk[q] = part[q].scaled_add(moment[axis], disk[q]);
+                    }
+                }
+            }
+        }
+        self.columns[column] = out;
+    }
+
+    /// Answers a right-hand side, which it takes the place of, by the present elimination; `p` is
+    /// what stands on the tip beside it.
+    #[inline(always)]
+    fn eliminate_back(&mut self, out: &mut Column<L, A>, mut p: [Vec3<L::Chain>; 2]) {
+        let n = self.module_count();
+        let splat = L::Chain::splat;
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let (state, inertia) = (&self.rod.states[g], &self.inertia[g]);
@@ -1075,7 +1166,6 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             x = [s.tr_mul(turn), s.tr_mul(moved)];
             self.answer[k] = x;
         }
-        self.columns[column] = out;
     }
 
     /// Measures the spans where forces balance, and their lengths at the end of the step.
@@ -1191,7 +1281,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             }
             self.next_velocity.frames[k] = velocity;
         }
-        let mut dissipated = self.damping.mass * lost.lane(0);
+        self.loss_by_rate = lost.lane(0);
+        let mut dissipated = self.damping.mass * self.loss_by_rate;
         if self.damping.material != 0.0 {
             dissipated += self.damping.material * self.strain_loss(am * per, keep);
         }
@@ -1216,6 +1307,23 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             dissipated: self.energies.dissipated + dissipated,
             ..self.stored_energies()
         };
+    }
+
+    /// Takes this much energy out of the step that was finished, once it is solved again; not all
+    /// of it where hardly anything moves. Without numerical damping only. Returns whether that
+    /// changes the step.
+    pub fn restore(&mut self, excess: f64) -> bool {
+        let most = MOST_RESTORING / self.duration;
+        let wanted = self.restoring + excess / self.loss_by_rate;
+        // nothing that moves gives a NaN or an infinity
+        let restoring = if wanted.is_finite() {
+            wanted.clamp(-most, most)
+        } else {
+            self.restoring
+        };
+        let changes = restoring != self.restoring;
+        self.restoring = restoring;
+        changes
     }
 
     /// Rate of the strain times its change, by stiffness, J/s.
@@ -1331,21 +1439,23 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         &self.next_energies
     }
 
-    /// Largest estimated error of a disk's position in this step, m; infinite while unknown.
+    /// Estimated error of a disk's position in this step, m: the largest, and that of the tip;
+    /// infinite while unknown.
     #[inline(always)]
-    pub fn local_error(&self) -> f64 {
+    pub fn local_errors(&self) -> [f64; 2] {
         if self.fresh || self.known < 2 {
-            return f64::INFINITY;
+            return [f64::INFINITY; 2];
         }
         // h^3 y''' / 12, y''' from the change of acceleration since the last step
         let h = self.duration;
         let scale = h * h / 12.0 * (2.0 * h / (h + self.durations[0]));
-        let mut largest = 0.0;
+        let (mut largest, mut tip) = (0.0, 0.0);
         for k in 0..self.module_count() {
             let change = plain(&(self.mean_acceleration(k) - self.last_acceleration[k]));
-            largest = f64::max(largest, change.norm());
+            tip = scale * change.norm();
+            largest = f64::max(largest, tip);
         }
-        scale * largest
+        [largest, tip]
     }
 
     /// Of a disk over this step.

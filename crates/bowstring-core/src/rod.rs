@@ -435,7 +435,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         // in its log chart a rotation sees a dead moment as a skew stiffness
         self.symmetric = SYMMETRIC;
         let moment = self.rotations[n].tr_mul(self.tip_moment);
-        let mut value = (moment * L::Chain::splat(-0.5)).skew();
+        let mut value = if SYMMETRIC {
+            Mat3::zero()
+        } else {
+            (moment * L::Chain::splat(-0.5)).skew()
+        };
         let mut least_pivot = L::Chain::splat(f64::INFINITY);
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);

@@ -7,6 +7,7 @@ use crate::interrupt;
 pub use crate::lie::Pose;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, OwnedLoad};
+use crate::modes;
 use crate::module::Constants;
 use crate::robot::{InputError, Robot};
 use crate::sensitivity::Jacobians;
@@ -39,6 +40,15 @@ impl Status {
 
 /// Largest moment imbalance over (bending stiffness / length) that counts as converged.
 pub const TOLERANCE: f64 = 1e-10;
+/// Damping ratio that keeps small oscillations under a tip moment from growing where it counts as
+/// stable. Without any, a moment along a round backbone lets them grow however small it is
+/// (Nikolai's paradox).
+pub const FLUTTER_DAMPING: f64 = 0.01;
+/// The same where no damping helps: what grows hardly oscillates.
+const HOPELESS: f64 = 0.5;
+/// Least moment over (bending stiffness / length) that may lead from a stable equilibrium to one
+/// that is not.
+const LEADS: f64 = 0.1;
 /// Newton steps before giving up.
 pub const MAX_ITERATIONS: usize = 200;
 
@@ -46,8 +56,11 @@ pub const MAX_ITERATIONS: usize = 200;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
     pub status: Status,
-    /// Whether the equilibrium is a minimum of the energy; `None` under a tip moment, which
-    /// has no potential.
+    /// Whether the equilibrium is a minimum of the energy. Under a tip moment, which has no
+    /// potential: whether small motions that are damped by [`FLUTTER_DAMPING`] die out, false with
+    /// [`Status::Converged`] where it is the moment that leads from a stable equilibrium to one where
+    /// they do not, as it does beyond half a turn; `None` where that takes more damping, or the masses of a robot that has none, and where the
+    /// answer is lost in rounding.
     pub stable: Option<bool>,
     pub iterations: usize,
     /// Largest moment imbalance over (bending stiffness / length).
@@ -312,11 +325,33 @@ impl Solver {
             collision: None,
             error: None,
         };
-        let mut attempt = newton(&mut *self.engine, &self.settings, &mut outcome);
+        let attempt = newton(&mut *self.engine, &self.settings, &mut outcome);
+        let mut attempt = self.judged(attempt, load, false);
         if patience && !attempt.is_sound() {
             // what continuation cannot mend keeps its first verdict
             let first = outcome;
-            let continued = self.continuation(load, &mut outcome);
+            let mut continued = Attempt::Stuck;
+            if load.tip_moment != [0.0; 3] {
+                let rest = Load {
+                    tip_moment: [0.0; 3],
+                    ..*load
+                };
+                let rest = self.equilibrium(&rest, true);
+                outcome.iterations += rest.iterations;
+                if rest.status == Status::Converged {
+                    continued = self.continuation(load, false, &mut outcome);
+                    let unstable = Some(false);
+                    if !matches!(continued, Attempt::Converged { stable, .. } if stable == unstable)
+                    {
+                        outcome.left_unstable |= matches!(attempt, Attempt::Saddle);
+                        outcome.left_unstable |= rest.left_unstable;
+                    }
+                }
+            }
+            if !continued.is_sound() {
+                outcome.left_unstable = first.left_unstable;
+                continued = self.continuation(load, true, &mut outcome);
+            }
             if continued.is_sound() {
                 attempt = continued;
             } else if !matches!(attempt, Attempt::Stuck) {
@@ -345,20 +380,108 @@ impl Solver {
         outcome
     }
 
-    /// Raises the load from zero by steps that adapt; tells how far it came.
-    fn continuation(&mut self, load: &Load, outcome: &mut Outcome) -> Attempt {
+    /// An equilibrium under a tip moment with its stability, which Newton's method does not tell.
+    /// An unstable one counts where the moment alone `leads` there from a stable one.
+    fn judged(&mut self, attempt: Attempt, load: &Load, leads: bool) -> Attempt {
+        let Attempt::Converged {
+            stable: None,
+            collision,
+        } = attempt
+        else {
+            return attempt;
+        };
+        match self.stability(load) {
+            Some(false) if !leads => Attempt::Saddle,
+            stable => Attempt::Converged { stable, collision },
+        }
+    }
+
+    /// Whether small damped motions under a tip moment die out. The moment adds half of itself as
+    /// a skew stiffness against the tip's rotation to a symmetric tangent. Where that is positive
+    /// definite, nothing leaves without an oscillation; and with the tip's flexibility `C` in the
+    /// plane across the moment, squared frequencies lie within `|moment| sqrt(det C) / 2` of the
+    /// real axis, as an angle. That settles small moments. Larger ones take the frequencies.
+    fn stability(&mut self, load: &Load) -> Option<bool> {
+        let per_module = 2 * self.elements;
+        let rod = &mut *self.engine;
+        let n = rod.module_count();
+        rod.linearise();
+        let pivot = rod.eliminate(true, 0.0);
+        // a pivot that is lost in rounding tells nothing; a NaN is no minimum
+        let unit = self.settings.shift_unit;
+        let mut stable = match pivot {
+            p if p > 1e-12 * unit => Some(true),
+            p if p > -1e-8 * unit => None,
+            _ => Some(false),
+        };
+        if pivot > 1e-12 * unit {
+            let moment = Vec3(load.tip_moment);
+            let size = moment.norm();
+            let along = moment * (1.0 / size);
+            let least = (0..3).min_by(|a, b| along[*a].abs().total_cmp(&along[*b].abs()));
+            let mut axis = Vec3::zero();
+            axis[least.unwrap_or(0)] = 1.0;
+            let first = along.cross(axis);
+            let first = first * (1.0 / first.norm());
+            let second = along.cross(first);
+            // twice the energy that a unit moment on the tip puts in
+            let mut answer = |unit: Vec3| {
+                let local: Vec<_> = (0..n)
+                    .map(|k| match k {
+                        0 => unit,
+                        _ => rod.disk(k - 1).rotation.tr_mul(unit),
+                    })
+                    .collect();
+                rod.set_gradient(&|i| local[i / per_module]);
+                -rod.newton_step(true).slope
+            };
+            let (a, b, both) = (answer(first), answer(second), answer(first + second));
+            let between = 0.5 * (both - a - b);
+            let determinant = f64::max(a * b - between * between, 0.0);
+            let angle = 0.5 * size * determinant.sqrt();
+            // a NaN is not small
+            if !(angle <= 2.0 * FLUTTER_DAMPING) {
+                stable = self.stability_of_motion(load, true);
+            }
+        }
+        if stable == Some(false) {
+            stable = self.stability_of_motion(load, false);
+        }
+        // whoever asks next finds the tangent of Newton's last step
+        self.engine.gradient();
+        self.engine.eliminate(false, 0.0);
+        stable
+    }
+
+    /// The same by the frequencies; `oscillates` as in [`modes::growth`].
+    fn stability_of_motion(&self, load: &Load, oscillates: bool) -> Option<bool> {
+        match modes::growth(self, load, oscillates) {
+            Some(growth) if growth <= FLUTTER_DAMPING => Some(true),
+            Some(growth) if growth >= HOPELESS => Some(false),
+            None if !oscillates => Some(false),
+            _ => None,
+        }
+    }
+
+    /// Raises the load from zero by steps that adapt, all of it or, from the equilibrium of the
+    /// rest that the engine holds, its tip moment alone; tells how far it came.
+    fn continuation(&mut self, load: &Load, all: bool, outcome: &mut Outcome) -> Attempt {
         let mut tensions = load.tensions.to_vec();
         let mut start = vec![Vec3::zero(); self.history[0].len()];
-        let (mut reached, mut increment) = (0.0, 0.25);
+        let (mut reached, mut increment) = (0.0, if all { 0.25 } else { 1.0 });
+        if !all {
+            self.engine.strains(&mut |i, w| start[i] = w);
+        }
         loop {
             let fraction = f64::min(reached + increment, 1.0);
+            let share = if all { fraction } else { 1.0 };
             for (t, full) in tensions.iter_mut().zip(load.tensions) {
-                *t = full * fraction;
+                *t = full * share;
             }
             let part_load = Load {
                 tensions: &tensions,
-                gravity: load.gravity.map(|g| g * fraction),
-                tip_force: load.tip_force.map(|f| f * fraction),
+                gravity: load.gravity.map(|g| g * share),
+                tip_force: load.tip_force.map(|f| f * share),
                 tip_moment: load.tip_moment.map(|m| m * fraction),
             };
             self.engine.load(&part_load);
@@ -368,7 +491,12 @@ impl Solver {
                 iterations: 0,
                 ..*outcome
             };
-            let attempt = newton(&mut *self.engine, &self.settings, &mut part);
+            let mut attempt = newton(&mut *self.engine, &self.settings, &mut part);
+            if fraction == 1.0 {
+                let leads =
+                    !all && Vec3(load.tip_moment).norm() > LEADS * self.settings.moment_scale;
+                attempt = self.judged(attempt, load, leads);
+            }
             outcome.iterations += part.iterations;
             outcome.residual = part.residual;
             outcome.left_unstable |= part.left_unstable;
@@ -383,6 +511,12 @@ impl Solver {
                 increment *= 1.5;
             } else {
                 increment *= 0.3;
+            }
+            if fraction == 1.0 && matches!(attempt, Attempt::Saddle) && load.tip_moment != [0.0; 3]
+            {
+                // found, and told to be unstable: smaller increments come to the same
+                outcome.fraction = reached;
+                return attempt;
             }
             // a load that is past hope must not take long to say so
             if increment < 1e-3 || outcome.iterations > MAX_CONTINUATION || interrupt::interrupted()

@@ -8,6 +8,7 @@ use crate::rod::Robot;
 use bowstring_core::dynamics::{self, Count, Damping, Energies, Fields, Settings, Step, Stop};
 use bowstring_core::load::Load;
 use bowstring_core::modes;
+use bowstring_core::statics::Status;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArray1,
     PyReadonlyArray2, PyUntypedArrayMethods,
@@ -126,7 +127,8 @@ impl Simulator {
         Ok(())
     }
 
-    /// Goes to rest in the equilibrium of a load; returns the status of its search.
+    /// Goes to rest in the equilibrium of a load; returns the status of its search, `unsettled`
+    /// where statics have found it and motion does not rest there.
     fn rest(
         &mut self,
         tensions: &Bound<'_, PyAny>,
@@ -141,6 +143,9 @@ impl Simulator {
         };
         let outcome =
             interruptible(tensions.py(), || self.inner.rest(&load))?.map_err(input_error)?;
+        if outcome.status == Status::Converged && !self.inner.is_ready() {
+            return Ok("unsettled");
+        }
         Ok(outcome.status.word())
     }
 
@@ -246,6 +251,7 @@ impl Simulator {
                 self.count.steps += count.steps;
                 self.count.iterations += count.iterations;
                 self.count.repeated += count.repeated;
+                self.count.error += count.error;
                 if stop.is_some() || record[row] {
                     self.record()?;
                 }
@@ -350,6 +356,13 @@ impl Simulator {
     #[getter]
     fn repeated(&self) -> usize {
         self.count.repeated
+    }
+
+    /// Estimated error of the tip's position by all steps, m; None where nothing is known of it.
+    #[getter]
+    fn error(&self) -> Option<f64> {
+        let unknown = self.count.error == 0.0 && (1..3).contains(&self.count.steps);
+        (!unknown).then_some(self.count.error)
     }
 
     /// Seconds spent on the file.

@@ -418,6 +418,7 @@ def _run_json(run: Run, every: float) -> dict[str, Any]:
         "t_s": times if moved else [],
         "tip_position_m": run.tip_at(times) if moved else [],
         "steps": run.steps,
+        "error_estimate": {"tip_m": run.error_estimate},
         "real_time_factor": run.real_time_factor if moved else None,
         "message": run.message,
         **provenance_of(run.robot, **run.settings),
@@ -429,6 +430,8 @@ def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str
         f"{run.robot.name}, {run.settings['theory']}: {run.status}, {run.end:.6g} s in "
         f"{counted(run.steps, 'step')}, about {rounded(run.real_time_factor)} times real time"
     )
+    if run.converged and run.worth:
+        yield f"{run.worth[0].upper()}{run.worth[1:]}."
     if len(run.time) == 0:
         return
     table = new_table("", ">time s", ">tip x mm", ">y mm", ">z mm")
