@@ -500,6 +500,21 @@ def test_a_spreadsheet_bomb_is_not_opened(tmp_path: Path, monkeypatch: pytest.Mo
         read_measurements(other)
 
 
+def test_what_a_library_says_of_a_damaged_cell_is_cut_short(tmp_path: Path) -> None:
+    book = openpyxl.Workbook()
+    book.active.append(["tension_1_N", "tip_x_mm"])
+    book.active.append([1, 123456])
+    book.save(tmp_path / "whole.xlsx")
+    with zipfile.ZipFile(tmp_path / "whole.xlsx") as whole:
+        parts = {name: whole.read(name) for name in whole.namelist()}
+    sheet = "xl/worksheets/sheet1.xml"
+    parts[sheet] = parts[sheet].replace(b"<v>123456</v>", b"<v>" + b"a" * 9000 + b"</v>")
+    damaged = _archive(tmp_path / "damaged.xlsx", parts)
+    with pytest.raises(InputError, match="the sheet cannot be read: ") as caught:
+        read_measurements(damaged)
+    assert len(str(caught.value)) < 500
+
+
 @pytest.mark.parametrize(
     ("part", "content", "says"),
     [

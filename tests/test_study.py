@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bowstring import rod, study
+from bowstring.backbones import backbones
 from bowstring.comparison import COMPARISONS
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot import Robot, load_robot
@@ -156,6 +157,9 @@ def test_any_tendon_or_several_can_be_pulled() -> None:
     assert -30.0 < math.degrees(math.atan2(y, x)) < 90.0
     assert both.comparison("cc_from_lengths").mean < 1e-3 * robot.length
     assert both.budget.drive.row("tendon_elasticity").case.problem is None
+    force = next(shape for shape in backbones(both).shapes if shape.name == "cc_from_force")
+    error = both.comparison("cc_from_force").error[-1]
+    assert force.from_statics[-1] == pytest.approx(error, rel=1e-6)
 
 
 def test_the_published_claim_is_of_the_studys_own_tendon() -> None:

@@ -59,7 +59,8 @@ def backbones(study: Study) -> Backbones:
     last = int(np.flatnonzero(statics.converged)[-1])
     tension = float(statics.tension[last])
     disks = statics.disk_positions[last]
-    model = Model(robot, study.settings.tendon, study.settings.theory)
+    chosen = study.settings
+    model = Model(robot, chosen.tendon, chosen.theory, chosen.shares)
     tensions = model.tensions(np.array([tension]))[0]
 
     solution = rod.solve(model.robot, tensions, theory=study.settings.theory)

@@ -190,6 +190,11 @@ def _bytes(path: Path) -> bytes:
     return data
 
 
+def _short(error: Exception) -> str:
+    """What a library says, on one line and short: it may quote a whole cell."""
+    return " ".join(str(error).split())[:200]
+
+
 # -- text --------------------------------------------------------------------------------------
 
 
@@ -379,7 +384,9 @@ def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
             book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
         sheets = [sheet for sheet in book.worksheets if sheet.title.lower() != "source"]
     except Exception as error:  # openpyxl raises many kinds on what is no workbook
-        raise InputError(f"{path}: this is no Excel workbook that can be read: {error}") from None
+        raise InputError(
+            f"{path}: this is no Excel workbook that can be read: {_short(error)}"
+        ) from None
     if not sheets:
         raise InputError(f"{path}: the workbook has no sheet with a table")
     sheet = sheets[0]
@@ -429,7 +436,7 @@ def _check_parts(path: Path, data: bytes) -> None:
     except InputError:
         raise
     except Exception as error:  # zipfile raises many kinds, as for a password
-        raise InputError(f"{path}: the workbook cannot be unpacked: {error}") from None
+        raise InputError(f"{path}: the workbook cannot be unpacked: {_short(error)}") from None
 
 
 def _is_bloated(part: zipfile.ZipInfo) -> bool:
@@ -497,7 +504,7 @@ def _values(path: Path, sheet: object, start: int, width: int) -> Iterator[Row]:
     except Exception as error:  # damaged parts
         if isinstance(error, InputError):
             raise
-        raise InputError(f"{path}: the sheet cannot be read: {error}") from None
+        raise InputError(f"{path}: the sheet cannot be read: {_short(error)}") from None
 
 
 def _cell(value: object) -> str:

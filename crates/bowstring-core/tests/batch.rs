@@ -4,7 +4,7 @@ mod common;
 use bowstring_core::batch::{solve_batch, sweep, Loads, Settings};
 use bowstring_core::interrupt::{watched, Interrupted};
 use bowstring_core::load::{Load, Model, Theory};
-use bowstring_core::statics::{Solver, Status};
+use bowstring_core::statics::Status;
 use common::study_robot;
 
 fn loads<'a>(tensions: &'a [f64], gravity: &'a [f64], tip_force: &'a [f64]) -> Loads<'a> {
@@ -55,7 +55,7 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
         assert_close(&one.disk_position, &cold.disk_position);
         assert_close(&one.disk_rotation, &cold.disk_rotation);
         assert_close(&one.tendon_length, &cold.tendon_length);
-        let mut solver = Solver::new(&robot, Model::default(), 1).unwrap();
+        let mut solver = settings.solver(&robot).unwrap();
         for i in (0..n).filter(|_| elements == 1) {
             let load = Load {
                 tensions: &t[3 * i..][..3],
@@ -64,6 +64,7 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
                 tip_moment: [0.0; 3],
             };
             assert_eq!(solver.solve(&load).unwrap(), cold.outcomes[i]);
+            let solver = solver.solver();
             assert_eq!(
                 solver.tip().unwrap().position.0,
                 cold.tip_position[3 * i..][..3]

@@ -400,8 +400,7 @@ def _backbones(study: Study) -> Figure:
     """The shapes themselves at the largest load, and how far they part along the robot."""
     found = backbones(study)
     figure, (shapes, apart) = subplots(2, 6.0, height_ratios=(2, 1))
-    hole = study.robot.tendons.hole_m[study.settings.tendon]
-    towards = hole / np.linalg.norm(hole)
+    towards = np.array(study.towards[:2])
 
     def in_plane(points: Array) -> Array:
         return np.stack([points[:, :2] @ towards, points[:, 2]]) * 1e3
@@ -424,7 +423,7 @@ def _backbones(study: Study) -> Figure:
     shapes.set(xlabel=f"{_direction(towards)} (mm)", ylabel="z (mm)")
     shapes.set_aspect("equal", adjustable="datalim")
     legend_above(shapes, 3)
-    shapes.set_title(f"tendon {study.settings.tendon + 1} at {found.tension:.4g} N", pad=22)
+    shapes.set_title(f"{study.settings.pulled} at {found.tension:.4g} N", pad=22)
     apart.set(xlabel="disk (% of length from the base)", ylabel="CC from statics,\nby disk (mm)")
     apart.set_ylim(0.0, max(apart.get_ylim()[1], TINY * 1e3))
     return figure
