@@ -502,8 +502,8 @@ def test_a_spreadsheet_bomb_is_not_opened(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_what_a_library_says_of_a_damaged_cell_is_cut_short(tmp_path: Path) -> None:
     book = openpyxl.Workbook()
-    book.active.append(["tension_1_N", "tip_x_mm"])
-    book.active.append([1, 123456])
+    book.active.append(["tension_1_N", "tip_x_mm", "tip_y_mm", "tip_z_mm"])
+    book.active.append([1, 123456, 2, 3])
     book.save(tmp_path / "whole.xlsx")
     with zipfile.ZipFile(tmp_path / "whole.xlsx") as whole:
         parts = {name: whole.read(name) for name in whole.namelist()}
