@@ -173,7 +173,7 @@ mod tests {
         let size = 12;
         let mut matrix = vec![vec![0.0; size]; size];
         for i in 0..4 {
-            let (re, im) = (3.0 - i as f64, 0.5 + 0.3 * i as f64);
+            let (re, im) = (3.05 - i as f64, 0.5 + 0.3 * i as f64);
             matrix[2 * i][2 * i] = re;
             matrix[2 * i + 1][2 * i + 1] = re;
             matrix[2 * i][2 * i + 1] = im;
@@ -201,7 +201,7 @@ mod tests {
         };
         let mut expected: Vec<_> = (8..size).map(|i| [0.1 * i as f64, 0.0]).collect();
         for i in 0..4 {
-            let (re, im) = (3.0 - i as f64, 0.5 + 0.3 * i as f64);
+            let (re, im) = (3.05 - i as f64, 0.5 + 0.3 * i as f64);
             expected.extend([[re, im], [re, -im]]);
         }
         let found = largest(size, size, apply).unwrap();
