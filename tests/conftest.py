@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from bowstring import study
+from bowstring import interrupts, study
 from bowstring.robot import load_robot
 from shell import Shell
 
@@ -18,6 +18,16 @@ from shell import Shell
 def paper() -> study.Study:
     """The study of the paper's own robot."""
     return study.run(load_robot("amouri2019"))
+
+
+@pytest.fixture(autouse=True)
+def no_interrupt_outlives_its_test() -> Iterator[None]:
+    """A command that a test ran hears signals on, and raises one again that nobody answered."""
+    before = {number: signal.getsignal(number) for number in interrupts.HEARD}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+    interrupts.answered()
 
 
 @pytest.fixture
