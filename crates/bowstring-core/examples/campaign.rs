@@ -1,5 +1,4 @@
-//! Random solves by the million: no panic, no number that is none, no answer that is off by more
-//! than it says.
+//! Random solves by the million: no panic, no NaN, no answer with a larger error than stated.
 //!
 //! `cargo run --release -p bowstring-core --example campaign -- SOLVES [STATE]`
 //!

@@ -15,13 +15,14 @@ pub const TIP_TOLERANCE: f64 = 1e-5;
 pub const TENSION_TOLERANCE: f64 = 1e-4;
 /// Elements to choose from.
 pub const LEVELS: [usize; 4] = [1, 2, 4, 8];
-/// Compression (force times squared length over bending stiffness; a module between two disks
-/// buckles at pi^2) from which stability hangs on it, and the largest of an element that then
-/// still tells stable from unstable to 1e-3 of the force.
+/// Compression of a module (force times squared length over bending stiffness; between two disks
+/// it buckles at pi^2) above which stability depends on the elements, and the largest compression
+/// of an element that finds the critical force to 1e-3.
 const NEAR_BUCKLING: f64 = 5.0;
 const FINE_COMPRESSION: f64 = 0.65;
 
-/// Whether elements tell stable from unstable, by the largest compression of a module.
+/// Whether the elements are fine enough to decide stability, by the largest compression of a
+/// module.
 pub(crate) fn tells_stability(compression: f64, elements: usize) -> bool {
     let own = compression / (elements * elements) as f64;
     // a NaN tells nothing
@@ -161,7 +162,7 @@ impl Adaptive {
             };
             let level = LEVELS.iter().position(|e| *e == more).expect("one of them");
             let Ok(finer) = self.at(level) else {
-                // a coarse answer, whose error is told, rather than none
+                // the coarse answer states its error, and is better than none
                 outcome.iterations = iterations;
                 return Ok(outcome);
             };

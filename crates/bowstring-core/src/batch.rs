@@ -211,7 +211,7 @@ pub fn for_each<T: Send, S>(
                         .par_iter_mut()
                         .for_each_init(&scratch, |s, item| work(s, item))
                 });
-                // only the calling thread is told of an interruption
+                // only the calling thread receives an interruption
                 shared.wait();
             });
         }

@@ -361,7 +361,7 @@ impl Drive {
             let coefficients: Vec<f64> = std::iter::once(1.0).chain(changes).collect();
             tip = engine.correct(&coefficients);
         }
-        // what friction passes on depends on the bends, which the estimate leaves as they are
+        // friction changes span tensions with the bends; the estimate keeps the span tensions
         let unsure = if transmission.rubs { 4.0 } else { 1.0 };
         let error = ErrorEstimate::new(tip * unsure, largest * unsure, found.compression);
         if !tells_stability(error.compression, self.solver.elements())

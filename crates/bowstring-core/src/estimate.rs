@@ -31,7 +31,7 @@ const SAFETY: f64 = 2.0;
 
 impl ErrorEstimate {
     pub(crate) fn new(tip: Vec3, tension: f64, compression: f64) -> Self {
-        // what is not finite says nothing, and so might be anything
+        // an estimate that is not finite gives no bound
         let sound = |x: f64| {
             if x.is_finite() {
                 SAFETY * x
@@ -282,8 +282,8 @@ impl<T: Real, const A: usize> State<T, A> {
             let turn = Vec3([z[1] - y[2], x[2] - z[0], y[0] - x[1]]) * T::splat(0.5);
             let gap = start + turned * (end - section.place) - end;
             let along = (end - start) * per;
-            // The element bent as well because the force is off its own place by `e`, a cubic
-            // from here to the end; Newton's matrix knows that already.
+            // The integrated curve lies off the element by about a cubic, and the force bends it
+            // further through this offset. The tangent contains that part already.
             let (miss, slope) = (start - section.place, turn.cross(along) * length);
             let mean = miss.scaled_add(T::splat(0.5), slope * T::splat(1.0 / 12.0));
             let first = miss.scaled_add(T::splat(0.35), slope * T::splat(0.05));
