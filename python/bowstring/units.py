@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -221,8 +222,20 @@ def wrong(sentence: str) -> PydanticCustomError:
     return PydanticCustomError("bowstring", "{sentence}", {"sentence": sentence})
 
 
+class _Marker(ABC):
+    """Marks a field: pydantic validates it by `read`."""
+
+    @abstractmethod
+    def read(self, value: Any) -> Any: ...
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        return core_schema.no_info_plain_validator_function(self.read)
+
+
 @dataclass(frozen=True)
-class Quantity:
+class Quantity(_Marker):
     """Marks a field that is text with a unit in a file and an SI number inside.
 
     Text must carry its unit; a number that comes from Python is SI already. The limits are far
@@ -286,11 +299,6 @@ class Quantity:
             got = quote(given) + (f" {self.si}" if isinstance(given, float) else "").rstrip()
             raise wrong(f"got {got}; must lie between {self.low} and {self.high}")
 
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
-
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
@@ -324,7 +332,7 @@ def _example_of_one(example: str) -> str:
 
 
 @dataclass(frozen=True)
-class Count:
+class Count(_Marker):
     """Marks a field that is a whole number from 1."""
 
     most: int
@@ -343,11 +351,6 @@ class Count:
             raise wrong(f"got {quote(value)}; must be a whole number from 1 to {self.most}")
         return int(number)
 
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
-
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
@@ -356,7 +359,7 @@ class Count:
 
 
 @dataclass(frozen=True)
-class Share:
+class Share(_Marker):
     """Marks a share, as a plain number or in percent."""
 
     example: str
@@ -379,11 +382,6 @@ class Share:
             )
         return share
 
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
-
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
@@ -391,7 +389,7 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Choice:
+class Choice(_Marker):
     """Marks one of a few words."""
 
     words: tuple[str, ...]
@@ -402,11 +400,6 @@ class Choice:
             raise wrong(f"got {quote(value)}; must be one of {', '.join(self.words)}")
         return value.strip()
 
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
-
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
@@ -414,7 +407,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Text:
+class Text(_Marker):
     """Marks a text of limited length; ``lines``: of several lines or none."""
 
     most: int
@@ -429,11 +422,6 @@ class Text:
         if not (text or self.lines) or len(text) > self.most or not shown.isprintable():
             raise wrong(f"got {quote(value)}; must be up to {self.most} printable characters")
         return text
-
-    def __get_pydantic_core_schema__(
-        self, source: object, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
