@@ -6,9 +6,9 @@
 //!
 //! - each number is finite, the residual below its tolerance;
 //! - a batch gives what single solves give;
-//! - poses satisfy the rod's differential equation, integrated under the wrench that tendons and
-//!   loads leave to the backbone: nothing of it is the solver's own residual;
-//! - eight elements a module move the tip by no more than both answers say.
+//! - eight elements a module, from the answer's own strain, move no disk by more than both say;
+//! - poses of those satisfy the rod's differential equation, integrated under the wrench that
+//!   tendons and loads leave to the backbone: nothing of it is the solver's own residual.
 //!
 //! What was found is kept in STATE (default `target/campaign.txt`) after every thousand robots,
 //! and a further run goes on from there.
@@ -27,8 +27,10 @@ use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-/// Loads of a robot.
-const LOADS: usize = 40;
+/// Loads of a robot of realistic size, and of one with numbers that no maker would give: its
+/// loads are mostly past hope, and each takes as long as a thousand others.
+const LOADS: usize = 64;
+const HOSTILE_LOADS: usize = 2;
 /// Robots between two writings of the state.
 const CHUNK: usize = 1000;
 /// Of the loads of a robot, those that eight elements solve as well.
@@ -73,7 +75,6 @@ counts! {
     checked: "integrated from the outside",
     unbalanced: "not balanced by more than a coarse answer may be",
     compared: "compared with eight elements",
-    branches: "on another branch than eight elements",
     beyond: "off by more than stated",
     uncertain: "stated to be less exact than 1e-5 of length",
 }
@@ -200,15 +201,16 @@ fn trial(number: usize) -> Counts {
     }
     // each tension, tip force and moment a share of what was drawn
     let (mut tensions, mut forces, mut moments) = (vec![], vec![], vec![]);
-    for _ in 0..LOADS {
-        tensions.extend(case.tensions.iter().map(|t| t * draw.within(0.0, 1.2)));
-        let share = draw.within(0.0, 1.2);
+    let count = if hard { HOSTILE_LOADS } else { LOADS };
+    for _ in 0..count {
+        tensions.extend(case.tensions.iter().map(|t| t * draw.within(0.0, 1.0)));
+        let share = draw.within(0.0, 1.0);
         forces.extend(case.tip_force.0.map(|f| f * share));
         moments.extend(case.tip_moment.0.map(|m| m * share));
     }
     let gravity = case.spec.gravity;
     let loads = Loads {
-        count: LOADS,
+        count,
         tensions: &tensions,
         gravity: &gravity,
         tip_force: &forces,
@@ -222,7 +224,7 @@ fn trial(number: usize) -> Counts {
         counts.refused += 1;
         return counts;
     };
-    counts.solves += LOADS as u64;
+    counts.solves += count as u64;
     let length = robot.length();
     for (i, outcome) in found.outcomes.iter().enumerate() {
         if outcome.status != Status::Converged {
@@ -242,7 +244,7 @@ fn trial(number: usize) -> Counts {
         counts.uncertain += u64::from(error.tip > 1e-5 * length);
     }
     for i in 0..COMPARED {
-        let i = i * LOADS / COMPARED;
+        let i = i * count / COMPARED;
         if found.outcomes[i].status == Status::Converged {
             compare(
                 number,
@@ -257,7 +259,7 @@ fn trial(number: usize) -> Counts {
     counts
 }
 
-/// The same load by a single solve, from the outside, and by eight elements.
+/// The same load by a single solve, and that by eight elements, checked from the outside.
 fn compare(number: usize, i: usize, case: &Case, robot: &Robot, load: &Load, counts: &mut Counts) {
     let length = robot.length();
     let mut single = Adaptive::new(robot, case.model(), None).unwrap();
@@ -278,17 +280,19 @@ fn compare(number: usize, i: usize, case: &Case, robot: &Robot, load: &Load, cou
         eprintln!("\nrobot {number}, load {i}: batch and single solve apart");
     }
     let stated = outcome.error.unwrap();
-    let mut balanced = false;
+    let (fine, found) = single.refined(load, 8).unwrap();
+    let Some(rest) = found.error else {
+        return;
+    };
     if case.tendon == TendonPath::Straight {
         counts.checked += 1;
         let mut here = case.clone();
         here.tensions = load.tensions.to_vec();
         here.tip_force.0 = load.tip_force;
         here.tip_moment.0 = load.tip_moment;
-        let gap = here.gap(robot, single.solver(), 24);
-        balanced = gap < 1e-4;
+        let gap = gap(&here, robot, &fine);
         // the gap is that of one module; where the answer says it is exact, so must each be
-        if !(gap < 1e-3 || stated.tip > 1e-5 * length) {
+        if !(gap < 1e-3 || rest.tip > 1e-5 * length) {
             counts.unbalanced += 1;
             eprintln!("\nrobot {number}, load {i}: a module is off by {gap:.1e}");
         }
@@ -296,27 +300,34 @@ fn compare(number: usize, i: usize, case: &Case, robot: &Robot, load: &Load, cou
     if single.solver().elements() == 8 {
         return;
     }
-    let mut fine = Solver::new(robot, case.model(), 8).unwrap();
-    let mut found = fine.solve(load).unwrap();
-    fine.estimate_error(&mut found);
-    let (Some(reference), Some(rest)) = (fine.tip(), found.error) else {
-        return;
-    };
     counts.compared += 1;
-    let off = (tip.position - reference.position).norm();
+    let off = (0..robot.module_count())
+        .map(|k| {
+            let [a, b] = [single.solver(), &fine].map(|s| s.disk(k).unwrap().position);
+            (a - b).norm()
+        })
+        .fold(0.0, f64::max);
     // what rounding leaves of an ill-conditioned answer is no discretisation error
     if off > stated.tip + rest.tip + 1e-9 * length {
-        if off > 1e-2 * length && balanced {
-            counts.branches += 1;
-        } else {
-            counts.beyond += 1;
-            eprintln!(
-                "\nrobot {number}, load {i}: off by {:.1e} of length, stated {:.1e}",
-                off / length,
-                stated.tip / length
-            );
+        counts.beyond += 1;
+        eprintln!(
+            "\nrobot {number}, load {i}: off by {:.1e} of length, stated {:.1e}",
+            off / length,
+            stated.tip / length
+        );
+    }
+}
+
+/// The largest gap of a module, integrated with as many steps as it takes.
+fn gap(case: &Case, robot: &Robot, solver: &Solver) -> f64 {
+    let mut gap = f64::INFINITY;
+    for steps in [24, 96, 384, 1536] {
+        gap = case.gap(robot, solver, steps);
+        if gap < 1e-4 {
+            break;
         }
     }
+    gap
 }
 
 fn loads_of<'a>(load: &'a Load) -> Loads<'a> {

@@ -3,6 +3,7 @@
 //! One element is fourth order and enough for most loads; what it misses is estimated after the
 //! solve (see [`crate::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
 
+use crate::estimate::ErrorEstimate;
 use crate::interrupt;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
@@ -13,12 +14,14 @@ use crate::statics::{Outcome, Solver, Status};
 pub const TIP_TOLERANCE: f64 = 1e-5;
 /// The same of tensions, over the largest.
 pub const TENSION_TOLERANCE: f64 = 1e-4;
+/// The same below which finer elements start from the strain of the coarse ones.
+const CLOSE: f64 = 1e-2;
 /// Elements to choose from.
 pub const LEVELS: [usize; 4] = [1, 2, 4, 8];
 /// Compression of a module (force times squared length over bending stiffness; between two disks
 /// it buckles at pi^2) above which stability depends on the elements, and the largest compression
 /// of an element that finds the critical force to 1e-3.
-const NEAR_BUCKLING: f64 = 5.0;
+pub(crate) const NEAR_BUCKLING: f64 = 5.0;
 const FINE_COMPRESSION: f64 = 0.65;
 
 /// Whether the elements are fine enough to decide stability, by the largest compression of a
@@ -52,6 +55,14 @@ pub(crate) fn refine(strain: &[Vec3]) -> Vec<Vec3> {
         .collect()
 }
 
+/// The same strain on `factor` times as many elements, a power of two.
+fn refine_to(mut strain: Vec<Vec3>, factor: usize) -> Vec<Vec3> {
+    for _ in 0..factor.ilog2() {
+        strain = refine(&strain);
+    }
+    strain
+}
+
 /// A solver that chooses its elements, or keeps those that it was given.
 #[derive(Clone)]
 pub struct Adaptive {
@@ -83,6 +94,28 @@ impl Adaptive {
     /// The solver that holds the last answer.
     pub fn solver(&self) -> &Solver {
         self.solvers[self.level].as_ref().expect("it has solved")
+    }
+
+    /// The last answer, which is of `load`, with so many elements in every module: on from its
+    /// own strain, and so on the same branch of solutions.
+    ///
+    /// # Errors
+    /// If there are fewer elements than now, or the solver does not fit into memory.
+    pub fn refined(&self, load: &Load, elements: usize) -> Result<(Solver, Outcome), InputError> {
+        let now = self.solver();
+        let mut finer = Solver::new(&self.robot, self.model, elements)?;
+        if elements < now.elements() {
+            let now = now.elements();
+            return Err(InputError(format!(
+                "elements: {elements} are fewer than the {now} of the answer"
+            )));
+        }
+        if let Some(strain) = now.last_strain() {
+            finer.start_next_from(&refine_to(strain, elements / now.elements()));
+        }
+        let mut outcome = finer.solve_next(load)?;
+        finer.estimate_error(&mut outcome);
+        Ok((finer, outcome))
     }
 
     /// Forgets the answers of all solvers.
@@ -122,18 +155,21 @@ impl Adaptive {
 
     fn search(&mut self, load: &Load, next: bool) -> Result<Outcome, InputError> {
         let mut iterations = 0;
+        let mut left_unstable = false;
         let mut failed: Option<(usize, Outcome)> = None;
+        let mut near = next;
         loop {
             let solver = self.at(self.level)?;
             let mut outcome = if failed.is_some() {
                 solver.attempt(load)
-            } else if next {
+            } else if near {
                 solver.solve_next(load)?
             } else {
                 solver.solve(load)?
             };
             solver.estimate_error(&mut outcome);
             iterations += outcome.iterations;
+            outcome.left_unstable |= left_unstable;
             let elements = LEVELS[self.level];
             let more = match (outcome.status, outcome.error) {
                 _ if self.fixed || interrupt::interrupted() => elements,
@@ -155,7 +191,11 @@ impl Adaptive {
             if outcome.status != Status::Converged {
                 failed = failed.or(Some((self.level, outcome)));
             }
-            let start = if next {
+            // on from the coarse answer, which is on the same branch if it is not too far off
+            let close = |error: ErrorEstimate| error.tip <= CLOSE * self.robot.length();
+            near = next || outcome.error.is_some_and(close);
+            let start = if near {
+                left_unstable = outcome.left_unstable;
                 self.solver().last_strain()
             } else {
                 None
@@ -167,11 +207,8 @@ impl Adaptive {
                 return Ok(outcome);
             };
             finer.unsettle();
-            if let Some(mut strain) = start {
-                for _ in 0..(more / elements).ilog2() {
-                    strain = refine(&strain);
-                }
-                finer.start_next_from(&strain);
+            if let Some(strain) = start {
+                finer.start_next_from(&refine_to(strain, more / elements));
             }
         }
     }

@@ -325,12 +325,12 @@ impl Drive {
     fn estimate_error(&mut self, outcome: &mut DriveOutcome, commands: &[Command]) {
         let n = self.robot().module_count();
         let (engine, transmission) = (&mut *self.solver.engine, &self.transmission);
-        let found = engine.estimate();
+        let mut found = engine.estimate();
         let tensions = &transmission.now.tensions;
         let held: Vec<usize> = (0..commands.len())
             .filter(|&i| matches!(commands[i], Command::Pull(_)) && tensions[i] > 0.0)
             .collect();
-        let (mut tip, mut largest) = (found.tip, 0.0);
+        let mut largest = 0.0;
         if !held.is_empty() {
             let lacks: Vec<f64> = held.iter().map(|&i| engine.length_error(i)).collect();
             let mut spans = vec![0.0; held.len() * n];
@@ -359,11 +359,13 @@ impl Drive {
                 largest = f64::NAN;
             }
             let coefficients: Vec<f64> = std::iter::once(1.0).chain(changes).collect();
-            tip = engine.correct(&coefficients);
+            found.motion = engine.correct(&coefficients);
         }
         // friction changes span tensions with the bends; the estimate keeps the span tensions
         let unsure = if transmission.rubs { 4.0 } else { 1.0 };
-        let error = ErrorEstimate::new(tip * unsure, largest * unsure, found.compression);
+        found.motion *= unsure;
+        let residual = self.solver.settings().motion(outcome.residual);
+        let error = ErrorEstimate::new(&found, largest * unsure, residual);
         if !tells_stability(error.compression, self.solver.elements())
             && outcome.stable == Some(true)
         {

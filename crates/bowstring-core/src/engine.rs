@@ -26,7 +26,7 @@ pub(crate) trait Passes: Strung + Send + Sync {
     fn combine(&mut self, coefficients: &[f64]) -> f64;
     fn finish(&mut self);
     fn estimate(&mut self) -> Found<f64>;
-    fn correct(&mut self, coefficients: &[f64]) -> Vec3;
+    fn correct(&mut self, coefficients: &[f64]) -> f64;
 
     fn load(&mut self, load: &Load);
     fn make_straight(&mut self);
@@ -103,12 +103,11 @@ macro_rules! passes {
             hot!([$($generic)*] $rod, [$($feature)?]; advance(fraction: f64) -> () |rod| rod.advance(Real::splat(fraction)));
             hot!([$($generic)*] $rod, [$($feature)?]; finish() -> () |rod| rod.finish());
             hot!([$($generic)*] $rod, [$($feature)?]; estimate() -> Found<f64> |rod| {
-                let found = rod.estimate();
-                Found { tip: found.tip.of_lane(0), compression: found.compression.lane(0) }
+                rod.estimate().of_lane(0)
             });
-            hot!([$($generic)*] $rod, [$($feature)?]; correct(coefficients: &[f64]) -> Vec3 |rod| {
+            hot!([$($generic)*] $rod, [$($feature)?]; correct(coefficients: &[f64]) -> f64 |rod| {
                 rod.combine_rotations(coefficients);
-                rod.correction().of_lane(0)
+                rod.correction().lane(0)
             });
 
             fn load(&mut self, load: &Load) {

@@ -8,6 +8,7 @@
 //! error of tip and lengths, also where a load near buckling magnifies it (defect correction:
 //! Stetter 1978).
 
+use crate::adaptive::NEAR_BUCKLING;
 use crate::linalg::{Mat3, Vec3};
 use crate::load::TendonPath;
 use crate::module::{Constants, Gradient, Span, State, Tendons};
@@ -17,7 +18,7 @@ use crate::rod::{get, get_mat, in_group, put, Rod};
 /// Estimated discretisation error of an equilibrium.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorEstimate {
-    /// Of the tip's position, m.
+    /// Of the position of any disk, the tip's among them, m.
     pub tip: f64,
     /// Of the tension of a tendon that is pulled by a length, N.
     pub tension: f64,
@@ -27,22 +28,30 @@ pub struct ErrorEstimate {
 }
 
 /// What the estimate is multiplied by: it is first order in the defects.
-const SAFETY: f64 = 2.0;
+const SAFETY: f64 = 3.0;
+/// The same where a module has buckled and folded by more than 60 degrees, which bends its
+/// elements in ways that the defects represent poorly.
+const SAFETY_FOLDED: f64 = 12.0;
+const FOLDED: f64 = 0.5;
 
 impl ErrorEstimate {
-    pub(crate) fn new(tip: Vec3, tension: f64, compression: f64) -> Self {
+    /// From what takes the defects away, the change of a tension with it, and the motion that
+    /// the residual may leave, m.
+    pub(crate) fn new(found: &Found<f64>, tension: f64, residual: f64) -> Self {
+        let folded = found.compression > NEAR_BUCKLING && found.forward < FOLDED;
+        let safety = if folded { SAFETY_FOLDED } else { SAFETY };
         // an estimate that is not finite gives no bound
         let sound = |x: f64| {
             if x.is_finite() {
-                SAFETY * x
+                safety * x
             } else {
                 f64::INFINITY
             }
         };
         ErrorEstimate {
-            tip: sound(tip.norm()),
+            tip: sound(found.motion + residual),
             tension: sound(tension),
-            compression,
+            compression: found.compression,
         }
     }
 }
@@ -81,6 +90,17 @@ struct Section<T> {
 }
 
 impl<T: Real> Section<T> {
+    #[inline(always)]
+    fn plus_weighted(&self, rates: &[Self; 7], weights: [f64; 7], h: T) -> Self {
+        let mut out = *self;
+        for (rate, weight) in rates.iter().zip(weights) {
+            if weight != 0.0 {
+                out = out.plus(rate, h * T::splat(weight));
+            }
+        }
+        out
+    }
+
     #[inline(always)]
     fn plus(&self, rate: &Self, h: T) -> Self {
         let mut out = *self;
@@ -170,42 +190,46 @@ impl<T: Real> Element<'_, T> {
         let mut force = force;
         for _ in 0..STEPS {
             let mut rates = [end; 7];
-            for stage in 0..7 {
-                let mut here = at;
-                for (rate, weight) in rates.iter().zip(STAGES[stage].1).take(stage) {
-                    if weight != 0.0 {
-                        here = here.plus(rate, h * T::splat(weight));
-                    }
-                }
-                let share = h * T::splat(-STAGES[stage].0);
-                rates[stage] = self.rate(&here, self.weight.scaled_add(share, force));
-            }
-            for (rate, weight) in rates.iter().zip(WEIGHTS) {
-                if weight != 0.0 {
-                    at = at.plus(rate, h * T::splat(weight));
-                }
-            }
+            // one by one, so that the weights are constants where they are used
+            rates[0] = self.stage::<0>(&at, &rates, force, h);
+            rates[1] = self.stage::<1>(&at, &rates, force, h);
+            rates[2] = self.stage::<2>(&at, &rates, force, h);
+            rates[3] = self.stage::<3>(&at, &rates, force, h);
+            rates[4] = self.stage::<4>(&at, &rates, force, h);
+            rates[5] = self.stage::<5>(&at, &rates, force, h);
+            rates[6] = self.stage::<6>(&at, &rates, force, h);
+            at = at.plus_weighted(&rates, WEIGHTS, h);
             force = self.weight.scaled_add(-h, force);
         }
         at
+    }
+
+    #[inline(always)]
+    fn stage<const I: usize>(
+        &self,
+        at: &Section<T>,
+        rates: &[Section<T>; 7],
+        force: Vec3<T>,
+        h: T,
+    ) -> Section<T> {
+        let (place, weights) = STAGES[I];
+        let here = at.plus_weighted(rates, weights, h);
+        self.rate(&here, self.weight.scaled_add(h * T::splat(-place), force))
     }
 }
 
 /// Stages of Butcher's sixth-order method (1964): where each is, and what it takes of the rates
 /// before it.
-const STAGES: [(f64, [f64; 6]); 7] = [
-    (0.0, [0.0; 6]),
-    (1.0 / 3.0, [1.0 / 3.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
-    (2.0 / 3.0, [0.0, 2.0 / 3.0, 0.0, 0.0, 0.0, 0.0]),
+const STAGES: [(f64, [f64; 7]); 7] = [
+    (0.0, [0.0; 7]),
+    (1.0 / 3.0, [1.0 / 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    (2.0 / 3.0, [0.0, 2.0 / 3.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
     (
         1.0 / 3.0,
-        [1.0 / 12.0, 1.0 / 3.0, -1.0 / 12.0, 0.0, 0.0, 0.0],
+        [1.0 / 12.0, 1.0 / 3.0, -1.0 / 12.0, 0.0, 0.0, 0.0, 0.0],
     ),
-    (
-        0.5,
-        [-1.0 / 16.0, 9.0 / 8.0, -3.0 / 16.0, -3.0 / 8.0, 0.0, 0.0],
-    ),
-    (0.5, [0.0, 9.0 / 8.0, -3.0 / 8.0, -3.0 / 4.0, 0.5, 0.0]),
+    (0.5, [-0.0625, 1.125, -0.1875, -0.375, 0.0, 0.0, 0.0]),
+    (0.5, [0.0, 1.125, -0.375, -0.75, 0.5, 0.0, 0.0]),
     (
         1.0,
         [
@@ -215,6 +239,7 @@ const STAGES: [(f64, [f64; 6]); 7] = [
             18.0 / 11.0,
             0.0,
             -16.0 / 11.0,
+            0.0,
         ],
     ),
 ];
@@ -328,12 +353,27 @@ impl<T: Real, const A: usize> State<T, A> {
     }
 }
 
-/// The error of an answer, to be taken off it.
+/// What takes the defects of an answer away.
+#[derive(Clone, Copy)]
 pub(crate) struct Found<T> {
-    /// Motion of the tip that takes the defects away, m.
-    pub tip: Vec3<T>,
+    /// Motion of the end of each module from its start, summed, m: no disk moves further, and
+    /// modules do not cancel by chance.
+    pub motion: T,
     /// Largest compression of a module, see [`Defect`].
     pub compression: T,
+    /// Least cosine of the angle by which a module bends.
+    pub forward: T,
+}
+
+impl<T: Real> Found<T> {
+    #[inline(always)]
+    pub fn of_lane(&self, lane: usize) -> Found<f64> {
+        Found {
+            motion: self.motion.lane(lane),
+            compression: self.compression.lane(lane),
+            forward: self.forward.lane(lane),
+        }
+    }
 }
 
 impl<L: Layout, const A: usize> Rod<L, A> {
@@ -343,6 +383,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn estimate(&mut self) -> Found<L::Chain> {
         let n = self.module_count();
         let mut compression = L::Chain::zero();
+        let mut backward = L::Chain::splat(-1.0);
         for g in 0..self.states.len() {
             let c = &self.constants[g];
             let mut weight = Vec3::zero();
@@ -357,6 +398,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             self.gradients[g].g = rhs;
             for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
                 compression = compression.max(L::get(&defect.compression, i));
+                backward = backward.max(-L::get(&self.states[g].s.0[2][2], i));
             }
             self.defects[g] = defect;
         }
@@ -376,20 +418,21 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             self.rotations_of_step::<false>();
         }
         Found {
-            tip: self.correction(),
+            motion: self.correction(),
             compression,
+            forward: -backward,
         }
     }
 
-    /// Motion of the tip by the rotations in `step` and the defects; measures that of the
-    /// lengths.
+    /// Motion by the rotations in `step` and the defects, see [`Found`]; measures the change of
+    /// the lengths.
     #[inline(always)]
-    pub fn correction(&mut self) -> Vec3<L::Chain> {
+    pub fn correction(&mut self) -> L::Chain {
         let n = self.module_count();
         for length in &mut self.length_errors {
             *length = L::Chain::zero();
         }
-        let mut tip = Vec3::<L::Chain>::zero();
+        let mut motion = L::Chain::zero();
         let mut x = Vec3::<L::Chain>::zero();
         for g in 0..self.states.len() {
             let (c, state, gradient) = (&self.constants[g], &self.states[g], &self.gradients[g]);
@@ -411,12 +454,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let offset = state.offset(c);
             let end = moved + turn.cross(state.s.column(2) * c.clamp[1]);
             for i in 0..here {
-                let k = g * L::WIDTH + i;
                 let own = x.cross(get::<L>(&offset, i)) + get::<L>(&end, i);
-                tip += self.rotations[k] * own;
+                motion += own.norm();
                 x = get_mat::<L>(&state.s, i).tr_mul(x + get::<L>(&turn, i));
             }
         }
-        tip
+        motion
     }
 }

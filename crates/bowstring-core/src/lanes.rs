@@ -148,8 +148,8 @@ fn solve<M: Real>(
             rod.finish();
             let found = rod.estimate();
             for lane in 0..loads.len() {
-                let tip = found.tip.of_lane(lane);
-                let error = ErrorEstimate::new(tip, 0.0, found.compression.lane(lane));
+                let left = settings.motion(residual.lane(lane));
+                let error = ErrorEstimate::new(&found.of_lane(lane), 0.0, left);
                 let tells = tells_stability(error.compression, 1);
                 // finer elements are a matter of the careful solver
                 let fine = most.is_none_or(|most| error.tip <= most && tells);

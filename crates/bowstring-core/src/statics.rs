@@ -118,6 +118,8 @@ pub(crate) struct Settings {
     pub shift_unit: f64,
     /// Measure of length, m.
     pub length: f64,
+    /// Least bending or torsion stiffness, N m^2.
+    pub softest: f64,
     /// Work of a Newton iteration, in units of `interrupt::work`.
     pub work: usize,
 }
@@ -131,8 +133,18 @@ impl Settings {
             moment_scale: robot.moment_scale(),
             shift_unit: 0.1 * stiffness,
             length: robot.length(),
+            softest: (robot.spec().sections.iter())
+                .map(|s| s.bending.min(s.torsion))
+                .fold(f64::INFINITY, f64::min),
             work: robot.module_count() * elements * (8 + 2 * robot.tendon_count()),
         }
+    }
+}
+
+impl Settings {
+    /// Motion of the tip by an imbalance of moments that bends the softest section, m.
+    pub fn motion(&self, residual: f64) -> f64 {
+        residual * self.moment_scale * self.length * self.length / self.softest
     }
 }
 
@@ -278,7 +290,8 @@ impl Solver {
             return;
         }
         let found = self.engine.estimate();
-        outcome.error = Some(ErrorEstimate::new(found.tip, 0.0, found.compression));
+        let residual = self.settings.motion(outcome.residual);
+        outcome.error = Some(ErrorEstimate::new(&found, 0.0, residual));
         if !tells_stability(found.compression, self.elements) && outcome.stable == Some(true) {
             outcome.stable = None;
         }

@@ -181,7 +181,8 @@ impl Case {
     }
 
     /// How far the poses are from solving the rod's equation: the largest gap at a disk, by
-    /// place over length of module and by angle.
+    /// place over length of module and by angle, and over how far a module's pull lets a
+    /// difference grow.
     pub fn gap(&self, robot: &Robot, solver: &Solver, steps: usize) -> f64 {
         let spec = robot.spec();
         let gravity = Vec3(spec.gravity);
@@ -234,10 +235,14 @@ impl Case {
             let flexible = pitch - disk.clamped_length / 2.0 - before.1;
             section.integrate(s, self.theory, gravity, flexible, steps);
             stiff(&mut section, before.1);
-            let place = (section.pose.position - start.position).norm() / pitch;
+            // positions are rounded to the size of the robot, however short the module
+            let unit = f64::max(pitch, 1e-6 * robot.length());
+            let place = (section.pose.position - start.position).norm() / unit;
+            let pull = f64::max(force.norm(), section.force.norm());
+            let growth = (pitch * (pull / s.bending).sqrt()).cosh();
             let turn = section.pose.rotation.tr_mat(start.rotation) - Mat3::identity();
             let angle = turn.rows().map(|r| r.norm2()).iter().sum::<f64>().sqrt();
-            worst = worst.max(place).max(angle);
+            worst = worst.max(place / growth).max(angle / growth);
             if !(place.is_finite() && angle.is_finite()) {
                 return f64::INFINITY;
             }
