@@ -33,7 +33,7 @@ from bowstring.arguments import (
 )
 from bowstring.comparison import with_tendons
 from bowstring.errors import InputError
-from bowstring.files import check_parent, folder_beside, resolved
+from bowstring.files import check_parent, folder_beside, readable, resolved
 from bowstring.measurements import STANDARD_GRAVITY, Measurements, write_measurements
 from bowstring.rigid import Rigid
 from bowstring.robot import Robot
@@ -679,7 +679,7 @@ def read_truth(path: str | Path) -> dict[str, Any]:
     """
     table, file = Path(path), truth_file(path)
     try:
-        with file.open("rb") as stream:
+        with readable(file) as stream:
             truth = json.loads(stream.read(_MOST_TRUTH))
         digest = hashlib.sha256(table.read_bytes()).hexdigest()
     except OSError as error:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.files import readable
 from bowstring.fit import CrossValidation, Fit, Loss, Score, cross_validate, fit, hold_out, score
 from bowstring.measurements import Measurements
 from bowstring.robot import Robot
@@ -314,8 +315,8 @@ def read_start(path: str | Path) -> dict[str, float]:
         If the file cannot be read or is no such file.
     """
     try:
-        with Path(path).open(encoding="utf-8") as file:
-            text = file.read(_MOST_BYTES + 1)
+        with readable(path) as file:
+            text = file.read(_MOST_BYTES + 1).decode("utf-8")
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     except UnicodeDecodeError:

@@ -12,7 +12,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 from bowstring.errors import InputError
 
@@ -225,6 +225,27 @@ def not_overwritten(why: str, name: str = "it") -> InputError:
         f"{why}: {name} was not written by Bowstring, and existing files are not overwritten; name "
         "another file, or move that one away"
     )
+
+
+def readable(file: str | Path) -> BinaryIO:
+    """A file or pipe, open to be read; a pipe that nothing writes to is empty, and not waited for.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    handle = os.open(file, flags)
+    try:
+        if hasattr(os, "set_blocking"):
+            os.set_blocking(handle, True)  # what is written to a pipe is waited for
+        return os.fdopen(handle, "rb")
+    except BaseException as error:
+        os.close(handle)
+        if isinstance(error, OSError):
+            error.filename = str(file)
+        raise
 
 
 def has_mark(file: Path, mark: bytes) -> bool:

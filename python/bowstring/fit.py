@@ -923,7 +923,10 @@ def _result(search: _Search, found: Any, group: NDArray[Any], theory: str, tool_
     lost = work.unsolved > _MOST_LOST * work.asked.sum()
     promised = 0.0 if land is not None else search.decrease(found)
     stuck = promised > _OFFSET * len(items) * work.variance(found.cost)
-    converged = found.status > 0 and not lost and not stuck
+    scored = score(errors[work.used], np.zeros_like(errors[work.used]))
+    # a motion that is larger than the robot is not of it
+    astray = scored.rmse_centred > at.setting.robot.length
+    converged = found.status > 0 and not (lost or stuck or astray)
     excess, excess_chance = _excess(errors, work.used, work.sigma, len(items))
     return Fit(
         model=work.model.model,
@@ -934,7 +937,7 @@ def _result(search: _Search, found: Any, group: NDArray[Any], theory: str, tool_
         residuals=errors,
         before=work.before,
         used=work.used,
-        score=score(errors[work.used], np.zeros_like(errors[work.used])),
+        score=scored,
         score_before=_score_before(work),
         noise=1e-3 * _spread(residuals, len(items)),
         excess=excess,
@@ -945,12 +948,13 @@ def _result(search: _Search, found: Any, group: NDArray[Any], theory: str, tool_
             estimates,
             confused,
             stuck,
+            astray,
             bool(across.any()),
             (work.unsolved, int(work.asked.sum()), lost),
             alike,
             (excess, excess_chance),
         )
-        + _rigid_offset(work, at),
+        + ("" if astray else _rigid_offset(work, at)),
         evaluations=work.model.solves,
         unsolved=work.unsolved,
         _unknowns=work.model.unknowns,
@@ -1029,6 +1033,7 @@ def _message(
     estimates: Sequence[Estimate],
     confused: Sequence[Sequence[str]],
     stuck: bool,
+    astray: bool,
     across: bool,
     unsolved: tuple[int, int, bool],
     alike: tuple[float, float],
@@ -1045,6 +1050,11 @@ def _message(
         said = [
             "Not converged: the derivatives promise a lower error, and no step has it: begin from "
             "better values, or with fewer parameters."
+        ]
+    elif astray:
+        said = [
+            "Not converged: the points move farther from those of the model than the robot is "
+            "long. Check the unit of the tip's columns."
         ]
     elif found.status > 0:
         said = ["Converged."]

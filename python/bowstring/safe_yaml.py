@@ -10,6 +10,7 @@ from typing import Any, Final
 import yaml
 
 from bowstring.errors import InputError
+from bowstring.files import readable
 from bowstring.units import quote
 
 _MAX_DEPTH: Final = 20
@@ -30,7 +31,7 @@ def reading(label: str) -> Iterator[None]:
 
 def text_of(path: Path, label: str, what: str) -> str:
     """The text of a file of `what`, which is not large; within `reading`."""
-    with path.open("rb") as file:
+    with readable(path) as file:
         data = file.read(_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES:
         raise InputError(f"{label} is too large; a {what} file has at most 1 MB.")

@@ -19,6 +19,7 @@ from typing import IO, Final
 
 from bowstring import motive
 from bowstring.errors import InputError
+from bowstring.files import readable
 from bowstring.units import NUMBER, quote
 
 __all__ = ["Form", "Table", "UnknownColumnsError", "open_table"]
@@ -174,7 +175,7 @@ def _bytes(path: Path) -> bytes:
         if path.is_dir():
             raise InputError(f"{path}: this is a folder; name the file of the table")
         # a pipe is read as well; a device such as /dev/zero has no end
-        with path.open("rb") as file:
+        with readable(path) as file:
             data = file.read(_MOST_BYTES + 1)
     except OSError as error:
         raise InputError(f"{path}: the table cannot be read: {error.strerror}") from None

@@ -119,7 +119,10 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
     if problem and len(measured) and (doubt := _doubted_size(robot, measurements, bends, measured)):
         return TendonCheck("unclear", doubt)
     if problem:
-        return TendonCheck("unchecked", f"The order of the tendons is not checked: {problem}.")
+        unchecked = f"The order of the tendons is not checked: {problem}."
+        if doubt := _doubted_pulls(robot, measurements):
+            return TendonCheck("unclear", f"{doubt} {unchecked}")
+        return TendonCheck("unchecked", unchecked)
     found = _order(robot, measurements, bends, measured)
     doubt = _doubted_commands(robot, measurements, bends, measured)
     doubt = doubt or _doubted_size(robot, measurements, bends, measured)
@@ -220,14 +223,7 @@ def _agreed(
 def _doubted_commands(robot: Robot, m: Measurements, bends: _Bends, measured: Floats) -> str:
     """A sentence where tensions or pulls differ from what moves so as a wrong unit makes them."""
     if not np.isnan(m.pulls).any():
-        bend = float(np.linalg.norm(bends(np.arange(m.tendon_count)), axis=2).max())
-        if bend <= _TURN or _stretches(robot):
-            return ""
-        return (
-            f"{in_mm(float(np.abs(m.pulls).max()))}, the largest pull, would wind {robot.name} "
-            f"{significant(bend / _TURN, 2)} times around: check the unit of the pulls, and the "
-            "pitch radius of the robot file."
-        )
+        return _wound(robot, m, np.linalg.norm(bends(np.arange(m.tendon_count)), axis=2))
     if np.isnan(m.tensions).any():
         return ""
     bend = float(np.linalg.norm(bends(np.arange(m.tendon_count)), axis=2).max())
@@ -243,6 +239,24 @@ def _doubted_commands(robot: Robot, m: Measurements, bends: _Bends, measured: Fl
             f"{significant(np.degrees(bend), 2)} degrees only, and the tip moves far more: {advice}"
         )
     return ""
+
+
+def _doubted_pulls(robot: Robot, m: Measurements) -> str:
+    """The same of pulls alone, each by itself, where other tendons are given by tension."""
+    if m.tendon_count != len(robot.tendons.angle_rad) or np.isnan(m.pulls).all():
+        return ""
+    return _wound(robot, m, np.abs(m.pulls) / robot.tendons.pitch_radius_m)
+
+
+def _wound(robot: Robot, m: Measurements, bends: Floats) -> str:
+    bend = float(np.nanmax(bends))
+    if bend <= _TURN or _stretches(robot):
+        return ""
+    return (
+        f"{in_mm(float(np.nanmax(np.abs(m.pulls))))}, the largest pull, would wind {robot.name} "
+        f"{significant(bend / _TURN, 2)} times around: check the unit of the pulls, and the "
+        "pitch radius of the robot file."
+    )
 
 
 def _doubted_size(robot: Robot, m: Measurements, bends: _Bends, measured: Floats) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from bowstring.courses import CLOSEST, Table
 from bowstring.errors import InputError
+from bowstring.files import readable
 from bowstring.robot import Robot
 from bowstring.units import quote, read_number
 
@@ -100,7 +101,7 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Number of the line, from 1, and cells."""
     try:
         # a pipe is read as well; a device such as /dev/zero has no end
-        with path.open("rb") as file:
+        with readable(path) as file:
             data = file.read(_LARGEST + 1)
         if len(data) > _LARGEST:
             raise InputError(f"{path}: the table is too large; {_LARGEST // 10**6} MB are read")

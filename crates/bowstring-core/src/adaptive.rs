@@ -3,49 +3,19 @@
 //! One element is fourth order and enough for most loads; what it misses is estimated after the
 //! solve (see [`crate::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
 
-use crate::estimate::ErrorEstimate;
+use crate::estimate::LEVELS;
 use crate::interrupt;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
 use crate::robot::{InputError, Robot};
 use crate::statics::{Outcome, Solver, Status};
 
-/// Estimated error of the tip, over the robot's length, that elements are chosen for.
-pub const TIP_TOLERANCE: f64 = 1e-5;
-/// The same of tensions, over the largest.
-pub const TENSION_TOLERANCE: f64 = 1e-4;
-/// The same below which finer elements start from the strain of the coarse ones.
-const CLOSE: f64 = 1e-2;
-/// Elements to choose from.
-pub const LEVELS: [usize; 4] = [1, 2, 4, 8];
-/// Compression of a module (force times squared length over bending stiffness; between two disks
-/// it buckles at pi^2) above which stability depends on the elements, and the largest compression
-/// of an element that finds the critical force to 1e-3.
-pub(crate) const NEAR_BUCKLING: f64 = 5.0;
-const FINE_COMPRESSION: f64 = 0.65;
-
-/// Whether the elements are fine enough to decide stability, by the largest compression of a
-/// module.
-pub(crate) fn tells_stability(compression: f64, elements: usize) -> bool {
-    let own = compression / (elements * elements) as f64;
-    // a NaN tells nothing
-    compression <= NEAR_BUCKLING || own <= FINE_COMPRESSION
-}
-
-/// Elements that bring an error, `ratio` times what is tolerated, below it; the same number
-/// where it is already, or where there are no more.
-pub(crate) fn needed(elements: usize, ratio: f64, compression: f64) -> usize {
-    let enough = |e: usize| {
-        let finer = (e / elements) as f64;
-        // a NaN is never enough
-        (ratio <= 1.0 || ratio / finer.powi(4) <= 1.0) && tells_stability(compression, e)
-    };
-    let mut finer = LEVELS.into_iter().filter(|e| *e >= elements);
-    finer.find(|e| enough(*e)).unwrap_or(LEVELS[3])
-}
+/// Stated error of the tip, over the robot's length, up to which finer elements start from the
+/// strain of the coarse ones.
+const START_TOLERANCE: f64 = 1e-2;
 
 /// The same strain on twice as many elements: that of each is linear.
-pub(crate) fn refine(strain: &[Vec3]) -> Vec<Vec3> {
+fn refine(strain: &[Vec3]) -> Vec<Vec3> {
     let halves = strain.chunks_exact(2).flat_map(|arcs| {
         let (sum, difference) = (arcs[0] + arcs[1], arcs[1] - arcs[0]);
         [-0.375, 0.375].map(|side| (sum * 0.5 + difference * side, difference * 0.25))
@@ -56,7 +26,7 @@ pub(crate) fn refine(strain: &[Vec3]) -> Vec<Vec3> {
 }
 
 /// The same strain on `factor` times as many elements, a power of two.
-fn refine_to(mut strain: Vec<Vec3>, factor: usize) -> Vec<Vec3> {
+pub(crate) fn refine_to(mut strain: Vec<Vec3>, factor: usize) -> Vec<Vec3> {
     for _ in 0..factor.ilog2() {
         strain = refine(&strain);
     }
@@ -96,24 +66,26 @@ impl Adaptive {
         self.solvers[self.level].as_ref().expect("it has solved")
     }
 
-    /// The last answer, which is of `load`, with so many elements in every module: on from its
-    /// own strain, and so on the same branch of solutions.
+    /// Solves `load`, which the last answer is of, with `elements` in a module, from that answer's
+    /// strain and from nothing else: on the same branch of solutions, if it converges.
     ///
     /// # Errors
-    /// If there are fewer elements than now, or the solver does not fit into memory.
+    /// If there is no answer, the elements are fewer than its own, or the solver does not fit into
+    /// memory.
     pub fn refined(&self, load: &Load, elements: usize) -> Result<(Solver, Outcome), InputError> {
         let now = self.solver();
         let mut finer = Solver::new(&self.robot, self.model, elements)?;
+        let Some(strain) = now.last_strain() else {
+            return Err(InputError("there is no answer to refine".into()));
+        };
         if elements < now.elements() {
             let now = now.elements();
             return Err(InputError(format!(
                 "elements: {elements} are fewer than the {now} of the answer"
             )));
         }
-        if let Some(strain) = now.last_strain() {
-            finer.start_next_from(&refine_to(strain, elements / now.elements()));
-        }
-        let mut outcome = finer.solve_next(load)?;
+        let strain = refine_to(strain, elements / now.elements());
+        let mut outcome = finer.solve_from(Some(&strain), load);
         finer.estimate_error(&mut outcome);
         Ok((finer, outcome))
     }
@@ -139,7 +111,8 @@ impl Adaptive {
         Ok(self.solvers[level].insert(solver))
     }
 
-    /// Equilibrium from the straight backbone.
+    /// Equilibrium from the straight backbone. Where one element is not enough but near, finer
+    /// ones go on from its strain.
     pub fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
         if !self.fixed {
             self.level = 0;
@@ -155,30 +128,34 @@ impl Adaptive {
 
     fn search(&mut self, load: &Load, next: bool) -> Result<Outcome, InputError> {
         let mut iterations = 0;
-        let mut left_unstable = false;
         let mut failed: Option<(usize, Outcome)> = None;
-        let mut near = next;
+        // strain of the coarser answer, and whether the way to it left an unstable equilibrium
+        let mut start: Option<(Vec<Vec3>, bool)> = None;
         loop {
-            let solver = self.at(self.level)?;
-            let mut outcome = if failed.is_some() {
-                solver.attempt(load)
-            } else if near {
-                solver.solve_next(load)?
-            } else {
-                solver.solve(load)?
-            };
-            solver.estimate_error(&mut outcome);
-            iterations += outcome.iterations;
-            outcome.left_unstable |= left_unstable;
             let elements = LEVELS[self.level];
-            let more = match (outcome.status, outcome.error) {
-                _ if self.fixed || interrupt::interrupted() => elements,
-                (Status::Converged, Some(error)) => {
-                    let ratio = error.tip / (TIP_TOLERANCE * self.robot.length());
-                    needed(elements, ratio, error.compression)
+            let solver = self.at(self.level)?;
+            let refined = start.take().and_then(|(strain, left_unstable)| {
+                let mut outcome = solver.solve_from(Some(&strain), load);
+                outcome.left_unstable |= left_unstable;
+                if outcome.status != Status::Converged {
+                    iterations += outcome.iterations;
+                    return None;
                 }
+                Some(outcome)
+            });
+            let mut outcome = match refined {
+                Some(outcome) => outcome,
+                None if failed.is_some() => solver.solve_from(None, load),
+                None if next => solver.solve_next(load)?,
+                None => solver.solve(load)?,
+            };
+            iterations += outcome.iterations;
+            let needed = solver.estimate_error(&mut outcome);
+            let more = match needed {
+                _ if self.fixed || interrupt::interrupted() => elements,
+                Some(needed) => needed,
                 // a coarse rod may have no answer where a finer one has
-                _ => elements.max(4),
+                None => elements.max(4),
             };
             if more == elements {
                 if let (Some((level, first)), true) = (failed, outcome.error.is_none()) {
@@ -191,15 +168,13 @@ impl Adaptive {
             if outcome.status != Status::Converged {
                 failed = failed.or(Some((self.level, outcome)));
             }
-            // on from the coarse answer, which is on the same branch if it is not too far off
-            let close = |error: ErrorEstimate| error.tip <= CLOSE * self.robot.length();
-            near = next || outcome.error.is_some_and(close);
-            let start = if near {
-                left_unstable = outcome.left_unstable;
-                self.solver().last_strain()
-            } else {
-                None
-            };
+            // a coarse answer that is far off may be on another branch
+            let tolerance = START_TOLERANCE * self.robot.length();
+            let near = outcome.error.is_some_and(|error| error.tip <= tolerance);
+            if next || near && outcome.stable.is_some() {
+                let strain = self.solver().last_strain();
+                start = strain.map(|w| (refine_to(w, more / elements), outcome.left_unstable));
+            }
             let level = LEVELS.iter().position(|e| *e == more).expect("one of them");
             let Ok(finer) = self.at(level) else {
                 // the coarse answer states its error, and is better than none
@@ -207,9 +182,6 @@ impl Adaptive {
                 return Ok(outcome);
             };
             finer.unsettle();
-            if let Some(strain) = start {
-                finer.start_next_from(&refine_to(strain, more / elements));
-            }
         }
     }
 }
@@ -234,17 +206,5 @@ mod tests {
             let off = at(&coarse, xi, 1.0) - at(&fine, xi, 2.0);
             assert!(off.max_abs() < 1e-15, "{xi}: {off:?}");
         }
-    }
-
-    #[test]
-    fn needed_elements_follow_error_and_compression() {
-        assert_eq!(needed(1, 0.9, 0.5), 1);
-        assert_eq!(needed(1, 1.1, 0.5), 2);
-        assert_eq!(needed(1, 17.0, 0.5), 4);
-        assert_eq!(needed(2, 17.0, 0.5), 8);
-        assert_eq!(needed(8, 17.0, 0.5), 8);
-        assert_eq!(needed(1, 0.1, 9.0), 4);
-        assert_eq!(needed(1, f64::NAN, 0.5), 8);
-        assert_eq!(needed(1, 0.1, f64::NAN), 8);
     }
 }

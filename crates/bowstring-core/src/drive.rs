@@ -2,9 +2,9 @@
 //! slack and rub at their holes, in a path of equilibria. The laws are those of
 //! [`Transmission`].
 
-use crate::adaptive::{needed, refine, tells_stability, LEVELS, TENSION_TOLERANCE, TIP_TOLERANCE};
+use crate::adaptive::refine_to;
 use crate::engine;
-use crate::estimate::ErrorEstimate;
+use crate::estimate::{ErrorEstimate, Verdict, LEVELS};
 use crate::interrupt;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
@@ -88,6 +88,8 @@ const FRESH_STEPS: usize = 5;
 /// Newton steps in all, and increments, of the way to a load after which it is given up.
 const MOST_ITERATIONS: usize = 400;
 const MAX_INCREMENTS: usize = 60;
+/// What the error estimate is multiplied by with friction.
+const FRICTION_SAFETY: f64 = 4.0;
 
 impl Drive {
     /// As for [`Solver::new`], with one line for each tendon. Without a number of elements they
@@ -253,17 +255,18 @@ impl Drive {
     /// If a number does not fit the robot.
     pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<DriveOutcome, InputError> {
         self.check(commands, load)?;
+        let load = &load.without_moment_below(self.solver.settings().least_moment());
         let mut iterations = 0;
         loop {
             let old = self.transmission.now.clone();
             let mut outcome = self.way(&old, commands, load);
-            if outcome.status == Status::Converged {
-                self.estimate_error(&mut outcome, commands);
-            }
             iterations += outcome.iterations;
-            if let Some(finer) = self.finer(&outcome, &old) {
-                *self = finer;
-                continue;
+            if outcome.status == Status::Converged {
+                let needed = self.estimate_error(&mut outcome, commands);
+                if let Some(finer) = self.finer(needed, &old) {
+                    *self = finer;
+                    continue;
+                }
             }
             outcome.iterations = iterations;
             if outcome.status != Status::Converged {
@@ -278,30 +281,13 @@ impl Drive {
         }
     }
 
-    /// The same robot, where a step from `old` needs more elements than it has.
-    fn finer(&self, outcome: &DriveOutcome, old: &History) -> Option<Drive> {
-        if !self.automatic || interrupt::interrupted() {
+    /// The same robot at `old`, where a step from there needs more elements than it has.
+    fn finer(&self, needed: usize, old: &History) -> Option<Drive> {
+        let enough = needed == self.solver.elements();
+        if enough || !self.automatic || interrupt::interrupted() {
             return None;
         }
-        let elements = self.solver.elements();
-        let more = match &outcome.error {
-            Some(error) => {
-                let tensions = &self.transmission.now.tensions;
-                let largest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
-                let tip = error.tip / (TIP_TOLERANCE * self.robot().length());
-                let tension = if error.tension > 0.0 {
-                    error.tension / (TENSION_TOLERANCE * largest)
-                } else {
-                    0.0
-                };
-                needed(elements, f64::max(tip, tension), error.compression)
-            }
-            None => elements,
-        };
-        if more == elements {
-            return None;
-        }
-        self.with_elements(more, old)
+        self.with_elements(needed, old)
     }
 
     /// The same robot at `now` with more elements; none where it has no home then.
@@ -311,18 +297,15 @@ impl Drive {
         finer.automatic = self.automatic;
         engine::check_driven(self.robot(), elements, self.fitting, 1).ok()?;
         finer.fitting = self.fitting;
-        let mut strain = now.strain.clone();
-        while strain.len() < finer.virgin.strain.len() {
-            strain = refine(&strain);
-        }
+        let factor = elements / self.solver.elements();
         finer.transmission.now = now.clone();
-        finer.transmission.now.strain = strain;
+        finer.transmission.now.strain = refine_to(now.strain.clone(), factor);
         Some(finer)
     }
 
     /// Discretisation error of the step that converged: at the lengths that pulls hold, tensions
-    /// take what lengths would lack.
-    fn estimate_error(&mut self, outcome: &mut DriveOutcome, commands: &[Command]) {
+    /// take what lengths would lack. Returns the elements that the tolerances need.
+    fn estimate_error(&mut self, outcome: &mut DriveOutcome, commands: &[Command]) -> usize {
         let n = self.robot().module_count();
         let (engine, transmission) = (&mut *self.solver.engine, &self.transmission);
         let mut found = engine.estimate();
@@ -362,16 +345,23 @@ impl Drive {
             found.motion = engine.correct(&coefficients);
         }
         // friction changes span tensions with the bends; the estimate keeps the span tensions
-        let unsure = if transmission.rubs { 4.0 } else { 1.0 };
-        found.motion *= unsure;
-        let residual = self.solver.settings().motion(outcome.residual);
-        let error = ErrorEstimate::new(&found, largest * unsure, residual);
-        if !tells_stability(error.compression, self.solver.elements())
-            && outcome.stable == Some(true)
-        {
-            outcome.stable = None;
-        }
-        outcome.error = Some(error);
+        let friction = if transmission.rubs {
+            FRICTION_SAFETY
+        } else {
+            1.0
+        };
+        found.motion *= friction;
+        let tautest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
+        let verdict = Verdict::new(
+            &found,
+            [largest * friction, tautest],
+            outcome.stable,
+            self.robot().length(),
+            self.solver.elements(),
+        );
+        outcome.stable = verdict.stable;
+        outcome.error = Some(verdict.error);
+        verdict.needed
     }
 
     /// Straight to the load, or along a line of increments where that fails.

@@ -3,7 +3,7 @@
 //! Each pass is compiled once for each kind of number, with the processor's features; what
 //! calls one pass after the other is written, and compiled, once.
 
-use crate::estimate::Found;
+use crate::estimate::Correction;
 use crate::lie::Pose;
 use crate::linalg::Vec3;
 use crate::load::{Load, Model};
@@ -25,7 +25,7 @@ pub(crate) trait Passes: Strung + Send + Sync {
     fn newton_step(&mut self, symmetric: bool) -> Step<f64>;
     fn combine(&mut self, coefficients: &[f64]) -> f64;
     fn finish(&mut self);
-    fn estimate(&mut self) -> Found<f64>;
+    fn estimate(&mut self) -> Correction<f64>;
     fn correct(&mut self, coefficients: &[f64]) -> f64;
 
     fn load(&mut self, load: &Load);
@@ -102,7 +102,7 @@ macro_rules! passes {
             hot!([$($generic)*] $rod, [$($feature)?]; combine(coefficients: &[f64]) -> f64 |rod| rod.combine(coefficients));
             hot!([$($generic)*] $rod, [$($feature)?]; advance(fraction: f64) -> () |rod| rod.advance(Real::splat(fraction)));
             hot!([$($generic)*] $rod, [$($feature)?]; finish() -> () |rod| rod.finish());
-            hot!([$($generic)*] $rod, [$($feature)?]; estimate() -> Found<f64> |rod| {
+            hot!([$($generic)*] $rod, [$($feature)?]; estimate() -> Correction<f64> |rod| {
                 rod.estimate().of_lane(0)
             });
             hot!([$($generic)*] $rod, [$($feature)?]; correct(coefficients: &[f64]) -> f64 |rod| {

@@ -8,7 +8,6 @@
 //! error of tip and lengths, also where a load near buckling magnifies it (defect correction:
 //! Stetter 1978).
 
-use crate::adaptive::NEAR_BUCKLING;
 use crate::linalg::{Mat3, Vec3};
 use crate::load::TendonPath;
 use crate::module::{Constants, Gradient, Span, State, Tendons};
@@ -22,24 +21,50 @@ pub struct ErrorEstimate {
     pub tip: f64,
     /// Of the tension of a tendon that is pulled by a length, N.
     pub tension: f64,
-    /// Largest compressive force of a module times its squared length over its bending
-    /// stiffness; between two disks the backbone buckles at pi^2.
-    pub compression: f64,
 }
 
+/// Estimated error of the tip, over the robot's length, that elements are chosen for.
+pub const TIP_TOLERANCE: f64 = 1e-5;
+/// The same of tensions, over the largest.
+pub const TENSION_TOLERANCE: f64 = 1e-4;
+/// Elements to choose from.
+pub const LEVELS: [usize; 4] = [1, 2, 4, 8];
+/// Compression of a module (force times squared length over bending stiffness; between two disks
+/// it buckles at pi^2) above which stability depends on the elements.
+const NEAR_BUCKLING: f64 = 5.0;
+/// Largest compression of one element at which the critical force is found to 1e-3.
+const FINE_COMPRESSION: f64 = 0.65;
 /// What the estimate is multiplied by: it is first order in the defects.
 const SAFETY: f64 = 3.0;
-/// The same where a module has buckled and folded by more than 60 degrees, which bends its
-/// elements in ways that the defects represent poorly.
+/// The same where a compressed module folds, so that its ends are nearer than `FOLDED` times its
+/// length: defects of its elements cancel there, and underestimate the error by up to 12 times.
 const SAFETY_FOLDED: f64 = 12.0;
-const FOLDED: f64 = 0.5;
+const FOLDED: f64 = 0.8;
 
-impl ErrorEstimate {
-    /// From what takes the defects away, the change of a tension with it, and the motion that
-    /// the residual may leave, m.
-    pub(crate) fn new(found: &Found<f64>, tension: f64, residual: f64) -> Self {
-        let folded = found.compression > NEAR_BUCKLING && found.forward < FOLDED;
-        let safety = if folded { SAFETY_FOLDED } else { SAFETY };
+/// What is said of a converged answer by its estimate.
+pub(crate) struct Verdict {
+    pub error: ErrorEstimate,
+    /// Taken back where so few elements cannot tell a stable equilibrium from an unstable one.
+    pub stable: Option<bool>,
+    /// Elements that bring the error below the tolerances, or all there are.
+    pub needed: usize,
+}
+
+impl Verdict {
+    /// Of an answer by `elements` in a module of a robot of some `length`; `tension`: estimated
+    /// change of a tension, and the largest tension, N.
+    pub fn new(
+        found: &Correction<f64>,
+        tension: [f64; 2],
+        stable: Option<bool>,
+        length: f64,
+        elements: usize,
+    ) -> Self {
+        let safety = if found.folded > 0.0 {
+            SAFETY_FOLDED
+        } else {
+            SAFETY
+        };
         // an estimate that is not finite gives no bound
         let sound = |x: f64| {
             if x.is_finite() {
@@ -48,12 +73,43 @@ impl ErrorEstimate {
                 f64::INFINITY
             }
         };
-        ErrorEstimate {
-            tip: sound(found.motion + residual),
-            tension: sound(tension),
-            compression: found.compression,
+        let error = ErrorEstimate {
+            tip: sound(found.motion),
+            tension: sound(tension[0]),
+        };
+        let ratio = error.tip / (TIP_TOLERANCE * length);
+        let of_tension = if error.tension > 0.0 {
+            error.tension / (TENSION_TOLERANCE * tension[1])
+        } else {
+            0.0
+        };
+        let tells = tells_stability(found.compression, elements);
+        Verdict {
+            error,
+            stable: stable.filter(|stable| !stable || tells),
+            needed: needed(elements, f64::max(ratio, of_tension), found.compression),
         }
     }
+}
+
+/// Whether the elements are fine enough to decide stability, by the largest compression of a
+/// module.
+fn tells_stability(compression: f64, elements: usize) -> bool {
+    let own = compression / (elements * elements) as f64;
+    // a NaN tells nothing
+    compression <= NEAR_BUCKLING || own <= FINE_COMPRESSION
+}
+
+/// Elements that bring an error, `ratio` times what is tolerated, below it; the same number
+/// where it is already, or where there are no more.
+fn needed(elements: usize, ratio: f64, compression: f64) -> usize {
+    let enough = |e: usize| {
+        let finer = (e / elements) as f64;
+        // a NaN is never enough
+        (ratio <= 1.0 || ratio / finer.powi(4) <= 1.0) && tells_stability(compression, e)
+    };
+    let mut finer = LEVELS.into_iter().filter(|e| *e >= elements);
+    finer.find(|e| enough(*e)).unwrap_or(LEVELS[3])
 }
 
 /// What a module's elements miss, in the frame of its start.
@@ -65,6 +121,8 @@ pub(crate) struct Defect<T> {
     moment: Vec3<T>,
     /// Compressive force times squared length over bending stiffness.
     pub compression: T,
+    /// Positive where the module has folded.
+    folded: T,
 }
 
 impl<T: Real> Defect<T> {
@@ -73,6 +131,7 @@ impl<T: Real> Defect<T> {
             place: Vec3::zero(),
             moment: Vec3::zero(),
             compression: T::zero(),
+            folded: T::zero(),
         }
     }
 }
@@ -258,7 +317,7 @@ const NEWTON_ROUNDS: usize = 3;
 
 impl<T: Real, const A: usize> State<T, A> {
     /// What the elements miss; `rhs` becomes the imbalance of the arcs whose Newton step takes
-    /// the defects of their strain away.
+    /// the defects of their strain away, and what is left of their own.
     #[inline(always)]
     fn defect(
         &self,
@@ -328,8 +387,8 @@ impl<T: Real, const A: usize> State<T, A> {
             }
             let (a, b) = (gradient.to_strain[i] * u[0], gradient.to_strain[j] * u[1]);
             let (sum, difference) = (a + b, (a - b) * T::splat(0.75));
-            rhs[i] = -gradient.to_strain[i].tr_mul(c.moment(sum + difference));
-            rhs[j] = -gradient.to_strain[j].tr_mul(c.moment(sum - difference));
+            rhs[i] = gradient.g[i] - gradient.to_strain[i].tr_mul(c.moment(sum + difference));
+            rhs[j] = gradient.g[j] - gradient.to_strain[j].tr_mul(c.moment(sum - difference));
             // on from the solver's pose
             force = weight.scaled_add(length, force);
             section.moment += (section.place - start).cross(force);
@@ -344,34 +403,38 @@ impl<T: Real, const A: usize> State<T, A> {
         for node in 1..elements {
             assumed += self.inside(2 * node - 1).cross(self.f[3]);
         }
+        // of the force on the end; its part along a chord falls as the module folds
         let compression = -self.n.dot(self.rho) * c.flexible * bending;
+        let chord = T::splat(FOLDED * FOLDED) * c.flexible * c.flexible - self.rho.norm2();
         Defect {
             place,
             moment: exact - assumed,
             compression,
+            folded: chord,
         }
     }
 }
 
-/// What takes the defects of an answer away.
+/// What takes the defects of an answer away, and what the residual has left.
 #[derive(Clone, Copy)]
-pub(crate) struct Found<T> {
+pub(crate) struct Correction<T> {
     /// Motion of the end of each module from its start, summed, m: no disk moves further, and
     /// modules do not cancel by chance.
     pub motion: T,
-    /// Largest compression of a module, see [`Defect`].
+    /// Largest compressive force of a module times its squared length over its bending
+    /// stiffness; between two disks the backbone buckles at pi^2.
     pub compression: T,
-    /// Least cosine of the angle by which a module bends.
-    pub forward: T,
+    /// Positive where a module near buckling has folded.
+    pub folded: T,
 }
 
-impl<T: Real> Found<T> {
+impl<T: Real> Correction<T> {
     #[inline(always)]
-    pub fn of_lane(&self, lane: usize) -> Found<f64> {
-        Found {
+    pub fn of_lane(&self, lane: usize) -> Correction<f64> {
+        Correction {
             motion: self.motion.lane(lane),
             compression: self.compression.lane(lane),
-            forward: self.forward.lane(lane),
+            folded: self.folded.lane(lane),
         }
     }
 }
@@ -380,10 +443,10 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Error of the equilibrium that was found last, at its tensions; lengths are in
     /// `length_errors`.
     #[inline(always)]
-    pub fn estimate(&mut self) -> Found<L::Chain> {
+    pub fn estimate(&mut self) -> Correction<L::Chain> {
         let n = self.module_count();
         let mut compression = L::Chain::zero();
-        let mut backward = L::Chain::splat(-1.0);
+        let mut folded = L::Chain::splat(-1.0);
         for g in 0..self.states.len() {
             let c = &self.constants[g];
             let mut weight = Vec3::zero();
@@ -398,7 +461,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             self.gradients[g].g = rhs;
             for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
                 compression = compression.max(L::get(&defect.compression, i));
-                backward = backward.max(-L::get(&self.states[g].s.0[2][2], i));
+                folded = folded.max(L::get(&defect.folded, i));
             }
             self.defects[g] = defect;
         }
@@ -417,14 +480,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         } else {
             self.rotations_of_step::<false>();
         }
-        Found {
+        Correction {
             motion: self.correction(),
             compression,
-            forward: -backward,
+            folded,
         }
     }
 
-    /// Motion by the rotations in `step` and the defects, see [`Found`]; measures the change of
+    /// Motion by the rotations in `step` and the defects, see [`Correction`]; measures the change of
     /// the lengths.
     #[inline(always)]
     pub fn correction(&mut self) -> L::Chain {
@@ -460,5 +523,22 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
         }
         motion
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn needed_elements_follow_error_and_compression() {
+        assert_eq!(needed(1, 0.9, 0.5), 1);
+        assert_eq!(needed(1, 1.1, 0.5), 2);
+        assert_eq!(needed(1, 17.0, 0.5), 4);
+        assert_eq!(needed(2, 17.0, 0.5), 8);
+        assert_eq!(needed(8, 17.0, 0.5), 8);
+        assert_eq!(needed(1, 0.1, 9.0), 4);
+        assert_eq!(needed(1, f64::NAN, 0.5), 8);
+        assert_eq!(needed(1, 0.1, f64::NAN), 8);
     }
 }

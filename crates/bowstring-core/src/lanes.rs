@@ -3,9 +3,8 @@
 //! Takes plain Newton steps only, those that `statics` takes where nothing goes wrong: all
 //! pivots positive, no step too long, the energy falling. A load that needs more is left to it.
 
-use crate::adaptive::{tells_stability, TIP_TOLERANCE};
 use crate::batch;
-use crate::estimate::ErrorEstimate;
+use crate::estimate::Verdict;
 use crate::interrupt;
 use crate::linalg::Vec3;
 use crate::load::Load;
@@ -21,8 +20,8 @@ const MAX_PLAIN_STEPS: usize = 10;
 pub(crate) struct SideBySide {
     rod: Wide,
     settings: Settings,
-    /// Largest error of the tip that is let pass, m, where elements are chosen.
-    error: Option<f64>,
+    /// Elements are chosen: an answer that needs more than one is not let pass.
+    automatic: bool,
 }
 
 enum Wide {
@@ -42,7 +41,7 @@ impl SideBySide {
         Some(SideBySide {
             rod,
             settings: Settings::new(robot, model, 1),
-            error: elements.is_none().then(|| TIP_TOLERANCE * robot.length()),
+            automatic: elements.is_none(),
         })
     }
 
@@ -58,9 +57,11 @@ impl SideBySide {
     pub fn solve(&mut self, loads: &[Load]) -> [Option<Outcome>; 8] {
         match &mut self.rod {
             // SAFETY: `new` makes this variant only where the processor has AVX2 and FMA
-            Wide::Avx2(rod) => unsafe { solve_avx2(rod, &self.settings, self.error, loads) },
+            Wide::Avx2(rod) => unsafe { solve_avx2(rod, &self.settings, self.automatic, loads) },
             // SAFETY: `new` makes this variant only where it has AVX-512 F, VL, DQ as well
-            Wide::Avx512(rod) => unsafe { solve_avx512(rod, &self.settings, self.error, loads) },
+            Wide::Avx512(rod) => unsafe {
+                solve_avx512(rod, &self.settings, self.automatic, loads)
+            },
         }
     }
 
@@ -85,27 +86,27 @@ impl SideBySide {
 fn solve_avx2(
     rod: &mut Rod<Robots<F64x4>, 2>,
     settings: &Settings,
-    most: Option<f64>,
+    automatic: bool,
     loads: &[Load],
 ) -> [Option<Outcome>; 8] {
-    solve(rod, settings, most, loads)
+    solve(rod, settings, automatic, loads)
 }
 
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
 fn solve_avx512(
     rod: &mut Rod<Robots<F64x8>, 2>,
     settings: &Settings,
-    most: Option<f64>,
+    automatic: bool,
     loads: &[Load],
 ) -> [Option<Outcome>; 8] {
-    solve(rod, settings, most, loads)
+    solve(rod, settings, automatic, loads)
 }
 
 #[inline(always)]
 fn solve<M: Real>(
     rod: &mut Rod<Robots<M>, 2>,
     settings: &Settings,
-    most: Option<f64>,
+    automatic: bool,
     loads: &[Load],
 ) -> [Option<Outcome>; 8] {
     // idle lanes repeat the last load
@@ -148,16 +149,15 @@ fn solve<M: Real>(
             rod.finish();
             let found = rod.estimate();
             for lane in 0..loads.len() {
-                let left = settings.motion(residual.lane(lane));
-                let error = ErrorEstimate::new(&found.of_lane(lane), 0.0, left);
-                let tells = tells_stability(error.compression, 1);
+                let found = found.of_lane(lane);
+                let verdict = Verdict::new(&found, [0.0; 2], Some(true), settings.length, 1);
                 // finer elements are a matter of the careful solver
-                let fine = most.is_none_or(|most| error.tip <= most && tells);
+                let fine = !automatic || verdict.needed == 1;
                 if plain[lane] && ready(lane) && fine && rod.collision(lane).is_none() {
                     outcomes[lane] = Some(Outcome {
                         status: Status::Converged,
-                        stable: tells.then_some(true),
-                        error: Some(error),
+                        stable: verdict.stable,
+                        error: Some(verdict.error),
                         iterations: iterations[lane],
                         residual: residual.lane(lane),
                         left_unstable: false,

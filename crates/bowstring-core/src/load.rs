@@ -1,5 +1,6 @@
 //! Loads and the choice of physics.
 
+use crate::linalg::Vec3;
 use crate::robot::{InputError, Robot, Short};
 
 /// Rod theory of the backbone.
@@ -98,6 +99,16 @@ impl OwnedLoad {
 }
 
 impl Load<'_> {
+    /// The same without a tip moment that no residual tells from none, N m: one has no potential,
+    /// and the little that is left would decide how stability is found.
+    pub(crate) fn without_moment_below(&self, least: f64) -> Self {
+        let mut load = *self;
+        if Vec3(self.tip_moment).norm() <= least {
+            load.tip_moment = [0.0; 3];
+        }
+        load
+    }
+
     /// Checks numbers and their count against the robot.
     pub fn check(&self, robot: &Robot) -> Result<(), InputError> {
         if self.tensions.len() != robot.tendon_count() {

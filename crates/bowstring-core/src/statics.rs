@@ -1,8 +1,7 @@
 //! Static equilibrium: Newton's method on the strain, globalised, with an honest status.
 
-use crate::adaptive::tells_stability;
 use crate::engine::{self, Passes, Plain};
-use crate::estimate::ErrorEstimate;
+use crate::estimate::{ErrorEstimate, Verdict};
 use crate::interrupt;
 pub use crate::lie::Pose;
 use crate::linalg::Vec3;
@@ -118,8 +117,6 @@ pub(crate) struct Settings {
     pub shift_unit: f64,
     /// Measure of length, m.
     pub length: f64,
-    /// Least bending or torsion stiffness, N m^2.
-    pub softest: f64,
     /// Work of a Newton iteration, in units of `interrupt::work`.
     pub work: usize,
 }
@@ -133,18 +130,13 @@ impl Settings {
             moment_scale: robot.moment_scale(),
             shift_unit: 0.1 * stiffness,
             length: robot.length(),
-            softest: (robot.spec().sections.iter())
-                .map(|s| s.bending.min(s.torsion))
-                .fold(f64::INFINITY, f64::min),
             work: robot.module_count() * elements * (8 + 2 * robot.tendon_count()),
         }
     }
-}
 
-impl Settings {
-    /// Motion of the tip by an imbalance of moments that bends the softest section, m.
-    pub fn motion(&self, residual: f64) -> f64 {
-        residual * self.moment_scale * self.length * self.length / self.softest
+    /// Tip moment that the tolerance of the residual does not tell from none, N m.
+    pub fn least_moment(&self) -> f64 {
+        TOLERANCE * self.moment_scale
     }
 }
 
@@ -234,6 +226,7 @@ impl Solver {
     /// Equilibrium from the straight backbone.
     pub fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
         load.check(&self.robot)?;
+        let load = &load.without_moment_below(self.settings.least_moment());
         let outcome = self.solve_from_straight(load);
         self.known = 0;
         self.remember(&outcome);
@@ -249,6 +242,7 @@ impl Solver {
         if self.known == 0 {
             return self.solve(load);
         }
+        let load = &load.without_moment_below(self.settings.least_moment());
         self.load.set(load);
         let [a, b, c] = &self.history;
         let ahead = |i: usize| match self.known {
@@ -263,49 +257,60 @@ impl Solver {
             .set_strains(&|i| if close { ahead(i) } else { a[i] });
         let mut outcome = self.equilibrium(load, false);
         if outcome.status != Status::Converged {
+            let tried = outcome.iterations;
             outcome = self.solve_from_straight(load);
+            outcome.iterations += tried;
             self.known = 0;
         }
         self.remember(&outcome);
         Ok(outcome)
     }
 
-    /// Equilibrium from the straight backbone by Newton's method alone, without raising the load
-    /// step by step: where a coarser rod has found none.
-    pub(crate) fn attempt(&mut self, load: &Load) -> Outcome {
+    /// Equilibrium from a strain, or from the straight backbone, by Newton's method alone: no other
+    /// start is tried, and the load is not raised step by step.
+    pub(crate) fn solve_from(&mut self, strain: Option<&[Vec3]>, load: &Load) -> Outcome {
+        let load = &load.without_moment_below(self.settings.least_moment());
         self.load.set(load);
         self.engine.load(load);
+        // forgets the contact forces of other loads as well
         self.engine.make_straight();
+        if let Some(strain) = strain {
+            self.engine.set_strains(&|i| strain[i]);
+        }
         let outcome = self.equilibrium(load, false);
         self.known = 0;
         self.remember(&outcome);
         outcome
     }
 
-    /// Estimates the discretisation error of the last answer, which `outcome` is of. Where its
-    /// elements cannot tell a stable equilibrium from an unstable one, that it is stable is
-    /// taken back.
-    pub fn estimate_error(&mut self, outcome: &mut Outcome) {
+    /// Estimates the error of the last answer, which `outcome` is of. Where its elements cannot
+    /// tell a stable equilibrium from an unstable one, that it is stable is taken back. Returns
+    /// the elements in a module that the tolerances need; `None` without an answer.
+    pub fn estimate_error(&mut self, outcome: &mut Outcome) -> Option<usize> {
+        let verdict = self.verdict(outcome)?;
+        outcome.error = Some(verdict.error);
+        outcome.stable = verdict.stable;
+        Some(verdict.needed)
+    }
+
+    pub(crate) fn verdict(&mut self, outcome: &Outcome) -> Option<Verdict> {
         if !self.settled {
-            return;
+            return None;
         }
         let found = self.engine.estimate();
-        let residual = self.settings.motion(outcome.residual);
-        outcome.error = Some(ErrorEstimate::new(&found, 0.0, residual));
-        if !tells_stability(found.compression, self.elements) && outcome.stable == Some(true) {
-            outcome.stable = None;
-        }
+        let (length, elements) = (self.settings.length, self.elements);
+        Some(Verdict::new(
+            &found,
+            [0.0; 2],
+            outcome.stable,
+            length,
+            elements,
+        ))
     }
 
     /// Strain of the last equilibrium, if the last solve converged.
     pub(crate) fn last_strain(&self) -> Option<Vec<Vec3>> {
         (self.known > 0).then(|| self.history[0].clone())
-    }
-
-    /// Lets the next [`Solver::solve_next`] start from a strain.
-    pub(crate) fn start_next_from(&mut self, strain: &[Vec3]) {
-        self.history[0].copy_from_slice(strain);
-        self.known = 1;
     }
 
     fn solve_from_straight(&mut self, load: &Load) -> Outcome {

@@ -20,7 +20,7 @@ from bowstring.commands.options import (
 )
 from bowstring.commands.output import counted
 from bowstring.errors import InputError
-from bowstring.files import check_file, not_overwritten, write_whole_file
+from bowstring.files import check_file, not_overwritten, readable, write_whole_file
 from bowstring.robot import Robot
 
 LONGEST_RUN: Final = 10_000.0  # s
@@ -107,7 +107,7 @@ _NAMES: Final = {"schema_version", "robot_hash", "commands", "tensions_N", "arcs
 
 def read_history(file: Path) -> dict[str, Any]:
     try:
-        with file.open("rb") as stream:
+        with readable(file) as stream:
             data = stream.read(_MOST_HISTORY)
         content = json.loads(data)
     except OSError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -559,6 +560,10 @@ def _say_loads(axes: Axes, place: float, counts: Sequence[tuple[int, int]]) -> b
     return True
 
 
+_NOTE_WIDTH: Final = 58
+"""Letters of a note below half a figure."""
+
+
 def _mean_axis(axes: Axes, notes: Sequence[str], counted: bool) -> None:
     more = ["(at the right: over these loads only)"] if counted else []
     axes.set_xlabel("\n".join(["mean error of CC (mm)", *notes, *more]))
@@ -601,7 +606,11 @@ def _drive_panel(
     axes.set_ylim(-0.6, len(cases))
     axes.set_xlim(left=0.0)
     axes.set_title("How the robot is driven")
-    notes = [f"assumed: {each}" for each in drive.assumptions]
+    notes = [
+        line
+        for each in drive.assumptions
+        for line in textwrap.wrap(f"assumed: {each}", _NOTE_WIDTH, subsequent_indent="   ")
+    ]
     _mean_axis(axes, notes, any(counted))
 
 

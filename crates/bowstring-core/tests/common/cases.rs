@@ -181,9 +181,9 @@ impl Case {
     }
 
     /// How far the poses are from solving the rod's equation: the largest gap at a disk, by
-    /// place over length of module and by angle, and over how far a module's pull lets a
-    /// difference grow.
-    pub fn gap(&self, robot: &Robot, solver: &Solver, steps: usize) -> f64 {
+    /// place over length of module and by angle, over what the integration along a taut module
+    /// magnifies a difference by; `None` where that is a thousand and more.
+    pub fn gap(&self, robot: &Robot, solver: &Solver, steps: usize) -> Option<f64> {
         let spec = robot.spec();
         let gravity = Vec3(spec.gravity);
         let base = Pose {
@@ -238,19 +238,26 @@ impl Case {
             // positions are rounded to the size of the robot, however short the module
             let unit = f64::max(pitch, 1e-6 * robot.length());
             let place = (section.pose.position - start.position).norm() / unit;
-            let pull = f64::max(force.norm(), section.force.norm());
-            let growth = (pitch * (pull / s.bending).sqrt()).cosh();
+            // a difference grows under a pull only
+            let pull = f64::max(
+                force.dot(end.rotation.column(2)),
+                section.force.dot(start.rotation.column(2)),
+            );
+            let growth = (pitch * (pull.max(0.0) / s.bending).sqrt()).cosh();
+            if growth > 1e3 {
+                return None;
+            }
             let turn = section.pose.rotation.tr_mat(start.rotation) - Mat3::identity();
             let angle = turn.rows().map(|r| r.norm2()).iter().sum::<f64>().sqrt();
             worst = worst.max(place / growth).max(angle / growth);
             if !(place.is_finite() && angle.is_finite()) {
-                return f64::INFINITY;
+                return Some(f64::INFINITY);
             }
             // keep the solver's pose, carry the wrench on
             moment = section.moment + (section.pose.position - start.position).cross(section.force);
             force = section.force;
         }
-        worst
+        Some(worst)
     }
 }
 
