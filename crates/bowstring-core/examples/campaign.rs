@@ -31,6 +31,8 @@ use std::time::Instant;
 /// each takes about as long as a thousand others.
 const LOADS: usize = 64;
 const HOSTILE_LOADS: usize = 2;
+/// Share of hostile robots.
+const HOSTILE: f64 = 0.1;
 /// Robots between two writings of the state.
 const CHUNK: usize = 1000;
 /// Of the loads of a robot, those that eight elements solve as well.
@@ -76,7 +78,7 @@ counts! {
     batch: "batch and single solve apart",
     unconfirmed: "not confirmed by eight elements",
     checked: "integrated from the outside",
-    unchecked: "too taut to be",
+    unchecked: "too taut or too soft to be",
     unbalanced: "not balanced",
     compared: "compared with eight elements",
     no_reference: "no better known by those",
@@ -188,7 +190,7 @@ fn robot(number: usize) -> Counts {
 fn trial(number: usize) -> Counts {
     let mut counts = Counts::default();
     let mut draw = Draw::new(28, number);
-    let hard = draw.often(0.2);
+    let hard = draw.often(HOSTILE);
     let mut case = if hard {
         hostile(&mut draw)
     } else {
@@ -327,19 +329,11 @@ fn compare(
         here.tensions = load.tensions.to_vec();
         here.tip_force.0 = load.tip_force;
         here.tip_moment.0 = load.tip_moment;
-        // the turn that a residual leaves in a much softer section
-        let soft = robot
-            .spec()
-            .sections
-            .iter()
-            .map(|s| s.bending.min(s.torsion));
-        let softest = soft.fold(f64::INFINITY, f64::min);
-        let left = found.residual * robot.moment_scale() * length / softest;
         match largest_gap(&here, robot, &fine) {
             None => counts.unchecked += 1,
             Some(gap) => {
                 counts.checked += 1;
-                if !(gap <= BALANCED + 10.0 * left) {
+                if !(gap <= BALANCED) {
                     counts.unbalanced += 1;
                     eprintln!("\n{name}: a module is off by {gap:.1e}");
                 }
@@ -355,7 +349,7 @@ fn compare(
     }
     counts.compared += 1;
     // what rounding leaves of an ill-conditioned answer is no discretisation error
-    let bound = stated + 1e-9 * length;
+    let bound = stated + 1e-8 * length;
     let off = |k: usize| {
         let [a, b] = [single.solver(), &fine].map(|s| s.disk(k).unwrap().position);
         (a - b).norm()
@@ -372,9 +366,14 @@ fn compare(
 }
 
 /// The largest gap of a module, integrated with as many steps as it takes; `None` where the
-/// integration magnifies differences too much to tell.
+/// integration magnifies differences too much to tell, or a section is so soft that it turns far
+/// by what is left of the residual.
 fn largest_gap(case: &Case, robot: &Robot, solver: &Solver) -> Option<f64> {
+    let soft = (robot.spec().sections.iter()).any(|s| s.torsion < 1e-4 * s.bending);
     let mut gap = None;
+    if soft {
+        return gap;
+    }
     for steps in [24, 96, 384, 1536] {
         gap = case.gap(robot, solver, steps);
         if gap.is_none_or(|gap| gap < BALANCED) {
