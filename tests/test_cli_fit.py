@@ -6,7 +6,10 @@ All tables here are synthetic, but for those of public data sets.
 from __future__ import annotations
 
 import json
+import os
 import sys
+import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -506,3 +509,39 @@ def test_a_soft_backbone_is_told_in_its_own_unit(shell: Shell, tmp_path: Path) -
     assert found["start"] == pytest.approx(1.0)
     code, out, _ = shell(*command)
     assert code == 0 and "MPa" in out and "GPa" not in out
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name")
+@pytest.mark.parametrize(
+    ("command", "says"),
+    [
+        ("bench check PIPE --robot amouri2019", "the table is empty"),
+        ("bench check TABLE --mapping PIPE", "is empty"),
+        ("solve amouri2019 --tension 1,0,0 --history PIPE", "--history"),
+        ("fit amouri2019 --measurements TABLE --parameter friction --start PIPE", "PIPE"),
+    ],
+)
+def test_a_pipe_that_nothing_writes_to_is_not_waited_for(
+    shell: Shell, tmp_path: Path, command: str, says: str
+) -> None:
+    pipe = tmp_path / "PIPE"
+    os.mkfifo(pipe)
+    names = {"PIPE": str(pipe), "TABLE": str(TABLE)}
+    assert says in shell.error(*[names.get(word, word) for word in command.split()])
+
+
+@pytest.mark.skipif(not Path("/dev/fd").exists(), reason="no /dev/fd")
+def test_a_pipe_is_read_to_its_end() -> None:
+    # as the shell's <(...) gives it: the writer is there, its data come later
+    end, start = os.pipe()
+
+    def write() -> None:
+        time.sleep(0.2)
+        with os.fdopen(start, "wb") as pipe:
+            pipe.write(TABLE.read_bytes())
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    assert len(read_measurements(f"/dev/fd/{end}")) == len(read_measurements(TABLE))
+    writer.join()
+    os.close(end)

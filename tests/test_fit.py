@@ -1,5 +1,7 @@
 """Calibration: derivatives, recovery of known truth (synthetic), intervals, and a real robot."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks import calibration
@@ -463,6 +465,10 @@ def test_a_rigid_offset_of_the_data_names_the_base_synthetic():
     assert whole["segments.0.backbone.E"].value == pytest.approx(34, rel=1e-3)
     there = synthetic(robot, names, {"segments.0.backbone.E": 34e9}, commands, noise=2e-5)
     assert fit(robot, there, names).message == "Converged."
+    # tips ten times too large are those of no robot of this length
+    large = fit(robot, replace(there, points=10 * there.points), names)
+    assert not large.converged and "Check the unit of the tip's columns" in large.message
+    assert "rigid offset" not in large.message
 
 
 # -- bad input ---------------------------------------------------------------------------------

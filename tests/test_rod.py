@@ -793,6 +793,14 @@ def test_a_negligible_moment_hides_no_buckle() -> None:
     assert np.linalg.norm(found.tip.position[:2]) > 0.01
 
 
+@pytest.mark.parametrize("tension", [800.0, 1000.0])
+@pytest.mark.parametrize("moment", [[1e-12, 0, 0], [0, 0, 1e-12]])
+def test_a_moment_below_all_tolerances_is_none(tension: float, moment: list[float]) -> None:
+    without, found = (bs.solve(ROBOT, [tension] * 3, tip_moment=m) for m in ([0, 0, 0], moment))
+    assert not without.converged
+    assert (found.status, found.message) == (without.status, without.message)
+
+
 @pytest.mark.parametrize("moment", [[0.5, 0, 0], [0, 1.0, 0.01], [0, 0, 0.05]])
 def test_small_motions_under_a_moment_die_out(moment: list[float]) -> None:
     found = bs.solve(ROBOT, [5.0, 0, 0], tip_moment=moment).raise_for_status()

@@ -284,3 +284,16 @@ def test_pulls_that_stretch_the_tendons_are_no_wrong_unit() -> None:
     data = BENCHES["slender, by pull"][1]
     pulls = data.pulls + 5e-3 * STAR / 15
     assert not check_tendons(SLENDER.with_(soft), replace(data, pulls=pulls)).alarm
+
+
+@pytest.mark.parametrize("factor", [1, 10])
+def test_pulls_among_tensions_are_checked_too(factor: float) -> None:
+    data = made(STUDY, ANY)
+    pulls = np.full_like(data.tensions, np.nan)
+    pulls[:, 0] = np.linspace(0, 0.03, len(pulls)) * factor
+    tensions = data.tensions.copy()
+    tensions[:, 0] = np.nan
+    found = check_tendons(STUDY, replace(data, tensions=tensions, pulls=pulls))
+    assert "some tendons are given by tension and others by pull" in found.sentence
+    assert ("check the unit of the pulls" in found.sentence) == (factor == 10)
+    assert found.alarm == (factor == 10)
