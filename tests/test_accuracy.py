@@ -141,6 +141,24 @@ def test_tensions_of_three_taut_tendons() -> None:
     assert np.abs(chosen.tensions - fine.tensions).max() < 1e-4 * fine.tensions.max()
 
 
+@pytest.mark.parametrize("pulled", [True, False])
+def test_friction_remembers_the_error(pulled: bool) -> None:
+    there_and_back = np.r_[np.linspace(0, 1, 8), np.linspace(0.9, 0.1, 6)]
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        robot = study(
+            **{"tendons.friction": rng.uniform(0.1, 0.5), "tendons.compliance": "1e-5 m/N"}
+        )
+        most = rng.uniform(0.001, 0.012, 3) if pulled else rng.uniform(5, 90, 3)
+        given = {"pulls" if pulled else "tensions": np.outer(there_and_back, most)}
+        coarse, fine = (bs.sweep(robot, elements=elements, **given) for elements in (1, 8))
+        # beyond that the coarse rod may go another way
+        known = np.cumprod(coarse.converged & fine.converged).astype(bool)
+        error = np.linalg.norm(coarse.tip_position - fine.tip_position, axis=1)[known]
+        assert (error <= coarse.tip_error[known] + fine.tip_error[known]).all()
+        assert known.sum() > 8
+
+
 def test_a_plain_robot_keeps_one_element() -> None:
     robot = bs.load_robot("amouri2019")
     assert bs.solve(robot, [80, 0, 0]).elements == 1

@@ -72,6 +72,8 @@ pub struct Drive {
     per_tension: f64,
     /// Unknowns of a step that were found to fit into memory.
     fitting: usize,
+    /// Stated error of the last step: with friction, which remembers, no later one is smaller.
+    remembered: ErrorEstimate,
 }
 
 /// Length, as a share of the robot's, to which pulls are met.
@@ -88,8 +90,9 @@ const FRESH_STEPS: usize = 5;
 /// Newton steps in all, and increments, of the way to a load after which it is given up.
 const MOST_ITERATIONS: usize = 400;
 const MAX_INCREMENTS: usize = 60;
-/// What the error estimate is multiplied by with friction.
-const FRICTION_SAFETY: f64 = 4.0;
+/// What the error estimates of tip and tension are multiplied by with friction: it changes span
+/// tensions with the bends, and the estimate keeps them.
+const FRICTION_SAFETY: [f64; 2] = [1.5, 8.0];
 
 impl Drive {
     /// As for [`Solver::new`], with one line for each tendon. Without a number of elements they
@@ -136,6 +139,7 @@ impl Drive {
             ends: Default::default(),
             per_tension,
             fitting: 0,
+            remembered: ErrorEstimate::default(),
         })
     }
 
@@ -163,6 +167,7 @@ impl Drive {
         self.solver.unsettle();
         self.transmission.slack.fill(0.0);
         self.transmission.now = self.virgin.clone();
+        self.remembered = ErrorEstimate::default();
     }
 
     /// Goes on from where another path has come to; its commands and loads are those that the
@@ -269,6 +274,9 @@ impl Drive {
                 }
             }
             outcome.iterations = iterations;
+            if let Some(error) = outcome.error {
+                self.remembered = error;
+            }
             if outcome.status != Status::Converged {
                 self.transmission.now = old;
                 if outcome.status != Status::NoEquilibrium && !interrupt::interrupted() {
@@ -297,6 +305,7 @@ impl Drive {
         finer.automatic = self.automatic;
         engine::check_driven(self.robot(), elements, self.fitting, 1).ok()?;
         finer.fitting = self.fitting;
+        finer.remembered = self.remembered;
         let factor = elements / self.solver.elements();
         finer.transmission.now = now.clone();
         finer.transmission.now.strain = refine_to(now.strain.clone(), factor);
@@ -344,23 +353,24 @@ impl Drive {
             let coefficients: Vec<f64> = std::iter::once(1.0).chain(changes).collect();
             found.motion = engine.correct(&coefficients);
         }
-        // friction changes span tensions with the bends; the estimate keeps the span tensions
-        let friction = if transmission.rubs {
-            FRICTION_SAFETY
-        } else {
-            1.0
-        };
-        found.motion *= friction;
+        let rubs = transmission.rubs;
+        let friction = if rubs { FRICTION_SAFETY } else { [1.0; 2] };
+        found.motion *= friction[0];
         let tautest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
         let verdict = Verdict::new(
             &found,
-            [largest * friction, tautest],
+            [largest * friction[1], tautest],
             outcome.stable,
             self.robot().length(),
             self.solver.elements(),
         );
         outcome.stable = verdict.stable;
-        outcome.error = Some(verdict.error);
+        let mut error = verdict.error;
+        if rubs {
+            error.tip = error.tip.max(self.remembered.tip);
+            error.tension = error.tension.max(self.remembered.tension);
+        }
+        outcome.error = Some(error);
         verdict.needed
     }
 

@@ -15,7 +15,7 @@ use crate::real::{Layout, Real};
 use crate::rod::{get, get_mat, in_group, put, Rod};
 
 /// Estimated discretisation error of an equilibrium.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ErrorEstimate {
     /// Of the position of any disk, the tip's among them, m.
     pub tip: f64,
