@@ -320,7 +320,8 @@ def test_a_run_whose_restart_is_broken_begins_anew(
     (restart,) = found
     kept = restart.parent
     if fault == "cut":
-        restart.write_bytes(restart.read_bytes()[:-1000])
+        # it may already hold the begin of a later step: none of that will do
+        restart.write_bytes(restart.read_bytes()[:1000])
     else:
         find = steps._restart_at
 

@@ -278,3 +278,146 @@ pub(crate) fn eliminate(a: &mut [f64], m: usize) -> bool {
     }
     true
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Draw;
+
+    /// `M` with a positive definite symmetric part; with `skew` a part beside it.
+    fn problem(draw: &mut Draw, n: usize, skew: f64) -> Complementarity {
+        let mut problem = Complementarity::default();
+        problem.resize(n);
+        let root: Vec<f64> = (0..n * n).map(|_| draw.within(-1.0, 1.0)).collect();
+        for i in 0..n {
+            for j in 0..n {
+                let product: f64 = (0..n).map(|k| root[i * n + k] * root[j * n + k]).sum();
+                problem.matrix[i * n + j] += product + if i == j { 0.05 } else { 0.0 };
+            }
+            for j in 0..i {
+                let beside = skew * draw.within(-1.0, 1.0);
+                problem.matrix[i * n + j] += beside;
+                problem.matrix[j * n + i] -= beside;
+            }
+            problem.q[i] = draw.within(-2.0, 2.0);
+        }
+        problem
+    }
+
+    /// The answer, by trying every unknown between, at its lower and at its upper bound.
+    fn by_brute_force(problem: &Complementarity) -> Option<Vec<f64>> {
+        let n = problem.size;
+        let mut trial = problem.clone();
+        (0..3usize.pow(n as u32)).find_map(|code| {
+            let mut rest = code;
+            for i in 0..n {
+                trial.side[i] = [Side::Between, Side::Lower, Side::Upper][rest % 3];
+                rest /= 3;
+            }
+            let finite = (0..n).all(|i| match trial.side[i] {
+                Side::Between => true,
+                Side::Lower => trial.lower[i].is_finite(),
+                Side::Upper => trial.upper[i].is_finite(),
+            });
+            (finite && trial.solve_between() && is_answer(&trial)).then(|| trial.z.clone())
+        })
+    }
+
+    fn is_answer(problem: &Complementarity) -> bool {
+        let (n, least) = (problem.size, 1e-9);
+        (0..n).all(|i| {
+            let row = &problem.matrix[i * n..(i + 1) * n];
+            let w = problem.q[i] + row.iter().zip(&problem.z).map(|(a, z)| a * z).sum::<f64>();
+            let (z, low, high) = (problem.z[i], problem.lower[i], problem.upper[i]);
+            let inside = z >= low - least && z <= high + least;
+            let at_low = (z - low).abs() <= least && w >= -least;
+            let at_high = (z - high).abs() <= least && w <= least;
+            inside && (w.abs() <= least || at_low || at_high)
+        })
+    }
+
+    #[test]
+    fn finds_what_all_sides_tried_give() {
+        let mut draw = Draw::new(1, 0);
+        for round in 0..300 {
+            let n = 1 + round % if round < 280 { 6 } else { 8 };
+            let mut problem = problem(&mut draw, n, if round % 2 == 0 { 0.0 } else { 0.3 });
+            for i in 0..n {
+                problem.lower[i] = [f64::NEG_INFINITY, -0.5, 0.0, 0.0][draw.count(0, 3)];
+                let room = [f64::INFINITY, 1.0, 0.2, 0.0][draw.count(0, 3)];
+                problem.upper[i] = problem.lower[i].max(-3.0) + room;
+                problem.side[i] = [Side::Between, Side::Lower, Side::Upper][draw.count(0, 2)];
+            }
+            assert!(problem.solve(), "{round}");
+            let exact = by_brute_force(&problem).expect("one answer");
+            for i in 0..n {
+                let off = (problem.z[i] - exact[i]).abs();
+                assert!(off < 1e-8, "{round}: {:?} {exact:?}", problem.z);
+            }
+        }
+    }
+
+    #[test]
+    fn finds_a_degenerate_answer() {
+        // at the bound without a force that holds it there
+        let mut problem = Complementarity::default();
+        problem.resize(2);
+        problem.matrix = vec![2.0, 1.0, 1.0, 2.0];
+        problem.q = vec![0.0, -3.0];
+        problem.lower = vec![-1.5, 0.0];
+        assert!(problem.solve());
+        assert!((problem.z[0] + 1.0).abs() < 1e-15 && (problem.z[1] - 2.0).abs() < 1e-15);
+        problem.lower = vec![-1.0, 0.0];
+        assert!(problem.solve());
+        assert!((problem.z[0] + 1.0).abs() < 1e-15 && (problem.z[1] - 2.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_singular_matrix_has_no_answer() {
+        let mut problem = Complementarity::default();
+        problem.resize(2);
+        problem.matrix = vec![1.0, 1.0, 1.0, 1.0];
+        problem.q = vec![1.0, 2.0];
+        assert!(!problem.solve());
+    }
+
+    #[test]
+    fn counts_negative_eigenvalues() {
+        let mut draw = Draw::new(2, 0);
+        for n in 1..=6 {
+            let mut problem = problem(&mut draw, n, 0.5);
+            assert_eq!(problem.negative_eigenvalues(), 0);
+            // a congruence keeps their number (Sylvester)
+            let signs: Vec<f64> = (0..n).map(|_| draw.within(-1.0, 1.0).signum()).collect();
+            let root: Vec<f64> = (0..n * n).map(|_| draw.within(-1.0, 1.0)).collect();
+            for i in 0..n {
+                for j in 0..n {
+                    problem.matrix[i * n + j] = (0..n)
+                        .map(|k| root[i * n + k] * signs[k] * root[j * n + k])
+                        .sum();
+                }
+            }
+            let negative = signs.iter().filter(|s| **s < 0.0).count();
+            assert_eq!(problem.negative_eigenvalues(), negative, "{signs:?}");
+        }
+    }
+
+    #[test]
+    fn eliminates_several_right_hand_sides() {
+        let mut draw = Draw::new(3, 0);
+        for m in 1..=8 {
+            let width = m + 3;
+            let a: Vec<f64> = (0..m * width).map(|_| draw.within(-1.0, 1.0)).collect();
+            let mut answer = a.clone();
+            assert!(eliminate(&mut answer, m));
+            for row in 0..m {
+                for right in m..width {
+                    let sum: f64 = (0..m)
+                        .map(|k| a[row * width + k] * answer[k * width + right])
+                        .sum();
+                    assert!((sum - a[row * width + right]).abs() < 1e-10);
+                }
+            }
+        }
+    }
+}

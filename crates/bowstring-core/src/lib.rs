@@ -20,6 +20,9 @@ mod mixing;
 pub mod modes;
 mod module;
 mod motion;
+#[cfg(test)]
+#[path = "../tests/common/random.rs"]
+mod random;
 pub mod real;
 pub mod robot;
 mod rod;

@@ -221,3 +221,151 @@ pub(crate) fn negative_pivots<T: Real>(matrix: &Mat3<T>) -> usize {
 fn min<T: Real>(a: T, b: T) -> T {
     -((-a).max(-b))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::complementarity;
+    use crate::random::Draw;
+
+    fn block(draw: &mut Draw) -> Mat3<f64> {
+        Mat3([[0; 3]; 3].map(|row| row.map(|_| draw.within(-1.0, 1.0))))
+    }
+
+    /// A module and the rest beyond it, dense and in blocks.
+    fn random<const A: usize, const S: usize>(
+        draw: &mut Draw,
+        symmetric: bool,
+    ) -> (Vec<f64>, Blocks<f64, A, S>) {
+        let n = 3 * (A + S);
+        let mut dense = vec![0.0; n * n];
+        let mut blocks = Blocks::empty();
+        for p in 0..A + S {
+            for q in 0..=p {
+                let mut here = block(draw);
+                if p == q {
+                    here = here + Mat3::scalar(6.0);
+                    if symmetric {
+                        here = here.symmetric_part();
+                    }
+                }
+                let there = if symmetric {
+                    here.transpose()
+                } else {
+                    block(draw)
+                };
+                for (i, j, m) in [(q, p, there), (p, q, here)] {
+                    for r in 0..3 {
+                        for c in 0..3 {
+                            dense[(3 * i + r) * n + 3 * j + c] = m.0[r][c];
+                        }
+                    }
+                    match (i < A, j < A) {
+                        (true, true) => blocks.uu[i][j] = m,
+                        (true, false) => blocks.ux[i][j - A] = m,
+                        (false, true) => blocks.xu[j][i - A] = m,
+                        (false, false) => blocks.xx[i - A][j - A] = m,
+                    }
+                }
+            }
+        }
+        (dense, blocks)
+    }
+
+    fn agrees<const A: usize, const S: usize, const SYMMETRIC: bool>() {
+        let mut draw = Draw::new(A as u64, S);
+        for _ in 0..50 {
+            let (dense, blocks) = random::<A, S>(&mut draw, SYMMETRIC);
+            let mut eliminated = Eliminated::empty();
+            let mut pivot = f64::INFINITY;
+            let left = eliminated.eliminate::<SYMMETRIC>(blocks, &mut pivot);
+            assert!(pivot > 0.0);
+            // the whole system at once
+            let n = 3 * (A + S);
+            let g: Vec<f64> = (0..n).map(|_| draw.within(-1.0, 1.0)).collect();
+            let mut whole = vec![];
+            for row in 0..n {
+                whole.extend_from_slice(&dense[row * n..(row + 1) * n]);
+                whole.push(-g[row]);
+            }
+            assert!(complementarity::eliminate(&mut whole, n));
+            let exact = |i: usize| whole[i * (n + 1) + n];
+            // backward, the state, forward
+            let vector = |i: usize| Vec3([g[3 * i], g[3 * i + 1], g[3 * i + 2]]);
+            let mut answer: [Vec3<f64>; A] = std::array::from_fn(vector);
+            let mut state: [Vec3<f64>; S] = std::array::from_fn(|q| vector(A + q));
+            eliminated.backward::<SYMMETRIC>(&mut answer, &mut state);
+            let mut rest = vec![];
+            for p in 0..3 * S {
+                rest.extend((0..3 * S).map(|q| left[p / 3][q / 3].0[p % 3][q % 3]));
+                rest.push(-state[p / 3][p % 3]);
+            }
+            assert!(complementarity::eliminate(&mut rest, 3 * S));
+            let x: [Vec3<f64>; S] = std::array::from_fn(|q| {
+                Vec3([0, 1, 2].map(|r| rest[(3 * q + r) * (3 * S + 1) + 3 * S]))
+            });
+            let u = eliminated.forward(&answer, &x);
+            for i in 0..n {
+                let ours = if i < 3 * A {
+                    u[i / 3][i % 3]
+                } else {
+                    x[i / 3 - A][i % 3]
+                };
+                assert!((ours - exact(i)).abs() < 1e-11, "{i}: {ours} {}", exact(i));
+            }
+        }
+    }
+
+    #[test]
+    fn elimination_by_blocks_is_that_of_the_whole() {
+        agrees::<2, 1, true>();
+        agrees::<2, 1, false>();
+        agrees::<4, 1, true>();
+        agrees::<4, 1, false>();
+        agrees::<2, 2, true>();
+        agrees::<8, 2, false>();
+    }
+
+    #[test]
+    fn a_pivot_tells_what_is_no_minimum() {
+        let mut draw = Draw::new(9, 0);
+        let (mut minima, mut others) = (0, 0);
+        while minima < 20 || others < 20 {
+            let (_, mut blocks) = random::<2, 1>(&mut draw, true);
+            let shift = draw.within(0.0, 8.0);
+            for i in 0..2 {
+                blocks.uu[i][i] = blocks.uu[i][i] - Mat3::scalar(shift);
+            }
+            let arcs = blocks.uu;
+            let mut pivot = f64::INFINITY;
+            let mut eliminated = Eliminated::empty();
+            eliminated.eliminate::<true>(blocks, &mut pivot);
+            // Sylvester's criterion on the arcs: all leading minors are positive
+            let at = |r: usize, c: usize| {
+                let (a, b) = (r.max(c), r.min(c));
+                arcs[a / 3][b / 3].0[a % 3][b % 3]
+            };
+            let minimum = (1..=6).all(|size| determinant(size, &at) > 0.0);
+            assert_eq!(pivot > 0.0, minimum);
+            assert_eq!(eliminated.negative_pivots() == 0, minimum);
+            minima += usize::from(minimum);
+            others += usize::from(!minimum);
+        }
+    }
+
+    fn determinant(size: usize, at: &dyn Fn(usize, usize) -> f64) -> f64 {
+        let mut a: Vec<f64> = (0..size * size).map(|i| at(i / size, i % size)).collect();
+        let mut product = 1.0;
+        for k in 0..size {
+            let pivot = a[k * size + k];
+            product *= pivot;
+            for row in k + 1..size {
+                let factor = a[row * size + k] / pivot;
+                for c in k..size {
+                    a[row * size + c] -= factor * a[k * size + c];
+                }
+            }
+        }
+        product
+    }
+}

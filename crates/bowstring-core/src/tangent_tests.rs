@@ -3,24 +3,13 @@
 use crate::linalg::Vec3;
 use crate::load::{Load, Model, TendonPath, Theory};
 use crate::motion::{Damping, Motion};
+use crate::random::Draw;
 use crate::real::Scalar;
 use crate::robot::{Disk, Robot, RobotSpec, Section, Tendon};
 use crate::rod::Rod;
 
-/// SplitMix64, from -1 to 1.
-struct Draw(u64);
-
-impl Draw {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-    fn vector(&mut self, size: f64) -> Vec3 {
-        Vec3([self.next(), self.next(), self.next()].map(|x| x * size))
-    }
+fn vector(draw: &mut Draw, size: f64) -> Vec3 {
+    Vec3([0; 3].map(|_| draw.within(-size, size)))
 }
 
 /// Four modules; shear and extension large enough to show.
@@ -135,14 +124,16 @@ const MODELS: [Model; 3] = [
 ];
 
 fn statics<const A: usize>() {
-    let mut draw = Draw(A as u64);
+    let mut draw = Draw::new(A as u64, 0);
     for (kind, robot, load) in loads() {
         for model in MODELS {
             let n = robot.module_count();
             let mut rod = Rod::<Scalar, A>::new(&robot, model);
             rod.load(&load);
-            let strain: Vec<_> = (0..A * n).map(|_| draw.vector(0.6 / A as f64)).collect();
-            let ahead: Vec<_> = (0..A * n).map(|_| draw.vector(1.0)).collect();
+            let strain: Vec<_> = (0..A * n)
+                .map(|_| vector(&mut draw, 0.6 / A as f64))
+                .collect();
+            let ahead: Vec<_> = (0..A * n).map(|_| vector(&mut draw, 1.0)).collect();
             // derivative of the energy by the strain
             let gradient = |rod: &mut Rod<Scalar, A>, step: f64| {
                 rod.make_straight();
@@ -201,7 +192,7 @@ fn statics_tangent_is_the_derivative_of_the_residual() {
 }
 
 fn at_rest<const A: usize>() {
-    let mut draw = Draw(A as u64 + 100);
+    let mut draw = Draw::new(A as u64, 1);
     let undamped = Damping {
         mass: 0.0,
         material: 0.0,
@@ -214,10 +205,12 @@ fn at_rest<const A: usize>() {
             let n = robot.module_count();
             let mut motion = Motion::<Scalar, A>::new(&robot, model, load.gravity, undamped);
             motion.set_load(&load);
-            let strain: Vec<_> = (0..A * n).map(|_| draw.vector(0.6 / A as f64)).collect();
-            let ahead: Vec<_> = (0..A * n).map(|_| draw.vector(1.0)).collect();
+            let strain: Vec<_> = (0..A * n)
+                .map(|_| vector(&mut draw, 0.6 / A as f64))
+                .collect();
+            let ahead: Vec<_> = (0..A * n).map(|_| vector(&mut draw, 1.0)).collect();
             let force: Vec<_> = vec![Vec3::zero(); n];
-            let force_ahead: Vec<_> = (0..n).map(|_| draw.vector(10.0)).collect();
+            let force_ahead: Vec<_> = (0..n).map(|_| vector(&mut draw, 10.0)).collect();
             let worst = motion.tangent_error(
                 |i, step| ahead[i].scaled_add(step, strain[i]),
                 |k, step| force_ahead[k].scaled_add(step, force[k]),
