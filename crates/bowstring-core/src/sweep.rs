@@ -244,7 +244,7 @@ mod tests {
             for q in 0..=p {
                 let mut here = block(draw);
                 if p == q {
-                    here = here + Mat3::scalar(6.0);
+                    here += Mat3::scalar(6.0);
                     if symmetric {
                         here = here.symmetric_part();
                     }
@@ -334,7 +334,7 @@ mod tests {
             let (_, mut blocks) = random::<2, 1>(&mut draw, true);
             let shift = draw.within(0.0, 8.0);
             for i in 0..2 {
-                blocks.uu[i][i] = blocks.uu[i][i] - Mat3::scalar(shift);
+                blocks.uu[i][i] -= Mat3::scalar(shift);
             }
             let arcs = blocks.uu;
             let mut pivot = f64::INFINITY;
