@@ -857,6 +857,9 @@ def _solve(
     twist: bool,
     elements: int | None,
 ) -> Solution:
+    if _is_complex(tensions):
+        count = robot.core.tendon_count
+        raise InputError(f"tensions is {tensions!r:.80}, it must be {count} numbers, in N")
     try:
         core = robot.core.solve(
             tensions, theory, gravity, tip_force, tip_moment, tendon, twist, elements
@@ -1176,8 +1179,15 @@ def pull_jacobian(solution: Solution) -> PullJacobian:
     )
 
 
+def _is_complex(values: Any) -> bool:
+    """Whether imaginary parts would be dropped, of which NumPy only warns."""
+    return isinstance(values, np.ndarray) and values.dtype.kind == "c"
+
+
 def _array(values: Any, name: str, shape: str) -> Floats:
     try:
+        if _is_complex(values):
+            raise TypeError
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(
