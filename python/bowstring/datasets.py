@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Final
 
 from bowstring.errors import InputError
-from bowstring.files import check_replaceable, folder_beside, resolved, write_whole
+from bowstring.files import check_replaceable, folder_beside, readable, resolved, write_whole
 from bowstring.units import quote
 
 __all__ = ["DataFile", "DataSet", "available", "copy", "describe", "path", "table"]
@@ -394,9 +394,8 @@ def _given(home: Path, found: DataSet, file: DataFile) -> Path:
 
 def _digest(file: Path) -> str:
     """SHA-256 of a file; an `OSError` for a pipe or device, which may have no end."""
-    handle = os.open(file, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-    with os.fdopen(handle, "rb") as stream:
-        found = os.fstat(handle)
+    with readable(file) as stream:
+        found = os.fstat(stream.fileno())
         if not stat.S_ISREG(found.st_mode):
             raise OSError(errno.EINVAL, "it is not a regular file")
         if found.st_size > _MOST:

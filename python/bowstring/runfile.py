@@ -38,6 +38,7 @@ from bowstring.files import (
     check_parent,
     check_writable,
     folder_beside,
+    readable,
     resolved,
 )
 from bowstring.robot import Robot
@@ -400,8 +401,7 @@ def read_run(path: str | Path) -> xr.Dataset:
 
 def _open_regular(path: str | Path) -> BinaryIO:
     """A file, open; an `OSError` for a pipe or device, which cannot be read twice."""
-    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-    file = os.fdopen(os.open(path, flags), "rb")
+    file = readable(path)
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         file.close()
         raise OSError(errno.EINVAL, "it is not a regular file")

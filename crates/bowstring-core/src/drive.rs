@@ -353,8 +353,12 @@ impl Drive {
             let coefficients: Vec<f64> = std::iter::once(1.0).chain(changes).collect();
             found.motion = engine.correct(&coefficients);
         }
-        let rubs = transmission.rubs;
-        let friction = if rubs { FRICTION_SAFETY } else { [1.0; 2] };
+        let with_friction = transmission.rubs;
+        let friction = if with_friction {
+            FRICTION_SAFETY
+        } else {
+            [1.0; 2]
+        };
         found.motion *= friction[0];
         let tautest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
         let verdict = Verdict::new(
@@ -366,7 +370,7 @@ impl Drive {
         );
         outcome.stable = verdict.stable;
         let mut error = verdict.error;
-        if rubs {
+        if with_friction {
             error.tip = error.tip.max(self.remembered.tip);
             error.tension = error.tension.max(self.remembered.tension);
         }

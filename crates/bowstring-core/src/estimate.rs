@@ -36,9 +36,10 @@ const NEAR_BUCKLING: f64 = 5.0;
 const FINE_COMPRESSION: f64 = 0.65;
 /// What the estimate is multiplied by: it is first order in the defects.
 const SAFETY: f64 = 3.0;
-/// The same where a compressed module folds, so that its ends are nearer than `FOLDED` times its
-/// length: defects of its elements cancel there, and underestimate the error by up to 12 times.
+/// The same where a module has folded: defects of its elements cancel there, and underestimate
+/// the error by up to 12 times.
 const SAFETY_FOLDED: f64 = 12.0;
+/// Distance of the ends of a module, over its length, below which it counts as folded.
 const FOLDED: f64 = 0.8;
 
 /// What is said of a converged answer by its estimate.
@@ -424,7 +425,7 @@ pub(crate) struct Correction<T> {
     /// Largest compressive force of a module times its squared length over its bending
     /// stiffness; between two disks the backbone buckles at pi^2.
     pub compression: T,
-    /// Positive where a module near buckling has folded.
+    /// Positive where a module has folded.
     pub folded: T,
 }
 
