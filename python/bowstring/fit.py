@@ -481,7 +481,8 @@ class _Search:
         return least_squares(
             self.work.residuals,
             inside,
-            jac=self.work.jacobian,
+            # SciPy 1.11 writes the weights of a robust loss into the array that it gets
+            jac=lambda scaled: self.work.jacobian(scaled).copy(),
             bounds=(self.low, self.high),
             x_scale="jac",
             gtol=1e-10,

@@ -250,31 +250,15 @@ impl<T: Real> Element<'_, T> {
         let mut force = force;
         for _ in 0..STEPS {
             let mut rates = [end; 7];
-            // one by one, so that the weights are constants where they are used
-            rates[0] = self.stage::<0>(&at, &rates, force, h);
-            rates[1] = self.stage::<1>(&at, &rates, force, h);
-            rates[2] = self.stage::<2>(&at, &rates, force, h);
-            rates[3] = self.stage::<3>(&at, &rates, force, h);
-            rates[4] = self.stage::<4>(&at, &rates, force, h);
-            rates[5] = self.stage::<5>(&at, &rates, force, h);
-            rates[6] = self.stage::<6>(&at, &rates, force, h);
+            for (i, (place, weights)) in STAGES.iter().enumerate() {
+                let here = at.plus_weighted(&rates, *weights, h);
+                let carried = self.weight.scaled_add(h * T::splat(-place), force);
+                rates[i] = self.rate(&here, carried);
+            }
             at = at.plus_weighted(&rates, WEIGHTS, h);
             force = self.weight.scaled_add(-h, force);
         }
         at
-    }
-
-    #[inline(always)]
-    fn stage<const I: usize>(
-        &self,
-        at: &Section<T>,
-        rates: &[Section<T>; 7],
-        force: Vec3<T>,
-        h: T,
-    ) -> Section<T> {
-        let (place, weights) = STAGES[I];
-        let here = at.plus_weighted(rates, weights, h);
-        self.rate(&here, self.weight.scaled_add(h * T::splat(-place), force))
     }
 }
 
