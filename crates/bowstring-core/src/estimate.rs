@@ -250,15 +250,31 @@ impl<T: Real> Element<'_, T> {
         let mut force = force;
         for _ in 0..STEPS {
             let mut rates = [end; 7];
-            for (i, (place, weights)) in STAGES.iter().enumerate() {
-                let here = at.plus_weighted(&rates, *weights, h);
-                let carried = self.weight.scaled_add(h * T::splat(-place), force);
-                rates[i] = self.rate(&here, carried);
-            }
+            // one by one: constant weights make a warm sweep 4 % faster than a loop
+            rates[0] = self.stage::<0>(&at, &rates, force, h);
+            rates[1] = self.stage::<1>(&at, &rates, force, h);
+            rates[2] = self.stage::<2>(&at, &rates, force, h);
+            rates[3] = self.stage::<3>(&at, &rates, force, h);
+            rates[4] = self.stage::<4>(&at, &rates, force, h);
+            rates[5] = self.stage::<5>(&at, &rates, force, h);
+            rates[6] = self.stage::<6>(&at, &rates, force, h);
             at = at.plus_weighted(&rates, WEIGHTS, h);
             force = self.weight.scaled_add(-h, force);
         }
         at
+    }
+
+    #[inline(always)]
+    fn stage<const I: usize>(
+        &self,
+        at: &Section<T>,
+        rates: &[Section<T>; 7],
+        force: Vec3<T>,
+        h: T,
+    ) -> Section<T> {
+        let (place, weights) = STAGES[I];
+        let here = at.plus_weighted(rates, weights, h);
+        self.rate(&here, self.weight.scaled_add(h * T::splat(-place), force))
     }
 }
 
@@ -351,14 +367,26 @@ impl<T: Real, const A: usize> State<T, A> {
             let turn = Vec3([z[1] - y[2], x[2] - z[0], y[0] - x[1]]) * T::splat(0.5);
             let gap = start + turned * (end - section.place) - end;
             let along = (end - start) * per;
-            // The integrated curve lies off the element by about a cubic, and the force bends it
-            // further through this offset. The tangent contains that part already.
+            // The integrated curve lies off the element by about a cubic, and is turned by its
+            // slope: force and moment bend it further through both. The tangent contains that
+            // part already.
             let (miss, slope) = (start - section.place, turn.cross(along) * length);
             let mean = miss.scaled_add(T::splat(0.5), slope * T::splat(1.0 / 12.0));
             let first = miss.scaled_add(T::splat(0.35), slope * T::splat(0.05));
-            let middle = weight.scaled_add(length * T::splat(0.5), force) * (bending * length);
-            let turn = turn - mean.cross(middle);
-            let gap = gap - first.cross(middle).cross(along) * length;
+            let twist = along * along.dot(turn);
+            let turned = [
+                twist.scaled_add(T::splat(0.5), along.cross(miss) * -per),
+                twist.scaled_add(T::splat(1.0 / 3.0), along.cross(mean - miss) * per),
+            ];
+            let middle = weight.scaled_add(length * T::splat(0.5), force);
+            let moment = section.moment - along.cross(middle) * (length * T::splat(0.5));
+            let bent_by = |offset: Vec3<T>, turned: Vec3<T>| {
+                let moment = (offset.cross(middle) + turned.cross(moment)) * length;
+                let twist = along * (along.dot(moment) * (torsion - bending));
+                moment.scaled_add(bending, twist)
+            };
+            let turn = turn - bent_by(mean, turned[0]);
+            let gap = gap - bent_by(first, turned[1]).cross(along) * length;
             // rotations of the two arcs that give it
             let bend = turn - along * along.dot(turn);
             let apart = along.cross(gap) * (per * T::splat(4.0)) - bend * T::splat(2.0);

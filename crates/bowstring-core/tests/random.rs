@@ -163,17 +163,21 @@ fn hostile_robots_do_no_harm() {
     assert!(slowest.0 < Duration::from_secs(5), "{slowest:?}");
 }
 
-/// The stated error of the tip against the error, by a rod of eight elements, over 2 000 robots.
+/// The stated error of the tip against the error, by a rod of eight elements, over 3 000 robots; a
+/// third of them is softer in torsion than any tube, as notched ones are.
 #[test]
 fn stated_error_covers_the_error() {
     for theory in [Theory::Kirchhoff, Theory::Cosserat] {
-        for elements in [1, 2] {
+        for (elements, torsion) in [(1, 1.0), (2, 1.0), (1, 0.02)] {
             let (mut kept, mut covered, mut close, mut drawn) = (0, 0, 0, 0);
             let (mut ratios, mut tensions) = (vec![], vec![]);
             while kept < 500 {
                 let mut case = Case::realistic(&mut Draw::new(7, drawn));
                 drawn += 1;
                 case.theory = theory;
+                for section in &mut case.spec.sections {
+                    section.torsion *= torsion;
+                }
                 let robot = Robot::new(case.spec.clone()).unwrap();
                 let load = case.at(1.0, &mut tensions);
                 let mut fine = Solver::new(&robot, case.model(), 8).unwrap();
@@ -205,7 +209,7 @@ fn stated_error_covers_the_error() {
             }
             ratios.sort_by(f64::total_cmp);
             println!(
-                "{theory:?}, {elements}: {covered} of {kept} covered, {close} within 30 times; \
+                "{theory:?}, {elements}, torsion {torsion}: {covered} of {kept} covered, {close} within 30 times; \
                  least {:.2}, 1 % {:.2}, median {:.2}, 90 % {:.2}, most {:.1e}",
                 ratios[0],
                 ratios[kept / 100],

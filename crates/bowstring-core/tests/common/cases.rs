@@ -178,6 +178,9 @@ impl Case {
             let disk = spec.disks[k];
             force += gravity * disk.mass;
             for (t, tension) in spec.tendons.iter().zip(&self.tensions) {
+                if *tension == 0.0 {
+                    continue; // its direction may be lost to rounding
+                }
                 let arm = hole(t, k + 1);
                 let unit = |v: Vec3| v * (1.0 / v.norm());
                 let mut pull = Vec3([0.0; 3]);
