@@ -33,6 +33,7 @@ test: build
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 	$(BIN)/python -m pytest -n auto --dist loadfile
 
 test-versions: build ## tests with the oldest versions allowed, or RESOLUTION=highest (needs uv)

@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 
 import bowstring as bs
-from bowstring.fit import Data, Fit, cross_validate, fit, score
-from bowstring.samples import commands
-from bowstring.tipmodel import Model, TipModel
-from bowstring.unknowns import Unknowns
+from bowstring.calibration.fitting import Data, Fit, cross_validate, fit, score
+from bowstring.calibration.observations import commands
+from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.tip_model import Model, TipModel
 
 DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
 FOLDER = DATA / "crl-ftdcr-mocap"

@@ -22,9 +22,9 @@ import time
 import numpy as np
 
 import bowstring as bs
-from bowstring.bench import STUDY, set_up
-from bowstring.fit import Data, Fit, Loss, fit
-from bowstring.rigid import Rigid
+from bowstring.calibration.fitting import Data, Fit, Loss, fit
+from bowstring.data.rigid import Rigid
+from bowstring.data.synthetic import STUDY, set_up
 
 NAMES = ["segments.0.backbone.E", "segments.0.tendons.friction", "base"]
 #: Of `NAMES`, the base one by one, in the units of the fit: GPa, 1, mm, deg.

@@ -14,7 +14,7 @@ from pathlib import Path
 import bowstring as bs
 from benchmarks.cases import report
 from benchmarks.ramp import DURATION_S, MASS_DAMPING, OUTPUT_S, TENSION_N, Tips, measure
-from bowstring.dynamics import Run, ramp, simulate
+from bowstring.dynamics.simulation import Run, ramp, simulate
 
 ROBOT = bs.load_robot("amouri2019")
 CONVERGED = {"dt": 1e-4, "elements": 4, "spectral_radius": 1.0}

@@ -63,13 +63,14 @@ class Kind:
 def kinds(folder: Path) -> dict[str, Kind]:
     """All kinds; whole files that are not in the repository are made in a folder."""
     import bowstring as bs
-    from bowstring import bench, calibration
-    from bowstring.commands.driving import read_history
-    from bowstring.drive import Path as DrivePath
-    from bowstring.mapping import load_mapping
-    from bowstring.robotfile import to_yaml
-    from bowstring.runfile import read_run
-    from bowstring.timetable import read_drive
+    from bowstring.calibration import table_fit
+    from bowstring.cli.driving import read_history
+    from bowstring.data import synthetic
+    from bowstring.data.mapping import load_mapping
+    from bowstring.dynamics.load_table import read_drive
+    from bowstring.dynamics.run_file import read_run
+    from bowstring.robot.writer import to_yaml
+    from bowstring.statics.actuation import Path as DrivePath
 
     package = ROOT / "python" / "bowstring"
     robot = bs.load_robot("amouri2019")
@@ -91,11 +92,11 @@ def kinds(folder: Path) -> dict[str, Kind]:
         path.resume(read_history(file))
 
     def table(file: Path) -> None:
-        bs.measurements.read_measurements(file, robot)
+        bs.read_measurements(file, robot)
 
     # a bench, its truth and a workbook of it
-    data = bench.simulate(robot, masses=(0.0, 1.0, 2.0), tendon=1, repeats=2, seed=1)
-    made, truth = bench.write(data, folder / "bench.csv")
+    data = synthetic.simulate(robot, masses=(0.0, 1.0, 2.0), tendon=1, repeats=2, seed=1)
+    made, truth = synthetic.write(data, folder / "bench.csv")
     rows = [
         line.split(",") for line in made.read_text("utf-8").splitlines() if not line.startswith("#")
     ]
@@ -120,7 +121,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "robot": Kind(
             ".yaml",
             [
-                *raw(*sorted((package / "robots").glob("*.yaml"))),
+                *raw(*sorted((package / "robot" / "builtin").glob("*.yaml"))),
                 *raw(ROOT / "examples" / "my_robot.yaml"),
                 to_yaml(elastic).encode(),
             ],
@@ -130,13 +131,13 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "foreign": Kind(
             ".csv",
             raw(foreign),
-            lambda file: bs.measurements.read_measurements(file, mapping=mapping),
+            lambda file: bs.read_measurements(file, mapping=mapping),
         ),
         "workbook": Kind(".xlsx", raw(folder / "bench.xlsx"), table),
         "mapping": Kind(
             ".yaml",
             [
-                *raw(*sorted((package / "mappings").glob("*.yaml"))),
+                *raw(*sorted((package / "data" / "mappings").glob("*.yaml"))),
                 *raw(mapping),
             ],
             load_mapping,
@@ -145,8 +146,8 @@ def kinds(folder: Path) -> dict[str, Kind]:
             ".csv", [drive.encode(), pulled.encode()], lambda file: read_drive(file, robot)
         ),
         "history": Kind(".json", [json.dumps(history).encode()], read_path),
-        "start": Kind(".json", [json.dumps(start).encode()], calibration.read_start),
-        "truth": Kind(".truth.json", [truth.read_bytes()], _truth_reader(made, bench)),
+        "start": Kind(".json", [json.dumps(start).encode()], table_fit.read_start),
+        "truth": Kind(".truth.json", [truth.read_bytes()], _truth_reader(made, synthetic)),
         "run": Kind(".nc", raw(folder / "run.nc", folder / "run3.nc"), read_run),
         "hdf5": Kind(".nc", raw(folder / "run.h5", folder / "packed.h5"), read_run),
     }

@@ -54,7 +54,7 @@ def _folder(file: str) -> Callable[[Path], None]:
 
 
 def _run(file: Path) -> None:
-    from bowstring.runfile import read_run
+    from bowstring.dynamics.run_file import read_run
 
     read_run(file)
 
@@ -68,7 +68,7 @@ def _history(file: Path) -> None:
 
 
 def _table(file: Path) -> None:
-    from bowstring.measurements import read_measurements
+    from bowstring.data.measurements import read_measurements
 
     read_measurements(file)
 
@@ -165,7 +165,7 @@ def _hidden(folder: Path) -> list[str]:
 
 def _sweep(folder: Path) -> None:
     """As the next command does; processes that a killed one had started end soon."""
-    from bowstring.files import sweep
+    from bowstring.atomic_io import sweep
 
     until = time.monotonic() + PATIENCE
     sweep(folder)

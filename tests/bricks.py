@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bowstring.bricks.mesh import Fineness
-from bowstring.finite_elements import Settings
-from bowstring.robot import Robot, load_robot
+from bowstring.fem import Settings
+from bowstring.fem.mesh import Fineness
+from bowstring.robot.model import Robot, load_robot
 
 COARSE = Settings(Fineness(2, 4, 1))
 

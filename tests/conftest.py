@@ -9,15 +9,16 @@ from pathlib import Path
 
 import pytest
 
-from bowstring import interrupts, study
-from bowstring.robot import load_robot
+from bowstring import interrupts
+from bowstring.robot.model import load_robot
+from bowstring.study.study import Study, run_study
 from shell import Shell
 
 
 @pytest.fixture(scope="session")
-def paper() -> study.Study:
+def paper() -> Study:
     """The study of the paper's own robot."""
-    return study.run(load_robot("amouri2019"))
+    return run_study(load_robot("amouri2019"))
 
 
 @pytest.fixture(autouse=True)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from bowstring.fields import FIELDS, Frames, Section, derive
-from bowstring.robot import Robot
-from bowstring.runfile import RunFile
+from bowstring.dynamics.run_file import RunFile
+from bowstring.robot.model import Robot
+from bowstring.statics.fields import FIELDS, Frames, Section, derive
 
 
 def made_frames(

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from bowstring import cli
+from bowstring.cli import main
 
 
 class Shell:
@@ -20,7 +20,7 @@ class Shell:
         self.capsys = capsys
 
     def __call__(self, *arguments: str) -> tuple[int, str, str]:
-        code = cli.run(arguments)
+        code = main.run(arguments)
         return (code, *self.capsys.readouterr())
 
     def json(self, *arguments: str, code: int = 0) -> Any:

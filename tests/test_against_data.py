@@ -20,19 +20,21 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import report, study, study_calibration
-from bowstring.against_data import (
+from bowstring.calibration.bootstrap import bootstrap
+from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, load, write_measurements
+from bowstring.data.rigid import Rigid
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.model import load_robot
+from bowstring.study import calibration as study_calibration
+from bowstring.study import report
+from bowstring.study.study import DATA_FIGURES, Study, run_study
+from bowstring.study.validation import (
     DATA_MODELS,
     FRAMES,
     AgainstData,
     check_measurements,
     judge_data,
 )
-from bowstring.errors import InputError, NoSolutionError
-from bowstring.measurements import STANDARD_GRAVITY, Measurements, load, write_measurements
-from bowstring.resampling import bootstrap
-from bowstring.rigid import Rigid
-from bowstring.robot import load_robot
 from shell import Shell
 from test_report import read
 
@@ -161,13 +163,13 @@ def test_differences_are_model_minus_measurement_in_base_axes(
     raw = verdict.comparison("rod", "as_measured")
     expected = bs.solve_batch(robot, bench.tensions).tip_position - bench.tip
     assert raw.difference == pytest.approx(expected, abs=1e-9)
-    force = bs.arc.robot_from_tensions(robot, bench.tensions).tip.position
+    force = bs.constant_curvature.robot_from_tensions(robot, bench.tensions).tip.position
     shared = verdict.comparison("cc_from_force")
     assert shared.difference == pytest.approx(force - verdict.frame.apply(bench.tip), abs=1e-12)
     # lengths are those of the calibrated rod, as none were measured
     assert verdict.calibration is not None
     actual = bs.sweep(verdict.calibration.robot, bench.tensions)
-    lengths = bs.arc.robot_fk(robot, actual.tendon_lengths).tip.position
+    lengths = bs.constant_curvature.robot_fk(robot, actual.tendon_lengths).tip.position
     assert verdict.comparison("cc_from_lengths").tip_position == pytest.approx(lengths, abs=1e-9)
     assert any("lengths were not measured" in note for note in verdict.notes)
 
@@ -177,10 +179,12 @@ def test_calibrated_constant_curvature_has_its_best_gain(
 ) -> None:
     (gain,) = verdict.gains.values()
     own = verdict.own_frames["cc_calibrated"]
-    angle = bs.arc.robot_from_tensions(robot, bench.tensions)
+    angle = bs.constant_curvature.robot_from_tensions(robot, bench.tensions)
 
     def mean(factor: float) -> float:
-        tips = bs.arc.pose(factor * angle.kappa[:, 0], angle.phi[:, 0], angle.length[:, 0]).position
+        tips = bs.constant_curvature.pose(
+            factor * angle.kappa[:, 0], angle.phi[:, 0], angle.length[:, 0]
+        ).position
         return float(np.linalg.norm(tips - own.apply(bench.tip), axis=1).mean())
 
     mine = verdict.comparison("cc_calibrated").mean
@@ -365,7 +369,7 @@ def test_a_robot_driven_by_pulls_knows_its_lengths() -> None:
     )
     found = judge_data(robot, data, 0.01)
     assert "cc_from_force" not in found.models
-    expected = bs.arc.robot_fk(robot, 0.641 - pulls).tip.position
+    expected = bs.constant_curvature.robot_fk(robot, 0.641 - pulls).tip.position
     assert found.comparison("cc_from_lengths").tip_position == pytest.approx(expected)
     assert found.calibration is not None
     assert found.calibration.gain == pytest.approx(1.02, abs=2e-3)
@@ -448,7 +452,7 @@ def test_measurements_that_cannot_be_judged(robot: bs.Robot, bench: Measurements
         with pytest.raises(InputError, match=re.escape(words)):
             check_measurements(robot, data)
     with pytest.raises(InputError, match="measurements is 3, it must be the path of a table"):
-        bs.study(robot, measurements=3)  # type: ignore[operator]
+        bs.run_study(robot, measurements=3)  # type: ignore[operator]
     with pytest.raises(InputError, match="drive 3 tendons, rao2021 has 6"):
         check_measurements(load_robot("rao2021"), bench)
     many = bench.select(np.arange(count).repeat(300))
@@ -496,17 +500,17 @@ def test_a_mean_over_some_rows_says_so(robot: bs.Robot, bench: Measurements) -> 
 
 
 @pytest.fixture(scope="module")
-def whole(robot: bs.Robot, bench: Measurements) -> study.Study:
-    return bs.study(robot, measurements=bench, points=5)  # type: ignore[operator]
+def whole(robot: bs.Robot, bench: Measurements) -> Study:
+    return bs.run_study(robot, measurements=bench, points=5)  # type: ignore[operator]
 
 
 @pytest.fixture(scope="module")
-def written(whole: study.Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(whole: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return report.write(whole, tmp_path_factory.mktemp("study") / "out")
 
 
 def test_friction_that_the_data_told_is_that_of_the_budget(
-    whole: study.Study, written: Path, verdict: AgainstData
+    whole: Study, written: Path, verdict: AgainstData
 ) -> None:
     drive = whole.budget.drive
     assert verdict.calibration is not None
@@ -520,7 +524,7 @@ def test_friction_that_the_data_told_is_that_of_the_budget(
     assert "gives none: friction" not in page
 
 
-def test_the_json_has_the_comparisons_and_the_block(written: Path, whole: study.Study) -> None:
+def test_the_json_has_the_comparisons_and_the_block(written: Path, whole: Study) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     against = [c for c in content["comparisons"] if c["against"] == "measurement"]
     assert {c["name"] for c in against} == set(DATA_MODELS)
@@ -540,19 +544,17 @@ def test_the_json_has_the_comparisons_and_the_block(written: Path, whole: study.
     assert whole.comparison("rod_calibrated", "measurement").registered  # type: ignore[attr-defined]
     # the simulated part is the one without measurements
     assert [c for c in content["comparisons"] if c["against"] != "measurement"] == [
-        c.to_dict() for c in study.run(whole.robot, points=5).comparisons
+        c.to_dict() for c in run_study(whole.robot, points=5).comparisons
     ]
 
 
-def test_the_page_has_the_figures_and_says_what_the_data_are(
-    written: Path, whole: study.Study
-) -> None:
+def test_the_page_has_the_figures_and_says_what_the_data_are(written: Path, whole: Study) -> None:
     source = (written / "report.html").read_text(encoding="utf-8")
     text = " ".join(re.sub(r"<svg.*?</svg>|<[^>]*>", " ", source, flags=re.DOTALL).split())
     assert whole.data is not None
     for sentence in (*whole.data.text, *whole.data.notes):
         assert " ".join(sentence.split()) in text.replace("&#39;", "'").replace("&amp;", "&")
-    for figure in study.DATA_FIGURES:
+    for figure in DATA_FIGURES:
         assert f'id="{figure.stem}"' in source
         for ending in ("png", "pdf"):
             assert (written / "figures" / f"{figure.stem}.{ending}").is_file()
@@ -569,7 +571,7 @@ def test_the_page_has_the_figures_and_says_what_the_data_are(
     assert "measured tip (mm)" not in text  # nothing here was measured
 
 
-def test_the_tables_say_in_each_row_what_the_data_are(written: Path, whole: study.Study) -> None:
+def test_the_tables_say_in_each_row_what_the_data_are(written: Path, whole: Study) -> None:
     with (written / "tables" / "measured.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 99 and {row["source"] for row in rows} == {"synthetic"}
@@ -591,7 +593,7 @@ def test_without_a_calibration_the_rest_is_there(
         raise NoSolutionError("99 rows have no solution to begin with")
 
     monkeypatch.setattr(study_calibration, "calibrate", fails)
-    found = study.run(robot, measurements=bench, points=3)
+    found = run_study(robot, measurements=bench, points=3)
     assert found.data is not None
     assert "rod_calibrated" not in found.data.models and found.data.frame_by == "rod"
     assert {"cc_from_force", "cc_calibrated", "rod"} <= set(found.data.models)

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageChops
 
-from bowstring import fields, load_robot
-from bowstring.animation import animate, check_picture
+from bowstring import load_robot
 from bowstring.errors import InputError
+from bowstring.statics import fields
+from bowstring.viz.animation import animate, check_picture
 from made_frames import made_frames
 
 ROBOT = load_robot("amouri2019")
@@ -45,7 +46,7 @@ def test_a_gif_in_real_time(tmp_path, data, speed, pictures):
 
 
 def test_each_picture_shows_its_time(tmp_path, monkeypatch):
-    from bowstring import animation
+    from bowstring.viz import animation
 
     seen = []
     show = animation._Scene.show

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bowstring as bs
-from bowstring import arc
+from bowstring.constant_curvature import arcs as arc
 from bowstring.errors import InputError, NoSolutionError
 
 LENGTH, RADIUS, MODULES, STIFFNESS = 0.641, 0.029, 9, 1.073786552

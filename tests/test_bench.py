@@ -18,14 +18,15 @@ from benchmarks import coverage
 from numpy.typing import NDArray
 
 import bowstring as bs
-from bowstring import bench, rod
-from bowstring.bench import STUDY, Bench, check_table, read_truth, set_up, simulate, write
+from bowstring.calibration.fitting import fit
+from bowstring.data import synthetic
+from bowstring.data.measurements import STANDARD_GRAVITY, read_measurements
+from bowstring.data.registration import fit_model
+from bowstring.data.rigid import Rigid
+from bowstring.data.synthetic import STUDY, Bench, check_table, read_truth, set_up, simulate, write
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.fit import fit
-from bowstring.measurements import STANDARD_GRAVITY, read_measurements
-from bowstring.registration import fit_model
-from bowstring.rigid import Rigid
-from bowstring.robot import Robot
+from bowstring.robot.model import Robot
+from bowstring.statics import rod
 from shell import Shell, refuses
 
 Array = NDArray[np.float64]
@@ -805,6 +806,6 @@ def test_measured_data_are_never_replaced(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bench.csv").write_text("mass_1_kg\n1\n")
-    monkeypatch.setattr(bench, "set_up", pytest.fail)  # it is said before any work
+    monkeypatch.setattr(synthetic, "set_up", pytest.fail)  # it is said before any work
     assert "--out: cannot write the bench to" in shell.error(*COMMAND, "--masses", "1")
     assert (tmp_path / "bench.csv").read_text() == "mass_1_kg\n1\n"

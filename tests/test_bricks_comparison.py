@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring.bricks.comparison import BesideRod, beside_rod
-from bowstring.finite_elements import sweep
+from bowstring.fem import sweep
+from bowstring.fem.comparison import BesideRod, beside_rod
 from bricks import COARSE, needs_ccx, small_robot
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring.bricks.convergence import extrapolated, study
-from bowstring.bricks.mesh import Fineness
 from bowstring.errors import InputError
-from bowstring.finite_elements import Settings
+from bowstring.fem import Settings
+from bowstring.fem.convergence import extrapolated, study
+from bowstring.fem.mesh import Fineness
 from bricks import COARSE, needs_ccx, small_robot
 
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bowstring.bricks import deck
-from bowstring.bricks.mesh import Fineness, brick_mesh
+from bowstring.fem import deck
+from bowstring.fem.mesh import Fineness, brick_mesh
 from bricks import small_robot, two_segments
 
 LOADING = deck.Loading((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1000.0, True, 1e-4)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from bowstring.bricks.elements import POINTS, brick_shape, quad_shape
+from bowstring.fem.elements import POINTS, brick_shape, quad_shape
 
 # VTK's order of a quadratic hexahedron: corners below and above, edges below, above, upright
 _CORNERS = [(-1, -1), (1, -1), (1, 1), (-1, 1)]

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bowstring import rod, simulate
-from bowstring.bricks.fields import VOIGT, strain_in_base
-from bowstring.finite_elements import BrickRun, sweep
+from bowstring import simulate
+from bowstring.fem import BrickRun, sweep
+from bowstring.fem.fields import VOIGT, strain_in_base
+from bowstring.statics import rod
 from bricks import COARSE, needs_ccx, small_robot
 from test_bricks_vtk import YOUNG, stretched
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bowstring.bricks.mass import disk_points, gravity_energy, kinetic_energy
-from bowstring.bricks.mesh import Fineness, brick_mesh
+from bowstring.fem.mass import disk_points, gravity_energy, kinetic_energy
+from bowstring.fem.mesh import Fineness, brick_mesh
 from bricks import two_segments
 
 ROBOT = two_segments()

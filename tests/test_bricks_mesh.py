@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from bowstring.bricks.elements import POINTS, brick_shape
-from bowstring.bricks.mesh import Fineness, brick_mesh
 from bowstring.errors import InputError
-from bowstring.robot import Robot
+from bowstring.fem.elements import POINTS, brick_shape
+from bowstring.fem.mesh import Fineness, brick_mesh
+from bowstring.robot.model import Robot
 from bricks import small_robot, two_segments
 
 

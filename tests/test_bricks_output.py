@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bowstring.bricks.output import read_dat, read_increments, reason
+from bowstring.fem.output import read_dat, read_increments, reason
 
 DAT = """
  displacements (vx,vy,vz) for set BODY and time  0.1000000E+01

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from bowstring.bricks import deck, plots
-from bowstring.bricks.fields import State
-from bowstring.bricks.mesh import Fineness, brick_mesh
-from bowstring.finite_elements import BrickRun
+from bowstring.fem import BrickRun, deck, figures
+from bowstring.fem.fields import State
+from bowstring.fem.mesh import Fineness, brick_mesh
 from bricks import small_robot, two_segments
 
 
@@ -20,8 +19,8 @@ def test_the_side_that_is_seen_is_so_where_the_backbone_leaves_its_plane() -> No
         settings = {"rise_s": None, "gravity": [0.0] * 3, "tip_force": [0.0] * 3}
         tensions = np.zeros((1, len(robot.tendons.end_disk)))
         run = BrickRun(robot, mesh, settings, np.zeros(1), tensions, [state])
-        place, _, quads = plots._surface(run)
-        side = plots._outward(place, quads)[:, 1]
+        place, _, quads = figures._surface(run)
+        side = figures._outward(place, quads)[:, 1]
         built = mesh.nodes[quads].mean(axis=1)[:, 1]  # of the straight robot
         clear = np.abs(built) > 0.1 * robot.segments[0].backbone.diameter
         assert clear.sum() > 20

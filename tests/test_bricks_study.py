@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring import study
-from bowstring.bricks.mesh import Fineness, brick_mesh
-from bowstring.bricks.run import BrickRun, RunInterrupted, Settings
 from bowstring.errors import InputError
-from bowstring.robot import Robot, load_robot
+from bowstring.fem.mesh import Fineness, brick_mesh
+from bowstring.fem.run import BrickRun, RunInterrupted, Settings
+from bowstring.robot.model import Robot, load_robot
+from bowstring.study.study import COMPARISONS, Study, run_study
 from bricks import needs_ccx, small_robot
 from shell import Shell
 from test_cli_fe import ROBOT
@@ -35,7 +35,7 @@ def test_constant_curvature_finite_elements_and_rod(
     arguments = ("study", "small.yaml", "--fe", "--points", "3", "--max-tension", "80")
     found = shell.json(*arguments, "--out", "out")
     by_name = {(c["name"], c["against"]): c for c in found["comparisons"]}
-    for name in study.COMPARISONS:
+    for name in COMPARISONS:
         assert by_name[name, "fe"]["n"] == 3
     # constant curvature from force errs by the clamps, whoever says so
     rod, solid = (by_name["cc_from_force", a]["mean_mm"] for a in ("statics", "fe"))
@@ -99,7 +99,7 @@ def test_a_study_that_is_stopped_says_that_it_goes_on(
 
     monkeypatch.chdir(tmp_path)
     Path("small.yaml").write_text(ROBOT)
-    monkeypatch.setattr("bowstring.bricks.study.sweep", stop)
+    monkeypatch.setattr("bowstring.study.finite_elements.sweep", stop)
     code, out, err = shell("study", "small.yaml", "--fe", "--points", "2", "--out", "out")
     assert (code, out) == (130, "")
     assert "0 of 2 are kept; the same command goes on from there" in err
@@ -108,17 +108,17 @@ def test_a_study_that_is_stopped_says_that_it_goes_on(
 
 def test_it_is_refused_before_any_work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="clamped_length is 0"):
-        study.run(load_robot("amouri2019"), fe=Settings())
+        run_study(load_robot("amouri2019"), fe=Settings())
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match="apt-get install calculix-ccx"):
-        study.run(small_robot(), fe=Settings())
+        run_study(small_robot(), fe=Settings())
 
 
 def test_a_grip_is_of_finite_elements(shell: Shell) -> None:
     assert shell("study", "--grip", "sliding")[0] == 2
 
 
-def test_without_it_there_is_nothing_of_it(paper: study.Study) -> None:
+def test_without_it_there_is_nothing_of_it(paper: Study) -> None:
     assert paper.bricks is None
     assert paper.against("fe") == ()
     assert paper.to_dict()["finite_elements"] is None

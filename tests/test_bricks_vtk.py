@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring.bricks import deck
-from bowstring.bricks.fields import State
-from bowstring.bricks.mesh import Fineness, brick_mesh
-from bowstring.bricks.vtk import von_mises, write_vtk
 from bowstring.errors import InputError
-from bowstring.finite_elements import BrickRun
+from bowstring.fem import BrickRun, deck
+from bowstring.fem.fields import State
+from bowstring.fem.mesh import Fineness, brick_mesh
+from bowstring.fem.vtk import von_mises, write_vtk
 from bricks import small_robot
 
 YOUNG = 35e9

@@ -9,30 +9,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring import study
-from bowstring.budget import BudgetRow, Side
-from bowstring.comparison import Physics
-from bowstring.robot import load_robot
+from bowstring.robot.model import load_robot
+from bowstring.study.comparison import Physics
+from bowstring.study.error_budget import BudgetRow, Side
+from bowstring.study.study import Study, run_study
 
 MM = 1e-3
 
 
-def row(s: study.Study, effect: str) -> BudgetRow:
+def row(s: Study, effect: str) -> BudgetRow:
     return next(r for r in s.budget.rows if r.effect == effect)
 
 
-def test_constant_curvature_is_exact_in_the_plainest_physics(paper: study.Study) -> None:
+def test_constant_curvature_is_exact_in_the_plainest_physics(paper: Study) -> None:
     for c in paper.budget.plainest.comparisons.values():
         assert c.maximum < 1e-9
 
 
-def test_straight_spans_are_most_of_the_sweep(paper: study.Study) -> None:
+def test_straight_spans_are_most_of_the_sweep(paper: Study) -> None:
     added = row(paper, "straight_spans").added.comparisons
     assert added["cc_from_force"].mean / MM == pytest.approx(4.417, abs=5e-3)
     assert added["cc_from_lengths"].mean / MM == pytest.approx(0.228, abs=5e-3)
 
 
-def test_every_effect_has_a_row(paper: study.Study) -> None:
+def test_every_effect_has_a_row(paper: Study) -> None:
     assert [r.effect for r in paper.budget.rows] == [
         "straight_spans",
         "clamps",
@@ -51,7 +51,7 @@ def test_every_effect_has_a_row(paper: study.Study) -> None:
         assert r.added.problem is None and r.full.problem is None and r.removed.problem is None
 
 
-def test_the_budget_changes_one_thing_at_a_time(paper: study.Study) -> None:
+def test_the_budget_changes_one_thing_at_a_time(paper: Study) -> None:
     def differences(a: Physics, b: Physics) -> int:
         return sum(getattr(a, f) != getattr(b, f) for f in a.__dataclass_fields__)
 
@@ -62,18 +62,18 @@ def test_the_budget_changes_one_thing_at_a_time(paper: study.Study) -> None:
         assert differences(r.full.physics, paper.budget.fullest.physics) <= 1
 
 
-def test_stiffness_off_matters_from_force_only(paper: study.Study) -> None:
+def test_stiffness_off_matters_from_force_only(paper: Study) -> None:
     for effect in ("E_minus_10", "E_plus_10"):
         added = row(paper, effect).added.comparisons
         assert added["cc_from_force"].mean / MM > 10.0
         assert added["cc_from_lengths"].mean < 1e-9
 
 
-def test_torsion_is_worth_nothing_in_a_plane(paper: study.Study) -> None:
+def test_torsion_is_worth_nothing_in_a_plane(paper: Study) -> None:
     assert row(paper, "torsion").added.comparisons["cc_from_force"].mean < 1e-9
 
 
-def test_a_transverse_tip_force_leaves_the_plane(paper: study.Study) -> None:
+def test_a_transverse_tip_force_leaves_the_plane(paper: Study) -> None:
     case = row(paper, "tip_force").added
     assert case.physics.tip_force == (0.0, 1.0, 0.0)
     # less than the 80.9 mm of a backbone that may twist
@@ -83,12 +83,12 @@ def test_a_transverse_tip_force_leaves_the_plane(paper: study.Study) -> None:
     assert case.tip_position[8] / MM == pytest.approx([213.273, 80.872, 583.929], abs=6e-3)
 
 
-def test_gravity_in_the_main_sweep_is_the_reference_case(paper: study.Study) -> None:
+def test_gravity_in_the_main_sweep_is_the_reference_case(paper: Study) -> None:
     case = row(paper, "gravity_upright").in_sweep
     assert case.tip_position[8] / MM == pytest.approx([238.999, 0.0, 578.113], abs=6e-3)
 
 
-def test_clamps_in_the_main_sweep(paper: study.Study) -> None:
+def test_clamps_in_the_main_sweep(paper: Study) -> None:
     clamps = row(paper, "clamps")
     assert not clamps.acts_in_sweep
     assert clamps.in_sweep.comparisons["cc_from_force"].mean / MM == pytest.approx(3.67, abs=5e-3)
@@ -99,7 +99,7 @@ def test_clamps_in_the_main_sweep(paper: study.Study) -> None:
 
 def test_a_robot_that_buckles_says_so_and_the_study_goes_on() -> None:
     heavy = {f"segments.{k}.disks.mass": "50 g" for k in (0, 1)}
-    got = study.run(load_robot("rao2021").with_(heavy))
+    got = run_study(load_robot("rao2021").with_(heavy))
     assert "tip" in got.budget.fullest_is
     for r in got.budget.rows:
         for case in (r.added, r.full, r.removed):
@@ -111,7 +111,7 @@ def test_a_robot_that_buckles_says_so_and_the_study_goes_on() -> None:
 # -- contributions -----------------------------------------------------------------------------
 
 
-def test_a_contribution_is_with_the_effect_less_without_it(paper: study.Study) -> None:
+def test_a_contribution_is_with_the_effect_less_without_it(paper: Study) -> None:
     b = paper.budget
     name = "cc_from_force"
 
@@ -135,7 +135,7 @@ def test_a_contribution_is_with_the_effect_less_without_it(paper: study.Study) -
         assert (c.with_effect, c.without_effect) == (mean(r.added), mean(b.plainest))
 
 
-def test_contributions_in_json_have_one_sign(paper: study.Study) -> None:
+def test_contributions_in_json_have_one_sign(paper: Study) -> None:
     rows = {r["effect"]: r for r in paper.budget.to_dict()["rows"]}
     sides: tuple[Side, ...] = ("added", "removed", "in_sweep")
     for r in paper.budget.rows:
@@ -153,7 +153,7 @@ def test_contributions_in_json_have_one_sign(paper: study.Study) -> None:
     assert moved == pytest.approx(away.mean() / MM)
 
 
-def test_a_contribution_is_over_the_loads_that_both_cases_have(paper: study.Study) -> None:
+def test_a_contribution_is_over_the_loads_that_both_cases_have(paper: Study) -> None:
     r = row(paper, "tip_force")
     gaps = {}
     for name, c in r.removed.comparisons.items():
@@ -170,8 +170,8 @@ def test_a_contribution_is_over_the_loads_that_both_cases_have(paper: study.Stud
 def test_other_gravity_is_compared_with_the_sweep_without_any() -> None:
     """What upright gravity adds to the sweep of a robot that hangs is not what turning it does."""
     robot = load_robot(Path(__file__).parent / "silicone.yaml")
-    got = study.run(robot, points=3, max_tension=1.0)
-    plain = study.run(robot.with_({"gravity": "0 0 0 m/s^2"}), points=3, max_tension=1.0)
+    got = run_study(robot, points=3, max_tension=1.0)
+    plain = run_study(robot.with_({"gravity": "0 0 0 m/s^2"}), points=3, max_tension=1.0)
     for effect in ("gravity_upright", "gravity_hanging", "gravity_horizontal"):
         for name in ("cc_from_lengths", "cc_from_force"):
             ours = got.budget.contribution(row(got, effect), "in_sweep", name)

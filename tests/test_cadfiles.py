@@ -12,10 +12,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 import bowstring as bs
-from bowstring.cadfiles import check_solid_file, write_solid
+from bowstring.atomic_io import write_whole_file
+from bowstring.cad.export import check_solid_file, write_solid
+from bowstring.cad.solid import make_solid
 from bowstring.errors import InputError
-from bowstring.files import write_whole_file
-from bowstring.solid import make_solid
 
 bd = pytest.importorskip("build123d", exc_type=ImportError)
 

@@ -19,8 +19,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 import bowstring as bs
-from bowstring import cli
-from bowstring.commands import statics
+from bowstring.cli import main, statics
 from shell import Shell, process, refuses
 
 ROOT = Path(__file__).parents[1]
@@ -52,7 +51,7 @@ def test_fk(shell: Shell) -> None:
     assert set(segment) == {"kappa_per_m", "phi_rad", "theta_rad", "length_m", "misfit_m"}
     assert segment["theta_rad"] == pytest.approx(1.0, rel=1e-12)  # pull = theta r = 29 mm
     assert segment["length_m"] == pytest.approx(0.641, rel=1e-12)
-    expected = bs.arc.robot_fk(bs.load_robot("amouri2019"), [0.612, 0.6555, 0.6555])
+    expected = bs.constant_curvature.robot_fk(bs.load_robot("amouri2019"), [0.612, 0.6555, 0.6555])
     np.testing.assert_array_equal(found["tip"]["position_m"], expected.tip.position)
     np.testing.assert_array_equal(found["tip"]["rotation"], expected.tip.rotation)
 
@@ -264,7 +263,7 @@ def test_study_stopped_half_way_writes_nothing(
     def stopped(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("bowstring.plots.draw", stopped)
+    monkeypatch.setattr("bowstring.study.figures.draw", stopped)
     folder = tmp_path / "out"
     code, out, err = shell("study", "--out", str(folder))
     assert (code, out, err) == (130, "", "Stopped: nothing was written.\n")
@@ -394,7 +393,7 @@ def test_bad_robot_file(shell: Shell, tmp_path: Path, content: bytes, says: str)
 def test_any_text_is_answered_or_refused(command: list[str], text: str) -> None:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        code = cli.run([command[0], "amouri2019", f"{command[1]}={text}", "--json"])
+        code = main.run([command[0], "amouri2019", f"{command[1]}={text}", "--json"])
     assert code in (0, 1, 2), err.getvalue()
     if code == 2:
         assert not out.getvalue() and err.getvalue().count("\n") == 1
@@ -416,7 +415,7 @@ def test_process_keeps_stdout_pure() -> None:
 
 def test_solve_loads_no_heavy_library() -> None:
     code = (
-        "import sys; from bowstring import cli;"
+        "import sys; from bowstring.cli import main as cli;"
         "code = cli.run(['solve', 'amouri2019', '--tension', '80,0,0', '--json']);"
         "heavy = {'pandas', 'matplotlib', 'pint', 'rich', 'jinja2', 'scipy'} & set(sys.modules);"
         "sys.exit(repr(heavy) if heavy else code)"
@@ -451,7 +450,7 @@ def test_a_full_disk_is_said() -> None:
 
 def test_ascii_terminal(tmp_path: Path) -> None:
     path = tmp_path / "robot.yaml"
-    text = (ROOT / "python/bowstring/robots/amouri2019.yaml").read_text("utf-8")
+    text = (ROOT / "python/bowstring/robot/builtin/amouri2019.yaml").read_text("utf-8")
     path.write_text(text.replace("name: amouri2019", "name: τόξο"), "utf-8")
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = process("solve", str(path), "--tension", "80,0,0", env=environment)
@@ -520,7 +519,7 @@ def test_stopped_while_it_starts(number: str) -> None:
 def test_errors_name_their_flag(
     arguments: list[str], parts: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.run(arguments) == cli.BAD_INPUT
+    assert main.run(arguments) == main.BAD_INPUT
     err = capsys.readouterr().err
     assert all(part in err for part in parts), err
 
@@ -548,10 +547,10 @@ def test_a_request_to_end_is_like_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Non
         return 7
 
     before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr(cli, "run", ended)
+    monkeypatch.setattr(main, "run", ended)
     try:
         with pytest.raises(SystemExit, match="7"):
-            cli.main()
+            main.main()
     finally:
         signal.signal(signal.SIGTERM, before)
 

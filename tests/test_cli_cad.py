@@ -159,8 +159,8 @@ def test_progress_begins_with_what_takes_long(
     shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
-    from bowstring import solid
-    from bowstring.commands import cad
+    from bowstring.cad import solid
+    from bowstring.cli import cad
 
     told: list[str] = []
 
@@ -182,7 +182,7 @@ def test_ctrl_c_says_what_is_written(
     shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
-    from bowstring import cadfiles, picture
+    from bowstring.cad import export, picture
 
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
@@ -193,7 +193,7 @@ def test_ctrl_c_says_what_is_written(
     assert (code, out) == (130, "")
     assert err == f"Stopped: of the files only {here / 'robot.stl'} is written.\n"
     assert [p.name for p in here.iterdir()] == ["robot.stl"]
-    monkeypatch.setattr(cadfiles, "_stl", stopped)
+    monkeypatch.setattr(export, "_stl", stopped)
     code, out, err = shell(*CAD, "--out", "other.stl", "--picture", "robot.png")
     assert (code, out, err) == (130, "", "Stopped: nothing was written.\n")
     assert [p.name for p in here.iterdir()] == ["robot.stl"]

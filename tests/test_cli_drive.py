@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring.dynamics import Table, ramp
-from bowstring.runfile import read_run
+from bowstring.dynamics.run_file import read_run
+from bowstring.dynamics.simulation import Table, ramp
 from shell import Shell, refuses
 
 SOLVE = ("solve", "amouri2019")

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import dynamics
-from bowstring.runfile import read_run
-from bowstring.timetable import read_drive
+from bowstring.dynamics import simulation
+from bowstring.dynamics.load_table import read_drive
+from bowstring.dynamics.run_file import read_run
 from shell import Shell, process, refuses
 
 SIMULATE = ("simulate", "amouri2019")
@@ -44,7 +44,7 @@ def test_simulate(shell: Shell, robot: bs.Robot) -> None:
     assert found["real_time_factor"] > 0
     assert 1e-5 < found["error_estimate"]["tip_m"] < 2e-3
     assert found["t_s"] == [k / 100 for k in range(151)]
-    expected = bs.simulate(robot, dynamics.ramp([80, 0, 0], 1.0), 1.5, mass_damping=0.5)
+    expected = bs.simulate(robot, simulation.ramp([80, 0, 0], 1.0), 1.5, mass_damping=0.5)
     np.testing.assert_allclose(found["tip_position_m"], expected.tip_position, atol=1e-12)
     settings = found["provenance"]["settings"]
     assert settings["mass_damping_per_s"] == 0.5 and settings["theory"] == "cosserat"
@@ -288,7 +288,7 @@ def test_bad_input_is_refused_before_the_work(
     def worked(*_: object, **__: object) -> None:
         pytest.fail("the work has begun")
 
-    monkeypatch.setattr(dynamics, "simulate", worked)
+    monkeypatch.setattr(simulation, "simulate", worked)
     (tmp_path / "e").mkdir()
     refuses(shell, tmp_path, monkeypatch, says, *SIMULATE, *flags)
 
@@ -391,7 +391,7 @@ def test_stopped_while_pictures_are_drawn(
                 raise ImportError("initialization failed") from error
             raise
 
-    monkeypatch.setattr("bowstring.animation.animate", stopped)
+    monkeypatch.setattr("bowstring.viz.animation.animate", stopped)
     out = tmp_path / "run.nc"
     code, text, err = shell(*SHORT, "--out", str(out), "--animation", str(tmp_path / "run.gif"))
     assert (code, text) == (130, "")
@@ -408,7 +408,7 @@ def test_stopped_in_the_middle_of_an_import(shell: Shell, monkeypatch: pytest.Mo
         finally:
             raise ImportError("initialization failed")
 
-    monkeypatch.setattr("bowstring.dynamics.simulate", fails)
+    monkeypatch.setattr("bowstring.dynamics.simulation.simulate", fails)
     stopped = True
     assert shell(*SHORT) == (130, "", "Stopped: nothing was written.\n")
     stopped = False  # a fault of ours
@@ -423,7 +423,7 @@ def test_stopped_while_the_result_is_printed(
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("bowstring.commands.output.write", stopped)
+    monkeypatch.setattr("bowstring.cli.output.write", stopped)
     out = tmp_path / "run.nc"
     says = f"the result is not printed whole; the run is in {out}.\n"
     for flags in ([], ["--json"]):
@@ -440,7 +440,7 @@ def test_simulate_keeps_stdout_pure() -> None:
 
 def test_simulate_loads_no_heavy_library() -> None:
     code = (
-        "import sys; from bowstring import cli;"
+        "import sys; from bowstring.cli import main as cli;"
         f"code = cli.run([*{SHORT!r}, '--json']);"
         "heavy = {'pandas', 'matplotlib', 'xarray', 'pint', 'rich', 'scipy'} & set(sys.modules);"
         "sys.exit(repr(heavy) if heavy else code)"

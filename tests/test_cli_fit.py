@@ -19,13 +19,14 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import bench, plots
-from bowstring.calibration import calibrate, read_start
-from bowstring.commands.fit import _fit_tables
+from bowstring.calibration.figures import draw_fit
+from bowstring.calibration.fitting import fit, hold_out, score
+from bowstring.calibration.table_fit import calibrate, read_start
+from bowstring.cli.fit import _fit_tables
+from bowstring.data import synthetic
+from bowstring.data.measurements import Measurements, read_measurements
 from bowstring.errors import InputError
-from bowstring.fit import fit, hold_out, score
-from bowstring.measurements import Measurements, read_measurements
-from bowstring.robot import Robot
+from bowstring.robot.model import Robot
 from shell import Shell, refuses
 
 ROOT = Path(__file__).parents[1]
@@ -155,9 +156,9 @@ def test_validation_in_json(shell: Shell) -> None:
 
 def test_another_table_is_predicted_once(shell: Shell, robot: Robot, tmp_path: Path) -> None:
     """Two synthetic tables of one bench; the other is moved, and nothing is aligned to it."""
-    made = bench.simulate(robot, masses=np.linspace(0, 8, 9), friction=0.1, seed=7)
+    made = synthetic.simulate(robot, masses=np.linspace(0, 8, 9), friction=0.1, seed=7)
     shift = np.array([3e-3, 0.0, 4e-3])
-    file, _ = bench.write(replace(made, points=made.points + shift), tmp_path / "other.csv")
+    file, _ = synthetic.write(replace(made, points=made.points + shift), tmp_path / "other.csv")
     folder = tmp_path / "fit"
     of = ("--validate", str(file))
     got = shell.json(*FIT, *NAMES, *of, "--out", str(folder))
@@ -204,7 +205,7 @@ def test_constant_curvature_at_its_best(shell: Shell) -> None:
 
 
 def test_a_part_has_all_repeats_of_its_loads(robot: Robot) -> None:
-    made = bench.simulate(robot, masses=[0, 2, 4], repeats=3, seed=1)
+    made = synthetic.simulate(robot, masses=[0, 2, 4], repeats=3, seed=1)
     found = calibrate(robot, made, [E], folds=3)
     assert found.folds is not None
     assert found.folds.labels == ("load 1", "load 2", "load 3")
@@ -218,9 +219,9 @@ def test_folds_see_that_a_model_bends_to_the_loads_that_it_was_fitted_to(robot: 
     names = [E, "segments.0.tendons.pitch_radius", "base", "tool"]
     heavy = robot.with_({"gravity": [0.0, 0.0, -9.81]})
     given = {"friction": 0.1, "noise": 0.5e-3}
-    few = bench.simulate(heavy, masses=[0, 1.5, 3, 5.5, 8], repeats=3, seed=1, **given)
+    few = synthetic.simulate(heavy, masses=[0, 1.5, 3, 5.5, 8], repeats=3, seed=1, **given)
     found = calibrate(heavy, few, names, folds=5, loss="linear")
-    others = bench.simulate(heavy, masses=np.arange(0, 8.1, 0.5), seed=2, **given)
+    others = synthetic.simulate(heavy, masses=np.arange(0, 8.1, 0.5), seed=2, **given)
     real = score(found.fit.predict(others), others.tip).rmse
     assert found.folds is not None
     assert real > 1.2 * found.fit.score.rmse  # what the fit says of itself flatters
@@ -231,7 +232,7 @@ def test_folds_see_that_a_model_bends_to_the_loads_that_it_was_fitted_to(robot: 
 
 
 def test_rows_count_by_their_uncertainty(robot: Robot) -> None:
-    made = bench.simulate(robot, masses=np.linspace(0, 8, 17), seed=2)
+    made = synthetic.simulate(robot, masses=np.linspace(0, 8, 17), seed=2)
     assert made.sigma is not None
     bad = np.arange(len(made)) % 3 == 0
     scatter = np.random.default_rng(3).normal(0, 2e-3, made.points.shape)
@@ -247,7 +248,7 @@ def test_rows_count_by_their_uncertainty(robot: Robot) -> None:
 
 
 def test_the_tool_of_the_table_is_held(robot: Robot) -> None:
-    made = bench.simulate(robot, masses=[0, 3, 6], tool=[0, 0, 0.02], seed=1)
+    made = synthetic.simulate(robot, masses=[0, 3, 6], tool=[0, 0, 0.02], seed=1)
     found = fit(robot, made, [E], loss="linear")
     assert found.score.rmse < 3 * 0.02e-3
     assert fit(robot, replace(made, tool=np.zeros(3)), [E]).score.rmse > 1e-3
@@ -269,9 +270,9 @@ def test_points_below_the_tip_and_blanks_are_no_tip(robot: Robot, data: Measurem
 
 def test_disturbances_are_told_from_noise(robot: Robot) -> None:
     names = [E, MU, "base"]
-    study = {k: v for k, v in bench.STUDY.items() if k != "repeats"}
-    clean = fit(robot, bench.simulate(robot, **study, seed=3), names)
-    drift = fit(robot, bench.simulate(robot, **study, drift=[0, 0.4e-3, 0], seed=3), names)
+    study = {k: v for k, v in synthetic.STUDY.items() if k != "repeats"}
+    clean = fit(robot, synthetic.simulate(robot, **study, seed=3), names)
+    drift = fit(robot, synthetic.simulate(robot, **study, drift=[0, 0.4e-3, 0], seed=3), names)
     assert "not noise" not in clean.message and clean.excess < 1.3
     assert "not noise" in drift.message and drift.excess > 1.5
 
@@ -326,7 +327,7 @@ def test_refusals(
 def test_a_fit_that_does_not_converge(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys.modules["bowstring.fit"], "_EVALUATIONS", 2)
+    monkeypatch.setattr(sys.modules["bowstring.calibration.fitting"], "_EVALUATIONS", 2)
     folder = tmp_path / "fit"
     more = (*FIT, *NAMES, "--loss", "linear", "--out", str(folder))
     got = shell.json(*more, code=1)
@@ -375,8 +376,10 @@ def test_swapped_tendons_are_named(shell: Shell, tmp_path: Path) -> None:
     robot = bs.load_robot("amouri2019")
     rng = np.random.default_rng(1)
     tensions = rng.uniform(0, 30, (30, 3)) * (rng.random((30, 3)) < 0.6)
-    made = bench.simulate(robot, tensions, unload=False)
-    file, _ = bench.write(replace(made, tensions=made.tensions[:, [0, 2, 1]]), tmp_path / "b.csv")
+    made = synthetic.simulate(robot, tensions, unload=False)
+    file, _ = synthetic.write(
+        replace(made, tensions=made.tensions[:, [0, 2, 1]]), tmp_path / "b.csv"
+    )
     code, out, err = shell(*of("--measurements", str(file), "--parameter", E))
     assert code == 0 and err.startswith("Warning: ") and err.count("\n") == 1
     assert "tendons 2 and 3" in err and "not noise" in out
@@ -438,7 +441,7 @@ def test_the_scatter_says_that_it_is_a_median(shell: Shell) -> None:
 def test_many_rows_are_drawn_thin(robot: Robot, data: Measurements, times: int) -> None:
     rows = data.select(np.tile(np.arange(33), times))
     found = calibrate(robot, rows, ["bend_gain"], model="arc")
-    parity = dict(plots.draw_fit(found))["parity"]
+    parity = dict(draw_fit(found))["parity"]
     marks = [line for line in parity.axes[0].lines if line.get_marker() not in ("None", "")]
     assert len(marks) > 3
     for line in marks:
@@ -446,7 +449,7 @@ def test_many_rows_are_drawn_thin(robot: Robot, data: Measurements, times: int) 
 
 
 def test_data_without_noise_lack_nothing(robot: Robot) -> None:
-    made = bench.simulate(robot, np.outer(np.linspace(0, 60, 13), [1, 0, 0]), noise=0.0)
+    made = synthetic.simulate(robot, np.outer(np.linspace(0, 60, 13), [1, 0, 0]), noise=0.0)
     found = fit(robot, made, [E, "base.x"])
     assert found.score.rmse < 1e-8 and found.message == "Converged."
 

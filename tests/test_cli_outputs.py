@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from bowstring.robot import load_robot
-from bowstring.robotfile import to_yaml
+from bowstring.robot.model import load_robot
+from bowstring.robot.writer import to_yaml
 from shell import Shell
 
 MOTION = ("simulate", "amouri2019", "--tension", "1,0,0", "--rise", "0.02", "--hold", "0")
@@ -155,7 +155,7 @@ def test_a_series_of_another_program_is_kept(shell: Shell, here: Path) -> None:
 def test_a_file_that_comes_while_the_work_goes_on_is_kept(
     here: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from bowstring import drawing
+    from bowstring.cad import drawing
 
     draw = drawing.draw_disks
 

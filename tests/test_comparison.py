@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from bowstring import study
-from bowstring.comparison import Theory
-from bowstring.robot import load_robot
+from bowstring.robot.model import load_robot
+from bowstring.study.comparison import Theory
+from bowstring.study.study import Study, run_study
 
 MM = 1e-3
 
@@ -38,7 +38,7 @@ MM = 1e-3
     ],
 )
 def test_means_of_the_four_comparisons(theory: Theory, means: dict[str, float]) -> None:
-    got = study.run(load_robot("amouri2019"), theory=theory)
+    got = run_study(load_robot("amouri2019"), theory=theory)
     assert [c.name for c in got.against("statics")] == list(means)
     for c in got.against("statics"):
         assert c.n == 17
@@ -46,17 +46,17 @@ def test_means_of_the_four_comparisons(theory: Theory, means: dict[str, float]) 
     assert got.comparison("cc_from_lengths_chord").mean / MM < 1e-3
 
 
-def test_maxima_and_axes(paper: study.Study) -> None:
+def test_maxima_and_axes(paper: Study) -> None:
     force = paper.comparison("cc_from_force")
     assert force.maximum / MM == pytest.approx(12.4, abs=0.05)
     assert force.mean_by_axis / MM == pytest.approx([3.245, 0.0, 2.892], abs=5e-3)
-    inextensible = study.run(paper.robot, theory="kirchhoff").comparison("cc_from_force")
+    inextensible = run_study(paper.robot, theory="kirchhoff").comparison("cc_from_force")
     assert inextensible.mean_by_axis / MM == pytest.approx([3.261, 0.0, 2.860], abs=5e-3)
     assert paper.comparison("cc_from_lengths").maximum / MM == pytest.approx(0.67, abs=5e-3)
     assert 100 * force.mean / paper.length == pytest.approx(0.69, abs=5e-3)
 
 
-def test_rms_is_over_points(paper: study.Study) -> None:
+def test_rms_is_over_points(paper: Study) -> None:
     for c in paper.comparisons:
         assert c.rms == pytest.approx(math.sqrt(np.mean(np.sum(c.difference**2, axis=1))))
         assert c.mean <= c.rms <= c.maximum

@@ -9,10 +9,10 @@ import pytest
 import yaml
 
 import bowstring as bs
-from bowstring import cli
+from bowstring.cli import main
+from bowstring.data.measurements import read_measurements
 from bowstring.errors import InputError
-from bowstring.measurements import read_measurements
-from bowstring.robotfile import to_yaml
+from bowstring.robot.writer import to_yaml
 from bowstring.units import printable
 from shell import Shell
 
@@ -52,7 +52,7 @@ def test_a_terminal_keeps_its_styles(
 ) -> None:
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
-    assert cli.run(["bench", "check", table]) == 0
+    assert main.run(["bench", "check", table]) == 0
     out = capsys.readouterr().out
     assert r"te\x1b[31mst\x07\x9b: synthetic" in out
     assert RED not in out and BELL not in out and "\x1b[1m" in out  # headings are bold

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from bowstring import datasets
+from bowstring.data import datasets
 from bowstring.errors import InputError
 from shell import Shell
 

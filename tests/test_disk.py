@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bowstring.disk import distinct_holes, drilled_disk, room_for_holes
 from bowstring.errors import InputError
-from bowstring.robot import Robot, load_robot
+from bowstring.robot.disk import distinct_holes, drilled_disk, room_for_holes
+from bowstring.robot.model import Robot, load_robot
 
 HEAVY = {"segments.0.disks.density": "1200 kg/m^3", "segments.0.disks.hole_diameter": "2 mm"}
 

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring.dynamics import ramp
+from bowstring.data import datasets, registration, synthetic
+from bowstring.dynamics.simulation import ramp
 
 ROOT = Path(__file__).parents[1]
 
@@ -29,7 +30,7 @@ def objects(robot: bs.Robot) -> dict[str, Any]:
     """What the public functions return."""
     solution = bs.solve(robot, [1, 0, 0, 0, 0, 0])
     loads = np.outer(np.linspace(0, 1, 200), [1, 0, 0, 0, 0, 0])
-    study = bs.study(bs.load_robot("amouri2019"), points=5)
+    study = bs.run_study(bs.load_robot("amouri2019"), points=5)
     return {
         "robot": robot,
         "solution": solution,
@@ -37,9 +38,9 @@ def objects(robot: bs.Robot) -> dict[str, Any]:
         "run": bs.simulate(robot, ramp([0.1, 0, 0, 0, 0, 0], rise=0.01), duration=0.01),
         "modes": bs.modes(robot),
         "study": study,
-        "data": bs.measurements.read_measurements(ROOT / "examples" / "bench.csv"),
+        "data": bs.read_measurements(ROOT / "examples" / "bench.csv"),
         "jacobians": bs.jacobians(solution),
-        "arcs": bs.arc.robot_fk(robot, solution.tendon_lengths),
+        "arcs": bs.constant_curvature.robot_fk(robot, solution.tendon_lengths),
         "tendons": robot.tendons,
         "disks": robot.disks,
         **{f"study.{name}": value for name, value in vars(study).items()},
@@ -102,7 +103,7 @@ def test_names_in_tables_are_text(robot: bs.Robot) -> None:
 
 def _public() -> Iterator[Any]:
     """Functions that users call, each with its name."""
-    modules = [bs, *(getattr(bs, name) for name in bs.__all__)]
+    modules = [bs, *(getattr(bs, name) for name in bs.__all__), datasets, registration, synthetic]
     seen = set()
     for module in modules:
         if not isinstance(module, ModuleType):
@@ -134,12 +135,6 @@ def test_signatures_and_docstrings_agree(function: Callable[..., Any]) -> None:
     assert set(documented) <= set(signature.parameters), "documents what it does not take"
     if documented:
         assert set(documented) == set(signature.parameters), "leaves a parameter out"
-
-
-def test_the_study_is_a_function_with_its_arguments() -> None:
-    assert inspect.signature(bs.study) == inspect.signature(bs.study.run)
-    assert "tolerance" in inspect.signature(bs.study).parameters
-    assert inspect.getdoc(bs.study.__call__) == inspect.getdoc(bs.study.run)
 
 
 def test_dir_has_what_is_public_and_nothing_else() -> None:

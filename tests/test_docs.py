@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring import cli
+from bowstring.cli import main
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -58,7 +58,7 @@ def test_commands(
             pytest.importorskip("build123d", exc_type=ImportError)
         if arguments[0] == "fe":
             finite_elements_at(tmp_path, monkeypatch)
-        code = cli.run(arguments)
+        code = main.run(arguments)
         out, err = capsys.readouterr()
         assert code == 0, err
         if shown.strip():
@@ -79,7 +79,7 @@ def test_commands_that_are_not_run(page: Path) -> None:
                 continue
             assert language == "sh", f"{line!r} is never run: put it into a console block"
             _, *arguments = shlex.split(line, comments=True)
-            command = typer.main.get_command(cli.app)
+            command = typer.main.get_command(main.app)
             while hasattr(command, "commands"):
                 command = command.commands[arguments.pop(0)]
             command.make_context("bowstring", arguments)

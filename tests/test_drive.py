@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import drive
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.statics import actuation
 
 DRIVE = "segments.0.tendons."
 
@@ -494,7 +494,7 @@ def test_bad_histories(robot, change, says):
 
 def test_much_friction_is_doubted_where_there_is_no_answer():
     def said(friction):
-        return drive.message("max_iterations", None, (), False, friction, ((), None), 1e-3, 400)
+        return actuation.message("max_iterations", None, (), False, friction, ((), None), 1e-3, 400)
 
     assert "Check the friction coefficient of 10: " in said(10.0)
     assert "friction" not in said(0.3)

@@ -15,10 +15,10 @@ import pytest
 import xarray as xr
 
 import bowstring as bs
-from bowstring import dynamics, oscillations
-from bowstring.dynamics import Table, modes, ramp, simulate, step
+from bowstring.dynamics import modal, simulation
+from bowstring.dynamics.run_file import RunFile, read_run
+from bowstring.dynamics.simulation import Table, modes, ramp, simulate, step
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.runfile import RunFile, read_run
 
 ROBOT = bs.load_robot("amouri2019")
 DATA = Path(
@@ -321,7 +321,7 @@ def test_a_violent_release_goes_on_from_steps_that_were_cut(
 def test_file_holds_the_same_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
 ) -> None:
-    monkeypatch.setattr("bowstring.runfile._ROOM", room)
+    monkeypatch.setattr("bowstring.dynamics.run_file._ROOM", room)
     case: Any = {
         "robot": bs.load_robot("rao2021"),
         "tensions": ramp([8, 1, 0, 2, 0, 0], 0.1),
@@ -378,9 +378,9 @@ def test_interrupted_while_it_is_written(
         if calls == call:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("bowstring.runfile._ROOM", 100_000)
+    monkeypatch.setattr("bowstring.dynamics.run_file._ROOM", 100_000)
     monkeypatch.setattr(RunFile, "append", interrupted)
-    with pytest.raises(dynamics.RunInterrupted) as caught:
+    with pytest.raises(simulation.RunInterrupted) as caught:
         simulate(ROBOT, pulled(5), 1.0, out=tmp_path / "run.nc")
     run = caught.value.run
     data = run.dataset  # of the same times
@@ -422,11 +422,11 @@ def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
         if share > 0.4:
             raise KeyboardInterrupt
 
-    with pytest.raises(dynamics.RunInterrupted) as caught:
+    with pytest.raises(simulation.RunInterrupted) as caught:
         simulate(ROBOT, pulled(5), 5.0, out=tmp_path / "run.nc", progress=stop)
     assert caught.value.run.status == "interrupted"
     again = pickle.loads(pickle.dumps(caught.value))
-    assert isinstance(again, dynamics.RunInterrupted) and again.run.end == caught.value.run.end
+    assert isinstance(again, simulation.RunInterrupted) and again.run.end == caught.value.run.end
     data = read_run(tmp_path / "run.nc")
     assert data.attrs["status"] == "interrupted"
     assert 1.9 < float(data.time[-1]) < 3.1 and float(data.time[-1]) == caught.value.run.end
@@ -465,7 +465,7 @@ def test_a_second_interrupt_does_not_spoil_the_file(
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     monkeypatch.setattr(RunFile, "finish", again)
     try:
-        with pytest.raises(dynamics.RunInterrupted) as caught:
+        with pytest.raises(simulation.RunInterrupted) as caught:
             simulate(ROBOT, pulled(5), 0.1, out=tmp_path / "run.nc", progress=stop)
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -769,8 +769,8 @@ def test_errors_carry_their_status() -> None:
 
 
 def test_modes_are_where_they_were() -> None:
-    assert dynamics.modes is bs.modes is oscillations.modes
-    assert dynamics.Modes is bs.Modes is oscillations.Modes
+    assert simulation.modes is bs.modes is modal.modes
+    assert simulation.Modes is bs.Modes is modal.Modes
     assert repr(modes(ROBOT, count=2)) == "<Modes of amouri2019: 2.28, 2.28 Hz>"
 
 

@@ -13,9 +13,17 @@ import pytest
 import xarray as xr
 
 import bowstring as bs
-from bowstring.dynamics import NoStart, RunInterrupted, Table, modes, ramp, simulate, step
+from bowstring.dynamics.run_file import read_run
+from bowstring.dynamics.simulation import (
+    NoStart,
+    RunInterrupted,
+    Table,
+    modes,
+    ramp,
+    simulate,
+    step,
+)
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.runfile import read_run
 
 NAN = math.nan
 TENDONS = "segments.0.tendons."

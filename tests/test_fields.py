@@ -14,8 +14,9 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bowstring import Robot, fields, load_robot
+from bowstring import Robot, load_robot
 from bowstring.errors import InputError
+from bowstring.statics import fields
 from made_frames import made_frames
 
 TIMES = np.arange(0.0, 0.5, 0.05)
@@ -264,7 +265,8 @@ def test_a_single_time_and_none():
 
 
 def test_heavy_imports_wait():
-    code = "import sys, bowstring, bowstring.runfile, bowstring.vtk, bowstring.animation;"
+    code = "import sys, bowstring, bowstring.dynamics.run_file;"
+    code += "import bowstring.viz.vtk, bowstring.viz.animation;"
     code += "print([m for m in ('xarray', 'netCDF4', 'matplotlib', 'pandas') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -12,9 +12,8 @@ from typing import Any
 
 import pytest
 
-from bowstring import bench, files, report, runfile, vtk
-from bowstring.errors import InputError
-from bowstring.files import (
+from bowstring import atomic_io
+from bowstring.atomic_io import (
     check_file,
     check_place,
     folder_beside,
@@ -22,7 +21,12 @@ from bowstring.files import (
     write_whole,
     write_whole_file,
 )
-from bowstring.robot import load_robot
+from bowstring.data import synthetic
+from bowstring.dynamics import run_file
+from bowstring.errors import InputError
+from bowstring.robot.model import load_robot
+from bowstring.study import report
+from bowstring.viz import vtk
 from made_frames import made_file
 
 SEALED = Path("/proc")  # takes no file of anyone's, whatever its rights say
@@ -35,7 +39,7 @@ def test_a_folder_that_takes_no_file_is_refused() -> None:
     with pytest.raises(InputError, match="the folder /proc may not be written"):
         check_file(SEALED / "x.step", "solid", (".step",), b"mark")
     with pytest.raises(InputError, match="the folder /proc may not be written"):
-        runfile.check_file(SEALED / "run.nc")
+        run_file.check_file(SEALED / "run.nc")
     for check in (vtk.check_folder, report.check_folder):
         with pytest.raises(InputError, match="the folder /proc may not be written"):
             check(SEALED / "a" / "b")
@@ -62,15 +66,15 @@ def test_links_in_a_circle_are_refused(tmp_path: Path) -> None:
     for name in ("a.gif", "a.csv"):
         (tmp_path / name).symlink_to(tmp_path / f"b{name}")
         (tmp_path / f"b{name}").symlink_to(tmp_path / name)
-    for check in (runfile.check_file, vtk.check_folder, report.check_folder):
+    for check in (run_file.check_file, vtk.check_folder, report.check_folder):
         with pytest.raises(InputError, match="links lead to it in a circle"):
             check(tmp_path / "a.gif")
     with pytest.raises(InputError, match="links lead to it in a circle"):
         check_file(tmp_path / "a.gif", "animation", (".gif",), b"mark")
     with pytest.raises(InputError, match="links lead to it in a circle"):
-        bench.check_table(tmp_path / "a.csv")
+        synthetic.check_table(tmp_path / "a.csv")
     with pytest.raises(InputError, match="its name is not valid"):
-        runfile.check_file("\0")
+        run_file.check_file("\0")
 
 
 def test_a_working_folder_that_was_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,7 +82,7 @@ def test_a_working_folder_that_was_removed(tmp_path: Path, monkeypatch: pytest.M
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    for check in (runfile.check_file, vtk.check_folder, report.check_folder):
+    for check in (run_file.check_file, vtk.check_folder, report.check_folder):
         with pytest.raises(InputError, match="No such file or directory"):
             check("run")
 
@@ -92,7 +96,7 @@ def test_what_only_another_user_may_replace(
     (tmp_path / "a.gif").write_text("")
     (tmp_path / "series").mkdir()
     checks = (
-        lambda: runfile.check_file(tmp_path / "run.nc"),
+        lambda: run_file.check_file(tmp_path / "run.nc"),
         lambda: check_file(tmp_path / "a.gif", "animation", (".gif",), b"mark"),
         lambda: vtk.check_folder(tmp_path / "series"),
     )
@@ -103,7 +107,7 @@ def test_what_only_another_user_may_replace(
     for check in checks:
         with pytest.raises(InputError, match="another user's, who alone may replace it in"):
             check()
-    runfile.check_file(tmp_path / "new.nc")
+    run_file.check_file(tmp_path / "new.nc")
     monkeypatch.undo()
     for check in checks:
         check()
@@ -185,7 +189,7 @@ def test_a_large_tree_of_others_is_not_walked(
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from bowstring import files
+from bowstring import atomic_io
 
 def fill(new):
     (new / "half").write_text("half")
@@ -198,9 +202,9 @@ def killed(*names):
     os.kill(os.getpid(), signal.SIGKILL)
 
 if sys.argv[2] == "move":
-    files._exchange = lambda *_: False
+    atomic_io._exchange = lambda *_: False
     os.rename = killed
-files.write_whole(Path(sys.argv[1]), "study", fill)
+atomic_io.write_whole(Path(sys.argv[1]), "study", fill)
 """
 
 
@@ -245,7 +249,7 @@ def test_a_former_folder_is_exchanged(
     atomic: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not atomic:
-        monkeypatch.setattr(files, "_exchange", lambda *_: False)
+        monkeypatch.setattr(atomic_io, "_exchange", lambda *_: False)
     for name in ("former", "later"):
         write_whole(tmp_path / "study", "study", lambda new, name=name: (new / name).touch())
     assert os.listdir(tmp_path) == ["study"] and os.listdir(tmp_path / "study") == ["later"]

@@ -18,15 +18,15 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from bowstring import finite_elements, rod, simulate
-from bowstring.bricks import ccx, deck, steps
-from bowstring.bricks import study as third
-from bowstring.bricks.comparison import beside_rod
-from bowstring.bricks.mesh import Fineness
-from bowstring.dynamics import ramp as rising
+from bowstring import fem, simulate
+from bowstring.dynamics.simulation import ramp as rising
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.finite_elements import BrickRun, RunInterrupted, Settings, ramp, sweep
-from bowstring.robotfile import to_yaml
+from bowstring.fem import BrickRun, RunInterrupted, Settings, ccx, deck, ramp, steps, sweep
+from bowstring.fem.comparison import beside_rod
+from bowstring.fem.mesh import Fineness
+from bowstring.robot.writer import to_yaml
+from bowstring.statics import rod
+from bowstring.study import finite_elements as third
 from bricks import COARSE, needs_ccx, small_robot, two_segments
 
 LOADS = [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [40.0, 0.0, 10.0]]
@@ -232,7 +232,7 @@ def test_outputs_on_the_way_change_no_motion() -> None:
 def test_outputs_fit_rise_and_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[list[deck.Step], np.ndarray]] = []
     monkeypatch.setattr(
-        "bowstring.bricks.run._run", lambda robot, steps, time, *_: asked.append((steps, time))
+        "bowstring.fem.run._run", lambda robot, steps, time, *_: asked.append((steps, time))
     )
     ramp(small_robot(), [40.0, 0.0, 8.0], rise=0.11, hold=0.03, every=0.05, dt=0.01)
     ((steps, time),) = asked
@@ -250,7 +250,7 @@ def test_what_is_known_is_not_computed_again(monkeypatch: pytest.MonkeyPatch) ->
     assert (again.cached, again.iterations) == (2, 0)
     np.testing.assert_array_equal(again.tip_position, first.tip_position)
     np.testing.assert_array_equal(again.span_tensions, first.span_tensions)
-    (kept,) = finite_elements.cache_folder().iterdir()
+    (kept,) = fem.cache_folder().iterdir()
     assert sorted(p.name for p in kept.iterdir()) == ["step_0001.npz", "step_0002.npz"]
 
 
@@ -270,7 +270,7 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
         return sweep(robot, [[t, 0, 0] for t in (10, 20, 30, 40)], settings=COARSE)
 
     whole = run()
-    shutil.rmtree(finite_elements.cache_folder())
+    shutil.rmtree(fem.cache_folder())
     save = steps._save
     enough = 3 if motion else 2  # the rest under its weight is one
 
@@ -313,10 +313,10 @@ def test_a_run_whose_restart_is_broken_begins_anew(
         with monkeypatch.context() as patch, contextlib.suppress(RunInterrupted):
             patch.setattr(steps, "_save", stop)
             sweep(small_robot(), loads, settings=COARSE)
-        found = list(finite_elements.cache_folder().glob("*/restart_*"))
+        found = list(fem.cache_folder().glob("*/restart_*"))
         if found:
             break
-        shutil.rmtree(finite_elements.cache_folder())
+        shutil.rmtree(fem.cache_folder())
     (restart,) = found
     kept = restart.parent
     if fault == "cut":
@@ -343,7 +343,7 @@ def test_a_run_whose_restart_is_broken_begins_anew(
 def test_a_kept_step_that_is_broken_is_done_again() -> None:
     loads = [[10.0, 0, 0]]
     first = sweep(small_robot(), loads, settings=COARSE)
-    (file,) = finite_elements.cache_folder().glob("*/step_0001.npz")
+    (file,) = fem.cache_folder().glob("*/step_0001.npz")
     whole = file.read_bytes()
     for place in (len(whole) // 3, len(whole) // 2):
         file.write_bytes(whole[:place] + bytes(64) + whole[place + 64 :])
@@ -459,7 +459,7 @@ def test_a_restart_file_that_is_cut_off_is_no_end(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(steps, "_save", stop)
     with pytest.raises(RunInterrupted):
         sweep(small_robot(), loads, settings=COARSE)
-    kept = sorted(finite_elements.cache_folder().glob("*/restart_*"))
+    kept = sorted(fem.cache_folder().glob("*/restart_*"))
     assert kept
     for file in kept:
         file.write_bytes(file.read_bytes()[:1000])
@@ -482,7 +482,7 @@ exit 2
         before_real(own_cache, patch, script)
         patch.setattr(ccx, "version", lambda program: "2.20")
         sweep(small_robot(), loads[:1], settings=COARSE)
-    kept = list(finite_elements.cache_folder().glob("*/restart_*"))
+    kept = list(fem.cache_folder().glob("*/restart_*"))
     assert kept == []
 
 

@@ -7,11 +7,12 @@ import pytest
 from benchmarks import calibration
 
 import bowstring as bs
-from bowstring import bench, samples
+from bowstring.calibration import observations
+from bowstring.calibration.fitting import Data, cross_validate, fit, score
+from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.tip_model import Prediction, TipModel, _delayed, _play
+from bowstring.data import synthetic as bench
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.fit import Data, cross_validate, fit, score
-from bowstring.tipmodel import Prediction, TipModel, _delayed, _play
-from bowstring.unknowns import Unknowns
 
 SIDE = np.array([0.0, 5.0, 2.0])  # constant loads of the three tendons, in N
 
@@ -46,7 +47,7 @@ def synthetic(robot, parameters, truth, commands, *, noise=0.0, seed=0, time=Non
         points=np.zeros((len(commands["x"]), 3)), time=time, **{commands["as"]: commands["x"]}
     )
     unknowns = Unknowns(robot, parameters, truth)
-    rows = samples.commands(data, unknowns.robot)
+    rows = observations.commands(data, unknowns.robot)
     tips = TipModel(unknowns, rows, "rod").predict(unknowns.start).point
     tips = tips + np.random.default_rng(seed).normal(0, noise, tips.shape)
     return Data(points=tips, time=time, **{commands["as"]: commands["x"]})
@@ -85,7 +86,7 @@ def test_exact_derivatives_are_those_of_differences(mixed):
     data = Data(points=np.zeros((12, 3)), pulls=pulls, tensions=tensions, time=np.arange(12.0))
     start = {"tool.z": 0.008, "base.rx": 0.2, "backlash": 5e-5, "delay": 0.05}
     unknowns = Unknowns(robot, EXACT, start)
-    model = TipModel(unknowns, samples.commands(data, robot), "rod")
+    model = TipModel(unknowns, observations.commands(data, robot), "rod")
     values = unknowns.start
     at = model.predict(values, keep=True)
     exact = model.jacobian(values, at)
@@ -308,7 +309,7 @@ def test_constant_curvature_with_gains_synthetic():
     truth = {"bend_gain.segments.0": 0.8, "hole_angle.segments.1": 0.1, "tool.z": 0.008}
     unknowns = Unknowns(robot, names, truth)
     empty = Data(points=np.zeros((60, 3)), pulls=pulls)
-    model = TipModel(unknowns, samples.commands(empty, robot), "arc")
+    model = TipModel(unknowns, observations.commands(empty, robot), "arc")
     data = Data(points=model.predict(unknowns.start).point, pulls=pulls)
     found = fit(robot, data, names, model="arc", loss="linear")
     for name, value in truth.items():
@@ -642,7 +643,7 @@ def test_calibrated_physics_on_the_real_robot(mocap):
     regression and 12.11 by the authors' simulator with its mean offset removed."""
     train, every, val = mocap
     unknowns = Unknowns(calibration.ELASTIC, calibration.CHOSEN, FOUND)
-    model = TipModel(unknowns, samples.commands(train, unknowns.robot), "rod")
+    model = TipModel(unknowns, observations.commands(train, unknowns.robot), "rod")
     at = model.predict(unknowns.start, keep=True)
     assert 1e3 * score(at.point, train.points).rmse == pytest.approx(3.50, abs=0.01)
     # it is the optimum on train: the best step of all parameters gains nothing there
@@ -651,7 +652,7 @@ def test_calibrated_physics_on_the_real_robot(mocap):
     jacobian *= [item.step for item in unknowns.items]
     gain = jacobian @ np.linalg.lstsq(jacobian, error, rcond=None)[0]
     assert (gain**2).sum() < 1e-3 * (error**2).sum()
-    path = TipModel(unknowns, samples.commands(every, unknowns.robot), "rod")
+    path = TipModel(unknowns, observations.commands(every, unknowns.robot), "rod")
     reached = score(path.predict(unknowns.start).point[val], every.points[val])
     assert 1e3 * reached.rmse == pytest.approx(5.79, abs=0.02)
     assert 1e3 * reached.mean == pytest.approx(4.98, abs=0.02)

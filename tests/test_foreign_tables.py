@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bowstring as bs
+from bowstring.data.joining import seconds_of
+from bowstring.data.mapping import Mapping, load_mapping
+from bowstring.data.mapping_draft import draft
+from bowstring.data.measurements import Measurements, read_measurements, write_measurements
+from bowstring.data.tables import Table
 from bowstring.errors import InputError
-from bowstring.joining import seconds_of
-from bowstring.mapping import Mapping, load_mapping
-from bowstring.mapping_draft import draft
-from bowstring.measurements import Measurements, read_measurements, write_measurements
-from bowstring.tables import Table
 from shell import Shell
 
 Read = Callable[..., Measurements]
@@ -482,8 +482,8 @@ def _recordings(robot: bs.Robot) -> Measurements:
 
 
 def test_each_recording_is_a_path_of_its_own(tmp_path: Path) -> None:
-    from bowstring.fit import fit
-    from bowstring.study_calibration import predicted
+    from bowstring.calibration.fitting import fit
+    from bowstring.study.calibration import predicted
 
     robot = bs.load_robot("amouri2019").with_({"segments.0.tendons.friction": 0.2})
     data = _recordings(robot)
@@ -506,7 +506,7 @@ def test_each_recording_is_a_path_of_its_own(tmp_path: Path) -> None:
 
 
 def test_backlash_and_delay_begin_anew_with_each_recording() -> None:
-    from bowstring.fit import Data, fit
+    from bowstring.calibration.fitting import Data, fit
 
     robot = bs.load_robot("amouri2019")
     pulls = np.outer([2, 4, 6, 4, 3], [1e-3, -0.5e-3, -0.5e-3])

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring.dynamics import RunInterrupted, ramp
+from bowstring.dynamics.simulation import RunInterrupted, ramp
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 

@@ -12,11 +12,13 @@ import pytest
 from rich.console import Console
 
 import bowstring as bs
-from bowstring import limits, report, study
 from bowstring.errors import InputError
-from bowstring.robot import Robot, load_robot
-from bowstring.robotfile import to_yaml
-from bowstring.terminal import print_study
+from bowstring.robot.model import Robot, load_robot
+from bowstring.robot.writer import to_yaml
+from bowstring.statics import limits
+from bowstring.study import report
+from bowstring.study.study import Study, run_study
+from bowstring.study.terminal import print_study
 from shell import Shell
 
 ROD = "segments.0.backbone."
@@ -31,7 +33,7 @@ def limited() -> Robot:
 
 def test_strain_is_that_of_the_bend(limited: Robot) -> None:
     solution = bs.solve(limited, [20.0, 0.0, 0.0])
-    warnings, (strain, stress) = limits.of_solution(solution)
+    warnings, (strain, stress) = solution.limits()
     assert warnings == () == solution.warnings()
     # an arc of F r l / (E I), a little more of straight spans, and the pull along the rod
     ei = 35e9 * math.pi / 64 * 0.005**4
@@ -49,8 +51,8 @@ def test_a_backbone_beyond_its_limit_is_named(limited: Robot) -> None:
     (warning,) = bs.solve(weak, [80.0, 0.0, 0.0]).warnings()
     assert "von Mises stress" in warning and "of yield_strength 100 MPa" in warning
     # driven by the pulls of that pose it is as far
-    by_pull = limits.of_solution(bs.solve(limited, pulls=bent.pulls))[1]
-    assert by_pull[0].value == pytest.approx(limits.of_solution(bent)[1][0].value, rel=1e-6)
+    by_pull = bs.solve(limited, pulls=bent.pulls).limits()[1]
+    assert by_pull[0].value == pytest.approx(bent.limits()[1][0].value, rel=1e-6)
 
 
 def test_each_segment_has_its_own_limits() -> None:
@@ -71,7 +73,7 @@ def test_a_tip_below_the_base_is_named() -> None:
 
 
 def test_the_study_warns_of_its_sweep(limited: Robot, tmp_path: Path) -> None:
-    found = study.run(limited.with_({ROD + "yield_strength": "1 GPa"}), max_tension=200.0, points=5)
+    found = run_study(limited.with_({ROD + "yield_strength": "1 GPa"}), max_tension=200.0, points=5)
     assert found.statics.tip_position[-1, 2] < 0
     below, strain = found.warnings
     assert below.startswith(
@@ -91,7 +93,7 @@ def test_the_study_warns_of_its_sweep(limited: Robot, tmp_path: Path) -> None:
     assert found.limits_text[0] in out.getvalue()
 
 
-def test_the_builtin_study_has_no_warnings(paper: study.Study) -> None:
+def test_the_builtin_study_has_no_warnings(paper: Study) -> None:
     assert paper.warnings == () and paper.limits_text == ()
 
 
@@ -110,7 +112,7 @@ def test_loads_without_an_equilibrium_are_passed_over(limited: Robot) -> None:
 
 def test_stress_is_known_where_a_sweep_takes_more_elements(limited: Robot) -> None:
     few = limited.with_({"segments.0.disks.count": 2})
-    found = study.run(few, max_tension=80.0, points=3)
+    found = run_study(few, max_tension=80.0, points=3)
     assert found.statics.converged.all()
     assert np.isfinite(found.statics.surface.strain).all()
     assert found.warnings[-1].startswith("From 80 N on the backbone is beyond what it can take")

@@ -16,16 +16,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bowstring as bs
-from bowstring import arc, datasets
-from bowstring.errors import InputError
-from bowstring.mapping import Mapping, load_mapping, mapping_names
-from bowstring.measurements import (
+from bowstring.constant_curvature import arcs
+from bowstring.data import datasets
+from bowstring.data.mapping import Mapping, load_mapping, mapping_names
+from bowstring.data.measurements import (
     STANDARD_GRAVITY,
     Measurements,
     load,
     read_measurements,
     write_measurements,
 )
+from bowstring.errors import InputError
 from shell import Shell
 
 ROOT = Path(__file__).parents[1]
@@ -464,7 +465,7 @@ def test_a_million_rows(file: Write) -> None:
 
 
 def test_more_rows_than_are_read(file: Write, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bowstring.tables.MOST_ROWS", 2)
+    monkeypatch.setattr("bowstring.data.tables.MOST_ROWS", 2)
     with pytest.raises(InputError, match="more than 2 rows, which is the most that is read; split"):
         read_measurements(file(GOOD))
 
@@ -712,7 +713,7 @@ def test_the_page_has_a_mapping_that_is_valid() -> None:
     page = (ROOT / "docs" / "bench.md").read_text("utf-8")
     blocks = [part.partition("```")[0] for part in page.split("```yaml\n")[1:]]
     assert blocks
-    from bowstring.safe_yaml import read_yaml
+    from bowstring.robot.safe_yaml import read_yaml
 
     for block in blocks:
         Mapping.model_validate(read_yaml(block, "page", "mapping", "tip"))
@@ -732,7 +733,7 @@ def test_tamm_spring(public_data: Folder) -> None:
         "unequal",
     ]
     assert found.bend is not None
-    fitted = arc.from_lengths(0.040 - found.pulls, np.radians([30, 150, 270]), 0.0025)
+    fitted = arcs.from_lengths(0.040 - found.pulls, np.radians([30, 150, 270]), 0.0025)
     measured = np.degrees(found.bend)
 
     def rmse(predicted: np.ndarray) -> float:

@@ -102,8 +102,8 @@ def test_work_beyond_a_limit_of_memory_is_refused() -> None:
 
 def test_fields_of_many_disks() -> None:
     """Sections next to clamps are found without a table of all disks and stations."""
-    from bowstring.fields import Section
-    from bowstring.simulators import stations
+    from bowstring.statics.fields import Section
+    from bowstring.statics.simulator import stations
 
     robot = bs.load_robot("amouri2019").with_({"segments.0.disks.clamped_length": "3 mm"})
     station, module = stations(robot, 5)
@@ -123,7 +123,7 @@ def test_fields_of_many_disks() -> None:
 
 def test_modes_of_many_disks_are_those_of_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Iterated and found all at once, with equal frequencies, locked tendons and light disks."""
-    from bowstring import oscillations
+    from bowstring.dynamics import modal
 
     robot = bs.load_robot("amouri2019").with_({"segments.0.disks.clamped_length": "1 mm"})
     rubbing = robot.with_({"segments.0.tendons.friction": 0.2})
@@ -136,8 +136,8 @@ def test_modes_of_many_disks_are_those_of_few(monkeypatch: pytest.MonkeyPatch) -
     for made, given in cases:
         dense = bs.modes(made, count=8, **given)
         with monkeypatch.context() as patch:
-            patch.setattr(oscillations, "_DENSE", 0)
-            patch.setattr(oscillations, "_SHARE", 1.0)
+            patch.setattr(modal, "_DENSE", 0)
+            patch.setattr(modal, "_SHARE", 1.0)
             iterated = bs.modes(made, count=8, **given)
         np.testing.assert_allclose(iterated.frequency_hz, dense.frequency_hz, rtol=1e-9)
         assert iterated.kind == dense.kind

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bowstring import netcdf
+from bowstring.dynamics import netcdf
+from bowstring.dynamics.run_file import read_run
 from bowstring.errors import InputError
-from bowstring.robot import load_robot
-from bowstring.runfile import read_run
+from bowstring.robot.model import load_robot
 from made_frames import made_file, made_records
 
 ROBOT = load_robot("amouri2019")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bowstring.noise import CHANCE, noise_test
+from bowstring.calibration.residual_tests import CHANCE, noise_test
 
 SIGMA = 2e-5
 ROWS = 99

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring.drawing import draw_disks, write_drawing
+from bowstring.cad.drawing import draw_disks, write_drawing
+from bowstring.cad.raster import Camera, Mesh, render
 from bowstring.errors import InputError
-from bowstring.raster import Camera, Mesh, render
 
 
 def box(low, high, part):
@@ -130,8 +130,8 @@ def canvas():
 @pytest.mark.parametrize("name", bs.robot_names())
 def test_a_picture_names_its_parts(name, canvas, tmp_path):
     pytest.importorskip("build123d", exc_type=ImportError)
-    from bowstring.picture import draw_solid, write_picture
-    from bowstring.solid import make_solid
+    from bowstring.cad.picture import draw_solid, write_picture
+    from bowstring.cad.solid import make_solid
 
     robot = bs.load_robot(name)
     count = len(robot.tendons.angle_rad)
@@ -153,8 +153,8 @@ def test_a_picture_names_its_parts(name, canvas, tmp_path):
 
 def test_names_point_at_what_is_seen_and_a_long_title_breaks(canvas):
     pytest.importorskip("build123d", exc_type=ImportError)
-    from bowstring.picture import draw_solid
-    from bowstring.solid import make_solid
+    from bowstring.cad.picture import draw_solid
+    from bowstring.cad.solid import make_solid
 
     title = "A robot whose name is as long as names may be and so does not go on one line, by far"
     solid = make_solid(bs.load_robot("amouri2019", {"name": title}))
@@ -172,8 +172,8 @@ def test_names_point_at_what_is_seen_and_a_long_title_breaks(canvas):
 
 def test_normals_are_smooth_around_a_rod_and_break_at_its_ends():
     bd = pytest.importorskip("build123d", exc_type=ImportError)
-    from bowstring.picture import mesh_of
-    from bowstring.solid import Part
+    from bowstring.cad.picture import mesh_of
+    from bowstring.cad.solid import Part
 
     rod = bd.Solid.make_cylinder(2.0, 100.0)
     mesh = mesh_of((Part("rod", "backbone", "#000000", rod, None),))

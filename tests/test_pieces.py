@@ -3,10 +3,10 @@
 import numpy as np
 
 import bowstring as bs
-from bowstring import samples
-from bowstring.samples import Data
-from bowstring.tipmodel import TipModel
-from bowstring.unknowns import Unknowns
+from bowstring.calibration import observations
+from bowstring.calibration.observations import Data
+from bowstring.calibration.parameters import Unknowns
+from bowstring.calibration.tip_model import TipModel
 
 NAMES = ["segments.0.tendons.compliance", "offset.tendons", "segments.0.backbone.E", "base.rx"]
 #: Three tendons, each pulled in turn while the others are paid out by half of it, m.
@@ -20,7 +20,7 @@ def model_at(offset, names=NAMES):
     robot = bs.load_robot("amouri2019").with_({"segments.0.tendons.compliance": 2e-4})
     unknowns = Unknowns(robot, names, {"offset.tendons": offset})
     data = Data(points=np.zeros((12, 3)), pulls=PULLS)
-    model = TipModel(unknowns, samples.commands(data, robot), "rod")
+    model = TipModel(unknowns, observations.commands(data, robot), "rod")
     return model, unknowns.start, model.predict(unknowns.start, keep=True)
 
 

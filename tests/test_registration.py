@@ -15,15 +15,15 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
-from bowstring.errors import InputError
-from bowstring.registration import (
+from bowstring.data.registration import (
     Registration,
     fit_fiducials,
     fit_model,
     known,
     with_and_without,
 )
-from bowstring.rigid import Rigid
+from bowstring.data.rigid import Rigid
+from bowstring.errors import InputError
 
 Array = NDArray[np.float64]
 

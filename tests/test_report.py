@@ -17,29 +17,31 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from bowstring import files, plots, report, study
-from bowstring.comparison import MEANINGS
+from bowstring import atomic_io
 from bowstring.errors import InputError
-from bowstring.robot import load_robot
-from bowstring.style import figure_style, svg
-from bowstring.terminal import print_study
-from bowstring.words import signed
+from bowstring.formatting import signed
+from bowstring.robot.model import load_robot
+from bowstring.study import figures, report
+from bowstring.study.comparison import MEANINGS
+from bowstring.study.study import FIGURES, SCHEMA_VERSION, Study, run_study
+from bowstring.study.terminal import print_study
+from bowstring.viz.style import figure_style, svg
 
 
 @pytest.fixture(scope="module")
-def paper() -> study.Study:
-    return study.run(load_robot("amouri2019"), points=5)
+def paper() -> Study:
+    return run_study(load_robot("amouri2019"), points=5)
 
 
 @pytest.fixture(scope="module")
-def written(paper: study.Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written(paper: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return report.write(paper, tmp_path_factory.mktemp("study") / "out")
 
 
 @pytest.fixture
 def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Moving folders about needs no drawing."""
-    monkeypatch.setattr(plots, "draw", lambda study: iter(()))
+    monkeypatch.setattr(figures, "draw", lambda study: iter(()))
     monkeypatch.setattr(report, "_html", lambda study, content, drawn: "<p>a report</p>")
 
 
@@ -106,12 +108,12 @@ def test_the_page_is_whole_and_needs_nothing_else(written: Path) -> None:
     assert all(a.startswith("http://www.w3.org/") for a in re.findall(r"https?://[^\"' <]+", text))
 
 
-def test_the_page_tells_a_reader_everything(written: Path, paper: study.Study) -> None:
+def test_the_page_tells_a_reader_everything(written: Path, paper: Study) -> None:
     page = read(written / "report.html")
     text = " ".join(" ".join(page.text).split())
     assert page.tags.count("h1") == 1
     assert page.tags.count("caption") == page.tags.count("table")
-    assert page.tags.count("figcaption") == len(study.FIGURES)
+    assert page.tags.count("figcaption") == len(FIGURES)
     for sentence in paper.verdict.text:
         assert sentence in text
     assert "published mean" in text
@@ -120,17 +122,17 @@ def test_the_page_tells_a_reader_everything(written: Path, paper: study.Study) -
     assert paper.robot.hash in text
     source = (written / "report.html").read_text(encoding="utf-8")
     assert "prefers-color-scheme: dark" in source and "width=device-width" in source
-    assert source.count('role="img"') == len(study.FIGURES)
+    assert source.count('role="img"') == len(FIGURES)
 
 
-def test_the_robot_as_a_solid_opens_the_page(paper: study.Study) -> None:
+def test_the_robot_as_a_solid_opens_the_page(paper: Study) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     whole = replace(paper, solid=True)
     assert [f.stem for f in whole.figures[:2]] == ["fig01_robot", "fig02_disk"]
     assert whole.figures[2:] == paper.figures
     with figure_style():
         for (stem, figure), title in zip(
-            plots.draw(whole), ("simulated: tendon 1 at", "disks"), strict=False
+            figures.draw(whole), ("simulated: tendon 1 at", "disks"), strict=False
         ):
             drawing = svg(stem, figure)
             assert re.findall(r"(?:fill|stroke): #[0-9a-f]{3,6}", drawing) == []
@@ -140,7 +142,7 @@ def test_the_robot_as_a_solid_opens_the_page(paper: study.Study) -> None:
 def test_every_colour_follows_the_theme(written: Path) -> None:
     source = (written / "report.html").read_text(encoding="utf-8")
     drawings = re.findall(r"<svg.*?</svg>", source, flags=re.DOTALL)
-    assert len(drawings) == len(study.FIGURES)
+    assert len(drawings) == len(FIGURES)
     for drawing in drawings:
         assert re.findall(r"(?:fill|stroke): #[0-9a-f]{3,6}", drawing) == []
         assert "var(--ink" in drawing
@@ -150,7 +152,7 @@ def test_names_from_a_robot_file_are_escaped(tmp_path: Path) -> None:
     robot = load_robot("amouri2019").with_(
         {"name": "a<b>&c", "description": "<script>alert(1)</script>"}
     )
-    folder = report.write(study.run(robot, points=3), tmp_path / "out")
+    folder = report.write(run_study(robot, points=3), tmp_path / "out")
     page = read(folder / "report.html")
     assert page.open == [] and "script" not in page.tags
     assert "Is constant curvature good enough for a<b>&c?" in "".join(page.text)
@@ -162,13 +164,13 @@ def test_names_from_a_robot_file_are_escaped(tmp_path: Path) -> None:
 def test_the_folder_holds_what_the_study_lists(written: Path) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     assert set(contents(written)) == set(content["files"])
-    assert len(content["figures"]) == len(study.FIGURES) == 10
+    assert len(content["figures"]) == len(FIGURES) == 10
     for figure in content["figures"]:
         assert (written / figure["png"]).read_bytes().startswith(b"\x89PNG")
         assert (written / figure["pdf"]).read_bytes().startswith(b"%PDF")
 
 
-def test_study_json_is_the_study(written: Path, paper: study.Study) -> None:
+def test_study_json_is_the_study(written: Path, paper: Study) -> None:
     def refuse(word: str) -> None:
         raise AssertionError(f"{word} is not JSON")
 
@@ -177,10 +179,10 @@ def test_study_json_is_the_study(written: Path, paper: study.Study) -> None:
     content.pop("files")
     content.pop("sha256")
     assert content == paper.to_dict()
-    assert content["provenance"]["schema_version"] == study.SCHEMA_VERSION
+    assert content["provenance"]["schema_version"] == SCHEMA_VERSION
 
 
-def test_tables_have_units_and_numbers(written: Path, paper: study.Study) -> None:
+def test_tables_have_units_and_numbers(written: Path, paper: Study) -> None:
     plain = {"name", "against", "n", "status", "disk", "effect", "case", "problem"}
     plain |= {"driven_by", "assumed"}
     unit = re.compile(r"_(mm|N|s|MPa|deg|percent|n)$")  # n: a count
@@ -220,7 +222,7 @@ def test_tables_have_units_and_numbers(written: Path, paper: study.Study) -> Non
     assert float(row["error_mm"]) == pytest.approx(ours)
 
 
-def test_dynamics_is_shown(written: Path, paper: study.Study) -> None:
+def test_dynamics_is_shown(written: Path, paper: Study) -> None:
     assert paper.dynamics is not None
     text = " ".join(" ".join(read(written / "report.html").text).split())
     for sentence in paper.dynamics_text:
@@ -238,7 +240,7 @@ def test_dynamics_is_shown(written: Path, paper: study.Study) -> None:
 
 def test_a_study_without_dynamics_says_why(tmp_path: Path) -> None:
     light = {"segments.0.disks.mass": "0 g", "segments.0.backbone.density": "0 kg/m^3"}
-    found = study.run(load_robot("amouri2019").with_(light), points=3)
+    found = run_study(load_robot("amouri2019").with_(light), points=3)
     folder = report.write(found, tmp_path / "out")
     page = " ".join(" ".join(read(folder / "report.html").text).split())
     assert "Dynamics is left out: amouri2019 has no mass" in page
@@ -251,9 +253,7 @@ def test_a_study_without_dynamics_says_why(tmp_path: Path) -> None:
     assert "vs dynamics" not in out.getvalue()
 
 
-def test_the_same_study_writes_the_same_bytes(
-    written: Path, paper: study.Study, tmp_path: Path
-) -> None:
+def test_the_same_study_writes_the_same_bytes(written: Path, paper: Study, tmp_path: Path) -> None:
     assert contents(report.write(paper, tmp_path / "again")) == contents(written)
 
 
@@ -261,7 +261,7 @@ def test_the_same_study_writes_the_same_bytes(
 
 
 @pytest.mark.usefixtures("without_figures")
-def test_a_former_study_is_replaced_whole(paper: study.Study, tmp_path: Path) -> None:
+def test_a_former_study_is_replaced_whole(paper: Study, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
     (out / "study.json").write_text(json.dumps({"files": ["study.json", "old.csv"]}))
@@ -275,7 +275,7 @@ def test_a_former_study_is_replaced_whole(paper: study.Study, tmp_path: Path) ->
 @pytest.mark.usefixtures("without_figures")
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
 def test_a_failure_leaves_the_old_folder(
-    paper: study.Study,
+    paper: Study,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     error: type[BaseException],
@@ -295,11 +295,11 @@ def test_a_failure_leaves_the_old_folder(
 
 @pytest.mark.usefixtures("without_figures")
 def test_a_failed_move_puts_the_old_folder_back(
-    paper: study.Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    paper: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = report.write(paper, tmp_path / "out")
     before = contents(out)
-    monkeypatch.setattr(files, "_exchange", lambda *_: False)  # as on a drive that cannot
+    monkeypatch.setattr(atomic_io, "_exchange", lambda *_: False)  # as on a drive that cannot
     rename = os.rename
 
     def fail(source: Path, target: Path) -> None:
@@ -315,7 +315,7 @@ def test_a_failed_move_puts_the_old_folder_back(
 
 
 @pytest.mark.usefixtures("without_figures")
-def test_files_of_others_are_never_touched(paper: study.Study, tmp_path: Path) -> None:
+def test_files_of_others_are_never_touched(paper: Study, tmp_path: Path) -> None:
     thesis = tmp_path / "thesis"
     thesis.mkdir()
     (thesis / "chapter1.tex").write_text("years of work")
@@ -340,7 +340,7 @@ def test_files_of_others_are_never_touched(paper: study.Study, tmp_path: Path) -
 
 
 @pytest.mark.usefixtures("without_figures")
-def test_an_empty_folder_and_missing_parents_are_fine(paper: study.Study, tmp_path: Path) -> None:
+def test_an_empty_folder_and_missing_parents_are_fine(paper: Study, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     report.write(paper, tmp_path / "empty")
     report.write(paper, tmp_path / "a" / "b" / "c")
@@ -375,9 +375,7 @@ def rows_of(source: str, title: str) -> dict[str, list[str]]:
     return out
 
 
-def test_terminal_page_and_table_have_the_same_contributions(
-    written: Path, paper: study.Study
-) -> None:
+def test_terminal_page_and_table_have_the_same_contributions(written: Path, paper: Study) -> None:
     out = io.StringIO()
     print_study(paper, Console(file=out, width=100))
     text = out.getvalue()
@@ -419,7 +417,7 @@ def test_no_table_is_cut_in_a_window_of_1280_pixels(tmp_path: Path) -> None:
     if browser is None:
         pytest.skip("needs a browser")
     data = Path(__file__).parents[1] / "examples" / "bench.csv"
-    found = study.run(load_robot("amouri2019"), measurements=data)
+    found = run_study(load_robot("amouri2019"), measurements=data)
     source = report._html(
         found, found.to_dict(), dict.fromkeys((f.stem for f in found.figures), "")
     )
@@ -442,7 +440,7 @@ def test_no_table_is_cut_in_a_window_of_1280_pixels(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("width", [80, 140])
 def test_the_terminal_shows_table_verdict_and_path(
-    paper: study.Study, tmp_path: Path, width: int
+    paper: Study, tmp_path: Path, width: int
 ) -> None:
     out = io.StringIO()
     print_study(paper, Console(file=out, width=width), tmp_path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bowstring.resampling import Linear, bootstrap, refitted
+from bowstring.calibration.bootstrap import Linear, bootstrap, refitted
 
 
 def test_intervals_hold_the_mean_over_all_loads() -> None:

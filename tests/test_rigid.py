@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError
-from bowstring.rigid import Rigid
 
 
 def motions() -> list[Rigid]:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bowstring.robot import load_robot, robot_names
-from bowstring.robotfile import to_yaml
+from bowstring.robot.model import load_robot, robot_names
+from bowstring.robot.writer import to_yaml
 
 ROOT = Path(__file__).parents[1]
 

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipe, ellipk
 
 import bowstring as bs
-from bowstring.dynamics import simulate
+from bowstring.dynamics.simulation import simulate
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 
 # Tension of tendon 1 in N, tip x and z in mm: Kirchhoff, then Cosserat; by shooting.
@@ -609,7 +609,7 @@ MESSAGES = {
 
 @pytest.mark.parametrize(("case", "part"), MESSAGES.items())
 def test_messages(case, part):
-    from bowstring.rod import _message
+    from bowstring.statics.rod import _message
 
     text = _message(case[0], None, False, 0.125, case[1], 1e-3, 50)
     assert part in text and text.endswith(".") and "nan" not in text
@@ -617,7 +617,7 @@ def test_messages(case, part):
 
 @pytest.mark.parametrize("residual", [float("nan"), float("inf")])
 def test_the_message_of_no_solution_promises_nothing(residual):
-    from bowstring.rod import _message
+    from bowstring.statics.rod import _message
 
     text = _message("max_iterations", None, False, 0.125, None, residual, 50)
     assert "at its limit" in text and "Lower the load" in text
@@ -747,7 +747,7 @@ def test_import_is_lazy():
 
 
 def test_examples_in_the_documentation():
-    from bowstring import rod
+    from bowstring.statics import rod
 
     result = doctest.testmod(rod)
     assert result.attempted >= 6 and result.failed == 0

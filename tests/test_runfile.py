@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bowstring import fields, load_robot
+from bowstring import load_robot
+from bowstring.dynamics.run_file import RunFile, check_file, read_run
 from bowstring.errors import InputError
-from bowstring.runfile import RunFile, check_file, read_run
+from bowstring.statics import fields
 from made_frames import made_file, made_frames, made_records
 
 ROBOT = load_robot("amouri2019")
@@ -300,7 +301,7 @@ def test_a_drive_that_is_full_at_once(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     run = made_file(tmp_path / "run.nc", ROBOT, SETTINGS)
-    monkeypatch.setattr("bowstring.runfile.folder_beside", full)
+    monkeypatch.setattr("bowstring.dynamics.run_file.folder_beside", full)
     with pytest.raises(InputError, match=r"cannot write the run .* is full; nothing was written"):
         run.append(chunk(0))
     assert os.listdir(tmp_path) == []

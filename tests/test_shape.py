@@ -16,10 +16,10 @@ from scipy import optimize
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
-from bowstring import plots
+from bowstring.constant_curvature.shape import ArcFit, fit_arcs
 from bowstring.errors import InputError
-from bowstring.shape import ArcFit, fit_arcs
-from bowstring.style import figure_style, svg
+from bowstring.viz.shapes import backbone_shapes
+from bowstring.viz.style import figure_style, svg
 
 Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def plane_arcs(bends: Array, start: Array, share: Array) -> Array:
 
 
 def space_arcs(kappa: Array, phi: Array, share: Array) -> Array:
-    """Points (P, 3) on arcs in a row, each with curvature and direction, by bowstring.arc."""
+    """Points (P, 3) on arcs in a row, each with curvature and direction."""
     m = len(kappa)
     position, rotation, points = np.zeros(3), np.eye(3), []
     for s in share:
@@ -48,7 +48,7 @@ def space_arcs(kappa: Array, phi: Array, share: Array) -> Array:
         position, rotation = np.zeros(3), np.eye(3)
         for j in range(i + 1):
             part = min(max(s - j / m, 0.0), 1 / m)
-            pose = bs.arc.pose(kappa[j], phi[j], 1 / m, part)
+            pose = bs.constant_curvature.pose(kappa[j], phi[j], 1 / m, part)
             position, rotation = position + rotation @ pose.position, rotation @ pose.rotation
         points.append(position)
     return np.array(points)
@@ -300,9 +300,9 @@ def test_figure(dimensions: int) -> None:
     shapes = noisy(np.random.default_rng(5), 9, dimensions)
     fits = [fit_arcs(shapes, m) for m in (1, 2)]
     with figure_style():
-        text = svg("s", plots.backbone_shapes(fits, "synthetic"))
+        text = svg("s", backbone_shapes(fits, "synthetic"))
     assert "synthetic" in text and "2 arcs" in text and f"of {len(shapes)} shapes" in text
     with pytest.raises(InputError, match="same shapes"):
-        plots.backbone_shapes([], "synthetic")
+        backbone_shapes([], "synthetic")
     with pytest.raises(InputError, match="same shapes"):
-        plots.backbone_shapes([fits[0], fits[1].take([0])], "synthetic")
+        backbone_shapes([fits[0], fits[1].take([0])], "synthetic")

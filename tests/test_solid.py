@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring.disk import drilled_disk
+from bowstring.cad.solid import check_cad, make_solid, plain_name
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.sizes import sizes_of
-from bowstring.solid import check_cad, make_solid, plain_name
+from bowstring.robot.disk import drilled_disk
+from bowstring.robot.sizes import sizes_of
 
 bd = pytest.importorskip("build123d", exc_type=ImportError)
 
@@ -251,7 +251,7 @@ def test_a_solved_straight_pose_is_the_straight_solid(plain):
 
 def test_one_time_of_a_run_is_a_pose():
     robot = bs.load_robot("amouri2019")
-    run = bs.simulate(robot, bs.courses.ramp([40, 0, 0], rise=0.1), duration=0.1)
+    run = bs.simulate(robot, bs.dynamics.ramp([40, 0, 0], rise=0.1), duration=0.1)
     data = run.dataset
     tip = data["disk_position"].to_numpy()[-1, -1]
     solid = make_solid(robot, data.isel(time=[-1]))
@@ -274,7 +274,7 @@ def test_what_holds_a_pose_in_words():
     down = {"gravity": [0, 0, -9.8], "tip_force": [0.1, 0, 0]}
     assert said(robot, [0, 0, 0], **down) == "no tension, with gravity and a load at the tip"
     assert said(bs.load_robot("rao2021"), [0.1, 0.2, 0.3, 0.4, 0, 0]) == "tensions up to 0.4 N"
-    run = bs.simulate(robot, bs.courses.ramp([40, 0, 0], rise=0.05), duration=0.05)
+    run = bs.simulate(robot, bs.dynamics.ramp([40, 0, 0], rise=0.05), duration=0.05)
     last = make_solid(robot, run.dataset.isel(time=[-1]))
     assert last.load == "tendon 1 at 40 N, at 0.05 s"
 

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bowstring import rod, study
-from bowstring.backbones import backbones
-from bowstring.comparison import COMPARISONS
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.robot import Robot, load_robot
+from bowstring.robot.model import Robot, load_robot
+from bowstring.statics import rod
+from bowstring.study.comparison import COMPARISONS
+from bowstring.study.shapes import backbones
+from bowstring.study.study import Study, run_study
 
 MM = 1e-3
 EI = 35e9 * math.pi / 64 * 0.005**4  # of the study's robot, N m^2
@@ -22,13 +23,13 @@ EI = 35e9 * math.pi / 64 * 0.005**4  # of the study's robot, N m^2
 # -- the sweeps, and what the paper printed ----------------------------------------------------
 
 
-def test_the_sweep_is_the_studys(paper: study.Study) -> None:
+def test_the_sweep_is_the_studys(paper: Study) -> None:
     assert paper.statics.tension == pytest.approx(np.arange(0.0, 81.0, 5.0))
     assert paper.statics.converged.all()
     assert paper.statics.tip_position[-1] / MM == pytest.approx([384.556, 0.0, 444.808], abs=6e-3)
 
 
-def test_pull_beside_the_linear_law(paper: study.Study) -> None:
+def test_pull_beside_the_linear_law(paper: Study) -> None:
     # delta l = F r^2 l / (E I)
     assert paper.statics.linear_pull[-1] == pytest.approx(80.0 * 0.029**2 * 0.641 / EI, rel=1e-9)
     # a span's lever arm grows with the bend, so the real pull runs ahead
@@ -36,7 +37,7 @@ def test_pull_beside_the_linear_law(paper: study.Study) -> None:
     assert paper.statics.pull[0] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_geometric_sweep_is_eq_5(paper: study.Study) -> None:
+def test_geometric_sweep_is_eq_5(paper: Study) -> None:
     g = paper.geometry
     length = paper.length
     pull = np.linspace(0.0, 80.0 * 0.029**2 * 0.641 / EI, 17)
@@ -50,12 +51,12 @@ def test_geometric_sweep_is_eq_5(paper: study.Study) -> None:
     assert g.backbone[:, -1] == pytest.approx(g.tip_position, abs=1e-12)
 
 
-def test_the_published_mean_stands_beside_the_studys_robot_only(paper: study.Study) -> None:
+def test_the_published_mean_stands_beside_the_studys_robot_only(paper: Study) -> None:
     assert paper.claim is not None
     assert "4.95" in paper.claim.text and "published mean" in paper.claim.text
     assert "differs" not in paper.claim.text
-    assert study.run(load_robot("amouri2019"), max_tension=40.0).claim is None
-    assert study.run(load_robot("rao2021")).claim is None
+    assert run_study(load_robot("amouri2019"), max_tension=40.0).claim is None
+    assert run_study(load_robot("rao2021")).claim is None
 
 
 # -- other robots, and settings ----------------------------------------------------------------
@@ -63,7 +64,7 @@ def test_the_published_mean_stands_beside_the_studys_robot_only(paper: study.Stu
 
 def test_two_segments() -> None:
     robot = load_robot("rao2021")
-    got = study.run(robot)
+    got = run_study(robot)
     assert got.settings.tendon == 3
     assert got.statics.converged.all()
     # the outer tendon bends both segments
@@ -76,7 +77,7 @@ def test_two_segments() -> None:
 
 def test_two_tendons_have_a_force_law_but_no_arc_from_lengths() -> None:
     tendons = [{"angle": f"{a} deg", "pitch_radius": "29 mm"} for a in (0, 180)]
-    got = study.run(load_robot("amouri2019").with_({"segments.0.tendons": tendons}))
+    got = run_study(load_robot("amouri2019").with_({"segments.0.tendons": tendons}))
     assert got.comparison("cc_from_lengths").n == 0
     assert got.comparison("cc_from_force").mean / MM == pytest.approx(4.423, abs=5e-3)
     assert "three tendons" in got.verdict.meanings[0].text
@@ -88,7 +89,7 @@ def test_two_tendons_have_a_force_law_but_no_arc_from_lengths() -> None:
 )
 def test_the_load_range_follows_the_linear_law(stiffness: str, tension: float) -> None:
     robot = load_robot("amouri2019").with_({"segments.0.backbone.E": stiffness})
-    assert study.run(robot, points=2).settings.max_tension == tension
+    assert run_study(robot, points=2).settings.max_tension == tension
 
 
 def silicone(gravity: str) -> Robot:
@@ -111,7 +112,7 @@ def silicone(gravity: str) -> Robot:
 
 def test_the_load_range_in_gravity_is_that_of_statics() -> None:
     hanging = silicone("0 0 9.81 m/s^2")
-    got = study.run(hanging, points=2)
+    got = run_study(hanging, points=2)
     load = got.settings.max_tension
     assert load == 3.0  # the linear law alone would end at 1 N, where the robot bends by 20 degrees
     for tension, bent in ((load, True), (4.0, False)):  # the next round load
@@ -127,21 +128,21 @@ def test_the_load_range_in_gravity_is_that_of_statics() -> None:
 
 def test_gravity_that_bends_further_ends_the_load_range_earlier() -> None:
     upright = load_robot("amouri2019").with_({"gravity": "0 0 -9.81 m/s^2"})
-    got = study.run(upright, points=2)
+    got = run_study(upright, points=2)
     assert got.settings.max_tension < 80.0
     assert got.geometry.scale == 1.0
 
 
 def test_any_tendon_or_several_can_be_pulled() -> None:
     robot = load_robot("rao2021")
-    inner = study.run(robot, tendon=1, points=3)
+    inner = run_study(robot, tendon=1, points=3)
     assert inner.settings.tendon == 0 and inner.settings.pulled == "tendon 1"
     assert inner.geometry.theta[-1, 0] > 1.0 and inner.geometry.theta[-1, 1] == pytest.approx(0)
     direct = rod.solve(robot, [inner.settings.max_tension, 0, 0, 0, 0, 0]).raise_for_status().tip
     assert direct is not None
     assert inner.statics.tip_position[-1] == pytest.approx(direct.position, abs=1e-9)
 
-    both = study.run(robot, tendon={2: 1.0, 4: 0.5}, max_tension=2.0, points=3)
+    both = run_study(robot, tendon={2: 1.0, 4: 0.5}, max_tension=2.0, points=3)
     assert both.settings.pulled == "tendons 2 and 4 (at 0.5 of it)"
     sweep = both.to_dict()["sweep"]
     assert sweep["pulled_tendon"] == 2 and sweep["shares"] == [0, 1, 0, 0.5, 0, 0]
@@ -163,7 +164,7 @@ def test_any_tendon_or_several_can_be_pulled() -> None:
 
 
 def test_the_published_claim_is_of_the_studys_own_tendon() -> None:
-    other = study.run(load_robot("amouri2019"), tendon=2, points=3)
+    other = run_study(load_robot("amouri2019"), tendon=2, points=3)
     assert other.settings.max_tension == 80.0 and other.claim is None
 
 
@@ -180,11 +181,11 @@ def test_the_published_claim_is_of_the_studys_own_tendon() -> None:
 )
 def test_bad_tendons(tendon: Any, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        study.run(load_robot("amouri2019"), tendon=tendon)
+        run_study(load_robot("amouri2019"), tendon=tendon)
 
 
 def test_tendons_that_balance_each_other_can_be_studied_to_a_given_load() -> None:
-    got = study.run(load_robot("amouri2019"), tendon={1: 1, 2: 1, 3: 1}, max_tension=10.0, points=3)
+    got = run_study(load_robot("amouri2019"), tendon={1: 1, 2: 1, 3: 1}, max_tension=10.0, points=3)
     assert got.comparison("cc_from_force").maximum < 1e-4  # shortened alone
     json.dumps(got.to_dict(), allow_nan=False)
 
@@ -192,11 +193,11 @@ def test_tendons_that_balance_each_other_can_be_studied_to_a_given_load() -> Non
 def test_a_load_that_winds_the_robot_up_is_named() -> None:
     soft = load_robot("amouri2019").with_({"segments.0.backbone.E": "35 MPa"})
     with pytest.raises(InputError, match=r"80 N winds amouri2019 up by 220 turns"):
-        study.run(soft, max_tension=80.0)
+        run_study(soft, max_tension=80.0)
 
 
 def test_loads_beyond_any_arc_count_in_no_mean() -> None:
-    got = study.run(load_robot("amouri2019"), max_tension=900.0)
+    got = run_study(load_robot("amouri2019"), max_tension=900.0)
     lengths = got.comparison("cc_from_lengths")
     assert 0 < lengths.n < 17
     assert any(f"over the other {lengths.n}" in note for note in got.notes)
@@ -218,7 +219,7 @@ def test_no_equilibrium_at_all_is_an_error(monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr(rod, "sweep", fails)
     with pytest.raises(NoSolutionError, match="max_iterations"):
-        study.run(load_robot("amouri2019"))
+        run_study(load_robot("amouri2019"))
 
 
 @pytest.mark.parametrize(
@@ -239,13 +240,13 @@ def test_no_equilibrium_at_all_is_an_error(monkeypatch: pytest.MonkeyPatch) -> N
 )
 def test_bad_settings(setting: str, value: object) -> None:
     with pytest.raises(InputError, match=f"got '?{value}"):
-        study.run(load_robot("amouri2019"), **{setting: value})  # type: ignore[arg-type]
+        run_study(load_robot("amouri2019"), **{setting: value})  # type: ignore[arg-type]
 
 
 # -- what goes out -----------------------------------------------------------------------------
 
 
-def test_the_contract(paper: study.Study) -> None:
+def test_the_contract(paper: Study) -> None:
     got = paper.to_dict()
     assert {"robot", "length_m", "comparisons", "verdict", "budget", "figures"} <= set(got)
     assert got["robot"] == "amouri2019"
@@ -270,6 +271,6 @@ def test_the_contract(paper: study.Study) -> None:
 
 def test_progress_runs_from_zero_to_one() -> None:
     seen: list[float] = []
-    study.run(load_robot("amouri2019"), progress=lambda what, share: seen.append(share))
+    run_study(load_robot("amouri2019"), progress=lambda what, share: seen.append(share))
     assert seen[0] == 0.0 and seen[-1] == 1.0
     assert seen == sorted(seen)

@@ -12,18 +12,20 @@ import pytest
 from rich.console import Console
 
 import bowstring as bs
-from bowstring import arc, report, study
-from bowstring.actuation import (
+from bowstring.constant_curvature import arcs as arc
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot, load_robot, with_tendons
+from bowstring.study import report, study
+from bowstring.study.actuation_budget import (
     ASSUMED_FRICTION,
     COMMANDED,
     DriveBudget,
     assumed_stiffness,
     drive_budget,
 )
-from bowstring.comparison import Model, with_tendons
-from bowstring.errors import InputError
-from bowstring.robot import Robot, load_robot
-from bowstring.terminal import print_study
+from bowstring.study.comparison import Model
+from bowstring.study.study import Study, run_study
+from bowstring.study.terminal import print_study
 
 MM = 1e-3
 UP = np.linspace(0.0, 80.0, 49)
@@ -69,7 +71,7 @@ def errors(tips: np.ndarray, others: np.ndarray) -> np.ndarray:
 # -- against direct calls ------------------------------------------------------------------------
 
 
-def test_friction_is_that_of_a_path_up_and_down(paper: study.Study, amouri: Robot) -> None:
+def test_friction_is_that_of_a_path_up_and_down(paper: Study, amouri: Robot) -> None:
     rubbing = amouri.with_({DRIVE + "friction": ASSUMED_FRICTION})
     path = bs.sweep(rubbing, np.outer(UP_AND_DOWN, [1, 0, 0])).raise_for_status()
     law = arc.robot_from_tensions(amouri, np.outer(UP[::3], [1, 0, 0])).tip.position
@@ -90,9 +92,7 @@ def test_friction_is_that_of_a_path_up_and_down(paper: study.Study, amouri: Robo
     assert d.loops[0].width == pytest.approx(width)
 
 
-def test_pulls_are_those_that_constant_curvature_asks_for(
-    paper: study.Study, amouri: Robot
-) -> None:
+def test_pulls_are_those_that_constant_curvature_asks_for(paper: Study, amouri: Robot) -> None:
     d = paper.budget.drive
     pulls, meant = pulls_for(amouri, UP)
     assert d.pull == pytest.approx(pulls[::3, 0], abs=1e-12)
@@ -112,7 +112,7 @@ def test_pulls_are_those_that_constant_curvature_asks_for(
     assert d.loops[1].width == pytest.approx(errors(there, back).max(), abs=1e-9)
 
 
-def test_an_elastic_tendon_is_late_by_its_stretch(paper: study.Study, amouri: Robot) -> None:
+def test_an_elastic_tendon_is_late_by_its_stretch(paper: Study, amouri: Robot) -> None:
     """Elastic tendons at a pull are inextensible ones at that pull less T l0 / (E A)."""
     pulls, _ = pulls_for(amouri, UP[-1:])
     elastic = bs.solve(amouri.with_({DRIVE + "axial_stiffness": ASSUMED}), pulls=pulls[0])
@@ -136,7 +136,7 @@ def test_without_friction_and_stretch_nothing_changes(amouri: Robot) -> None:
     assert max(loop.width for loop in d.loops) < 1e-5 * amouri.length
 
 
-def test_the_present_numbers_stay(paper: study.Study) -> None:
+def test_the_present_numbers_stay(paper: Study) -> None:
     d = paper.budget.drive
     for name in ("cc_from_lengths", "cc_from_force"):
         assert d.tension_driven.comparisons[name].mean == paper.comparison(name).mean
@@ -155,7 +155,7 @@ def test_short_steps_tell_the_same(amouri: Robot) -> None:
 # -- what it says --------------------------------------------------------------------------------
 
 
-def test_figures_of_the_papers_robot(paper: study.Study) -> None:
+def test_figures_of_the_papers_robot(paper: Study) -> None:
     d = paper.budget.drive
     assert [row.effect for row in d.rows] == ROWS
     up, down = d.row("friction_loading"), d.row("friction_unloading")
@@ -173,7 +173,7 @@ def test_figures_of_the_papers_robot(paper: study.Study) -> None:
     assert d.loops[0].apart[[0, -1]] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_json(paper: study.Study) -> None:
+def test_json(paper: Study) -> None:
     d = json.loads(json.dumps(paper.to_dict(), allow_nan=False))["budget"]["drive"]
     assert (d["friction"], d["friction_is"]) == (0.1, "assumed")
     assert (d["axial_stiffness_N"], d["elasticity_is"]) == (30e3, "assumed")
@@ -193,7 +193,7 @@ def test_json(paper: study.Study) -> None:
         assert loop["width_percent"] == pytest.approx(loop["width_mm"] / 641 * 100)
 
 
-def test_what_is_assumed_is_said(paper: study.Study) -> None:
+def test_what_is_assumed_is_said(paper: Study) -> None:
     d = paper.budget.drive
     assert d.assumptions == ("friction 0.1", STRETCH)
     assert sum("not measured" in note for note in d.notes) == 2
@@ -280,9 +280,9 @@ def test_calibrated_friction_is_that_of_the_budget(amouri: Robot) -> None:
 
 
 def test_friction_of_the_file_is_not_in_the_sweep_and_the_study_says_so(
-    paper: study.Study, amouri: Robot, tmp_path: Path
+    paper: Study, amouri: Robot, tmp_path: Path
 ) -> None:
-    found = study.run(amouri.with_({DRIVE + "friction": 0.2}))
+    found = run_study(amouri.with_({DRIVE + "friction": 0.2}))
     assert found.robot.tendons.friction[0] == 0.2
     assert found.dynamics is not None
     assert found.comparison("cc_from_force").mean == paper.comparison("cc_from_force").mean
@@ -310,7 +310,7 @@ def test_robots_of_several_segments(name: str) -> None:
 def test_a_tendon_that_does_not_hang_is_told(
     amouri: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("bowstring.actuation._SURPLUS", -0.001)
+    monkeypatch.setattr("bowstring.study.actuation_budget._SURPLUS", -0.001)
     assert any("In spite of that" in note for note in drive(amouri).notes)
 
 
@@ -343,7 +343,7 @@ def test_fields_of_tendons_are_filled_where_they_lack() -> None:
 # -- report --------------------------------------------------------------------------------------
 
 
-def test_report_and_terminal_show_it(paper: study.Study, tmp_path: Path) -> None:
+def test_report_and_terminal_show_it(paper: Study, tmp_path: Path) -> None:
     folder = report.write(paper, tmp_path / "out")
     page = (folder / "report.html").read_text(encoding="utf-8")
     text = " ".join(re.sub(r"<[^>]*>", " ", page).split())

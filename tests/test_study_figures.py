@@ -13,32 +13,33 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from bowstring import plots, study
-from bowstring.backbones import backbones
-from bowstring.budget import Side
-from bowstring.comparison import MEANINGS
-from bowstring.robot import load_robot
-from bowstring.style import LIGHT, figure_style
+from bowstring.robot.model import load_robot
+from bowstring.study.comparison import MEANINGS
+from bowstring.study.error_budget import Side
+from bowstring.study.figures import draw
+from bowstring.study.shapes import backbones
+from bowstring.study.study import DATA_FIGURES, FIGURES, Study, run_study
+from bowstring.viz.style import LIGHT, figure_style
 
 SILICONE = Path(__file__).parent / "silicone.yaml"
 SIDES: tuple[Side, Side] = ("in_sweep", "removed")
 
 
 @pytest.fixture(scope="module")
-def soft() -> study.Study:
+def soft() -> Study:
     """A robot whose constant curvature from force is far off."""
-    return study.run(load_robot(SILICONE), points=9)
+    return run_study(load_robot(SILICONE), points=9)
 
 
-def drawn(found: study.Study, stem: str) -> Figure:
+def drawn(found: Study, stem: str) -> Figure:
     """One figure, laid out as for a file."""
     with figure_style():
-        figure = dict(plots.draw(found))[stem]
+        figure = dict(draw(found))[stem]
         figure.draw_without_rendering()
     return figure
 
 
-def with_gaps(found: study.Study, effect: str, loads: Sequence[int]) -> study.Study:
+def with_gaps(found: Study, effect: str, loads: Sequence[int]) -> Study:
     """As if the full model without an effect had no equilibrium at some loads."""
     row = next(r for r in found.budget.rows if r.effect == effect)
     compared = {}
@@ -62,11 +63,9 @@ def scale(axes: Axes) -> float:
 
 
 @pytest.mark.parametrize("name", ["amouri2019", "crl-ftdcr-v4", "silicone"])
-def test_an_inset_magnifies_and_covers_nothing(
-    name: str, paper: study.Study, soft: study.Study
-) -> None:
+def test_an_inset_magnifies_and_covers_nothing(name: str, paper: Study, soft: Study) -> None:
     known = {"amouri2019": paper, "silicone": soft}
-    found = known[name] if name in known else study.run(load_robot(name), points=9)
+    found = known[name] if name in known else run_study(load_robot(name), points=9)
     (axes,) = (figure := drawn(found, "fig10_overlay")).axes
     assert len(axes.child_axes) == (0 if name == "silicone" else 1)
     x, z = np.array(axes.get_xlim()), np.array(axes.get_ylim())
@@ -89,9 +88,9 @@ def test_an_inset_magnifies_and_covers_nothing(
 
 
 @pytest.mark.parametrize("name", ["amouri2019", "crl-ftdcr-v4", "silicone"])
-def test_no_disk_hides_the_label_of_a_tip(name: str, paper: study.Study, soft: study.Study) -> None:
+def test_no_disk_hides_the_label_of_a_tip(name: str, paper: Study, soft: Study) -> None:
     known = {"amouri2019": paper, "silicone": soft}
-    found = known[name] if name in known else study.run(load_robot(name), points=9)
+    found = known[name] if name in known else run_study(load_robot(name), points=9)
     figure = drawn(found, "fig07_configurations")
     axes: Any = figure.axes[0]
     labels = [t for t in axes.texts if t.get_text()]
@@ -112,7 +111,7 @@ def test_no_disk_hides_the_label_of_a_tip(name: str, paper: study.Study, soft: s
 def test_shapes_end_where_the_study_has_the_tips(
     which: str, request: pytest.FixtureRequest
 ) -> None:
-    found: study.Study = request.getfixturevalue(which)
+    found: Study = request.getfixturevalue(which)
     shapes = backbones(found)
     assert shapes.tension == found.settings.max_tension
     assert [s.name for s in shapes.shapes] == ["statics", *MEANINGS]
@@ -135,7 +134,7 @@ def test_shapes_end_where_the_study_has_the_tips(
     assert f"{found.settings.max_tension:g} N" in figure.axes[0].get_title(loc="left")
 
 
-def test_a_load_without_equilibrium_is_not_the_largest(paper: study.Study) -> None:
+def test_a_load_without_equilibrium_is_not_the_largest(paper: Study) -> None:
     s = paper.statics
     converged, disks = s.converged.copy(), s.disk_positions.copy()
     converged[-3:], disks[-3:] = False, np.nan
@@ -160,7 +159,7 @@ def ends(axes: Axes) -> dict[tuple[float, str, bool], float]:
     return out
 
 
-def test_each_row_of_the_budget_is_drawn_between_its_own_two_cases(paper: study.Study) -> None:
+def test_each_row_of_the_budget_is_drawn_between_its_own_two_cases(paper: Study) -> None:
     budget = paper.budget
     figure = drawn(paper, "error_budget")
     for axes, side in zip(figure.axes, SIDES, strict=False):
@@ -182,7 +181,7 @@ def test_each_row_of_the_budget_is_drawn_between_its_own_two_cases(paper: study.
     assert {"with the effect", "without it"} <= set(names)
 
 
-def test_rows_over_fewer_loads_are_marked(paper: study.Study) -> None:
+def test_rows_over_fewer_loads_are_marked(paper: Study) -> None:
     whole = drawn(paper, "error_budget").axes[1]
     assert not any(text.get_text() for text in whole.texts)
     axes = drawn(with_gaps(paper, "torsion", range(6)), "error_budget").axes[1]
@@ -198,12 +197,12 @@ def test_rows_over_fewer_loads_are_marked(paper: study.Study) -> None:
 
 
 def test_figures_of_data_are_called_as_in_the_source_study() -> None:
-    captions = {figure.stem: figure.caption for figure in study.DATA_FIGURES}
+    captions = {figure.stem: figure.caption for figure in DATA_FIGURES}
     assert "Fig. 12 of the study" in captions["fig12_measured_errors"]
     assert "along each axis" in captions["fig12_measured_errors"]
     for stem, caption in captions.items():  # a file is called after the figure that it repeats
         number = stem[3:5].lstrip("0") if stem.startswith("fig") else None
         assert (f"Fig. {number} " in caption) if number else ("Fig." not in caption)
-    for figure in study.FIGURES:
+    for figure in FIGURES:
         if "of the study" in figure.caption or "its Fig." in figure.caption:
             assert f"Fig. {int(figure.stem[3:5])}" in figure.caption

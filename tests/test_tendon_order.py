@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 import bowstring as bs
-from bowstring.measurements import Measurements, check_tendons, load
-from bowstring.robot import Robot
+from bowstring.data.measurements import Measurements, load
+from bowstring.data.tendon_check import check_tendons
+from bowstring.robot.model import Robot
 
 Floats = NDArray[np.float64]
 STUDY = bs.load_robot("amouri2019")

@@ -11,24 +11,25 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring import dynamics, study
-from bowstring.comparison import COMPARISONS, Theory
+from bowstring.dynamics import simulation
 from bowstring.errors import InputError
-from bowstring.robot import Robot, load_robot
-from bowstring.transient import Transient
+from bowstring.robot.model import Robot, load_robot
+from bowstring.study.comparison import COMPARISONS, Theory
+from bowstring.study.ramp_response import Transient
+from bowstring.study.study import FIGURES, Study, run_study
 
 MM = 1e-3
 FREQUENCY = 2.2804  # Hz, of the study's robot, from shared references of other programs
 
 
-def moving(robot: Robot, **settings: Any) -> tuple[study.Study, Transient]:
-    found = study.run(robot, **settings)
+def moving(robot: Robot, **settings: Any) -> tuple[Study, Transient]:
+    found = run_study(robot, **settings)
     assert found.dynamics is not None, found.without_dynamics
     return found, found.dynamics
 
 
 @pytest.fixture(scope="module")
-def slow(paper: study.Study) -> Transient:
+def slow(paper: Study) -> Transient:
     assert paper.dynamics is not None
     return paper.dynamics
 
@@ -44,7 +45,7 @@ def test_the_ramp_is_as_asked(slow: Transient) -> None:
     assert slow.tension == pytest.approx(np.interp(slow.time, [0.0, slow.rise], [0.0, 80.0]))
 
 
-def test_the_slow_ramp_is_near_statics(slow: Transient, paper: study.Study) -> None:
+def test_the_slow_ramp_is_near_statics(slow: Transient, paper: Study) -> None:
     """The reason for the defaults, and the figure that the report gives."""
     assert slow.mean_difference < 1e-3 * paper.length
     largest, at = slow.max_difference
@@ -56,24 +57,24 @@ def test_the_slow_ramp_is_near_statics(slow: Transient, paper: study.Study) -> N
 
 
 @pytest.mark.parametrize("ratio", [0.02, 0.05, 0.1])
-def test_lag_is_that_of_a_damped_oscillator(paper: study.Study, ratio: float) -> None:
+def test_lag_is_that_of_a_damped_oscillator(paper: Study, ratio: float) -> None:
     # x'' + 2 zeta omega x' + omega^2 x follows a ramp by 2 zeta / omega late
     _, motion = moving(paper.robot, modal_damping=ratio)
     assert motion.lag == pytest.approx(2 * ratio / (2 * math.pi * FREQUENCY), rel=0.15)
 
 
-def test_five_percent_is_nearest_to_statics(paper: study.Study) -> None:
+def test_five_percent_is_nearest_to_statics(paper: Study) -> None:
     apart = {z: moving(paper.robot, modal_damping=z)[1].mean_difference for z in (0.02, 0.05, 0.1)}
     assert min(apart, key=apart.__getitem__) == 0.05
 
 
-def test_overshoot_is_that_of_the_run(slow: Transient, paper: study.Study) -> None:
+def test_overshoot_is_that_of_the_run(slow: Transient, paper: Study) -> None:
     """Found again from a run with shorter steps and outputs of its own."""
     assert slow.peak is not None
     when, size = slow.peak
-    run = dynamics.simulate(
+    run = simulation.simulate(
         paper.robot,
-        dynamics.ramp([80.0, 0.0, 0.0], slow.rise),
+        simulation.ramp([80.0, 0.0, 0.0], slow.rise),
         slow.rise + slow.hold,
         modal_damping=0.05,
         every=slow.rise / 2000,
@@ -91,7 +92,7 @@ def test_overshoot_is_that_of_the_run(slow: Transient, paper: study.Study) -> No
     assert slow.residual < size
 
 
-def test_a_fast_ramp_shows_what_statics_cannot(slow: Transient, paper: study.Study) -> None:
+def test_a_fast_ramp_shows_what_statics_cannot(slow: Transient, paper: Study) -> None:
     found, fast = moving(paper.robot, rise=0.5)
     assert not fast.rise_chosen and slow.rise_chosen
     assert fast.peak is not None and slow.peak is not None
@@ -105,7 +106,7 @@ def test_a_fast_ramp_shows_what_statics_cannot(slow: Transient, paper: study.Stu
         assert found.comparison(name).to_dict() == paper.comparison(name).to_dict()
 
 
-def test_strong_damping_leaves_no_overshoot(paper: study.Study) -> None:
+def test_strong_damping_leaves_no_overshoot(paper: Study) -> None:
     _, motion = moving(paper.robot, modal_damping=0.95)
     assert motion.peak is not None and 0.0 <= motion.peak[1] < 1e-2 * MM
 
@@ -113,7 +114,7 @@ def test_strong_damping_leaves_no_overshoot(paper: study.Study) -> None:
 # -- stress and strain -------------------------------------------------------------------------
 
 
-def test_static_stress_is_that_of_the_fields(paper: study.Study) -> None:
+def test_static_stress_is_that_of_the_fields(paper: Study) -> None:
     whole = bs.solve(paper.robot, [80.0, 0.0, 0.0]).fields(points=9)
     surface = paper.statics.surface
     assert surface.von_mises[-1] == pytest.approx(float(whole.von_mises_max[0]), rel=1e-6)
@@ -127,7 +128,7 @@ def test_static_stress_is_that_of_the_fields(paper: study.Study) -> None:
 def test_weight_and_clamps_have_static_stress(gravity: str) -> None:
     source = Path(__file__).parents[1] / "examples" / "my_robot.yaml"
     robot = load_robot(source).with_({"gravity": gravity})
-    found = study.run(robot, points=3)
+    found = run_study(robot, points=3)
     tensions = [0.0, 0.0, 0.0, 0.0, found.settings.max_tension, 0.0, 0.0, 0.0]
     whole = bs.solve(robot, tensions).fields()
     assert found.statics.surface.von_mises[-1] == pytest.approx(
@@ -136,7 +137,7 @@ def test_weight_and_clamps_have_static_stress(gravity: str) -> None:
     assert np.isfinite(found.statics.surface.strain).all()
 
 
-def test_stress_in_time_ends_at_that_of_statics(slow: Transient, paper: study.Study) -> None:
+def test_stress_in_time_ends_at_that_of_statics(slow: Transient, paper: Study) -> None:
     still = np.interp(slow.tension, paper.statics.tension, paper.statics.surface.von_mises)
     late = slow.time > 0.8 * slow.rise
     assert slow.surface.von_mises[late] == pytest.approx(still[late], rel=0.02)
@@ -145,7 +146,7 @@ def test_stress_in_time_ends_at_that_of_statics(slow: Transient, paper: study.St
 # -- constant curvature against it -------------------------------------------------------------
 
 
-def test_constant_curvature_against_the_slow_ramp(slow: Transient, paper: study.Study) -> None:
+def test_constant_curvature_against_the_slow_ramp(slow: Transient, paper: Study) -> None:
     for name in COMPARISONS:
         still, moved = paper.comparison(name), paper.comparison(name, "dynamics")
         assert moved.against == "dynamics" and moved.n == still.n == 17
@@ -181,7 +182,7 @@ def test_other_robots(source: str, theory: Theory) -> None:
 
 def test_a_robot_without_mass_has_its_statics() -> None:
     light = {"segments.0.disks.mass": "0 g", "segments.0.backbone.density": "0 kg/m^3"}
-    found = study.run(load_robot("amouri2019").with_(light))
+    found = run_study(load_robot("amouri2019").with_(light))
     assert found.dynamics is None
     assert found.dynamics_text == (
         "Dynamics is left out: amouri2019 has no mass: it has no natural frequencies.",
@@ -189,7 +190,7 @@ def test_a_robot_without_mass_has_its_statics() -> None:
     got = found.to_dict()
     assert [c["against"] for c in got["comparisons"]] == ["statics"] * 4
     assert got["dynamics"] == {"status": "left_out", "text": list(found.dynamics_text)}
-    assert len(got["figures"]) == len(study.FIGURES) - 1
+    assert len(got["figures"]) == len(FIGURES) - 1
     assert found.comparison("cc_from_force").mean / MM == pytest.approx(4.423, abs=5e-3)
 
 
@@ -197,14 +198,14 @@ def test_a_robot_without_mass_has_its_statics() -> None:
 def test_a_motion_that_stops_is_shown_up_to_there(
     monkeypatch: pytest.MonkeyPatch, reason: str
 ) -> None:
-    whole = dynamics.simulate
+    whole = simulation.simulate
 
-    def stops(robot: Robot, tensions: Any, duration: float, **options: Any) -> dynamics.Run:
+    def stops(robot: Robot, tensions: Any, duration: float, **options: Any) -> simulation.Run:
         run = whole(robot, tensions, 0.4 * duration, **options)
-        run.status, run.reason = reason, dynamics._WHY[reason]  # type: ignore[assignment]
+        run.status, run.reason = reason, simulation._WHY[reason]  # type: ignore[assignment]
         return run
 
-    monkeypatch.setattr(dynamics, "simulate", stops)
+    monkeypatch.setattr(simulation, "simulate", stops)
     found, motion = moving(load_robot("amouri2019"))
     # 40 % of 25 periods are half of the rise
     assert motion.tension[-1] == pytest.approx(40.0)
@@ -231,4 +232,4 @@ def test_disks_that_meet_end_the_motion() -> None:
 @pytest.mark.parametrize("rise", [0.1, 1e6])
 def test_a_rise_beyond_its_range_is_bad_input(rise: float) -> None:
     with pytest.raises(InputError, match=r"must be from 0\.11 to 87\.7 s"):
-        study.run(load_robot("amouri2019"), rise=rise)
+        run_study(load_robot("amouri2019"), rise=rise)

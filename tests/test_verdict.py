@@ -9,19 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring import arc, rod, study, verdict
-from bowstring.robot import load_robot
-from bowstring.words import in_mm
+from bowstring.constant_curvature import arcs
+from bowstring.formatting import in_mm
+from bowstring.robot.model import load_robot
+from bowstring.statics import rod
+from bowstring.study import verdict
+from bowstring.study.study import Study, run_study
 
 MM = 1e-3
 EI = 35e9 * math.pi / 64 * 0.005**4  # of the study's robot, N m^2
 
 
-def test_first_crossing_against_an_independent_sweep(paper: study.Study) -> None:
+def test_first_crossing_against_an_independent_sweep(paper: Study) -> None:
     robot = paper.robot
     tension = np.arange(50.0, 65.0, 0.01)
     sweep = rod.sweep(robot, np.column_stack([tension, 0 * tension, 0 * tension]))
-    tip = arc.pose(tension * 0.029 / EI, 0.0, robot.length).position
+    tip = arcs.pose(tension * 0.029 / EI, 0.0, robot.length).position
     error = np.linalg.norm(tip - sweep.tip_position, axis=1)
     crossing = float(tension[np.argmax(error > 0.01 * robot.length)])
 
@@ -35,7 +38,7 @@ def test_first_crossing_against_an_independent_sweep(paper: study.Study) -> None
 
 def test_clamps_in_the_main_sweep_rise_and_fall() -> None:
     robot = load_robot("amouri2019").with_({"segments.0.disks.clamped_length": "3 mm"})
-    got = study.run(robot)
+    got = run_study(robot)
     force = got.comparison("cc_from_force")
     assert force.mean / MM == pytest.approx(3.67, abs=5e-3)
     at = dict(zip(got.statics.tension.round(), force.error / MM, strict=True))
@@ -43,14 +46,14 @@ def test_clamps_in_the_main_sweep_rise_and_fall() -> None:
     assert got.verdict.meanings[1].holds_throughout
 
     # a tolerance that is crossed on the way up and again on the way down
-    tight = study.run(robot, tolerance=4.6 * MM / got.length).verdict.meanings[1]
+    tight = run_study(robot, tolerance=4.6 * MM / got.length).verdict.meanings[1]
     ((start, end),) = tight.fails
     assert 30.0 < start < 40.0 and 60.0 < end < 80.0
     assert tight.holds_to == start
 
 
 def test_gravity_across_ends_it_at_the_first_load() -> None:
-    got = study.run(load_robot("amouri2019").with_({"gravity": "-9.81 0 0 m/s^2"}))
+    got = run_study(load_robot("amouri2019").with_({"gravity": "-9.81 0 0 m/s^2"}))
     for m in got.verdict.meanings:
         assert m.holds_to is None
         assert m.fails[0][0] == 0.0
@@ -61,7 +64,7 @@ def test_gravity_across_ends_it_at_the_first_load() -> None:
 
 def test_a_cause_is_named_only_if_the_error_falls_without_it() -> None:
     """In the example's own sweep, clamps and gravity cancel in part: no effect ends the error."""
-    got = study.run(load_robot(Path(__file__).parents[1] / "examples" / "my_robot.yaml"))
+    got = run_study(load_robot(Path(__file__).parents[1] / "examples" / "my_robot.yaml"))
     lengths, force = got.verdict.meanings
     assert abs(lengths.shares[0].share) < 0.1 and lengths.ended_by is None
     assert "No single effect" in lengths.text and "Most of that" not in lengths.text
@@ -70,12 +73,12 @@ def test_a_cause_is_named_only_if_the_error_falls_without_it() -> None:
 
 def test_a_correction_that_does_harm_is_not_called_better() -> None:
     clamped = {"segments.0.disks.clamped_length": "3 mm"}
-    got = study.run(load_robot("amouri2019").with_(clamped))
+    got = run_study(load_robot("amouri2019").with_(clamped))
     (words,) = [t for t in got.verdict.text if t.startswith("Corrections in closed form")]
     assert "from lengths: better" in words and "from force: worse" in words
 
 
-def test_the_verdict_compares_only_effects_with_all_loads(paper: study.Study) -> None:
+def test_the_verdict_compares_only_effects_with_all_loads(paper: Study) -> None:
     """A mean over one load is not the costliest effect."""
     costly = next(row for row in paper.budget.rows if row.effect == "E_minus_10")
     compared = dict(costly.in_sweep.comparisons)
@@ -90,7 +93,7 @@ def test_the_verdict_compares_only_effects_with_all_loads(paper: study.Study) ->
     assert text.endswith("from lengths: E 10 % lower / from force: E 10 % lower.")
 
 
-def test_the_costliest_effect_has_the_numbers_of_the_budget(paper: study.Study) -> None:
+def test_the_costliest_effect_has_the_numbers_of_the_budget(paper: Study) -> None:
     (text,) = [t for t in paper.verdict.text if t.startswith("A real robot has effects")]
     rows = [r for r in paper.budget.rows if not r.acts_in_sweep]
     for name, words in (("cc_from_lengths", "from lengths"), ("cc_from_force", "from force")):
@@ -102,6 +105,6 @@ def test_the_costliest_effect_has_the_numbers_of_the_budget(paper: study.Study) 
 
 
 def test_a_robot_that_hangs_does_not_leave_out_gravity() -> None:
-    got = study.run(load_robot(Path(__file__).parent / "silicone.yaml"), points=5)
+    got = run_study(load_robot(Path(__file__).parent / "silicone.yaml"), points=5)
     (text,) = [t for t in got.verdict.text if t.startswith("A real robot has effects")]
     assert "gravity" not in text and "E 10 %" in text

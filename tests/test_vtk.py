@@ -15,9 +15,10 @@ from vtkmodules.vtkFiltersCore import vtkCellCenters, vtkPolyDataNormals
 from vtkmodules.vtkFiltersGeometry import vtkGeometryFilter
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
-from bowstring import fields, load_robot
+from bowstring import load_robot
 from bowstring.errors import InputError
-from bowstring.vtk import check_folder, write_vtk
+from bowstring.statics import fields
+from bowstring.viz.vtk import check_folder, write_vtk
 from made_frames import made_frames
 
 ROBOT = load_robot("amouri2019")

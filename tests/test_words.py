@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from bowstring import words
+from bowstring import formatting
 
 
 @pytest.mark.parametrize(
@@ -14,7 +14,7 @@ from bowstring import words
     [(0.012345, "0.0123"), (12.345, "12.3"), (999.4, "999"), (999.6, "1000"), (123456.0, "123456")],
 )
 def test_significant_digits_without_exponent(value: float, text: str) -> None:
-    assert words.significant(value) == text
+    assert formatting.significant(value) == text
 
 
 @pytest.mark.parametrize(
@@ -28,22 +28,22 @@ def test_significant_digits_without_exponent(value: float, text: str) -> None:
     ],
 )
 def test_lengths(metres: float, text: str) -> None:
-    assert words.in_mm(metres) == text
+    assert formatting.in_mm(metres) == text
 
 
 def test_shares_ranges_and_lists() -> None:
-    assert words.in_percent(0.00691) == "0.69 %"
-    assert words.in_newtons(0.0, 57.3456) == "0 to 57.3 N"
-    assert words.in_newtons(80.0, 80.0) == "80 N"
-    assert words.listed(["a"]) == "a"
-    assert words.listed(["a", "b", "c"]) == "a, b and c"
+    assert formatting.in_percent(0.00691) == "0.69 %"
+    assert formatting.in_newtons(0.0, 57.3456) == "0 to 57.3 N"
+    assert formatting.in_newtons(80.0, 80.0) == "80 N"
+    assert formatting.listed(["a"]) == "a"
+    assert formatting.listed(["a", "b", "c"]) == "a, b and c"
 
 
 @pytest.mark.parametrize(
     ("value", "round_"), [(80.0, 80.0), (99.0, 80.0), (0.0089, 0.008), (1.3, 1.2), (1000.0, 1000.0)]
 )
 def test_the_round_number_below(value: float, round_: float) -> None:
-    assert words.round_down(value) == round_
+    assert formatting.round_down(value) == round_
 
 
 @pytest.mark.parametrize(
@@ -58,13 +58,13 @@ def test_the_round_number_below(value: float, round_: float) -> None:
     ],
 )
 def test_table_cells(value: float | None, text: str) -> None:
-    assert words.number(value) == text
+    assert formatting.number(value) == text
 
 
 def test_changes_have_a_sign_unless_they_are_zero() -> None:
-    assert words.signed(1.234) == "+1.23"
-    assert words.signed(-1.234) == "\N{MINUS SIGN}1.23"
-    assert words.signed(-0.001) == "0.00"
+    assert formatting.signed(1.234) == "+1.23"
+    assert formatting.signed(-1.234) == "\N{MINUS SIGN}1.23"
+    assert formatting.signed(-0.001) == "0.00"
 
 
 @pytest.mark.parametrize(
@@ -79,4 +79,4 @@ def test_changes_have_a_sign_unless_they_are_zero() -> None:
     ],
 )
 def test_values_have_the_digits_of_their_errors(value: float, error: float, text: str) -> None:
-    assert words.with_error(value, error) == text
+    assert formatting.with_error(value, error) == text

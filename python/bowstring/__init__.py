@@ -9,24 +9,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import (
-        arc,
-        bench,
-        calibration,
-        datasets,
-        dynamics,
-        errors,
-        fit,
-        measurements,
-        registration,
-        shape,
-        study,
-    )
+    from bowstring import calibration, constant_curvature, data, dynamics, errors, fem
     from bowstring._core import __version__
-    from bowstring.dynamics import Run, simulate
-    from bowstring.oscillations import Modes, modes
-    from bowstring.robot import Robot, load_robot, robot_names, robot_schema
-    from bowstring.rod import (
+    from bowstring.cad.solid import make_solid
+    from bowstring.calibration.fitting import Fit, fit
+    from bowstring.calibration.table_fit import Calibration, calibrate
+    from bowstring.data.measurements import Measurements, read_measurements, write_measurements
+    from bowstring.data.tendon_check import check_tendons
+    from bowstring.dynamics.modal import Modes, modes
+    from bowstring.dynamics.simulation import Run, simulate
+    from bowstring.robot.model import Robot, load_robot, robot_names, robot_schema
+    from bowstring.statics.rod import (
         Jacobians,
         PullJacobian,
         Solution,
@@ -37,79 +30,82 @@ if TYPE_CHECKING:
         solve_batch,
         sweep,
     )
-    from bowstring.solid import make_solid
+    from bowstring.study.study import Study, run_study
 
 __all__ = [
+    "Calibration",
+    "Fit",
     "Jacobians",
+    "Measurements",
     "Modes",
     "PullJacobian",
     "Robot",
     "Run",
     "Solution",
+    "Study",
     "Sweep",
     "__version__",
-    "arc",
-    "bench",
+    "calibrate",
     "calibration",
-    "datasets",
+    "check_tendons",
+    "constant_curvature",
+    "data",
     "dynamics",
     "errors",
+    "fem",
     "fit",
     "jacobians",
     "load_robot",
     "make_solid",
-    "measurements",
     "modes",
     "pull_jacobian",
-    "registration",
+    "read_measurements",
     "robot_names",
     "robot_schema",
-    "shape",
+    "run_study",
     "simulate",
     "solve",
     "solve_batch",
-    "study",
     "sweep",
+    "write_measurements",
 ]
 
 _HOME = {
     "__version__": "_core",
-    "Run": "dynamics",
-    "simulate": "dynamics",
-    "Modes": "oscillations",
-    "modes": "oscillations",
-    "Robot": "robot",
-    "load_robot": "robot",
-    "robot_names": "robot",
-    "robot_schema": "robot",
-    "Jacobians": "rod",
-    "PullJacobian": "rod",
-    "Solution": "rod",
-    "Sweep": "rod",
-    "jacobians": "rod",
-    "pull_jacobian": "rod",
-    "solve": "rod",
-    "solve_batch": "rod",
-    "sweep": "rod",
-    "make_solid": "solid",
+    "Fit": "calibration.fitting",
+    "fit": "calibration.fitting",
+    "Calibration": "calibration.table_fit",
+    "calibrate": "calibration.table_fit",
+    "make_solid": "cad.solid",
+    "Measurements": "data.measurements",
+    "read_measurements": "data.measurements",
+    "write_measurements": "data.measurements",
+    "check_tendons": "data.tendon_check",
+    "Modes": "dynamics.modal",
+    "modes": "dynamics.modal",
+    "Run": "dynamics.simulation",
+    "simulate": "dynamics.simulation",
+    "Robot": "robot.model",
+    "load_robot": "robot.model",
+    "robot_names": "robot.model",
+    "robot_schema": "robot.model",
+    "Jacobians": "statics.rod",
+    "PullJacobian": "statics.rod",
+    "Solution": "statics.rod",
+    "Sweep": "statics.rod",
+    "jacobians": "statics.rod",
+    "pull_jacobian": "statics.rod",
+    "solve": "statics.rod",
+    "solve_batch": "statics.rod",
+    "sweep": "statics.rod",
+    "Study": "study.study",
+    "run_study": "study.study",
 }
-_MODULES = {
-    "arc",
-    "bench",
-    "calibration",
-    "datasets",
-    "dynamics",
-    "errors",
-    "fit",
-    "measurements",
-    "registration",
-    "shape",
-    "study",
-}
+_PACKAGES = {"calibration", "constant_curvature", "data", "dynamics", "errors", "fem"}
 
 
 def __getattr__(name: str) -> Any:
-    if name in _MODULES:
+    if name in _PACKAGES:
         return import_module(f"{__name__}.{name}")
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Final
 
-_STOPPED: Final = 130  # as bowstring.cli has it, which takes long to import
+_STOPPED: Final = 130  # as bowstring.cli.main has it, which takes long to import
 
 
 def _stopped(*_: object) -> None:
@@ -28,7 +28,7 @@ def main() -> None:
     """Run the command of ``sys.argv`` and exit."""
     _answer(_stopped)
     from bowstring import interrupts
-    from bowstring.cli import main as command
+    from bowstring.cli.main import main as command
 
     _answer(interrupts.handler)
     try:

@@ -1,0 +1,363 @@
+"""A drawing of the spacer disks with their holes and dimensions."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.atomic_io import check_file, write_whole_file
+from bowstring.errors import InputError
+from bowstring.formatting import listed
+from bowstring.robot.model import Robot
+from bowstring.robot.sizes import Sizes, sizes_of
+from bowstring.units import rounded
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["check_drawing_file", "draw_disks", "write_drawing"]
+
+Floats = NDArray[np.float64]
+
+_SUFFIXES: Final = (".svg", ".pdf", ".png")
+_DPI: Final = 200
+_MOST: Final = 12  # kinds of disks in one drawing
+_MOST_PLACES: Final = 14  # of holes in a list
+_MM: Final = 1e3
+
+
+class _Kind(NamedTuple):
+    """Disks that are alike; mm."""
+
+    disks: tuple[int, ...]  # numbers, from 1
+    radius: float
+    thickness: float
+    bore: float
+    hole: float
+    places: Floats
+    assumed: bool
+
+
+def check_drawing_file(path: str | Path) -> Path:
+    """Say before any work whether a drawing may be written to a file; see `files.check_file`."""
+    from bowstring.viz.style import MARKS
+
+    file = Path(path)
+    return check_file(file, "drawing", _SUFFIXES, MARKS.get(file.suffix.lower(), b""))
+
+
+def write_drawing(robot: Robot, path: str | Path) -> Path:
+    """Write a drawing of the robot's disks as ``.svg``, ``.pdf`` or ``.png``.
+
+    Parameters
+    ----------
+    robot : Robot
+    path : str or Path
+
+    Returns
+    -------
+    Path
+        The file, absolute. Disks that are alike are drawn once.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, the file cannot be written, a size makes no disk (`sizes_of`)
+        or the robot has more than 12 kinds of disks.
+    """
+    from bowstring.viz import style
+
+    file = check_drawing_file(path)
+    with style.figure_style():
+        figure = draw_disks(robot)
+        write_whole_file(
+            file,
+            "drawing",
+            lambda new: style.save(figure, new, _DPI),
+            lambda: check_drawing_file(file),
+        )
+    return file
+
+
+def draw_disks(robot: Robot) -> Figure:
+    """The drawing as a matplotlib figure; see `write_drawing`."""
+    from matplotlib.figure import Figure
+
+    from bowstring.viz.colours import COLOURS
+
+    sizes = sizes_of(robot)
+    kinds = _kinds(robot, sizes)
+    if len(kinds) > _MOST:
+        raise InputError(
+            f"{robot.name} has {len(kinds)} kinds of disks; a drawing holds up to {_MOST}"
+        )
+    title = textwrap.wrap(f"{robot.name}: spacer disks, in mm", 65)
+    row, head, foot = 3.3, 0.28 + 0.17 * len(title), 0.25  # inches
+    high = head + row * len(kinds) + foot
+    figure = Figure(figsize=(6.4, high))
+    figure.text(0.03, 1.0 - 0.14 / high, "\n".join(title), va="top", fontsize=10)
+    for i, kind in enumerate(kinds):
+        low = (foot + row * (len(kinds) - 1 - i)) / high
+        axes: Any = figure.add_axes((0.0, low, 1.0, row / high))
+        _draw(axes, kind)
+    if any(kind.assumed for kind in kinds):
+        figure.text(
+            0.03,
+            0.1 / high,
+            "* assumed: the robot file does not say it",
+            fontsize=7.5,
+            color=COLOURS["muted"][0],
+        )
+    return figure
+
+
+def _kinds(robot: Robot, sizes: Sizes) -> list[_Kind]:
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    disks = robot.disks
+    holes = [_MM * robot.holes(k) for k in range(len(robot.segments))]
+    for d in range(len(disks.station_m)):
+        k = int(disks.segment[d])
+        size = (disks.radius_m[d], disks.thickness_m[d], disks.bore_m[d], sizes.hole_m[k])
+        alike = (*map(float, size), k)
+        same = (key for key in groups if key[:4] == alike[:4] and _same(holes[key[4]], holes[k]))
+        groups.setdefault(next(same, alike), []).append(d + 1)
+    return [
+        _Kind(
+            tuple(numbers),
+            _MM * key[0],
+            _MM * key[1],
+            _MM * key[2],
+            _MM * key[3],
+            holes[key[4]],
+            robot.segments[key[4]].disks.hole_diameter is None,
+        )
+        for key, numbers in groups.items()
+    ]
+
+
+def _same(a: Floats, b: Floats) -> bool:
+    return a.shape == b.shape and bool(np.allclose(a, b, rtol=0, atol=1e-6))
+
+
+def _numbers(disks: tuple[int, ...]) -> str:
+    """`disk 3`, `disks 1 to 9`, `disks 1, 2 and 5`."""
+    if len(disks) == 1:
+        return f"disk {disks[0]}"
+    if disks == tuple(range(disks[0], disks[-1] + 1)):
+        return f"disks {disks[0]} to {disks[-1]}"
+    return f"disks {listed([*map(str, disks)])}"
+
+
+def _size(value: float) -> str:
+    return rounded(value, 6)  # as exact as a robot file
+
+
+def _degrees(value: float) -> str:
+    return f"{round(value, 2):g}°"
+
+
+def _draw(axes: Any, kind: _Kind) -> None:
+    """Front view, and beside it a section through the axis and the first hole."""
+    from matplotlib.patches import Circle, Rectangle
+
+    from bowstring.viz.colours import COLOURS
+
+    ink, muted, plate, paper = (COLOURS[c][0] for c in ("ink", "muted", "grid", "paper"))
+    r = kind.radius
+    star = "*" if kind.assumed else ""
+    at = 2.5 * r + kind.thickness / 2
+    axes.set(
+        xlim=(-1.75 * r, max(3.35 * r, at + kind.thickness / 2 + 0.75 * r)),
+        ylim=(-1.32 * r, 1.32 * r),
+        aspect="equal",
+    )
+    axes.set_axis_off()
+    thin = {"color": muted, "linewidth": 0.6}
+    centre = {**thin, "dashes": (10, 2, 2, 2)}
+
+    axes.add_patch(Circle((0, 0), r, facecolor=plate, edgecolor=ink, linewidth=1.3))
+    axes.add_patch(Circle((0, 0), kind.bore / 2, facecolor=paper, edgecolor=ink, linewidth=1.1))
+    for x, y in kind.places:
+        hole = Circle((x, y), kind.hole / 2, facecolor=paper, edgecolor=ink, linewidth=1.1)
+        axes.add_patch(hole)
+        reach = max(kind.hole, 0.05 * r)
+        out = np.array([x, y]) / math.hypot(x, y)
+        across = np.array([-out[1], out[0]])
+        for way in (out, across):
+            ends = np.stack([[x, y] - reach * way, [x, y] + reach * way])
+            axes.plot(*ends.T, **thin)
+    for line in (([-1.12 * r, 1.12 * r], [0, 0]), ([0, 0], [-1.12 * r, 1.12 * r])):
+        axes.plot(*line, **centre)
+    pitches = sorted({round(math.hypot(x, y), 6) for x, y in kind.places})
+    for pitch in pitches:
+        axes.add_patch(
+            Circle(
+                (0, 0),
+                pitch,
+                fill=False,
+                edgecolor=muted,
+                linewidth=0.6,
+                linestyle=(0, (10, 3, 2, 3)),
+            )
+        )
+    axes.annotate(
+        "x", (1.12 * r, 0), xytext=(2, 0), textcoords="offset points", va="center", fontsize=8
+    )
+    axes.annotate(
+        "y", (0, 1.12 * r), xytext=(0, 1), textcoords="offset points", ha="center", fontsize=8
+    )
+    text = _numbers(kind.disks)
+    axes.text(-1.7 * r, 1.28 * r, text, va="top", fontsize=9, color=ink)
+
+    # sizes of the front view at lines from its lower left and upper right
+    _leader(
+        axes, (-r * math.cos(0.6), r * math.sin(0.6)), (-1.2 * r, 1.02 * r), f"Ø{_size(2 * r)}", ink
+    )
+    bore = kind.bore / 2
+    _leader(axes, (-bore * 0.7, -bore * 0.7), (-1.2 * r, -0.75 * r), f"Ø{_size(kind.bore)}", ink)
+    x, y = kind.places[kind.places.sum(axis=1).argmax()]  # the one nearest its text
+    count = f"{len(kind.places)} x " if len(kind.places) > 1 else ""
+    on = " / ".join(f"Ø{_size(2 * pitch)}" for pitch in pitches[:3]) + (
+        " ..." if pitches[3:] else ""
+    )
+    label = f"{count}Ø{_size(kind.hole)}{star}\non {on}"
+    _leader(axes, (x, y), (1.22 * r, 0.85 * r), label, ink)
+    if _evenly_spaced(kind.places):
+        _angles(axes, kind, muted, ink, plate)
+    else:
+        _places(axes, kind, ink, plate)
+
+    # section at x = 0, seen along x
+    half = kind.thickness / 2
+    left, right = at - half, at + half
+    axes.add_patch(
+        Rectangle((left, -r), 2 * half, 2 * r, facecolor=plate, edgecolor=ink, linewidth=1.1)
+    )
+    axes.add_patch(
+        Rectangle((left, -bore), 2 * half, 2 * bore, facecolor=paper, edgecolor=ink, linewidth=0.9)
+    )
+    for y in sorted({round(float(y), 6) for _, y in kind.places}):
+        for edge in (y - kind.hole / 2, y + kind.hole / 2):
+            axes.plot([left, right], [edge, edge], color=muted, linewidth=0.6, dashes=(4, 2))
+    axes.plot([left - 0.2 * r, right + 0.2 * r], [0, 0], **centre)
+    _span(axes, (left, right), -1.1 * r, _size(kind.thickness), ink, muted, r)
+
+
+def _leader(
+    axes: Any, tip: tuple[float, float], text_at: tuple[float, float], text: str, ink: str
+) -> None:
+    left = text_at[0] < tip[0]
+    axes.annotate(
+        text,
+        xy=tip,
+        xytext=text_at,
+        fontsize=8.5,
+        ha="right" if left else "left",
+        va="center",
+        color=ink,
+        arrowprops={
+            "arrowstyle": "-|>,head_width=0.12,head_length=0.3",
+            "color": ink,
+            "lw": 0.6,
+            "shrinkA": 1,
+            "shrinkB": 0,
+            "relpos": (1.0 if left else 0.0, 0.5),
+        },
+    )
+
+
+def _angles_of(places: Floats) -> Floats:
+    """Of holes (H, 2) from x, from 0 to below 360 degrees."""
+    angles = np.degrees(np.arctan2(places[:, 1], places[:, 0])) % 360.0
+    angles[np.isclose(angles, 360.0, atol=1e-6)] = 0.0
+    return angles
+
+
+def _evenly_spaced(places: Floats) -> bool:
+    """Whether one angle and one circle say where all holes are."""
+    pitch, angles = np.hypot(*places.T), np.sort(_angles_of(places))
+    steps = np.diff([*angles, angles[0] + 360.0])
+    return bool(np.ptp(pitch) < 1e-6 * pitch.max() and np.ptp(steps) < 1e-4)
+
+
+def _places(axes: Any, kind: _Kind, ink: str, plate: str) -> None:
+    """Numbers at the holes, counter-clockwise from x, and a list of where each one is."""
+    angles, pitch = _angles_of(kind.places), np.hypot(*kind.places.T)
+    order = np.lexsort((pitch, angles)).tolist()
+    r, same = kind.radius, np.ptp(pitch) < 1e-6 * pitch.max()
+    rows = []
+    for number, i in enumerate(order[:_MOST_PLACES], 1):
+        inner = 1.0 - (kind.hole / 2 + 0.085 * r) / pitch[i]  # share of the way to the hole
+        axes.text(
+            *(inner * kind.places[i]),
+            str(number),
+            fontsize=6.5,
+            ha="center",
+            va="center",
+            color=ink,
+            bbox={"facecolor": plate, "edgecolor": "none", "pad": 0.3},
+        )
+        on = "" if same else f" on Ø{_size(2 * float(pitch[i]))}"
+        rows.append(f"{number}: {_degrees(float(angles[i]))}{on}")
+    if order[_MOST_PLACES:]:
+        rows.append(f"and {len(order) - _MOST_PLACES} more")
+    text = "\n".join(rows)
+    axes.text(1.3 * r, 0.55 * r, text, fontsize=7.5, va="top", color=ink, linespacing=1.15)
+
+
+def _angles(axes: Any, kind: _Kind, muted: str, ink: str, plate: str) -> None:
+    """The angle of the first hole from x, and to the next one."""
+    angles = np.sort(_angles_of(kind.places))
+    r = kind.radius
+    marks = [(0.0, float(angles[0]), 0.34)] if angles[0] > 1e-6 else []
+    if len(angles) > 1:
+        marks.append((float(angles[0]), float(angles[1]), 0.5))
+    for start, end, share in marks:
+        turn = np.radians(np.linspace(start, end, 60))
+        axes.plot(share * r * np.cos(turn), share * r * np.sin(turn), color=ink, linewidth=0.6)
+        for angle in {start, end} - {0.0}:
+            c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+            axes.plot([0, r * c], [0, r * s], color=muted, linewidth=0.6, dashes=(10, 2, 2, 2))
+        mid = math.radians(0.5 * (start + end))
+        axes.text(
+            (share + 0.02) * r * math.cos(mid),
+            (share + 0.02) * r * math.sin(mid),
+            _degrees(end - start),
+            fontsize=8,
+            ha="left" if math.cos(mid) > 0 else "right",
+            va="bottom" if math.sin(mid) > -0.2 else "top",
+            color=ink,
+            bbox={"facecolor": plate, "edgecolor": "none", "pad": 0.5},
+        )
+
+
+def _span(
+    axes: Any,
+    ends: tuple[float, float],
+    y: float,
+    text: str,
+    ink: str,
+    muted: str,
+    r: float,
+) -> None:
+    """A dimension between two edges, its arrows outside, as the plate is thin."""
+    for x, way in ((ends[0], -1), (ends[1], 1)):
+        axes.plot([x, x], [-1.02 * r, y - 0.05 * r], color=muted, linewidth=0.6)
+        axes.annotate(
+            "",
+            xy=(x, y),
+            xytext=(x + way * 0.3 * r, y),
+            arrowprops={
+                "arrowstyle": "-|>,head_width=0.12,head_length=0.3",
+                "color": ink,
+                "lw": 0.6,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            },
+        )
+    axes.text(ends[1] + 0.34 * r, y, text, fontsize=8.5, va="center", color=ink)

@@ -1,0 +1,261 @@
+"""A rendered picture of a robot's solid, in perspective, with its parts named."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.atomic_io import check_file, write_whole_file
+from bowstring.cad.raster import Camera, Mesh, render
+from bowstring.cad.solid import MESHED, Part, Solid, triangulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["check_picture_file", "draw_solid", "mesh_of", "write_picture"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_SUFFIXES: Final = (".png", ".pdf", ".svg")
+_DPI: Final = 220
+_PIXELS: Final = 1300  # of the longer side
+_LETTERS: Final = 11.5  # of the title, in an inch
+_ELEVATION: Final = math.radians(17.0)
+_ASIDE: Final = math.radians(-48.0)  # of the eye, from the plane in which the robot bends
+_DEFLECTION: Final = 2e-4  # of the mesh, as a share of the robot's length
+_ANGLE: Final = 0.3  # rad
+_MOST_NAMED: Final = 6  # tendons
+_SMOOTH: Final = 0.8  # cosine between normals that are one surface
+
+
+def check_picture_file(path: str | Path) -> Path:
+    """Say before any work whether a picture may be written to a file; see `files.check_file`."""
+    from bowstring.viz.style import MARKS
+
+    file = Path(path)
+    return check_file(file, "picture", _SUFFIXES, MARKS.get(file.suffix.lower(), b""))
+
+
+def write_picture(solid: Solid, path: str | Path) -> Path:
+    """Render a solid to ``.png``, ``.pdf`` or ``.svg``, whole or not at all.
+
+    Parameters
+    ----------
+    solid : Solid
+    path : str or Path
+
+    Returns
+    -------
+    Path
+        The file, absolute.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another one, or the file cannot be written.
+    """
+    from bowstring.viz import style
+
+    file = check_picture_file(path)
+    with style.figure_style():
+        figure = draw_solid(solid)
+        write_whole_file(
+            file,
+            "picture",
+            lambda new: style.save(figure, new, _DPI),
+            lambda: check_picture_file(file),
+        )
+    return file
+
+
+def draw_solid(solid: Solid, pixels: int = _PIXELS) -> Figure:
+    """The picture as a matplotlib figure.
+
+    Parameters
+    ----------
+    solid : Solid
+    pixels : int
+        Of the longer side of the rendered image.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    from matplotlib.colors import to_rgb
+    from matplotlib.figure import Figure
+
+    mesh = mesh_of(solid.parts)
+    camera = Camera(mesh.points, _azimuth(solid), _ELEVATION, pixels)
+    colours = np.array([to_rgb(part.colour) for part in solid.parts])
+    outlined = np.array([part.kind != "tendon" for part in solid.parts])
+    image, seen = render(mesh, camera, colours, outlined)
+    left, right, bottom = 0.05, 0.26, 0.04  # margins, as shares of the longer side
+    long = max(camera.width, camera.height)
+    width = camera.width + (left + right) * long
+    inch = _DPI * pixels / _PIXELS
+    kind = f"simulated: {solid.load}" if solid.posed else "straight, as built"
+    title = textwrap.wrap(f"{solid.robot.name}, {kind}", max(12, int(_LETTERS * width / inch)))
+    top = 0.06 + 0.03 * len(title)
+    height = camera.height + (top + bottom) * long
+    figure = Figure(figsize=(width / inch, height / inch))
+    axes: Any = figure.add_axes(
+        (left * long / width, bottom * long / height, camera.width / width, camera.height / height)
+    )
+    axes.imshow(image, interpolation="antialiased", aspect="auto")
+    axes.set_axis_off()
+    _name_parts(axes, solid, camera, seen)
+    figure.text(0.02, 0.985, "\n".join(title), va="top", fontsize=10)
+    return figure
+
+
+def _azimuth(solid: Solid) -> float:
+    x, y, _ = solid["disk_" + str(len(solid.robot.disks.station_m))].centre_m
+    bent = math.hypot(x, y) > 1e-3 * solid.robot.length
+    return (math.atan2(y, x) if bent else 0.0) + _ASIDE
+
+
+def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> None:
+    """Names at the right, in the order of their places, each with a line to what is seen of it."""
+    from matplotlib.patheffects import withStroke
+
+    from bowstring.viz.colours import COLOURS
+
+    ink, muted = COLOURS["ink"][0], COLOURS["muted"][0]
+    disks = [part for part in solid.parts if part.kind == "disk"]
+    rods = [part for part in solid.parts if part.kind == "backbone"]
+    right = camera.axes[0]
+    rim = float(solid.robot.disks.radius_m[0])
+    wanted: list[tuple[list[Part], str, Floats, str]] = [
+        ([disks[-1]], "end disk", disks[-1].centre_m + rim * right, ink),
+        ([solid["base"]], "base", solid["base"].centre_m + rim * right, ink),
+        (rods[:1], "backbone", _between(disks, len(disks) // 3), ink),
+    ]
+    if len(disks) > 1:
+        middle = disks[len(disks) // 2]
+        wanted.append(([middle], "spacer disk", middle.centre_m + rim * right, ink))
+    tendons = [part for part in solid.parts if part.kind == "tendon"]
+    for i, alike in enumerate(_sharing(solid)[:_MOST_NAMED]):
+        path = solid.tendon_paths[alike[0]]
+        span = min(1 + i, len(path) - 2)
+        place = 0.5 * (path[span] + path[span + 1])
+        numbers = ", ".join(str(k + 1) for k in alike)
+        text = f"tendon{'s' if len(alike) > 1 else ''} {numbers}"
+        wanted.append(([tendons[k] for k in alike], text, place, tendons[alike[0]].colour))
+    named = []
+    for parts, text, place, colour in wanted:
+        which = [k for k, part in enumerate(solid.parts) if any(part is one for one in parts)]
+        rows, columns = np.nonzero(np.isin(part_seen, which))
+        if len(rows):
+            x, y, _ = camera.see(1e3 * place[None])[0]
+            nearest = int(np.hypot(columns - x, rows - y).argmin())
+            if len(parts) > 1:  # that of the one in front
+                colour = solid.parts[part_seen[rows[nearest], columns[nearest]]].colour
+            named.append((text, float(columns[nearest]), float(rows[nearest]), colour))
+    named.sort(key=lambda name: name[2])
+    long = max(camera.width, camera.height)
+    heights = _spread(np.array([y for _, _, y, _ in named]), 0.052 * long, camera.height)
+    for (text, x, y, colour), height in zip(named, heights.tolist(), strict=True):
+        axes.annotate(
+            text,
+            xy=(x, y),
+            xytext=(camera.width + 0.06 * long, height),
+            va="center",
+            color=colour,
+            fontsize=9,
+            annotation_clip=False,
+            arrowprops={
+                "arrowstyle": "-",
+                "color": muted,
+                "lw": 0.6,
+                "shrinkA": 2,
+                "shrinkB": 0,
+                "relpos": (0.0, 0.5),
+                "path_effects": [withStroke(linewidth=1.8, foreground="white")],
+            },
+        )
+        # where it ends, on parts as dark or grey as the line itself
+        axes.plot(x, y, "o", ms=2.6, color=ink, mec="white", mew=0.5, clip_on=False, zorder=5)
+
+
+def _sharing(solid: Solid) -> list[list[int]]:
+    """Tendons (from 0) by their hole; those that share one hide each other."""
+    groups: list[list[int]] = []
+    start = np.array([path[0] for path in solid.tendon_paths])
+    for i, place in enumerate(start):
+        near = 1e-6 * float(np.hypot(*place[:2]))
+        same = (g for g in groups if np.linalg.norm(start[g[0]] - place) < near)
+        found = next(same, None)
+        if found is None:
+            groups.append([i])
+        else:
+            found.append(i)
+    return groups
+
+
+def _spread(wanted: Floats, gap: float, height: float) -> Floats:
+    """Rows near those that are wanted (in order), at least a gap apart."""
+    rows: Floats = wanted.astype(float).copy()
+    for i in range(1, len(rows)):
+        rows[i] = max(rows[i], rows[i - 1] + gap)
+    over = max(0.0, rows[-1] - height)
+    rows[-1] -= over
+    for i in range(len(rows) - 2, -1, -1):
+        rows[i] = min(rows[i], rows[i + 1] - gap)
+    return rows
+
+
+def _between(disks: list[Part], d: int) -> Floats:
+    """The middle of the backbone before a disk."""
+    before = disks[d - 1].centre_m if d else np.zeros(3)
+    found: Floats = 0.5 * (before + disks[d].centre_m)
+    return found
+
+
+# -- meshes --------------------------------------------------------------------------------------
+
+
+def mesh_of(parts: tuple[Part, ...]) -> Mesh:
+    """Triangles of all parts in mm; normals are smooth within a surface and not across edges."""
+    size = max(max(*part.shape.bounding_box().size) for part in parts)
+    points, normals, triangles, owner = [], [], [], []
+    count = 0
+    for k, part in enumerate(parts):
+        triangulate(part.shape, _DEFLECTION * size, _ANGLE)
+        found, faces = part.shape.tessellate(MESHED, _ANGLE)
+        place = np.array([tuple(p) for p in found])
+        corners = np.array(faces, dtype=np.int64)
+        points.append(place)
+        normals.append(_normals(place, corners))
+        triangles.append(corners + count)
+        owner.append(np.full(len(corners), k))
+        count += len(place)
+    return Mesh(*(np.concatenate(rows) for rows in (points, normals, triangles, owner)))
+
+
+def _normals(points: Floats, triangles: Ints) -> Floats:
+    from scipy.spatial import cKDTree
+
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    normals = np.zeros_like(points)
+    for k in range(3):
+        np.add.at(normals, triangles[:, k], across)
+    normals /= _lengths(normals)
+    pairs = cKDTree(points).query_pairs(1e-6 * np.ptp(points, axis=0).max(), output_type="ndarray")
+    alike = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(axis=1) > _SMOOTH]
+    smooth = normals.copy()
+    np.add.at(smooth, alike[:, 0], normals[alike[:, 1]])
+    np.add.at(smooth, alike[:, 1], normals[alike[:, 0]])
+    found: Floats = smooth / _lengths(smooth)
+    return found
+
+
+def _lengths(rows: Floats) -> Floats:
+    found: Floats = np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None]
+    return found

@@ -1,0 +1,522 @@
+"""The robot as a solid: backbone, disks with their holes, base and tendons, straight or bent.
+
+Needs the extra ``cad`` (build123d, which has the OpenCASCADE kernel). Shapes are in mm, as CAD
+programs expect; everything else is SI, in the base frame.
+
+A bent backbone is bounded by rational Bezier patches, four around and one for each flexible part
+of a module: their ends and eight further sections are circles exactly at the solver's frames. A
+tendon is a chain of cylinders from hole to hole, mitred where they meet, so that its volume is its
+section times its length.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import re
+import unicodedata
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.errors import InputError
+from bowstring.formatting import listed, significant
+from bowstring.interrupts import was_stopped
+from bowstring.robot.model import Robot, check_robot
+from bowstring.robot.sizes import Sizes, sizes_of
+from bowstring.validation import shown
+from bowstring.viz.vtk import check_data, holes
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from bowstring.statics.rod import Solution
+
+__all__ = ["MESHED", "Part", "Solid", "check_cad", "make_solid", "plain_name", "triangulate"]
+
+Floats = NDArray[np.float64]
+
+_MM: Final = 1e3
+_SECTIONS: Final = 8  # intervals of one patch; its degree
+_STRAIGHT: Final = 1e-7  # rad; spans that differ by less are one cylinder
+
+# Screen colours (sRGB). A tendon's is that of its number.
+_BASE, _BACKBONE, _DISK = "#5d6673", "#3c4a5c", "#b9c6d3"
+_TENDONS: Final = ("#c94f00", "#0072b2", "#007a5a", "#9c4c83", "#9a6a00", "#1b1f24")
+
+
+@dataclass(frozen=True)
+class Part:
+    """One body of the robot.
+
+    Attributes
+    ----------
+    name : str
+        ``base``, ``backbone`` (``backbone_2`` of the second segment), ``disk_1`` ...,
+        ``tendon_1`` ...
+    kind : str
+        ``base``, ``backbone``, ``disk`` or ``tendon``.
+    colour : str
+        ``#rrggbb``.
+    shape : build123d.Solid
+        In mm, where it belongs.
+    mass_kg : float or None
+        None where the robot file has no mass.
+    """
+
+    name: str
+    kind: str
+    colour: str
+    shape: Any = field(repr=False)
+    mass_kg: float | None
+
+    @property
+    def volume_m3(self) -> float:
+        """Volume in m^3."""
+        return float(self.shape.volume) / _MM**3
+
+    @property
+    def centre_m(self) -> Floats:
+        """Centre of the volume (3,) in m."""
+        return self._properties()[1]
+
+    @property
+    def inertia_m5(self) -> Floats:
+        """Moments of the volume (3, 3) about its centre, base axes, in m^5.
+
+        Times a density they are the matrix of inertia.
+        """
+        return self._properties()[2]
+
+    def _properties(self) -> tuple[float, Floats, Floats]:
+        from OCP.BRepGProp import BRepGProp
+        from OCP.GProp import GProp_GProps
+
+        found = GProp_GProps()
+        BRepGProp.VolumeProperties_s(self.shape.wrapped, found)
+        centre, matrix = found.CentreOfMass(), found.MatrixOfInertia()
+        return (
+            found.Mass() / _MM**3,
+            np.array([centre.X(), centre.Y(), centre.Z()]) / _MM,
+            np.array([[matrix.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)]) / _MM**5,
+        )
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A robot's solid; made by `make_solid`.
+
+    Attributes
+    ----------
+    robot : Robot
+    sizes : Sizes
+        With those that were assumed.
+    parts : tuple of Part
+        Base, backbones, disks, tendons, each from base to tip.
+    tendon_paths : tuple of ndarray (k + 1, 3)
+        The holes that each tendon passes, from the base to its end disk k, in m.
+    posed : bool
+        False if straight, as it was built.
+    load : str
+        What holds the pose, in words; empty if it is straight.
+    """
+
+    robot: Robot
+    sizes: Sizes
+    parts: tuple[Part, ...]
+    tendon_paths: tuple[Floats, ...]
+    posed: bool
+    load: str
+
+    def __getitem__(self, name: str) -> Part:
+        for part in self.parts:
+            if part.name == name:
+                return part
+        raise KeyError(name)
+
+    def assembly(self) -> Any:
+        """The parts as one build123d ``Compound`` with names and colours, in mm, to go on with."""
+        bd, children = check_cad(), []
+        for part in self.parts:
+            shape = copy.copy(part.shape)  # a shape is a child of one compound alone
+            shape.label, shape.color = part.name, bd.Color(part.colour)
+            children.append(shape)
+        return bd.Compound(label=plain_name(self.robot.name), children=children)
+
+
+def check_cad() -> Any:
+    """The module build123d.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        import build123d
+    except ImportError as error:
+        if was_stopped(error):
+            raise KeyboardInterrupt from None
+        why = "" if error.name == "build123d" else f" ({error})"
+        if "libGL" in why:  # the kernel is there, and what it draws with is not
+            raise InputError(
+                f"solids need build123d, which cannot be loaded{why}; install the system's OpenGL "
+                "library, on Debian and Ubuntu: apt-get install libgl1"
+            ) from None
+        raise InputError(
+            f"solids need build123d, which cannot be loaded{why}; install Bowstring with its "
+            "extra cad: pip install '.[cad]' in its folder, or pip install build123d"
+        ) from None
+    return build123d
+
+
+MESHED: Final = 1e9  # mm; what build123d is told to reach where `triangulate` has been before
+
+
+def triangulate(shape: Any, deflection: float, angle: float) -> None:
+    """Mesh a build123d shape; what build123d does itself is as far off as its edges are long.
+
+    Parameters
+    ----------
+    shape : build123d.Shape
+        Keeps its mesh.
+    deflection : float
+        Largest distance from the surface, in mm.
+    angle : float
+        Between neighbouring facets, in rad.
+    """
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+
+    BRepMesh_IncrementalMesh(shape.wrapped, deflection, False, angle, True)
+
+
+def plain_name(name: str) -> str:
+    """A name in the letters that every CAD program reads."""
+    letters = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode("ascii")
+    return re.sub(r"[^A-Za-z0-9.+-]+", "_", letters).strip("_") or "robot"
+
+
+def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid:
+    """Make the solid of a robot.
+
+    Parameters
+    ----------
+    robot : Robot
+    pose : Solution or xarray.Dataset, optional
+        An equilibrium, or one output time of a run (``run.dataset.isel(time=[k])``); straight and
+        unloaded if not given.
+
+    Returns
+    -------
+    Solid
+
+    Raises
+    ------
+    InputError
+        If build123d is not installed, a size makes no solid (`sizes_of`), the pose is of another
+        robot, or a bent backbone makes no sound solid.
+    NoSolutionError
+        If the solution did not converge.
+    """
+    check_robot(robot)
+    check_cad()
+    sizes = sizes_of(robot)
+    data = None if pose is None else _one_time(robot, pose)
+    paths = _paths(robot, data)
+    parts = [
+        Part("base", "base", _BASE, _base(robot, sizes), None),
+        *_backbones(robot, data),
+        *_disks(robot, sizes, data),
+        *_tendons(sizes, paths, data is not None),
+    ]
+    load = "" if data is None else _load(data)
+    return Solid(robot, sizes, tuple(parts), paths, data is not None, load)
+
+
+def _one_time(robot: Robot, pose: Any) -> xr.Dataset:
+    data: xr.Dataset = pose
+    if hasattr(pose, "raise_for_status"):
+        data = pose.fields(points=_SECTIONS + 1)
+    elif not hasattr(pose, "sizes"):
+        raise InputError(f"pose is {shown(pose)}, it must be a solution or the fields of a run")
+    check_data(robot, data)
+    if data.sizes["time"] != 1:
+        raise InputError(
+            f"the pose has {data.sizes['time']} output times; choose one by .isel(time=[0])"
+        )
+    if np.bincount(data["module"].to_numpy())[1:].min() < 3:
+        raise InputError("the pose has fewer than 3 points in a module; ask for 9")
+    return data
+
+
+_MOST_TENSIONS: Final = 3  # different ones in words
+
+
+def _load(data: xr.Dataset) -> str:
+    """`tendon 1 at 60 N, tendons 2 and 3 at 5 N, with gravity`."""
+    tensions = data["tension"].to_numpy()[0].tolist()
+    most = max(tensions)
+    groups: dict[str, list[str]] = {}
+    for i, tension in enumerate(tensions, 1):
+        if tension > 1e-9 * most:
+            groups.setdefault(significant(tension), []).append(str(i))
+    if len(groups) > _MOST_TENSIONS:
+        said = [f"tensions up to {significant(most)} N"]
+    else:
+        said = [
+            f"tendon{'s' if len(which) > 1 else ''} {listed(which)} at {value} N"
+            for value, which in groups.items()
+        ]
+    settings = json.loads(data.attrs["settings"])
+    kinds = {
+        "gravity": ("gravity", "gravity_m_per_s2"),
+        "a load at the tip": ("tip_force", "tip_moment", "tip_force_N", "tip_moment_Nm"),
+    }
+    acting = [
+        kind
+        for kind, names in kinds.items()
+        if any(_acts(settings[name]) for name in names if name in settings)
+    ]
+    said = said or ["no tension"]
+    if acting:
+        said.append(f"with {listed(acting)}")
+    if "duration_s" in settings:  # a run
+        said.append(f"at {significant(float(data['time'][0]))} s")
+    return ", ".join(said)
+
+
+def _acts(load: Any) -> bool:
+    """Whether a load of the settings, constant or a table over time, is not all zero."""
+    return bool(np.any(load.get("values", True) if isinstance(load, dict) else load))
+
+
+# -- plates --------------------------------------------------------------------------------------
+
+
+def _plate(radius: float, thickness: float, bore: float, places: Floats, hole: float) -> Any:
+    """A round plate about z, in the middle of its thickness; m in, mm out."""
+    bd = check_cad()
+    low = -0.5 * _MM * thickness
+
+    def circle(x: float, y: float, diameter: float) -> Any:
+        at = bd.Plane((_MM * float(x), _MM * float(y), low))
+        return bd.Wire.make_circle(0.5 * _MM * float(diameter), at)
+
+    inner = [circle(x, y, hole) for x, y in places]
+    if bore:
+        inner.append(circle(0.0, 0.0, bore))
+    face = bd.Face(circle(0.0, 0.0, 2.0 * radius), inner)
+    return bd.Solid.extrude(face, (0.0, 0.0, _MM * thickness))
+
+
+def _base(robot: Robot, sizes: Sizes) -> Any:
+    bd, thick = check_cad(), sizes.base_thickness_m
+    plate = _plate(sizes.base_radius_m, thick, 0.0, robot.holes(0), float(sizes.hole_m[0]))
+    return plate.moved(bd.Location((0.0, 0.0, -0.5 * _MM * thick)))
+
+
+def _disks(robot: Robot, sizes: Sizes, data: xr.Dataset | None) -> Iterator[Part]:
+    bd, disks = check_cad(), robot.disks
+    count = len(disks.station_m)
+    position = np.stack([0 * disks.station_m, 0 * disks.station_m, disks.station_m], axis=1)
+    rotation = np.broadcast_to(np.eye(3), (count, 3, 3))
+    if data is not None:
+        position, rotation = (
+            data["disk_position"].to_numpy()[0],
+            data["disk_rotation"].to_numpy()[0],
+        )
+    for d in range(count):
+        k = int(disks.segment[d])
+        # a shape of its own: disks that share one lose their names in some CAD programs
+        plate = _plate(
+            float(disks.radius_m[d]),
+            float(disks.thickness_m[d]),
+            float(disks.bore_m[d]),
+            robot.holes(k),
+            float(sizes.hole_m[k]),
+        )
+        place = bd.Plane(
+            tuple((_MM * position[d]).tolist()),
+            x_dir=tuple(rotation[d, :, 0].tolist()),
+            z_dir=tuple(rotation[d, :, 2].tolist()),
+        )
+        mass = float(disks.mass_kg[d])
+        yield Part(f"disk_{d + 1}", "disk", _DISK, plate.moved(bd.Location(place)), mass)
+
+
+# -- tubes ---------------------------------------------------------------------------------------
+
+_HALF: Final = math.sqrt(0.5)
+
+
+def _circle(radius: float) -> Floats:
+    """A circle about z as four rational quadratic arcs: control points (4, 3, 3) of weights
+    1, sqrt(1/2), 1.
+    """
+    x = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 0, 0]], dtype=float)
+    return radius * np.stack([x[:-1], x[:-1] + x[1:], x[1:]], axis=1)
+
+
+def _control(points: Floats) -> Floats:
+    """Control points of the Bezier curve through points (n, ...) at equal steps."""
+    n = len(points)
+    t = np.linspace(0.0, 1.0, n)
+    basis = np.array([math.comb(n - 1, j) * t**j * (1 - t) ** (n - 1 - j) for j in range(n)]).T
+    made: Floats = np.linalg.solve(basis, points.reshape(n, -1)).reshape(points.shape)
+    made[0], made[-1] = points[0], points[-1]  # so that neighbours meet to the last digit
+    return made
+
+
+def _tube(walls: list[list[Floats]]) -> Any:
+    """The solid between two ends, within the first wall and without the second, if there is one.
+
+    Each wall is a list of pieces, each of rings (n, 4, 3, 3), m: circles along it, whose points
+    run through Bezier curves; a piece begins with the last ring of the one before.
+    """
+    bd = check_cad()
+    faces = []
+    for wall in walls:
+        for piece in wall:
+            net = _MM * _control(piece)
+            for q in range(4):
+                points = [[bd.Vector(*p) for p in row] for row in net[:, q].tolist()]
+                weights = [[1.0, _HALF, 1.0]] * len(points)
+                faces.append(bd.Face.make_bezier_surface(points, weights))
+    for end in (0, -1):
+        outer, *inner = [_ring(wall[end][end]) for wall in walls]
+        faces.append(bd.Face(outer, inner))
+    return bd.Solid(bd.Shell(faces))
+
+
+def _ring(points: Floats) -> Any:
+    bd = check_cad()
+    weights = [1.0, _HALF, 1.0]
+    return bd.Wire(
+        [
+            bd.Edge.make_bezier(*[bd.Vector(*p) for p in arc], weights=weights)
+            for arc in (_MM * points).tolist()
+        ]
+    )
+
+
+def _backbones(robot: Robot, data: xr.Dataset | None) -> Iterator[Part]:
+    bd, start = check_cad(), 0.0
+    for k, s in enumerate(robot.segments):
+        rod = s.backbone
+        diameters = [d for d in (rod.diameter, rod.inner_diameter) if d]
+        if data is None:
+            shape = _rod(bd, s.length, diameters).moved(bd.Location((0, 0, _MM * start)))
+        else:
+            frames = list(_pieces(robot, data, k))
+            shape = _tube(
+                [[_rings(piece, _circle(0.5 * d)) for piece in frames] for d in diameters]
+            )
+        start += s.length
+        name = "backbone" if len(robot.segments) == 1 else f"backbone_{k + 1}"
+        if data is not None and not shape.is_valid:
+            raise InputError(
+                f"{robot.name}: {name} makes no sound solid in this pose: its wall is too thin for "
+                "the CAD kernel, or it is bent more tightly than it is thick"
+            )
+        mass = float(robot.mass_per_length[k]) * s.length
+        yield Part(name, "backbone", _BACKBONE, shape, mass)
+
+
+def _rod(bd: Any, length: float, diameters: list[float]) -> Any:
+    outer, *inner = [bd.Wire.make_circle(0.5 * _MM * d) for d in diameters]
+    return bd.Solid.extrude(bd.Face(outer, inner), (0.0, 0.0, _MM * length))
+
+
+def _rings(piece: tuple[Floats, Floats], circle: Floats) -> Floats:
+    position, rotation = piece
+    arms: Floats = np.einsum("nij,qcj->nqci", rotation, circle)
+    return position[:, None, None] + arms
+
+
+def _pieces(robot: Robot, data: xr.Dataset, segment: int) -> Iterator[tuple[Floats, Floats]]:
+    """Frames of a segment's backbone, piece by piece: flexible ones, and what the disks clamp."""
+    module = data["module"].to_numpy() - 1
+    position, rotation = data["position"].to_numpy()[0], data["rotation"].to_numpy()[0]
+    disk_position = data["disk_position"].to_numpy()[0]
+    disk_rotation = data["disk_rotation"].to_numpy()[0]
+    mine = np.flatnonzero(robot.disks.segment == segment).tolist()
+    here, turned = np.zeros(3), np.eye(3)
+    if mine[0]:
+        here, turned = disk_position[mine[0] - 1], disk_rotation[mine[0] - 1]
+    short = 1e-9 * robot.length
+    for d in mine:
+        p, r = position[module == d], rotation[module == d]
+        if np.linalg.norm(p[0] - here) > short:
+            yield np.stack([here, p[0]]), np.stack([turned, r[0]])
+        else:
+            p, r = np.array([here, *p[1:]]), np.array([turned, *r[1:]])
+        end = disk_position[d]
+        clamped = np.linalg.norm(end - p[-1]) > short
+        if not clamped:
+            p, r = np.array([*p[:-1], end]), np.array([*r[:-1], disk_rotation[d]])
+        for first in range(0, len(p) - 1, _SECTIONS):
+            yield p[first : first + _SECTIONS + 1], r[first : first + _SECTIONS + 1]
+        if clamped:
+            yield np.stack([p[-1], end]), np.stack([r[-1], disk_rotation[d]])
+        here, turned = end, disk_rotation[d]
+
+
+def _paths(robot: Robot, data: xr.Dataset | None) -> tuple[Floats, ...]:
+    if data is not None:
+        return tuple(path[0] for path in holes(robot, data))
+    station = np.concatenate([[0.0], robot.disks.station_m])
+    ends = zip(robot.tendons.hole_m, robot.tendons.end_disk, strict=True)
+    return tuple(
+        np.stack([np.full(end + 2, x), np.full(end + 2, y), station[: end + 2]], axis=1)
+        for (x, y), end in ends
+    )
+
+
+def _tendons(sizes: Sizes, paths: tuple[Floats, ...], posed: bool) -> Iterator[Part]:
+    bd = check_cad()
+    for i, path in enumerate(paths):
+        diameter = float(sizes.tendon_m[i])
+        if posed:
+            shape = _tube([_mitred(path, 0.5 * diameter)])
+        else:
+            at = bd.Location(tuple((_MM * path[0]).tolist()))
+            shape = _rod(bd, float(path[-1, 2]), [diameter]).moved(at)
+        yield Part(f"tendon_{i + 1}", "tendon", _TENDONS[i % len(_TENDONS)], shape, None)
+
+
+def _mitred(path: Floats, radius: float) -> list[Floats]:
+    """Rings of cylinders along a path (n, 3), cut where they meet by the plane of symmetry."""
+    along = np.diff(path, axis=0)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    bends = np.linalg.norm(np.cross(along[:-1], along[1:]), axis=1) > _STRAIGHT
+    corner = np.flatnonzero(bends) + 1
+    points = path[[0, *corner, -1]]
+    along = np.diff(points, axis=0)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    circle = _circle(radius) @ _upright(along[0]).T
+    rings = [points[0] + circle]
+    for i, (before, after) in enumerate(pairwise(along), 1):
+        normal = before + after
+        rings.append(points[i] + circle - (circle @ normal)[..., None] / (before @ normal) * before)
+        # the smallest turn from one direction to the next (Rodrigues)
+        axis, cosine = np.cross(before, after), before @ after
+        circle = (
+            cosine * circle
+            + np.cross(axis, circle)
+            + (circle @ axis)[..., None] / (1 + cosine) * axis
+        )
+    rings.append(points[-1] + circle)
+    return [np.stack(pair) for pair in pairwise(rings)]
+
+
+def _upright(direction: Floats) -> Floats:
+    """A rotation (3, 3) whose third axis is a direction."""
+    other = np.eye(3)[np.abs(direction).argmin()]
+    x = np.cross(other, direction)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(direction, x), direction], axis=1)

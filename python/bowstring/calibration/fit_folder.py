@@ -1,0 +1,73 @@
+"""The folder that `bowstring fit --out` writes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from bowstring.atomic_io import write_whole
+from bowstring.calibration.table_fit import BESIDE, Calibration
+from bowstring.robot.writer import to_yaml
+from bowstring.viz.result_folder import check_folder, save_figures, write_json, write_listing
+from bowstring.viz.style import figure_style
+
+__all__ = ["write_fit"]
+
+Progress = Callable[[str, float], None]
+
+
+def write_fit(
+    calibration: Calibration,
+    content: dict[str, Any],
+    out: str | Path,
+    *,
+    progress: Progress | None = None,
+) -> Path:
+    """Write a calibration: the robot with its calibrated numbers, all numbers, two figures.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    content : dict
+        Plain values for ``fit.json``, as ``bowstring fit --json`` prints.
+    out : str or Path
+        Folder; a former fit in it is replaced whole, after success.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Path
+        The folder, absolute: robot.yaml, calibration.json with what a robot file has no place for,
+        fit.json, and residuals and parity as PNG and PDF.
+
+    Raises
+    ------
+    InputError
+        If the folder may not be written (see `check_folder`).
+    """
+    from bowstring.calibration.figures import draw_fit
+
+    tell = progress or (lambda what, share: None)
+    folder = check_folder(out, "fit")
+    found, data = calibration.fit, calibration.data
+    hashed = "" if data.sha256 is None else f", SHA-256 {data.sha256}"
+    lines = [
+        f"Calibrated by Bowstring ({found.model}) on {data.source} data: {data.name}{hashed}",
+        found.message,
+        *[f"Not part of a robot file: {each}" for each in calibration.elsewhere],
+        *([f"{BESIDE} has these for bowstring fit --start"] if calibration.elsewhere else []),
+    ]
+
+    def fill(new: Path) -> None:
+        robot = to_yaml(found.robot, "\n".join(" ".join(line.split()) for line in lines))
+        (new / "robot.yaml").write_text(robot, encoding="utf-8")
+        write_json(new / BESIDE, calibration.beside_to_dict())
+        with figure_style():
+            save_figures(draw_fit(calibration), new, lambda share: tell("figures", share))
+        write_listing(new / "fit.json", content)
+
+    write_whole(folder, "fit", fill, lambda: check_folder(folder, "fit"))
+    tell("done", 1.0)
+    return folder

@@ -1,0 +1,283 @@
+"""Measurements as a fit reads them, and how far predictions are from them.
+
+Any object with the attributes of `Measured` will do; inside all is SI. K is the number of rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring.calibration.tip_model import Commands
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot
+from bowstring.statics import actuation
+from bowstring.validation import floats
+
+__all__ = [
+    "Data",
+    "Measured",
+    "Score",
+    "come_again",
+    "commands",
+    "fitted_rows",
+    "groups",
+    "loads",
+    "score",
+    "sigmas",
+    "tips",
+    "tool",
+]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class Measured(Protocol):
+    """What is read of measurements: K rows, in the order in which they were taken.
+
+    ``tensions`` and ``pulls`` are (K, T) in N and m, NaN where a tendon has the other; either may
+    be None. ``points`` is (K, P, 3) in m, the last point the tip (or ``tip`` (K, 3)). ``group``
+    (K,) and ``time`` (K,) in s may be None. Read where they are there, as in
+    `bowstring.Measurements`: ``sigma`` (K,) in m, ``repeat`` (K,), ``recording`` (K,),
+    ``tool`` (3,) in m.
+    """
+
+    @property
+    def tensions(self) -> Any: ...
+    @property
+    def pulls(self) -> Any: ...
+    @property
+    def points(self) -> Any: ...
+    @property
+    def group(self) -> Any: ...
+    @property
+    def time(self) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Data:
+    """Measurements as plain arrays, in SI; any object with the same attributes will do.
+
+    Attributes
+    ----------
+    points : array_like (K, P, 3) or (K, 3)
+        Measured, the last one the tip; NaN where it was not seen.
+    tensions, pulls : array_like (K, T) or None
+        In N and m, NaN where a tendon has the other.
+    group : array_like (K,) or None
+        Names of runs or patterns, for validation.
+    time : array_like (K,) or None
+        In s.
+    recording : array_like (K,) or None
+        Rows with the same number or name are one path, which begins at home without a history;
+        None: all rows are.
+    """
+
+    points: ArrayLike
+    tensions: ArrayLike | None = None
+    pulls: ArrayLike | None = None
+    group: Any = None
+    time: ArrayLike | None = None
+    recording: ArrayLike | None = None
+
+
+@dataclass(frozen=True)
+class Score:
+    """Distances between predicted and measured points; lengths in m.
+
+    Attributes
+    ----------
+    count : int
+    rmse, mean, largest : float
+        Over points, of the Euclidean distance.
+    rmse_centred, mean_centred : float
+        The same after the mean error vector is taken off: not an error of the model, but what
+        others report.
+    """
+
+    count: int
+    rmse: float
+    mean: float
+    largest: float
+    rmse_centred: float
+    mean_centred: float
+
+    def __str__(self) -> str:
+        mm = 1e3
+        return (
+            f"RMSE {mm * self.rmse:.2f} mm, mean {mm * self.mean:.2f} mm, largest "
+            f"{mm * self.largest:.1f} mm; without the mean offset RMSE "
+            f"{mm * self.rmse_centred:.2f} mm, mean {mm * self.mean_centred:.2f} mm"
+        )
+
+
+def score(predicted: ArrayLike, measured: ArrayLike) -> Score:
+    """Compare points (K, 3) in m; rows with NaN in either are left out.
+
+    Raises
+    ------
+    InputError
+        If shapes differ or nothing is left.
+    """
+    a, b = np.asarray(predicted, dtype=float), np.asarray(measured, dtype=float)
+    if a.shape != b.shape or a.ndim != 2 or a.shape[1] != 3:
+        raise InputError(f"points have shapes {a.shape} and {b.shape}, both must be (K, 3)")
+    error = (a - b)[np.isfinite(a - b).all(axis=1)]
+    if not len(error):
+        raise InputError("there is no row with both a predicted and a measured point")
+    plain = np.linalg.norm(error, axis=1)
+    centred = np.linalg.norm(error - error.mean(axis=0), axis=1)
+    return Score(
+        count=len(error),
+        rmse=_rms(plain),
+        mean=float(plain.mean()),
+        largest=float(plain.max()),
+        rmse_centred=_rms(centred),
+        mean_centred=float(centred.mean()),
+    )
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def commands(data: Measured, robot: Robot) -> Commands:
+    """Pulls and tensions of all rows, checked."""
+    count = robot.core.tendon_count
+    given = {}
+    for name in ("tensions", "pulls"):
+        table = getattr(data, name, None)
+        if table is None:
+            continue
+        try:
+            given[name] = floats(table)
+        except TypeError:
+            raise InputError(f"{name} must be numbers of shape (K, {count})") from None
+        if given[name].ndim != 2 or given[name].shape[1] != count:
+            raise InputError(
+                f"{name} has shape {given[name].shape}, it must have one row for each measurement "
+                f"and {count} columns, one for each tendon of {robot.name}"
+            )
+    if not given:
+        raise InputError("the measurements have neither tensions nor pulls")
+    if len({table.shape for table in given.values()}) > 1:
+        raise InputError("tensions and pulls must have one row each for each measurement")
+    given_tensions, given_pulls = given.get("tensions"), given.get("pulls")
+    pulled, values = actuation.commands(robot, given_tensions, given_pulls, None, rows=True)
+    if not np.isfinite(values).all():
+        k, t = np.argwhere(~np.isfinite(values))[0]
+        raise InputError(f"row {k}: the command of tendon {t + 1} is {values[k, t]}")
+    time = getattr(data, "time", None)
+    if time is not None:
+        time = np.asarray(time, dtype=float)
+        if time.shape != (len(values),):
+            raise InputError(f"time has shape {time.shape}, it must be ({len(values)},), in s")
+        if not np.isfinite(time).all():
+            time = None
+    return Commands(pulled, values, time, _recording(data, len(values)))
+
+
+def _recording(data: Measured, count: int) -> NDArray[np.int64] | None:
+    """Number (K,) of the recording of each row; None where all rows are one path."""
+    given = getattr(data, "recording", None)
+    if given is None:
+        return None
+    found = np.unique(np.asarray(given), return_inverse=True)[1].ravel()
+    if found.shape != (count,):
+        raise InputError(f"recording has shape {np.shape(given)}, it must be ({count},)")
+    return np.asarray(found, dtype=np.int64)
+
+
+def tips(data: Measured, count: int) -> Floats:
+    """Measured tips (K, 3) in m, NaN where none was."""
+    points = getattr(data, "points", None)
+    if points is None:
+        points = getattr(data, "tip", None)
+    if getattr(data, "scale", 1.0) is None:
+        raise InputError("points are in pixels; a fit needs them in units of length")
+    try:
+        found = floats(points)
+    except TypeError:
+        raise InputError("points must be numbers of shape (K, P, 3) in m") from None
+    if found.ndim == 3:
+        if not found.shape[1]:
+            raise InputError("the measurements have angles only, a fit needs a measured tip")
+        found = found[:, -1, :]
+    if found.shape != (count, 3):
+        raise InputError(
+            f"points give tips of shape {found.shape}, they must be ({count}, 3): one for each row"
+        )
+    if np.isinf(found).any():
+        raise InputError(f"row {int(np.argwhere(np.isinf(found))[0, 0])}: the tip is infinite")
+    return found
+
+
+def fitted_rows(rows: ArrayLike | None, measured: Floats) -> Bools:
+    """Rows (K,) to fit: those asked for, or all with a measured tip."""
+    seen: Bools = np.array(np.isfinite(measured).all(axis=1))
+    if rows is None:
+        used = seen
+    else:
+        asked = np.asarray(rows)
+        if asked.dtype != bool or asked.shape != seen.shape:
+            raise InputError(f"rows must be {len(seen)} booleans, one for each measurement")
+        if (asked & ~seen).any():
+            k = int(np.flatnonzero(asked & ~seen)[0])
+            raise InputError(f"row {k} is to be fitted, and its tip is NaN")
+        used = asked
+    if not used.any():
+        raise InputError("there is no measured tip to fit")
+    return used
+
+
+def groups(data: Measured, count: int) -> NDArray[Any]:
+    """The group (K,) of each row, of each repeat one; all alike where none is given."""
+    group = getattr(data, "group", None)
+    found = np.full(count, "") if group is None else np.asarray(group).astype(str)
+    if found.shape != (count,):
+        raise InputError(f"group has shape {found.shape}, it must be ({count},)")
+    repeat = getattr(data, "repeat", None)
+    if repeat is None or len(np.unique(repeat)) < 2:
+        return found
+    named = [f"{g} repeat {r}".lstrip() for g, r in zip(found, np.asarray(repeat), strict=True)]
+    return np.array(named)
+
+
+def loads(values: Floats) -> NDArray[np.int64]:
+    """Number (K,) of the load of each row: the same for the same commands (K, T) within rounding.
+
+    Numbers count from 0 in the order in which loads come first.
+    """
+    span = np.ptp(values, axis=0)
+    scale = np.where(span > 0.0, span, np.maximum(np.abs(values).max(axis=0), 1.0))
+    rounded = np.round(values / scale, 9)
+    _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[place.ravel()], dtype=np.int64)
+
+
+def come_again(load: NDArray[np.int64]) -> bool:
+    """Whether most rows have a load that other rows have as well."""
+    return bool(np.mean(np.bincount(load)[load] > 1) > 0.5)
+
+
+def sigmas(data: Measured, count: int) -> Floats | None:
+    """Standard uncertainty (K,) of a measured coordinate in m; None where none is given."""
+    given = getattr(data, "sigma", None)
+    if given is None:
+        return None
+    found = np.asarray(given, dtype=float)
+    if found.shape != (count,):
+        raise InputError(f"sigma has shape {found.shape}, it must be ({count},), in m")
+    if not (found > 0).all():
+        raise InputError(f"row {int(np.argmin(found > 0))}: sigma must be positive")
+    return found
+
+
+def tool(data: Measured, unsaid: Floats | None = None) -> Floats:
+    """Measured point (3,) seen from the tip, as the measurements say, in m; zero if they do not."""
+    none = np.zeros(3) if unsaid is None else unsaid
+    return np.asarray(getattr(data, "tool", none), dtype=float)

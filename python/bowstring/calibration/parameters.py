@@ -1,0 +1,412 @@
+"""The parameters of a fit by name: what they are, where they begin, and what they change.
+
+A parameter is a path of the robot file, as ``segments.0.backbone.E`` (with ``*`` for all, one
+number shared), or one of the drive and of the frames, which no robot file has. Inside all is SI.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.errors import InputError
+from bowstring.robot.model import Backbone, Disks, Robot, Segment, Tendon, TendonRing
+from bowstring.units import Quantity, read_number, unit_of_size
+from bowstring.validation import shown
+
+__all__ = ["Setting", "Unknown", "Unknowns"]
+
+Floats = NDArray[np.float64]
+
+_DEG: Final = np.pi / 180.0
+#: Parameters that no robot file has: start, natural step, least value; people's unit, SI of one
+_EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
+    "base.x": (0.0, 1e-3, -np.inf, "mm", 1e-3),
+    "base.y": (0.0, 1e-3, -np.inf, "mm", 1e-3),
+    "base.z": (0.0, 1e-3, -np.inf, "mm", 1e-3),
+    "base.rx": (0.0, 0.02, -np.inf, "deg", _DEG),
+    "base.ry": (0.0, 0.02, -np.inf, "deg", _DEG),
+    "base.rz": (0.0, 0.02, -np.inf, "deg", _DEG),
+    "tool.x": (0.0, 1e-3, -np.inf, "mm", 1e-3),
+    "tool.y": (0.0, 1e-3, -np.inf, "mm", 1e-3),
+    "tool.z": (0.0, 1e-3, -np.inf, "mm", 1e-3),
+    "delay": (0.0, 0.05, -np.inf, "s", 1.0),
+    "gain": (1.0, 0.02, 0.0, "", 1.0),
+    "offset": (0.0, 1e-4, -np.inf, "mm", 1e-3),
+    "backlash": (0.0, 1e-4, 0.0, "mm", 1e-3),
+    "hole_angle": (0.0, 0.02, -np.inf, "deg", _DEG),
+    "pitch_radius": (1.0, 0.01, 0.01, "", 1.0),
+    "bend_gain": (1.0, 0.02, 0.0, "", 1.0),
+}
+_FRAMES: Final = {
+    "base": ("x", "y", "z", "rx", "ry", "rz"),
+    "tool": ("x", "y", "z"),
+}
+#: Which of the others can be one for all, one for each segment, one for each tendon.
+_EACH: Final = {
+    "gain": ("", "segments", "tendons"),
+    "offset": ("", "segments", "tendons"),
+    "backlash": ("", "segments", "tendons"),
+    "hole_angle": ("", "segments"),
+    "pitch_radius": ("", "segments"),
+    "bend_gain": ("", "segments"),
+}
+#: A natural step of a field that may be zero; others take a share of their value.
+_STEP: Final = {
+    "friction": 0.05,
+    "compliance": 1e-5,
+    "pretension": 0.2,
+    "clamped_length": 5e-4,
+    "free_length": 1e-2,
+    "angle": 0.02,
+    "first_angle": 0.02,
+    "nu": 0.05,
+    "gravity": 1.0,
+}
+_SHARE: Final = 0.05
+#: What the law of the drive alone turns into a change of pull.
+DRIVE: Final = frozenset({"compliance", "axial_stiffness", "free_length", "pretension"})
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number to fit.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+        For people; ``per_unit`` is SI of one of it.
+    start, step, low, high : float
+        Where it begins, a natural step of it, and its limits, in SI.
+    paths : tuple of str
+        Paths in the robot file that it sets; none for those of the drive and of the frames.
+    """
+
+    name: str
+    unit: str
+    per_unit: float
+    start: float
+    step: float
+    low: float
+    high: float
+    paths: tuple[str, ...] = ()
+
+    @property
+    def leaf(self) -> str:
+        """The field in the robot file."""
+        return self.paths[0].rsplit(".", 1)[-1] if self.paths else ""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What values of the parameters mean, in SI.
+
+    Attributes
+    ----------
+    robot : Robot
+    gain, offset, backlash : ndarray (T,)
+        A pull that counts is gain x (the pull after delay and backlash) + offset; a tension only
+        has the gain.
+    delay : float
+        Time by which the tip runs behind the commands, s.
+    position, turn : ndarray (3,)
+        The robot's base in the measuring frame; a rotation vector.
+    tool : ndarray (3,)
+        The measured point in the frame of the end disk.
+    bend_gain : ndarray (S,)
+        Of the arcs of constant curvature.
+    """
+
+    robot: Robot
+    gain: Floats
+    offset: Floats
+    backlash: Floats
+    delay: float
+    position: Floats
+    turn: Floats
+    tool: Floats
+    bend_gain: Floats
+
+
+class Unknowns:
+    """The numbers to fit, and what is held at a value.
+
+    Parameters
+    ----------
+    robot : Robot
+        Where paths of the robot file begin.
+    names : sequence of str
+        Groups such as ``"base"`` or ``"gain.tendons"`` stand for all their members.
+    start : mapping from name to float
+        SI; where fitted parameters begin, and what those of drive and frames are held at.
+
+    Raises
+    ------
+    InputError
+        For names that are unknown, twice there or without a number to begin with.
+    """
+
+    def __init__(
+        self, robot: Robot, names: Sequence[str], start: Mapping[str, float] | None = None
+    ) -> None:
+        self.robot = robot
+        if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+            raise InputError(
+                f"parameters is {shown(names)}, it must be a list of names of parameters"
+            )
+        self._tree = robot.model_dump(mode="json", exclude_none=True)
+        self._leaves = dict(_leaves(self._tree))
+        self._held: dict[str, float] = {}
+        self._robots: dict[tuple[float, ...], Robot] = {}
+        given: dict[str, float] = {}
+        for name, value in (start or {}).items():
+            value = _finite(name, value)
+            given.update(dict.fromkeys(self._expand(name), value))
+        fitted: list[str] = []
+        for name in names:
+            for each in self._expand(name):
+                if each in fitted:
+                    raise InputError(f"parameter {each} is named twice")
+                fitted.append(each)
+        overrides: dict[str, float] = {}
+        for name, value in given.items():
+            if name in fitted:
+                continue
+            if paths := self._paths(name):
+                overrides.update(dict.fromkeys(paths, value))
+            else:
+                self._held[name] = value
+        if overrides:
+            self.robot = robot.with_(overrides)
+            self._leaves.update(overrides)  # one of many begins where all of them are held
+        self.items = [self._unknown(each, given) for each in fitted]
+        self._check_overlap()
+
+    @property
+    def names(self) -> list[str]:
+        return [item.name for item in self.items]
+
+    @property
+    def start(self) -> Floats:
+        return np.array([item.start for item in self.items])
+
+    @property
+    def friction_paths(self) -> list[str]:
+        """Paths in the robot file of all friction coefficients."""
+        return [path for path in self._leaves if path.endswith(".friction")]
+
+    def setting(self, values: Floats) -> Setting:
+        """What these values (P,) in SI mean.
+
+        Raises
+        ------
+        InputError
+            If no robot can have them.
+        """
+        tendons = len(self.robot.tendons.segment)
+        count = {"segments": len(self.robot.segments), "tendons": tendons}
+        of_tendon = self.robot.tendons.segment
+        extra = dict(self._held)
+        overrides: dict[str, Any] = {}
+        for item, value in zip(self.items, values.tolist(), strict=True):
+            if item.paths:
+                overrides.update(dict.fromkeys(item.paths, value))
+            else:
+                extra[item.name] = value
+
+        def each(name: str, kind: str) -> Floats:
+            found = np.full(count[kind], extra.get(name, _EXTRA[name][0]))
+            neutral = _EXTRA[name][0]
+            for i in range(count["segments"]):
+                where = of_tendon == i if kind == "tendons" else np.arange(count[kind]) == i
+                more = extra.get(f"{name}.segments.{i}", neutral)
+                found[where] = found[where] * more if neutral else found[where] + more
+            if kind == "tendons":
+                own = [extra.get(f"{name}.tendons.{i}", neutral) for i in range(tendons)]
+                found = found * own if neutral else found + own
+            return found
+
+        angle, radius = each("hole_angle", "segments"), each("pitch_radius", "segments")
+        robot = self._made(overrides, angle, radius)
+
+        def three(name: str, members: Iterable[str]) -> Floats:
+            return np.array([extra.get(f"{name}.{m}", 0.0) for m in members])
+
+        return Setting(
+            robot=robot,
+            gain=each("gain", "tendons"),
+            offset=each("offset", "tendons"),
+            backlash=each("backlash", "tendons"),
+            delay=extra.get("delay", 0.0),
+            position=three("base", "xyz"),
+            turn=three("base", ("rx", "ry", "rz")),
+            tool=three("tool", "xyz"),
+            bend_gain=each("bend_gain", "segments"),
+        )
+
+    def _made(self, overrides: Mapping[str, float], angle: Floats, radius: Floats) -> Robot:
+        """The robot of these numbers; most differences leave it as it was."""
+        key = (*overrides.values(), *angle.tolist(), *radius.tolist())
+        if key in self._robots:
+            return self._robots[key]
+        robot = self.robot.with_(overrides) if overrides else self.robot
+        if angle.any() or (radius != 1.0).any():
+            robot = robot.with_(_moved_holes(robot, angle, radius))
+        if len(self._robots) > 8:
+            self._robots.clear()
+        self._robots[key] = robot
+        return robot
+
+    # -- names -----------------------------------------------------------------------------
+
+    def _expand(self, name: str) -> list[str]:
+        """The single parameters that a name stands for."""
+        head, _, rest = name.partition(".")
+        if name in _FRAMES:
+            return [f"{name}.{member}" for member in _FRAMES[name]]
+        if head in _FRAMES and f"{head}.{rest}" in _EXTRA:
+            return [name]
+        if name == "delay":
+            return [name]
+        if head in _EACH:
+            kind, _, index = rest.partition(".")
+            count = {
+                "segments": len(self.robot.segments),
+                "tendons": len(self.robot.tendons.segment),
+            }
+            if kind in _EACH[head]:
+                if not kind:
+                    return [head]
+                if not index:
+                    return [f"{name}.{i}" for i in range(count[kind])]
+                if index.isdecimal() and int(index) < count[kind]:
+                    return [name]
+        elif self._paths(name):
+            return [name]
+        raise self._no_such(name)
+
+    def _paths(self, name: str) -> tuple[str, ...]:
+        """Paths in the robot file."""
+        if name.partition(".")[0] not in ("segments", "gravity"):
+            return ()
+        wanted = name.split(".")
+        return tuple(
+            path
+            for path in self._leaves
+            if len(keys := path.split(".")) == len(wanted)
+            and all(w in ("*", key) for w, key in zip(wanted, keys, strict=True))
+        )
+
+    def _no_such(self, name: str) -> InputError:
+        if name.partition(".")[0] in ("segments", "gravity"):
+            leaf = name.rsplit(".", 1)[-1]
+            if leaf == "axial_stiffness" and ".tendons" in name:
+                return InputError(
+                    f"parameter {name} has no value to begin with: give the robot an "
+                    "axial_stiffness, or fit the tendons' compliance"
+                )
+        known = [*self._leaves, *_EXTRA, *_FRAMES]
+        known += [f"{name}.{kind}" for name, kinds in _EACH.items() for kind in kinds if kind]
+        near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+        hint = f"did you mean {near[0]}? It" if near else "it"
+        return InputError(
+            f"there is no parameter {shown(name)}; {hint} must be a number of the robot "
+            f"file, as segments.0.backbone.E, or one of {', '.join([*_FRAMES, 'delay', *_EACH])}"
+        )
+
+    def _check_overlap(self) -> None:
+        seen: dict[str, str] = {}
+        for item in self.items:
+            for path in item.paths:
+                if path in seen:
+                    raise InputError(f"parameters {seen[path]} and {item.name} both set {path}")
+                seen[path] = item.name
+
+    # -- one of them -----------------------------------------------------------------------
+
+    def _unknown(self, name: str, given: Mapping[str, float]) -> Unknown:
+        if paths := self._paths(name):
+            leaf = name.rsplit(".", 1)[-1] if not name.startswith("gravity") else "gravity"
+            values = [self._leaves[path] for path in paths]
+            start = given.get(name, float(np.mean(values)))
+            quantity = _quantity(leaf, paths[0], self._tree)
+            unit = "" if quantity is None else quantity.example.rpartition(" ")[2]
+            if quantity is None or not quantity.si:
+                unit, per_unit = "", 1.0
+            else:
+                unit = unit_of_size(start, quantity.si, unit)
+                per_unit = read_number(f"1 {unit}", quantity.si)
+            low = _limit(quantity.low, quantity.si) if quantity else -np.inf
+            high = _limit(quantity.high, quantity.si) if quantity else np.inf
+            step = max(_STEP.get(leaf, 0.0), _SHARE * abs(start))
+            return Unknown(name, unit, per_unit, start, step or 1.0, low, high, paths)
+        key = name if name in _EXTRA else name.partition(".")[0]
+        start, step, low, unit, per_unit = _EXTRA[key]
+        return Unknown(name, unit, per_unit, given.get(name, start), step, low, np.inf)
+
+
+def _limit(text: str, si: str) -> float:
+    return read_number(text, si)
+
+
+def _finite(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+        raise InputError(f"start of {name} is {shown(value)}, it must be a number, in SI")
+    if not np.isfinite(value):
+        raise InputError(f"start of {name} is {value}, it must be finite")
+    return float(value)
+
+
+def _leaves(tree: Any, path: str = "") -> Iterable[tuple[str, float]]:
+    """Every number of a robot file that is no count, with its path."""
+    entries = tree.items() if isinstance(tree, dict) else enumerate(tree)
+    for key, value in entries:
+        here = f"{path}.{key}" if path else str(key)
+        if isinstance(value, (dict, list)):
+            yield from _leaves(value, here)
+        elif isinstance(value, float):
+            yield here, value
+
+
+def _quantity(leaf: str, path: str, tree: Any) -> Quantity | None:
+    if leaf == "gravity":
+        part: Any = Robot
+    elif ".backbone." in path:
+        part = Backbone
+    elif ".disks." in path:
+        part = Disks
+    elif ".tendons." in path:
+        index = int(path.split(".")[1])
+        part = TendonRing if isinstance(tree["segments"][index]["tendons"], dict) else Tendon
+    else:
+        part = Segment
+    field = part.model_fields.get(leaf)
+    marks = () if field is None else field.metadata
+    return next((mark for mark in marks if isinstance(mark, Quantity)), None)
+
+
+def _moved_holes(robot: Robot, angle: Floats, radius: Floats) -> dict[str, float]:
+    """Overrides that turn the holes of segments and scale their pitch radii."""
+    overrides: dict[str, float] = {}
+    for i, segment in enumerate(robot.segments):
+        ring = segment.tendons
+        parts = (
+            [(f"segments.{i}.tendons", "first_angle", ring.first_angle, ring.pitch_radius)]
+            if isinstance(ring, TendonRing)
+            else [
+                (f"segments.{i}.tendons.{j}", "angle", t.angle, t.pitch_radius)
+                for j, t in enumerate(ring)
+            ]
+        )
+        for path, name, a, r in parts:
+            overrides[f"{path}.{name}"] = float(np.remainder(a + angle[i] + np.pi, 2 * np.pi)) - (
+                np.pi
+            )
+            overrides[f"{path}.pitch_radius"] = float(r * radius[i])
+    return overrides

@@ -1,0 +1,322 @@
+"""Is what a calibrated model leaves noise, or is something missing in the model?
+
+Two questions. Size: are the residuals as large as the uncertainty that the table states, or as the
+scatter of its repeats? Order: do neighbours along the load err alike? Noise does neither.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from bowstring.formatting import in_mm, listed, significant
+
+__all__ = ["CHANCE", "NoiseTest", "autocorrelation", "noise_test"]
+
+Array = NDArray[np.float64]
+
+CHANCE: Final = 0.005
+"""Below this probability a test says that residuals are not noise."""
+_FEW: Final = 8  # pairs of neighbours, below which they tell nothing
+_FAR: Final = 5.0  # standard deviations of a coordinate
+_WRONG: Final = 10.0  # robust ones, beyond which repeats that are not there call a row a mistake
+_FEW_WRONG: Final = 0.05  # share of the rows
+_NOTHING: Final = 1e-8  # m: no device measures so well, what is left are rounding and tolerances
+_MOST_LINES: Final = 5  # named in a sentence
+
+
+@dataclass(frozen=True)
+class NoiseTest:
+    """What tests of size and order say of residuals; NaN where a test could not be made."""
+
+    rms: float
+    """RMS of a coordinate, degrees of freedom counted, m."""
+    sigma: float
+    """Stated standard deviation of a coordinate (RMS over rows), m."""
+    scatter: float
+    """Standard deviation of a coordinate by the repeats' own scatter, m."""
+    chi_square: float
+    """Sum of squares over the stated variance."""
+    dof: int
+    size_chance: float
+    """Probability of residuals as large, if they were noise of the stated size."""
+    fit_ratio: float
+    """F: what repeats have in common, over their own scatter."""
+    fit_chance: float
+    autocorrelation: float
+    """Of neighbours along the load order, of all axes together."""
+    order_chance: float
+    far: int
+    """Rows with a coordinate beyond five standard deviations."""
+    far_lines: tuple[int, ...] = ()
+    """Their lines."""
+    wrong_lines: tuple[int, ...] = ()
+    """Lines of rows whose own repeats say that they are mistakes; the tests leave them out."""
+    wrong_by: float = 0.0
+    """Largest coordinate of these, m."""
+    other_load: bool = False
+    """Whether a constant load that the model does not have would explain clearly more."""
+
+    @property
+    def wrong_size(self) -> bool:
+        """Whether the residuals are larger than noise: repeats decide where there are any."""
+        if math.isfinite(self.fit_chance):
+            return self.fit_chance < CHANCE
+        return self.size_chance < CHANCE  # False for NaN
+
+    @property
+    def in_order(self) -> bool:
+        """Whether neighbours err alike."""
+        return self.order_chance < CHANCE
+
+    @property
+    def nothing_left(self) -> bool:
+        """Whether the data have no noise that could be told from anything, as a simulation."""
+        return self.rms < _NOTHING
+
+    @property
+    def tested(self) -> bool:
+        """Whether there was any test."""
+        return not self.nothing_left and any(
+            map(math.isfinite, (self.size_chance, self.fit_chance, self.order_chance))
+        )
+
+    @property
+    def is_noise(self) -> bool | None:
+        """None where nothing could be tested."""
+        if self.nothing_left:
+            return None
+        if self.other_load or self.wrong_size or self.in_order:
+            return False
+        return True if self.tested else None
+
+    @property
+    def text(self) -> str:
+        """One or two sentences."""
+        if self.nothing_left:
+            return (
+                "Nothing is left to be tested: the calibrated model meets the data to 0.00001 mm, "
+                "which no measurement allows."
+            )
+        if self.is_noise is None:
+            return (
+                "Whether the residuals are noise cannot be said: the table states no uncertainty, "
+                "has no repeats, and too few rows."
+            )
+        parts = []
+        if math.isfinite(self.size_chance):
+            times = significant(math.sqrt(self.chi_square / self.dof), 2)
+            parts.append(
+                f"they are {times} times as large as the stated {in_mm(self.sigma)} "
+                f"(chi-square {significant(self.chi_square)} for {self.dof} degrees of freedom, "
+                f"{_chance(self.size_chance)})"
+            )
+        if math.isfinite(self.fit_chance):
+            times = significant(math.sqrt(self.fit_ratio), 2)
+            parts.append(
+                f"what repeats have in common is {times} times what their own scatter of "
+                f"{in_mm(self.scatter)} explains ({_chance(self.fit_chance)})"
+            )
+        if math.isfinite(self.order_chance):
+            parts.append(
+                f"neighbours along the load correlate by {self.autocorrelation:.2f} "
+                f"({_chance(self.order_chance)})"
+            )
+        if self.other_load:
+            parts.append("a constant load that the model does not have would explain them in part")
+        said = "; ".join(parts)
+        if self.is_noise:
+            out = f"The residuals are noise, as far as these data can tell: {said}."
+            if self.size_chance < CHANCE:
+                out += " The stated uncertainty is too small: the repeats scatter by more."
+        else:
+            out = (
+                f"The residuals are not noise: {said}. Something acts on the robot or on the "
+                "measurement that the calibrated model does not have, and the intervals of its "
+                "parameters do not know how far that moves them."
+            )
+        if self.far:
+            rows = "One row is" if self.far == 1 else f"{self.far} rows are"
+            out += f" {rows} more than five standard deviations away ({_lines(self.far_lines)})."
+        if self.wrong_lines:
+            one = len(self.wrong_lines) == 1
+            how = (
+                f"errs by {in_mm(self.wrong_by)}" if one else f"err by up to {in_mm(self.wrong_by)}"
+            )
+            out += (
+                f" {_lines(self.wrong_lines).capitalize()} {how}, and repeats of the same load do "
+                f"not: these tests leave {'it' if one else 'them'} out, all other numbers have "
+                f"{'it' if one else 'them'}; look at {'it' if one else 'them'}."
+            )
+        return out
+
+    def to_dict(self) -> dict[str, Any]:
+        """The tests for JSON."""
+        return {
+            "noise": self.is_noise,
+            "rms_of_a_coordinate_mm": self.rms * 1e3,
+            "stated_sigma_mm": self.sigma * 1e3,
+            "scatter_of_repeats_mm": self.scatter * 1e3,
+            "chi_square": self.chi_square,
+            "dof": self.dof,
+            "size_chance": self.size_chance,
+            "fit_ratio": self.fit_ratio,
+            "fit_chance": self.fit_chance,
+            "autocorrelation": self.autocorrelation,
+            "order_chance": self.order_chance,
+            "chance_below_which_not_noise": CHANCE,
+            "far_rows": self.far,
+            "lines_against_their_repeats": list(self.wrong_lines),
+            "other_load": self.other_load,
+            "text": self.text,
+        }
+
+
+def _chance(probability: float) -> str:
+    return "p < 0.0001" if probability < 1e-4 else f"p = {significant(probability, 2)}"
+
+
+def _lines(lines: tuple[int, ...]) -> str:
+    named = [str(line) for line in lines[:_MOST_LINES]]
+    if len(lines) > _MOST_LINES:
+        return f"lines {', '.join(named)} and {len(lines) - _MOST_LINES} more"
+    return f"line{'s' * (len(lines) > 1)} {listed(named)}"
+
+
+def _wrong(e: Array, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(K,), rows far off while another row of the same cell is not; a model cannot err so."""
+    usual = 1.4826 * float(np.median(np.abs(e))) if len(e) else 0.0
+    off = np.abs(e).max(axis=1, initial=0.0) > _WRONG * usual
+    _, place = np.unique(cells, return_inverse=True)
+    has_good = np.bincount(place, ~off) > 0
+    wrong = off & has_good[place] & (usual > 0.0)
+    # so many are no mistakes, but repeats that are none
+    return np.asarray(wrong & (wrong.sum() <= max(1, _FEW_WRONG * len(e))))
+
+
+def autocorrelation(residual: Array, near: NDArray[np.bool_]) -> tuple[float, float]:
+    """How alike neighbours err, all axes together, and the probability of that from noise.
+
+    Parameters
+    ----------
+    residual : array (K, 3)
+        Model minus measurement, m.
+    near : array of bool (K - 1,)
+        Whether a row and the next are neighbours.
+
+    Returns
+    -------
+    correlation, chance : float
+        NaN with too few neighbours. The chance is that of a correlation so far above zero, by its
+        normal limit; a fit lowers the correlation a little, which is on the safe side.
+    """
+    squares = np.sum(residual**2, axis=0)
+    pairs, count = int(near.sum()), len(residual)
+    if pairs < _FEW or squares.sum() == 0.0:
+        return math.nan, math.nan
+    products = float(np.sum(residual[1:][near] * residual[:-1][near]))
+    # independent axes, of different size
+    deviation = math.sqrt(pairs * float(np.sum(squares**2))) / count
+    correlation = products / pairs * count / float(squares.sum())
+    return min(max(correlation, -1.0), 1.0), float(special.ndtr(-products / deviation))
+
+
+def noise_test(
+    residual: Array,
+    run: NDArray[np.int64],
+    cell: NDArray[np.int64],
+    parameters: int,
+    sigma: Array | None = None,
+    *,
+    line: NDArray[np.int64] | None = None,
+    other_load: bool = False,
+) -> NoiseTest:
+    """Test the residuals of a fitted model.
+
+    Parameters
+    ----------
+    residual : array (K, 3)
+        Model minus measurement, m, in the order in which the rows were taken; NaN rows count
+        nowhere.
+    run : array of int (K,)
+        Rows of different runs are no neighbours.
+    cell : array of int (K,)
+        Rows with the same number are repeats, for which the model says the same.
+    parameters : int
+        Fitted ones.
+    sigma : array (K,), optional
+        Stated standard deviation of a coordinate, m.
+    line : array of int (K,), optional
+        What rows are called; their numbers from 1 if left out.
+    other_load : bool
+        Whether a calibration with one more constant load explained clearly more.
+
+    Returns
+    -------
+    NoiseTest
+
+    Notes
+    -----
+    Size against the stated sigma: chi-square. Against repeats: the F test for lack of fit (Draper
+    and Smith, Applied Regression Analysis, 1998, 2.1). Order: the autocorrelation of neighbours,
+    all axes together, against its normal limit under independence; a fit lowers it a little, which
+    is on the safe side. One mistyped row would widen the scatter of its repeats until anything
+    passes for noise, so a row far off whose repeats are not is named and left out.
+    """
+    good = np.isfinite(residual).all(axis=1)
+    lines = np.arange(1, len(residual) + 1) if line is None else line
+    wrong = np.zeros(len(residual), dtype=bool)
+    wrong[good] = _wrong(residual[good], cell[good])
+    good &= ~wrong
+    e, runs, cells = residual[good], run[good], cell[good]
+    count = len(e)
+    dof = 3 * count - parameters
+    rms = math.sqrt(float(np.sum(e**2)) / dof) if dof > 0 else math.nan
+
+    stated, chi_square, size_chance = math.nan, math.nan, math.nan
+    if sigma is not None and dof > 0:
+        spread = sigma[good]
+        stated = float(np.sqrt(np.mean(spread**2)))
+        chi_square = float(np.sum((e / spread[:, None]) ** 2))
+        size_chance = float(special.chdtrc(dof, chi_square))
+
+    scatter, ratio, fit_chance = math.nan, math.nan, math.nan
+    _, place, size = np.unique(cells, return_inverse=True, return_counts=True)
+    own = 3 * (count - len(size))
+    common = 3 * len(size) - parameters
+    means = np.stack([np.bincount(place, axis) / size for axis in e.T], axis=1)
+    if own >= _FEW:
+        within = float(np.sum((e - means[place]) ** 2)) / own
+        scatter = math.sqrt(within)
+        if common > 0 and within > 0.0:
+            ratio = float(size @ np.sum(means**2, axis=1)) / common / within
+            fit_chance = float(special.fdtrc(common, own, ratio))
+
+    correlation, order_chance = autocorrelation(e, runs[1:] == runs[:-1])
+
+    far = np.zeros(count, dtype=bool)
+    limit = scatter if math.isfinite(scatter) else stated
+    if math.isfinite(limit) and limit > 0.0:
+        far = np.abs(e).max(axis=1) > _FAR * limit
+    return NoiseTest(
+        rms=rms,
+        sigma=stated,
+        scatter=scatter,
+        chi_square=chi_square,
+        dof=dof,
+        size_chance=size_chance,
+        fit_ratio=ratio,
+        fit_chance=fit_chance,
+        autocorrelation=correlation,
+        order_chance=order_chance,
+        far=int(far.sum()),
+        far_lines=tuple(lines[good][far].tolist()),
+        wrong_lines=tuple(lines[wrong].tolist()),
+        wrong_by=float(np.abs(residual[wrong]).max(initial=0.0)),
+        other_load=other_load,
+    )

@@ -1,0 +1,344 @@
+"""A calibration from a table of measurements: the fit, its validation, and what is to be told.
+
+`bowstring.fit` does the work; this puts beside it where the data came from and what they are.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.atomic_io import readable
+from bowstring.calibration.fitting import (
+    CrossValidation,
+    Fit,
+    Loss,
+    Score,
+    cross_validate,
+    fit,
+    hold_out,
+    score,
+)
+from bowstring.calibration.tip_model import Model
+from bowstring.data.measurements import Measurements
+from bowstring.data.tendon_check import TendonCheck, check_tendons
+from bowstring.display import short_repr
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.robot.model import Robot
+
+__all__ = ["BESIDE", "Calibration", "calibrate", "read_start"]
+
+Progress = Callable[[str, float], None]
+
+#: Estimates that correlate by so much hardly know one from the other.
+_STRONG: Final = 0.9
+#: Standard deviations of a coordinate; noise has rows beyond in one table of a million.
+_FAR: Final = 8.0
+_FEW_ROWS: Final = 0.05  # share of the rows
+_NOTHING: Final = 1e-8  # m: data without noise
+#: File beside the calibrated robot file, of what a robot file has no place for.
+BESIDE: Final = "calibration.json"
+#: Parameters that are in the calibrated robot file.
+_IN_FILE: Final = ("segments", "gravity", "hole_angle", "pitch_radius")
+_MOST_BYTES: Final = 1_000_000
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A fit to measurements and what is to be told beside it; made by `calibrate`.
+
+    K rows.
+    """
+
+    data: Measurements
+    fit: Fit
+    loss: Loss
+    tendons: TendonCheck
+    """Do the tendons move the tip as the robot file says?"""
+    held_out: NDArray[np.bool_]
+    """(K,), rows that were kept from the fit; none where no share was asked for."""
+    held_out_score: Score | None
+    """Of these rows, predicted by the fit that never saw them."""
+    folds: CrossValidation | None
+    """Of all rows, where folds were asked for."""
+    start: Mapping[str, float]
+    """In SI by name, what the fit began from and was held at, as it was given."""
+    other: Measurements | None = None
+    """Another table, for validation alone."""
+    other_score: Score | None = None
+    """Of its rows, predicted by the fit; nothing was aligned to them."""
+
+    @property
+    def predicted(self) -> NDArray[np.float64]:
+        """(K, 3), m, measuring frame, by the calibrated model."""
+        return np.asarray(self.fit.residuals + self.data.tip)
+
+    @property
+    def unanswered(self) -> int:
+        """Rows of the validation to which the calibrated model has no answer; in no score."""
+        if self.folds is not None:
+            return self.folds.unanswered
+        if self.other is not None and self.other_score is not None:
+            return int(self.other.seen.sum()) - self.other_score.count
+        return int(np.isnan(self.fit.residuals[self.held_out]).any(axis=1).sum())
+
+    @property
+    def correlated(self) -> list[tuple[str, str, float]]:
+        """Pairs of parameters whose estimates correlate by 0.9 or more, strongest first."""
+        table, names = self.fit.correlation, self.fit.names
+        pairs = [
+            (names[i], names[j], float(table[i, j]))
+            for i in range(len(names))
+            for j in range(i)
+            if abs(table[i, j]) >= _STRONG
+        ]
+        return sorted(((b, a, r) for a, b, r in pairs), key=lambda pair: -abs(pair[2]))
+
+    @property
+    def far(self) -> list[tuple[int, float]]:
+        """Line and distance, m, of fitted rows far beyond the others' scatter, farthest first.
+
+        None where many are: then the model is wrong and not a row.
+        """
+        distance = np.linalg.norm(self.fit.residuals, axis=1)
+        rows = np.flatnonzero(self.fit.used & (distance > _FAR * self.fit.noise))
+        if self.fit.noise < _NOTHING or len(rows) > max(1, _FEW_ROWS * self.fit.used.sum()):
+            return []
+        rows = rows[np.argsort(-distance[rows])]
+        return [(int(self.data.line[i]), float(distance[i])) for i in rows]
+
+    @property
+    def broken_path(self) -> str:
+        """A sentence where rows were left out of a path that matters; else empty."""
+        remember = any(name.startswith("backlash") for name in self.beside)
+        if not self.data.left_out or not (self.fit.robot.has_friction or remember):
+            return ""
+        rows = "a row was" if self.data.left_out == 1 else f"{self.data.left_out} rows were"
+        what = "backlash" if remember else "friction"
+        return (
+            f"with {what} the rows are one path, and {rows} left out of it: the prediction after "
+            "these may be far off; mend them, or leave their tip alone blank."
+        )
+
+    @property
+    def elsewhere(self) -> list[str]:
+        """Estimates that have no place in a robot file, as text."""
+        return [str(e) for e in self.fit.estimates if not _in_file(e.name)]
+
+    @property
+    def beside(self) -> dict[str, float]:
+        """What the calibrated model has besides the robot file, fitted or held: SI by name."""
+        return {k: v for k, v in {**self.start, **self.fit.values}.items() if not _in_file(k)}
+
+    def beside_to_dict(self) -> dict[str, Any]:
+        """`beside` as `read_start` reads it, ready for `json.dumps`."""
+        return {
+            "robot": self.fit.robot.name,
+            "robot_hash": self.fit.robot.hash,
+            "data": {
+                "name": self.data.name,
+                "source": self.data.source,
+                "sha256": self.data.sha256,
+            },
+            "units": "SI: m, rad, s",
+            "values": self.beside,
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """All numbers, in the units that the keys name."""
+        data, found = self.data, self.fit
+        validation: dict[str, Any] | None = None
+        if self.held_out_score is not None:
+            validation = {"kind": "holdout", **_scores(self.held_out_score)}
+        elif self.folds is not None:
+            folds = zip(self.folds.labels, self.folds.folds, strict=True)
+            validation = {
+                "kind": "folds",
+                **_scores(self.folds.score),
+                "converged": self.folds.converged,
+                "folds": [{"left_out": label, **_scores(each)} for label, each in folds],
+            }
+        elif self.other is not None and self.other_score is not None:
+            validation = {
+                "kind": "file",
+                **_scores(self.other_score),
+                "name": self.other.name,
+                "source": self.other.source,
+                "rows_left_out": self.other.left_out,
+                "sha256": self.other.sha256,
+            }
+        return {
+            **found.to_dict(),
+            "loss": self.loss,
+            "correlated": [{"names": [a, b], "correlation": r} for a, b, r in self.correlated],
+            "validation": validation and {**validation, "rows_unanswered": self.unanswered},
+            "tendon_check": {
+                "found": self.tendons.found,
+                "alarm": self.tendons.alarm,
+                "sentence": self.tendons.sentence,
+            },
+            "data": {
+                "name": data.name,
+                "source": data.source,
+                "rows": len(data),
+                "rows_left_out": data.left_out,
+                "rows_without_tip": data.without_tip,
+                "sigma_mm": None if data.sigma is None else 1e3 * float(np.median(data.sigma)),
+                "sha256": data.sha256,
+            },
+            "far": [{"line": line, "distance_mm": 1e3 * away} for line, away in self.far],
+            "lines": data.line.tolist(),
+            "residuals_mm": (1e3 * found.residuals).tolist(),
+        }
+
+
+def _in_file(name: str) -> bool:
+    return name.partition(".")[0] in _IN_FILE
+
+
+def _scores(of: Score) -> dict[str, Any]:
+    return {
+        "rows": of.count,
+        "rmse_mm": 1e3 * of.rmse,
+        "mean_mm": 1e3 * of.mean,
+        "max_mm": 1e3 * of.largest,
+        "rmse_centred_mm": 1e3 * of.rmse_centred,
+        "mean_centred_mm": 1e3 * of.mean_centred,
+    }
+
+
+def calibrate(
+    robot: Robot,
+    data: Measurements,
+    parameters: Sequence[str],
+    *,
+    model: Model = "rod",
+    loss: Loss = "soft_l1",
+    holdout: float | None = None,
+    folds: int | None = None,
+    validate: Measurements | None = None,
+    start: Mapping[str, float] | None = None,
+    progress: Progress | None = None,
+) -> Calibration:
+    """Fit parameters to measurements, and check the fit on rows that it never saw.
+
+    Parameters
+    ----------
+    robot, data, parameters, model, loss, start
+        As for `bowstring.fit`.
+    holdout : float, optional
+        Share of the rows, the last ones, that is kept from the fit and predicted by it, as
+        `bowstring.calibration.fitting.hold_out` chooses them.
+    folds : int, optional
+        Instead: the fit is to all rows, and this many more leave out a part of them each.
+    validate : Measurements, optional
+        Instead: another table of the same bench, predicted once by the fit; nothing is aligned to
+        it. Its rows are a path of their own.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    InputError
+        As for `bowstring.fit`.
+    NoSolutionError
+        If the model has no answer to a row to begin with.
+    """
+    if sum(way is not None for way in (holdout, folds, validate)) > 1:
+        raise InputError("holdout, folds and validate are ways to validate; give one")
+    if validate is not None and data.sha256 is not None and validate.sha256 == data.sha256:
+        raise InputError(
+            f"{validate.name} is the table that is fitted, and validates nothing; name another"
+        )
+    tell = progress or (lambda what, share: None)
+    out = np.zeros(len(data), dtype=bool)
+    rows = None
+    if holdout is not None:
+        out = hold_out(robot, data, holdout)
+        rows = ~out & data.seen
+    tell("fit", 0.0)
+    order = check_tendons(robot, data)
+    try:
+        found = fit(robot, data, parameters, model=model, loss=loss, rows=rows, start=start)
+    except NoSolutionError as error:
+        if order.alarm:  # the likelier reason
+            raise NoSolutionError(f"{str(error).rstrip('.')}. {order.sentence}") from None
+        raise
+    held = None
+    if holdout is not None:  # all rows are one path, so the prediction is of all
+        held = score(data.tip[out] + found.residuals[out], data.tip[out])
+    validated = None
+    if folds is not None:
+        tell("validation", 1 / (1 + folds))
+        validated = cross_validate(
+            robot, data, parameters, folds=folds, model=model, loss=loss, start=start
+        )
+    other = None
+    if validate is not None:
+        tell("validation", 0.9)
+        other = _judged(found, validate)
+    tell("done", 1.0)
+    return Calibration(
+        data, found, loss, order, out, held, validated, dict(start or {}), validate, other
+    )
+
+
+def _judged(found: Fit, data: Measurements) -> Score:
+    """A table that was not fitted, predicted."""
+    predicted = found.predict(data)
+    if not data.seen.any():
+        raise InputError(f"{data.name} has no measured tip to validate with")
+    if not np.isfinite(predicted + data.tip).all(axis=1).any():
+        raise NoSolutionError(f"the calibrated model has no answer to any row of {data.name}")
+    return score(predicted, data.tip)
+
+
+def read_start(path: str | Path) -> dict[str, float]:
+    """Read what a calibrated model has besides its robot file.
+
+    Parameters
+    ----------
+    path : str or Path
+        ``calibration.json`` beside a calibrated robot file.
+
+    Returns
+    -------
+    dict from name to float
+        In SI, ``start`` of `bowstring.fit`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is no such file.
+    """
+    try:
+        with readable(path) as file:
+            text = file.read(_MOST_BYTES + 1).decode("utf-8")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        text = ""
+    try:
+        if len(text) > _MOST_BYTES:
+            raise ValueError
+        values = dict(json.loads(text)["values"])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        values = {"": None}
+    if not all(type(v) in (int, float) and math.isfinite(v) for v in values.values()):
+        raise InputError(
+            f"{path} is no {BESIDE} of bowstring fit; name the file beside the calibrated "
+            "robot.yaml"
+        )
+    return {name: float(value) for name, value in values.items()}

@@ -1,0 +1,568 @@
+"""The measured point by a model: from commands and parameters, with its derivatives.
+
+Two models: the rod's statics, and constant curvature with a gain on each segment's bend. Inside
+everything is SI; K is the number of rows, T that of tendons, P that of parameters.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.calibration.parameters import DRIVE, Setting, Unknown, Unknowns
+from bowstring.calibration.pieces import Pieces
+from bowstring.constant_curvature import arcs
+from bowstring.errors import BowstringError, InputError
+from bowstring.robot.model import Robot
+from bowstring.statics import actuation
+
+__all__ = ["Commands", "Model", "Prediction", "TipModel", "paths_of", "rotation"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Model = Literal["rod", "arc"]
+
+_NO_LOAD: Final = (0.0, 0.0, 0.0)
+#: Share of a natural step of a parameter for differences; more where friction jumps.
+_SMALL: Final = 1e-3
+_SMALL_FRICTION: Final = 0.1
+#: Rows from which a row without a solution is tried to be reached.
+_NEIGHBOURS: Final = 2
+
+
+@dataclass(frozen=True)
+class Commands:
+    """What drives the robot, row by row in the order in which it was done.
+
+    Attributes
+    ----------
+    pulled : ndarray of bool (K, T)
+        Whether a tendon has a pull, otherwise a tension.
+    values : ndarray (K, T)
+        In m and N.
+    time : ndarray (K,) or None
+        In s.
+    recording : ndarray of int (K,) or None
+        Rows with the same number are one path, which begins at home; None: all rows are.
+    """
+
+    pulled: Bools
+    values: Floats
+    time: Floats | None
+    recording: NDArray[np.int64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def effective(self, setting: Setting) -> Floats:
+        """Pulls and tensions (K, T) after delay, backlash, gain and offset."""
+        values = self.values
+        if setting.delay:
+            time, late = self.clock(), np.empty_like(values)
+            for rows in self.paths:
+                late[rows] = _delayed(values[rows], time[rows], setting.delay)
+            values = late
+        if setting.backlash.any():
+            followed = np.empty_like(values)
+            for rows in self.paths:
+                followed[rows] = _play(values[rows], setting.backlash)
+            values = np.where(self.pulled, followed, values)
+        out: Floats = values * setting.gain + np.where(self.pulled, setting.offset, 0.0)
+        return out
+
+    @property
+    def paths(self) -> list[NDArray[np.int64]]:
+        """Rows of each path, in their order."""
+        return paths_of(self.recording, len(self))
+
+    def clock(self) -> Floats:
+        """Times (K,) that a delay can be taken from."""
+        time = self.time
+        if time is None:
+            raise InputError("delay needs the time of each row, and the measurements have none")
+        if not all((np.diff(time[rows]) > 0).all() for rows in self.paths):
+            raise InputError("delay needs times that increase from row to row")
+        return time
+
+
+def paths_of(recording: NDArray[np.int64] | None, count: int) -> list[NDArray[np.int64]]:
+    """Rows of each recording in their order; of all rows where None is given."""
+    if recording is None:
+        return [np.arange(count)]
+    return [np.flatnonzero(recording == number) for number in np.unique(recording)]
+
+
+def _delayed(values: Floats, time: Floats, delay: float) -> Floats:
+    """Commands some time before (or after) each row, straight between rows."""
+    asked = time - delay
+    return np.stack([np.interp(asked, time, column) for column in values.T], axis=1)
+
+
+def _play(values: Floats, width: Floats) -> Floats:
+    """What follows each column with a play of its half-width: it moves only when it is pushed."""
+    out = np.empty_like(values)
+    state = values[0]
+    for k, row in enumerate(values):
+        state = np.minimum(np.maximum(state, row - width), row + width)
+        out[k] = state
+    return out
+
+
+def rotation(turn: Floats) -> Floats:
+    """Rotation (3, 3) of a rotation vector."""
+    from scipy.spatial.transform import Rotation
+
+    return np.array(Rotation.from_rotvec(turn).as_matrix())
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The end disk by a model, in the robot's base frame.
+
+    Attributes
+    ----------
+    position, rotation : ndarray (K, 3), (K, 3, 3)
+        NaN where the model has no answer.
+    solved : ndarray of bool (K,)
+    solutions : list or None
+        Of the core, where derivatives are wanted; of a row that is not solved, it has no pose.
+    tensions, slack : ndarray (K, T) or None
+        Of the tendons, N and m, where a rod's statics found them.
+    """
+
+    position: Floats
+    rotation: Floats
+    solved: Bools
+    setting: Setting
+    commands: Floats
+    solutions: list[Any] | None = None
+    tensions: Floats | None = None
+    slack: Floats | None = None
+
+    @property
+    def point(self) -> Floats:
+        """The measured point (K, 3) in the measuring frame."""
+        local = self.position + self.rotation @ self.setting.tool
+        moved: Floats = local @ rotation(self.setting.turn).T + self.setting.position
+        return moved
+
+
+class TipModel:
+    """The measured point as a function of the parameters.
+
+    Parameters
+    ----------
+    unknowns : Unknowns
+    commands : Commands
+    model : {"rod", "arc"}
+    theory : str
+        Of the rod.
+    """
+
+    def __init__(
+        self, unknowns: Unknowns, commands: Commands, model: Model, theory: str = "cosserat"
+    ) -> None:
+        self.unknowns = unknowns
+        self.commands = commands
+        self.model = model
+        self.theory = theory
+        self.solves = 0
+        #: The last prediction with its derivatives, as far as they were asked for.
+        self._kept: tuple[Prediction, _Exact | None, dict[int, _Column]] | None = None
+
+    def predict(self, values: Floats, *, keep: bool = False) -> Prediction:
+        """The end disk by these values (P,) of the parameters.
+
+        Raises
+        ------
+        InputError
+            If no robot can have them.
+        """
+        setting = self.unknowns.setting(values)
+        given = self.commands.effective(setting)
+        self.solves += 1
+        if self.model == "arc":
+            return self._arcs(setting, given)
+        return self._rod(setting, given, keep)
+
+    def jacobian(self, values: Floats, at: Prediction) -> Floats:
+        """Derivatives (K, 3, P) of the measured point.
+
+        Exact for what acts on pulls and tensions, for E, base and tool, unless tendons rub; central
+        differences for the rest.
+        """
+        columns = [column.whole for column in self._columns(values, at)]
+        return np.stack(columns, axis=-1) if columns else np.zeros((len(self.commands), 3, 0))
+
+    @property
+    def of_frames(self) -> Bools:
+        """Which parameters (P,) place the base or the tool."""
+        return np.array([n.startswith(("base.", "tool.")) for n in self.unknowns.names], dtype=bool)
+
+    def frame_jacobian(self, values: Floats, at: Prediction) -> Floats:
+        """Derivatives (K, 3, P) by base and tool, zero by other parameters."""
+        table = np.zeros((len(self.commands), 3, len(values)))
+        for i in np.flatnonzero(self.of_frames):
+            table[:, :, i] = self._difference(int(i), values, lambda setting: _placed(at, setting))
+        return table
+
+    def pieces(self, values: Floats, at: Prediction) -> Pieces | None:
+        """The measured point nearby, also where tendons become taut or slack.
+
+        None where no tendon is pulled by a length, where the pulls do not determine the tensions,
+        with friction, and for constant curvature. Rows without a solution have NaN.
+        """
+        exact = self._exact(at) if self.commands.pulled.any() else None
+        if exact is None:
+            return None
+        assert at.solutions is not None
+        slack = np.full(exact.tensions.shape, np.nan)
+        for k in np.flatnonzero(at.solved):
+            slack[k] = at.solutions[k].slack_lengths
+        columns = self._columns(values, at)
+        by_slack = np.stack([column.slack for column in columns], axis=-1)
+        by_tension = np.stack([column.tensions for column in columns], axis=-1)
+        by_point = np.stack([column.point for column in columns], axis=-1)
+        return Pieces(
+            # commanded tensions follow the parameters, whoever is slack
+            point_by_parameter=by_point + exact.by_tension @ by_tension,
+            point_by_tension=exact.by_tension,
+            slack=slack,
+            tensions=exact.tensions,
+            slack_by_parameter=by_slack + exact.slack_by_tension @ by_tension,
+            slack_by_tension=exact.slack_by_tension,
+            pulled=self.commands.pulled,
+        )
+
+    def _exact(self, at: Prediction) -> _Exact | None:
+        if at.solutions is None or at.setting.robot.has_friction:
+            return None
+        if self._kept is None or self._kept[0] is not at:
+            self._kept = at, _Exact.of(at), {}
+        return self._kept[1]
+
+    def _columns(self, values: Floats, at: Prediction) -> list[_Column]:
+        exact = self._exact(at)
+        known: dict[int, _Column] = {} if self._kept is None else self._kept[2]
+        if exact is None:
+            friction = self.model == "rod" and at.setting.robot.has_friction
+            known = self._along_paths(values, at) if friction else {}
+        for i in range(len(values)):
+            if i not in known:
+                known[i] = self._column(i, values, at, exact)
+        return [known[i] for i in range(len(values))]
+
+    # -- the models --------------------------------------------------------------------------
+
+    def _rod(self, setting: Setting, given: Floats, keep: bool) -> Prediction:
+        robot = setting.robot
+        pulled = self.commands.pulled
+        given = np.where(pulled, given, np.maximum(given, 0.0))
+        way = actuation.Path(robot, self.theory, "straight", True, 1)
+        if robot.has_friction:
+            return self._paths(way, setting, given)
+        if not keep:
+            found = way.core.follow(pulled, given, None, _NO_LOAD, _NO_LOAD, False, False, 0)
+            return Prediction(
+                found["tip_position"],
+                found["tip_rotation"],
+                found["converged"],
+                setting,
+                given,
+                tensions=found["tensions"],
+                slack=found["slack_lengths"],
+            )
+        solutions = []
+        for held, row in zip(pulled, given, strict=True):
+            way.core.reset()
+            solutions.append(way.core.step(held, row, None, _NO_LOAD, _NO_LOAD))
+        solved = np.array([s.converged for s in solutions])
+        _continue_from_neighbours(way.core, pulled, given, solutions, solved)
+        position = np.full((len(given), 3), np.nan)
+        turned = np.full((len(given), 3, 3), np.nan)
+        for k in np.flatnonzero(solved):
+            position[k] = solutions[k].tip_position
+            turned[k] = solutions[k].tip_rotation
+        return Prediction(position, turned, solved, setting, given, solutions)
+
+    def _paths(self, way: actuation.Path, setting: Setting, given: Floats) -> Prediction:
+        """The rod along each path, with friction; a path begins at home."""
+        position = np.full((len(given), 3), np.nan)
+        turned = np.full((len(given), 3, 3), np.nan)
+        solved = np.zeros(len(given), bool)
+        tensions, slack = np.full_like(given, np.nan), np.full_like(given, np.nan)
+        for rows in self.commands.paths:
+            way.core.reset()
+            loads = self.commands.pulled[rows], given[rows], None, _NO_LOAD, _NO_LOAD
+            found = way.core.follow(*loads, False, True, 1)
+            position[rows], turned[rows] = found["tip_position"], found["tip_rotation"]
+            solved[rows] = found["converged"]
+            tensions[rows], slack[rows] = found["tensions"], found["slack_lengths"]
+        return Prediction(position, turned, solved, setting, given, tensions=tensions, slack=slack)
+
+    def _arcs(self, setting: Setting, given: Floats) -> Prediction:
+        """Constant curvature: the tendons' arcs, segment by segment, each bend times its gain."""
+        kappa, phi, length = _arcs_of(setting.robot, self.commands.pulled, given)
+        position, turned = np.zeros((len(given), 3)), np.eye(3)
+        bends = kappa * setting.bend_gain
+        for j in range(len(length)):
+            piece = arcs.pose(bends[:, j], phi[:, j], np.full(len(given), length[j]))
+            position = position + np.einsum("...ij,...j->...i", turned, piece.position)
+            turned = turned @ piece.rotation
+        return Prediction(position, np.array(turned), np.ones(len(given), bool), setting, given)
+
+    # -- derivatives -------------------------------------------------------------------------
+
+    def _column(self, i: int, values: Floats, at: Prediction, exact: _Exact | None) -> _Column:
+        item = self.unknowns.items[i]
+        name = item.name
+        none = np.zeros(self.commands.values.shape)
+        if name.startswith(("base.", "tool.")):
+            moved = self._difference(i, values, lambda setting: _placed(at, setting))
+            return _Column(moved, moved, none, none)
+        still = np.zeros((len(none), 3))
+        pulled = self.commands.pulled
+        if exact is not None:
+            if not item.paths and not name.startswith(("hole_angle", "pitch_radius", "bend_gain")):
+                commands = self._difference(i, values, self.commands.effective)
+                shorter = np.where(pulled, commands, 0.0)
+                return exact.column(still, -shorter, np.where(pulled, 0.0, commands))
+            by_home = np.where(pulled, self._difference(i, values, self._home), 0.0)
+            if item.leaf in DRIVE:
+                # what gives way more is pulled less, tension by tension
+                by_compliance = self._difference(
+                    i, values, lambda setting: actuation.compliances(setting.robot)
+                )
+                gives = np.where(pulled, exact.tensions * by_compliance, 0.0)
+                return exact.column(still, by_home + gives, none)
+            if item.leaf == "E" and self._same_nu(item):
+                for path in item.paths:
+                    j = int(path.split(".")[1])
+                    still = still + exact.by_stiffness[:, :, j] / values[i]
+                    by_home = by_home - exact.lengths_by_stiffness[:, :, j] / values[i]
+                return exact.column(still, by_home, none)
+
+        self.solves += 2
+        change = self._difference(i, values, self._state, self._small(at))
+        return self._by_differences(change, at, exact)
+
+    def _state(self, setting: Setting) -> Floats:
+        """Point, tensions and slack lengths (K, 3 + 2 T); of constant curvature the point alone."""
+        given = self.commands.effective(setting)
+        if self.model == "arc":
+            return self._arcs(setting, given).point
+        found = self._rod(setting, given, keep=False)
+        assert found.tensions is not None and found.slack is not None
+        return np.concatenate((found.point, found.tensions, found.slack), axis=1)
+
+    def _small(self, at: Prediction) -> float:
+        return _SMALL_FRICTION if at.setting.robot.has_friction else _SMALL
+
+    def _by_differences(self, change: Floats, at: Prediction, exact: _Exact | None) -> _Column:
+        """The derivatives that central differences of `_state` mean."""
+        count = self.commands.values.shape[1]
+        none = np.zeros(self.commands.values.shape)
+        if exact is None:
+            return _Column(change[:, :3], change[:, :3], none, none)
+        pulled = self.commands.pulled
+        change = np.where(at.solved[:, None], change, 0.0)
+        whole, tensions, slack = change[:, :3], change[:, 3 : 3 + count], change[:, 3 + count :]
+        forced = np.where(pulled, 0.0, tensions)
+        by_tensions = np.einsum("kit,kt->ki", exact.by_tension, tensions)
+        slack = slack - np.einsum("kst,kt->ks", exact.slack_by_tension, tensions)
+        return _Column(whole, whole - by_tensions, np.where(pulled, slack, 0.0), forced)
+
+    def _along_paths(self, values: Floats, at: Prediction) -> dict[int, _Column]:
+        """Columns of all parameters that are no frame's by differences of paths, side by side."""
+        which = np.flatnonzero(~self.of_frames).tolist()
+        moves = [self._sides(i, values, self._small(at)) for i in which]
+        settings = [setting for sides in moves for setting, _ in sides]
+        self.solves += len(settings)
+        with ThreadPoolExecutor(max_workers=os.cpu_count() or 1) as pool:
+            states = list(pool.map(self._state, settings))
+        out = {}
+        for n, (i, sides) in enumerate(zip(which, moves, strict=True)):
+            apart = sides[0][1] - sides[1][1]
+            change = (states[2 * n] - states[2 * n + 1]) / apart
+            out[i] = self._by_differences(change, at, None)
+        return out
+
+    def _home(self, setting: Setting) -> Floats:
+        home = actuation.home_lengths(setting.robot, self.theory, "straight", True, 1)
+        if home is None:
+            return np.full(len(setting.robot.tendons.segment), np.nan)
+        return home
+
+    def _same_nu(self, item: Unknown) -> bool:
+        segments = self.unknowns.robot.segments
+        return all(segments[int(p.split(".")[1])].backbone.nu is not None for p in item.paths)
+
+    def _difference(self, i: int, values: Floats, of: Any, small: float = _SMALL) -> Floats:
+        """Central difference, one-sided at a limit, of a function of the setting."""
+        (above, high), (below, low) = self._sides(i, values, small)
+        return np.asarray((of(above) - of(below)) / (high - low))
+
+    def _sides(self, i: int, values: Floats, small: float) -> list[tuple[Setting, float]]:
+        """Settings with more and with less of a parameter, and its values."""
+        item = self.unknowns.items[i]
+        sides = []
+        for sign in (1.0, -1.0):
+            moved = values.copy()
+            moved[i] = np.clip(values[i] + sign * small * item.step, item.low, item.high)
+            try:
+                setting = self.unknowns.setting(moved)
+            except BowstringError:  # the one side has no robot
+                moved, setting = values, self.unknowns.setting(values)
+            sides.append((setting, float(moved[i])))
+        return sides
+
+
+def _continue_from_neighbours(
+    core: Any, pulled: Bools, given: Floats, solutions: list[Any], solved: Bools
+) -> None:
+    """Solve rows that have no solution from home from the rows with the nearest commands.
+
+    Changes `solutions` and `solved` in place.
+    """
+    known = np.flatnonzero(solved)
+    for k in np.flatnonzero(~solved):
+        alike = known[(pulled[known] == pulled[k]).all(axis=1)]
+        apart = np.linalg.norm(given[alike] - given[k], axis=1)
+        for near in alike[np.argsort(apart, kind="stable")[:_NEIGHBOURS]]:
+            core.reset()
+            if not core.step(pulled[near], given[near], None, _NO_LOAD, _NO_LOAD).converged:
+                continue
+            found = core.step(pulled[k], given[k], None, _NO_LOAD, _NO_LOAD)
+            if found.converged:
+                solutions[k], solved[k] = found, True
+                break
+
+
+def _placed(at: Prediction, setting: Setting) -> Floats:
+    moved = Prediction(at.position, at.rotation, at.solved, setting, at.commands)
+    return moved.point
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Derivatives by one parameter.
+
+    Attributes
+    ----------
+    whole : ndarray (K, 3)
+        Of the measured point.
+    point, slack : ndarray (K, 3), (K, T)
+        Of the measured point and of the slack lengths, all tensions held.
+    tensions : ndarray (K, T)
+        Of tensions that are commanded.
+    """
+
+    whole: Floats
+    point: Floats
+    slack: Floats
+    tensions: Floats
+
+
+@dataclass(frozen=True)
+class _Exact:
+    """Derivatives of the measured point by tensions and stiffness; zero for unsolved rows.
+
+    Attributes
+    ----------
+    by_tension : ndarray (K, 3, T)
+    by_stiffness : ndarray (K, 3, S)
+        By the relative change of the stiffness of each segment, tensions held.
+    lengths_by_stiffness : ndarray (K, T, S)
+    slack_by_tension : ndarray (K, T, T)
+        slack = home - pull - length + compliance x tension
+    answer : ndarray (K, T, T)
+        Tensions by slack, of the taut tendons that hold their pull.
+    tensions : ndarray (K, T)
+    """
+
+    by_tension: Floats
+    by_stiffness: Floats
+    lengths_by_stiffness: Floats
+    slack_by_tension: Floats
+    answer: Floats
+    tensions: Floats
+
+    @classmethod
+    def of(cls, at: Prediction) -> _Exact | None:
+        """None where the pulls do not determine the tensions."""
+        assert at.solutions is not None
+        if not at.solved.any():
+            return None
+        each = [s.jacobians() for s, solved in zip(at.solutions, at.solved, strict=True) if solved]
+        if any(found is None for found in each):
+            return None
+
+        def stacked(name: str) -> Floats:
+            first = each[0][name]
+            table = np.zeros((len(at.solved), *first.shape))
+            table[at.solved] = [found[name] for found in each]
+            return table
+
+        tensions = np.where(at.solved[:, None], [s.tensions for s in at.solutions], 0.0)
+        pulled = np.stack([s.pulled for s in at.solutions])
+        held = pulled & (tensions > 0)
+        by_tension = np.diag(actuation.compliances(at.setting.robot)) - stacked(
+            "lengths_by_tension"
+        )
+        both = held[:, :, None] & held[:, None, :]
+        size = np.abs(np.einsum("kii->ki", by_tension)).max()
+        block = np.where(both, by_tension, 0.0) + size * np.eye(held.shape[1]) * ~held[:, :, None]
+        if not np.isfinite(block).all() or np.linalg.cond(block).max() > 1e10:
+            return None
+        spin = rotation(at.setting.turn)
+        arm = np.where(at.solved[:, None], at.rotation @ at.setting.tool, 0.0)
+
+        def point(name: str) -> Floats:
+            turned = np.cross(stacked(f"tip_rotation_by_{name}"), arm[:, :, None], axis=1)
+            return np.asarray(spin @ (stacked(f"tip_position_by_{name}") + turned))
+
+        return cls(
+            by_tension=point("tension"),
+            by_stiffness=point("stiffness"),
+            lengths_by_stiffness=stacked("lengths_by_stiffness"),
+            slack_by_tension=by_tension,
+            answer=np.where(both, np.linalg.inv(block), 0.0),
+            tensions=tensions,
+        )
+
+    def column(self, point: Floats, slack: Floats, tensions: Floats) -> _Column:
+        """By changes at held tensions (K, 3), (K, T), and of commanded tensions (K, T)."""
+        lacks = slack + np.einsum("kst,kt->ks", self.slack_by_tension, tensions)
+        follow = tensions - np.einsum("kst,kt->ks", self.answer, lacks)
+        whole = point + np.einsum("kit,kt->ki", self.by_tension, follow)
+        return _Column(whole, point, slack, tensions)
+
+
+def _arcs_of(robot: Robot, pulled: Bools, given: Floats) -> tuple[Floats, Floats, Floats]:
+    """Curvature and direction (K, S) of each segment's arc, and the lengths (S,) that they keep."""
+    lengths = np.array([segment.length for segment in robot.segments])
+    if not pulled.any():
+        by_force = arcs.robot_from_tensions(robot, given)
+        return by_force.kappa, by_force.phi, lengths
+    if not pulled.all():
+        raise InputError(
+            "constant curvature needs all tendons by pull or all by tension, these rows mix both"
+        )
+    tendons = robot.tendons
+    rest = robot.disks.station_m[tendons.end_disk] - given
+    kappa, phi = np.zeros((2, len(given), len(lengths)))
+    for j, length in enumerate(lengths):
+        own = np.flatnonzero(tendons.segment == j)
+        further = np.flatnonzero(tendons.segment > j)
+        angle, radius = tendons.angle_rad, tendons.pitch_radius_m
+        found = arcs.from_lengths(rest[:, own], angle[own], radius[own], length)
+        kappa[:, j], phi[:, j] = found.kappa, found.phi
+        if further.size:
+            holes = angle[further], radius[further]
+            rest[:, further] -= arcs.lengths(found.kappa, found.phi, length, *holes)
+    return kappa, phi, lengths

@@ -1,0 +1,1 @@
+"""The command `bowstring`: one file for each group of commands."""

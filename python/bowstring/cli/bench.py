@@ -1,0 +1,391 @@
+"""Commands of a test bench: bench check, bench simulate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+import numpy as np
+import typer
+
+from bowstring._core import __version__
+from bowstring.cli.options import (
+    AsJson,
+    Gravity,
+    MappingFile,
+    OfMasses,
+    Overrides,
+    RobotSource,
+    Theory,
+    changes_of,
+    check_bare,
+    load,
+    not_negative,
+    numbers_of,
+    of_flag,
+    positive,
+    range_of,
+    tendon_count,
+    vector,
+)
+from bowstring.cli.output import (
+    JSON_SCHEMA_VERSION,
+    counted,
+    fixed,
+    new_table,
+    provenance_of,
+    write_json,
+    write_tables,
+)
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot
+from bowstring.units import rounded
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from bowstring.data.measurements import Measurements
+    from bowstring.data.synthetic import Bench
+    from bowstring.data.tendon_check import TendonCheck
+
+MOST_ISSUES: Final = 20  # that people are shown
+
+
+def check(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Table of measurements: CSV, TSV or .xlsx.")
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="ROBOT", help="Robot that was measured; checks its tendons' order."),
+    ] = None,
+    mapping: MappingFile = None,
+    g: OfMasses = "9.80665",
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Read a table of measurements and say what is in it, and what is wrong with it."""
+    from bowstring.data.measurements import read_measurements
+    from bowstring.data.tendon_check import check_tendons
+
+    gravity = positive("--g", g, "m/s^2")
+    model = None if robot is None else load(robot, overrides)
+    if model is None and overrides:
+        raise InputError("--set changes a robot; name it by --robot.")
+    found = read_measurements(file, model, mapping, g=gravity)
+    check = None if model is None else check_tendons(model, found)
+    if as_json:
+        settings = {"file": file, "mapping": mapping, "g_m_per_s2": gravity}
+        return write_json(_measurements_json(found, check, model, settings))
+    write_tables(*_measurements_tables(found, check))
+
+
+def simulate(
+    robot: RobotSource,
+    out: Annotated[
+        Path, typer.Option(metavar="FILE", help="Table to write, .csv; its truth stands beside it.")
+    ],
+    masses: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FIRST:STEP:LAST", help="Masses hung on one tendon; a list M1,M2,... as well."
+        ),
+    ] = None,
+    tensions: Annotated[
+        str | None, typer.Option(metavar="FIRST:STEP:LAST", help="Its tensions instead.")
+    ] = None,
+    pulls: Annotated[
+        str | None, typer.Option(metavar="FIRST:STEP:LAST", help="Its pulls instead.")
+    ] = None,
+    tendon: Annotated[
+        int, typer.Option(metavar="N", help="The tendon; nothing pulls the others.")
+    ] = 1,
+    g: OfMasses = "9.80665",
+    repeats: Annotated[int, typer.Option(metavar="N", help="Runs through the loads.")] = 1,
+    unload: Annotated[
+        bool, typer.Option("--unload/--no-unload", help="Each time also back to the first load.")
+    ] = True,
+    noise: Annotated[
+        str, typer.Option(metavar="m", help="Standard deviation of each measured coordinate.")
+    ] = "0.02 mm",
+    friction: Annotated[
+        str | None, typer.Option(metavar="mu", help="Actual friction, instead of the file's.")
+    ] = None,
+    actual: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="PATH=VALUE",
+            help='What else is not as ROBOT says: segments.0.backbone.E="+5 %". Repeatable.',
+        ),
+    ] = None,
+    gravity: Gravity = None,
+    gravity_frame: Annotated[
+        Literal["base", "measuring"],
+        typer.Option(help="Axes of gravity: it turns with a tilted base, or stays plumb."),
+    ] = "base",
+    tilt: Annotated[
+        str,
+        typer.Option(
+            metavar="ANGLE[,TOWARDS]", help="Lean of the base, and towards which angle from x."
+        ),
+    ] = "0",
+    shift: Annotated[
+        str, typer.Option(metavar="x,y,z", help="Base in the measuring frame.")
+    ] = "0,0,0",
+    tool: Annotated[
+        str,
+        typer.Option(metavar="x,y,z", help="Measured point seen from the tip; the data say so."),
+    ] = "0,0,0",
+    tool_error: Annotated[
+        str, typer.Option(metavar="x,y,z", help="By how much it is elsewhere, unsaid.")
+    ] = "0,0,0",
+    tip_force: Annotated[
+        str, typer.Option(metavar="x,y,z", help="Disturbance: dead force at the tip, base axes.")
+    ] = "0,0,0",
+    drift: Annotated[
+        str,
+        typer.Option(metavar="x,y,z", help="Disturbance: how far the base has moved at the end."),
+    ] = "0,0,0",
+    theory: Theory = "cosserat",
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 0,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make synthetic measurements of a robot, with known truth."""
+    from bowstring.data import synthetic
+
+    model = load(robot, overrides)
+    given = {"--masses": masses, "--tensions": tensions, "--pulls": pulls}
+    loads = _loads_of_one(model, given, tendon)
+    angles = numbers_of("--tilt", tilt, "rad")
+    if len(angles) > 2:
+        raise InputError(f"--tilt: got {len(angles)} numbers; write an angle, and where to.")
+    for flag, text, most in (
+        ("--noise", noise, 1.0),
+        ("--tool", tool, 5.0),
+        ("--tool-error", tool_error, 1.0),
+        ("--drift", drift, 5.0),
+        ("--shift", shift, 50.0),
+    ):
+        check_bare(flag, text, "m", model, most * model.length, "mm")
+    lean, towards = angles[0], angles[1] if len(angles) == 2 else 0.0
+    if not 0 <= lean <= math.pi:
+        raise InputError(
+            f"--tilt: got {lean:g} rad; must be from 0 to 180 deg, a second angle says where to."
+        )
+    if repeats < 1:
+        raise InputError(f"--repeats: got {repeats}; must be 1 or more.")
+    if seed < 0:
+        raise InputError(f"--seed: got {seed}; must be 0 or more.")
+    settings: dict[str, Any] = {
+        **loads,
+        "tendon": tendon,
+        "g": positive("--g", g, "m/s^2"),
+        "repeats": repeats,
+        "unload": unload,
+        "noise": not_negative("--noise", noise, "m"),
+        "friction": None if friction is None else not_negative("--friction", friction, ""),
+        "actual": changes_of("--actual", actual, 'segments.0.backbone.E="+5 %"'),
+        "gravity": None if gravity is None else vector("--gravity", gravity, "m/s^2"),
+        "gravity_frame": gravity_frame,
+        "tilt": lean,
+        "tilt_towards": towards,
+        "shift": vector("--shift", shift, "m"),
+        "tool": vector("--tool", tool, "m"),
+        "tool_error": vector("--tool-error", tool_error, "m"),
+        "tip_force": vector("--tip-force", tip_force, "N"),
+        "drift": vector("--drift", drift, "m"),
+        "theory": theory,
+    }
+    of_flag("--out", synthetic.check_table, out)
+    made = synthetic.set_up(model, **settings)
+    found = made.measure(seed)
+    table, truth = synthetic.write(found, out)
+    if as_json:
+        return write_json(
+            {
+                **_measurements_json(found, None, model, {**settings, "seed": seed}),
+                "hysteresis_m": made.hysteresis,
+                "truth": found.truth,
+                "files": {"table": table, "truth": truth},
+            }
+        )
+    write_tables(
+        *_measurements_tables(found, None),
+        _truth_table(made),
+        "Synthetic: nothing of this was measured.\n"
+        f"Table: {out}\nTruth: {synthetic.truth_file(out)}",
+    )
+
+
+def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> dict[str, Any]:
+    """Masses, tensions or pulls of one tendon, as `bench.set_up` takes them."""
+    given = [(flag, text) for flag, text in texts.items() if text is not None]
+    if not given:
+        raise InputError(
+            "loads are missing: give for example --masses 0:0.5:8 (kg), --tensions 0:5:80 (N) or "
+            '--pulls 0:"2 mm":0.03.'
+        )
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(flag for flag, _ in given)} are the loads; give either.")
+    count = tendon_count(robot)
+    if not 1 <= tendon <= count:
+        raise InputError(f"--tendon: got {tendon}; {robot.name} has {counted(count, 'tendon')}.")
+    ((flag, text),) = given
+    si = {"--masses": "kg", "--tensions": "N", "--pulls": "m"}[flag]
+    values = range_of(flag, text, si)
+    for value in values:
+        if flag != "--pulls" and value < 0:
+            raise InputError(
+                f"{flag}: got {value:g} {si}; must be 0 or more, a tendon cannot push."
+            )
+    if flag == "--masses":
+        return {"masses": values}
+    tensions = np.zeros((len(values), count))
+    if flag == "--tensions":
+        tensions[:, tendon - 1] = values
+        return {"tensions": tensions}
+    pulls = np.full_like(tensions, np.nan)
+    tensions[:, tendon - 1] = np.nan
+    pulls[:, tendon - 1] = values
+    return {"tensions": tensions if count > 1 else None, "pulls": pulls}
+
+
+def _measurements_json(
+    found: Measurements, check: TendonCheck | None, robot: Robot | None, settings: dict[str, Any]
+) -> dict[str, Any]:
+    tendons = [
+        {"given_by": kind, f"smallest_{unit}": low, f"largest_{unit}": high}
+        for kind, unit, low, high in _driven(found)
+    ]
+    labels, counts = np.unique(found.group, return_counts=True)
+    groups = dict(zip(labels.tolist(), counts.tolist(), strict=True))
+    ranges = None
+    if found.points.shape[1] and found.seen.any():
+        tips = found.tip[found.seen]
+        ranges = {"smallest": tips.min(axis=0), "largest": tips.max(axis=0)}
+    provenance = (
+        {"provenance": {"bowstring_version": __version__, "schema_version": JSON_SCHEMA_VERSION,
+                        "settings": settings}}
+        if robot is None
+        else provenance_of(robot, **settings)
+    )  # fmt: skip
+    return {
+        "name": found.name,
+        "source": found.source,
+        "rows": len(found),
+        "rows_left_out": found.left_out,
+        "rows_without_tip": found.without_tip,
+        "tendons": tendons,
+        "points": found.points.shape[1],
+        "points_unit": "px" if found.scale is None else "m",
+        "tip": ranges,
+        "tool_m": found.tool,
+        "stations": found.stations,
+        "angles": found.bend is not None,
+        "sigma_m": None if found.sigma is None else float(np.median(found.sigma)),
+        "groups": {name: count for name, count in groups.items() if name},
+        "repeats": len(np.unique(found.repeat)),
+        "recordings": 1 if found.recording is None else len(np.unique(found.recording)),
+        "time_s": None if found.time is None else [found.time.min(), found.time.max()],
+        "issues": [{"line": line, "text": text} for line, text in found.issues],
+        "tendon_check": None
+        if check is None
+        else {
+            "found": check.found,
+            "tendons": check.tendons,
+            "sentence": check.sentence,
+            "unexplained": check.unexplained,
+            "turn_rad": check.turn,
+        },
+        "sha256": found.sha256,
+        **provenance,
+    }
+
+
+def _truth_table(made: Bench) -> Table:
+    truth = made.truth
+    table = new_table("truth", "")
+    for item in truth["differences"]:
+        said = "" if item["told"] is None else f", not {_shown(item['told'])}"
+        table.add_row(item["path"], f"{_shown(item['actual'])}{said}")
+    axes = "base" if truth["gravity_frame"] == "base" else "measuring frame"
+    weight = " ".join(f"{v:g}" for v in truth["gravity_m_per_s2"])
+    table.add_row("gravity", f"{weight} m/s^2, axes of the {axes}")
+    tilt, towards = (math.degrees(truth[name]) for name in ("tilt_rad", "tilt_towards_rad"))
+    table.add_row("base", f"leans by {tilt:.4g} deg towards {towards:.4g} deg")
+    for name, values, factor, unit in (
+        ("base shifted", truth["base"]["translation_m"], 1e3, "mm"),
+        ("measured point", truth["actual_tool_m"], 1e3, "mm from the tip, its axes"),
+        ("side force", truth["disturbances"]["tip_force_N"], 1.0, "N"),
+        ("drift", truth["disturbances"]["drift_m"], 1e3, "mm up to the end"),
+    ):
+        if any(values):
+            table.add_row(name, f"{' '.join(f'{factor * v:.6g}' for v in values)} {unit}")
+    table.add_row("noise", f"{1e3 * made.noise:.4g} mm, standard deviation of each coordinate")
+    if made.hysteresis is not None:
+        table.add_row("hysteresis", f"{fixed(1e3 * made.hysteresis, 3)} mm at most")
+    return table
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _driven(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
+    """Of each tendon: what it is given by, the unit, and the range."""
+    for k in range(found.tendon_count):
+        by_pull = bool(np.isnan(found.tensions[:, k]).all())
+        values = (found.pulls if by_pull else found.tensions)[:, k]
+        kind, unit = ("pull", "m") if by_pull else ("tension", "N")
+        yield kind, unit, float(np.nanmin(values)), float(np.nanmax(values))
+
+
+def _measurements_tables(found: Measurements, check: TendonCheck | None) -> Iterator[Table | str]:
+    left = f", {found.without_tip} without a tip" if found.without_tip else ""
+    left += f", {found.left_out} left out" if found.left_out else ""
+    yield f"{found.name}: {found.source}, {counted(len(found), 'row')}{left}"
+    if found.tendon_count:
+        table = new_table("tendon", "given by", ">from", ">to", "")
+        for k, (kind, unit, low, high) in enumerate(_driven(found), 1):
+            factor, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
+            table.add_row(str(k), kind, fixed(factor * low, 3), fixed(factor * high, 3), shown)
+        yield table
+    lines = []
+    if found.points.shape[1] and found.seen.any():
+        tips = found.tip[found.seen]
+        factor, unit = (1.0, "px") if found.scale is None else (1e3, "mm")
+        axes = [
+            f"{axis} {fixed(factor * low, 3)} to {fixed(factor * high, 3)}"
+            for axis, low, high in zip("xyz", tips.min(axis=0), tips.max(axis=0), strict=True)
+        ]
+        lines.append(
+            f"tip: {', '.join(axes)} {unit}, {counted(found.points.shape[1], 'point')} a row"
+        )
+    if found.bend is not None:
+        low, high = np.degrees([found.bend.min(), found.bend.max()])
+        lines.append(f"bend: {fixed(low, 2)} to {fixed(high, 2)} deg")
+    if found.sigma is not None:
+        lines.append(f"uncertainty: {rounded(1e3 * float(np.median(found.sigma)), 3)} mm")
+    labels, counts = np.unique(found.group, return_counts=True)
+    if len(labels) > 1 or labels[0]:
+        shown_groups = [f"{label or '(none)'} {n}" for label, n in zip(labels, counts, strict=True)]
+        more = f" and {len(labels) - 8} more" if len(labels) > 8 else ""
+        lines.append(f"groups: {', '.join(shown_groups[:8])}{more}")
+    if len(np.unique(found.repeat)) > 1:
+        lines.append(f"repeats: {len(np.unique(found.repeat))}")
+    if found.recording is not None and (count := len(np.unique(found.recording))) > 1:
+        lines.append(f"recordings: {count}, each a path of its own")
+    if lines:
+        yield "\n".join(lines)
+    if found.issues:
+        table = new_table(">line", "what")
+        for line, text in found.issues[:MOST_ISSUES]:
+            table.add_row(str(line), text)
+        yield table
+        if len(found.issues) > MOST_ISSUES:
+            yield f"... and {len(found.issues) - MOST_ISSUES} more; --json has them all."
+    if check is not None:
+        yield ("Check the tendons. " if check.alarm else "") + check.sentence

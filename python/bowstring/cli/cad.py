@@ -1,0 +1,178 @@
+"""The robot as a solid: files of CAD, a picture, a drawing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bowstring.atomic_io import resolved
+from bowstring.cli.driving import Angle, Pull, Tension, driven_by
+from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag
+from bowstring.cli.output import (
+    Stopped,
+    fixed,
+    frame,
+    new_table,
+    progress_bar,
+    provenance_of,
+    tip_line,
+    write_json,
+    write_tables,
+)
+from bowstring.errors import InputError
+from bowstring.formatting import listed
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from bowstring.cad.solid import Solid
+    from bowstring.statics.rod import Solution
+
+
+def cad(
+    robot: RobotSource,
+    out: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="The solid: .step, .stp, .stl, .glb or .gltf."),
+    ] = None,
+    tension: Tension = None,
+    pull: Pull = None,
+    angle: Angle = None,
+    picture: Annotated[
+        str | None, typer.Option(metavar="FILE", help="A rendered picture: .png, .pdf or .svg.")
+    ] = None,
+    drawing: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="The disks with dimensions: .svg, .pdf or .png."),
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """The robot as a solid: CAD file, picture, drawing of its disks.
+
+    Bent as its tendons are driven, straight if they are not. Needs the extra cad (build123d),
+    except for the drawing.
+    """
+    from bowstring.cad import export
+    from bowstring.cad import picture as pictures
+    from bowstring.cad.drawing import check_drawing_file, write_drawing
+    from bowstring.cad.solid import check_cad, make_solid
+    from bowstring.robot.sizes import sizes_of
+    from bowstring.statics import rod
+
+    if out is None and picture is None and drawing is None:
+        raise InputError("nothing to write: give --out FILE, --picture FILE or --drawing FILE.")
+    model = load(robot, overrides)
+    wanted = (tension, pull, angle)
+    driven = (None, None, None) if wanted == (None, None, None) else driven_by(model, *wanted)
+    for flag, check, file in (
+        ("--out", export.check_solid_file, out),
+        ("--picture", pictures.check_picture_file, picture),
+        ("--drawing", check_drawing_file, drawing),
+    ):
+        if file is not None:
+            of_flag(flag, check, file)
+    _all_different(out, picture, drawing)
+    sizes = sizes_of(model)
+    tensions, pulls, angles = driven
+    pose, solid, files = None, None, {}
+    try:
+        with progress_bar() as tell:
+            if out is not None or picture is not None:
+                tell("CAD kernel", 0.0)
+                check_cad()
+            if any(driven):
+                pose = rod.solve(model, tensions, pulls=pulls, angles=angles).raise_for_status()
+            if out is not None or picture is not None:
+                tell("solid", 0.3)
+                solid = make_solid(model, pose)
+                if out is not None:
+                    tell("file", 0.4)
+                    files["solid"] = export.write_solid(solid, out)
+                if picture is not None:
+                    tell("picture", 0.5)
+                    files["picture"] = pictures.write_picture(solid, picture)
+            if drawing is not None:
+                tell("drawing", 0.9)
+                files["drawing"] = write_drawing(model, drawing)
+    except KeyboardInterrupt:
+        if not files:
+            raise
+        written = listed([str(file) for file in files.values()])
+        verb = "is" if len(files) == 1 else "are"
+        raise Stopped(f"of the files only {written} {verb} written.") from None
+    if as_json:
+        return write_json(
+            {
+                "pose": "straight" if pose is None else "simulated",
+                **_pose_json(pose),
+                "parts": None if solid is None else _parts(solid),
+                "assumed": [
+                    {"field": size.field, "value_m": size.value_m, "why": size.why}
+                    for size in sizes.assumed
+                ],
+                "files": files,
+                **provenance_of(model, tensions_N=tensions, pulls_m=pulls, angles_rad=angles),
+            }
+        )
+    lines: list[Table | str] = [
+        f"{model.name}, " + ("straight, as built" if pose is None else "simulated pose")
+    ]
+    if pose is not None and pose.tip is not None:
+        lines.append(tip_line(pose.tip.position, pose.tip.rotation))
+    if solid is not None:
+        lines.append(_table(solid))
+    if sizes.assumed:
+        lines.append(
+            "assumed, because the robot file does not say it:\n"
+            + "\n".join(f"  {size}" for size in sizes.assumed)
+        )
+    given = {"solid": out, "picture": picture, "drawing": drawing}
+    lines.append("\n".join(f"{what}: {file}" for what, file in given.items() if file))
+    write_tables(*lines)
+
+
+def _all_different(*files: str | None) -> None:
+    given = [resolved(file, f"cannot write {file}") for file in files if file is not None]
+    for i, file in enumerate(given):
+        if file in given[:i]:
+            raise InputError(f"two of --out, --picture and --drawing name {file}; give two names.")
+
+
+def _pose_json(pose: Solution | None) -> dict[str, Any]:
+    if pose is None or pose.tip is None:
+        return {"tip": None, "disks": None}
+    positions, rotations = pose.disk_positions, pose.disk_rotations
+    assert positions is not None and rotations is not None
+    return {
+        "tip": frame(pose.tip.position, pose.tip.rotation),
+        "disks": [frame(p, r) for p, r in zip(positions, rotations, strict=True)],
+    }
+
+
+def _parts(solid: Solid) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": part.name,
+            "kind": part.kind,
+            "colour": part.colour,
+            "volume_m3": part.volume_m3,
+            "centre_m": part.centre_m,
+            "mass_kg": part.mass_kg,
+        }
+        for part in solid.parts
+    ]
+
+
+def _table(solid: Solid) -> Table:
+    """Kinds of parts, those of equal volume in one row."""
+    table = new_table("part", ">count", ">volume mm^3", ">mass g")
+    groups: dict[tuple[str, str], list[Any]] = {}
+    for part in solid.parts:
+        key = (part.kind, f"{1e9 * part.volume_m3:.5g}")
+        groups.setdefault(key, []).append(part)
+    for (kind, volume), parts in groups.items():
+        mass = parts[0].mass_kg
+        table.add_row(kind, str(len(parts)), volume, "-" if mass is None else fixed(1e3 * mass, 3))
+    return table

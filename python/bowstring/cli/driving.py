@@ -1,0 +1,242 @@
+"""How the tendons are driven, as the flags say it: at rest, over time, and after what."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+
+from bowstring.atomic_io import check_file, not_overwritten, readable, write_whole_file
+from bowstring.cli.options import (
+    check_bare_drive,
+    not_negative,
+    numbers_of,
+    of_flag,
+    per_tendon,
+    tendon_count,
+)
+from bowstring.cli.output import counted
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot
+
+LONGEST_RUN: Final = 10_000.0  # s
+SHORTEST_STEP: Final = 1e-6  # s
+TOO_SHORT: Final = f"{SHORTEST_STEP:g} s or more are possible, less drowns in rounding."
+Driven = list[float | None]
+Tension = Annotated[str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions.")]
+Pull = Annotated[
+    str | None,
+    typer.Option(
+        metavar="P1,P2,...",
+        help="Lengths taken in since the home pose; negative is paid out. With - for a tendon in "
+        "one list, another says how it is driven: --tension 5,-,- --pull -,2mm,2mm.",
+    ),
+]
+Angle = Annotated[
+    str | None, typer.Option(metavar="A1,A2,...", help="Motor angles, in rad or with a unit.")
+]
+
+
+def driven_by(
+    robot: Robot, tension: str | None, pull: str | None, angle: str | None
+) -> tuple[Driven | None, Driven | None, Driven | None]:
+    """Tensions, pulls and angles as `rod.solve` takes them; each tendon has one of them."""
+    flags = (("--tension", tension, "N"), ("--pull", pull, "m"), ("--angle", angle, "rad"))
+    given = [text for _, text, _ in flags if text is not None]
+    if not given:
+        raise InputError(
+            "how the tendons are driven is missing: give --tension T1,T2,..., --pull P1,P2,... or "
+            "--angle A1,A2,..."
+        )
+    if len(given) == 1:
+        alone: list[Driven | None] = [None, None, None]
+        for k, (flag, text, si) in enumerate(flags):
+            if text is not None:
+                alone[k] = [*per_tendon(flag, text, si, robot, signed=k > 0)]
+        return alone[0], alone[1], alone[2]
+    lists: list[Driven | None] = []
+    for flag, text, si in flags:
+        lists.append(None if text is None else some_tendons(flag, text, si, robot))
+    for i in range(tendon_count(robot)):
+        said = [
+            flag
+            for (flag, _, _), values in zip(flags, lists, strict=True)
+            if values is not None and values[i] is not None
+        ]
+        if len(said) > 1:
+            raise InputError(
+                f"tendon {i + 1} has {' and '.join(said)}; write - for it in all but one of them."
+            )
+        if not said:
+            raise InputError(
+                f"tendon {i + 1} is driven by nothing; write a number for it in one of the lists."
+            )
+    return lists[0], lists[1], lists[2]
+
+
+def some_tendons(flag: str, text: str, si: str, robot: Robot) -> Driven:
+    """Numbers of a list in which a blank or a dash means that a tendon is driven otherwise."""
+    items = [item.strip() for item in text.split(",")]
+    wanted = tendon_count(robot)
+    if len(items) != wanted:
+        raise InputError(
+            f"{flag}: got {counted(len(items), 'entry', 'entries')}; {robot.name} has "
+            f"{counted(wanted, 'tendon')}, write a number or - for each."
+        )
+    values: Driven = [
+        None if item in ("", "-") else numbers_of(flag, item, si)[0] for item in items
+    ]
+    check_bare_drive(flag, text, si, robot)
+    for i, value in enumerate(values, 1):
+        if flag == "--tension" and value is not None and value < 0:
+            raise InputError(
+                f"{flag}: got {value:g} {si} for tendon {i}; must be 0 or more, a tendon cannot "
+                "push."
+            )
+    return values
+
+
+_MOST_HISTORY: Final = 200_000_000  # bytes
+# of a file of --save-history, among others
+_NAMES: Final = {"schema_version", "robot_hash", "commands", "tensions_N", "arcs_rad"}
+
+
+def read_history(file: Path) -> dict[str, Any]:
+    try:
+        with readable(file) as stream:
+            data = stream.read(_MOST_HISTORY)
+        content = json.loads(data)
+    except OSError as error:
+        raise InputError(f"--history: {file} cannot be read: {error.strerror}.") from None
+    except (ValueError, RecursionError):
+        raise InputError(
+            f"--history: {file} is no JSON; give a file that --save-history wrote."
+        ) from None
+    if not isinstance(content, dict) or "robot_hash" not in content:
+        raise InputError(f"--history: {file} is no history; give one that --save-history wrote.")
+    return content
+
+
+def check_history_file(file: Path) -> Path:
+    """Say before any work whether a history may be written to a file: it must be new, or one."""
+    found = check_file(file, "history", (file.suffix.lower(),), b'{"schema_version": ')
+    if found.exists() and found.stat().st_size:
+        try:
+            content = json.loads(found.read_bytes()[:_MOST_HISTORY])
+        except (OSError, ValueError, RecursionError):
+            content = None
+        if not isinstance(content, dict) or not _NAMES.issubset(content):
+            raise not_overwritten(f"cannot write the history to {found}")
+    return found
+
+
+def write_history(file: Path, history: dict[str, Any] | None) -> None:
+    """Whole or not at all."""
+
+    def fill(new: Path) -> None:
+        new.write_text(json.dumps(history, allow_nan=False) + "\n", "utf-8")
+
+    try:
+        write_whole_file(file, "history", fill, lambda: check_history_file(file))
+    except InputError as error:
+        raise InputError(f"--save-history: {error}") from None
+
+
+def driven_over_time(
+    robot: Robot,
+    wanted: tuple[str | None, str | None, str | None],
+    rise: str | None,
+    hold: str | None,
+    before: tuple[str | None, str | None],
+    table: Path | None,
+) -> tuple[dict[str, Any], float]:
+    """What the flags of `simulate` say of the tendons, as it takes them, and the duration."""
+    from bowstring.dynamics.load_history import CLOSEST, Table
+
+    starts = {
+        flag: None if text is None else some_tendons(flag, text, si, robot)
+        for (flag, si), text in zip((("--from", "N"), ("--from-pull", "m")), before, strict=True)
+    }
+    if table is not None:
+        from bowstring.dynamics.load_table import read_drive
+
+        flags = zip(("--tension", "--pull", "--angle"), wanted, strict=True)
+        for flag, given in (*flags, ("--rise", rise), ("--hold", hold)):
+            if given is not None:
+                raise InputError(f"--table says it all: leave {flag} out, or --table.")
+        driven: dict[str, Any] = of_flag("--table", lambda path: read_drive(path, robot), table)
+        duration = float(next(iter(driven.values())).times[-1])
+        if duration < SHORTEST_STEP:
+            raise InputError(f"--table: it takes {duration:g} s; {TOO_SHORT}")
+        if duration > LONGEST_RUN:
+            raise InputError(
+                f"--table: it takes {duration:g} s; a run of up to {LONGEST_RUN:g} s is possible."
+            )
+        at_zero = {name: course.at(0.0, before=True).tolist() for name, course in driven.items()}
+        begin = _starts(robot, starts, at_zero)
+        return driven | {f"initial_{name}": row for name, row in begin.items()}, duration
+    if wanted == (None, None, None):
+        raise InputError(
+            "what drives the tendons is missing: give --tension T1,T2,..., --pull P1,P2,..., "
+            "--angle A1,A2,... or --table FILE."
+        )
+    ends = dict(zip(("tensions", "pulls", "angles"), driven_by(robot, *wanted), strict=True))
+    rising = not_negative("--rise", "1" if rise is None else rise, "s")
+    if 0 < rising < CLOSEST:
+        raise InputError(
+            f"--rise: got {rising:g} s; must be 0, which is a jump, or {CLOSEST:g} s or more: less "
+            "drowns in rounding."
+        )
+    holding = not_negative("--hold", "1" if hold is None else hold, "s")
+    duration = float(f"{rising + holding:.12g}")  # 0.1 + 0.2 is 0.3
+    if duration == 0:
+        raise InputError("--rise and --hold are both 0 s: there is no time to simulate.")
+    if duration < SHORTEST_STEP:
+        raise InputError(f"--hold: with --rise the run takes {duration:g} s; {TOO_SHORT}")
+    if duration > LONGEST_RUN:
+        flag = "--rise" if rising > holding else "--hold"
+        raise InputError(
+            f"{flag}: the run takes {duration:g} s; up to {LONGEST_RUN:g} s are possible."
+        )
+    nan = float("nan")
+    rows = {
+        name: [nan if v is None else v for v in end]
+        for name, end in ends.items()
+        if end is not None
+    }
+    at_zero = {name: [0.0 * v for v in row] for name, row in rows.items()}
+    begin = at_zero | _starts(robot, starts, at_zero)
+    return {name: Table([0.0, rising], [begin[name], row]) for name, row in rows.items()}, duration
+
+
+def _starts(
+    robot: Robot, starts: Mapping[str, Driven | None], at_zero: Mapping[str, list[float]]
+) -> dict[str, list[float]]:
+    """Tensions, pulls and angles of the start: those of --from and --from-pull, else at time 0.
+
+    NaN stands for a tendon that is driven otherwise; nothing if nothing is asked for.
+    """
+    found = {name: list(row) for name, row in at_zero.items()}
+    asked = False
+    for flag, start in starts.items():
+        kinds = ("tensions",) if flag == "--from" else ("pulls", "angles")
+        for i, value in enumerate(start or ()):
+            mine = [name for name in kinds if name in found and not math.isnan(found[name][i])]
+            if value is None:
+                continue
+            if not mine:
+                other = "tension" if flag == "--from" else "pull or angle"
+                raise InputError(
+                    f"{flag}: got {value:g} for tendon {i + 1}, which no {other} moves; write - "
+                    "for it."
+                )
+            asked = True
+            radius = float(robot.tendons.spool_radius_m[i])
+            if mine == ["angles"] and not math.isnan(radius):  # else simulate says what is missing
+                value /= radius
+            found[mine[0]][i] = value
+    return found if asked else {}

@@ -1,0 +1,450 @@
+"""Commands of motion: simulate, modes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import numpy as np
+import typer
+
+from bowstring.cli.driving import (
+    SHORTEST_STEP,
+    Angle,
+    Pull,
+    Tension,
+    driven_by,
+    driven_over_time,
+    read_history,
+)
+from bowstring.cli.options import (
+    AsJson,
+    AutomaticElements,
+    Elements,
+    Gravity,
+    HistoryFile,
+    Overrides,
+    RobotSource,
+    Theory,
+    TipForce,
+    check_elements,
+    load,
+    not_negative,
+    of_flag,
+    positive,
+    ratio,
+    tendon_count,
+    vector,
+)
+from bowstring.cli.output import (
+    Stopped,
+    counted,
+    fixed,
+    new_table,
+    plain,
+    progress_bar,
+    provenance_of,
+    write_json,
+    write_tables,
+)
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.interrupts import was_stopped
+from bowstring.units import rounded
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from bowstring.dynamics.simulation import Run
+
+TIP_INTERVAL: Final = 0.01  # s, of the tip in the JSON of simulate, if --every is not longer
+MOST_OUTPUTS: Final = 1_000_000
+
+
+def simulate(
+    robot: RobotSource,
+    tension: Tension = None,
+    pull: Pull = None,
+    angle: Angle = None,
+    rise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="s",
+            help="Time of the rise to --tension, --pull, --angle; 0 is a jump.  [default: 1]",
+        ),
+    ] = None,
+    hold: Annotated[
+        str | None, typer.Option(metavar="s", help="Time after the rise.  [default: 1]")
+    ] = None,
+    before: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="T1,T2,...",
+            help="Tensions of the equilibrium at the start, from where they rise or, with "
+            "--rise 0, are released.  [default: none]",
+        ),
+    ] = None,
+    from_pull: Annotated[
+        str | None,
+        typer.Option(
+            metavar="P1,P2,...", help="Pulls of that equilibrium.  [default: those of home, 0]"
+        ),
+    ] = None,
+    history: HistoryFile = None,
+    table: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="CSV over time, columns t_s and for each tendon tension_1_N, pull_1_mm or "
+            "angle_1_deg; instead of --tension, --pull, --angle, --rise and --hold.",
+        ),
+    ] = None,
+    theory: Theory = "cosserat",
+    gravity: Gravity = None,
+    tip_force: TipForce = "0,0,0",
+    tip_moment: Annotated[
+        str, typer.Option(metavar="x,y,z", help="Dead moment at the tip, base axes, all the time.")
+    ] = "0,0,0",
+    mass_damping: Annotated[
+        str, typer.Option(metavar="1/s", help="Damping force per mass and velocity.")
+    ] = "0",
+    material_damping: Annotated[
+        str, typer.Option(metavar="s", help="Kelvin-Voigt: stress of strain rate over strain.")
+    ] = "0",
+    modal_damping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RATIO", help='Of the slowest modes, 0.01 or "1 %"; instead of these two.'
+        ),
+    ] = None,
+    spectral_radius: Annotated[
+        float, typer.Option(metavar="0...1", help="Numerical damping: 1 is none, 0 most.")
+    ] = 0.8,
+    dt: Annotated[
+        str | None, typer.Option(metavar="s", help="Fixed step.  [default: steps adapt]")
+    ] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(metavar="m", help="Error of one step.  [default: 2e-6 of the length]"),
+    ] = None,
+    every: Annotated[
+        str, typer.Option(metavar="s", help="Time between two outputs of all fields.")
+    ] = "0.01",
+    elements: Elements = 1,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="NetCDF file of all fields, run.nc.")
+    ] = None,
+    vtk: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of a series for ParaView.")
+    ] = None,
+    animation: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Moving picture, .gif or .mp4.")
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Dynamics: tensions and pulls over time to the robot's motion, from rest in equilibrium."""
+    model = load(robot, overrides)
+    wanted = (tension, pull, angle)
+    driven, duration = driven_over_time(model, wanted, rise, hold, (before, from_pull), table)
+    path = None if history is None else read_history(history)
+    check_elements(elements)
+    mass = not_negative("--mass-damping", mass_damping, "1/s")
+    material = not_negative("--material-damping", material_damping, "s")
+    if modal_damping is not None and (mass or material):
+        raise InputError(
+            "--modal-damping is instead of --mass-damping and --material-damping; give either."
+        )
+    moment = vector("--tip-moment", tip_moment, "N*m")
+    if modal_damping is not None and any(moment):
+        raise InputError(
+            "--modal-damping needs the modes, and under --tip-moment there are none; give "
+            "--mass-damping and --material-damping instead."
+        )
+    if dt is not None and tolerance is not None:
+        raise InputError("--tolerance is for steps that adapt and --dt fixes them; give either.")
+    if not 0 <= spectral_radius <= 1:
+        raise InputError(f"--spectral-radius: got {spectral_radius:g}; must be from 0 to 1.")
+    fixed = None if dt is None else positive("--dt", dt, "s")
+    if fixed is not None and fixed < SHORTEST_STEP:
+        raise InputError(
+            f"--dt: got {fixed:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps drown in "
+            "rounding."
+        )
+    interval = positive("--every", every, "s")
+    if interval < SHORTEST_STEP:
+        raise InputError(
+            f"--every: got {interval:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps "
+            "drown in rounding."
+        )
+    if duration / interval > MOST_OUTPUTS:
+        raise InputError(
+            f"--every: {every} gives {duration / interval:.3g} outputs; up to {MOST_OUTPUTS} are "
+            "possible."
+        )
+    settings: dict[str, Any] = {
+        "tip_force": vector("--tip-force", tip_force, "N"),
+        "tip_moment": moment,
+        "history": path,
+        "theory": theory,
+        "gravity": None if gravity is None else vector("--gravity", gravity, "m/s^2"),
+        "elements": elements,
+        "mass_damping": mass,
+        "material_damping": material,
+        "modal_damping": ratio("--modal-damping", modal_damping),
+        "spectral_radius": spectral_radius,
+        "dt": fixed,
+        "tolerance": None if tolerance is None else positive("--tolerance", tolerance, "m"),
+        "every": interval,
+    }
+    targets = _Targets(out, vtk, animation, duration)
+
+    from bowstring.dynamics import simulation
+
+    if vtk is None and animation is None:
+        settings["points"] = simulation.DEFAULT_POINTS if out else 0  # nobody looks at fields
+    share = 0.5 if vtk or animation else 1.0
+    run: Run | None = None
+    files: dict[str, Path | None] | None = None
+    try:
+        with progress_bar() as tell:
+            try:
+                run = simulation.simulate(
+                    model,
+                    duration=duration,
+                    out=targets.out,
+                    progress=lambda done: tell("motion", share * done),
+                    **driven,
+                    **settings,
+                )
+            except simulation.RunInterrupted as stopped:
+                run = stopped.run
+            except simulation.NoStart as error:
+                if as_json:
+                    why = {"status": error.status, "message": str(error)}
+                    files = targets.write(error.run)
+                    write_json({**_run_json(error.run, interval), **why, "files": files})
+                raise
+            try:
+                files = targets.write(
+                    run, lambda what, done: tell(what, share + (1 - share) * done)
+                )
+            except ImportError as error:
+                if not was_stopped(error):
+                    raise
+                raise KeyboardInterrupt from None
+        if as_json:
+            write_json({**_run_json(run, interval), "files": files})
+        else:
+            write_tables(*_run_tables(run, files))
+    except KeyboardInterrupt:
+        if run is None:
+            raise
+        kept = f"the run is in {run.path}" if run.path else "nothing is kept"
+        if files is not None:
+            raise Stopped(f"the result is not printed whole; {kept}.") from None
+        done = "was stopped" if run.status == "interrupted" else "was done"
+        pictures = "; pictures are not" if vtk or animation else ""
+        raise Stopped(f"the motion {done} and {kept}{pictures}.") from None
+    if run.status == "interrupted":
+        kept = f"; {files['run']} holds the run up to there" if files["run"] else ""
+        raise Stopped(f"at {run.end:.6g} s of {duration:g} s{kept}.")
+    run.raise_for_status()
+
+
+def modes(
+    robot: RobotSource,
+    tension: Tension = None,
+    pull: Pull = None,
+    angle: Angle = None,
+    count: Annotated[int, typer.Option(metavar="N", help="How many, the slowest.")] = 6,
+    theory: Theory = "cosserat",
+    gravity: Gravity = None,
+    tip_force: TipForce = "0,0,0",
+    elements: AutomaticElements = None,
+    history: HistoryFile = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of pictures of the shapes.")
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Natural frequencies and mode shapes about an equilibrium, that of no tension if not given.
+
+    Tensions, pulls and angles keep their values while the robot oscillates.
+    """
+    model = load(robot, overrides)
+    if tension is None and pull is None and angle is None:
+        tension = ",".join("0" for _ in range(tendon_count(model)))
+    tensions, pulls, angles = driven_by(model, tension, pull, angle)
+    check_elements(elements)
+    path = None if history is None else read_history(history)
+    if not 1 <= count <= 1000:
+        raise InputError(f"--count: got {count}; must be from 1 to 1000.")
+    weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
+    force = vector("--tip-force", tip_force, "N")
+
+    from bowstring.dynamics import simulation
+
+    if out is not None:
+        from bowstring.viz.result_folder import check_folder
+
+        out = of_flag("--out", lambda path: check_folder(path, "modes"), out)
+    provenance = provenance_of(
+        model,
+        count=count,
+        theory=theory,
+        gravity_m_per_s2=weight,
+        tip_force_N=force,
+        elements=elements,
+        **{
+            name: given
+            for name, given in (("pulls_m", pulls), ("angles_rad", angles), ("history", history))
+            if given is not None
+        },
+    )
+    try:
+        found = simulation.modes(
+            model,
+            tensions,
+            pulls=pulls,
+            angles=angles,
+            count=count,
+            tip_force=force,
+            history=path,
+            theory=theory,
+            gravity=weight,
+            elements=elements,
+        )
+    except NoSolutionError as error:
+        if as_json:
+            nothing = {"status": error.status, "tensions_N": tensions, "modes": [], "disks": []}
+            write_json({**nothing, **provenance})
+        raise
+    content = plain({**found.to_dict(), **provenance})
+    folder = None
+    if out is not None:
+        with progress_bar() as tell:
+            from bowstring.viz.modes_folder import write_modes
+
+            folder = write_modes(found, content, out, progress=tell)
+    if as_json:
+        return write_json({**content, "folder": folder})
+    listed = new_table(">mode", ">frequency Hz", "kind")
+    for i, (frequency, kind) in enumerate(zip(found.frequency_hz, found.kind, strict=True), 1):
+        listed.add_row(str(i), f"{frequency:.5g}", kind)
+    write_tables(
+        f"{model.name}, {theory}: {counted(len(found), 'mode')} about the equilibrium",
+        listed,
+        *([f"Pictures: {folder}"] if folder else []),
+    )
+
+
+class _Targets:
+    """Files that a run is written to, each checked before the work begins."""
+
+    def __init__(
+        self, out: Path | None, vtk: Path | None, animation: Path | None, duration: float
+    ) -> None:
+        self.out, self.vtk, self.animation = out, vtk, animation
+        if out is not None:
+            from bowstring.dynamics.run_file import check_file
+
+            self.out = of_flag("--out", check_file, out)
+        if vtk is not None:
+            from bowstring.viz.vtk import check_folder
+
+            self.vtk = of_flag("--vtk", check_folder, vtk)
+        if animation is not None:
+            from bowstring.viz.animation import check_length, check_picture
+
+            self.animation = of_flag("--animation", check_picture, animation)
+            of_flag("--animation", check_length, duration)
+        if self.out is not None and self.out == self.animation:
+            raise InputError(f"--out and --animation are the same file, {self.out}.")
+        for flag, file in (("--out", self.out), ("--animation", self.animation)):
+            if self.vtk is None or file is None:
+                continue
+            if file == self.vtk or file in self.vtk.parents:
+                raise InputError(
+                    f"{flag}: {file} cannot be a file, --vtk needs a folder there; name another "
+                    "place."
+                )
+            if self.vtk in file.parents:
+                raise InputError(
+                    f"{flag}: {file} lies in the folder of --vtk, which is for the series alone; "
+                    "name another place."
+                )
+
+    def write(
+        self, run: Run, tell: Callable[[str, float], None] = lambda what, done: None
+    ) -> dict[str, Path | None]:
+        """Write what is not yet, unless the user has stopped the run; say what there is."""
+        files: dict[str, Path | None] = {"run": run.path, "vtk": None, "animation": None}
+        if run.status == "interrupted" or len(run.time) == 0:
+            return files
+        if self.vtk is None and self.animation is None:
+            return files
+        share = 0.5 if self.vtk and self.animation else 0.0
+        data = run.dataset
+        if self.vtk is not None:
+            from bowstring.viz.vtk import write_vtk
+
+            files["vtk"] = write_vtk(
+                run.robot, data, self.vtk, progress=lambda what, done: tell(what, share * done)
+            )
+        if self.animation is not None and len(run.time) > 1:
+            from bowstring.viz.animation import animate
+
+            files["animation"] = animate(
+                run.robot,
+                data,
+                self.animation,
+                progress=lambda what, done: tell(what, share + (1 - share) * done),
+            )
+        return files
+
+
+def _run_json(run: Run, every: float) -> dict[str, Any]:
+    interval = max(TIP_INTERVAL, every)
+    count = int(run.end / interval + 1e-9)
+    times = np.round(np.arange(count + 1) * interval, 12)
+    if run.end - times[-1] > 1e-9 * run.end:
+        times = np.append(times, run.end)
+    else:
+        times[-1] = run.end
+    moved = len(run.time) > 0
+    return {
+        "status": run.status,
+        "t_s": times if moved else [],
+        "tip_position_m": run.tip_at(times) if moved else [],
+        "steps": run.steps,
+        "error_estimate": {"tip_m": run.error_estimate},
+        "real_time_factor": run.real_time_factor if moved else None,
+        "message": run.message,
+        **provenance_of(run.robot, **run.settings),
+    }
+
+
+def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str]:
+    yield (
+        f"{run.robot.name}, {run.settings['theory']}: {run.status}, {run.end:.6g} s in "
+        f"{counted(run.steps, 'step')}, about {rounded(run.real_time_factor)} times real time"
+    )
+    if run.converged and run.worth:
+        yield f"{run.worth[0].upper()}{run.worth[1:]}."
+    if len(run.time) == 0:
+        return
+    table = new_table("", ">time s", ">tip x mm", ">y mm", ">z mm")
+    moved = np.linalg.norm(run.tip_position - run.tip_position[:1], axis=1)
+    moments = [("start", 0), ("farthest from the start", int(moved.argmax())), ("end", -1)]
+    for name, i in moments:
+        table.add_row(
+            name, f"{run.time[i]:.6g}", *(fixed(1e3 * value, 3) for value in run.tip_position[i])
+        )
+    yield table
+    labels = {"run": "Run", "vtk": "VTK series", "animation": "Animation"}
+    lines = [f"{labels[name]}: {file}" for name, file in files.items() if file is not None]
+    if lines:
+        yield "\n".join(lines)

@@ -1,0 +1,326 @@
+"""The command of finite elements: fe."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+import typer
+
+from bowstring.cli.options import (
+    AsJson,
+    Gravity,
+    Overrides,
+    RobotSource,
+    TipForce,
+    load,
+    not_negative,
+    of_flag,
+    per_tendon,
+    positive,
+    range_of,
+    vector,
+)
+from bowstring.cli.output import (
+    Stopped,
+    counted,
+    fixed,
+    new_table,
+    plain,
+    progress_bar,
+    provenance_of,
+    write_json,
+    write_tables,
+)
+from bowstring.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from bowstring.fem.comparison import BesideRod
+    from bowstring.fem.convergence import Convergence
+    from bowstring.fem.mesh import Fineness
+    from bowstring.fem.run import BrickRun
+
+_STEPS = 8  # of a sweep, if none are asked for
+
+
+def fe(
+    robot: RobotSource,
+    tension: Annotated[str, typer.Option(metavar="T1,T2,...", help="Tendon tensions at the end.")],
+    loads: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FIRST:STEP:LAST",
+            help="Loads on the way, as the largest tension; the others keep their share. "
+            "[default: 8 equal steps]",
+        ),
+    ] = None,
+    dynamic: Annotated[
+        bool, typer.Option("--dynamic", help="Motion from rest in place of a sweep of statics.")
+    ] = False,
+    rise: Annotated[
+        str | None,
+        typer.Option(metavar="s", help="With --dynamic: time of the rise.  [default: 1]"),
+    ] = None,
+    hold: Annotated[
+        str | None, typer.Option(metavar="s", help="With --dynamic: time after it.  [default: 0]")
+    ] = None,
+    mass_damping: Annotated[
+        str | None,
+        typer.Option(
+            metavar="1/s", help="With --dynamic: force on all mass by velocity.  [default: 0]"
+        ),
+    ] = None,
+    mesh: Annotated[
+        str,
+        typer.Option(
+            metavar="M,A,R",
+            help="Bricks along each module (even), around (a multiple of 4), rings of them.",
+        ),
+    ] = "8,8,1",
+    stiffness: Annotated[
+        float, typer.Option(metavar="K", help="Young's modulus of disks by the backbone's.")
+    ] = 1000.0,
+    grip: Annotated[
+        Literal["bonded", "sliding"],
+        typer.Option(help="Disks hold the backbone across too, or let it widen and narrow."),
+    ] = "bonded",
+    study: Annotated[
+        bool,
+        typer.Option(
+            "--study",
+            help="Run coarser and finer too, and extrapolate to the limit with its error; takes "
+            "about ten times as long.",
+        ),
+    ] = False,
+    gravity: Gravity = None,
+    tip_force: TipForce = "0,0,0",
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of fields, pictures and numbers.")
+    ] = None,
+    keep: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for CalculiX's own files.")
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """3-D finite elements of the robot (CalculiX, a program of its own) beside the rod."""
+    model = load(robot, overrides)
+    last = np.array(per_tendon("--tension", tension, "N", model))
+    if not last.any():
+        raise InputError("--tension: got no tension at all; give one above 0.")
+    force = vector("--tip-force", tip_force, "N")
+    weight = list(model.gravity) if gravity is None else vector("--gravity", gravity, "m/s^2")
+    for flag, given in (("--rise", rise), ("--hold", hold), ("--mass-damping", mass_damping)):
+        if given is not None and not dynamic:
+            raise InputError(f"{flag} is of --dynamic; give that too.")
+    if dynamic and loads is not None:
+        raise InputError("--loads is of statics; with --dynamic the tensions rise by --rise.")
+    if dynamic and any(force):
+        raise InputError("--tip-force is of statics; it cannot be given with --dynamic.")
+    if study and (any(force) or gravity is not None or keep is not None):
+        raise InputError("--study is for tensions alone; leave out the other loads and --keep.")
+
+    from bowstring.fem import report
+    from bowstring.fem import run as finite_elements
+    from bowstring.fem.run import Settings
+    from bowstring.viz.result_folder import check_folder
+
+    settings = Settings(of_flag("--mesh", _fineness, mesh), stiffness, grip)
+    of_flag("--stiffness", Settings.check, settings)
+    if out is not None:
+        out = of_flag("--out", lambda path: check_folder(path, "fe"), out)
+    if keep is not None:
+        of_flag("--keep", finite_elements.check_keep, keep)
+    rows = _rows(last, loads)
+    seconds = (
+        positive("--rise", rise or "1", "s"),
+        not_negative("--hold", hold or "0", "s"),
+    )
+    damping = not_negative("--mass-damping", mass_damping or "0", "1/s")
+    limit: Convergence | None = None
+    run: BrickRun
+    interrupted = False
+    with progress_bar() as tell:
+        try:
+            if study:
+                from bowstring.fem import convergence
+
+                limit = convergence.study(
+                    model,
+                    last if dynamic else rows,
+                    settings=settings,
+                    motion=(*seconds, damping) if dynamic else None,
+                    progress=tell,
+                )
+                run = limit.run
+            elif dynamic:
+                run = finite_elements.ramp(
+                    model,
+                    last,
+                    *seconds,
+                    mass_damping=damping,
+                    gravity=weight,
+                    settings=settings,
+                    keep=keep,
+                    progress=tell,
+                )
+            else:
+                run = finite_elements.sweep(
+                    model,
+                    rows,
+                    tip_force=force,
+                    gravity=weight,
+                    settings=settings,
+                    keep=keep,
+                    progress=tell,
+                )
+        except finite_elements.RunInterrupted as stopped:
+            run, interrupted = stopped.run, True
+
+    if interrupted:
+        again = "begins anew" if run.is_motion else "goes on from there"
+        raise Stopped(f"{run.message}; the same command {again}.")
+
+    from bowstring.fem.comparison import beside_rod
+
+    beside = beside_rod(run)
+    content = plain({**_content(run, beside, limit), **provenance_of(run.robot, **run.settings)})
+    folder = None
+    if out is not None and run.states:
+        with progress_bar() as tell:
+            folder = report.write(run, beside, content, out, progress=tell)
+    if as_json:
+        write_json({**content, "folder": folder})
+    elif run.states:
+        write_tables(*_tables(run, beside, limit, folder))
+    run.raise_for_status()
+
+
+def _fineness(mesh: str) -> Fineness:
+    from bowstring.fem.mesh import Fineness
+
+    try:
+        module, around, rings = (int(part) for part in mesh.split(","))
+    except ValueError:
+        raise InputError(
+            f"got {mesh}; write three whole numbers, bricks along a module, around and rings, "
+            "for example 8,8,1"
+        ) from None
+    fineness = Fineness(module, around, rings)
+    fineness.check()
+    return fineness
+
+
+def _rows(last: Any, loads: str | None) -> Any:
+    top = float(last.max())
+    if loads is None:
+        values = np.linspace(0.0, top, _STEPS + 1)[1:]
+    else:
+        values = np.array(range_of("--loads", loads, "N"))
+        if (values < 0).any():
+            raise InputError(f"--loads: got {values.min():g} N; must be 0 or more.")
+    return np.outer(values / top, last)
+
+
+def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> dict[str, Any]:
+    from bowstring.fem.report import rows
+
+    content: dict[str, Any] = {
+        "status": run.status,
+        "message": run.message,
+        "loads": rows(run, beside),
+        "span_error": run.span_error if run.states else None,
+        "stress_ratio": beside.stress_ratio.tolist(),
+        "concentration": beside.concentration.tolist(),
+        "nodes": len(run.mesh.nodes),
+        "bricks": len(run.mesh.bricks),
+        "cached": run.cached,
+        "iterations": run.iterations,
+        "wall_s": run.wall_s,
+        "limit": None,
+    }
+    if limit is not None:
+        content["limit"] = {
+            "tip_position_m": limit.limit,
+            "error_mm": 1e3 * limit.error,
+            "difference_mm": 1e3 * np.linalg.norm(limit.limit - beside.tip, axis=1),
+            "refinements": [
+                {
+                    "name": r.name,
+                    "of": list(r.labels),
+                    "tip_position_m": r.tips,
+                    "order": r.order,
+                    "limit_m": r.limit,
+                    "doubt_m": r.doubt,
+                }
+                for r in limit.refinements
+            ],
+        }
+    return content
+
+
+def _tables(
+    run: BrickRun, beside: BesideRod, limit: Convergence | None, folder: Path | None
+) -> Iterator[Table | str]:
+    mesh = run.mesh
+    yield (
+        f"{run.robot.name}, finite elements: {run.message}; mesh {run.settings['mesh']}, "
+        f"{counted(len(mesh.nodes), 'node')}, {counted(run.cached, 'step')} from the cache"
+    )
+    table = new_table(
+        ">time s" if run.is_motion else ">tension N",
+        ">tip x mm",
+        ">y mm",
+        ">z mm",
+        ">from rod mm",
+        *([">limit from rod", ">error bar"] if limit is not None else []),
+        ">mid stress MPa",
+        ">by rod's",
+        ">at edges MPa",
+    )
+    ratio = beside.stress_ratio
+    for i, tip in enumerate(run.tip_position):
+        load_ = run.time[i] if run.is_motion else run.tensions[i].max()
+        more = []
+        if limit is not None:
+            more = [
+                fixed(1e3 * float(np.linalg.norm(limit.limit[i] - beside.tip[i])), 2),
+                fixed(1e3 * limit.error[i], 2),
+            ]
+        table.add_row(
+            f"{load_:g}",
+            *(fixed(1e3 * v, 2) for v in tip),
+            _known(1e3 * beside.difference[i], 2),
+            *more,
+            fixed(1e-6 * beside.middle[i].max(), 1),
+            _known(ratio[i], 3),
+            fixed(1e-6 * beside.edge[i].max(), 1),
+        )
+    yield table
+    yield f"span forces are the tensions to {100 * run.span_error:.1g} %"
+    if limit is not None:
+        yield _refinements(limit)
+    if folder is not None:
+        yield f"written to {folder}"
+
+
+def _refinements(limit: Convergence) -> Table:
+    table = new_table("refined", "of", ">moves the last tip by mm", ">beyond mm", ">order")
+    for r in limit.refinements:
+        moved = 1e3 * np.linalg.norm(np.diff(r.tips[:, -1], axis=0), axis=1)
+        table.add_row(
+            r.name,
+            ", ".join(r.labels),
+            ", ".join(fixed(v, 3) for v in moved),
+            fixed(1e3 * float(np.linalg.norm(r.limit[-1] - r.tips[-1, -1])), 3),
+            _known(r.order, 1),
+        )
+    return table
+
+
+def _known(value: float, digits: int) -> str:
+    return fixed(value, digits) if np.isfinite(value) else "-"

@@ -1,0 +1,292 @@
+"""The command fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, Literal
+
+import numpy as np
+import typer
+
+from bowstring.cli.options import (
+    AsJson,
+    MappingFile,
+    OfMasses,
+    Overrides,
+    RobotSource,
+    load,
+    of_flag,
+    positive,
+    share_of,
+)
+from bowstring.cli.output import (
+    counted,
+    fixed,
+    new_table,
+    plain,
+    progress_bar,
+    provenance_of,
+    say,
+    write_json,
+    write_tables,
+)
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import in_mm
+from bowstring.units import quote, rounded
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from bowstring.calibration.fitting import Fit
+    from bowstring.calibration.table_fit import Calibration
+    from bowstring.data.measurements import Measurements
+
+#: Times the robust scatter of a coordinate that its root mean square is, so that it is said.
+_FAR_MORE: Final = 2.0
+_EXACT: Final = 1e-8  # m: data without noise
+
+
+def fit(
+    robot: RobotSource,
+    parameter: Annotated[
+        list[str],
+        typer.Option(
+            metavar="NAME",
+            help="To fit: a number of the robot file (segments.0.backbone.E), base, tool, gain, "
+            "offset, backlash, delay, hole_angle, pitch_radius, bend_gain. Repeatable.",
+        ),
+    ],
+    measurements: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Table of measurements: CSV, TSV or .xlsx."),
+    ] = None,
+    mapping: MappingFile = None,
+    data: Annotated[
+        str | None, typer.Option(metavar="NAME", help="A public data set instead of a table.")
+    ] = None,
+    part: Annotated[
+        str | None, typer.Option(metavar="PART", help="Which of its tables, if there are several.")
+    ] = None,
+    g: OfMasses = "9.80665",
+    model: Annotated[
+        Literal["rod", "arc"], typer.Option(help="Statics, or constant curvature.")
+    ] = "rod",
+    loss: Annotated[
+        Literal["linear", "soft_l1", "huber"],
+        typer.Option(help="Least squares, or robust against outliers."),
+    ] = "soft_l1",
+    holdout: Annotated[
+        str | None,
+        typer.Option(metavar="SHARE", help="Keep the last rows from the fit, and predict them."),
+    ] = None,
+    folds: Annotated[
+        int | None,
+        typer.Option(metavar="K", help="Predict each of K parts by a fit to the others."),
+    ] = None,
+    validate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="Predict another table once (with --data another of its parts); nothing is "
+            "aligned to it.",
+        ),
+    ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="calibration.json of a former fit: base, tool and drive begin there, or are "
+            "held there.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the calibrated robot file, and of figures."),
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate a robot: parameters from measured tips, and what the data know of them."""
+    from bowstring.calibration import table_fit
+    from bowstring.data import datasets
+    from bowstring.data.measurements import read_measurements
+
+    gravity = positive("--g", g, "m/s^2")
+    if model == "rod" and any(name.startswith("bend_gain") for name in parameter):
+        raise InputError("--parameter bend_gain is of constant curvature; give --model arc.")
+    if (measurements is None) == (data is None):
+        raise InputError(
+            "give either --measurements FILE or --data NAME, a public data set (bowstring data "
+            "list)."
+        )
+    if data is None and part is not None:
+        raise InputError("--part is of a public data set; name it by --data.")
+    if data is not None and mapping is not None:
+        raise InputError("--mapping is of a table; a set of --data brings its own.")
+    if sum(way is not None for way in (holdout, folds, validate)) > 1:
+        raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
+    share = None if holdout is None else share_of("--holdout", holdout)
+    if share is not None and not 0 < share < 1:
+        raise InputError(
+            f"--holdout: got {quote(str(holdout))}; must lie between 0 and 1, or 0 % and 100 %."
+        )
+    if folds is not None and folds < 2:
+        raise InputError(f"--folds: got {folds}; must be 2 or more.")
+    known = load(robot, overrides)
+    if out is not None:
+        from bowstring.viz.result_folder import check_folder
+
+        of_flag("--out", lambda path: check_folder(path, "fit"), out)
+    begin = None if start is None else table_fit.read_start(start)
+
+    def read(file: str | Path | None, part: str | None) -> Measurements:
+        if data is None:
+            assert file is not None
+            return read_measurements(file, known, mapping, g=gravity)
+        found = read_measurements(datasets.table(data, part), known, data, g=gravity)
+        return replace(found, name=data if part is None else f"{data}, {part}")
+
+    table = read(measurements, part)
+    other = None if validate is None else read(validate, validate)
+    with progress_bar() as tell:
+        found = table_fit.calibrate(
+            known,
+            table,
+            parameter,
+            model=model,
+            loss=loss,
+            holdout=share,
+            folds=folds,
+            validate=other,
+            start=begin,
+            progress=tell,
+        )
+    if found.tendons.alarm:
+        say("Warning", found.tendons.sentence)
+    if found.broken_path:
+        say("Warning", found.broken_path)
+    content = plain(
+        {
+            **found.to_dict(),
+            **provenance_of(
+                known,
+                measurements=measurements,
+                mapping=mapping if data is None else data,
+                data=data,
+                part=part,
+                g_m_per_s2=gravity,
+                parameters=parameter,
+                model=model,
+                loss=loss,
+                holdout=share,
+                folds=folds,
+                validate=validate,
+                start=begin,
+            ),
+        }
+    )
+    folder = None
+    if out is not None and found.fit.converged:
+        with progress_bar() as tell:
+            from bowstring.calibration.fit_folder import write_fit
+
+            folder = write_fit(found, content, out, progress=tell)
+    if as_json:
+        write_json({**content, "folder": folder})
+    else:
+        write_tables(*_fit_tables(found, out if folder else None))
+    if not found.fit.converged:
+        raise NoSolutionError(f"{known.name}: {found.fit.message}")
+
+
+def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str]:
+    from bowstring.calibration import table_fit
+
+    fit, data = found.fit, found.data
+    left = f", {data.without_tip} without a tip" if data.without_tip else ""
+    left += f", {data.left_out} left out" if data.left_out else ""
+    kept = f", {counted(int(found.held_out.sum()), 'row')} held out" if found.held_out.any() else ""
+    what = "statics" if fit.model == "rod" else "constant curvature"
+    yield (
+        f"{fit.robot.name}, {what}, fitted to {data.name} ({data.source}): "
+        f"{counted(int(fit.used.sum()), 'row')}{kept}{left}"
+    )
+    table = new_table(
+        "parameter", ">value", ">std. error", ">95 % from", ">to", ">began at", "unit"
+    )
+    for e in fit.estimates:
+        digits = _digits(e.standard_error, e.value)
+        told = math.isfinite(e.standard_error)
+        table.add_row(
+            e.name,
+            fixed(e.value, digits),
+            rounded(e.standard_error, 2) if told else "unknown",
+            *[fixed(end, digits) if math.isfinite(end) else "-" for end in (e.low, e.high)],
+            f"{e.start:.6g}",
+            e.unit,
+        )
+    yield table
+    yield fit.message
+    if found.correlated:
+        pairs = [f"{a} and {b} by {r:.3f}" for a, b, r in found.correlated]
+        yield "Estimates correlate: " + "; ".join(pairs) + "."
+    scores = new_table("tip error", ">rows", ">RMSE mm", ">mean mm", ">largest mm")
+    placed = {"base.x", "base.y", "base.z", "base.rx", "base.ry", "base.rz"} <= set(fit.names)
+    before = "before, base put in place" if placed else "before"
+    rows = [(before, fit.score_before), ("after", fit.score)]
+    if found.held_out_score is not None:
+        rows.append(("rows held out", found.held_out_score))
+    if found.other is not None and found.other_score is not None:
+        of = f"{found.other.name} ({found.other.source})"
+        rows.append((of, found.other_score))
+    if found.folds is not None:
+        rows.append((f"{len(found.folds.folds)} folds", found.folds.score))
+        rows += [(f"  {n}", s) for n, s in zip(found.folds.labels, found.folds.folds, strict=True)]
+    for name, score in rows:
+        cells = [fixed(1e3 * v, 3) for v in (score.rmse, score.mean, score.largest)]
+        scores.add_row(name, str(score.count), *cells)
+    yield scores
+    if found.other is not None and found.other_score is not None:
+        own = found.other_score
+        yield (
+            f"{found.other.name} was not fitted, and nothing was aligned to it. Without the mean "
+            f"offset its RMSE is {fixed(1e3 * own.rmse_centred, 3)} mm, its mean "
+            f"{fixed(1e3 * own.mean_centred, 3)} mm."
+        )
+    if found.unanswered:
+        yield (
+            f"To {counted(found.unanswered, 'row')} of the validation the calibrated model has no "
+            "answer; these are in none of its numbers."
+        )
+    said = ""
+    if data.sigma is not None:
+        said = f"; the table says {rounded(1e3 * float(np.median(data.sigma)), 3)} mm"
+    yield f"Scatter of a coordinate: {fixed(1e3 * fit.noise, 4)} mm{said}.{_of_others(fit)}"
+    if found.far:
+        named = [f"line {line} ({in_mm(away)})" for line, away in found.far[:5]]
+        more = f" and {len(found.far) - 5} more" if len(found.far) > 5 else ""
+        yield f"Far off, look at: {', '.join(named)}{more}."
+    if folder is not None:
+        yield f"Calibrated robot: {folder / 'robot.yaml'}"
+        if found.beside:
+            yield f"Base, tool and drive, for --start: {folder / table_fit.BESIDE}"
+
+
+def _of_others(fit: Fit) -> str:
+    """What the scatter, a median, does not say where some rows err by far more than most."""
+    whole = fit.score.rmse / math.sqrt(3.0)
+    if whole < _FAR_MORE * fit.noise or whole < _EXACT:
+        return ""
+    return (
+        f" That is by their median; their root mean square is {fixed(1e3 * whole, 4)} mm: some "
+        "rows err by far more than most."
+    )
+
+
+def _digits(error: float, value: float) -> int:
+    """Digits after the point that an estimate is worth: two of its error."""
+    size = error if math.isfinite(error) and error > 0 else abs(value) * 1e-4 or 1e-4
+    return min(12, max(0, 1 - math.floor(math.log10(size))))

@@ -1,0 +1,151 @@
+"""The command line: a thin face of the Python API. Its contract is docs/cli.md.
+
+Libraries that take long to load are imported by the command that needs them.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+import typer
+
+from bowstring import interrupts
+from bowstring._core import __version__
+from bowstring.cli import bench, cad, data, dynamics, fe, fit, statics, study
+from bowstring.cli.output import Stopped, say, write
+from bowstring.errors import InputError, NoSolutionError
+
+BAD_INPUT: Final = 2
+NO_SOLUTION: Final = 1
+STOPPED: Final = 130  # as a shell reports Ctrl-C
+BUG: Final = 70  # EX_SOFTWARE
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+bench_app = typer.Typer(help="Data of a test bench.", rich_markup_mode=None)
+data_app = typer.Typer(help="Public data sets.", rich_markup_mode=None)
+app.add_typer(bench_app, name="bench")
+app.add_typer(data_app, name="data")
+
+for _command in (
+    statics.robots,
+    statics.schema,
+    statics.fk,
+    statics.ik,
+    statics.solve,
+    study.study,
+    dynamics.simulate,
+    dynamics.modes,
+    fit.fit,
+    cad.cad,
+    fe.fe,
+):
+    app.command()(_command)
+bench_app.command("check")(bench.check)
+bench_app.command("simulate")(bench.simulate)
+data_app.command("list")(data.list_sets)
+data_app.command("get")(data.get)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        write(f"bowstring {__version__}\n")
+        raise typer.Exit()
+
+
+@app.callback(invoke_without_command=True)
+def _main(
+    context: typer.Context,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Is constant curvature good enough for my cable-driven continuum robot?
+
+    Numbers are SI unless a unit is attached: 80, "80 N", 0.641, "641 mm".
+    """
+    if context.invoked_subcommand is None:
+        write(context.get_help() + "\n")
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        As after ``bowstring`` in a shell.
+
+    Returns
+    -------
+    int
+        Exit code: 0, 1 for no solution, 2 for bad input, 70 for a bug, 130 after Ctrl-C, 141 when
+        the reader of stdout has left.
+    """
+    try:
+        code = app(list(arguments), prog_name="bowstring", standalone_mode=False)
+        late = interrupts.pending() and code != STOPPED
+        interrupts.answered()
+        if late:
+            say("Stopped", "the work was done before.")
+            return STOPPED
+    except (InputError, NoSolutionError) as error:
+        if interrupts.pending():  # what went wrong is the interrupt's, as an import that it broke
+            interrupts.answered()
+            code = STOPPED
+        else:
+            say("Error", str(error))
+            return BAD_INPUT if isinstance(error, InputError) else NO_SOLUTION
+    except typer.TyperException as error:
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context else "bowstring"
+        sentence = " ".join(error.format_message().split()).rstrip(".")
+        sentence = sentence.replace("Value error, ", "")
+        say("Error", f"{sentence}; see {command} --help.")
+        return BAD_INPUT
+    except MemoryError as error:
+        what = f" ({error})" if str(error) else ""
+        say("Error", f"the memory does not suffice{what}; ask for less at a time.")
+        return BAD_INPUT
+    except Stopped as stopped:
+        interrupts.answered()
+        say("Stopped", str(stopped))
+        return STOPPED
+    except KeyboardInterrupt:
+        interrupts.answered()
+        code = STOPPED
+    except BaseException as error:  # a panic of the core is no Exception
+        if isinstance(error, SystemExit):
+            raise
+        if not (interrupts.was_stopped(error) or interrupts.pending()):
+            traceback.print_exc()
+            say("Error", "this is a bug in Bowstring; please report it with the lines above.")
+            return BUG
+        interrupts.answered()
+        code = STOPPED
+    if code == STOPPED:
+        say("Stopped", "nothing was written.")
+    return code if isinstance(code, int) else 0
+
+
+def main() -> None:
+    """Entry point of the command ``bowstring``."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a name in Greek on an ASCII terminal
+    interrupts.listen()
+    try:
+        code = run(sys.argv[1:])
+    finally:
+        interrupts.answered()
+    sys.exit(code)

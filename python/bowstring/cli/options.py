@@ -1,0 +1,294 @@
+"""Flags that commands share, and how their texts become numbers; a bad one is named.
+
+Flags of how the tendons are driven are in `driving`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+import typer
+
+from bowstring.cli.output import counted, say
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot, load_robot
+from bowstring.units import is_bare, number_with_unit, quote, read_number
+
+MOST_LOADS: Final = 100_000  # of a range
+_EARTH_IN_MM: Final = (9700.0, 9900.0)  # what Earth's gravity is in mm/s^2
+
+RobotSource = Annotated[
+    str, typer.Argument(metavar="ROBOT", help="A built-in robot's name or the path of a file.")
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help='Override a field: segments.0.disks.clamped_length="3 mm". Repeatable.',
+    ),
+]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object and nothing else on stdout.")
+]
+Chord = Annotated[
+    bool, typer.Option("--chord", help="Tendons straight from disk to disk, not parallel curves.")
+]
+Theory = Annotated[Literal["cosserat", "kirchhoff"], typer.Option(help="Rod theory.")]
+Gravity = Annotated[
+    str | None, typer.Option(metavar="x,y,z", help="Gravity, instead of the file's.")
+]
+Elements = Annotated[
+    int, typer.Option(metavar="1|2|4|8", help="Elements of fourth order between two disks.")
+]
+AutomaticElements = Annotated[
+    int | None,
+    typer.Option(
+        metavar="1|2|4|8",
+        help="Elements of fourth order between two disks; chosen for accuracy if left out.",
+    ),
+]
+TipForce = Annotated[
+    str, typer.Option(metavar="x,y,z", help="Dead force at the tip, base axes, all the time.")
+]
+MappingFile = Annotated[
+    str | None,
+    typer.Option(metavar="FILE", help="Mapping of a table that is not in the tidy format (YAML)."),
+]
+HistoryFile = Annotated[
+    Path | None,
+    typer.Option("--history", metavar="FILE", help="Go on with the path of solve --save-history."),
+]
+OfMasses = Annotated[
+    str, typer.Option("--g", metavar="g", help="Gravity that makes tensions of masses.")
+]
+
+
+_EXAMPLES: Final = {
+    "--lengths": '"641 mm",0.65,0.65',
+    "--tension": "80,0,0",
+    "--pull": '"10 mm",-0.005,-0.005',
+    "--angle": '"90 deg",-0.5,-0.5',
+    "--tip": "0.1,0,0.6",
+    "--gravity": "0,0,-9.81",
+    "--tip-force": "0,1,0",
+    "--tip-moment": "0,0.1,0",
+    "--tolerance": '"1 %"',
+    "--max-tension": "80",
+    "--from": "40,0,0",
+    "--from-pull": '"10 mm",-0.005,-0.005',
+    "--rise": '"500 ms"',
+    "--hold": '"2 s"',
+    "--dt": '"1 ms"',
+    "--every": '"10 ms"',
+    "--mass-damping": "0.5",
+    "--material-damping": '"1 ms"',
+    "--modal-damping": '"1 %"',
+    "--tendon": "1,2:0.5",
+    "--g": "9.81",
+    "--masses": '0:"500 g":8',
+    "--tensions": "0:5:80",
+    "--pulls": '0:"2 mm":0.03',
+    "--noise": '"0.02 mm"',
+    "--friction": "0.1",
+    "--tilt": '"0.3 deg"',
+    "--shift": '"1 mm",0,0',
+    "--tool": '0,0,"8 mm"',
+    "--tool-error": '"1 mm",0,0',
+    "--drift": '0,"0.2 mm",0',
+    "--holdout": '"20 %"',
+}
+
+
+def load(source: str, overrides: Sequence[str] | None) -> Robot:
+    if not source.strip():
+        raise InputError("ROBOT: got nothing; name a built-in robot or a robot file (YAML).")
+    robot = load_robot(source, changes_of("--set", overrides, 'segments.0.length="500 mm"'))
+    for sentence in robot.warnings:
+        say("Warning", sentence)
+    return robot
+
+
+def changes_of(flag: str, texts: Sequence[str] | None, example: str) -> dict[str, str]:
+    """PATH=VALUE, as often as given."""
+    changes = {}
+    for text in texts or ():
+        path, equals, value = text.partition("=")
+        if not (path.strip() and equals):
+            raise InputError(f"{flag}: got {quote(text)}; write for example {flag} {example}.")
+        changes[path.strip()] = value
+    return changes
+
+
+def numbers_of(flag: str, text: str, si: str) -> list[float]:
+    values = []
+    for item in text.split(","):
+        try:
+            values.append(read_number(item, si))
+        except ValueError as error:
+            raise InputError(
+                f"{flag}: got {quote(item.strip())}, {error}; write for example "
+                f"{flag} {_example(flag, si)}."
+            ) from None
+        low, high = _EARTH_IN_MM
+        if si == "m/s^2" and is_bare(item) and low < abs(values[-1]) < high:
+            raise _is_bare(flag, item.strip(), si, "mm/s^2")
+    return values
+
+
+def _example(flag: str, si: str) -> str:
+    if (flag, si) == ("--tolerance", "m"):  # of simulate; that of the study is a share
+        return '"1 um"'
+    return _EXAMPLES[flag]
+
+
+def number_of(flag: str, text: str, si: str) -> float:
+    values = numbers_of(flag, text, si)
+    if len(values) != 1:
+        raise InputError(f"{flag}: got {len(values)} numbers; write one.")
+    return values[0]
+
+
+def share_of(flag: str, text: str) -> float:
+    """A share as "0.01" or "1 %"."""
+    percent = text.strip().endswith("%")
+    value = number_of(flag, text.strip().rstrip("%") if percent else text, "")
+    return value / 100.0 if percent else value
+
+
+def positive(flag: str, text: str, si: str) -> float:
+    value = number_of(flag, text, si)
+    if value <= 0:
+        raise InputError(f"{flag}: got {f'{value:g} {si}'.strip()}; must be positive.")
+    return value
+
+
+def not_negative(flag: str, text: str, si: str) -> float:
+    value = number_of(flag, text, si)
+    if value < 0:
+        raise InputError(f"{flag}: got {f'{value:g} {si}'.strip()}; must be 0 or more.")
+    return value
+
+
+def ratio(flag: str, text: str | None) -> float | None:
+    value = None if text is None else share_of(flag, text)
+    if value is not None and not 0 <= value <= 1:
+        raise InputError(f"{flag}: got {quote(text)}; must be from 0 to 1, or 0 % to 100 %.")
+    return value
+
+
+def check_elements(elements: int | None) -> None:
+    if elements not in (None, 1, 2, 4, 8):
+        raise InputError(f"--elements: got {elements}; must be 1, 2, 4 or 8.")
+
+
+def vector(flag: str, text: str, si: str) -> list[float]:
+    values = numbers_of(flag, text, si)
+    if len(values) != 3:
+        raise InputError(
+            f"{flag}: got {counted(len(values), 'number')}; write x, y and z, "
+            f"for example {flag} {_EXAMPLES[flag]}."
+        )
+    return values
+
+
+def check_bare(
+    flag: str, text: str, si: str, robot: Robot, most: float | Sequence[float], small: str
+) -> None:
+    """Refuse a number without a unit that is far too large, where a smaller unit makes sense of it.
+
+    ``most`` is for each of the numbers, or one for all.
+    """
+    items = [item.strip() for item in text.split(",")]
+    limits = [most] * len(items) if isinstance(most, (int, float)) else most
+    for item, limit in zip(items, limits, strict=False):
+        if not is_bare(item) or abs(float(item)) <= limit:
+            continue
+        if abs(read_number(f"{item} {small}", si)) <= limit:
+            winds = " and more than all of a tendon" if si == "rad" else ""
+            why = f"{winds}, and {robot.name} is {number_with_unit(robot.length, 'm')} long"
+            raise _is_bare(flag, item, si, small, why)
+
+
+def _is_bare(flag: str, item: str, si: str, small: str, why: str = "") -> InputError:
+    return InputError(
+        f"{flag}: got {item} without a unit, which is {item} {si}{why}; "
+        f'write "{item} {small}" if that is meant, else "{item} {si}".'
+    )
+
+
+def check_bare_drive(flag: str, text: str, si: str, robot: Robot) -> None:
+    """Refuse pulls and angles without a unit that take in more than all of a tendon."""
+    tendons = robot.tendons
+    longest = robot.disks.station_m[tendons.end_disk] + tendons.free_length_m
+    if si == "m":  # of a pull that is but a little too long the solver has more to say
+        check_bare(flag, text, si, robot, (1.6 * longest).tolist(), "mm")
+    if si == "rad":
+        turns = longest / tendons.spool_radius_m  # NaN without a spool, which is refused elsewhere
+        check_bare(flag, text, si, robot, np.nan_to_num(turns, nan=math.inf).tolist(), "deg")
+
+
+def per_tendon(
+    flag: str,
+    text: str,
+    si: str,
+    robot: Robot,
+    above_zero: bool = False,
+    signed: bool = False,
+) -> list[float]:
+    values = numbers_of(flag, text, si)
+    wanted = tendon_count(robot)
+    if len(values) != wanted:
+        raise InputError(
+            f"{flag}: got {counted(len(values), 'number')}; {robot.name} has "
+            f"{counted(wanted, 'tendon')}, write one number for each."
+        )
+    if signed:
+        check_bare_drive(flag, text, si, robot)
+    for i, value in enumerate(values, 1):
+        if not signed and (value < 0 or (above_zero and value == 0)):
+            rule = "positive" if above_zero else "0 or more, a tendon cannot push"
+            raise InputError(f"{flag}: got {value:g} {si} for tendon {i}; must be {rule}.")
+    return values
+
+
+def range_of(flag: str, text: str, si: str) -> list[float]:
+    """Numbers one by one, or first:step:last."""
+    parts = text.split(":")
+    if len(parts) == 1:
+        return numbers_of(flag, text, si)
+    if len(parts) != 3:
+        raise InputError(
+            f"{flag}: got {quote(text)}; write first:step:last, for example {flag} "
+            f"{_EXAMPLES[flag]}."
+        )
+    first, step, last = (number_of(flag, part, si) for part in parts)
+    if step == 0 or (last - first) / step < 0:
+        raise InputError(f"{flag}: steps of {step:g} {si} do not lead from {first:g} to {last:g}.")
+    steps = (last - first) / step
+    if steps > MOST_LOADS:
+        raise InputError(f"{flag}: got {steps:.3g} steps; up to {MOST_LOADS} are possible.")
+    if abs(steps - round(steps)) > 1e-6:
+        end = first + math.floor(steps) * step
+        raise InputError(
+            f"{flag}: steps of {step:g} {si} from {first:g} do not meet {last:g}; end for example "
+            f"at {end:g}."
+        )
+    # 3 * 0.1 is 0.3
+    return [float(f"{first + i * step:.12g}") for i in range(round(steps) + 1)]
+
+
+def tendon_count(robot: Robot) -> int:
+    return len(robot.tendons.angle_rad)
+
+
+def of_flag(flag: str, check: Callable[[Any], Any], value: Any) -> Any:
+    """The result of a check, whose errors name the flag."""
+    try:
+        return check(value)
+    except InputError as error:
+        raise InputError(f"{flag}: {error}") from None

@@ -1,0 +1,320 @@
+"""Commands of a robot at rest: robots, schema, fk, ik, solve."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import numpy as np
+import typer
+
+from bowstring.cli.driving import (
+    Angle,
+    Pull,
+    Tension,
+    check_history_file,
+    driven_by,
+    read_history,
+    write_history,
+)
+from bowstring.cli.options import (
+    AsJson,
+    AutomaticElements,
+    Chord,
+    Gravity,
+    HistoryFile,
+    Overrides,
+    RobotSource,
+    Theory,
+    check_bare,
+    check_elements,
+    load,
+    of_flag,
+    per_tendon,
+    tendon_count,
+    vector,
+)
+from bowstring.cli.output import (
+    fixed,
+    frame,
+    new_table,
+    provenance_of,
+    say,
+    tip_line,
+    write,
+    write_json,
+    write_tables,
+)
+from bowstring.constant_curvature import arcs as arc
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot, load_robot, robot_names, robot_schema
+from bowstring.statics import limits
+from bowstring.units import number_with_unit
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from bowstring.statics.rod import Solution
+
+
+#: Lengths of a robot beyond which a bare number is hardly meant in m; a thousandth is plausible.
+_FAR: Final = 10.0
+
+
+def robots(as_json: AsJson = False) -> None:
+    """List the built-in robots."""
+    known = [load_robot(name) for name in robot_names()]
+    if as_json:
+        rows = [
+            {
+                "name": robot.name,
+                "description": robot.description,
+                "length_m": robot.length,
+                "segments": len(robot.segments),
+                "disks": len(robot.disks.station_m),
+                "tendons": tendon_count(robot),
+            }
+            for robot in known
+        ]
+        return write_json({"robots": rows})
+    table = new_table("name", ">length mm", ">segments", ">disks", ">tendons", "description")
+    for robot in known:
+        counts = (len(robot.segments), len(robot.disks.station_m), tendon_count(robot))
+        table.add_row(robot.name, f"{1e3 * robot.length:g}", *map(str, counts), robot.description)
+    write_tables(table)
+
+
+def schema(as_json: AsJson = False) -> None:
+    """Print the JSON Schema of a robot file, for editors."""
+    if as_json:
+        return write_json(robot_schema())
+    write(json.dumps(robot_schema(), indent=2) + "\n")
+
+
+def fk(
+    robot: RobotSource,
+    lengths: Annotated[
+        str, typer.Option(metavar="L1,L2,...", help="Tendon lengths, base to end disk.")
+    ],
+    chord: Chord = False,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Constant curvature forward: tendon lengths to arcs and tip."""
+    model = load(robot, overrides)
+    values = per_tendon("--lengths", lengths, "m", model, above_zero=True)
+    check_bare("--lengths", lengths, "m", model, _FAR * model.length, "mm")
+    try:
+        arcs = arc.robot_fk(model, values, "chord" if chord else None)
+    except InputError as error:
+        raise InputError(f"--lengths: {error}") from None
+    segments = _segments(arcs)
+    for segment, misfit in zip(segments, arcs.misfit, strict=True):
+        segment["misfit_m"] = float(misfit)
+    result = {
+        "segments": segments,
+        "tip": frame(arcs.tip.position, arcs.tip.rotation),
+        **provenance_of(model, lengths_m=values, chord=chord),
+    }
+    if as_json:
+        return write_json(result)
+    write_tables(_arc_table(segments), tip_line(arcs.tip.position, arcs.tip.rotation))
+
+
+def ik(
+    robot: RobotSource,
+    tip: Annotated[str, typer.Option(metavar="x,y,z", help="Wanted tip position.")],
+    free_length: Annotated[
+        bool, typer.Option("--free-length", help="Let the arc's length change to meet the point.")
+    ] = False,
+    chord: Chord = False,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Constant curvature backward: a tip position to arc and lengths.
+
+    The arc has the robot's own length and comes as near to the point as it can; the miss is
+    reported.
+    """
+    model = load(robot, overrides)
+    point = np.array(vector("--tip", tip, "m"))
+    check_bare("--tip", tip, "m", model, _FAR * model.length, "mm")
+    if len(model.segments) != 1:
+        raise InputError(
+            f"{model.name} has {len(model.segments)} segments; ik is for robots of one segment."
+        )
+    if free_length:
+        kappa, phi, length = arc.through_tip(point)
+        miss = 0.0
+    else:
+        distance, reach = math.hypot(*point), model.length
+        if distance > reach:
+            raise InputError(
+                f"--tip: got a point {number_with_unit(distance, 'm')} from the base, out of "
+                f"reach: {model.name} is {number_with_unit(reach, 'm')} long."
+            )
+        kappa, phi, nearest_miss = arc.nearest_tip(point, model.length)
+        length, miss = np.asarray(model.length), float(nearest_miss)
+    tendons = arc.robot_lengths(
+        model, kappa[None], phi[None], length[None], "chord" if chord else None
+    )
+    position, rotation = arc.pose(kappa, phi, length)
+    segment = {
+        "kappa_per_m": float(kappa),
+        "phi_rad": float(phi),
+        "theta_rad": float(kappa * length),
+        "length_m": float(length),
+    }
+    result = {
+        "segments": [segment],
+        "tendon_lengths_m": tendons,
+        "miss_m": miss,
+        "tip": frame(position, rotation),
+        **provenance_of(model, tip_m=point, free_length=free_length, chord=chord),
+    }
+    if as_json:
+        return write_json(result)
+    write_tables(
+        _arc_table([segment]),
+        tip_line(position, rotation) + f"; misses the point by {1e3 * miss:.3f} mm",
+        _tendon_table(model, tendons),
+    )
+
+
+def solve(
+    robot: RobotSource,
+    tension: Tension = None,
+    pull: Pull = None,
+    angle: Angle = None,
+    history: HistoryFile = None,
+    save_history: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="JSON file of where the path has come to.")
+    ] = None,
+    theory: Theory = "cosserat",
+    gravity: Gravity = None,
+    tip_force: Annotated[
+        str, typer.Option(metavar="x,y,z", help="Dead force at the tip, base axes.")
+    ] = "0,0,0",
+    tip_moment: Annotated[
+        str, typer.Option(metavar="x,y,z", help="Dead moment at the tip, base axes.")
+    ] = "0,0,0",
+    elements: AutomaticElements = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Statics: tendon tensions, pulls and loads to the robot's equilibrium."""
+    from bowstring.statics import rod
+
+    model = load(robot, overrides)
+    tensions, pulls, angles = driven_by(model, tension, pull, angle)
+    check_elements(elements)
+    weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
+    force = vector("--tip-force", tip_force, "N")
+    moment = vector("--tip-moment", tip_moment, "N*m")
+    before = None if history is None else read_history(history)
+    if save_history is not None:
+        save_history = of_flag("--save-history", check_history_file, save_history)
+    solution = rod.solve(
+        model,
+        tensions,
+        pulls=pulls,
+        angles=angles,
+        history=before,
+        theory=theory,
+        gravity=weight,
+        tip_force=force,
+        tip_moment=moment,
+        elements=elements,
+    )
+    if save_history is not None and solution.converged:
+        write_history(save_history, solution.history)
+    warnings, uses = solution.limits()
+    if as_json:
+        write_json(
+            {
+                **solution.to_dict(),
+                "message": solution.message,
+                **provenance_of(
+                    model,
+                    tensions_N=tensions,
+                    pulls_m=pulls,
+                    angles_rad=angles,
+                    history=history,
+                    theory=theory,
+                    gravity_m_per_s2=weight,
+                    tip_force_N=force,
+                    tip_moment_Nm=moment,
+                    elements=solution.elements,
+                ),
+                "warnings": [*model.warnings, *warnings],
+                "backbone_limits": [use.to_dict() for use in uses],
+            }
+        )
+    solution.raise_for_status()
+    for sentence in warnings:
+        say("Warning", sentence)
+    tip = solution.tip
+    assert tip is not None
+    if not as_json:
+        write_tables(
+            f"{model.name}, {theory}: {solution.message} "
+            f"({solution.iterations} iterations, residual {solution.residual:.1e})",
+            tip_line(tip.position, tip.rotation),
+            *([_used_line(uses, model)] if uses else []),
+            _driven_table(solution),
+        )
+
+
+def _segments(arcs: arc.RobotArcs) -> list[dict[str, float]]:
+    columns = (arcs.kappa, arcs.phi, arcs.theta, arcs.length)
+    names = ("kappa_per_m", "phi_rad", "theta_rad", "length_m")
+    return [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]
+
+
+def _arc_table(segments: Sequence[dict[str, float]]) -> Table:
+    fitted = "misfit_m" in segments[0]
+    names = ("segment", ">kappa 1/m", ">phi deg", ">theta deg", ">length mm")
+    table = new_table(*names, *([">misfit mm"] if fitted else []))
+    for i, s in enumerate(segments, 1):
+        table.add_row(
+            str(i),
+            fixed(s["kappa_per_m"], 6),
+            fixed(math.degrees(s["phi_rad"]), 3),
+            fixed(math.degrees(s["theta_rad"]), 3),
+            fixed(1e3 * s["length_m"], 3),
+            *([fixed(1e3 * s["misfit_m"], 3)] if fitted else []),
+        )
+    return table
+
+
+def _tendon_table(robot: Robot, lengths: Any) -> Table:
+    straight = robot.disks.station_m[robot.tendons.end_disk]
+    table = new_table("tendon", ">length mm", ">pull mm")
+    for i, length in enumerate(lengths):
+        table.add_row(str(i + 1), fixed(1e3 * length, 3), fixed(1e3 * (straight[i] - length), 3))
+    return table
+
+
+def _used_line(uses: Sequence[limits.Use], robot: Robot) -> str:
+    several = len(robot.segments) > 1
+    return "\n".join(f"backbone{f' of segment {u.segment}' * several}: {u}" for u in uses)
+
+
+def _driven_table(solution: Solution) -> Table:
+    lengths, pulls, slack = solution.tendon_lengths, solution.pulls, solution.slack_lengths
+    assert lengths is not None and slack is not None
+    by_tension = not solution.core.driven
+    columns = ("tendon", ">tension N", ">length mm", ">pull mm")
+    table = new_table(*columns, *([] if by_tension else [">slack mm"]))
+    for i, tension in enumerate(solution.tensions):
+        table.add_row(
+            str(i + 1),
+            f"{tension:g}",
+            fixed(1e3 * lengths[i], 3),
+            "-" if pulls is None else fixed(1e3 * pulls[i], 3),
+            *([] if by_tension else [fixed(1e3 * slack[i], 3)]),
+        )
+    return table

@@ -1,0 +1,177 @@
+"""The command study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from bowstring.cli.options import (
+    AsJson,
+    MappingFile,
+    Overrides,
+    RobotSource,
+    Theory,
+    load,
+    number_of,
+    of_flag,
+    share_of,
+    tendon_count,
+)
+from bowstring.cli.output import Stopped, progress_bar, say, write_json, write_rich
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot
+from bowstring.units import quote
+
+
+def study(
+    robot: RobotSource = "amouri2019",
+    measurements: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Table of measurements (docs/bench.md): all models against them."
+        ),
+    ] = None,
+    mapping: MappingFile = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of the report.  [default: bowstring-study/NAME OF ROBOT]"
+        ),
+    ] = None,
+    tolerance: Annotated[
+        str, typer.Option(help='Tolerated tip error, a share of the length: 0.01 or "1 %".')
+    ] = "1 %",
+    max_tension: Annotated[
+        str | None, typer.Option(metavar="T", help="End of the sweep; chosen if not given.")
+    ] = None,
+    points: Annotated[int, typer.Option(metavar="N", help="Loads of the sweep.")] = 17,
+    tendon: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N[:SHARE],...",
+            help="The pulled tendon, or several: 1,4:0.5 pulls tendon 4 half as much.  "
+            "[default: the first of the outermost segment]",
+        ),
+    ] = None,
+    theory: Theory = "cosserat",
+    rise: Annotated[
+        str | None,
+        typer.Option(metavar="s", help="Rise of the tension in dynamics; chosen if not given."),
+    ] = None,
+    modal_damping: Annotated[
+        str, typer.Option(help='Damping in dynamics, a share of critical: 0.05 or "5 %".')
+    ] = "5 %",
+    solid: Annotated[
+        bool,
+        typer.Option("--solid", help="Show the robot as a solid in the report (extra cad)."),
+    ] = False,
+    fe: Annotated[
+        bool,
+        typer.Option(
+            "--fe",
+            help="Solve the sweep by 3-D finite elements too (CalculiX, docs/fe.md); minutes.",
+        ),
+    ] = False,
+    grip: Annotated[
+        Literal["bonded", "sliding"] | None,
+        typer.Option(
+            help="With --fe: disks hold the backbone across too, or let it widen and narrow.  "
+            "[default: bonded]"
+        ),
+    ] = None,
+    overrides: Overrides = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare constant curvature with statics, dynamics and measurements; write a report."""
+    if mapping is not None and measurements is None:
+        raise InputError("--mapping is of a table; name the table by --measurements.")
+    if grip is not None and not fe:
+        raise InputError("--grip is of finite elements; give --fe too.")
+    share = share_of("--tolerance", tolerance)
+    if not 0 < share < 1:
+        raise InputError(
+            f"--tolerance: got {quote(tolerance)}; must lie between 0 and 1, or 0 % and 100 %."
+        )
+    limit = None if max_tension is None else number_of("--max-tension", max_tension, "N")
+    if limit is not None and limit <= 0:
+        raise InputError(f"--max-tension: got {limit:g} N; must be positive.")
+    if not 2 <= points <= 1000:
+        raise InputError(f"--points: got {points}; must be from 2 to 1000.")
+    seconds = None if rise is None else number_of("--rise", rise, "s")
+    if seconds is not None and seconds <= 0:
+        raise InputError(f"--rise: got {seconds:g} s; must be positive.")
+    damping = share_of("--modal-damping", modal_damping)
+    if not 0 <= damping < 1:
+        raise InputError(
+            f"--modal-damping: got {quote(modal_damping)}; must lie from 0 to below 1, or 0 % to "
+            "below 100 %."
+        )
+    model = load(robot, overrides)
+    pulled = None if tendon is None else _shares(tendon, model)
+
+    from bowstring.fem.run import RunInterrupted, Settings
+    from bowstring.study import report
+    from bowstring.study.study import run_study
+    from bowstring.study.terminal import print_study
+    from bowstring.viz.result_folder import check_folder
+
+    folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
+    try:
+        with progress_bar() as tell:
+            found = run_study(
+                model,
+                tolerance=share,
+                max_tension=limit,
+                points=points,
+                theory=theory,
+                tendon=pulled,
+                rise=seconds,
+                modal_damping=damping,
+                measurements=measurements,
+                mapping=mapping,
+                solid=solid,
+                fe=Settings(grip=grip or Settings.grip) if fe else None,
+                progress=lambda what, done: tell(what, 0.5 * done),
+            )
+            folder = report.write(
+                found, folder, progress=lambda what, done: tell(what, 0.5 + 0.5 * done)
+            )
+    except RunInterrupted as stopped:
+        raise Stopped(
+            f"finite elements {stopped.run.message}; the same command goes on from there."
+        ) from None
+    for sentence in found.warnings[len(model.warnings) :]:  # the robot's own are said already
+        say("Warning", sentence)
+    if as_json:
+        return write_json({**found.to_dict(), "folder": folder})
+    write_rich(lambda console: print_study(found, console, folder))
+
+
+def _shares(text: str, robot: Robot) -> dict[int, float]:
+    """Numbers of tendons and their shares of the sweep's tension."""
+    out: dict[int, float] = {}
+    count = tendon_count(robot)
+    for item in text.split(","):
+        number, colon, share = item.strip().partition(":")
+        if not (number.isdecimal() and 1 <= int(number) <= count):
+            raise InputError(
+                f"--tendon: got {quote(item.strip())}; must be a tendon of {robot.name} from 1 to "
+                f"{count}, and its share after a colon, for example --tendon 1,{min(count, 2)}:0.5."
+            )
+        value = share_of("--tendon", share) if colon else 1.0
+        if not 0 < value <= 1:
+            raise InputError(
+                f"--tendon: got {quote(share)} as the share of tendon {number}; must be above 0 "
+                "and at most 1, or 100 %."
+            )
+        if int(number) in out:
+            raise InputError(f"--tendon: tendon {number} is there twice; name each one once.")
+        out[int(number)] = value
+    if max(out.values()) < 1:
+        raise InputError(
+            f"--tendon: the largest share is {max(out.values()):g}; one tendon must have the whole "
+            "tension, write it without a share."
+        )
+    return out

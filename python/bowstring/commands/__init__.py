@@ -1,1 +1,0 @@
-"""The commands of `bowstring`, one file for each group; `bowstring.cli` is the process."""

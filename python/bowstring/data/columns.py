@@ -1,0 +1,377 @@
+"""Which column of a table of measurements holds what: the tidy format, and what a mapping says.
+
+A `Layout` is what both come to; `bowstring.data.measurements` reads rows by it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic_core import PydanticCustomError
+
+from bowstring.data.tables import Table, UnknownColumnsError
+from bowstring.errors import InputError
+from bowstring.units import Quantity, quote, read_number
+
+__all__ = [
+    "PIXELS",
+    "SIGMA",
+    "SOURCES",
+    "TOOL",
+    "Column",
+    "Layout",
+    "check_stations",
+    "factor_of",
+    "nearest",
+    "tidy",
+]
+
+#: What data can be, by where they come from.
+SOURCES: Final = ("measured", "synthetic", "computed")
+PIXELS: Final = "px"
+TOOL: Final = Quantity("m", "0 0 8 mm", "-10 m", "10 m", vector=3)
+SIGMA: Final = Quantity("m", "0.02 mm", "1e-12 m", "10 m")
+
+Floats = NDArray[np.float64]
+Kind = Literal["tension", "pull"]
+Part = Literal["all", "positive", "negative"]
+
+_SI: Final = {
+    "mass": "kg",
+    "tension": "N",
+    "pull": "m",
+    "tip": "m",
+    "point": "m",
+    "sigma": "m",
+    "time": "s",
+    "bend": "rad",
+    "direction": "rad",
+}
+_EXAMPLE: Final = {"kg": "kg", "N": "N", "m": "mm", "s": "s", "rad": "deg"}
+_PATTERN: Final = re.compile(
+    r"(?P<tendon>mass|tension|pull)_(?P<k>[0-9]{1,4})(?:_(?P<tendon_unit>.+))?"
+    r"|tip_(?P<tip>[xyz])(?:_(?P<tip_unit>.+))?"
+    r"|point_(?P<p>[0-9]{1,4})_(?P<point>[xyz])(?:_(?P<point_unit>.+))?"
+    r"|(?P<one>sigma|time|bend|direction)(?:_(?P<one_unit>.+))?"
+    r"|(?P<plain>repeat|group|recording|source)"
+)
+_SYNONYMS: Final = {
+    "force": "tension",
+    "load": "mass",
+    "weight": "mass",
+    "displacement": "pull",
+    "x": "tip_x",
+    "y": "tip_y",
+    "z": "tip_z",
+    "t": "time",
+    "std": "sigma",
+    "uncertainty": "sigma",
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of numbers: its place, its name, and what makes its numbers SI.
+
+    Attributes
+    ----------
+    index : int
+        From 0.
+    name : str
+    factor : float
+        To SI, with its sign.
+    part : {"all", "positive", "negative"}
+        What is taken of its numbers, after the factor; the other part is zero, and the negative
+        part is taken without its sign.
+    constant : float or None
+        A number that stands in every row instead, before the factor; there is no column then.
+    is_date : bool
+        Whether its cells are dates and times of ISO 8601 and not numbers.
+    """
+
+    index: int
+    name: str
+    factor: float = 1.0
+    part: Part = "all"
+    constant: float | None = None
+    is_date: bool = False
+
+
+@dataclass
+class Layout:
+    """Where a table has what. `tendons` are in the robot's order, the last of `points` is the tip.
+
+    `shape` is a column whose cells are JSON lists of points, `rotation` turns the file's axes into
+    those of the measuring frame, `keep` is a column and what its cells must say for the row to be
+    read. `scale` is None where points are in pixels. `label` is a column that says what the data
+    are; without `own_label` it may as well speak of something else. Rows with the same text in
+    `recording` are one path.
+    """
+
+    tendons: list[tuple[Kind, Column]] = field(default_factory=list)
+    points: list[tuple[Column, Column, Column]] = field(default_factory=list)
+    shape: Column | None = None
+    scale: float | None = 1.0
+    bend: Column | None = None
+    direction: Column | None = None
+    sigma: Column | None = None
+    time: Column | None = None
+    repeat: Column | None = None
+    group: Column | None = None
+    recording: Column | None = None
+    label: Column | None = None
+    own_label: bool = True
+    keep: tuple[Column, str] | None = None
+    rotation: Floats | None = None
+    stations: Floats | None = None
+    tool: Floats = field(default_factory=lambda: np.zeros(3))
+    sigma_of_all: float | None = None
+    source: str | None = None
+    name: str | None = None
+
+
+def factor_of(unit: str, si: str) -> float:
+    """Factor from a unit to SI; ValueError continues the sentence 'got "...", '."""
+    return read_number(f"1 {unit}", si)
+
+
+def nearest(name: str, known: Sequence[str]) -> str | None:
+    """The one of the known names that a mistaken one is probably meant for."""
+    lower = {item.lower(): item for item in reversed(known)}
+    near = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.6)
+    return lower[near[0]] if near else None
+
+
+# -- the tidy format ---------------------------------------------------------------------------
+
+
+def tidy(table: Table, g: float) -> Layout:
+    """Read the header of the documented format.
+
+    Parameters
+    ----------
+    table : Table
+    g : float
+        Gravity that makes tensions of masses, m/s^2.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, there twice, or has no unit or a wrong one.
+    """
+    return _Header(table, g).layout()
+
+
+class _Header:
+    def __init__(self, table: Table, g: float) -> None:
+        self.table, self.g = table, g
+        self.here = f"{table.path}, line {table.line}"
+        self.units: dict[str, tuple[str, str]] = {}  # of each kind: unit, and where it stands
+
+    def fail(self, sentence: str) -> InputError:
+        return InputError(f"{self.here}: {sentence}")
+
+    def layout(self) -> Layout:
+        found = Layout()
+        tendons: dict[int, tuple[Kind, Column]] = {}
+        points: dict[int, dict[str, Column]] = {}
+        strangers = []
+        for index, name in enumerate(self.table.header):
+            match = _PATTERN.fullmatch(name)
+            if not name:
+                text = f"column {index + 1} has no name and is not read"
+                self.table.notes.append((self.table.line, text))
+            elif match is None:
+                strangers.append(name)
+            elif match["tendon"]:
+                kind: Kind = "pull" if match["tendon"] == "pull" else "tension"
+                column = self.column(index, name, match["tendon"], match["tendon_unit"])
+                k = int(match["k"])
+                if k in tendons:
+                    raise self.fail(
+                        f"{tendons[k][1].name} and {name} both drive tendon {k}; give each tendon "
+                        "one of mass, tension and pull"
+                    )
+                tendons[k] = (kind, column)
+            elif match["tip"] or match["point"]:
+                place = 0 if match["tip"] else int(match["p"])
+                if match["point"] and place == 0:
+                    raise self.fail(f"got {name}; points are numbered from 1, base to tip")
+                axis = match["tip"] or match["point"]
+                unit = match["tip_unit"] if match["tip"] else match["point_unit"]
+                column = self.column(index, name, "tip" if match["tip"] else "point", unit)
+                if axis in points.setdefault(place, {}):
+                    raise self.fail(f"{points[place][axis].name} and {name} say the same")
+                points[place][axis] = column
+            else:
+                what = match["one"] or match["plain"]
+                unit = match["one_unit"]
+                column = (
+                    self.column(index, name, what, unit) if match["one"] else Column(index, name)
+                )
+                target = "label" if what == "source" else what
+                if getattr(found, target) is not None:
+                    raise self.fail(f"{getattr(found, target).name} and {name} say the same")
+                setattr(found, target, column)
+        self.strangers = strangers
+        found.tendons = self.tendons(tendons)
+        found.points = self.points(points, found)
+        found.scale = None if PIXELS in (u for u, _ in self.units.values()) else 1.0
+        found.stations = self.stations(len(found.points))
+        found.name = self.table.about.get("name")
+        found.recording = self.recording(found)
+        if (tool := self.table.about.get("tool")) is not None:
+            found.tool = np.array(self.comment("tool", TOOL, tool))
+        if (sigma := self.table.about.get("sigma")) is not None:
+            if found.sigma is not None:
+                raise self.fail(f"{found.sigma.name} and the comment '# sigma:' say the same")
+            found.sigma_of_all = self.comment("sigma", SIGMA, sigma)
+        for name in self.strangers:
+            near = self.guess(name)
+            hint = f"; did you mean {near}?" if near else ""
+            self.table.notes.append(
+                (self.table.line, f"the column {quote(name)} is not read{hint}")
+            )
+        return found
+
+    def recording(self, found: Layout) -> Column | None:
+        """The column that says which rows are one path: of its own, or that of a comment."""
+        text = self.table.about.get("recording")
+        if text is None:
+            return found.recording
+        column = {"group": found.group, "repeat": found.repeat}.get(text)
+        if column is None or found.recording is not None:
+            raise InputError(
+                f"{self.table.path}: the comment '# recording:' is {quote(text)}; must be group or "
+                "repeat, a column of the table, where there is no column recording"
+            )
+        return column
+
+    def column(self, index: int, name: str, kind: str, unit: str | None) -> Column:
+        si = _SI[kind]
+        if not unit:
+            raise UnknownColumnsError(
+                f"{self.here}: {name} has no unit; write for example {name}_{_EXAMPLE[si]}",
+                self.table,
+            )
+        group = "point" if kind in ("tip", "point") else kind
+        before, where = self.units.setdefault(group, (unit, name))
+        if before != unit:
+            raise self.fail(
+                f"mixed units: {where} is in {before} and {name} in {unit}; give both in one unit"
+            )
+        if unit == PIXELS and group == "point":
+            return Column(index, name)
+        try:
+            factor = factor_of(unit, si)
+        except ValueError as error:
+            raise self.fail(f"got {name}, {error}") from None
+        return Column(index, name, factor * (self.g if kind == "mass" else 1.0))
+
+    def comment(self, name: str, form: Quantity, text: str) -> Any:
+        try:
+            return form.read(text)
+        except PydanticCustomError as error:
+            raise InputError(
+                f"{self.table.path}: the comment '# {name}:' {error.message()}"
+            ) from None
+
+    def guess(self, name: str) -> str | None:
+        """A column that a stranger is probably meant for, and that is not there yet."""
+        unit = self.units.get("point", ("mm", ""))[0]
+        digits = (re.findall(r"[0-9]+", name) or ["1"])[0]
+        known = [f"{kind}_{digits}_{_EXAMPLE[_SI[kind]]}" for kind in ("mass", "tension", "pull")]
+        known += [f"tip_{axis}_{unit}" for axis in "xyz"]
+        known += ["sigma_mm", "time_s", "bend_deg", "direction_deg"]
+        known += ["repeat", "group", "recording"]
+        word = re.match(r"[A-Za-z]+", name)
+        synonym = _SYNONYMS.get(word[0].lower()) if word else None
+        if synonym:
+            near = next((item for item in known if item.startswith(synonym)), None)
+        else:
+            near = nearest(name, known)
+        return None if near in self.table.header else near
+
+    def missing(self, what: str, like: str | tuple[str, ...], whole: bool = False) -> InputError:
+        """What is missing, and what may be meant; `whole`: nothing of that kind is there."""
+        hints = ((name, self.guess(name)) for name in self.strangers)
+        hint = next(
+            (f"; did you mean {near} by {quote(name)}?" for name, near in hints
+             if near and near.startswith(like)),
+            "",
+        )  # fmt: skip
+        notes = "".join(f"; {text}" for _, text in self.table.notes)  # of another sheet
+        if whole and self.strangers:
+            return UnknownColumnsError(f"{self.here}: {what}{hint}{notes}", self.table)
+        return self.fail(f"{what}{hint}{notes}")
+
+    def tendons(self, found: dict[int, tuple[Kind, Column]]) -> list[tuple[Kind, Column]]:
+        if 0 in found:
+            raise self.fail(f"got {found[0][1].name}; tendons are numbered from 1")
+        if not found:
+            raise self.missing(
+                "no column says how the tendons are driven; give each tendon a column such as "
+                "mass_1_kg, tension_1_N or pull_1_mm",
+                ("mass", "tension", "pull"),
+                whole=True,
+            )
+        for k in range(1, max(found)):
+            if k not in found:
+                last = found[max(found)][1].name
+                raise self.missing(
+                    f"tendon {k} has no column, but there is {last}; give one for each tendon, "
+                    "with 0 where nothing pulls",
+                    ("mass", "tension", "pull"),
+                )
+        return [found[k] for k in sorted(found)]
+
+    def points(
+        self, found: dict[int, dict[str, Column]], layout: Layout
+    ) -> list[tuple[Column, Column, Column]]:
+        if not found:
+            if layout.bend is not None:
+                return []
+            raise self.missing(
+                "there is no measured point; give columns tip_x_mm, tip_y_mm and tip_z_mm",
+                "tip",
+                whole=True,
+            )
+        for k, axes in found.items():
+            for axis in "xyz":
+                if axis not in axes:
+                    there = next(iter(axes.values())).name
+                    name = f"tip_{axis}" if k == 0 else f"point_{k:02d}_{axis}"
+                    raise self.missing(f"there is {there} but no column {name}", name)
+        order = sorted(k for k in found if k) + ([0] if 0 in found else [])
+        return [(found[k]["x"], found[k]["y"], found[k]["z"]) for k in order]
+
+    def stations(self, count: int) -> Floats | None:
+        text = self.table.about.get("stations")
+        if text is None:
+            return None
+        try:
+            values = [read_number(item, "") for item in re.split(r"[,;\s]+", text.strip())]
+        except ValueError:
+            raise InputError(
+                f"{self.table.path}: the comment '# stations:' is {quote(text)}; write a share of "
+                "the length for each point, as in # stations: 0.25 0.5 0.75 1"
+            ) from None
+        if len(values) == count - 1:
+            values.append(1.0)
+        return check_stations(f"{self.table.path}: the comment '# stations:'", values, count)
+
+
+def check_stations(what: str, values: Sequence[float], count: int) -> Floats:
+    """Shares of the length that rise from 0 or more to 1 or less, one for each point."""
+    if len(values) != count:
+        raise InputError(f"{what} has {len(values)} numbers; there are {count} points")
+    array = np.array(values)
+    if not (array[0] >= 0 and array[-1] <= 1 and (np.diff(array) > 0).all()):
+        raise InputError(f"{what}: shares of the length rise from base to tip, within 0 to 1")
+    return array

@@ -1,0 +1,275 @@
+"""Two tables of one experiment as one: columns of a log beside the rows of a table, by time."""
+
+from __future__ import annotations
+
+import datetime
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.data.tables import Row, Table
+from bowstring.errors import InputError
+from bowstring.units import quote
+
+__all__ = ["Clock", "How", "join", "seconds_of"]
+
+Floats = NDArray[np.float64]
+How = Literal["linear", "nearest", "previous"]
+
+_CHUNK: Final = 5_000  # rows
+_GAP: Final = 10.0  # median steps between samples
+_SAME: Final = 1e-6  # of a median step: the same time
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Where a table has its time, and what makes it seconds on the clock of both.
+
+    Attributes
+    ----------
+    index : int
+        Of the column.
+    name : str
+    factor : float
+        To s.
+    is_date : bool
+        Whether cells are dates and times of ISO 8601.
+    shift : float
+        Added, s.
+    """
+
+    index: int
+    name: str
+    factor: float = 1.0
+    is_date: bool = False
+    shift: float = 0.0
+
+    def read(self, cells: Sequence[str]) -> float:
+        """Time of a row, s; NaN where its cell has none."""
+        cell = cells[self.index] if self.index < len(cells) else ""
+        if self.is_date:
+            return seconds_of(cell) + self.shift
+        return _number(cell) * self.factor + self.shift
+
+
+def seconds_of(cell: str) -> float:
+    """Seconds since 1970 of a date and time of ISO 8601; NaN where it is none.
+
+    Without a time zone it counts as UTC: within one table only differences matter.
+    """
+    text = re.sub(r"[zZ]$", "+00:00", cell.strip())
+    match = re.fullmatch(r"(.*:[0-9]{2})[.,]([0-9]{1,9})(.*)", text)
+    share = 0.0
+    if match:  # fromisoformat of older Python takes three or six digits only
+        text, share = match[1] + match[3], float(f"0.{match[2]}")
+    try:
+        found = datetime.datetime.fromisoformat(text)
+    except ValueError:
+        return float("nan")
+    if found.tzinfo is None:
+        found = found.replace(tzinfo=datetime.timezone.utc)
+    return found.timestamp() + share
+
+
+def join(
+    table: Table, clock: Clock, log: Table, log_clock: Clock, how: How, within: float | None
+) -> Table:
+    """Put the columns of a log beside the rows of a table, each with the log's value at its time.
+
+    Parameters
+    ----------
+    table, log : Table
+        The log is read as a whole.
+    clock, log_clock : Clock
+        Of either.
+    how : {"linear", "nearest", "previous"}
+        Between samples: straight, the nearest one, or the last one before. Text is never between.
+    within : float or None
+        Farther than that from a sample, in s, a row has no value. None: anywhere between the first
+        and the last sample, and up to a median step beyond.
+
+    Returns
+    -------
+    Table
+        Cells without a value are blank. A column whose name both have is ``log.NAME``.
+
+    Raises
+    ------
+    InputError
+        If the log's times are none or go back, or no row lies within them.
+    """
+    samples = _Samples(log, log_clock)
+    names = [name if name not in table.header else f"log.{name}" for name in log.header]
+    out = Table(
+        table.path,
+        table.sha256,
+        [*table.header, *names],
+        table.line,
+        table.about,
+        table.separator,
+        table.notes,
+        form=table.form,
+        length_unit=table.length_unit or log.length_unit,
+        own=len(table.header),
+    )
+    if log.length_unit is not None and table.length_unit not in (None, log.length_unit):
+        raise InputError(
+            f"{table.path} is in {table.length_unit} and {log.path} in {log.length_unit}; export "
+            "both in one unit"
+        )
+    gap = samples.largest_gap
+    if how == "linear" and within is None and gap > _GAP * samples.step:
+        text = (
+            f"{log.path.name} has no sample for up to {gap:.3g} s, and a step of "
+            f"{samples.step:.3g} s elsewhere; values between are straight; write "
+            "within: in the mapping's join to leave them out"
+        )
+        out.notes.append((table.line, text))
+    out.rows = _joined(out, table.rows, clock, samples, how, within)
+    return out
+
+
+class _Samples:
+    """A log: times that rise, and cells."""
+
+    def __init__(self, log: Table, clock: Clock) -> None:
+        self.path = log.path
+        width = len(log.header)
+        times: list[float] = []
+        self.cells: list[list[str]] = []
+        without, commas = 0, log.separator != ","
+        for chunk in log.chunks():
+            for line, cells in chunk:
+                if commas:
+                    cells = [c.replace(",", ".") if c.count(",") == 1 else c for c in cells]
+                time = clock.read(cells)
+                if np.isnan(time):
+                    without += 1
+                    continue
+                if times and time < times[-1]:
+                    raise InputError(
+                        f"{log.path}, line {line}: {clock.name} goes back; a log that is joined by "
+                        "time stands in the order of its times"
+                    )
+                times.append(time)
+                self.cells.append((cells + [""] * width)[:width])
+        if not times:
+            raise InputError(
+                f"{log.path}: no row has a time in {quote(clock.name)}; give its unit, iso for "
+                "dates and times"
+            )
+        if without:
+            text = f"{without} rows of {log.path.name} have no time, and are not joined"
+            log.notes.append((log.line, text))
+        self.times = np.array(times)
+        steps = np.diff(self.times)
+        steps = steps[steps > 0]
+        self.step = float(np.median(steps)) if len(steps) else 0.0
+        self.largest_gap = float(steps.max()) if len(steps) else 0.0
+        numbers = [[_number(cell) for cell in column] for column in zip(*self.cells, strict=True)]
+        self.numbers: Floats = np.array(numbers).reshape(width, len(times)).T
+
+    def at(self, times: Floats, how: How, within: float | None) -> list[list[str] | None]:
+        """Cells at these times; None where there is no sample."""
+        last = len(self.times) - 1
+        known = np.nan_to_num(times, nan=self.times[0] - 1e9 * (1.0 + self.step))
+        left = np.clip(np.searchsorted(self.times, known, side="right") - 1, 0, last)
+        right = np.minimum(left + (self.times[left] < known), last)
+        a, b = np.abs(known - self.times[left]), np.abs(self.times[right] - known)
+        left = np.where(b <= _SAME * self.step, right, left)
+        a = np.abs(known - self.times[left])
+        nearest = np.where(b < a, right, left)
+        if within is not None:
+            far = (a if how == "previous" else np.minimum(a, b)) > within
+        else:
+            far = (known < self.times[0] - self.step) | (known > self.times[-1] + self.step)
+        if how == "previous":
+            far |= known < self.times[0]
+        chosen = left if how == "previous" else nearest
+        out: list[list[str] | None] = []
+        span = self.times[right] - self.times[left]
+        # a time that rounding has moved off its sample is not between two
+        inside = (left < right) & (np.minimum(a, b) > _SAME * self.step)
+        share = np.where(inside, (known - self.times[left]) / np.where(span > 0, span, 1.0), 0.0)
+        values = self.numbers[left] + share[:, None] * (self.numbers[right] - self.numbers[left])
+        for k in range(len(times)):
+            if far[k]:
+                out.append(None)
+                continue
+            cells = self.cells[chosen[k]]
+            if how == "linear" and inside[k]:
+                # a number that its neighbour lacks, as an occluded marker, is not invented
+                cells = [
+                    repr(float(value)) if np.isfinite(value) else _between(cell, other)
+                    for value, cell, other in zip(
+                        values[k], cells, self.cells[left[k] + right[k] - chosen[k]], strict=True
+                    )
+                ]
+            out.append(cells)
+        return out
+
+
+def _between(nearest: str, other: str) -> str:
+    """Text at a time between two samples: that of the nearest, unless one alone is a number."""
+    is_number = [np.isfinite(_number(cell)) for cell in (nearest, other)]
+    return "" if any(is_number) else nearest
+
+
+def _joined(
+    out: Table, rows: Iterator[Row], clock: Clock, samples: _Samples, how: How, within: float | None
+) -> Iterator[Row]:
+    width = out.own or 0
+    blank = [""] * (len(out.header) - width)
+    first, last, found, lost = np.inf, -np.inf, 0, 0
+    where = 0
+    decimal_commas = out.separator != ","
+    while chunk := list(islice(rows, _CHUNK)):
+        times = []
+        for _, cells in chunk:
+            cell = cells[clock.index] if clock.index < len(cells) else ""
+            if decimal_commas and cell.count(",") == 1:
+                cell = cell.replace(",", ".")
+            times.append(clock.read([""] * clock.index + [cell]))
+        array = np.array(times)
+        if np.isfinite(array).any():
+            first, last = min(first, np.nanmin(array)), max(last, np.nanmax(array))
+        beside = samples.at(array, how, within)
+        for (line, cells), more in zip(chunk, beside, strict=True):
+            if more is None:
+                lost, where = lost + 1, where or line
+            else:
+                found += 1
+            if len(cells) < width or any(cell.strip() for cell in cells[width:]):
+                yield line, cells  # refused by its length
+            else:
+                yield line, [*cells[:width], *(blank if more is None else more)]
+    begins, ends = float(samples.times[0]), float(samples.times[-1])
+    if not found and lost:
+        span = f"from {first:.10g} to {last:.10g} s" if np.isfinite(first) else "nowhere"
+        raise InputError(
+            f"{out.path}: no row lies within the times of {samples.path.name}: its times run "
+            f"{span}, those of the log from {begins:.10g} to {ends:.10g} s; check the units of "
+            "both times, and write shift: in the mapping's join for clocks that differ"
+        )
+    if lost:
+        rows_ = "one row lies" if lost == 1 else f"{lost} rows lie"
+        text = (
+            f"{rows_} too far from the samples of {samples.path.name} (from here on), and have no "
+            "values of it"
+        )
+        out.notes.append((where, text))
+
+
+def _number(cell: str) -> float:
+    cell = cell.strip()
+    if not cell.isascii() or "_" in cell:
+        return float("nan")
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")

@@ -1,0 +1,716 @@
+"""A mapping file: what the columns of somebody else's table of measurements mean.
+
+YAML, checked as a whole: columns, units, order and sign of the tendons, axes of the frame.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+
+from bowstring.data.columns import (
+    PIXELS,
+    SIGMA,
+    TOOL,
+    Column,
+    Layout,
+    Part,
+    check_stations,
+    factor_of,
+    nearest,
+)
+from bowstring.data.joining import Clock, How, join
+from bowstring.data.motive import TIME
+from bowstring.data.tables import Form, Table, open_table
+from bowstring.errors import InputError
+from bowstring.robot.safe_yaml import read_yaml, reading, text_of
+from bowstring.units import NUMBER, Quantity, Text, quote, read_number, wrong
+
+__all__ = ["Mapping", "load_mapping", "mapping_names"]
+
+_BUILT_IN: Final = Path(__file__).with_name("mappings")
+_MOST_POINTS: Final = 1_000
+
+Floats = NDArray[np.float64]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def _scale_of(unit: str, si: str) -> float:
+    """Factor to SI of "mm" or of "0.1 mm"; ValueError continues the sentence 'got "...", '."""
+    if not re.match(rf"\s*{NUMBER}", unit):
+        return factor_of(unit, si)
+    if re.fullmatch(rf"\s*{NUMBER}\s*", unit):
+        raise ValueError("which has no unit")
+    factor = read_number(unit, si)
+    if not factor > 0:
+        raise ValueError("which must be above zero; for the sign of a column write sign: -1")
+    return factor
+
+
+def _unit(si: str, pixels: bool = False, dates: bool = False) -> BeforeValidator:
+    def check(value: object) -> object:
+        if not isinstance(value, str):
+            raise wrong(f"got {quote(value)}; must be a unit")
+        if (pixels and value == PIXELS) or (dates and value == DATES):
+            return value
+        try:
+            _scale_of(value, si)
+        except ValueError as error:
+            raise wrong(f"got {quote(value)}, {error}") from None
+        return value
+
+    return BeforeValidator(check)
+
+
+_COLUMN = Text(200, "tip_x")
+Name = Annotated[str, _COLUMN]
+#: What YAML writes for nothing.
+_NOTHING: Final = ("", "~", "null", "Null", "NULL")
+#: Unit of a time that is written as a date and a time of day.
+DATES: Final = "iso"
+
+
+def _name_or_number(value: object) -> object:
+    if value is None or (isinstance(value, str) and value.strip() in _NOTHING):
+        return None
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return repr(value)
+    return _COLUMN.read(value)
+
+
+class Source(_Part):
+    """A column, or a number that stands in every row; written as its name alone where that is all.
+
+    Attributes
+    ----------
+    column : str or None
+        Its name, or a number where no column has that name; None (``null``): zero.
+    unit : str or None
+        Instead of the unit of all; such as ``0.1 mm``.
+    sign : {1, -1}
+        Of its numbers.
+    part : {"all", "positive", "negative"}
+        What is taken of its numbers; the negative part without its sign.
+    """
+
+    column: Annotated[str | None, BeforeValidator(_name_or_number)] = None
+    unit: str | None = None
+    sign: Literal["1", "-1", "+", "-"] = "1"
+    part: Part = "all"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short(cls, value: object) -> object:
+        if isinstance(value, bool | list | tuple):
+            raise wrong(f"got {quote(value)}; must be a column, a number or null")
+        if isinstance(value, dict):
+            sign = value.get("sign")
+            return {**value, "sign": str(sign)} if isinstance(sign, int) else value
+        return value if isinstance(value, Source) else {"column": value}
+
+    @property
+    def is_number(self) -> bool:
+        """Whether it is a number, unless a column has that name."""
+        return self.column is None or re.fullmatch(NUMBER, self.column) is not None
+
+    def factor(self, unit: str, si: str) -> float:
+        """Factor to SI with its sign, where all have this unit."""
+        scale = 1.0 if unit == PIXELS else _scale_of(self.unit or unit, si)
+        return -scale if self.sign in ("-1", "-") else scale
+
+
+Triple = Annotated[tuple[Source, Source, Source], Field(description="Columns of x, y and z.")]
+LengthUnit = Annotated[str, _unit("m", pixels=True)]
+
+
+class TableForm(_Part):
+    """How the table lies in its file: lines to skip, names of columns."""
+
+    skip: Annotated[int, Field(ge=0, le=100_000)] = 0
+    skip_below: Annotated[int, Field(ge=0, le=100_000)] = 0
+    header: Literal["first", "none"] = "first"
+    names: tuple[Name, ...] = ()
+    separator: Literal["comma", "semicolon", "tab", "blanks"] | None = None
+
+    @property
+    def form(self) -> Form:
+        """The same for `open_table`."""
+        marks = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": " "}
+        return Form(
+            skip=self.skip,
+            skip_below=self.skip_below,
+            has_header=self.header == "first",
+            names=self.names,
+            separator=marks[self.separator] if self.separator else None,
+        )
+
+
+class Time(_Part):
+    """The column of the time; unit ``iso``: dates and times of ISO 8601."""
+
+    column: Name
+    unit: Annotated[str, _unit("s", dates=True)]
+
+    def clock(self, table: Table, field: str, shift: float = 0.0) -> Clock:
+        """Where a table has it.
+
+        Raises
+        ------
+        InputError
+            If it is not there.
+        """
+        found = _Finder(table).column(field, self.column)
+        dates = self.unit == DATES
+        factor = 1.0 if dates else _scale_of(self.unit, "s")
+        return Clock(found.index, self.column, factor, dates, shift)
+
+
+class Join(_Part):
+    """Another table of the same experiment, put beside the rows by time.
+
+    Attributes
+    ----------
+    file : str
+        As seen from the folder of the table.
+    time : Time or None
+        May be left out for an export of Motive, which has its own.
+    shift : float
+        Added to its times, s.
+    how : {"linear", "nearest", "previous"}
+        Between its samples.
+    within : float or None
+        Farther from a sample than that, in s, a row has no value of it.
+    table : TableForm or None
+        How it lies in its file.
+    """
+
+    file: Annotated[str, Text(1000, "forces.csv")]
+    time: Time | None = None
+    shift: Annotated[float, Quantity("s", "0.12 s", "-1e10 s", "1e10 s")] = 0.0
+    how: How = "linear"
+    within: Annotated[float | None, Quantity("s", "0.05 s", "0 s", "1e10 s")] = None
+    table: TableForm | None = None
+
+
+class Tendons(_Part):
+    """How the tendons are driven, in the robot's order."""
+
+    quantity: Literal["mass", "tension", "pull"]
+    unit: str
+    columns: tuple[Source, ...] = Field(min_length=1, max_length=1_000)
+    positive: Literal["pulled", "paid_out"] = "pulled"
+
+    @model_validator(mode="after")
+    def _check(self) -> Tendons:
+        for unit, where in (
+            (self.unit, "unit"),
+            *((each.unit, f"columns[{i}].unit") for i, each in enumerate(self.columns)),
+        ):
+            if unit is None:
+                continue
+            try:
+                _scale_of(unit, self.si)
+            except ValueError as error:
+                raise wrong(f"{where}: got {quote(unit)}, {error}") from None
+        if self.positive == "paid_out" and self.quantity != "pull":
+            raise wrong(f"positive: paid_out is for pulls, a {self.quantity} pulls")
+        named = [(s.column, s.sign in ("-1", "-"), s.part) for s in self.columns if not s.is_number]
+        if len(set(named)) < len(named):
+            raise wrong(
+                "columns: one is there twice; each tendon has its own, or of one column for a pair "
+                "one the part: positive and one the part: negative"
+            )
+        return self
+
+    @property
+    def si(self) -> str:
+        """SI unit of the quantity."""
+        return {"mass": "kg", "tension": "N", "pull": "m"}[self.quantity]
+
+    def layout(self, find: _Finder, g: float) -> list[tuple[Literal["tension", "pull"], Column]]:
+        """Kind and column of each tendon, factors to SI with their signs."""
+        kind: Literal["tension", "pull"] = "pull" if self.quantity == "pull" else "tension"
+        paid_out = -1.0 if self.positive == "paid_out" else 1.0
+        factor = g if self.quantity == "mass" else paid_out
+        return [
+            (kind, find.source(f"tendons.columns[{i}]", each, self.unit, self.si, factor))
+            for i, each in enumerate(self.columns)
+        ]
+
+
+class Tip(_Part):
+    """Columns of the measured tip, or the name of a body or marker of a Motive export."""
+
+    columns: Triple | None = None
+    name: Annotated[str | None, _COLUMN] = None
+    unit: LengthUnit | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Tip:
+        if (self.columns is None) == (self.name is None):
+            raise wrong(
+                "give either columns, those of x, y and z, or name, a rigid body or a marker of a "
+                "Motive export"
+            )
+        _check_units((self.columns,) if self.columns else (), self.unit)
+        return self
+
+
+class Points(_Part):
+    """Columns of measured points from base to tip; the last is the tip."""
+
+    columns: tuple[Triple, ...] | None = Field(default=None, min_length=1, max_length=_MOST_POINTS)
+    names: tuple[Name, ...] | None = Field(default=None, min_length=1, max_length=_MOST_POINTS)
+    unit: LengthUnit | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Points:
+        if (self.columns is None) == (self.names is None):
+            raise wrong(
+                "give either columns, a list of those of x, y and z, or names, rigid bodies or "
+                "markers of a Motive export"
+            )
+        _check_units(self.columns or (), self.unit)
+        return self
+
+
+def _check_units(points: Sequence[Sequence[Source]], unit: str | None) -> None:
+    for point in points:
+        for each in point:
+            if each.unit is None:
+                continue
+            if unit == PIXELS:
+                raise wrong("columns: a unit of its own has no meaning beside px")
+            try:
+                _scale_of(each.unit, "m")
+            except ValueError as error:
+                raise wrong(f"columns: unit: got {quote(each.unit)}, {error}") from None
+
+
+class Shape(_Part):
+    """One column with whole shapes, as JSON: [[x, y], ...] or [[x, y, z], ...], base to tip."""
+
+    column: Name
+    unit: LengthUnit
+
+
+class Angles(_Part):
+    """Columns of angle and direction of bending."""
+
+    bend: Name
+    direction: Annotated[str | None, _COLUMN] = None
+    unit: Annotated[str, _unit("rad")]
+
+
+class Sigma(_Part):
+    """The column of the standard uncertainty of a coordinate."""
+
+    column: Name
+    unit: Annotated[str, _unit("m")]
+
+
+class Keep(_Part):
+    """A column and what it must say for a row to be read."""
+
+    column: Name
+    value: Annotated[str, Text(200, "1")]
+
+
+class Frame(_Part):
+    """How the axes of the measuring frame lie in the file's: named, or as a rotation matrix."""
+
+    axes: tuple[str, str, str] | None = None
+    rotation: tuple[tuple[float, float, float], ...] | None = None
+    handed: Literal["right", "left"] = "right"
+
+    @model_validator(mode="after")
+    def _check(self) -> Frame:
+        if self.axes is None and self.rotation is None and self.handed == "left":
+            raise wrong(
+                "handed: left does not say which axis is mirrored; give axes as well, the "
+                "measuring frame's x, y and z in the file's axes, such as axes: [x, z, y] where "
+                "the file's y points up (as in Unity), [x, -y, z] or [x, y, -z] where its y or z "
+                "points the other way"
+            )
+        if (self.axes is None) == (self.rotation is None):
+            raise wrong("give either axes, such as [x, z, -y], or rotation, three rows")
+        self.matrix  # noqa: B018
+        return self
+
+    @property
+    def matrix(self) -> Floats:
+        """(3, 3), from the file's axes to those of the measuring frame."""
+        if self.axes is not None:
+            matrix = np.zeros((3, 3))
+            for row, text in zip(matrix, self.axes, strict=True):
+                match = re.fullmatch(r"([+-]?)([xyz])", text.strip())
+                if match is None:
+                    raise wrong(f"axes: got {quote(text)}; must be x, y or z, or one with a minus")
+                row["xyz".index(match[2])] = -1.0 if match[1] == "-" else 1.0
+        else:
+            matrix = np.array(self.rotation, dtype=float)
+            if matrix.shape != (3, 3):
+                raise wrong(f"rotation: got {len(matrix)} rows; must be three of three numbers")
+        what = "axes" if self.axes is not None else "rotation"
+        if not np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-6):
+            raise wrong(f"{what}: these are not three directions at right angles of length 1")
+        if np.linalg.det(matrix) < 0 and self.handed == "right":
+            raise wrong(
+                f"{what}: this frame is left-handed, it mirrors the robot; change the sign of one "
+                "axis or exchange two, or, if the file's own axes are left-handed, say "
+                "handed: left"
+            )
+        if np.linalg.det(matrix) > 0 and self.handed == "left":
+            raise wrong(
+                f"{what}: the file's axes are said to be left-handed, so these must mirror them; "
+                "this is a rotation, which leaves them left-handed; exchange two axes, as in "
+                "[x, z, y], or change the sign of one, as in [x, y, -z]"
+            )
+        return matrix
+
+
+def _sigma_form(value: object) -> object:
+    return value if isinstance(value, dict) else SIGMA.read(value)
+
+
+class Mapping(_Part):
+    """What the columns of a table mean.
+
+    Attributes
+    ----------
+    name, source, description
+        ``source`` is measured, synthetic or computed.
+    table : TableForm or None
+        How the table lies in its file.
+    join : Join or None
+        Another table, put beside it by time.
+    tendons, tip, points, shape, angles, time, sigma, group, repeat, recording, keep
+        Columns and their units.
+    stations : tuple of float
+        Where points are, as shares of the length.
+    frame : Frame
+        Axes of the measuring frame in the file's axes.
+    tool : tuple of 3 floats
+        What was measured at the tip, seen from the tip in its axes, m.
+    """
+
+    name: Annotated[str | None, Text(100, "my bench")] = None
+    description: Annotated[str, Text(2000, "Tips by motion capture", lines=True)] = ""
+    source: Literal["measured", "synthetic", "computed"]
+    table: TableForm | None = None
+    join: Join | None = None
+    tendons: Tendons | None = None
+    tip: Tip | None = None
+    points: Points | None = None
+    shape: Shape | None = None
+    angles: Angles | None = None
+    stations: tuple[float, ...] | None = None
+    frame: Frame | None = None
+    tool: Annotated[tuple[float, float, float], TOOL] = (0.0, 0.0, 0.0)
+    sigma: Annotated[Sigma | float | None, BeforeValidator(_sigma_form)] = None
+    time: Time | None = None
+    group: Annotated[str | None, _COLUMN] = None
+    repeat: Annotated[str | None, _COLUMN] = None
+    recording: Annotated[str | None, _COLUMN] = None
+    keep: Keep | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Mapping:
+        given = [name for name in ("tip", "points", "shape") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise wrong(f"{given[0]} and {given[1]}: write one of them; a tip is the last point")
+        if not given and self.angles is None:
+            raise wrong("nothing is measured; write tip, points, shape or angles")
+        if self.frame is not None and not given:
+            raise wrong("frame: it turns points, and there are none")
+        return self
+
+    def open(self, path: str | Path) -> Table:
+        """Open a table, and put the one that is joined beside it.
+
+        Raises
+        ------
+        InputError
+            If one cannot be read, or its time is not there.
+        """
+        table = open_table(path, self.table.form if self.table else None)
+        if self.join is None:
+            return table
+        beside = Path(path).parent / self.join.file
+        log = open_table(beside, self.join.table.form if self.join.table else None)
+        times = (self.time, table, "time"), (self.join.time, log, "join.time")
+        clocks = []
+        for (time, of, field), shift in zip(times, (0.0, self.join.shift), strict=True):
+            if time is None and TIME in of.header:
+                time = Time(column=TIME, unit="s")
+            if time is None:
+                raise InputError(
+                    f"mapping: {field}: missing; tables are joined by time, give the column of the "
+                    f"time in {of.path} and its unit"
+                )
+            clocks.append(time.clock(of, f"{field}.column", shift))
+        return join(table, clocks[0], log, clocks[1], self.join.how, self.join.within)
+
+    def layout(self, table: Table, g: float) -> Layout:
+        """Find the columns in a table.
+
+        Raises
+        ------
+        InputError
+            If one is not there.
+        """
+        finder = _Finder(table)
+        find = finder.column
+        found = Layout(
+            source=self.source,
+            name=self.name or (table.about.get("name") if table.length_unit else None),
+            tool=np.array(self.tool),
+            own_label=False,
+        )
+        if self.tendons is not None:
+            found.tendons = self.tendons.layout(finder, g)
+        if self.tip is not None or self.points is not None:
+            found.scale, found.points = self._points(finder)
+        if self.shape is not None:
+            found.scale, factor = _scale(self.shape.unit)
+            found.shape = find("shape.column", self.shape.column, factor)
+        if self.angles is not None:
+            factor = _scale_of(self.angles.unit, "rad")
+            found.bend = find("angles.bend", self.angles.bend, factor)
+            if self.angles.direction is not None:
+                found.direction = find("angles.direction", self.angles.direction, factor)
+        if self.stations is not None:
+            values = list(self.stations)
+            count = len(found.points) or len(values)
+            found.stations = check_stations("mapping: stations", values, count)
+        if self.frame is not None:
+            found.rotation = self.frame.matrix
+        if isinstance(self.sigma, Sigma):
+            found.sigma = find("sigma.column", self.sigma.column, _scale_of(self.sigma.unit, "m"))
+        else:
+            found.sigma_of_all = self.sigma
+        if self.time is not None:
+            dates = self.time.unit == DATES
+            factor = 1.0 if dates else _scale_of(self.time.unit, "s")
+            column = find("time.column", self.time.column, factor)
+            found.time = replace(column, is_date=dates)
+        elif table.length_unit and TIME in table.header:
+            found.time = find("time", TIME)
+        if self.group is not None:
+            found.group = find("group", self.group)
+        if self.repeat is not None:
+            found.repeat = find("repeat", self.repeat)
+        if self.recording is not None:
+            found.recording = _Finder(table).column("recording", self.recording)
+        if self.keep is not None:
+            found.keep = (find("keep.column", self.keep.column), self.keep.value)
+        if "source" in table.header and "source" not in finder.used:
+            found.label = find("source", "source")  # what data say of themselves stays
+        return found
+
+    def _points(self, find: _Finder) -> tuple[float | None, list[tuple[Column, Column, Column]]]:
+        """Scale, and the columns of all points from base to tip."""
+        part: Tip | Points | None = self.tip or self.points
+        assert part is not None
+        points: tuple[tuple[Source, Source, Source], ...]
+        if isinstance(part, Tip):
+            what = "tip"
+            points = (part.columns or find.body("tip.name", part.name or ""),)
+        else:
+            what = "points"
+            points = part.columns or tuple(find.body("points.names", n) for n in part.names or ())
+        said = find.table.length_unit
+        unit = part.unit or said
+        if unit is None:
+            raise InputError(
+                f"mapping: {what}.unit: missing; {find.table.path} does not say the unit of its "
+                "coordinates, write for example unit: mm"
+            )
+        if said is not None and unit != said:
+            raise InputError(
+                f"mapping: {what}.unit: got {quote(unit)}; {find.table.path} says that its lengths "
+                f"are in {said}, leave the unit out"
+            )
+        where = f"{what}.columns"
+        columns = [
+            (
+                find.source(where, x, unit, "m"),
+                find.source(where, y, unit, "m"),
+                find.source(where, z, unit, "m"),
+            )
+            for x, y, z in points
+        ]
+        if any(all(axis.constant is not None for axis in point) for point in columns):
+            raise InputError(
+                f"mapping: {where}: of each point at least one coordinate must be a column of "
+                f"{find.table.path}"
+            )
+        return (None if unit == PIXELS else 1.0), columns
+
+
+def _scale(unit: str) -> tuple[float | None, float]:
+    return (None, 1.0) if unit == PIXELS else (1.0, _scale_of(unit, "m"))
+
+
+class _Finder:
+    """Columns of a table by name, each for one field only."""
+
+    def __init__(self, table: Table) -> None:
+        self.table = table
+        self.used: dict[str, str] = {}
+
+    def column(self, field: str, name: str, factor: float = 1.0) -> Column:
+        """A column by its name; InputError where it is not there, or used by another field."""
+        header = self.table.header
+        if name not in header:
+            near = nearest(name, header)
+            hint = f"did you mean {near}? " if near else ""
+            raise InputError(
+                f"{self.table.path}, line {self.table.line}: there is no column {quote(name)}, "
+                f"which the mapping names at {field}; {hint}the columns are {_listed(header)}"
+            )
+        if (of := self.used.get(name)) and not (
+            of.startswith("tendons.") and field.startswith("tendons.")  # the mapping has checked it
+        ):
+            raise InputError(f"mapping: {field}: the column {quote(name)} is used for {of} already")
+        self.used[name] = field
+        return Column(header.index(name), name, factor)
+
+    def source(self, field: str, source: Source, unit: str, si: str, factor: float = 1.0) -> Column:
+        """A column with its unit, sign and part, or a number in its place."""
+        factor *= source.factor(unit, si)
+        name = source.column
+        if name is None or (source.is_number and name not in self.table.header):
+            value = float(name or 0)
+            return Column(-1, name or "null", factor, source.part, constant=value)
+        return replace(self.column(field, name, factor), part=source.part)
+
+    def body(self, field: str, name: str) -> tuple[Source, Source, Source]:
+        """Columns of a rigid body or a marker of a Motive export."""
+        x, y, z = (Source(column=f"{name} Position {axis}") for axis in "XYZ")
+        header = self.table.header
+        if x.column not in header:
+            mark = " Position X"
+            known = [item.removesuffix(mark) for item in header if item.endswith(mark)]
+            near = nearest(name, known)
+            hint = f"did you mean {near}? " if near else ""
+            have = f"it has {_listed(known)}" if known else "it is no Motive export, give columns"
+            raise InputError(
+                f"{self.table.path}: there is no rigid body or marker {quote(name)}, which the "
+                f"mapping names at {field}; {hint}{have}"
+            )
+        return x, y, z
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(quote, names[:12])) + (", ..." if len(names) > 12 else "")
+
+
+# -- reading -----------------------------------------------------------------------------------
+
+
+def mapping_names() -> list[str]:
+    """Names of the mappings that come with Bowstring: public data sets, see `datasets`."""
+    return sorted(path.stem for path in _BUILT_IN.glob("*.yaml"))
+
+
+def load_mapping(source: str | Path) -> Mapping:
+    """Load a mapping file, or one that comes with Bowstring by its name.
+
+    Parameters
+    ----------
+    source : str or Path
+
+    Returns
+    -------
+    Mapping
+
+    Raises
+    ------
+    InputError
+        If there is none, or it is not valid; every problem is named by its field.
+    """
+    names = mapping_names()
+    path = _BUILT_IN / f"{source}.yaml" if str(source) in names else Path(source)
+    label = f"Mapping {source}" if str(source).isprintable() else f"Mapping {quote(str(source))}"
+    tree = read_yaml(_text(path, label, names), label, "mapping", "tip")
+    try:
+        return Mapping.model_validate(tree)
+    except ValidationError as error:
+        problems = [_sentence(item) for item in error.errors()]
+    first, *others = dict.fromkeys(problems)
+    more = f" (and {len(others)} more)" if others else ""
+    raise InputError("\n".join([f"{label}: {first}{more}.", *(f"  {o}." for o in others[:20])]))
+
+
+def _text(path: Path, label: str, names: Sequence[str]) -> str:
+    with reading(label):
+        if path.is_dir():
+            raise InputError(f"{label} is a folder; give a mapping file (YAML).")
+        if not path.exists():
+            near = nearest(str(path), names)
+            hint = f"did you mean {near}? " if near else ""
+            raise InputError(
+                f"{label} is neither a file nor the name of one that comes with Bowstring; {hint}"
+                f"these are {', '.join(names)}."
+            )
+        return text_of(path, label, "mapping")
+
+
+_MODELS: Final[dict[tuple[str, ...], type[BaseModel]]] = {
+    (): Mapping,
+    ("table",): TableForm,
+    ("join",): Join,
+    ("join", "table"): TableForm,
+    ("join", "time"): Time,
+    ("tendons",): Tendons,
+    ("tendons", "columns"): Source,
+    ("tip",): Tip,
+    ("tip", "columns"): Source,
+    ("points",): Points,
+    ("points", "columns"): Source,
+    ("shape",): Shape,
+    ("angles",): Angles,
+    ("frame",): Frame,
+    ("sigma",): Sigma,
+    ("time",): Time,
+    ("keep",): Keep,
+}
+
+
+def _sentence(error: Any) -> str:
+    """One of pydantic's errors as "field: sentence"."""
+    kind, given = error["type"], error["input"]
+    loc = tuple(step for step in error["loc"] if step not in ("Sigma", "float"))
+    path = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in loc).lstrip(".")
+    if kind == "bowstring":
+        sentence = error["ctx"]["sentence"]
+        return f"{path}: {sentence}" if path else sentence
+    names = tuple(step for step in loc if isinstance(step, str))
+    if kind == "extra_forbidden":
+        known = list(_MODELS[names[:-1]].model_fields)
+        near = nearest(names[-1], known)
+        hint = f"; did you mean {near}?" if near else "."
+        return f"{path}: unknown field{hint} Known here: {', '.join(known)}"
+    if kind == "missing":
+        return f"{path}: missing"
+    if kind == "literal_error":
+        return f"{path}: got {quote(given)}; must be {error['ctx']['expected']}"
+    if kind in ("model_type", "model_attributes_type"):
+        fields = ", ".join(_MODELS[names].model_fields)
+        return f"{path}: got {quote(given)}; must be a set of fields: {fields}"
+    if kind in ("too_short", "too_long", "tuple_type"):
+        return f"{path}: got {quote(given)}; must be a list of columns or numbers of right length"
+    if kind in ("float_parsing", "float_type"):
+        return f"{path}: got {quote(given)}; must be a number"
+    return f"{path}: got {quote(given)}; {error['msg'][:1].lower()}{error['msg'][1:]}"

@@ -1,0 +1,785 @@
+"""Measurements of a robot: commands and measured points, read from tables, in SI.
+
+What is measured, synthetic (made by simulation) or computed by others is said by the data and goes
+with them everywhere. Points are in the measuring frame; nothing here registers it to the base.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring._core import __version__
+from bowstring.atomic_io import has_mark, not_overwritten, write_whole_file
+from bowstring.data import datasets
+from bowstring.data.columns import SOURCES, Column, Layout, check_stations, tidy
+from bowstring.data.joining import seconds_of
+from bowstring.data.mapping import Mapping, load_mapping
+from bowstring.data.mapping_draft import draft
+from bowstring.data.tables import Row, Table, UnknownColumnsError, open_table
+from bowstring.display import short_repr
+from bowstring.errors import InputError
+from bowstring.formatting import in_mm
+from bowstring.robot.model import Robot
+from bowstring.units import printable, quote
+
+__all__ = [
+    "STANDARD_GRAVITY",
+    "Measurements",
+    "load",
+    "read_measurements",
+    "write_measurements",
+]
+
+STANDARD_GRAVITY: Final = 9.80665  # m/s^2, by definition
+_MOST_ISSUES: Final = 1_000
+_MOST_LABELS: Final = 100
+_LARGEST: Final = 1e30  # what is larger may overflow on its way to SI
+_REACH: Final = 3.0  # lengths between a tip and the middle of all, at most 1 + root of 3
+_DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
+_WRITTEN: Final = "# written by Bowstring"  # tells our tables from those of others
+_THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Measurements:
+    """K rows of data of one robot with T tendons, and P measured points a row; read-only.
+
+    Rows are in the order of the file, which is the robot's history where friction matters.
+    """
+
+    source: str
+    """"measured", "synthetic" or "computed"."""
+    name: str
+    tensions: Floats
+    """(K, T), N; NaN where a tendon is not given by its tension."""
+    pulls: Floats
+    """(K, T), m, positive where the tendon is taken in; NaN where it is not given by its pull."""
+    points: Floats
+    """(K, P, 3), m, in the measuring frame, from base to tip, the last is the tip; NaN where a
+    point was not measured: a row without a tip only leads the path. P is 0 for data with angles
+    only."""
+    line: Ints
+    """(K,), lines in the file, from 1."""
+    group: NDArray[np.str_]
+    """(K,), labels such as loading and unloading; empty where none are given."""
+    repeat: Ints
+    """(K,), which of repeated runs; 1 where not given."""
+    stations: Floats | None = None
+    """(P,), where the points are, as shares of the length."""
+    sigma: Floats | None = None
+    """(K,), m, standard uncertainty of a measured coordinate."""
+    bend: Floats | None = None
+    """(K,), rad, angle between base and tip."""
+    direction: Floats | None = None
+    """(K,), rad, towards which it bends, from x counter-clockwise."""
+    time: Floats | None = None
+    """(K,), s."""
+    recording: Ints | None = None
+    """(K,), number of the recording, from 1: each is a path of its own, which begins at home
+    without a history. None: all rows are one path."""
+    scale: float | None = 1.0
+    """Metres of a unit of `points`: 1, or None where they are in pixels."""
+    tool: Floats = field(default_factory=lambda: np.zeros(3))
+    """(3,), m: what was measured at the tip, seen from the tip, in its axes."""
+    issues: tuple[tuple[int, str], ...] = ()
+    """Line and sentence of every row that was left out, and of what is odd."""
+    left_out: int = 0
+    """How many rows of the file are not in the arrays."""
+    path: Path | None = None
+    sha256: str | None = None
+    """Of the file."""
+    truth: dict[str, Any] | None = None
+    """Of data that `bowstring.data.synthetic` made: with what, for all the rows as made."""
+
+    def __post_init__(self) -> None:
+        if self.source not in SOURCES:
+            raise InputError(
+                f"source is {quote(self.source)}, it must be {', '.join(SOURCES[:-1])} or "
+                f"{SOURCES[-1]}"
+            )
+        for name in _ARRAYS:
+            if (value := getattr(self, name)) is not None:
+                array = np.asarray(value, dtype=_TYPES.get(name, float)).view()
+                array.flags.writeable = False
+                object.__setattr__(self, name, array)
+        count = len(self.line)
+        tendons = self.tensions.shape[-1] if self.tensions.ndim == 2 else -1
+        points = self.points.shape[1] if self.points.ndim == 3 else -1
+        shapes: dict[str, tuple[int, ...]] = {
+            "tensions": (count, tendons),
+            "pulls": (count, tendons),
+            "points": (count, points, 3),
+            "tool": (3,),
+            "stations": (points,),
+        }
+        for name in _ARRAYS:
+            array = getattr(self, name)
+            expected = shapes.get(name, (count,))
+            if array is not None and array.shape != expected:
+                raise InputError(f"{name} has shape {array.shape}, it must be {expected}")
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    @property
+    def tip(self) -> Floats:
+        """(K, 3), m, the measured tip in the measuring frame."""
+        if self.points.shape[1] == 0:
+            raise InputError(f"{self.name} has angles only, there is no measured tip")
+        return np.asarray(self.points[:, -1])
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """(K,), rows with a measured tip; the others only lead the path."""
+        return np.asarray(np.isfinite(self.tip).all(axis=1))
+
+    @property
+    def without_tip(self) -> int:
+        """How many rows have none, of data that have tips."""
+        return int((~self.seen).sum()) if self.points.shape[1] else 0
+
+    @property
+    def tendon_count(self) -> int:
+        return int(self.tensions.shape[1])
+
+    def select(self, rows: Any) -> Measurements:
+        """Some of the rows, in the order given; issues stay those of the whole file.
+
+        Parameters
+        ----------
+        rows : array_like
+            Booleans (K,), or indices.
+        """
+        index = np.arange(len(self))[rows]
+        changed = {
+            name: getattr(self, name)[index] for name in _BY_ROW if getattr(self, name) is not None
+        }
+        return replace(self, **changed)
+
+    def split(self) -> dict[str, Measurements]:
+        """The rows of each group, by its label, in the order of first appearance."""
+        labels, first = np.unique(self.group, return_index=True)
+        order = labels[np.argsort(first)]
+        return {str(label): self.select(self.group == label) for label in order}
+
+
+_BY_ROW: Final = (
+    "tensions",
+    "pulls",
+    "points",
+    "line",
+    "group",
+    "repeat",
+    "sigma",
+    "bend",
+    "direction",
+    "time",
+    "recording",
+)
+_ARRAYS: Final = (*_BY_ROW, "stations", "tool")
+_TYPES: Final = {"line": np.int64, "repeat": np.int64, "recording": np.int64, "group": str}
+
+
+# -- reading -----------------------------------------------------------------------------------
+
+
+def load(name: str, part: str | None = None) -> Measurements:
+    """Load a public data set, by the mapping that comes with Bowstring.
+
+    Parameters
+    ----------
+    name : str
+        See `bowstring.data.datasets.available`.
+    part : str, optional
+        Which of its tables; may be left out where there is one.
+
+    Returns
+    -------
+    Measurements
+
+    Raises
+    ------
+    InputError
+        If there is no such set or part, it cannot be had, or it is no table of measurements.
+    """
+    file = datasets.table(name, part)
+    found = read_measurements(file, mapping=name)
+    return replace(found, name=name if part is None else f"{name}, {part}")
+
+
+def read_measurements(
+    path: str | Path,
+    robot: Robot | None = None,
+    mapping: str | Path | Mapping | None = None,
+    *,
+    g: float = STANDARD_GRAVITY,
+) -> Measurements:
+    """Read a table of measurements: CSV, TSV or Excel.
+
+    Parameters
+    ----------
+    path : str or Path
+        In the tidy format (docs/bench.md): a row for each measurement, columns with units such as
+        ``mass_1_kg``, ``tension_1_N``, ``pull_1_mm``, ``tip_x_mm``; or any other with a mapping.
+    robot : Robot, optional
+        If given, the table must have a column for each of its tendons, and tips within its reach.
+    mapping : str, Path or Mapping, optional
+        A mapping file, or the name of a public data set.
+    g : float
+        Gravity that makes tensions of masses, m/s^2.
+
+    Returns
+    -------
+    Measurements
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read; the text names file, line and what to do. Single bad rows are
+        left out and listed in `Measurements.issues`; rows with a blank tip are kept and listed.
+    """
+    if not 0 < g <= 10_000:
+        raise InputError(f"g is {g:g} m/s^2, it must be above 0 and up to 10000")
+    if mapping is None:
+        try:
+            table = open_table(path)
+            layout = tidy(table, g)
+        except UnknownColumnsError as error:
+            tendons = None if robot is None else len(robot.tendons.angle_rad)
+            raise InputError(
+                f"{error}; or say what the columns are in a mapping file, given by --mapping (in "
+                f"Python mapping=), to start from:\n\n{draft(error.table, tendons)}"
+            ) from None
+    else:
+        if not isinstance(mapping, Mapping):
+            mapping = load_mapping(mapping)
+        table = mapping.open(path)
+        layout = mapping.layout(table, g)
+    count = len(layout.tendons)
+    if robot is not None and count != len(robot.tendons.angle_rad):
+        raise _wrong_count(table, robot, count)
+    found = _Reader(table, layout).read()
+    return found if robot is None else _within_reach(found, robot)
+
+
+def _within_reach(found: Measurements, robot: Robot) -> Measurements:
+    """Note tips that the robot cannot have; refuse a table where most of them are such."""
+    if found.points.shape[1] == 0 or found.scale is None:
+        return found
+    reach = _REACH * (robot.length + float(np.linalg.norm(found.tool)))
+    tips = found.tip[found.seen]
+    if not len(tips):
+        return found
+    distance = np.linalg.norm(found.tip - np.median(tips, axis=0), axis=1)
+    far = distance > reach  # not where none was measured
+    if far.sum() > 0.5 * len(tips):
+        raise InputError(
+            f"{found.path}: the tips lie up to {in_mm(float(np.ptp(tips, axis=0).max()))} "
+            f"apart, and {robot.name} is {in_mm(robot.length)} long; check the unit of the tip's "
+            "columns"
+        )
+    notes = [
+        (
+            int(found.line[i]),
+            f"the tip is {in_mm(float(distance[i]))} from the middle of all, and {robot.name} is "
+            f"{in_mm(robot.length)} long; it is kept",
+        )
+        for i in np.flatnonzero(far)[:_MOST_ISSUES]
+    ]
+    return replace(found, issues=tuple(sorted((*found.issues, *notes))))
+
+
+def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
+    needed = len(robot.tendons.angle_rad)
+    what = f"{count} tendon" + ("" if count == 1 else "s")
+    advice = (
+        "give every tendon a column, with 0 where nothing pulls"
+        if count < needed
+        else "leave out those that are none, or name the right robot"
+    )
+    return InputError(f"{table.path}: the table drives {what}, {robot.name} has {needed}; {advice}")
+
+
+class _Reader:
+    """Rows of a table to arrays; what is wrong with a row keeps it out and is noted."""
+
+    def __init__(self, table: Table, layout: Layout) -> None:
+        self.table, self.layout = table, layout
+        self.issues: list[tuple[int, str]] = []
+        self.left_out = 0
+        self.unlisted = (0, 0)  # how many rows left out are not listed, and the last
+        self.unseen = 0  # rows without a tip, which are kept
+        self.comma: int | None = None  # first lines with a decimal comma, a decimal point
+        self.point: int | None = None
+        self.comma_is_sure = table.separator == ";"  # where commas are decimal ones
+        self.labels: dict[str, int] = {}
+        self.recordings: dict[str, int] = {}
+        self.width = len(table.header)
+        self.point_count = len(layout.points)
+
+    def read(self) -> Measurements:
+        parts: dict[str, list[NDArray[Any]]] = {}
+        for chunk in self.table.chunks():
+            found = self.chunk(chunk)
+            if len(found["line"]):
+                for name, array in found.items():
+                    parts.setdefault(name, []).append(array)
+        if not parts:
+            raise self.nothing()
+        self.issues += self.table.notes
+        arrays: dict[str, Any] = {name: np.concatenate(pieces) for name, pieces in parts.items()}
+        if self.comma is not None and self.point is not None:
+            raise InputError(
+                f"{self.table.path}: numbers have a decimal comma in line {self.comma} and a "
+                f"decimal point in line {self.point}; write all with a point"
+            )
+        if self.comma is not None and not self.comma_is_sure:
+            raise InputError(
+                f"{self.table.path}, line {self.comma}: commas in numbers may stand before "
+                "decimals or between thousands; write numbers with a decimal point, and no other"
+            )
+        if self.comma is not None:
+            self.issues.append((self.comma, "numbers have a decimal comma, and are read so"))
+        self.note_repeated_rows(arrays["line"], arrays.pop("key"))
+        self.note_order(arrays)
+        if self.unlisted[0]:
+            count, last = self.unlisted
+            rows = "one more row is" if count == 1 else f"{count} more rows are"
+            self.issues.append((last, f"{rows} left out up to here, not listed"))
+        if self.unseen > _MOST_ISSUES:
+            more = self.unseen - _MOST_ISSUES
+            self.issues.append((int(arrays["line"][-1]), f"{more} more rows have no measured tip"))
+        if self.unseen == len(arrays["line"]) and "bend" not in arrays:
+            raise InputError(f"{self.table.path}: no row has a measured tip")
+        sigma = self.layout.sigma_of_all
+        if sigma is not None:
+            arrays["sigma"] = np.full(len(arrays["line"]), sigma)
+        return Measurements(
+            source=self.source(),
+            name=printable(self.layout.name or self.table.path.stem),
+            stations=self.stations(),
+            scale=self.layout.scale,
+            tool=self.layout.tool,
+            issues=tuple(sorted(self.issues)),
+            left_out=self.left_out,
+            path=self.table.path,
+            sha256=self.table.sha256,
+            **arrays,
+        )
+
+    def nothing(self) -> InputError:
+        if not self.issues:
+            return InputError(
+                f"{self.table.path}: there is no row of numbers below the header, which is in "
+                f"line {self.table.line}"
+            )
+        line, text = min(self.issues)
+        more = f" (rows left out in all: {self.left_out})" if self.left_out > 1 else ""
+        return InputError(f"{self.table.path}: no row can be read; line {line}: {text}{more}")
+
+    def leave_out(self, line: int, why: str) -> None:
+        self.left_out += 1
+        if self.left_out <= _MOST_ISSUES:
+            self.issues.append((line, f"left out: {why}"))
+        else:
+            self.unlisted = (self.unlisted[0] + 1, max(self.unlisted[1], line))
+
+    def source(self) -> str:
+        """What the data are: the table's own word, before what a mapping says of it."""
+        said = self.table.about.get("source")
+        labels = dict(self.labels)
+        if not self.layout.own_label:  # in a foreign table it may mean something else
+            labels = {text: line for text, line in labels.items() if text.lower() in SOURCES}
+            said = said if said is not None and said.lower() in SOURCES else None
+        if len({text.lower() for text in labels}) > 1:
+            first, second = list(labels)[:2]
+            raise InputError(
+                f"{self.table.path}, line {labels[second]}: the source is {quote(second)}, "
+                f"before it was {quote(first)}; keep data of different origin in files of their own"
+            )
+        found = next(iter(labels), said if said is not None else self.layout.source) or "measured"
+        if found.lower() not in SOURCES:
+            raise InputError(
+                f"{self.table.path}: the source is {quote(found)}; it must be measured, synthetic "
+                "or computed"
+            )
+        if said is not None and said.lower() != found.lower():
+            raise InputError(
+                f"{self.table.path}: the column source says {quote(found)}, the comment "
+                f"'# source:' says {quote(said)}"
+            )
+        return found.lower()
+
+    def stations(self) -> Floats | None:
+        found = self.layout.stations
+        if found is not None and len(found) != self.point_count:
+            check_stations(f"{self.table.path}: stations", found.tolist(), self.point_count)
+        return found
+
+    # -- rows --
+
+    def chunk(self, rows: list[Row]) -> dict[str, NDArray[Any]]:
+        rows = [row for row in rows if self.is_whole(row)]
+        lines = [line for line, _ in rows]
+        cells = [tuple(row[: self.width]) for _, row in rows]
+        columns: list[tuple[str, ...]] = list(zip(*cells, strict=True)) if rows else []
+        good = np.ones(len(rows), bool)
+
+        def numbers(
+            column: Column, why: str = "", blank: bool | NDArray[np.bool_] = False
+        ) -> Floats:
+            if column.constant is not None:
+                return np.full(len(rows), column.constant * column.factor)
+            given = columns[column.index] if rows else ()
+            values = self.numbers(given, lines, column)
+            bad = ~(np.abs(values) < _LARGEST)
+            if blank is True and bad.any():
+                bad &= [bool(cell.strip()) for cell in given]
+            elif blank is not False:
+                bad &= ~np.asarray(blank)
+            if why == "tension" and column.part == "all":
+                bad |= values * column.factor < 0
+            elif why == "sigma":
+                bad |= ~(values > 0)
+            elif why == "whole":
+                bad |= (values != np.round(values)) | ~(np.abs(values) < 1e15)
+            for i in np.flatnonzero(bad & good):
+                self.leave_out(lines[i], _reason(column, given[i], float(values[i]), why))
+            good[bad] = False
+            return _part(values * column.factor, column)
+
+        n, layout = len(rows), self.layout
+        tensions = np.full((n, len(layout.tendons)), np.nan)
+        pulls = tensions.copy()
+        for k, (kind, column) in enumerate(layout.tendons):
+            target = tensions if kind == "tension" else pulls
+            target[:, k] = numbers(column, kind)
+        if layout.shape is not None:
+            points = self.shapes(columns[layout.shape.index] if rows else (), lines, good)
+        else:
+            points = np.empty((n, len(layout.points), 3))
+            for p, point in enumerate(layout.points):
+                is_tip = p == len(layout.points) - 1
+                blank = self.without(point, columns, n) if is_tip else True
+                for axis, column in enumerate(point):
+                    points[:, p, axis] = numbers(column, blank=blank)
+        if layout.rotation is not None:
+            points[~good] = 0.0
+            points = points @ layout.rotation.T
+        out: dict[str, NDArray[Any]] = {"tensions": tensions, "pulls": pulls, "points": points}
+        for name in ("bend", "direction", "sigma", "time"):
+            if (one := getattr(layout, name)) is not None:
+                out[name] = numbers(one, name)
+        repeat = numbers(layout.repeat, "whole") if layout.repeat else np.ones(n)
+        out["repeat"] = np.where(good, repeat, 0).astype(np.int64)
+        label = layout.group or layout.recording
+        out["group"] = np.array(
+            [printable(cell.strip()) for cell in columns[label.index]] if label and n else
+            [""] * n, dtype=str,
+        )  # fmt: skip
+        if layout.recording is not None:
+            named = columns[layout.recording.index] if n else ()
+            out["recording"] = np.array([self.recording(cell) for cell in named], dtype=np.int64)
+        if layout.label is not None and n:
+            for line, cell in zip(lines, columns[layout.label.index], strict=True):
+                if cell.strip() and len(self.labels) < _MOST_LABELS:
+                    self.labels.setdefault(cell.strip(), line)
+        if layout.points:
+            self.note_unseen(lines, good & np.isnan(points[:, -1]).all(axis=1))
+        out["line"] = np.array(lines, dtype=np.int64)
+        out["key"] = np.array([hash(row) for row in cells], dtype=np.int64)
+        return {name: array[good] for name, array in out.items()}
+
+    def recording(self, cell: str) -> int:
+        """Number of a recording, from 1 in the order of first appearance."""
+        return self.recordings.setdefault(cell.strip(), len(self.recordings) + 1)
+
+    def without(
+        self, tip: Sequence[Column], columns: Sequence[Sequence[str]], count: int
+    ) -> NDArray[np.bool_]:
+        """Rows (count,) in which no coordinate of the tip was measured: blank or NaN, all three."""
+        out = np.ones(count, bool)
+        for column in tip:
+            if count and out.any() and column.constant is None:
+                cells = columns[column.index]
+                out &= [not (text := cell.strip()) or text.lower() == "nan" for cell in cells]
+        return out
+
+    def note_unseen(self, lines: Sequence[int], unseen: NDArray[np.bool_]) -> None:
+        for i in np.flatnonzero(unseen)[: max(0, _MOST_ISSUES - self.unseen)]:
+            text = "no tip was measured: the row leads the path, and counts in no number"
+            self.issues.append((lines[i], text))
+        self.unseen += int(unseen.sum())
+
+    def is_whole(self, row: Row) -> bool:
+        """Whether a row has a cell for each column, and is one to keep."""
+        line, cells = row
+        if len(cells) < self.width or (
+            len(cells) > self.width and any(cell.strip() for cell in cells[self.width :])
+        ):
+            text = f"it has {len(cells)} cells, the header has {self.width}"
+            if self.table.separator == "," and len(cells) > self.width:
+                text += "; with decimal commas, separate the cells by semicolons"
+            self.leave_out(line, text)
+            return False
+        if self.layout.keep is not None:
+            column, wanted = self.layout.keep
+            if not _same(cells[column.index], wanted):
+                self.leave_out(
+                    line, f"{column.name} is {quote(cells[column.index])}, not {quote(wanted)}"
+                )
+                return False
+        return True
+
+    def numbers(self, cells: Sequence[str], lines: list[int], column: Column) -> Floats:
+        """Numbers of a column's cells, NaN where a cell is none."""
+        if column.is_date:
+            return np.array([seconds_of(cell) for cell in cells], dtype=float)
+        if self.table.own is not None and column.index >= self.table.own:  # written by a join
+            return np.array([_number(cell) for cell in cells], dtype=float)
+        text = "".join(cells)
+        if "." in text and self.point is None:
+            self.point = next(n for n, c in zip(lines, cells, strict=True) if "." in c)
+        if "," in text and self.table.separator != ",":
+            if self.comma is None:
+                self.comma = next(n for n, c in zip(lines, cells, strict=True) if "," in c)
+            if not self.comma_is_sure:
+                self.comma_is_sure = any("," in c and not _THOUSANDS.fullmatch(c) for c in cells)
+            cells = [cell.replace(",", ".") if cell.count(",") == 1 else cell for cell in cells]
+        if "_" not in text and text.isascii():  # float() takes 1_000 and other scripts' digits
+            try:
+                return np.array(list(map(float, cells)), dtype=float)
+            except ValueError:
+                pass
+        return np.array([_number(cell) for cell in cells], dtype=float)
+
+    def shapes(self, cells: Sequence[str], lines: list[int], good: NDArray[np.bool_]) -> Floats:
+        """Points (n, P, 3) from cells of JSON; the first good row says how many."""
+        column = self.layout.shape
+        assert column is not None
+        found: list[Floats | None] = []
+        for i, cell in enumerate(cells):
+            points = _shape(cell)
+            if points is not None and not self.point_count:
+                self.point_count = len(points)
+            if points is None:
+                why = f"{column.name} is {quote(cell)}, it must be a list of points, [[x, y], ...]"
+            elif len(points) != self.point_count:
+                why = f"{column.name} has {len(points)} points, other rows {self.point_count}"
+                points = None
+            if points is None and good[i]:
+                self.leave_out(lines[i], why)
+            good[i] &= points is not None
+            found.append(points)
+        empty = np.full((self.point_count, 3), np.nan)
+        stacked = np.array([empty if points is None else points for points in found])
+        return column.factor * stacked.reshape(len(found), self.point_count, 3)
+
+    def note_order(self, arrays: dict[str, Any]) -> None:
+        """Rows are a path: a table that was sorted afterwards is told by its repeats or times."""
+        lines, runs = arrays["line"], arrays["repeat"]
+        path = arrays.get("recording", np.ones_like(lines))
+        anew = np.r_[True, path[1:] != path[:-1]]
+        again = {"recording": _come_again(path, anew)}
+        begins = anew | np.r_[True, runs[1:] != runs[:-1]]
+        pairs = np.unique(np.stack([path, runs]), axis=1, return_inverse=True)[1]
+        again["repeat"] = _come_again(pairs.ravel(), begins)
+        notes = [(rows, f"{what} comes again") for what, rows in again.items()]
+        if "time" in arrays:
+            back = np.r_[False, np.diff(arrays["time"]) < 0] & ~anew
+            notes.append((np.flatnonzero(back), "time goes back"))
+        for rows, what in notes:
+            if len(rows):
+                times = f" (the first of {len(rows)} times)" if len(rows) > 1 else ""
+                text = f"{what}{times}: rows must stand in the order in which they were measured"
+                self.issues.append((int(lines[rows[0]]), text))
+
+    def note_repeated_rows(self, lines: Ints, keys: Ints) -> None:
+        _, first, place = np.unique(keys, return_index=True, return_inverse=True)
+        first_of = first[place]
+        again = np.flatnonzero(first_of != np.arange(len(keys)))
+        for i in again[:_MOST_ISSUES]:
+            text = f"the same, cell by cell, as line {lines[first_of[i]]}; it is kept"
+            self.issues.append((int(lines[i]), text))
+        if len(again) > _MOST_ISSUES:
+            text = f"{len(again) - _MOST_ISSUES} more rows repeat earlier ones; they are kept"
+            self.issues.append((int(lines[again[-1]]), text))
+
+
+def _come_again(labels: Ints, begins: NDArray[np.bool_]) -> Ints:
+    """Rows at which a block of rows begins whose label an earlier block has."""
+    rows = np.flatnonzero(begins)
+    _, first = np.unique(labels[rows], return_index=True)
+    return np.asarray(rows[np.setdiff1d(np.arange(len(rows)), first)])
+
+
+def _part(values: Floats, column: Column) -> Floats:
+    if column.part == "positive":
+        return np.maximum(values, 0.0)
+    return np.maximum(-values, 0.0) if column.part == "negative" else np.asarray(values)
+
+
+def _same(cell: str, wanted: str) -> bool:
+    """Whether a cell says what is wanted, as text or as a number: 1 and 1.0 are the same."""
+    return cell.strip() == wanted or _number(cell) == _number(wanted)
+
+
+def _number(cell: str) -> float:
+    cell = cell.strip()
+    if not cell.isascii() or "_" in cell:
+        return np.nan
+    try:
+        return float(cell)
+    except ValueError:
+        return np.nan
+
+
+def _reason(column: Column, cell: str, value: float, why: str) -> str:
+    if not cell.strip():
+        return f"{column.name} is empty"
+    if not np.isfinite(value):
+        text = f"{column.name} is {quote(cell)}, which is not a finite number"
+        if _DECIMAL_COMMA.fullmatch(cell):
+            text += "; with decimal commas, separate the cells by semicolons"
+        return text
+    if abs(value) >= _LARGEST:
+        return f"{column.name} is {quote(cell)}, which is too large"
+    if why == "tension":
+        return f"{column.name} is {quote(cell)}; a tendon cannot push, give zero or more"
+    if why == "sigma":
+        return f"{column.name} is {quote(cell)}; an uncertainty is above zero"
+    return f"{column.name} is {quote(cell)}, which is not a whole number"
+
+
+def _shape(cell: str) -> Floats | None:
+    """Points (n, 3) of a cell of JSON, points of two coordinates lie in z = 0."""
+    try:
+        array = np.array(json.loads(cell))
+    except (ValueError, RecursionError):
+        return None
+    if array.dtype.kind not in "if" or array.ndim != 2 or array.shape[1] not in (2, 3):
+        return None
+    if len(array) < 2 or not np.isfinite(array).all():
+        return None
+    points = np.zeros((len(array), 3))
+    points[:, : array.shape[1]] = array
+    return points
+
+
+# -- writing -----------------------------------------------------------------------------------
+
+
+def write_measurements(
+    measurements: Measurements, path: str | Path, comments: Sequence[str] = ()
+) -> Path:
+    """Write measurements as CSV in the tidy format, with their source in the first line.
+
+    The source of what was not measured stands in every row as well, so that it outlives programs
+    that drop comments.
+
+    Parameters
+    ----------
+    measurements : Measurements
+    path : str or Path
+        Of the file, which is written whole or not at all. A file that this function wrote is
+        replaced, no other.
+    comments : sequence of str
+        More lines above the header.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        If the data have no place in the format, something else is in the file's place, or the
+        drive refuses.
+    """
+    path = Path(path)
+    m = measurements
+    both = ~(np.isnan(m.tensions).all(axis=0) | np.isnan(m.pulls).all(axis=0))
+    if not m.tendon_count or both.any():
+        why = "no tendon is driven" if not m.tendon_count else "a tendon is driven in two ways"
+        raise InputError(f"{m.name} cannot be written as a table: {why}")
+
+    def fill(new: Path) -> None:
+        with new.open("w", encoding="utf-8", newline="") as file:
+            file.writelines(_tidy_lines(m, comments))
+
+    write_whole_file(path, "table", fill, lambda: _check_table(path))
+    return path
+
+
+def _check_table(path: Path) -> None:
+    if path.exists() and not (path.is_file() and has_mark(path, _WRITTEN.encode())):
+        raise not_overwritten(f"cannot write the table to {path}")
+
+
+def _tidy_lines(m: Measurements, comments: Sequence[str]) -> Iterator[str]:
+    yield f"# source: {m.source}\n"
+    yield f"# name: {' '.join(m.name.split())}\n"
+    yield f"{_WRITTEN} {__version__}\n"
+    if m.tool.any():
+        yield f"# tool: {' '.join(repr(round(1e3 * v, 9)) for v in m.tool.tolist())} mm\n"
+    if m.stations is not None:
+        yield f"# stations: {' '.join(map(repr, m.stations.tolist()))}\n"
+    yield from (f"# {' '.join(line.split())}\n" for line in comments)
+    columns: dict[str, Any] = {}
+    for k in range(m.tendon_count):
+        if np.isnan(m.pulls[:, k]).all():
+            columns[f"tension_{k + 1}_N"] = m.tensions[:, k]
+        else:
+            columns[f"pull_{k + 1}_mm"] = _rounded(1e3 * m.pulls[:, k])
+    unit, factor = ("px", 1.0) if m.scale is None else ("mm", 1e3)
+    count = m.points.shape[1]
+    for p in range(count):
+        name = "tip" if p == count - 1 else f"point_{p + 1:02d}"
+        for axis, letter in enumerate("xyz"):
+            columns[f"{name}_{letter}_{unit}"] = _rounded(factor * m.points[:, p, axis])
+    units = {
+        "bend_deg": math.degrees(1),
+        "direction_deg": math.degrees(1),
+        "sigma_mm": 1e3,
+        "time_s": 1.0,
+    }
+    for name, factor in units.items():
+        if (values := getattr(m, name.partition("_")[0])) is not None:
+            columns[name] = _rounded(factor * values)
+    columns["repeat"] = m.repeat
+    if m.recording is not None:
+        columns["recording"] = m.recording
+    if (m.group != "").any():
+        columns["group"] = m.group
+    if m.source != "measured":
+        columns["source"] = np.full(len(m), m.source)
+    buffer = io.StringIO(newline="")
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    lists = [values.tolist() for values in columns.values()]
+    for row in zip(*lists, strict=True):
+        writer.writerow("" if isinstance(v, float) and np.isnan(v) else v for v in row)
+        yield buffer.getvalue()
+        buffer.seek(0)
+        buffer.truncate()
+    yield buffer.getvalue()
+
+
+def _rounded(values: Floats) -> Floats:
+    """To a billionth of a unit, so that 0.1 + 0.2 mm is written as 0.3."""
+    return np.round(values, 9)

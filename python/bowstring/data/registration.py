@@ -1,0 +1,911 @@
+"""Registration: where the frame of a measuring device stands in the robot's base frame.
+
+A rigid motion maps measured points to the base frame::
+
+    base = rotation @ measured + translation
+
+It is known, fitted to fiducials (points known in both frames), or fitted with a model (to the tips
+that it predicts), then together with the offset of the tool or the marker from the tip if asked. A
+fit says how well it is known. Its errors are a small rotation about a *pivot*, the centroid of the
+fitted points, and a shift of that point, both in base axes, and the offset in the axes of the tip::
+
+    true point = pivot + exp(rotation error) (registered point - pivot) + shift
+
+At the pivot of a fit to fiducials of equal noise, rotation and shift are uncorrelated. SI and
+radians. Noise is equal along all axes; RMS is over points, never over coordinates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg, optimize, special
+from scipy.spatial.transform import Rotation
+
+from bowstring.data.rigid import SKEW, Rigid
+from bowstring.data.tip_errors import Comparison
+from bowstring.display import short_repr
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.validation import floats, number, numbers, shown, vectors
+
+__all__ = [
+    "Registration",
+    "Rigid",
+    "fit_fiducials",
+    "fit_model",
+    "known",
+    "with_and_without",
+]
+
+Array = NDArray[np.float64]
+Kind = Literal["known", "fiducials", "model"]
+
+PARAMETERS: Final = (
+    "rotation_x_rad",
+    "rotation_y_rad",
+    "rotation_z_rad",
+    "shift_x_m",
+    "shift_y_m",
+    "shift_z_m",
+    "offset_x_m",
+    "offset_y_m",
+    "offset_z_m",
+)
+"""What a fit finds, in the order of its covariance; the first six without an offset."""
+
+_OTHER_UNIT: Final = 5.0  # times the size: the span of points turns by root of 3 at most
+_FLAT: Final = 1e-4  # of the size of the fiducials: thinner than that is a line
+_LOST: Final = 1e-7  # of the largest singular value: no movement at all
+_WEAK: Final = 0.02  # of the largest: fifty times less well known
+_HUBER: Final = 2.5  # standard deviations; 90 % of distances in space are nearer
+_FEW: Final = 10  # points: with fewer, fits with an offset have many minima
+_MEDIAN: Final = 1.5382  # median distance in space, over the standard deviation along an axis
+_CHANCE: Final = 1e-4  # that noise alone looks like a mirror
+_CLEARLY: Final = 3.0  # times the sum of squares: what a model does wrong is no noise
+
+
+# -- a registration ----------------------------------------------------------------------------
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """Measuring frame to base frame, and how well it is known.
+
+    Made by `known`, `fit_fiducials` or `fit_model`.
+    """
+
+    kind: Kind
+    frame: Rigid
+    """Measuring frame to base frame."""
+    pivot: Array
+    """Point (3,) that rotation and shift refer to, m, base frame."""
+    covariance: Array
+    """Of `parameters` (p, p), rad and m; infinite on the diagonal, and NaN beside it, where the
+    data determine nothing. Zero if the frame is known."""
+    residual: Array
+    """Registered minus given points (n, 3), m, base axes; the offset taken into account."""
+    weight: Array
+    """Weights (n,) that a robust fit ended with, from 0 to 1; 1 in others."""
+    sigma: Array
+    """Standard deviation of a measured coordinate (n,), m: given, or as the residuals have it."""
+    sigma_given: bool
+    robust: bool = False
+    offset: Array | None = None
+    """Of the measured point from the tip (3,), m, in the tip's axes; None if not fitted."""
+    undetermined: tuple[str, ...] = ()
+    """Directions that the data say nothing of, in words; their values are as near as can be to the
+    start of the fit."""
+    weak: tuple[str, ...] = ()
+    """Directions that the data hardly tell apart, in words, with their standard deviation."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the rows of `covariance`."""
+        return PARAMETERS[: len(self.covariance)]
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom: coordinates less parameters."""
+        return self.residual.size - len(self.covariance) if self.kind != "known" else 0
+
+    @property
+    def rms(self) -> float:
+        """Registration error of the fitted points: RMS of their residuals over points, m."""
+        if not len(self.residual):
+            return math.nan
+        return float(np.sqrt(np.mean(np.sum(self.residual**2, axis=1))))
+
+    @property
+    def misfit(self) -> float:
+        """Weighted sum of squares over degrees of freedom.
+
+        About 1 if the residuals are noise of the size given; NaN if none was given.
+        """
+        if not self.sigma_given or self.dof <= 0:
+            return math.nan
+        square = np.sum(self.residual**2, axis=1) / self.sigma**2
+        return float(np.sum(self.weight * square) / self.dof)
+
+    @property
+    def chance(self) -> float:
+        """Probability of such a `misfit` from noise alone; NaN if no sigma was given."""
+        misfit = self.misfit
+        if math.isnan(misfit):
+            return math.nan
+        return float(special.chdtrc(self.dof, misfit * self.dof))
+
+    @property
+    def standard_error(self) -> Array:
+        """Standard errors of `parameters` (p,), rad and m; infinite if undetermined."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Half widths (p,) of the confidence intervals of `parameters`, rad and m.
+
+        Normal where sigma was given; Student's t where it comes from the residuals, and for a
+        robust fit, which takes the size of its errors from them.
+        """
+        if not 0.0 < number("level", level) < 1.0:
+            raise InputError(f"level is {level:g}, it must lie between 0 and 1")
+        tail = 0.5 + 0.5 * level
+        normal = self.sigma_given and not self.robust
+        width = special.ndtri(tail) if normal else special.stdtrit(max(self.dof, 1), tail)
+        return np.asarray(width * self.standard_error)
+
+    def point_covariance(self, point: ArrayLike) -> Array:
+        """Covariance (3, 3) of where a point (3,) of the base frame is registered, m^2.
+
+        From the frame alone; the noise of measuring that point comes on top.
+        """
+        if any(not math.isfinite(x) for x in self.covariance.ravel()):
+            return np.full((3, 3), math.inf)
+        arm = numbers("point", point, (3,), "m") - self.pivot
+        by = np.hstack([-_cross(arm), np.eye(3)])
+        return np.asarray(by @ self.covariance[:6, :6] @ by.T)
+
+    def target_error(self, point: ArrayLike) -> float:
+        """RMS error with which a point (3,) of the base frame is registered, m."""
+        return float(np.sqrt(np.trace(self.point_covariance(point))))
+
+    def covariance_about(self, point: ArrayLike) -> Array:
+        """Covariance (6, 6) of rotation and shift of another point (3,), m, such as the origin."""
+        arm = numbers("point", point, (3,), "m") - self.pivot
+        by = np.eye(6)
+        by[3:, :3] = -_cross(arm)
+        return np.asarray(by @ self.covariance[:6, :6] @ by.T)
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Measured points (..., 3) in the base frame, m."""
+        return self.frame.apply(points)
+
+    def tips(self, points: ArrayLike, rotations: ArrayLike) -> Array:
+        """Tips (..., 3) that belong to measured points, m, base frame: the offset taken off.
+
+        Parameters
+        ----------
+        points : array_like (..., 3)
+            Measured, m.
+        rotations : array_like (..., 3, 3)
+            Rotations of the tip, body to base, as the model has them.
+        """
+        if self.offset is None:
+            return self.apply(points)
+        moved, turns = self.apply(points), vectors("rotations", rotations)
+        if turns.shape != (*moved.shape, 3):
+            raise InputError(f"rotations has shape {turns.shape}, it must be {(*moved.shape, 3)}")
+        return np.asarray(moved - turns @ self.offset)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The registration for JSON; what is not determined or not known is None."""
+
+        def plain(value: float) -> float | None:
+            return float(value) if math.isfinite(value) else None
+
+        errors, width = self.standard_error, self.interval()
+        return {
+            "kind": self.kind,
+            **self.frame.to_dict(),
+            "offset_m": None if self.offset is None else self.offset.tolist(),
+            "pivot_m": self.pivot.tolist(),
+            "standard_error": {n: plain(e) for n, e in zip(self.parameters, errors, strict=True)},
+            "half_width_95": {n: plain(w) for n, w in zip(self.parameters, width, strict=True)},
+            "points": len(self.residual),
+            "rms_mm": plain(self.rms * 1e3),
+            "sigma_given": self.sigma_given,
+            "misfit": plain(self.misfit),
+            "undetermined": list(self.undetermined),
+            "weak": list(self.weak),
+        }
+
+
+def known(frame: Rigid, covariance: ArrayLike | None = None) -> Registration:
+    """A registration that is given.
+
+    Parameters
+    ----------
+    frame : Rigid
+        Measuring frame to base frame.
+    covariance : array_like (6, 6), optional
+        Of rotation (rad) and shift (m) about the base's origin; zero if not given.
+    """
+    if not isinstance(frame, Rigid):
+        raise InputError(f"frame is {shown(frame)}, it must be a Rigid")
+    matrix = np.zeros((6, 6))
+    if covariance is not None:
+        matrix = numbers("covariance", covariance, (6, 6))
+        values = np.linalg.eigvalsh(0.5 * (matrix + matrix.T))
+        if not np.allclose(matrix, matrix.T) or values[0] < -1e-9 * abs(values[-1]):
+            raise InputError("covariance must be symmetric and have no negative eigenvalue")
+    none = np.zeros(0)
+    return Registration("known", frame, np.zeros(3), matrix, np.zeros((0, 3)), none, none, True)
+
+
+# -- fiducials ---------------------------------------------------------------------------------
+
+
+def fit_fiducials(
+    measured: ArrayLike, base: ArrayLike, sigma: ArrayLike | None = None
+) -> Registration:
+    """Register by points that are known in both frames.
+
+    Parameters
+    ----------
+    measured : array_like (n, 3)
+        Fiducials in the measuring frame, m.
+    base : array_like (n, 3)
+        The same in the base frame, m, taken for exact.
+    sigma : float or array_like (n,), optional
+        Standard deviation of each measured coordinate, m; weights are its inverse squares. If not
+        given, all are equal, as large as the residuals have them.
+
+    Returns
+    -------
+    Registration
+
+    Raises
+    ------
+    InputError
+        For fewer than three fiducials, for fiducials on one line or in one place, for two lists in
+        different units, and for a left-handed measuring frame.
+
+    Notes
+    -----
+    The least-squares rotation in closed form (Kabsch 1976, Umeyama 1991), without scale. Three
+    fiducials, or any in one plane, fit a left-handed frame as well as a right-handed one, so a
+    mistake there goes unseen.
+    """
+    ours = _finite_points("measured", measured)
+    theirs = _finite_points("base", base)
+    if len(ours) != len(theirs):
+        raise InputError(
+            f"{len(ours)} fiducials are measured and {len(theirs)} given in the base frame: both "
+            "lists must have the same points in the same order"
+        )
+    if len(ours) < 3:
+        raise InputError(f"{len(ours)} fiducials do not fix a frame: give three or more")
+    spread = _sigma(sigma, len(ours))
+    weight = np.ones(len(ours)) if spread is None else (spread.min() / spread) ** 2
+    for name, points in (("measured", ours), ("base", theirs)):
+        _check_fiducials(name, points)
+    sizes = [float(np.linalg.norm(np.ptp(points, axis=0))) for points in (ours, theirs)]
+    if max(sizes) > _OTHER_UNIT * min(sizes):
+        raise InputError(
+            f"the measured fiducials span {sizes[0]:.4g} m and those of the base {sizes[1]:.4g} m: "
+            "give both in m, and in the same order"
+        )
+    frame, left, mirror_left = _kabsch(ours, theirs, weight)
+    dof = 3 * len(ours) - 6
+    _check_handed(left, mirror_left, dof, ours, theirs, weight)
+    moved = frame.apply(ours)
+    pivot = weight @ moved / weight.sum()
+    return _registration(
+        "fiducials",
+        frame,
+        pivot,
+        moved - theirs,
+        _frame_jacobian(moved - pivot),
+        np.ones(len(ours)),
+        spread,
+        None,
+        given=spread is not None,
+        robust=False,
+    )
+
+
+def _check_fiducials(name: str, points: Array) -> None:
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    for i, j in combinations(range(len(points)), 2):
+        if np.linalg.norm(points[i] - points[j]) <= 1e-9 * size:
+            raise InputError(
+                f"fiducials {i + 1} and {j + 1} are in one place in the {name} points: leave out "
+                "one of them, or average repeats"
+            )
+    values = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if values[1] < _FLAT * values[0]:
+        raise InputError(
+            f"the {name} fiducials lie on one line, about which the frame may turn freely: add one "
+            "beside it"
+        )
+
+
+def _kabsch(measured: Array, base: Array, weight: Array) -> tuple[Rigid, float, float]:
+    """The best motion, and the weighted sums of squares that it and the best mirror leave."""
+    total = weight.sum()
+    middle, target = weight @ measured / total, weight @ base / total
+    a, b = measured - middle, base - target
+    u, _, v = np.linalg.svd((b * weight[:, None]).T @ a)
+    handed = np.sign(np.linalg.det(u) * np.linalg.det(v))
+    ways = []
+    for sign in (handed, -handed):
+        turn = (u * np.array([1.0, 1.0, sign])) @ v
+        ways.append(float(weight @ np.sum((a @ turn.T - b) ** 2, axis=1)))
+    turn = (u * np.array([1.0, 1.0, handed])) @ v
+    return Rigid(turn, target - turn @ middle), ways[0], ways[1]
+
+
+def _check_handed(
+    left: float, mirror_left: float, dof: int, measured: Array, base: Array, weight: Array
+) -> None:
+    """Refuse a frame that a mirror fits better than chance lets it."""
+    if dof <= 0 or left <= _doubtful(dof) * mirror_left:
+        return
+    size = float(weight @ np.sum((base - base.mean(axis=0)) ** 2, axis=1))
+    if left <= 1e-20 * size:
+        return  # both are exact: flat fiducials
+    total = weight.sum()
+    raise InputError(
+        f"the measuring frame is left-handed: its mirror image fits with "
+        f"{1e3 * math.sqrt(mirror_left / total):.3g} mm RMS, the frame itself with "
+        f"{1e3 * math.sqrt(left / total):.3g} mm; {_handed_cause(measured, base, weight)}"
+    )
+
+
+def _doubtful(dof: int) -> float:
+    """How many times the sum of squares of a mirror does not yet make it the better fit."""
+    return max(_CLEARLY, float(special.fdtri(dof, dof, 1.0 - _CHANCE)))
+
+
+def _handed_cause(measured: Array, base: Array, weight: Array) -> str:
+    """What would mend it, in words: the change that leaves the frames turned least."""
+    changes = {}
+    for i, axis in enumerate("xyz"):
+        flip = np.eye(3)
+        flip[i, i] = -1.0
+        changes[f"change the sign of its {axis}"] = flip
+    for i, j in combinations(range(3), 2):
+        swap = np.eye(3)
+        swap[[i, j]] = swap[[j, i]]
+        changes[f"swap its {'xyz'[i]} and {'xyz'[j]}"] = swap
+    turns = {}
+    for words, change in changes.items():
+        frame, _, _ = _kabsch(measured @ change.T, base, weight)
+        turns[words] = float(np.linalg.norm(frame.rotation_vector))
+    best = min(turns, key=lambda words: turns[words])
+    if turns[best] < math.radians(20.0):
+        return f"{best} (the frames then differ by {math.degrees(turns[best]):.2g} deg)"
+    return "change the sign of one of its axes or swap two, or check the order of the points"
+
+
+# -- with the model ----------------------------------------------------------------------------
+
+
+def fit_model(
+    measured: ArrayLike,
+    predicted: ArrayLike,
+    rotations: ArrayLike | None = None,
+    *,
+    sigma: ArrayLike | None = None,
+    robust: bool = False,
+    start: Rigid | None = None,
+) -> Registration:
+    """Register by the tips that a model predicts.
+
+    What the model does wrong and a rigid motion can mend is mended too, so a comparison after it
+    flatters the model: always show it beside the one without.
+
+    Parameters
+    ----------
+    measured : array_like (K, 3)
+        Measured points, m, in the measuring frame.
+    predicted : array_like (K, 3)
+        Tips that the model predicts, m, base frame.
+    rotations : array_like (K, 3, 3), optional
+        Rotations of the tips, body to base. If given, the offset of the measured point from the
+        tip, in the tip's axes, is fitted too.
+    sigma : float or array_like (K,), optional
+        Standard deviation of each measured coordinate, m. If not given, all are equal, as large as
+        the residuals have them.
+    robust : bool
+        Huber's loss of the distance of each point, quadratic up to 2.5 standard deviations.
+    start : Rigid, optional
+        Where to start, and where to stay in directions that the data say nothing of; the best
+        motion without an offset if not given.
+
+    Returns
+    -------
+    Registration
+
+    Raises
+    ------
+    InputError
+        For fewer points than parameters need, and for a left-handed measuring frame.
+    NoSolutionError
+        If the fit does not converge.
+
+    Notes
+    -----
+    Trust-region least squares (scipy) with exact derivatives, reweighted until weights and scale
+    stay where the loss is Huber's. Covariances are those of normal noise, in a robust fit Huber's
+    asymptotic ones. What cannot be told apart follows from the singular values of the derivative,
+    rotations scaled by the RMS distance of the points from their centroid.
+    """
+    ours, theirs = _finite_points("measured", measured), _finite_points("predicted", predicted)
+    if len(ours) != len(theirs):
+        raise InputError(
+            f"{len(ours)} points are measured and {len(theirs)} predicted: give one prediction for "
+            "each point"
+        )
+    turns = None if rotations is None else _rotations(rotations, len(ours))
+    spread = _sigma(sigma, len(ours))
+    if not isinstance(robust, bool):
+        raise InputError(f"robust is {shown(robust)}, it must be True or False")
+    if start is not None and not isinstance(start, Rigid):
+        raise InputError(f"start is {shown(start)}, it must be a Rigid")
+    unknowns = 6 if turns is None else 9
+    if 3 * len(ours) <= unknowns:
+        what = "a base frame" if turns is None else "a base frame and an offset"
+        raise InputError(
+            f"{len(ours)} points have {3 * len(ours)} coordinates, too few for the {unknowns} "
+            f"unknowns of {what} and their errors: give {unknowns // 3 + 1} or more"
+        )
+    if float(np.ptp(theirs, axis=0).max()) == 0.0 or float(np.ptp(ours, axis=0).max()) == 0.0:
+        raise InputError("all points are in one place: only a robot that moves registers itself")
+    weight = np.ones(len(ours)) if spread is None else (spread.min() / spread) ** 2
+
+    best = _search(ours, theirs, turns, weight, start)
+    dof = 3 * len(ours) - unknowns
+    if turns is None:
+        mirrored = _kabsch(ours, theirs, weight)[2]
+    elif best.left > _doubtful(dof) * best.bound:
+        # a mirrored measuring frame: the same with one axis turned round
+        mirrored = _search(ours * [1.0, 1.0, -1.0], theirs, turns, weight, None).left
+    else:
+        mirrored = best.left
+    _check_handed(best.left, mirrored, dof, ours, theirs, weight)
+    down, scale = np.ones(len(ours)), spread
+    if robust:
+        best, down, scale = _reweighted(ours, theirs, turns, weight, spread, best)
+    moved = best.frame.apply(ours)
+    pivot = (weight * down) @ moved / (weight @ down)
+    by = _frame_jacobian(moved - pivot)
+    residual = moved - theirs
+    if turns is not None:
+        by = np.concatenate([by, -turns], axis=2)
+        residual = residual - turns @ best.offset
+    return _registration(
+        "model",
+        best.frame,
+        pivot,
+        residual,
+        by,
+        down,
+        scale,
+        None if turns is None else best.offset,
+        given=spread is not None,
+        robust=robust,
+    )
+
+
+class _Best(NamedTuple):
+    frame: Rigid
+    offset: Array
+    left: float
+    """Weighted sum of squares."""
+    bound: float = 0.0
+    """What no frame goes below, left-handed or not: the same for the best affine map."""
+
+
+def _search(
+    measured: Array, predicted: Array, turns: Array | None, weight: Array, start: Rigid | None
+) -> _Best:
+    """The best frame and offset for these weights."""
+    middle = weight @ measured / weight.sum()
+    if start is None:
+        start, left, _ = _kabsch(measured, predicted, weight)
+        values = np.linalg.svd((predicted - predicted.mean(axis=0)), compute_uv=False)
+        if values[1] <= _LOST * values[0]:  # on a line: nothing says how to turn about it
+            start = Rigid(np.eye(3), weight @ predicted / weight.sum() - middle)
+        elif turns is None:
+            return _Best(start, np.zeros(3), left)
+        else:
+            starts, bound = _starts(measured, predicted, turns, weight, start)
+            best = _refined(measured, predicted, turns, weight, starts[0])
+            few = 3 * len(measured) - 15  # degrees of freedom of the affine map
+            limit = special.fdtri(few + 6, few, 1.0 - _CHANCE) * (few + 6) / few if few > 0 else 0.0
+            for way in starts[1:]:
+                if best.left <= limit * bound:  # as good as noise lets it be
+                    break
+                other = _refined(measured, predicted, turns, weight, way)
+                best = min(best, other, key=lambda end: end.left)
+            return best._replace(bound=bound)
+    return _refined(measured, predicted, turns, weight, start)
+
+
+def _refined(
+    measured: Array, predicted: Array, turns: Array | None, weight: Array, start: Rigid
+) -> _Best:
+    """Least squares from a start; in m, rotations times the size of the points."""
+    middle = weight @ measured / weight.sum()
+    root = np.sqrt(weight)[:, None]
+    arms = (measured - middle) @ start.rotation.T
+    size = _size(measured, middle, weight)
+    linear = [np.broadcast_to(np.eye(3), (len(arms), 3, 3))]
+    if turns is not None:
+        linear.append(-turns)
+    fixed = np.concatenate(linear, axis=2)
+
+    def residual(x: Array) -> Array:
+        turned = Rotation.from_rotvec(x[:3] / size).apply(arms)
+        return np.ravel(root * (turned + fixed @ x[3:] - predicted))
+
+    def jacobian(x: Array) -> Array:
+        turned = Rotation.from_rotvec(x[:3] / size).apply(arms)
+        spin = -_cross(turned) @ _left_jacobian(x[:3] / size) / size
+        rows = np.concatenate([spin, fixed], axis=2) * root[..., None]
+        return np.reshape(rows, (-1, rows.shape[-1]))
+
+    x = np.zeros(3 + fixed.shape[2])
+    x[3:6] = start.apply(middle)
+    # shift and offset follow from the rotation by linear least squares, as near to none as can be
+    x[3:] += np.linalg.lstsq(jacobian(x)[:, 3:], -residual(x), rcond=_LOST)[0]
+    full = False
+    for _ in range(3):  # where the data leave a direction open, the fit does not go along it
+        values, directions = _directions(jacobian(x))
+        ways = directions[values > _LOST * values[0]]
+        full = len(ways) == len(x)
+        x, left = _least_squares(residual, jacobian, x, ways)
+        if full:
+            break
+    turn = Rotation.from_rotvec(x[:3] / size).as_matrix() @ start.rotation
+    frame = Rigid(turn, x[3:6] - turn @ middle)
+    return _Best(frame, x[6:] if turns is not None else np.zeros(3), left)
+
+
+def _least_squares(
+    residual: Callable[[Array], Array], jacobian: Callable[[Array], Array], x: Array, ways: Array
+) -> tuple[Array, float]:
+    """Where the sum of squares is least, along these directions (d, p) from x, and the sum."""
+    found = optimize.least_squares(
+        lambda z: residual(x + z @ ways),
+        np.zeros(len(ways)),
+        lambda z: jacobian(x + z @ ways) @ ways.T,
+        method="lm",
+        ftol=1e-13,
+        xtol=1e-12,
+        gtol=1e-14,
+        max_nfev=500,
+    )
+    if found.status <= 0:
+        raise NoSolutionError(
+            "no base frame was found that brings the measured points to the predicted ones: give "
+            "a start, or check that both lists have the same order"
+        )
+    return x + found.x @ ways, 2.0 * float(found.cost)
+
+
+def _starts(
+    measured: Array, predicted: Array, turns: Array, weight: Array, first: Rigid
+) -> tuple[list[Rigid], float]:
+    """The best of many rotations, for a fit with an offset, and what no map goes below.
+
+    A motion without an offset, 59 turns from it spread evenly, and the rotation nearest to the best
+    affine map beside an offset, each judged with its best shift and offset.
+    """
+    middle = weight @ measured / weight.sum()
+    root = np.sqrt(weight)[:, None, None]
+    arms = (measured - middle) @ first.rotation.T
+    fixed = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), -turns], axis=2)
+    # a change of the map, as near to none as the points leave it open
+    size = _size(measured, middle, weight)
+    change = np.einsum("ij,kl->kijl", np.eye(3), arms / size).reshape(len(arms), 3, 9)
+    rows = (root * np.concatenate([change, fixed], axis=2)).reshape(-1, 15)
+    wanted = (root[..., 0] * (predicted - arms)).ravel()
+    best = np.linalg.lstsq(rows, wanted, rcond=1e-6)[0]
+    bound = float(np.sum((wanted - rows @ best) ** 2))
+    affine = best[:9].reshape(3, 3) / size
+    u, _, v = np.linalg.svd(np.eye(3) + affine)
+    nearest = (u * [1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    ways = np.concatenate([nearest[None], Rotation.create_group("I").as_matrix()])
+    u, values, _ = np.linalg.svd((root * fixed).reshape(-1, 6), full_matrices=False)
+    u = u[:, values > _LOST * values[0]]
+    turned = np.einsum("wij,kj->wki", ways, arms)
+    rest = (root[..., 0] * (predicted - turned)).reshape(len(ways), -1)
+    left = np.sum(rest**2, axis=1) - np.sum((rest @ u) ** 2, axis=1)
+    out = []
+    tried = 5 if len(measured) < _FEW else 2
+    for way in ways[np.argsort(left, kind="stable")[:tried]]:
+        turn = way @ first.rotation
+        out.append(Rigid(turn, first.apply(middle) - turn @ middle))
+    return out, bound
+
+
+def _reweighted(
+    measured: Array,
+    predicted: Array,
+    turns: Array | None,
+    weight: Array,
+    spread: Array | None,
+    best: _Best,
+) -> tuple[_Best, Array, Array]:
+    """Huber's fit: the best, its weights (K,), and the standard deviations (K,)."""
+    count = len(measured)
+    unknowns = 6 if turns is None else 9
+    down = np.ones(count)
+    for _ in range(200):
+        residual = best.frame.apply(measured) - predicted
+        if turns is not None:
+            residual = residual - turns @ best.offset
+        distance = np.linalg.norm(residual, axis=1)
+        scale = spread
+        if scale is None:
+            typical = float(np.median(distance)) / _MEDIAN
+            typical *= math.sqrt(3 * count / (3 * count - unknowns))
+            # points that fit exactly leave no scale
+            floor = 1e-12 * float(np.ptp(predicted, axis=0).max())
+            scale = np.full(count, max(typical, floor))
+        ratio = distance / (_HUBER * scale)
+        now = 1.0 / np.maximum(ratio, 1.0)
+        settled = float(np.abs(now - down).max()) < 1e-6
+        down = now
+        if settled:
+            return best, down, scale
+        best = _refined(measured, predicted, turns, weight * down, best.frame)
+    raise NoSolutionError(
+        "the weights of the robust fit do not settle: fit without robust, and look at the residuals"
+    )
+
+
+# -- what the data say -------------------------------------------------------------------------
+
+
+def _registration(
+    kind: Kind,
+    frame: Rigid,
+    pivot: Array,
+    residual: Array,
+    by: Array,
+    down: Array,
+    spread: Array | None,
+    offset: Array | None,
+    *,
+    given: bool,
+    robust: bool,
+) -> Registration:
+    """Covariance and what cannot be told apart, from the derivative (n, 3, p) of the residuals.
+
+    `spread` are standard deviations (n,), None where the residuals are to tell them.
+    """
+    count, unknowns = len(residual), by.shape[2]
+    dof = 3 * count - unknowns
+    square = np.sum(residual**2, axis=1)
+    if spread is None:
+        spread = np.full(count, math.sqrt(square.sum() / dof))
+    factor = 1.0
+    if robust:
+        # asymptotic variance of a fit with Huber's loss, its noise equal along all axes
+        slope = float(np.mean(np.where(down < 1.0, 2.0 * down / 3.0, 1.0)))
+        factor = float(np.sum(down**2 * square / spread**2)) / dof / slope**2
+    # relative weights keep exact fits finite
+    typical = float(spread.max())
+    relative = spread / typical if typical > 0 else np.ones(count)
+    size = math.sqrt(float(np.mean(np.sum(by[:, :, :3] ** 2, axis=(1, 2)))) / 2.0)
+    unit = np.ones(unknowns)
+    unit[:3] = 1.0 / size
+    rows = (by * unit / relative[:, None, None]).reshape(-1, unknowns)
+    values, directions = _directions(rows)
+    lost = values <= _LOST * values[0]
+    kept = directions[~lost] * unit
+    covariance = factor * typical**2 * (kept.T / values[~lost] ** 2) @ kept
+    free = np.linalg.norm(directions[lost], axis=0) > 1e-5
+    covariance[free] = covariance[:, free] = math.nan
+    covariance[free, free] = math.inf
+    weak = []
+    for value, direction in zip(values[~lost], directions[~lost], strict=True):
+        if value <= _WEAK * values[0]:
+            error = math.sqrt(factor) * typical / value
+            weak.append(f"{_words(direction)}: standard error {_amount(direction, error, size)}")
+    return Registration(
+        kind,
+        frame,
+        pivot,
+        covariance,
+        residual,
+        down,
+        spread,
+        given,
+        robust,
+        offset,
+        tuple(_words(d) for d in _simple(directions[lost])),
+        tuple(weak),
+    )
+
+
+def _directions(rows: Array) -> tuple[Array, Array]:
+    """Singular values (p,) of a tall matrix, and its right singular vectors (p, p) as rows."""
+    _, values, directions = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+    return values, directions
+
+
+def _simple(space: Array) -> Array:
+    """Directions (d, p) that span the same, along single parameters as far as can be."""
+    if len(space) < 2:
+        return space
+    _, _, order = linalg.qr(space, pivoting=True)
+    rows = np.linalg.solve(space[:, np.sort(order[: len(space)])], space)
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+
+
+_PARTS: Final = (
+    ("rotation of the frame about {}", ""),
+    ("shift of the frame along {}", ""),
+    ("offset along {}", " of the tip"),
+)
+
+
+def _words(direction: Array) -> str:
+    """A direction in scaled parameters (p,), in words."""
+    parts = []
+    for i, (words, axes) in enumerate(_PARTS[: len(direction) // 3]):
+        share = direction[3 * i : 3 * i + 3]
+        if np.linalg.norm(share) > 0.2:
+            parts.append(words.format(_axis(share)) + axes)
+    return " against ".join(parts)
+
+
+def _axis(vector: Array) -> str:
+    unit = vector / np.linalg.norm(vector)
+    if np.abs(unit).max() > 0.98:
+        return "xyz"[int(np.argmax(np.abs(unit)))]
+    unit = unit * np.sign(unit[np.argmax(np.abs(unit))])
+    return "(" + ", ".join(f"{x:.2f}" for x in unit + 0.0) + ")"
+
+
+def _amount(direction: Array, error: float, size: float) -> str:
+    if np.linalg.norm(direction[:3]) > 0.98:
+        return f"{math.degrees(error / size):.2g} deg"
+    return f"{1e3 * error:.2g} mm"
+
+
+def with_and_without(
+    registration: Registration,
+    measured: ArrayLike,
+    predicted: ArrayLike,
+    length: float,
+    rotations: ArrayLike | None = None,
+    *,
+    nominal: Rigid | None = None,
+    name: str = "rod",
+) -> dict[str, Comparison]:
+    """The model against the measurement, with and without the registration.
+
+    Parameters
+    ----------
+    registration : Registration
+    measured : array_like (K, 3)
+        Measured points, m, measuring frame.
+    predicted : array_like (K, 3)
+        Tips that the model predicts, m, base frame; NaN where there are none.
+    length : float
+        Length of the robot, m.
+    rotations : array_like (K, 3, 3), optional
+        Rotations of the tips, body to base; needed where the registration has an offset.
+    nominal : Rigid, optional
+        Where the measuring frame is believed to stand without the registration; in the base frame
+        if not given.
+    name : str
+        Name of both comparisons.
+
+    Returns
+    -------
+    dict
+        ``"unregistered"`` and ``"registered"``; each difference is model minus measurement, in base
+        axes, m. `bowstring.data.Comparison` has mean, RMS and maximum over points, and by
+        axis.
+    """
+    ours, theirs = vectors("measured", measured), vectors("predicted", predicted)
+    if ours.ndim != 2 or ours.shape != theirs.shape:
+        raise InputError(
+            f"measured has shape {ours.shape} and predicted {theirs.shape}, both must be "
+            "(points, 3)"
+        )
+    whole = number("length", length, "m")
+    before = (nominal or Rigid.identity()).apply(ours)
+    if registration.offset is None:
+        after = registration.apply(ours)
+    elif rotations is None:
+        raise InputError("the registration has an offset: give the rotations of the tips too")
+    else:
+        after = registration.tips(ours, rotations)
+    return {
+        "unregistered": Comparison(name, "measurement", whole, theirs, theirs - before),
+        "registered": Comparison(name, "measurement", whole, theirs, theirs - after),
+    }
+
+
+# -- small pieces ------------------------------------------------------------------------------
+
+
+def _frame_jacobian(arms: Array) -> Array:
+    """Derivative (n, 3, 6) of points by rotation about their pivot, and shift."""
+    shift = np.broadcast_to(np.eye(3), (len(arms), 3, 3))
+    return np.concatenate([-_cross(arms), shift], axis=2)
+
+
+def _size(points: Array, middle: Array, weight: Array) -> float:
+    """RMS distance from the middle, m."""
+    return math.sqrt(float(weight @ np.sum((points - middle) ** 2, axis=1) / weight.sum()))
+
+
+def _cross(vectors: Array) -> Array:
+    """Matrices (..., 3, 3) of cross products with vectors (..., 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    none = np.zeros_like(x)
+    rows = np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1)
+    return rows.reshape(*vectors.shape[:-1], 3, 3)
+
+
+def _left_jacobian(vector: Array) -> Array:
+    """Derivative (3, 3) of a rotation, as a small rotation after it, by its vector."""
+    angle = float(np.linalg.norm(vector))
+    cross = _cross(vector)
+    once = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
+    twice = (angle - math.sin(angle)) / angle**3 if angle > 1e-2 else 1 / 6 - angle**2 / 120
+    return np.asarray(np.eye(3) + once * cross + twice * cross @ cross)
+
+
+def _finite_points(name: str, value: ArrayLike) -> Array:
+    found = vectors(name, value)
+    if found.ndim != 2 or not len(found):
+        raise InputError(f"{name} has shape {found.shape}, it must be (points, 3), in m")
+    bad = ~np.isfinite(found).all(axis=1)
+    if bad.any():
+        i = int(np.argmax(bad))
+        raise InputError(f"point {i + 1} of {name} is {found[i].tolist()}, all must be finite")
+    return found
+
+
+def _rotations(value: ArrayLike, count: int) -> Array:
+    try:
+        found = floats(value)
+    except TypeError:
+        raise InputError(f"rotations is {shown(value)}, it must be numbers") from None
+    if found.shape != (count, 3, 3):
+        raise InputError(f"rotations has shape {found.shape}, it must be {(count, 3, 3)}")
+    off = np.abs(found @ np.swapaxes(found, 1, 2) - np.eye(3)).max(axis=(1, 2))
+    bad = ~((off < SKEW) & (np.linalg.det(found) > 0))
+    if bad.any():
+        i = int(np.argmax(bad))
+        raise InputError(f"rotation {i + 1} is none: {shown(found[i].tolist())}")
+    return found
+
+
+def _sigma(value: ArrayLike | None, count: int) -> Array | None:
+    if value is None:
+        return None
+    try:
+        found = np.array(np.broadcast_to(floats(value), (count,)))
+    except (TypeError, ValueError):
+        raise InputError(
+            f"sigma is {shown(value)}, it must be one standard deviation in m, or one for each of "
+            f"the {count} points"
+        ) from None
+    if not (np.isfinite(found) & (found > 0)).all():
+        raise InputError(f"sigma is {shown(value)}, it must be finite and positive, in m")
+    return found

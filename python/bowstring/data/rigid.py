@@ -1,0 +1,147 @@
+"""Rigid motions between frames: rotation and translation, right-handed only."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from bowstring.errors import InputError
+from bowstring.validation import numbers, shown, vectors
+
+__all__ = ["SKEW", "Rigid"]
+
+Array = NDArray[np.float64]
+
+SKEW: Final = 1e-3
+"""How far a rotation that was written with few digits may be from one."""
+
+
+class Rigid:
+    """A rigid motion: `rotation` (3, 3), then `translation` (3,) in m. Immutable.
+
+    Parameters
+    ----------
+    rotation : array_like (3, 3)
+        Maps from the axes of the frame it starts from to those of the frame it ends in. Rounded
+        ones are accepted to 0.001 and made exact.
+    translation : array_like (3,), optional
+        Origin of the first frame in the second, m; zero if not given.
+
+    Raises
+    ------
+    InputError
+        If the rotation is none; a mirror image is a left-handed frame.
+    """
+
+    __slots__ = ("_rotation", "_translation")
+
+    def __init__(self, rotation: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        matrix = numbers("rotation", rotation, (3, 3))
+        if np.abs(matrix @ matrix.T - np.eye(3)).max() > SKEW:
+            raise InputError(
+                "rotation is none: its rows must be three unit vectors at right angles, got "
+                f"{shown(matrix.tolist())}"
+            )
+        u, _, v = np.linalg.svd(matrix)
+        if np.linalg.det(u @ v) < 0:
+            raise InputError(
+                "rotation has determinant -1, so one of the two frames is left-handed: swap two of "
+                "its axes or change the sign of one"
+            )
+        self._rotation: Array = u @ v
+        self._translation: Array = numbers("translation", translation, (3,), "m")
+        self._rotation.flags.writeable = self._translation.flags.writeable = False
+
+    @classmethod
+    def identity(cls) -> Rigid:
+        """No motion."""
+        return cls(np.eye(3))
+
+    @classmethod
+    def from_rotation_vector(
+        cls, vector: ArrayLike, translation: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> Rigid:
+        """Of a rotation vector (3,), axis times angle in rad."""
+        turn = numbers("rotation vector", vector, (3,), "rad")
+        return cls(Rotation.from_rotvec(turn).as_matrix(), translation)
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike) -> Rigid:
+        """Of a homogeneous matrix (4, 4), its last row 0, 0, 0, 1."""
+        whole = numbers("matrix", matrix, (4, 4))
+        if not np.array_equal(whole[3], [0.0, 0.0, 0.0, 1.0]):
+            raise InputError(
+                f"the last row of the matrix is {whole[3].tolist()}, it must be 0, 0, 0, 1"
+            )
+        return cls(whole[:3, :3], whole[:3, 3])
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation (3, 3)."""
+        return self._rotation
+
+    @property
+    def translation(self) -> Array:
+        """Translation (3,), m."""
+        return self._translation
+
+    @property
+    def rotation_vector(self) -> Array:
+        """Axis times angle (3,), rad, the angle at most pi."""
+        # a copy, because SciPy before 1.15.2 takes no read-only array
+        return np.asarray(Rotation.from_matrix(self._rotation.copy()).as_rotvec())
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Points (..., 3), m, moved; NaN stay."""
+        rows = vectors("points", points)
+        return np.asarray(rows @ self._rotation.T + self._translation)
+
+    def inverse(self) -> Rigid:
+        """The motion back."""
+        return Rigid(self._rotation.T, -self._rotation.T @ self._translation)
+
+    def compose(self, first: Rigid) -> Rigid:
+        """This motion after another; also ``second @ first``."""
+        return Rigid(
+            self._rotation @ first._rotation,
+            self._rotation @ first._translation + self._translation,
+        )
+
+    __matmul__ = compose
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Rigid):
+            return NotImplemented
+        return np.array_equal(self._rotation, other._rotation) and np.array_equal(
+            self._translation, other._translation
+        )
+
+    def __hash__(self) -> int:
+        return hash((self._rotation.tobytes(), self._translation.tobytes()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (self._rotation, self._translation)
+
+    def __repr__(self) -> str:
+        turn = ", ".join(f"{x:.4g}" for x in np.degrees(self.rotation_vector))
+        shift = ", ".join(f"{1e3 * x:.4g}" for x in self._translation)
+        return f"<Rigid: turned by ({turn}) deg, moved by ({shift}) mm>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Rotation and translation for JSON."""
+        return {
+            "rotation": self._rotation.tolist(),
+            "rotation_vector_rad": self.rotation_vector.tolist(),
+            "translation_m": self._translation.tolist(),
+        }
+
+
+def _restored(rotation: Array, translation: Array) -> Rigid:
+    """The same motion to the last bit."""
+    out = Rigid(rotation, translation)
+    out._rotation = rotation.copy()
+    out._rotation.flags.writeable = False
+    return out

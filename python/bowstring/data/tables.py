@@ -1,0 +1,514 @@
+"""Tables of cells with line numbers, from CSV, TSV and Excel: encodings, separators and traps.
+
+What a file is shows in its content, not in its name.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import re
+import warnings
+import zipfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import chain, islice
+from pathlib import Path
+from typing import IO, Final
+
+from bowstring.atomic_io import readable
+from bowstring.data import motive
+from bowstring.errors import InputError
+from bowstring.units import NUMBER, quote
+
+__all__ = ["Form", "Table", "UnknownColumnsError", "open_table"]
+
+MOST_ROWS: Final = 2_000_000
+MOST_SHEET_ROWS: Final = 200_000  # a spreadsheet is read at a tenth of the speed of text
+_MOST_COLUMNS: Final = 2_000
+_MOST_BYTES: Final = 500_000_000
+_MOST_SHEET_BYTES: Final = 100_000_000
+_MOST_UNPACKED: Final = 200_000_000
+_MOST_UNPACKED_PART: Final = 50_000_000  # of one that is no sheet, such as that of all texts
+_MOST_RATIO: Final = 100  # packed XML of numbers has 5 to 30
+_MOST_PARTS: Final = 5_000
+_LAST_SHEET_ROW: Final = 1_048_576  # of Excel
+_LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML: a row is held as a whole
+_CHUNK: Final = 200_000  # cells
+
+Row = tuple[int, list[str]]
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a table lies in its file, where that is not a header and rows below it.
+
+    Attributes
+    ----------
+    skip : int
+        Lines (rows of a sheet) above the header, or above the numbers where there is no header.
+    skip_below : int
+        Rows between the header and the numbers, such as one of units.
+    has_header : bool
+    names : tuple of str
+        Of the columns, instead of those of the header; without both they are ``column_1`` and so
+        on.
+    separator : str or None
+        Between cells; ``" "`` for blanks, None to find it.
+    """
+
+    skip: int = 0
+    skip_below: int = 0
+    has_header: bool = True
+    names: tuple[str, ...] = ()
+    separator: str | None = None
+
+
+class UnknownColumnsError(InputError):
+    """The columns of a table do not say what they are.
+
+    Attributes
+    ----------
+    table : Table
+        As far as it was read.
+    """
+
+    def __init__(self, message: str, table: Table) -> None:
+        super().__init__(message)
+        self.table = table
+
+
+@dataclass
+class Table:
+    """A header and the rows below it.
+
+    Attributes
+    ----------
+    path : Path
+    sha256 : str
+        Of the whole file.
+    header : list of str
+        Names of the columns, without blanks around them.
+    line : int
+        Line of the header in the file, from 1; in a spreadsheet the row of its sheet.
+    about : dict
+        From comments ``# key: value`` above the header, keys in lower case.
+    separator : str
+        Between cells; empty in a spreadsheet.
+    notes : list of (int, str)
+        What a reader should know of the file, with a line; rows may add to them while they are
+        read.
+    form : Form
+    length_unit : str or None
+        Of all coordinates, where the file says it.
+    own : int or None
+        How many of the columns are the file's own; the others were joined. None: all.
+    """
+
+    path: Path
+    sha256: str
+    header: list[str]
+    line: int
+    about: dict[str, str]
+    separator: str
+    notes: list[tuple[int, str]] = field(default_factory=list)
+    rows: Iterator[Row] = field(default_factory=lambda: iter(()), repr=False)
+    form: Form = Form()
+    length_unit: str | None = None
+    own: int | None = None
+
+    def chunks(self) -> Iterator[list[Row]]:
+        """The rows once, many at a time: line and cells; blank lines and comments are left out."""
+        count, most = 0, MOST_ROWS if self.separator else MOST_SHEET_ROWS
+        size = max(_CHUNK // max(len(self.header), 10), 1)
+        while chunk := list(islice(self.rows, size)):
+            count += len(chunk)
+            if count > most:
+                text = "split it" if self.separator else "save it as CSV, of which more is read"
+                raise InputError(
+                    f"{self.path}: the table has more than {most} rows, which is the most "
+                    f"that is read; {text}"
+                )
+            yield chunk
+
+
+def open_table(path: str | Path, form: Form | None = None) -> Table:
+    """Open a table and read its header.
+
+    Parameters
+    ----------
+    path : str or Path
+        Text in UTF-8 (or UTF-16 with its mark) with commas, semicolons or tabs between cells, or an
+        Excel workbook (.xlsx), of which the first sheet is read. Blank lines and lines that begin
+        with # are skipped. A CSV export of OptiTrack's Motive is known by its first line.
+    form : Form, optional
+        How the table lies in the file.
+
+    Returns
+    -------
+    Table
+
+    Raises
+    ------
+    InputError
+        If it cannot be read; the text says what to do. `UnknownColumnsError` if there are numbers
+        in place of a header, or blanks between its names.
+    """
+    path, form = Path(path), form or Form()
+    data = _bytes(path)
+    sha256 = hashlib.sha256(data).hexdigest()
+    if not data.strip():
+        raise InputError(f"{path}: the table is empty")
+    if data.startswith(b"PK\x03\x04"):
+        return _workbook(path, data, sha256, form)
+    if data.startswith(b"\xd0\xcf\x11\xe0"):
+        raise InputError(
+            f"{path}: this is a workbook of the old Excel format (or a locked one); save it as "
+            ".xlsx without a password, or as CSV"
+        )
+    return _text(path, data, sha256, form)
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        if path.is_dir():
+            raise InputError(f"{path}: this is a folder; name the file of the table")
+        # a pipe is read as well; a device such as /dev/zero has no end
+        with readable(path) as file:
+            data = file.read(_MOST_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"{path}: the table cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        if isinstance(error, InputError):
+            raise
+        # a null character in the name
+        raise InputError(f"{quote(str(path))} is no name of a file") from None
+    if len(data) > _MOST_BYTES:
+        raise InputError(
+            f"{path}: the table is too large; up to {_MOST_BYTES // 10**6} MB are read, split it"
+        )
+    return data
+
+
+def _short(error: Exception) -> str:
+    """What a library says, on one line and short: it may quote a whole cell."""
+    return " ".join(str(error).split())[:200]
+
+
+# -- text --------------------------------------------------------------------------------------
+
+
+def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
+    encoding = _encoding(path, data)
+    file = io.TextIOWrapper(io.BytesIO(data), encoding=encoding, newline="")
+    about: dict[str, str] = {}
+    number, first = 0, ""
+    for number, first in enumerate(file, 1):
+        if number > form.skip and first.strip() and not _is_comment(first):
+            break
+        if number > form.skip:
+            _remember(first, about)
+    else:
+        what = f"the table has no line below the {form.skip} that are skipped" if form.skip else (
+            "the table is empty, there are only comments"
+        )  # fmt: skip
+        raise InputError(f"{path}: {what}")
+    if motive.is_export(first) and form == Form():
+        return _motive(path, file, first, number, sha256)
+    separator = form.separator or _separator(first)
+    words = first.split()
+    if separator not in first and len(words) > 3:
+        has_header = not all(re.fullmatch(NUMBER, word) for word in words)
+        if not has_header:
+            words = [f"column_{i}" for i in range(1, len(words) + 1)]
+        blanks = Form(has_header=has_header, separator=" ")
+        raise UnknownColumnsError(
+            f"{path}, line {number}: the header has blanks between its names; separate cells by "
+            "commas, semicolons or tabs",
+            Table(path, sha256, words, number, about, " ", form=blanks),
+        )
+    lines = _with_first(first, file)
+    rest = _Blanks(lines) if separator == " " else None
+    rows = _text_rows(path, rest or csv.reader(lines, delimiter=separator, strict=True), number - 1)
+    table = Table(path, sha256, [], number, about, separator, [], rows, form)
+    return _named(table)
+
+
+def _separator(line: str) -> str:
+    """What stands between the cells of a line: the most frequent, in numbers the strongest."""
+    marks = "\t;,"
+    found = max(marks, key=lambda mark: line.count(mark))  # the first of equals
+    if any(re.fullmatch(r"\s*" + NUMBER + r"\s*", cell) for cell in re.split(r"[\t;,]", line)):
+        return next((mark for mark in marks if mark in line), found)  # commas may be decimal ones
+    return found
+
+
+class _Blanks:
+    """Rows of cells between which there are blanks, as `csv.reader` gives them."""
+
+    def __init__(self, lines: Iterator[str]) -> None:
+        self.lines, self.line_num = lines, 0
+
+    def __iter__(self) -> Iterator[list[str]]:
+        return self
+
+    def __next__(self) -> list[str]:
+        line = next(self.lines)
+        self.line_num += 1
+        return line.split()
+
+
+def _named(table: Table) -> Table:
+    """Read the names of the columns, and skip what lies between them and the numbers."""
+    form = table.form
+    try:
+        table.line, first = next(table.rows)
+    except StopIteration:
+        raise InputError(f"{table.path}: the table is empty") from None
+    below: Iterable[Row] = ()
+    if form.has_header:
+        table.header = [name.strip() for name in first]
+        while table.header and not table.header[-1]:
+            table.header.pop()
+    else:
+        while first and not first[-1].strip():
+            first.pop()
+        table.header = [f"column_{i}" for i in range(1, len(first) + 1)]
+        below = [(table.line, first)]
+    if form.names:
+        if len(form.names) != len(table.header):
+            raise InputError(
+                f"{table.path}, line {table.line}: the mapping names {len(form.names)} columns, "
+                f"here there are {len(table.header)}"
+            )
+        table.header = list(form.names)
+    rows = islice(chain(below, table.rows), form.skip_below, None)
+    table.rows = rows
+    _check_header(table)
+    return table
+
+
+def _motive(path: Path, file: Iterator[str], first: str, line: int, sha256: str) -> Table:
+    reader = csv.reader(_with_first(first, file), strict=True)
+    rows = _text_rows(path, reader, line - 1)
+    export = motive.read_header(path, rows)
+    about = {"name": export.take} if export.take else {}
+    table = Table(path, sha256, export.columns, export.line, about, ",", [], rows)
+    table.length_unit = export.unit
+    _check_header(table)
+    return table
+
+
+def _with_first(first: str, rest: Iterator[str]) -> Iterator[str]:
+    yield first
+    yield from rest
+
+
+def _encoding(path: Path, data: bytes) -> str:
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):  # Excel's "Unicode text"
+        encoding = "utf-16"
+    elif b"\0" in data[:100_000]:
+        raise InputError(f"{path}: this is no text; give a table as CSV, TSV or .xlsx")
+    else:
+        encoding = "utf-8-sig"
+    try:
+        data.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise InputError(
+            f"{path}, line {line}: the text is not in UTF-8; save the table as CSV in UTF-8"
+        ) from None
+    return encoding
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip(' \t"').startswith("#")
+
+
+def _remember(line: str, about: dict[str, str]) -> None:
+    """Keep ``# key: value``, from a line or, with a spreadsheet's separators at its end, a cell."""
+    text = line.strip().strip('"').lstrip("# \t").rstrip(",;\t ").strip('"')
+    key, colon, value = text.partition(":")
+    if colon and re.fullmatch(r"[A-Za-z_]{1,40}", key.strip()):
+        about.setdefault(key.strip().lower(), value.strip())
+
+
+def _text_rows(path: Path, reader: Iterator[list[str]], skipped: int) -> Iterator[Row]:
+    """Number of the line at which a row begins, and cells; `skipped` lines came before."""
+    line = 0
+    try:
+        for cells in reader:
+            began, line = line + 1, reader.line_num  # type: ignore[attr-defined]
+            if not cells or cells[0].lstrip().startswith("#"):
+                continue
+            if not cells[0] and not any(map(str.strip, cells)):
+                continue
+            yield skipped + began, cells
+    except csv.Error as error:
+        raise InputError(
+            f"{path}, line {skipped + line + 1}: the table cannot be read: {error}"
+        ) from None
+
+
+def _check_header(table: Table) -> None:
+    header, here = table.header, f"{table.path}, line {table.line}"
+    if len(header) > _MOST_COLUMNS:
+        raise InputError(
+            f"{here}: the header has {len(header)} columns; up to {_MOST_COLUMNS} are read"
+        )
+    if all(re.fullmatch(NUMBER, name) for name in header):
+        table.form = Form(has_header=False)
+        table.header = [f"column_{i}" for i in range(1, len(header) + 1)]
+        raise UnknownColumnsError(
+            f"{here}: there are numbers where the names of the columns are expected; write a "
+            "header",
+            table,
+        )
+    seen: set[str] = set()
+    for name in header:
+        if name and name in seen:
+            raise InputError(f"{here}: the column {quote(name)} is there twice")
+        seen.add(name)
+
+
+# -- spreadsheets ------------------------------------------------------------------------------
+
+
+def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
+    _check_parts(path, data)
+    import openpyxl
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of styles and the like
+            book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+        sheets = [sheet for sheet in book.worksheets if sheet.title.lower() != "source"]
+    except Exception as error:  # openpyxl raises many kinds on what is no workbook
+        raise InputError(
+            f"{path}: this is no Excel workbook that can be read: {_short(error)}"
+        ) from None
+    if not sheets:
+        raise InputError(f"{path}: the workbook has no sheet with a table")
+    sheet = sheets[0]
+    about: dict[str, str] = {}
+    for other in book.worksheets:
+        if other.title.lower() == "source":
+            other.reset_dimensions()
+            cell = next(iter(other.iter_rows(max_row=1, max_col=1, values_only=True)), (None,))
+            about["source"] = _cell(cell[0] if cell else None).strip()
+    sheet.reset_dimensions()  # a file can claim any
+    line, first = _sheet_header(path, sheet, about, form.skip)
+    rows = chain([(line, first)], _sheet_rows(path, sheet, line, len(first)))
+    table = _named(Table(path, sha256, [], line, about, "", [], rows, form))
+    if len(sheets) > 1:
+        names = ", ".join(quote(other.title) for other in sheets[1:11])
+        text = f"only the first sheet, {quote(sheet.title)}, is read, not {names}"
+        table.notes.append((table.line, text))
+    return table
+
+
+def _check_parts(path: Path, data: bytes) -> None:
+    """Refuse an archive that unpacks to far more than it is, before a workbook is made of it.
+
+    The sizes it states bind: reading stops at them.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            parts = archive.infolist()
+            unpacked = sum(part.file_size for part in parts)
+            if (
+                len(data) > _MOST_SHEET_BYTES
+                or len(parts) > _MOST_PARTS
+                or unpacked > _MOST_UNPACKED
+                or any(map(_is_bloated, parts))
+            ):
+                raise InputError(
+                    f"{path}: the workbook would unpack to {unpacked / 1e6:.0f} MB in "
+                    f"{len(parts)} parts, far more than a table needs, and is not opened; save "
+                    "the table as CSV"
+                )
+            if not any(part.filename == "xl/workbook.xml" for part in parts):
+                raise InputError(f"{path}: this archive is no Excel workbook (.xlsx)")
+            for part in parts:
+                if part.filename.endswith((".xml", ".rels")):
+                    with archive.open(part) as file:
+                        _check_xml(path, file)
+    except InputError:
+        raise
+    except Exception as error:  # zipfile raises many kinds, as for a password
+        raise InputError(f"{path}: the workbook cannot be unpacked: {_short(error)}") from None
+
+
+def _is_bloated(part: zipfile.ZipInfo) -> bool:
+    size = part.file_size
+    is_sheet = part.filename.startswith("xl/worksheets/")
+    return (size > 1_000_000 and size > _MOST_RATIO * part.compress_size) or (
+        size > _MOST_UNPACKED_PART and not is_sheet
+    )
+
+
+def _check_xml(path: Path, file: IO[bytes]) -> None:
+    """Refuse XML that defines what it is made of, and rows without end."""
+    row = re.compile(rb"<(?:[A-Za-z0-9]+:)?(?:row|si)[ >/]")
+    since, tail = 0, b""
+    first = True
+    while block := file.read(1_000_000):
+        if first and b"<!DOCTYPE" in block.replace(b"\0", b""):  # in UTF-16 as well
+            raise InputError(
+                f"{path}: the workbook holds a document type definition, which no spreadsheet "
+                "writes, and is not opened; save the table as CSV"
+            )
+        first = False
+        last = None
+        for last in row.finditer(tail + block):  # noqa: B007
+            pass
+        since = len(tail + block) - last.end() if last else since + len(block)
+        if since > _LONGEST_SHEET_ROW:
+            raise InputError(
+                f"{path}: the workbook has a row of more than {_LONGEST_SHEET_ROW // 10**6} MB, "
+                "and is not opened; save the table as CSV"
+            )
+        tail = block[-50:]
+
+
+def _sheet_header(
+    path: Path, sheet: object, about: dict[str, str], skip: int
+) -> tuple[int, list[str]]:
+    rows = _values(path, sheet, 1 + skip, _MOST_COLUMNS + 1)
+    for line, cells in islice(rows, 1000):
+        if not any(cells):
+            continue
+        if not cells[0].startswith("#"):
+            while not cells[-1]:
+                cells.pop()
+            return line, cells
+        _remember(cells[0], about)
+    raise InputError(f"{path}: the first sheet has no header in its first 1000 rows")
+
+
+def _sheet_rows(path: Path, sheet: object, header: int, width: int) -> Iterator[Row]:
+    # one column more, so that a row that is too long shows
+    for line, cells in _values(path, sheet, header + 1, width + 1):
+        if any(cells) and not cells[0].startswith("#"):
+            yield line, cells if cells[width] else cells[:width]
+
+
+def _values(path: Path, sheet: object, start: int, width: int) -> Iterator[Row]:
+    rows = sheet.iter_rows(min_row=start, max_col=width, values_only=True)  # type: ignore[attr-defined]
+    try:
+        for line, values in enumerate(rows, start):
+            if line > _LAST_SHEET_ROW:
+                raise InputError(f"{path}: the sheet has more than {_LAST_SHEET_ROW} rows")
+            cells = [_cell(value) for value in values]
+            yield line, cells + [""] * (width - len(cells))
+    except Exception as error:  # damaged parts
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: the sheet cannot be read: {_short(error)}") from None
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    return repr(float(value)) if isinstance(value, float) else str(value)

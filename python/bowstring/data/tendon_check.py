@@ -1,0 +1,512 @@
+"""Do the tendons of a table pull as those of the robot? Swapped tendons, mirrored numbering.
+
+Each candidate for what may have gone wrong (two tendons swapped, numbered the other way round)
+predicts by constant curvature where the tip goes. A rigid motion and a gain are fitted, for the
+measuring frame need not be the base frame and the robot is not quite an arc; a mirrored order shows
+as a motion that would have to mirror. What cannot be told apart is not told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import TYPE_CHECKING, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.constant_curvature import arcs as arc
+from bowstring.errors import BowstringError
+from bowstring.formatting import in_mm, listed, significant
+
+if TYPE_CHECKING:
+    from bowstring.data.measurements import Measurements
+    from bowstring.robot.model import Robot
+
+__all__ = ["TendonCheck", "check_tendons"]
+
+Floats = NDArray[np.float64]
+Found = Literal["as_said", "turned", "swapped", "mirrored", "unclear", "unchecked"]
+
+_MOST_ROWS: Final = 400  # enough for a direction, and quick
+_FEWEST_ROWS: Final = 4
+_MOST_PAIRS: Final = 200
+_GAINS: Final = (0.35, 0.5, 0.7, 0.85, 1.0, 1.2)
+_NEAR: Final = (0.6, 0.8, 1.0, 1.2, 1.5)  # gains beside the best one of the order as said
+_CLEARLY: Final = 0.7  # what is left by the better candidate, of what is left as said
+_GOOD: Final = 0.4  # what may be left of the motion by a candidate that is believed
+_POOR: Final = 0.65  # left as said: an order that explains so little is doubted
+_TIE: Final = 1.15
+_STILL: Final = 0.005  # of the length: less motion says nothing
+_TURNED: Final = np.radians(20)
+_WOUND: Final = 4 * 2 * np.pi  # rad by the linear law: no robot is bent so far by its tendons
+_TURN: Final = 2 * np.pi
+_MOST_BENT: Final = 4.0  # rad
+_MOST_SOLVED: Final = 60  # rows
+_FACTOR: Final = 6.0  # more than a stiffness to be calibrated is off by, less than a wrong unit
+_LESS_BY_FAR: Final = 50.0
+_UNMOVED: Final = 20.0  # times less bend than motion, which no weight or load makes up for
+
+
+@dataclass(frozen=True)
+class TendonCheck:
+    """What the motion of the tip says of the order of the tendons.
+
+    Attributes
+    ----------
+    found : str
+        "as_said"; "turned": as said if the measuring frame is turned about z; "swapped";
+        "mirrored"; "unclear": none of these fits, or the commands are far too large or too small
+        for the motion, as in another unit; "unchecked": the data cannot tell.
+    sentence : str
+    tendons : tuple of int
+        The two that look swapped, from 1; empty if none do.
+    unexplained : float
+        Share of the tip's motion (RMS) that constant curvature leaves with the order as said; NaN
+        if unchecked.
+    turn : float
+        About z, from the base frame to the measuring frame, rad, as said; NaN if unchecked.
+    """
+
+    found: Found
+    sentence: str
+    tendons: tuple[int, ...] = ()
+    unexplained: float = np.nan
+    turn: float = np.nan
+
+    @property
+    def alarm(self) -> bool:
+        """Whether something is probably wrong."""
+        return self.found in ("swapped", "mirrored", "unclear")
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """How well a candidate explains the motion: share left over, and the turn that it takes."""
+
+    left: float
+    rotation: Floats
+
+    @property
+    def angle(self) -> float:
+        """Of the whole rotation, without a mirror, rad."""
+        turn = self.rotation
+        return float(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
+
+
+def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
+    """Compare the motion of the tip with that which each tendon should give it.
+
+    Parameters
+    ----------
+    robot : Robot
+    measurements : Measurements
+        With as many tendons as the robot.
+
+    Returns
+    -------
+    TendonCheck
+        Two tendons or the sense of numbering are named only where they explain the motion clearly
+        better than the order as given.
+    """
+    if 0 < measurements.without_tip < len(measurements):
+        measurements = measurements.select(measurements.seen)
+    problem, bends, measured = _data(robot, measurements)
+    if problem and len(measured) and (doubt := _doubted_size(robot, measurements, bends, measured)):
+        return TendonCheck("unclear", doubt)
+    if problem:
+        unchecked = f"The order of the tendons is not checked: {problem}."
+        if doubt := _doubted_pulls(robot, measurements):
+            return TendonCheck("unclear", f"{doubt} {unchecked}")
+        return TendonCheck("unchecked", unchecked)
+    found = _order(robot, measurements, bends, measured)
+    doubt = _doubted_commands(robot, measurements, bends, measured)
+    doubt = doubt or _doubted_size(robot, measurements, bends, measured)
+    if not doubt or found.found in ("swapped", "mirrored"):
+        return found
+    # what an order that is unclear would say is no news then
+    sentence = doubt if found.found == "unclear" else f"{doubt} {found.sentence}"
+    return replace(found, found="unclear", sentence=sentence)
+
+
+def _order(
+    robot: Robot, measurements: Measurements, bends: _Bends, measured: Floats
+) -> TendonCheck:
+    with_tip = measurements.points.shape[1] > 0
+    tool = np.asarray(measurements.tool) if with_tip else np.zeros(3)
+
+    count = measurements.tendon_count
+    same = np.arange(count)
+    # gravity or a wrong unit may hold the robot far straighter than tendons alone would
+    gain, _ = _best_gain(robot, bends(same), measured, tool, with_tip)
+    within = _capped(bends(same))
+    usual = within * min(_GAINS) <= gain <= within * max(_GAINS)
+    gains = [] if usual else [gain * factor for factor in _NEAR]
+
+    def fit(order: NDArray[np.int64], mirror: bool = False) -> _Fit:
+        return _fit(robot, bends(order), measured, tool, mirror, with_tip, gains)
+
+    said = fit(same)
+    turn = float(np.arctan2(said.rotation[1, 0], said.rotation[0, 0]))
+    swaps = {pair: fit(_swapped(count, pair)) for pair in _pairs(count)}
+    mirrored = fit(same, mirror=True)
+    best = min([mirrored, *swaps.values()], key=lambda candidate: candidate.left)
+    share = f"{100 * said.left:.0f} %"
+    if not (best.left < _CLEARLY * said.left and best.left < _GOOD):
+        if said.left > _POOR:
+            return TendonCheck(
+                "unclear",
+                f"As the tendons are ordered, constant curvature leaves {share} of the tip's motion"
+                " unexplained, and neither two swapped tendons nor the other sense of numbering "
+                "explain it: check the order and the sign of all tendons, and the robot.",
+                (),
+                said.left,
+                turn,
+            )
+        return _agreed(said, swaps, mirrored, turn)
+    ties = {pair: f for pair, f in swaps.items() if f.left <= _TIE * best.left}
+    # the frame that needs least turning is the likelier, as most are roughly registered
+    order = sorted(ties, key=lambda pair: ties[pair].angle)
+    named = order[:1]
+    if len(order) > 1 and not (
+        ties[order[0]].angle < _TURNED and ties[order[1]].angle > 2 * _TURNED
+    ):
+        named = order
+    after = f"{100 * best.left:.0f} %"
+    less = f"constant curvature then leaves {after} of the tip's motion unexplained, not {share}"
+    if mirrored.left <= _TIE * best.left:
+        swap = f", or tendons {_or(named)} are swapped" if named else ""
+        return TendonCheck(
+            "mirrored",
+            "The tip turns the other way round than the tendons do: the measuring frame is "
+            f"left-handed, or the tendons are numbered clockwise{swap}; {less}.",
+            named[0] if len(named) == 1 else (),
+            said.left,
+            turn,
+        )
+    return TendonCheck(
+        "swapped",
+        f"Tendons {_or(named)} look swapped: {less}.",
+        named[0] if len(named) == 1 else (),
+        said.left,
+        turn,
+    )
+
+
+def _agreed(
+    said: _Fit, swaps: dict[tuple[int, int], _Fit], mirrored: _Fit, turn: float
+) -> TendonCheck:
+    how = "moves" if said.left < _GOOD else "roughly moves"
+    text = (
+        f"The tip {how} as the tendons say in this order: constant curvature leaves "
+        f"{100 * said.left:.0f} % of its motion unexplained"
+    )
+    alike = [pair for pair, fit in swaps.items() if fit.left <= _TIE * said.left]
+    if mirrored.left <= _TIE * said.left:
+        text += "; numbered in the other sense they would explain it as well, as in any plane"
+    if abs(turn) < _TURNED or said.rotation[2, 2] < np.cos(2 * _TURNED):
+        return TendonCheck("as_said", f"{text}.", (), said.left, turn)
+    named = [pair for pair in alike if swaps[pair].angle < _TURNED]
+    swap = f"tendons {_or(named)} are swapped, " if named else ""
+    text += (
+        f". That takes a measuring frame turned by {np.degrees(turn):.0f} degrees about z; if it "
+        f"is not, {swap}the tendons are numbered from another one, or the sign of the pulls is "
+        "wrong"
+    )
+    return TendonCheck("turned", f"{text}.", named[0] if len(named) == 1 else (), said.left, turn)
+
+
+def _doubted_commands(robot: Robot, m: Measurements, bends: _Bends, measured: Floats) -> str:
+    """A sentence where tensions or pulls differ from what moves so as a wrong unit makes them."""
+    if not np.isnan(m.pulls).any():
+        return _wound(robot, m, np.linalg.norm(bends(np.arange(m.tendon_count)), axis=2))
+    if np.isnan(m.tensions).any():
+        return ""
+    bend = float(np.linalg.norm(bends(np.arange(m.tendon_count)), axis=2).max())
+    largest = f"{significant(float(m.tensions.max()))} N, the largest tension,"
+    advice = "check the unit of the tensions or masses, and E of the robot file."
+    if bend > _WOUND:
+        turns = significant(bend / (2 * np.pi), 2)
+        return f"By the linear law {largest} would wind {robot.name} {turns} times around: {advice}"
+    moved = _spread(measured) / (robot.length if m.points.shape[1] else 1.0)
+    if moved > _UNMOVED * bend:
+        return (
+            f"By the linear law {largest} would bend {robot.name} by "
+            f"{significant(np.degrees(bend), 2)} degrees only, and the tip moves far more: {advice}"
+        )
+    return ""
+
+
+def _doubted_pulls(robot: Robot, m: Measurements) -> str:
+    """The same of pulls alone, each by itself, where other tendons are given by tension."""
+    if m.tendon_count != len(robot.tendons.angle_rad) or np.isnan(m.pulls).all():
+        return ""
+    return _wound(robot, m, np.abs(m.pulls) / robot.tendons.pitch_radius_m)
+
+
+def _wound(robot: Robot, m: Measurements, bends: Floats) -> str:
+    bend = float(np.nanmax(bends))
+    if bend <= _TURN or _stretches(robot):
+        return ""
+    return (
+        f"{in_mm(float(np.nanmax(np.abs(m.pulls))))}, the largest pull, would wind {robot.name} "
+        f"{significant(bend / _TURN, 2)} times around: check the unit of the pulls, and the "
+        "pitch radius of the robot file."
+    )
+
+
+def _doubted_size(robot: Robot, m: Measurements, bends: _Bends, measured: Floats) -> str:
+    """A sentence where the motion is several times larger or smaller than that of the robot file.
+
+    The same arcs are fitted to the measured motion and to that which the commands should make, by
+    geometry from pulls and by statics from tensions; their gains are compared.
+    """
+    with_tip = m.points.shape[1] > 0
+    tool = np.asarray(m.tool) if with_tip else np.zeros(3)
+    reach = robot.length + float(np.linalg.norm(tool))
+    middle = np.median(measured, axis=0)
+    if with_tip and np.linalg.norm(measured - middle, axis=1).max() > 2 * reach:
+        return (
+            f"The tips lie farther apart than {robot.name} reaches, which is {in_mm(robot.length)} "
+            "long: check the unit of the tip's columns."
+        )
+    expected, rows = _expected(robot, m, bends, tool, with_tip)
+    if len(rows) < _FEWEST_ROWS:
+        return ""
+    order = np.arange(m.tendon_count)
+    measured, bent = measured[rows], bends(order)[rows]
+    still = _STILL * (robot.length if with_tip else 1.0)
+    if not bent.any() or max(_spread(measured), _spread(expected)) < still:
+        return ""
+    moved = _spread(measured) / max(_spread(expected), 1e-12 * still)
+    if moved > 1 / _LESS_BY_FAR:  # else too little moves to fit an arc to it
+        gains = [_best_gain(robot, bent, p, tool, with_tip) for p in (measured, expected)]
+        if max(left for _, left in gains) > _POOR:
+            return ""
+        moved = gains[0][0] / gains[1][0]
+    if 1 / _FACTOR < moved < _FACTOR:
+        return ""
+    by_pull = not np.isnan(m.pulls).any()
+    what, largest = ("pulls", m.pulls) if by_pull else ("tensions or masses", m.tensions)
+    amount = float(np.abs(largest).max())
+    shown = in_mm(amount) if by_pull else f"{significant(amount)} N"
+    rest = "the pitch radius" if by_pull else "E and gravity"
+    if moved < 1e-6:
+        how = "does not move, though"
+    else:
+        more = "more" if moved > 1 else "less"
+        how = f"moves {significant(max(moved, 1 / moved), 2)} times {more} than"
+    return (
+        f"The tip {how} {robot.name} would by these {what} (up to {shown}): check the unit of the "
+        f"tip's columns and of the {what}, and {rest} of the robot file."
+    )
+
+
+def _expected(
+    robot: Robot, m: Measurements, bends: _Bends, tool: Floats, with_tip: bool
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Where the tip should be, and of which rows that is known."""
+    from bowstring.statics import rod
+
+    arcs = bends(np.arange(m.tendon_count))
+    rows = np.flatnonzero(np.linalg.norm(arcs, axis=2).max(axis=1) <= _TURN / 2)
+    if len(rows) < _FEWEST_ROWS or not arcs[rows].any():  # a wound robot tells less
+        rows = np.arange(len(arcs))
+    some = np.linspace(0, len(rows) - 1, min(len(rows), _MOST_SOLVED)).round().astype(int)
+    rows = rows[np.unique(some)]
+    by_pull = not np.isnan(m.pulls).any()
+    if by_pull and not _stretches(robot):
+        position, axis = _tips(robot, arcs[rows], tool)
+        return (position if with_tip else axis), rows
+    driven = {"pulls" if by_pull else "tensions": bends.driven[rows]}
+    try:
+        found = rod.solve_batch(robot, **driven, disks=False)
+    except BowstringError:
+        return np.empty((0, 3)), rows[:0]
+    good = np.asarray(found.converged)
+    position, rotation = found.tip_position[good], found.tip_rotation[good]
+    return (position + rotation @ tool if with_tip else rotation[..., 2]), rows[good]
+
+
+def _stretches(robot: Robot) -> bool:
+    """Whether a pull may go into the tendon or its transmission instead of into a bend."""
+    tendons = robot.tendons
+    elastic = np.isfinite(tendons.axial_stiffness_N).any()
+    return bool(elastic or tendons.compliance_m_per_N.any())
+
+
+def _best_gain(
+    robot: Robot, bends: Floats, measured: Floats, tool: Floats, with_tip: bool
+) -> tuple[float, float]:
+    """Factor on all bends with which arcs explain the motion best, and the share left over."""
+    largest = float(np.linalg.norm(bends, axis=2).max())
+    if largest == 0 or _spread(measured) == 0:
+        return 1.0, 1.0
+    bent = np.logspace(-5, np.log10(_MOST_BENT), 40)
+
+    def left(angle: float) -> float:
+        position, axis = _tips(robot, bends * (angle / largest), tool)
+        return _rigid(position if with_tip else axis, measured).left
+
+    for _ in range(2):
+        at = int(np.argmin(found := [left(angle) for angle in bent]))
+        best = (float(bent[at]), found[at])
+        bent = np.geomspace(bent[max(0, at - 1)], bent[min(len(bent) - 1, at + 1)], 12)
+    return best[0] / largest, best[1]
+
+
+def _or(pairs: list[tuple[int, int]]) -> str:
+    return " or ".join(listed([str(a), str(b)]) for a, b in pairs)
+
+
+def _pairs(count: int) -> Iterator[tuple[int, int]]:
+    for pair, _ in zip(combinations(range(1, count + 1), 2), range(_MOST_PAIRS), strict=False):
+        yield pair
+
+
+def _swapped(count: int, pair: tuple[int, int]) -> NDArray[np.int64]:
+    order = np.arange(count)
+    order[[pair[0] - 1, pair[1] - 1]] = pair[1] - 1, pair[0] - 1
+    return order
+
+
+# -- from data to motion -----------------------------------------------------------------------
+
+
+def _data(robot: Robot, m: Measurements) -> tuple[str, _Bends, Floats]:
+    """Why it cannot be checked, or what bends the segments and where the tip was."""
+    nothing = _Bends(np.empty((0, 0)), np.empty((0, 0)))
+    none = np.empty((0, 3))
+    if m.tendon_count == 0:
+        return "the data say of no tendon how it is driven", nothing, none
+    if m.tendon_count != len(robot.tendons.angle_rad):
+        needed = len(robot.tendons.angle_rad)
+        return f"the data have {m.tendon_count} tendons, {robot.name} has {needed}", nothing, none
+    if m.points.shape[1]:
+        if m.scale is None:
+            return "points are in pixels", nothing, none
+        if not m.seen.any():
+            return "no tip is measured", nothing, none
+        measured, size = m.tip, robot.length
+    elif m.bend is not None and m.direction is not None:
+        across = np.sin(m.bend)
+        measured = np.stack(
+            [across * np.cos(m.direction), across * np.sin(m.direction), np.cos(m.bend)], axis=1
+        )
+        size = 1.0
+    else:
+        return "no point and no direction of bending is measured", nothing, none
+    if not np.isnan(m.pulls).any():
+        driven, by_tendon = m.pulls, _by_pull(robot)
+    elif not np.isnan(m.tensions).any():
+        driven, by_tendon = m.tensions, _by_tension(robot)
+    else:
+        return "some tendons are given by tension and others by pull", nothing, none
+    rows = np.unique(np.linspace(0, len(m) - 1, min(len(m), _MOST_ROWS)).round().astype(int))
+    rows = rows[np.isfinite(measured[rows]).all(axis=1)]
+    if len(rows) < _FEWEST_ROWS:
+        return f"it takes {_FEWEST_ROWS} rows or more", nothing, none
+    measured = measured[rows]
+    if _spread(measured) < _STILL * size:
+        return "the tip hardly moves", _Bends(driven[rows], by_tendon), measured
+    return "", _Bends(driven[rows], by_tendon), measured
+
+
+@dataclass(frozen=True)
+class _Bends:
+    """Bend vectors of all segments (n, S, 2), rad, from commands (n, T), in any order of tendons.
+
+    By tension they are relative, the largest is a quarter turn.
+    """
+
+    driven: Floats
+    by_tendon: Floats
+
+    def __call__(self, order: NDArray[np.int64]) -> Floats:
+        rows = self.driven[:, order] @ self.by_tendon.T
+        return np.asarray(rows.reshape(len(rows), -1, 2))
+
+
+def _by_pull(robot: Robot) -> Floats:
+    """(2 S, T): bends of the segments by pulls, least squares; tendons run parallel.
+
+    What lengthens or shortens a segment's tendons alike does not bend it.
+    """
+    tendons, count = robot.tendons, len(robot.segments)
+    rows = np.zeros((len(tendons.angle_rad), 3 * count))
+    for i, (hole, segment) in enumerate(zip(tendons.hole_m, tendons.segment, strict=True)):
+        for j in range(segment + 1):
+            rows[i, 2 * j : 2 * j + 2] = hole
+        rows[i, 2 * count + segment] = np.linalg.norm(hole)
+    return np.asarray(np.linalg.pinv(rows, rcond=1e-9)[: 2 * count])
+
+
+def _by_tension(robot: Robot) -> Floats:
+    """(2 S, T): bends of the segments by tensions, the linear law."""
+    tendons = robot.tendons
+    out = np.zeros((2 * len(robot.segments), len(tendons.angle_rad)))
+    for j, segment in enumerate(robot.segments):
+        passes = tendons.segment >= j
+        law = segment.length / robot.bending_stiffness[j]
+        out[2 * j : 2 * j + 2, passes] = law * tendons.hole_m[passes].T
+    return out
+
+
+def _fit(
+    robot: Robot,
+    bends: Floats,
+    measured: Floats,
+    tool: Floats,
+    mirror: bool,
+    with_tip: bool,
+    gains: Sequence[float],
+) -> _Fit:
+    """The best of the gains, each with the rigid motion that fits it best."""
+    largest = float(np.linalg.norm(bends, axis=2).max())
+    if largest == 0:
+        return _Fit(1.0, np.eye(3))
+    cap = _capped(bends)
+    fits = []
+    for gain in (*(cap * gain for gain in _GAINS), *gains):
+        position, axis = _tips(robot, gain * bends, tool)
+        predicted = position if with_tip else axis
+        if mirror:
+            predicted = predicted * [1.0, -1.0, 1.0]
+        fits.append(_rigid(predicted, measured))
+    return min(fits, key=lambda fit: fit.left)
+
+
+def _capped(bends: Floats) -> float:
+    """Factor that leaves a bend at most: stiffness may be far from that of the file."""
+    return min(1.0, 2.5 / max(float(np.linalg.norm(bends, axis=2).max()), 1e-300))
+
+
+def _tips(robot: Robot, bends: Floats, tool: Floats) -> tuple[Floats, Floats]:
+    """Measured point and direction of the tip (n, 3) of segments in series."""
+    n = len(bends)
+    position, rotation = np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3))
+    for j, segment in enumerate(robot.segments):
+        x, y = bends[:, j].T
+        pose = arc.pose(np.hypot(x, y) / segment.length, np.arctan2(y, x), segment.length)
+        position = position + (rotation @ pose.position[..., None])[..., 0]
+        rotation = rotation @ pose.rotation
+    return position + rotation @ tool, rotation[..., 2]
+
+
+def _spread(points: Floats) -> float:
+    centred = points - points.mean(axis=0)
+    return float(np.sqrt((centred**2).sum(axis=1).mean()))
+
+
+def _rigid(predicted: Floats, measured: Floats) -> _Fit:
+    """Least-squares rotation and translation without a mirror (Kabsch 1976)."""
+    a = predicted - predicted.mean(axis=0)
+    b = measured - measured.mean(axis=0)
+    u, _, vt = np.linalg.svd(b.T @ a)
+    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    left = np.sqrt(((b - a @ turn.T) ** 2).sum(axis=1).mean())
+    return _Fit(min(float(left) / _spread(measured), 1.0), turn)

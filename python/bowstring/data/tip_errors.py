@@ -1,0 +1,97 @@
+"""Errors of predicted tips against others: statistics over points, by axis, over the length."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.display import short_repr
+
+__all__ = ["Comparison", "known_max", "known_mean"]
+
+Array = NDArray[np.float64]
+
+
+@short_repr
+@dataclass(frozen=True)
+class Comparison:
+    """Tips of constant curvature against tips of physics."""
+
+    name: str
+    against: str
+    length: float
+    tip_position: Array
+    """(n, 3) by constant curvature, m; NaN where there is none."""
+    difference: Array
+    """(n, 3) constant curvature minus physics, m."""
+
+    @cached_property
+    def error(self) -> Array:
+        """Euclidean tip error (n,), m."""
+        return np.asarray(np.linalg.norm(self.difference, axis=-1))
+
+    @property
+    def n(self) -> int:
+        """Number of points that both sides have."""
+        return int(np.isfinite(self.error).sum())
+
+    def _over_points(self, statistic: Callable[[Array], Any], values: Array) -> Any:
+        return statistic(values[np.isfinite(self.error)]) if self.n else math.nan
+
+    @property
+    def mean(self) -> float:
+        """Mean error, m."""
+        return float(self._over_points(np.mean, self.error))
+
+    @property
+    def maximum(self) -> float:
+        """Largest error, m."""
+        return float(self._over_points(np.max, self.error))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square over points (never over coordinates), m."""
+        return float(np.sqrt(self._over_points(np.mean, self.error**2)))
+
+    @property
+    def mean_by_axis(self) -> Array:
+        """Mean absolute error along x, y and z, m."""
+        rows = np.abs(self.difference[np.isfinite(self.error)])
+        return np.asarray(rows.mean(axis=0) if len(rows) else np.full(3, math.nan))
+
+    @property
+    def max_by_axis(self) -> Array:
+        """Largest absolute error along x, y and z, m."""
+        rows = np.abs(self.difference[np.isfinite(self.error)])
+        return np.asarray(rows.max(axis=0) if len(rows) else np.full(3, math.nan))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The comparison in mm and percent."""
+        return {
+            "name": self.name,
+            "against": self.against,
+            "n": self.n,
+            "mean_mm": self.mean * 1e3,
+            "max_mm": self.maximum * 1e3,
+            "rms_mm": self.rms * 1e3,
+            "mean_percent": self.mean / self.length * 100.0,
+            "mean_by_axis_mm": (self.mean_by_axis * 1e3).tolist(),
+        }
+
+
+def known_mean(values: Array) -> float:
+    """Mean of the values that are finite; NaN if none is."""
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else math.nan
+
+
+def known_max(values: Array) -> float:
+    """Largest of the values that are finite; NaN if none is."""
+    known = values[np.isfinite(values)]
+    return float(known.max()) if known.size else math.nan

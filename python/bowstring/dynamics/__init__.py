@@ -1,0 +1,17 @@
+"""The rod in motion: simulation, load histories, natural modes, the file of a run."""
+
+from bowstring.dynamics.load_history import Table, ramp, step
+from bowstring.dynamics.modal import Modes, modes
+from bowstring.dynamics.simulation import NoStart, Run, RunInterrupted, simulate
+
+__all__ = [
+    "Modes",
+    "NoStart",
+    "Run",
+    "RunInterrupted",
+    "Table",
+    "modes",
+    "ramp",
+    "simulate",
+    "step",
+]

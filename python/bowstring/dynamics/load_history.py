@@ -1,0 +1,426 @@
+"""Loads over time: tables, ramps and functions, and the stretches of time between their corners.
+
+Everything is SI. T is the number of tendons.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring import validation
+from bowstring.errors import InputError
+from bowstring.statics import actuation
+from bowstring.statics.load import Load
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
+
+__all__ = ["CLOSEST", "Driven", "Loads", "OverTime", "Table", "over_time", "ramp", "step"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_LOOK: Final = 0.1  # seconds between two looks at the keyboard
+_WORK: Final = 3e-6  # seconds of a step and module, as guessed for the first stretch
+_MOST_AT_FIRST: Final = 250  # times in the first stretch, should the guess be bad
+_LONGEST_WHY: Final = 300  # letters of an error of a user's function
+CLOSEST: Final = 1e-11  # s, between two times: a step of 1e-13 drowns in rounding
+
+
+class Table:
+    """Values over time, straight between the times given, constant before and after them.
+
+    Parameters
+    ----------
+    times : array_like (K,)
+        In s, never decreasing; the same time twice is a jump.
+    values : array_like (K, C)
+        One row a time: a tension for each tendon in N, a pull in m, or a vector. A column of NaN is
+        a tendon that is driven otherwise.
+
+    Raises
+    ------
+    InputError
+        If times decrease, three are the same, two are the same but for rounding, or numbers are
+        not finite.
+    """
+
+    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
+        try:
+            self.times = validation.floats(times)
+            self.values = validation.floats(values)
+        except TypeError:
+            raise InputError("a table over time takes numbers: times (K,), values (K, C)") from None
+        if self.times.ndim != 1 or self.values.ndim != 2 or len(self.times) == 0:
+            raise InputError(
+                f"a table over time takes times (K,) and values (K, C), got shapes "
+                f"{self.times.shape} and {self.values.shape}"
+            )
+        if len(self.times) != len(self.values):
+            raise InputError(
+                f"a table over time has {len(self.times)} times but {len(self.values)} rows"
+            )
+        said = ~np.isnan(self.values).all(axis=0)
+        for name, array in (("times", self.times), ("values", self.values[:, said])):
+            if not np.isfinite(array).all():
+                row = int(np.argwhere(~np.isfinite(array))[0][0])
+                text = f"the {name} of a table over time are not finite in row {row}"
+                if name == "values" and not np.isinf(array).any():
+                    text += "; a tendon that is driven otherwise has NaN in all rows"
+                raise InputError(text)
+        gaps = np.diff(self.times)
+        if (gaps < 0).any():
+            row = int(np.argmax(gaps < 0)) + 1
+            raise InputError(
+                f"the times of a table must not decrease: {self.times[row]:g} s in row {row} "
+                f"comes after {self.times[row - 1]:g} s"
+            )
+        if ((gaps[1:] == 0) & (gaps[:-1] == 0)).any():
+            raise InputError("a table over time has the same time three times; a jump takes two")
+        near = (gaps > 0) & (gaps < CLOSEST)
+        if near.any():
+            row = int(np.argmax(near)) + 1
+            raise InputError(
+                f"the times of a table are {gaps[row - 1]:.2g} s apart in rows {row - 1} and {row} "
+                f"({self.times[row]:g} s), which drowns in rounding; give the same time twice for "
+                f"a jump, else {CLOSEST:g} s or more"
+            )
+
+    def at(self, time: float, *, before: bool = False) -> Floats:
+        """The row at a time, after a jump there, or before it."""
+        return np.asarray(self.rows(np.array([time]), before=before)[0])
+
+    def rows(self, times: Floats, *, before: bool = False) -> Floats:
+        """The rows (K, C) at several times (K,)."""
+        side: Literal["left", "right"] = "left" if before else "right"
+        i = np.searchsorted(self.times, times, side=side)
+        a, b = np.clip(i - 1, 0, None), np.clip(i, None, len(self.times) - 1)
+        gap = self.times[b] - self.times[a]
+        share = np.where(gap > 0, (times - self.times[a]) / np.where(gap > 0, gap, 1.0), 0.0)
+        low, high = self.values[a], self.values[b]
+        between = low + share[:, None] * (high - low)
+        return np.asarray(np.where(share[:, None] >= 1.0, high, between))  # the end is met exactly
+
+    def knots(self) -> set[float]:
+        """The times of its corners and jumps."""
+        return set(self.times.tolist())
+
+    def jumps(self) -> set[float]:
+        """The times of its jumps."""
+        return set(self.times[1:][np.diff(self.times) == 0].tolist())
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether it must be asked before each step."""
+        return False
+
+    def to_dict(self) -> Any:
+        """Times and values, for a file; None where a tendon is driven otherwise."""
+        return {"times_s": self.times.tolist(), "values": _plain(self.values)}
+
+
+def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
+    """A rise in a straight line from zero to `values`, which takes `rise` seconds; then hold."""
+    try:
+        end = np.atleast_1d(validation.floats(values))
+    except TypeError:
+        raise InputError(
+            f"the values of a ramp are {validation.shown(values)}, they must be numbers"
+        ) from None
+    rise = validation.number("rise", rise, "s", zero=True)
+    start = validation.number("start", start, "s", zero=True)
+    return Table([start, start + rise], [0.0 * end, end])
+
+
+def step(values: ArrayLike, start: float = 0.0) -> Table:
+    """A jump from zero to `values` at `start`."""
+    return ramp(values, 0.0, start)
+
+
+OverTime = Table | Callable[[float], ArrayLike] | ArrayLike
+
+
+class _Function:
+    """A user's function of time, whose values are checked."""
+
+    is_sampled = True
+
+    def __init__(
+        self, name: str, function: Callable[[float], ArrayLike], count: int, *, loose: bool = False
+    ) -> None:
+        self.name, self.function, self.count, self.loose = name, function, count, loose
+
+    def rows(self, times: Floats, *, before: bool = False) -> Floats:
+        return np.array([self.at(t) for t in times.tolist()])
+
+    def at(self, time: float, *, before: bool = False) -> Floats:
+        try:
+            given = self.function(time)
+        except Exception as error:
+            why = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_WHY]
+            raise InputError(
+                f"the function for {self.name} failed at {time:.6g} s: {why.rstrip(': ')}"
+            ) from error
+        try:
+            value = validation.floats(given)
+        except TypeError:
+            raise InputError(
+                f"the function for {self.name} returned {validation.shown(given)} at {time:.6g} s, "
+                f"it must be {self.count} numbers"
+            ) from None
+        if value.shape != (self.count,):
+            raise InputError(
+                f"the function for {self.name} returned shape {value.shape} at {time:.6g} s, "
+                f"it must be ({self.count},)"
+            )
+        said = value[~np.isnan(value)] if self.loose else value
+        validation.check_values(self.name, said, f" at {time:.6g} s")
+        return value
+
+    def knots(self) -> set[float]:
+        return set()
+
+    def jumps(self) -> set[float]:
+        return set()
+
+    def to_dict(self) -> Any:
+        return "function of time"
+
+
+class Driven:
+    """What drives the tendons over time: each by a tension, a pull or an angle of its motor.
+
+    Attributes
+    ----------
+    pulled : ndarray of bool (T,)
+        Whether each is pulled by a length, which stays so.
+
+    Parameters
+    ----------
+    until : float
+        Where the run ends, s: what is asked for after that is not looked at.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        tensions: OverTime | None,
+        pulls: OverTime | None,
+        angles: OverTime | None,
+        until: float,
+    ) -> None:
+        self._robot = robot
+        count = robot.core.tendon_count
+        given = {"tensions": (tensions, "N"), "pulls": (pulls, "m"), "angles": (angles, "rad")}
+        alone = pulls is None and angles is None and tensions is not None
+        self._courses: dict[str, _Course] = {
+            name: over_time(name, value, count, unit, loose=not alone)
+            for name, (value, unit) in given.items()
+            if value is not None
+        }
+        self._alone = self._courses["tensions"] if alone else None
+        self._longest = robot.disks.station_m[robot.tendons.end_disk]
+        self.pulled: Bools = np.zeros(count, bool)
+        if not alone:
+            self.pulled, _ = self._commands(0.0, before=True)
+            if not self.is_sampled:  # what is wrong later on is wrong before the work
+                inside = sorted({0.0, *(t for t in self.knots() if t < until)})
+                self.rows(np.array([*inside, until]), before=True)
+                self.rows(np.array(inside))
+
+    def _commands(self, time: float, *, before: bool) -> tuple[Bools, Floats]:
+        rows = {name: c.at(time, before=before) for name, c in self._courses.items()}
+        try:
+            return actuation.commands(
+                self._robot, rows.get("tensions"), rows.get("pulls"), rows.get("angles")
+            )
+        except InputError as error:
+            if not self.is_sampled:
+                raise
+            raise InputError(f"at {time:.6g} s: {error}") from None
+
+    def _check_lengths(self, times: Floats, values: Floats) -> None:
+        long = self.pulled & (values >= self._longest)
+        if long.any():
+            k, i = np.argwhere(long)[0]
+            raise InputError(
+                f"the pull of tendon {i + 1} is {values[k, i]:g} m at {times[k]:.6g} s, it must be "
+                f"less than the tendon's length, {self._longest[i]:g} m"
+            )
+
+    def at(self, time: float, *, before: bool = False) -> Floats:
+        """Tension in N or pull in m of each tendon (T,) at a time, after a jump or before it."""
+        if self._alone is not None:
+            return self._alone.at(time, before=before)
+        pulled, values = self._commands(time, before=before)
+        if (pulled != self.pulled).any():
+            i = int(np.argmax(pulled != self.pulled))
+            raise InputError(
+                f"tendon {i + 1} changes between a tension and a pull at {time:.6g} s; in a "
+                "motion each stays what it is"
+            )
+        self._check_lengths(np.array([time]), values[None, :])
+        return values
+
+    def rows(self, times: Floats, *, before: bool = False) -> Floats:
+        """The same at several times (K,): (K, T)."""
+        if self._alone is not None:
+            return self._alone.rows(times, before=before)
+        if self.is_sampled:
+            return np.array([self.at(t, before=before) for t in times.tolist()])
+        rows = {name: c.rows(times, before=before) for name, c in self._courses.items()}
+        _, values = actuation.commands(
+            self._robot, rows.get("tensions"), rows.get("pulls"), rows.get("angles"), rows=True
+        )
+        self._check_lengths(times, values)
+        return values
+
+    def knots(self) -> set[float]:
+        """The times of corners and jumps."""
+        return set().union(*(c.knots() for c in self._courses.values()))
+
+    def jumps(self) -> set[float]:
+        """The times of jumps."""
+        return set().union(*(c.jumps() for c in self._courses.values()))
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether it must be asked before each step."""
+        return any(c.is_sampled for c in self._courses.values())
+
+    def to_dict(self) -> dict[str, Any]:
+        """For a file, by ``tensions_N``, ``pulls_m`` and ``angles_rad``."""
+        units = {"tensions": "N", "pulls": "m", "angles": "rad"}
+        return {f"{name}_{units[name]}": c.to_dict() for name, c in self._courses.items()}
+
+
+_Course = Table | _Function
+
+
+@dataclass(frozen=True)
+class Loads:
+    """All loads over time."""
+
+    drive: Driven
+    tip_force: _Course
+    tip_moment: _Course
+
+    @property
+    def _all(self) -> tuple[Driven | _Course, ...]:
+        return self.drive, self.tip_force, self.tip_moment
+
+    def at(self, time: float, *, before: bool = False) -> Load:
+        """The loads at a time, after a jump there, or before it."""
+        return Load(*(c.at(time, before=before) for c in self._all))
+
+    def jumps(self) -> set[float]:
+        """The times of jumps."""
+        return set().union(*(c.jumps() for c in self._all))
+
+    def to_dict(self) -> dict[str, Any]:
+        """For a file."""
+        return {
+            **self.drive.to_dict(),
+            "tip_force_N": self.tip_force.to_dict(),
+            "tip_moment_Nm": self.tip_moment.to_dict(),
+        }
+
+    def chunks(
+        self, simulator: Any, times: Floats, longest: float, modules: int
+    ) -> Iterator[Stretches]:
+        """Stretches of time to run through at once, some `_LOOK` seconds of work each.
+
+        `modules` are those of the robot, each counted as often as it has elements.
+        """
+        # a knot that an output time misses by next to nothing is that time
+        near = max(1e-6 * longest, CLOSEST)
+        inside: list[float] = []
+        for knot in sorted(set().union(*(c.knots() for c in self._all))):
+            i = int(np.abs(times - knot).argmin())
+            if inside and knot - inside[-1] < CLOSEST:
+                continue  # of another table: 0.1 + 0.2 s is 0.3 s
+            if near < knot < times[-1] - near:
+                inside.append(knot)
+                if abs(times[i] - knot) <= near:
+                    times[i] = knot
+        outputs = set(times[1:].tolist())
+        # numpy's own sets would import a fifth of numpy first
+        ends = np.array(sorted(outputs | set(inside)))
+        record = np.array([end in outputs for end in ends.tolist()], dtype=bool)
+        if any(c.is_sampled for c in self._all):
+            yield from self._sampled(simulator, ends, record, longest)
+            return
+        durations = np.diff(ends, prepend=0.0)
+        driven, force, moment = (c.rows(ends, before=True) for c in self._all)
+        jumps = np.array(sorted(self.jumps()))
+        jumped = np.searchsorted(jumps, ends + CLOSEST) > np.searchsorted(jumps, ends - CLOSEST)
+        stops = np.flatnonzero(jumped) + 1
+        steps = max(float(durations.max(initial=0.0)) / longest, 1.0)
+        first, size = 0, int(np.clip(_LOOK / (_WORK * modules * steps), 1, _MOST_AT_FIRST))
+        while first < len(ends):
+            begun = clock.perf_counter()
+            next_stop = stops[np.searchsorted(stops, first, side="right") :]
+            last = min([first + size, len(ends), *next_stop[:1].tolist()])
+            part = slice(first, last)
+            yield durations[part], driven[part], force[part], moment[part], record[part]
+            spent = max(clock.perf_counter() - begun, 1e-9)
+            size = int(np.clip((last - first) * _LOOK / spent, 1, min(4 * size, 1000)))
+            first = last
+
+    def _sampled(
+        self, simulator: Any, ends: Floats, record: NDArray[np.bool_], longest: float
+    ) -> Iterator[Stretches]:
+        # a step at a time, for the function is asked before each
+        now = 0.0
+        for end, wanted in zip(ends.tolist(), record.tolist(), strict=True):
+            while now < end:
+                reach = min(simulator.next_step, longest)
+                left = max(1, int(np.ceil((end - now) / reach - 1e-6)))
+                then = end if left == 1 else now + (end - now) / left
+                driven, force, moment = (row[None, :] for row in self.at(then, before=True))
+                recorded = np.array([wanted and left == 1])
+                yield np.array([then - now]), driven, force, moment, recorded
+                now = then
+
+
+Stretches = tuple[Floats, Floats, Floats, Floats, NDArray[np.bool_]]
+"""Durations, loads at their ends (three arrays of rows), and where to record."""
+
+
+def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = False) -> _Course:
+    """A course from what a user gave; ``loose``: with NaN or None where another one tells."""
+    if isinstance(value, Table):
+        if value.values.shape[1] != count:
+            raise InputError(
+                f"the table for {name} has {value.values.shape[1]} columns, it must have {count}"
+            )
+        for row in value.values:
+            validation.check_values(name, row[~np.isnan(row)] if loose else row)
+        return value
+    if callable(value):
+        return _Function(name, value, count, loose=loose)
+    if loose:
+        try:
+            row = validation.floats(value)
+        except TypeError:
+            row = np.zeros((0, 0))
+        if row.shape != (count,):
+            raise InputError(
+                f"{name} is {validation.shown(value)}, it must be {count} numbers in {unit} (None "
+                "where a tendon is driven otherwise), a table or a function"
+            )
+        validation.check_values(name, row[~np.isnan(row)])
+        return Table([0.0], row[None, :])
+    row = validation.row(name, value, count, unit, ", a table or a function")
+    return Table([0.0], row[None, :])
+
+
+def _plain(values: Floats) -> list[Any]:
+    """Rows of numbers, None for NaN."""
+    return [[None if np.isnan(v) else v for v in row] for row in values.tolist()]

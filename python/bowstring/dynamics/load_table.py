@@ -1,0 +1,171 @@
+"""What drives the tendons over time, from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from bowstring.atomic_io import readable
+from bowstring.dynamics.load_history import CLOSEST, Table
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot
+from bowstring.units import quote, read_number
+
+__all__ = ["read_drive"]
+
+_LARGEST: Final = 100_000_000  # bytes
+_LONG: Final = 100  # letters of the name of a column
+_KINDS: Final = {"tension": ("tensions", "N"), "pull": ("pulls", "m"), "angle": ("angles", "rad")}
+
+
+def read_drive(path: str | Path, robot: Robot) -> dict[str, Table]:
+    """Read a table of tensions, pulls and motor angles over time.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV: a header, ``t_s`` and for each tendon, in any order, one of ``tension_1_N``,
+        ``pull_1_mm`` and ``angle_1_deg``, each with its unit at the end (``t_ms``,
+        ``tension_2_mN``); then a row a time. Times do not decrease; the
+        same time twice is a jump. Empty lines and lines that begin with # are skipped.
+    robot : Robot
+
+    Returns
+    -------
+    dict from name to Table
+        ``tensions``, ``pulls`` and ``angles`` as far as there are any, as `bowstring.simulate`
+        takes them.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is wrong; the text names file and row.
+    """
+    count = len(robot.tendons.end_disk)
+    rows = _rows(Path(path))
+    try:
+        line, header = next(rows)
+    except StopIteration:
+        raise InputError(f"{path}: the file is empty; {_wanted(count)}") from None
+    columns, kinds = _columns(f"{path}, row {line}", header, count)
+    times: list[float] = []
+    values: list[list[float]] = []
+    for line, cells in rows:
+        here = f"{path}, row {line}"
+        if len(cells) != len(header):
+            raise InputError(f"{here}: it has {len(cells)} cells, the header has {len(header)}")
+        row = [_cell(here, header[i], cells[i], factor) for i, factor in columns]
+        time, given = row[0], row[1:]
+        for i, value in enumerate(given):
+            if value < 0 and kinds[i] == "tension":
+                raise InputError(
+                    f"{here}: the tension of tendon {i + 1} is {value:g} N; a tendon cannot push, "
+                    "give zero or more"
+                )
+        if not times and time < 0:
+            raise InputError(f"{here}: the first time is {time:g} s; a run begins at 0")
+        if times and time < times[-1]:
+            raise InputError(
+                f"{here}: the time is {time:g} s after {times[-1]:g} s; times must not decrease"
+            )
+        if len(times) > 1 and time == times[-2]:
+            raise InputError(f"{here}: the time {time:g} s is there three times; a jump takes two")
+        if times and 0 < time - times[-1] < CLOSEST:
+            raise InputError(
+                f"{here}: the time {time:g} s is {time - times[-1]:.2g} s after the one before, "
+                "which drowns in rounding; give the same time twice for a jump, else "
+                f"{CLOSEST:g} s or more"
+            )
+        times.append(time)
+        values.append(given)
+    if not times:
+        raise InputError(f"{path}: there is no row of numbers below the header")
+    if times[-1] == 0:
+        raise InputError(f"{path}: the last time is 0 s; a run takes some time")
+    table = np.array(values)
+    found = {}
+    for kind, (name, _) in _KINDS.items():
+        mine = np.array([k == kind for k in kinds])
+        if mine.any():
+            found[name] = Table(times, np.where(mine, table, np.nan))
+    return found
+
+
+def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Number of the line, from 1, and cells."""
+    try:
+        # a pipe is read as well; a device such as /dev/zero has no end
+        with readable(path) as file:
+            data = file.read(_LARGEST + 1)
+        if len(data) > _LARGEST:
+            raise InputError(f"{path}: the table is too large; {_LARGEST // 10**6} MB are read")
+        reader = csv.reader(io.StringIO(data.decode("utf-8-sig"), newline=""), strict=True)
+        for cells in reader:
+            text = [cell.strip() for cell in cells]
+            if any(text) and not text[0].startswith("#"):
+                yield reader.line_num, text
+    except OSError as error:
+        why = "it is a folder" if path.is_dir() else error.strerror
+        raise InputError(f"{path}: the table cannot be read: {why}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: the table is not text in UTF-8") from None
+    except (csv.Error, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: the table cannot be read: {error}") from None
+
+
+def _columns(here: str, header: list[str], count: int) -> tuple[list[tuple[int, float]], list[str]]:
+    """Place and factor to SI of time and each tendon's column, in the robot's order; its kinds."""
+    if any(";" in name for name in header):
+        raise InputError(f"{here}: columns are separated by commas, numbers have a point")
+    found: dict[int, tuple[int, float]] = {}  # 0 is time
+    kinds: dict[int, str] = {}
+    for i, name in enumerate(header):
+        pattern = r"t_(?P<t>.+)|(?P<kind>tension|pull|angle)_(?P<k>[0-9]{1,4})_(?P<unit>.+)"
+        match = re.fullmatch(pattern, name)
+        if match is None or len(name) > _LONG:
+            raise InputError(f"{here}: {quote(name)} is no column of a table; {_wanted(count)}")
+        si = "s" if match["t"] else _KINDS[match["kind"]][1]
+        k = int(match["k"] or 0)
+        if match["k"] and not 1 <= k <= count:
+            tendons = f"{count} tendon" + ("" if count == 1 else "s")
+            raise InputError(f"{here}: got {name}; the robot has {tendons}")
+        if k in found and kinds.get(k) == match["kind"]:
+            raise InputError(f"{here}: {name} is there twice, as {header[found[k][0]]}")
+        if k in found:
+            raise InputError(
+                f"{here}: tendon {k} has {header[found[k][0]]} and {name}; give it one of them"
+            )
+        try:
+            found[k] = (i, read_number(f"1 {match['t'] or match['unit']}", si))
+            kinds[k] = match["kind"]
+        except ValueError as error:
+            raise InputError(f"{here}: got {name}, {error}") from None
+    missing = [k for k in range(count + 1) if k not in found]
+    if missing:
+        name = f"tension_{missing[0]}_N" if missing[0] else "t_s"
+        raise InputError(f"{here}: there is no column {name}; {_wanted(count)}")
+    order = range(count + 1)
+    return [found[k] for k in order], [kinds[k] for k in order[1:]]
+
+
+def _cell(here: str, name: str, text: str, factor: float) -> float:
+    try:
+        return read_number(text, "") * factor
+    except ValueError as error:
+        raise InputError(f"{here}: got {quote(text)} for {name}, {error}") from None
+
+
+def _wanted(count: int) -> str:
+    names = ["t_s", "tension_1_N"] + (["tension_2_N"] if count > 1 else [])
+    if count > 2:
+        names += (["..."] if count > 3 else []) + [f"tension_{count}_N"]
+    text = f"write the header {','.join(names)}"
+    return text + " (or pull_1_mm, angle_1_deg for a tendon that is driven so)"

@@ -1,0 +1,738 @@
+"""Dynamics of a robot: tensions and loads over time to motion, fields and energies.
+
+Everything is SI, in the base frame (z along the straight backbone) unless said otherwise.
+N is the number of disks, T the number of tendons.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time as clock
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring import interrupts, validation
+from bowstring.display import html_table, in_few_rows, millimetres
+from bowstring.dynamics.load_history import Driven, Loads, OverTime, Table, over_time, ramp, step
+from bowstring.dynamics.modal import Modes, about, modes
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import in_mm, in_percent
+from bowstring.robot.model import check_robot
+from bowstring.statics import actuation as driving
+from bowstring.statics import simulator as simulators
+from bowstring.statics.actuation import Given
+from bowstring.statics.fields import Frames, Section
+from bowstring.statics.load import Load
+from bowstring.statics.rod import TendonPath, Theory
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from typing_extensions import Self
+
+    from bowstring.robot.model import Robot
+
+__all__ = [
+    "Modes",
+    "NoStart",
+    "Run",
+    "RunInterrupted",
+    "Table",
+    "modes",
+    "ramp",
+    "simulate",
+    "step",
+]
+
+Floats = NDArray[np.float64]
+Status = Literal["converged", "step_failed", "collision", "interrupted", "failed"]
+
+DEFAULT_INTERVAL: Final = 0.01
+DEFAULT_SPECTRAL_RADIUS: Final = 0.8
+DEFAULT_POINTS: Final = 5
+_TOLERANCE_SHARE: Final = 2e-6  # of the length, in each step
+_SHORTEST: Final = 1e-6  # s, between two outputs
+_LOOK: Final = 0.1  # seconds between two looks at the keyboard
+_MOST_OUTPUTS: Final = 1_000_000
+_LONGEST_WHY: Final = 300  # letters of an error of a user's function
+_STILL: Final = 1e-11  # of the length: a pull that does not jump
+_INCREMENTS: Final = 20  # in which forces on disks are put on
+_COARSE: Final = 0.01  # of the length: an error of the steps worth a word
+_NONE: Final = (0.0, 0.0, 0.0)
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """Ctrl-C during `simulate`; `run` holds everything up to there."""
+
+    def __init__(self, run: Run) -> None:
+        super().__init__(run.message)
+        self.run = run
+
+    def __reduce__(self) -> tuple[type[RunInterrupted], tuple[Run]]:
+        return RunInterrupted, (self.run,)  # out of a pool of processes
+
+
+class NoStart(NoSolutionError):
+    """No equilibrium to start `simulate` from; `run` has no times, but what was asked for."""
+
+    def __init__(self, message: str, run: Run) -> None:
+        super().__init__(message, status="no_equilibrium")
+        self.run = run
+
+    def __reduce__(self) -> tuple[type[NoStart], tuple[str, Run]]:
+        return NoStart, (str(self), self.run)  # out of a pool of processes
+
+
+@dataclass(eq=False)
+class Run:
+    """A simulated motion; made by `simulate`.
+
+    Attributes
+    ----------
+    robot : Robot
+    status : str
+        ``"converged"``: every step did, to the end. Else the run holds what came before:
+        ``"step_failed"`` (the shortest step did not converge), ``"collision"`` (two disks met),
+        ``"interrupted"`` (Ctrl-C), ``"failed"`` (a function of time gave no number).
+    reason : str
+        A sentence where it did not reach its end.
+    settings : dict
+        What was simulated, as kept in the file.
+    time : ndarray (K,)
+        Output times in s, from 0.
+    tip_position, tip_velocity : ndarray (K, 3)
+        In m and m/s.
+    steps, iterations, repeated : int
+        Accepted steps, Newton iterations, and steps done again shorter or without numerical
+        damping.
+    error_estimate : float or None
+        How far the steps in time put the tip off at most, by their own estimate, m: the sum of
+        what all steps add, with a margin of 3, but no more than the tip moved. Errors that damping
+        has taken away since are counted, so it is large where fast oscillations die out. What the
+        elements in space are worth is not in it. None if nothing is known of it (a run of one or
+        two steps).
+    wall_s : float
+        Seconds that the motion took to compute, output to files left out.
+    path : Path or None
+        File of the run.
+    """
+
+    robot: Robot
+    settings: dict[str, Any]
+    status: Status = "converged"
+    reason: str = ""
+    time: Floats = field(default_factory=lambda: np.zeros(0))
+    tip_position: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    tip_velocity: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    steps: int = 0
+    iterations: int = 0
+    repeated: int = 0
+    error_estimate: float | None = None
+    wall_s: float = 0.0
+    path: Path | None = None
+    frames: Frames | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        return f"<Run of {self.robot.name}: {self.message}>"
+
+    def _repr_html_(self) -> str:
+        def row(k: int) -> tuple[object, ...]:
+            return f"{self.time[k]:.6g} s", millimetres(self.tip_position[k])
+
+        title = repr(self).strip("<>")
+        return html_table(title, in_few_rows(len(self.time), row), ("time", "tip"))
+
+    @property
+    def converged(self) -> bool:
+        """Whether every step converged, to the end."""
+        return self.status == "converged"
+
+    @property
+    def end(self) -> float:
+        """Time reached, s."""
+        return float(self.time[-1]) if len(self.time) else 0.0
+
+    @property
+    def real_time_factor(self) -> float:
+        """Seconds of motion for one second of computing."""
+        return self.end / self.wall_s if self.wall_s > 0 else float("inf")
+
+    @property
+    def message(self) -> str:
+        """One sentence on how the run ended."""
+        if self.converged:
+            worth = f"; {self.worth}" if self.worth else ""
+            return f"{self.end:g} s in {self.steps} steps{worth}"
+        return f"stopped at {self.end:.6g} s: {self.reason}"
+
+    @property
+    def worth(self) -> str:
+        """What the steps in time are worth, and where they are coarse what to do; no full stop."""
+        error = self.error_estimate
+        if error is None:
+            return "so few steps tell nothing of their error" if self.steps else ""
+        said = f"the steps put the tip off by {in_mm(error)} at most"
+        if error > _COARSE * self.robot.length:
+            share = in_percent(error / self.robot.length)
+            smaller = "dt" if self.settings.get("dt_s") is not None else "tolerance"
+            said += f", {share} of the length: give a smaller {smaller}"
+        return said
+
+    @cached_property
+    def dataset(self) -> xr.Dataset:
+        """All fields with units and frames (`bowstring.statics.fields`), from its file if any.
+
+        Raises
+        ------
+        InputError
+            If the run kept no fields, or its file is gone or holds another run by now.
+        """
+        from bowstring.dynamics.run_file import read_run
+        from bowstring.statics import fields as labelled
+
+        if self.path is not None:
+            data = read_run(self.path)
+            tip = np.zeros((0, 3))
+            if "disk_position" in data:
+                tip = data["disk_position"].to_numpy()[:, -1]
+            if not np.array_equal(tip, self.tip_position):
+                raise InputError(
+                    f"the file {self.path} holds another run by now; give each run one of its own"
+                )
+            return data
+        if self.frames is None:
+            raise InputError("the run kept no fields: simulate with points of 2 or more")
+        return labelled.to_dataset(
+            self.robot, self.frames, self.settings, status=self.status, reason=self.reason
+        )
+
+    def tip_at(self, times: ArrayLike) -> Floats:
+        """Tip position (K, 3) at any times (K,) of the run, from positions and velocities.
+
+        Raises
+        ------
+        InputError
+            If a time lies outside the run.
+        """
+        try:
+            t = np.atleast_1d(validation.floats(times))
+        except TypeError:
+            raise InputError(
+                f"times is {validation.shown(times)}, they must be numbers in s"
+            ) from None
+        if t.ndim != 1:
+            raise InputError(f"times has shape {t.shape}, it must be (K,), in s")
+        slack = 1e-9 * (1.0 + self.end)
+        if len(self.time) == 0 or not ((t >= -slack) & (t <= self.end + slack)).all():
+            raise InputError(f"times of a run lie from 0 to {self.end:g} s")
+        if len(self.time) == 1:
+            return np.repeat(self.tip_position, len(t), axis=0)
+        i = np.clip(np.searchsorted(self.time, t, side="right") - 1, 0, len(self.time) - 2)
+        h = (self.time[i + 1] - self.time[i])[:, None]
+        s = (t[:, None] - self.time[i][:, None]) / h
+        a, b = self.tip_position[i], self.tip_position[i + 1]
+        va, vb = h * self.tip_velocity[i], h * self.tip_velocity[i + 1]
+        # cubic Hermite
+        rest = 1.0 - s
+        result: Floats = rest**2 * (a * (1 + 2 * s) + va * s) + s**2 * (b * (3 - 2 * s) - vb * rest)
+        return result
+
+    def raise_for_status(self) -> Self:
+        """Return self if converged, else raise.
+
+        Raises
+        ------
+        NoSolutionError
+            The text says when it stopped, and why.
+        """
+        if not self.converged:
+            raise NoSolutionError(f"{self.robot.name}: {self.message}", status=self.status)
+        return self
+
+
+def simulate(
+    robot: Robot,
+    tensions: OverTime | None = None,
+    duration: float | None = None,
+    *,
+    pulls: OverTime | None = None,
+    angles: OverTime | None = None,
+    tip_force: OverTime = _NONE,
+    tip_moment: OverTime = _NONE,
+    initial_tensions: Given | None = None,
+    initial_pulls: Given | None = None,
+    initial_angles: Given | None = None,
+    initial_tip_force: ArrayLike | None = None,
+    initial_tip_moment: ArrayLike | None = None,
+    initial_disk_forces: ArrayLike | None = None,
+    history: Mapping[str, Any] | None = None,
+    theory: Theory = "cosserat",
+    gravity: Sequence[float] | None = None,
+    tendon: TendonPath = "straight",
+    twist: bool = True,
+    elements: int = 1,
+    mass_damping: float = 0.0,
+    material_damping: float = 0.0,
+    modal_damping: float | None = None,
+    spectral_radius: float = DEFAULT_SPECTRAL_RADIUS,
+    dt: float | None = None,
+    tolerance: float | None = None,
+    every: float = DEFAULT_INTERVAL,
+    points: int = DEFAULT_POINTS,
+    out: str | Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Run:
+    """Simulate the motion from rest in an equilibrium.
+
+    Implicit and of second order; see ``bowstring-core/src/motion.rs`` for the scheme. Each output
+    time is the end of a step.
+
+    Parameters
+    ----------
+    robot : Robot
+    tensions : Table, callable or array_like (T,)
+        Tension of each tendon over time in N: a table (`ramp`, `step`, `Table`), a function of
+        time that is called once before each step, for the step's end, or constant.
+    duration : float
+        In s.
+    pulls, angles : Table, callable or array_like (T,), optional
+        Length that each tendon is taken in by since the home pose in m, negative if it is paid out;
+        or the angle of its motor in rad, by the robot's ``spool_radius``. Each tendon has one of
+        tension, pull and angle, and NaN or None (in a table a column of NaN) in the others. A pull
+        jumps only where the tendon's line stretches (it has ``axial_stiffness`` or
+        ``compliance``).
+    tip_force, tip_moment : Table, callable or array_like (3,)
+        Dead loads at the tip over time, base axes, N and N m.
+    initial_tensions, initial_pulls, initial_angles : array_like (T,), optional
+    initial_tip_force, initial_tip_moment : array_like (3,), optional
+        Loads of the equilibrium at the start; those of time 0 if not given, before a jump there.
+        With other loads at time 0 the robot is released.
+    initial_disk_forces : array_like (N, 3), optional
+        Dead forces on the disks beside these, which hold the robot at the start and are let go at
+        time 0.
+    history : mapping, optional
+        Where a path of `bowstring.solve` or `bowstring.sweep` has come to (their ``history``):
+        friction goes on from there. If not given, from the home pose.
+    theory, gravity, tendon, twist, elements
+        As in `bowstring.solve`.
+    mass_damping : float
+        Force per mass and velocity, on all mass and inertia, in 1/s.
+    material_damping : float
+        Kelvin-Voigt: the stress of the strain's rate over that of the strain, in s.
+    modal_damping : float, optional
+        Instead of these two: a ratio of critical damping (0.01 is 1 %) that the slowest mode has,
+        and the first that is at least twice as fast, about the equilibrium at the start (forces on
+        disks and friction left out). There a tendon that is pulled keeps its length if it is taut.
+    spectral_radius : float
+        Numerical damping: what a long step leaves of the fastest oscillation, 0 to 1. At 1 there
+        is none, and each step keeps energy to 1e-5 of its largest value.
+    dt : float, optional
+        Longest step in s. If not given, steps adapt to `tolerance`.
+    tolerance : float, optional
+        Error of a disk's position in one step to aim for, m; 2e-6 of the length if not given. Steps
+        are 10 ms at most.
+    every : float
+        Time between two outputs in s; `dt` if that is longer.
+    points : int
+        Stations in each module at which fields are given; 0 keeps none, only the tip's motion.
+    out : path, optional
+        Writes all fields to this NetCDF file while the run goes on; the file is whole at every
+        moment. The fields are then not kept in memory.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    Run
+        A run that stops early is returned as well: look at `Run.status`, or call
+        `Run.raise_for_status`.
+
+    Raises
+    ------
+    InputError
+        If an argument is wrong, the drive is full, or a function of time fails; what was written
+        before stays.
+    NoStart
+        A `NoSolutionError`: there is no equilibrium to start from.
+    RunInterrupted
+        On Ctrl-C.
+    """
+    check_robot(robot)
+    validation.check_choices(theory, tendon, twist, elements)
+    if duration is None:
+        raise InputError("simulate needs a duration, in s")
+    duration = validation.number("duration", duration, "s", zero=True)
+    every = validation.number("every", every, "s")
+    for name, value in (("duration", duration), ("every", every)):
+        if 0 < value < _SHORTEST:
+            raise InputError(
+                f"{name} is {value:g} s, it must be {_SHORTEST:g} s or more: shorter steps drown "
+                "in rounding"
+            )
+    if dt is not None:
+        dt = validation.number("dt", dt, "s")
+        every = max(every, dt)
+    if tolerance is not None and dt is not None:
+        raise InputError("give dt or tolerance, not both: a fixed step has no tolerance")
+    if tolerance is None:
+        tolerance = _TOLERANCE_SHARE * robot.length
+    tolerance = validation.number("tolerance", tolerance, "m")
+    mass_damping = validation.number("mass_damping", mass_damping, "1/s", zero=True)
+    material_damping = validation.number("material_damping", material_damping, "s", zero=True)
+    spectral_radius = validation.number("spectral_radius", spectral_radius, "", zero=True)
+    if not validation.is_whole(points) or not (points == 0 or 2 <= points <= 1000):
+        raise InputError(
+            f"points is {validation.shown(points)}, it must be a whole number from 2 to 1000, or 0"
+        )
+    if gravity is not None:
+        gravity = validation.row("gravity", gravity, 3, "m/s^2").tolist()
+    if points == 0 and out is not None:
+        raise InputError("points is 0, a file needs fields: give 2 or more")
+    if out is not None and not isinstance(out, str | os.PathLike):
+        raise InputError(f"out is {validation.shown(out)}, it must be the path of a file")
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress is {validation.shown(progress)}, it must be a function")
+    points, elements = int(points), int(elements)  # numpy's are not for files
+    loads = Loads(
+        Driven(robot, tensions, pulls, angles, duration),
+        over_time("tip_force", tip_force, 3, "N"),
+        over_time("tip_moment", tip_moment, 3, "N m"),
+    )
+    start = loads.at(0.0, before=True)
+    initial = Load(
+        _initial(robot, loads.drive, start.drive, initial_tensions, initial_pulls, initial_angles),
+        _given("initial_tip_force", initial_tip_force, start.tip_force),
+        _given("initial_tip_moment", initial_tip_moment, start.tip_moment),
+    )
+    holding = None
+    if initial_disk_forces is not None:
+        try:
+            holding = validation.floats(initial_disk_forces)
+        except TypeError:
+            raise InputError("initial_disk_forces must be numbers, one row a disk, in N") from None
+        if holding.shape != (len(robot.disks.station_m), 3) or not np.isfinite(holding).all():
+            raise InputError(
+                f"initial_disk_forces must be finite, of shape ({len(robot.disks.station_m)}, 3) "
+                f"in N; got shape {holding.shape}"
+            )
+    _check_jumps(robot, loads.drive, initial.drive, duration)
+    settings: dict[str, Any] = {
+        "theory": theory,
+        "gravity_m_per_s2": [float(g) for g in (robot.gravity if gravity is None else gravity)],
+        "tendon": tendon,
+        "twist": twist,
+        "elements": elements,
+        "duration_s": duration,
+        "mass_damping_per_s": mass_damping,
+        "material_damping_s": material_damping,
+        "spectral_radius": spectral_radius,
+        "dt_s": dt,
+        "tolerance_m": None if dt is not None else tolerance,
+        "every_s": every,
+        **loads.to_dict(),
+        **_told(loads.drive.pulled, initial.drive),
+        "initial_tip_force_N": initial.tip_force.tolist(),
+        "initial_tip_moment_Nm": initial.tip_moment.tolist(),
+        "initial_disk_forces_N": None if holding is None else holding.tolist(),
+        "modal_damping": modal_damping,
+        "history": None,
+    }
+    run = Run(robot, settings)
+    if modal_damping is not None:
+        if mass_damping or material_damping:
+            raise InputError("give modal_damping, or mass and material damping, not both")
+        ratio = validation.number("modal_damping", modal_damping, zero=True)
+        physics = (theory, tendon, twist, elements)
+        try:
+            mass_damping, material_damping = _rayleigh(
+                robot, ratio, loads.drive.pulled, initial, physics, gravity
+            )
+        except NoSolutionError as error:
+            settings["mass_damping_per_s"] = settings["material_damping_s"] = None
+            raise NoStart(str(error), run) from None
+        settings["mass_damping_per_s"] = mass_damping
+        settings["material_damping_s"] = material_damping
+    simulator = simulators.make(
+        robot,
+        theory,
+        tendon,
+        twist,
+        elements,
+        gravity,
+        points,
+        mass_damping=mass_damping,
+        material_damping=material_damping,
+        spectral_radius=spectral_radius,
+        dt=dt,
+        tolerance=tolerance,
+        longest_step=min(every, DEFAULT_INTERVAL),
+    )
+    path = None
+    if loads.drive.pulled.any() or robot.has_friction or history is not None:
+        path = driving.Path(robot, theory, tendon, twist, elements)
+        if history is not None:
+            path.resume(history)
+            settings["history"] = dict(history)
+    times = _output_times(duration, every)
+    stations = simulators.stations(robot, points)
+    _check_size(robot, points, len(times), kept=out is None)
+    planned = None
+    if out is not None:
+        from bowstring.dynamics.run_file import RunFile
+
+        planned = RunFile.open(out, robot, settings, *stations, times=len(times))
+        sections = Section(robot, *stations, theory, twist)
+        simulator.write_to(sections.columns, stations[0], planned.room, planned.append)
+    file: RunFile | None = None
+    aside = 0.0  # seconds that were not the motion's
+    begun = clock.perf_counter()
+
+    @_deaf()
+    def finish(status: Status, reason: str = "") -> None:
+        run.wall_s = clock.perf_counter() - begun - aside - simulator.output_s
+        run.status, run.reason = status, reason
+        run.steps, run.iterations = simulator.steps, simulator.iterations
+        run.repeated = simulator.repeated
+        time, position, velocity = simulator.tip()
+        if file is not None:
+            file.finish(status, reason)
+            written = time <= file.complete_to  # an interrupt may have kept the last from it
+            time, position, velocity = time[written], position[written], velocity[written]
+        elif points and len(time) and run.frames is None:
+            run.frames = simulators.frames(simulator, stations)
+        run.time, run.tip_position, run.tip_velocity = time, position, velocity
+        run.error_estimate = _at_most(simulator.error, position)
+
+    try:
+        status = "converged"
+        if path is None:
+            status = simulator.rest(*initial)
+        else:
+            status = path.core.step(loads.drive.pulled, initial.drive, gravity, *initial.tip).status
+            if status == "converged" and not simulator.rest_at(path.core):
+                status = "unsettled"
+        if status != "converged":
+            raise NoStart(f"{robot.name}: {_why_no_start(status)}", run)
+        if holding is not None and not simulator.hold(holding, _INCREMENTS):
+            raise NoStart(
+                f"{robot.name}: there is no stable equilibrium to start from under the forces on "
+                "its disks",
+                run,
+            )
+        after = loads.at(0.0)
+        # a former run in its place is given up only for one that has begun
+        if planned is not None:
+            file, run.path = planned, planned.path
+        simulators.keep_start(simulator, initial)
+        if holding is not None:
+            simulator.release()
+        simulator.jump(*after)
+        jumps = sorted(loads.jumps())
+        reached = 0.0
+        longest = dt if dt is not None else min(every, DEFAULT_INTERVAL)
+        modules = elements * len(robot.disks.station_m)
+        stop = None
+        for stretches in loads.chunks(simulator, times.copy(), longest, modules):
+            stop = simulator.run(*stretches)
+            if stop is not None:
+                break
+            reached += float(stretches[0].sum())
+            for jump in jumps:
+                if abs(jump - reached) <= 1e-9 * (1 + reached) and jump < duration:
+                    simulator.jump(*loads.at(jump))
+            if progress is not None and duration > 0:
+                asked = clock.perf_counter()
+                try:
+                    progress(min(simulator.time / duration, 1.0))
+                finally:
+                    aside += clock.perf_counter() - asked
+        if stop is None:
+            finish("converged")
+        else:
+            fight = _PULLS if stop == "step_failed" and loads.drive.pulled.any() else ""
+            finish(stop, _WHY[stop] + fight)
+    except KeyboardInterrupt:
+        ended = False
+        while not ended:
+            try:
+                finish("interrupted", "stopped by the user")
+                ended = True
+            except KeyboardInterrupt:  # one more, which waited with the first
+                continue
+        interrupts.answered()
+        raise RunInterrupted(run) from None
+    except BaseException as error:
+        finish("failed", str(error) or type(error).__name__)
+        raise
+    return run
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Ctrl-C within, above all a second one, is not heard: how a run ended is kept whole."""
+    heard = {}
+    if threading.current_thread() is threading.main_thread():  # the only one that hears any
+        ours = (signal.default_int_handler, interrupts.handler)
+        handlers = {number: signal.getsignal(number) for number in interrupts.HEARD}
+        heard = {number: handler for number, handler in handlers.items() if handler in ours}
+    try:
+        for number in heard:
+            signal.signal(number, signal.SIG_IGN)
+        yield
+    finally:
+        for number, handler in heard.items():
+            signal.signal(number, handler)
+
+
+_WHY: Final[dict[str, str]] = {
+    "step_failed": "even the shortest step did not converge; change the load more slowly, damp the "
+    "motion (a little), or give a larger tolerance",
+    "collision": "two neighbouring disks met: the load closes the gap between them",
+}
+_PULLS: Final = "; bowstring.solve tells whether the pulls of that time fight each other"
+
+
+def _at_most(error: float | None, tip: Floats) -> float | None:
+    """The estimated error, which is no larger than the box that the tip moved in."""
+    if error is None or len(tip) == 0:
+        return None
+    return min(error, float(np.linalg.norm(np.ptp(tip, axis=0))))
+
+
+def _why_no_start(status: str) -> str:
+    if status == "unsettled":
+        return (
+            "statics find an equilibrium at the start, but the robot in motion, whose mass sits in "
+            "points, finds no rest near it; give another number of elements (1, 2, 4 or 8)"
+        )
+    return (
+        f"there is no equilibrium to start from ({status}); bowstring.solve with the loads at the "
+        "start tells more"
+    )
+
+
+def _given(name: str, value: ArrayLike | None, otherwise: Floats) -> Floats:
+    unit = "N m" if "moment" in name else "N"
+    return otherwise if value is None else validation.row(name, value, len(otherwise), unit)
+
+
+def _initial(
+    robot: Robot,
+    course: Driven,
+    otherwise: Floats,
+    tensions: Given | None,
+    pulls: Given | None,
+    angles: Given | None,
+) -> Floats:
+    """What drives the tendons at the start, (T,)."""
+    if tensions is None and pulls is None and angles is None:
+        return otherwise
+    if pulls is None and angles is None and not course.pulled.any():
+        return validation.row("initial_tensions", tensions, len(otherwise), "N")
+    pulled, values = driving.commands(robot, tensions, pulls, angles)
+    if np.isnan(values).any():
+        raise InputError(
+            f"tendon {int(np.argmax(np.isnan(values))) + 1} has no start; give it one of "
+            "initial_tensions, initial_pulls and initial_angles"
+        )
+    if (pulled != course.pulled).any():
+        i = int(np.argmax(pulled != course.pulled))
+        raise InputError(
+            f"tendon {i + 1} starts with {'a pull' if pulled[i] else 'a tension'} but moves by "
+            f"{'a pull' if course.pulled[i] else 'a tension'}; give it the same in both"
+        )
+    return values
+
+
+def _told(pulled: NDArray[np.bool_], row: Floats) -> dict[str, list[float | None]]:
+    """How each tendon is driven at the start, for a file; None where it is driven otherwise."""
+    kinds = {"initial_tensions_N": ~pulled, "initial_pulls_m": pulled}
+    return {
+        name: [v if own else None for v, own in zip(row.tolist(), mine.tolist(), strict=True)]
+        for name, mine in kinds.items()
+        if mine.any()
+    }
+
+
+def _check_jumps(robot: Robot, course: Driven, initial: Floats, duration: float) -> None:
+    """Refuse a pull that jumps where nothing gives way to it."""
+    stiff = course.pulled & (driving.compliances(robot) == 0)
+    if not stiff.any():
+        return
+    jumps = sorted(time for time in course.jumps() if 0 < time < duration)
+    for time in (0.0, *jumps):
+        old = course.at(time, before=True) if time else initial
+        new = course.at(time)
+        for i in np.flatnonzero(stiff & (abs(new - old) > _STILL * robot.length))[:1].tolist():
+            raise InputError(
+                f"the pull of tendon {i + 1} jumps from {old[i]:g} m to {new[i]:g} m at "
+                f"{time:g} s, but its line does not stretch; let it take some time, or give the "
+                "tendon an axial_stiffness or a compliance"
+            )
+
+
+def _output_times(duration: float, every: float) -> Floats:
+    if duration / every > _MOST_OUTPUTS:
+        raise InputError(
+            f"{duration:g} s at an output every {every:g} s are more than {_MOST_OUTPUTS} outputs; "
+            "give a longer every"
+        )
+    count = int(np.floor(duration / every + 1e-9))
+    times = np.asarray(np.arange(count + 1) * every, dtype=np.float64)
+    if duration - times[-1] > 1e-9 * duration:
+        return np.concatenate([times, [duration]])
+    times[-1] = duration
+    return times
+
+
+def _check_size(robot: Robot, points: int, times: int, *, kept: bool) -> None:
+    """Refuse fields that do not fit into memory: of all times, or of one at a time."""
+    if points == 0:
+        return
+    from bowstring import _core
+
+    disks, tendons = len(robot.disks.station_m), len(robot.tendons.end_disk)
+    numbers = 34.0 * disks * points + 18.0 * disks + 2.0 * disks * tendons
+    if kept:
+        cure = "name a file for them (out), or give a longer every or fewer points"
+        # an array that grows takes twice its size
+        _core.check_memory(16.0 * times * numbers, f"fields at {times} times", cure)
+    else:
+        _core.check_memory(48.0 * numbers, "fields at one time", "give fewer points")
+
+
+def _rayleigh(
+    robot: Robot,
+    ratio: float,
+    pulled: NDArray[np.bool_],
+    load: Load,
+    physics: tuple[Theory, TendonPath, bool, int],
+    gravity: Sequence[float] | None,
+) -> tuple[float, float]:
+    """Mass damping in 1/s and material damping in s that give two modes a damping ratio."""
+    if load.tip_moment.any():
+        raise InputError("modal_damping needs modes, and a tip moment leaves none: give the others")
+    # holes that stick would lock spans that slip as soon as the robot moves
+    path = driving.Path(robot, *physics, rubs=False) if pulled.any() else None
+    found = about(
+        robot,
+        pulled,
+        load.drive,
+        path,
+        physics,
+        gravity=gravity,
+        tip_force=load.tip_force,
+        count=12,
+    )
+    slow = 2.0 * np.pi * float(found.frequency_hz[0])
+    faster = found.frequency_hz[found.frequency_hz >= 2.0 * found.frequency_hz[0]]
+    fast = 2.0 * np.pi * float(faster[0]) if len(faster) else 10.0 * slow
+    return 2.0 * ratio * slow * fast / (slow + fast), 2.0 * ratio / (slow + fast)

@@ -1,0 +1,26 @@
+"""The robot by 3-D finite elements, solved by CalculiX, a program of its own."""
+
+from bowstring.fem.comparison import BesideRod, beside_rod
+from bowstring.fem.mesh import Fineness
+from bowstring.fem.run import (
+    BrickRun,
+    RunInterrupted,
+    Settings,
+    cache_folder,
+    check,
+    ramp,
+    sweep,
+)
+
+__all__ = [
+    "BesideRod",
+    "BrickRun",
+    "Fineness",
+    "RunInterrupted",
+    "Settings",
+    "beside_rod",
+    "cache_folder",
+    "check",
+    "ramp",
+    "sweep",
+]

@@ -1,0 +1,179 @@
+"""CalculiX as a process of its own: found, started, watched, and what its end means."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final, Literal, NamedTuple
+
+from bowstring.errors import InputError
+from bowstring.fem.output import reason
+
+__all__ = ["End", "find", "run", "version"]
+
+Status = Literal["converged", "diverged", "killed", "out_of_memory", "no_space", "failed"]
+
+_LOOK: Final = 0.1  # s, between two looks at the files
+_PATIENCE: Final = 5.0  # s that it has to end when told to
+_FULL: Final = 1 << 20  # bytes free on a drive that is full
+# reads until this process is no more, however it ended; $1 is the program, $2 a folder to remove
+_WATCH: Final = 'read -r line; kill -KILL "$1"; [ -z "$2" ] || rm -rf -- "$2"'
+
+
+class End(NamedTuple):
+    """How a run ended: status, and a clause that says why."""
+
+    status: Status
+    why: str
+
+
+def find() -> Path:
+    """The program.
+
+    Raises
+    ------
+    InputError
+        If it is not on the search path.
+    """
+    found = shutil.which("ccx")
+    if found is None:
+        raise InputError(
+            "finite elements need CalculiX 2.20 or newer, and there is no program ccx on the "
+            "search path; install it (Debian and Ubuntu: sudo apt-get install calculix-ccx; "
+            "elsewhere see https://www.calculix.de)"
+        )
+    return Path(found)
+
+
+def version(program: Path) -> str:
+    """Its version, as ``"2.20"``.
+
+    Raises
+    ------
+    InputError
+        If it does not start, or is older than 2.20.
+    """
+    try:
+        answer = subprocess.run(
+            [program, "-v"], stdin=subprocess.DEVNULL, capture_output=True, timeout=60, check=False
+        ).stdout
+    except OSError as error:
+        raise InputError(f"{program} does not start: {error.strerror}") from None
+    except subprocess.TimeoutExpired:
+        raise InputError(f"{program} does not answer when asked for its version by -v") from None
+    found = re.search(r"Version (\d+)\.(\d+)", answer.decode("ascii", "replace"))
+    if found is None:
+        raise InputError(f"{program} does not say its version when asked by -v; is it CalculiX?")
+    if (int(found[1]), int(found[2])) < (2, 20):
+        raise InputError(
+            f"{program} is CalculiX {found[1]}.{found[2]}; finite elements need 2.20 or newer"
+        )
+    return f"{found[1]}.{found[2]}"
+
+
+def run(
+    program: Path, folder: Path, job: str, look: Callable[[], None], *, fleeting: bool = False
+) -> End:
+    """Run a deck to its end.
+
+    Parameters
+    ----------
+    program : Path
+    folder : Path
+        Holds ``job.inp`` and gets all files, ``job.log`` among them.
+    look : callable
+        Called every moment, and once when the program has ended. What it raises, Ctrl-C too, ends
+        the program.
+    fleeting : bool
+        Whether the folder may go should this process be killed.
+    """
+    log = folder / f"{job}.log"
+    # tables are written line by line, or those of a step that is done would wait in a buffer
+    environment = {"OMP_NUM_THREADS": "1", **os.environ, "GFORTRAN_UNBUFFERED_ALL": "y"}
+    with log.open("wb") as output:
+        try:
+            child = subprocess.Popen(
+                [program, job],
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=environment,
+            )
+        except OSError as error:
+            raise InputError(f"{program} does not start: {error.strerror}") from None
+        try:
+            with _watched(child, folder if fleeting else None):
+                while True:
+                    with contextlib.suppress(subprocess.TimeoutExpired):
+                        child.wait(_LOOK)
+                    if child.returncode is not None:
+                        break
+                    look()
+        finally:
+            _end(child)
+    look()
+    return _meaning(child.returncode, log, folder)
+
+
+@contextlib.contextmanager
+def _watched(child: subprocess.Popen[bytes], folder: Path | None) -> Iterator[None]:
+    """End the program at last, and let a shell do it if this process is killed before.
+
+    Where there is no POSIX shell the program then goes on to its own end.
+    """
+    try:
+        # a session of its own: what is sent to all processes of a terminal does not reach it
+        watcher = subprocess.Popen(
+            ["/bin/sh", "-c", _WATCH, "sh", str(child.pid), str(folder or "")],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+    except OSError:
+        yield
+        return
+    try:
+        yield
+    finally:
+        _end(child)
+        watcher.kill()  # before its input ends
+        with watcher:
+            pass
+
+
+def _end(child: subprocess.Popen[bytes]) -> None:
+    if child.poll() is not None:
+        return
+    child.terminate()
+    try:
+        child.wait(_PATIENCE)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.wait()
+
+
+def _meaning(code: int, log: Path, folder: Path) -> End:
+    text = log.read_text("utf-8", errors="replace")
+    said = reason(text)
+    low = text.lower()
+    if code == 0 and not said:
+        return End("converged", "")
+    if "no space left" in low or shutil.disk_usage(folder).free < _FULL:
+        return End("no_space", f"no space is left on the drive of {folder}")
+    if "error in u_calloc" in low or "error allocating memory" in low or "not enough memory" in low:
+        return End("out_of_memory", "CalculiX ran out of memory")
+    if code < 0:
+        name = signal.Signals(-code).name
+        more = ", as a system out of memory does" if name == "SIGKILL" else ""
+        return End("killed", f"CalculiX was killed ({name}){more}")
+    if "increment size smaller than minimum" in low or "too many cutbacks" in low:
+        return End("diverged", "no equilibrium was found beyond, however short the increment")
+    return End("failed", f"CalculiX ended with code {code}" + (f": {said}" if said else ""))

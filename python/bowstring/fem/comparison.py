@@ -1,0 +1,142 @@
+"""Finite elements beside the rod: tips, stress in the middle of modules, stress at disks' edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.dynamics import simulation
+from bowstring.fem.fields import SectionStress
+from bowstring.fem.run import BrickRun
+from bowstring.statics import rod
+
+__all__ = ["BesideRod", "beside_rod"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_NOTHING: Final = 1e-4  # of the largest stress of a run
+
+
+@dataclass(frozen=True)
+class BesideRod:
+    """What finite elements and the rod say of the same; K loads or times, M modules. SI.
+
+    Attributes
+    ----------
+    tip : ndarray (K, 3)
+        Of the rod; NaN where it has no equilibrium.
+    difference : ndarray (K,)
+        Distance of the two tips.
+    middle, rod_middle : ndarray (K, M)
+        Largest axial stress at the surface in the middle of each module's free backbone. That of
+        the rod is NaN in motion, whose stress is not compared.
+    edge : ndarray (K, M)
+        Largest at a node within a module: as a rule at a disk's edge, where a rigid clamp has no
+        finite stress. It grows with the fineness of the mesh, and is shown as a concentration.
+    """
+
+    tip: Floats
+    difference: Floats
+    middle: Floats
+    rod_middle: Floats
+    edge: Floats
+
+    @property
+    def stress_ratio(self) -> Floats:
+        """Of the largest stress in the middle of a module, to the rod's there; (K,).
+
+        NaN where there is no load, and where the rod has none.
+        """
+        k, at = self._most_stressed()
+        return self._ratio(self.middle[k, at], self.rod_middle[k, at])
+
+    @property
+    def concentration(self) -> Floats:
+        """Largest stress at a node of the module whose middle is stressed most, by that; (K,).
+
+        NaN where there is no load. Of other modules it would tell no concentration: there a moment
+        may pass through zero in the middle.
+        """
+        k, at = self._most_stressed()
+        return self._ratio(self.edge[k, at], self.middle[k, at])
+
+    def _most_stressed(self) -> tuple[Ints, Ints]:
+        at = self.middle.argmax(axis=1) if self.middle.size else np.zeros(0, dtype=int)
+        return np.arange(len(self.middle)), at
+
+    def _ratio(self, stress: Floats, by: Floats) -> Floats:
+        """NaN where what is left of Newton's iteration would be compared."""
+        least = _NOTHING * self.middle.max(initial=0.0)
+        found: Floats = np.divide(
+            stress, by, out=np.full(len(stress), np.nan), where=np.isfinite(by) & (by > least)
+        )
+        return found
+
+
+def beside_rod(run: BrickRun) -> BesideRod:
+    """Solve the rod for what a run by finite elements has reached.
+
+    Parameters
+    ----------
+    run : BrickRun
+
+    Returns
+    -------
+    BesideRod
+    """
+    stress = [run.section_stress(i) for i in range(len(run.states))]
+    modules = len(run.robot.disks.station_m)
+    middle = np.array([_middle(s, modules) for s in stress]).reshape(-1, modules)
+    edge = np.array([[s.peak[s.module == m].max() for m in range(modules)] for s in stress])
+    if run.is_motion:
+        tip, rod_middle = _in_motion(run), np.full_like(middle, np.nan)
+    else:
+        tip, rod_middle = _at_rest(run, modules)
+    difference = np.linalg.norm(run.tip_position - tip, axis=1) if run.states else np.zeros(0)
+    return BesideRod(tip, difference, middle, rod_middle, edge.reshape(-1, modules))
+
+
+def _middle(stress: SectionStress, modules: int) -> Floats:
+    found = np.zeros(modules)
+    for m in range(modules):
+        here = np.flatnonzero(stress.module == m)
+        found[m] = stress.largest[here[len(here) // 2]]
+    return found
+
+
+def _at_rest(run: BrickRun, modules: int) -> tuple[Floats, Floats]:
+    tip = np.full((len(run.states), 3), np.nan)
+    stress = np.full((len(run.states), modules), np.nan)
+    load = {"gravity": run.settings["gravity"], "tip_force": run.settings["tip_force"]}
+    for i, row in enumerate(run.tensions):
+        solution = rod.solve(run.robot, row, elements=4, **load)
+        if solution.tip is None:
+            continue
+        tip[i] = solution.tip.position
+        normal = solution.fields(3).normal_stress.to_numpy()[0]
+        stress[i] = normal.reshape(modules, 3)[:, 1]
+    return tip, stress
+
+
+def _in_motion(run: BrickRun) -> Floats:
+    asked = run.settings
+    end, rise = float(run.wanted_time[-1]), asked["rise_s"]
+    times = np.array([0.0, rise] if end <= rise * (1 + 1e-9) else [0.0, rise, end])
+    last = run.wanted_tensions[-1]
+    courses = np.outer([0.0] + [1.0] * (len(times) - 1), last)
+    found = simulation.simulate(
+        run.robot,
+        simulation.Table(times, courses),
+        end,
+        gravity=asked["gravity"],
+        mass_damping=asked["mass_damping_per_s"],
+        points=0,
+    )
+    reached = run.time <= found.end * (1 + 1e-9)
+    tip = np.full((len(run.time), 3), np.nan)
+    tip[reached] = found.tip_at(run.time[reached])
+    return tip

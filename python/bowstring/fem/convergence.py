@@ -1,0 +1,208 @@
+"""How far finite elements are from their own limit: meshes, stiffness of disks, steps.
+
+Each of these is refined on its own, three times; Richardson's extrapolation of the three tips to no
+size and rigid disks gives what it still changes. The limit is the finest tip with all these changes
+added, and its error bar the sum of their doubts: with errors C h^p of an order that is
+seen, the part of each that is extrapolated; else the last changes as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from bowstring.errors import InputError
+from bowstring.fem.run import DEFAULT_DT, BrickRun, Settings, ramp, sweep
+from bowstring.robot.model import Robot
+
+__all__ = ["Convergence", "Refinement", "extrapolated", "study"]
+
+Floats = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+_STEEPEST: Final = 6.0  # order that is believed
+_FLATTEST: Final = 0.5
+_ALONG: Final = 4  # bricks along a module while something else is refined
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """One thing refined: its name, sizes (3,), tips (3, K, 3) in m, its limit and doubt (K, 3).
+
+    ``order`` is that of the last load's displacement across; NaN where the three do not show one.
+    """
+
+    name: str
+    sizes: tuple[float, ...]
+    labels: tuple[str, ...]
+    tips: Floats
+    limit: Floats
+    doubt: Floats
+    order: float
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """The run asked for, what refinements made of its tip, and the limit (K, 3) with its error.
+
+    ``error`` (K,) is in m, of the tip's position.
+    """
+
+    run: BrickRun
+    refinements: tuple[Refinement, ...]
+    limit: Floats
+    error: Floats
+
+
+def extrapolated(sizes: Sequence[float], values: Floats) -> tuple[Floats, Floats, float]:
+    """Richardson's limit of values (3, ...) at falling sizes, its doubt, and the order seen.
+
+    The order is that of the component that changes most. Where the three values show none between
+    0.5 and 6, the limit is the last value and the doubt the larger of the two last changes; so it
+    is of any other component that does not settle.
+    """
+    a, b, c = (float(h) for h in sizes)
+    first, last = values[1] - values[0], values[2] - values[1]
+    doubt: Floats = np.maximum(np.abs(first), np.abs(last))
+    place = np.unravel_index(np.abs(last).argmax(), last.shape)
+    ratio = float(first[place] / last[place]) if last[place] != 0 else np.nan
+
+    def of_order(p: float) -> float:
+        return float((a**p - b**p) / (b**p - c**p))
+
+    slow = of_order(_FLATTEST)
+    if not slow < ratio < of_order(_STEEPEST):
+        return values[2], doubt, float("nan")
+    order = float(brentq(lambda p: of_order(p) - ratio, _FLATTEST, _STEEPEST))
+    rest = last * c**order / (b**order - c**order)
+    settles = (first * last >= 0) & (np.abs(first) >= slow * np.abs(last))
+    return values[2] + np.where(settles, rest, 0.0), np.where(settles, np.abs(rest), doubt), order
+
+
+def study(
+    robot: Robot,
+    tensions: ArrayLike,
+    *,
+    settings: Settings | None = None,
+    motion: tuple[float, float, float] | None = None,
+    progress: Progress | None = None,
+) -> Convergence:
+    """Run what is asked for, and finer and coarser beside it.
+
+    Parameters
+    ----------
+    robot : Robot
+    tensions : array_like (K, T)
+        Loads of a sweep; of a motion (T,), after the rise.
+    settings : Settings, optional
+        Of the run; refined are half its bricks along a module, its number of them and twice that,
+        and so on.
+    motion : tuple of float, optional
+        Rise and hold in s, damping in 1/s; a ramp in place of a sweep.
+    progress : callable, optional
+
+    Returns
+    -------
+    Convergence
+
+    Raises
+    ------
+    InputError
+        If what is finer or coarser cannot be had.
+    NoSolutionError
+        If one of the runs does not reach its end; those that did are kept.
+    """
+    settings = settings or Settings()
+    mesh = settings.fineness
+    # with fewer along, what bricks around change is lost in what bricks along miss
+    along = min(mesh.module, max(_ALONG, mesh.module // 2))
+    coarse = replace(settings, fineness=replace(mesh, module=along))
+    # name, which of the three is as asked for, and the three: size, label, settings, step
+    plans: list[tuple[str, int, list[tuple[float, str, Settings, float]]]] = [
+        (
+            "bricks along a module",
+            1,
+            [
+                (1.0 / n, str(n), replace(settings, fineness=replace(mesh, module=n)), 1.0)
+                for n in (max(2, mesh.module // 2), mesh.module, 2 * mesh.module)
+            ],
+        ),
+        (
+            "bricks around",
+            0,
+            [
+                (1.0 / n, str(n), replace(coarse, fineness=replace(coarse.fineness, around=n)), 1.0)
+                for n in (mesh.around, mesh.around + 4, mesh.around + 8)
+            ],
+        ),
+        (
+            "stiffness of disks",
+            2,  # stiffer ones cost digits
+            [
+                (1.0 / k, f"{k:g}", replace(coarse, stiffness=k), 1.0)
+                for k in settings.stiffness * np.array([0.1, 0.3, 1.0])
+            ],
+        ),
+    ]
+    if motion is not None:
+        plans.append(
+            (
+                "time step",
+                1,
+                [
+                    (share, f"{1e3 * share * DEFAULT_DT:g} ms", coarse, share)
+                    for share in (2.0, 1.0, 0.5)
+                ],
+            )
+        )
+    for name, _, plan in plans:  # before any work
+        for _, label, chosen, _ in plan:
+            try:
+                chosen.check()
+            except InputError as wrong:
+                raise InputError(f"the study also takes {label} as {name}: {wrong}") from None
+    tell = progress or (lambda what, share: None)
+    count = 1 + sum(len(plan) for *_, plan in plans)
+    done = 0
+
+    def one(what: str, chosen: Settings, step: float) -> BrickRun:
+        def part(text: str, share: float) -> None:
+            tell(f"{what}: {text.removeprefix('finite elements, ')}", (done + share) / count)
+
+        if motion is None:
+            found = sweep(robot, tensions, settings=chosen, progress=part)
+        else:
+            rise, hold, damping = motion
+            found = ramp(
+                robot,
+                tensions,
+                rise,
+                hold,
+                dt=step * DEFAULT_DT,
+                mass_damping=damping,
+                settings=chosen,
+                progress=part,
+            )
+        return found.raise_for_status()
+
+    run = one("as asked", settings, 1.0)
+    done += 1
+    refinements = []
+    limit, error = run.tip_position.copy(), np.zeros(len(run.states))
+    for name, at, plan in plans:
+        tips = []
+        for _, label, chosen, step in plan:
+            tips.append(one(f"{name} {label}", chosen, step).tip_position)
+            done += 1
+        sizes = tuple(size for size, *_ in plan)
+        end, doubt, order = extrapolated(sizes, np.array(tips))
+        labels = tuple(label for _, label, *_ in plan)
+        refinements.append(Refinement(name, sizes, labels, np.array(tips), end, doubt, order))
+        limit = limit + (end - tips[at])
+        error = error + np.linalg.norm(doubt, axis=1)
+    return Convergence(run, tuple(refinements), limit, error)

@@ -1,0 +1,223 @@
+"""Pictures of finite elements beside the rod: tip and load, stress along the backbone and on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.fem.comparison import BesideRod
+from bowstring.fem.fields import VOIGT
+from bowstring.fem.run import BrickRun
+from bowstring.statics import rod
+from bowstring.viz.colours import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import TriMesh
+    from matplotlib.figure import Figure
+
+__all__ = ["draw", "field", "stress_along"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# halves of a brick's upright faces: a corner below, and the middle of an edge, which is further out
+# than a straight line between the corners
+_SIDES: Final = ((0, 8), (8, 1), (1, 9), (9, 2), (2, 10), (10, 3), (3, 11), (11, 0))
+
+
+def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Figure]]:
+    """Draw the figures one by one.
+
+    Parameters
+    ----------
+    run : BrickRun
+        With one step or more.
+    beside : BesideRod
+
+    Yields
+    ------
+    stem : str
+        ``tip``, ``stress`` and ``field``.
+    figure : matplotlib.figure.Figure
+        Draw and save within `bowstring.viz.style.figure_style`.
+    """
+    yield "tip", _tip(run, beside)
+    yield "stress", stress_along(run, beside)
+    yield "field", field(run)
+
+
+def _colour(name: str) -> str:
+    return COLOURS[name][0]
+
+
+def _tip(run: BrickRun, beside: BesideRod) -> Figure:
+    from matplotlib.figure import Figure
+
+    load = run.time if run.is_motion else run.tensions.max(axis=1)
+    unit = "time in s" if run.is_motion else "largest tension in N"
+    figure = Figure(figsize=(4.6, 4.4), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+    straight = np.array([0.0, 0.0, run.robot.length])
+    for axis, (name, colour) in enumerate(zip("xyz", ("blue", "green", "red"), strict=True)):
+        rods, bricks = (1e3 * (tip - straight)[:, axis] for tip in (beside.tip, run.tip_position))
+        upper.plot(load, rods, color=_colour(colour), linewidth=1.2)
+        upper.plot(load, bricks, "o", color=_colour(colour), markersize=4, fillstyle="none")
+        upper.annotate(
+            name, (load[-1], bricks[-1]), xytext=(6, 0), textcoords="offset points", va="center"
+        )
+    upper.plot([], [], color=_colour("muted"), linewidth=1.2, label="rod")
+    upper.plot([], [], "o", color=_colour("muted"), fillstyle="none", label="finite elements")
+    upper.legend()
+    upper.set_title("Tip, finite elements beside the rod (both simulated)")
+    upper.set_ylabel("displacement in mm")
+    lower.plot(load, 1e3 * beside.difference, "o-", color=_colour("ink"), markersize=3)
+    lower.set_ylabel("distance in mm")
+    lower.set_ylim(bottom=0.0)
+    lower.set_xlabel(unit)
+    return figure
+
+
+def _last(run: BrickRun) -> str:
+    return f"{run.time[-1]:g} s" if run.is_motion else f"{run.tensions[-1].max():g} N"
+
+
+def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
+    """Largest axial stress along the backbone at the last step, bricks and rod."""
+    from matplotlib.figure import Figure
+
+    stress = run.section_stress(-1)
+    figure = Figure(figsize=(6.4, 3.2), layout="constrained")
+    axes = figure.subplots()
+    for m in np.unique(stress.module).tolist():
+        here = stress.module == m
+        z = 1e3 * stress.arc_length[here]
+        once = m == 0
+        axes.plot(
+            z,
+            1e-6 * stress.peak[here],
+            "o-",
+            color=_colour("red"),
+            markersize=2.5,
+            linewidth=0.8,
+            label="finite elements, largest at a node" if once else None,
+        )
+        axes.plot(
+            z,
+            1e-6 * stress.largest[here],
+            color=_colour("blue"),
+            linewidth=1.2,
+            label="finite elements, bending and tension" if once else None,
+        )
+    if not run.is_motion and np.isfinite(beside.rod_middle[-1]).all():
+        load = {"gravity": run.settings["gravity"], "tip_force": run.settings["tip_force"]}
+        solution = rod.solve(run.robot, run.tensions[-1], elements=4, **load)
+        fields = solution.fields(9)
+        z, values = fields.arc_length.to_numpy(), fields.normal_stress.to_numpy()[0]
+        for m in np.unique(fields.module.to_numpy()).tolist():
+            here = fields.module.to_numpy() == m
+            axes.plot(
+                1e3 * z[here],
+                1e-6 * values[here],
+                "--",
+                color=_colour("ink"),
+                linewidth=1.0,
+                label="rod" if m == 1 else None,
+            )
+    axes.set_xlabel("arc length in mm")
+    axes.set_ylabel("axial stress at the surface in MPa")
+    axes.set_title(
+        f"Largest axial stress at {_last(run)} (simulated); what stands out at disks' edges is "
+        "the clamps'"
+    )
+    figure.legend(loc="outside lower center", ncols=3)
+    return figure
+
+
+def field(run: BrickRun) -> Figure:
+    """The backbone's surface from the side at the last step, coloured by axial stress.
+
+    What disks clamp is left out.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.tri import Triangulation
+
+    place, stress, quads = _surface(run)
+    tip = run.tip_position[-1]
+    bent = np.hypot(tip[0], tip[1]) > 1e-9 * run.robot.length
+    towards = np.array([tip[0], tip[1], 0.0]) if bent else np.array([1.0, 0.0, 0.0])
+    towards /= np.linalg.norm(towards)
+    up = np.array([0.0, 0.0, 1.0])
+    quads = quads[_outward(place, quads) @ np.cross(up, towards) <= 0.0]  # the viewer sees these
+    flat = 1e3 * np.stack([place @ towards, place @ up], axis=1)
+    triangles = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
+    used, corners = np.unique(triangles, return_inverse=True)
+    corners = np.asarray(corners).reshape(-1, 3)
+    shade = 1e-6 * stress[used]
+    top = float(np.abs(shade).max())
+
+    def paint(axes: Axes) -> TriMesh:
+        faces: TriMesh = axes.tripcolor(
+            Triangulation(flat[used, 0], flat[used, 1], corners),
+            shade,
+            shading="gouraud",
+            cmap="RdBu_r",
+            vmin=-top,
+            vmax=top,
+            rasterized=True,
+        )
+        axes.set_aspect("equal")
+        axes.grid(False)
+        return faces
+
+    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    axes, close = figure.subplots(1, 2, width_ratios=[3, 2])
+    faces = paint(axes)
+    axes.set_xlabel("towards the tip in mm")
+    axes.set_ylabel("z in mm")
+    axes.set_title(f"Axial stress at {_last(run)},\nfinite elements (simulated)")
+    figure.colorbar(faces, ax=axes, label="MPa, positive in tension", shrink=0.8)
+    paint(close)
+    middle = 1e3 * np.array([tip @ towards, tip @ up])
+    disks = run.frames.disk_position[-1]
+    if len(disks) > 1:
+        disk = disks[len(disks) // 2 - 1]
+        middle = 1e3 * np.array([disk @ towards, disk @ up])
+    reach = 2e3 * max(s.backbone.diameter for s in run.robot.segments)
+    close.set_xlim(middle[0] - reach, middle[0] + reach)
+    close.set_ylim(middle[1] - 1.5 * reach, middle[1] + 1.5 * reach)
+    close.set_title("At a disk")
+    close.set_xlabel("mm")
+    return figure
+
+
+def _outward(place: Floats, quads: Ints) -> Floats:
+    """Normals (q, 3) of outer faces, of any length."""
+    a, b, c, d = (place[quads[:, i]] for i in range(4))
+    return np.asarray(np.cross(c - a, d - b), dtype=np.float64)
+
+
+def _surface(run: BrickRun) -> tuple[Floats, Floats, Ints]:
+    """Places (n, 3), axial stress (n,) and corners (q, 4) of the free backbone's outside."""
+    mesh = run.mesh
+    displacement, stress, _ = run.nodal(-1)
+    reach = np.hypot(mesh.nodes[:, 0], mesh.nodes[:, 1])
+    free = mesh.bricks[~mesh.stiff]
+    sides = np.concatenate([free[:, [a, b, b + 4, a + 4]] for a, b in _SIDES])
+    part = np.tile(mesh.part[~mesh.stiff], len(_SIDES))
+    outer = np.array([0.49 * s.backbone.diameter for s in run.robot.segments])
+    quads = sides[(reach[sides] > outer[part][:, None]).all(axis=1)]
+    place = mesh.nodes + displacement
+    # of each face, along its own upright edges
+    along = np.zeros_like(place)
+    for low, high in ((0, 3), (1, 2)):
+        edge = place[quads[:, high]] - place[quads[:, low]]
+        edge /= np.linalg.norm(edge, axis=1, keepdims=True)
+        np.add.at(along, quads[:, low], edge)
+        np.add.at(along, quads[:, high], edge)
+    size = np.linalg.norm(along, axis=1, keepdims=True)
+    along = np.divide(along, size, out=np.zeros_like(along), where=size > 0)
+    return place, np.einsum("ni,nij,nj->n", along, stress[:, VOIGT], along), quads

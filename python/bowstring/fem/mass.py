@@ -1,0 +1,58 @@
+"""Mass of a mesh: points that carry the disks, bricks that are the backbone; and its energies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.fem.elements import MASS_POINTS, MASS_WEIGHTS, brick_shape
+from bowstring.fem.mesh import BrickMesh
+from bowstring.robot.model import Robot
+
+__all__ = ["disk_points", "gravity_energy", "kinetic_energy"]
+
+Floats = NDArray[np.float64]
+
+
+def disk_points(robot: Robot, mesh: BrickMesh) -> Floats:
+    """Mass (N, 3) in kg of each of the points ``mesh.mass_nodes`` of a disk, by height.
+
+    Those below and above the station have half of the arms' mass that stands off its plane.
+    """
+    mass, (across, axial) = robot.disks.mass_kg, robot.disks.inertia_kg_m2.T
+    excess = np.maximum(across - 0.5 * axial, 0.0)
+    off = excess / np.where(mass > 0, 2.0 * mass * mesh.mass_height**2, 1.0)
+    found: Floats = 0.25 * mass[:, None] * np.stack([off, 1.0 - 2.0 * off, off], axis=1)
+    return found
+
+
+def kinetic_energy(robot: Robot, mesh: BrickMesh, velocity: Floats) -> float:
+    """Of a mesh that carries disks, in J; ``velocity`` (n, 3) of its nodes in m/s."""
+    bricks, weight = _backbone(robot, mesh)
+    value, _ = brick_shape(MASS_POINTS)
+    inside = np.einsum("pn,bni->bpi", value, velocity[bricks])
+    ends = np.sum(velocity[mesh.mass_nodes] ** 2, axis=(1, 3))
+    disks = np.sum(disk_points(robot, mesh) * ends)
+    return float(0.5 * (np.sum(weight * np.sum(inside**2, axis=2)) + disks))
+
+
+def gravity_energy(
+    robot: Robot, mesh: BrickMesh, place: Floats, disk: Floats, gravity: Sequence[float]
+) -> float:
+    """Zero with all mass at the base, in J; places (n, 3) of nodes and (N, 3) of disks in m."""
+    bricks, weight = _backbone(robot, mesh)
+    value, _ = brick_shape(MASS_POINTS)
+    inside = np.einsum("bp,pn,bni->i", weight, value, place[bricks])
+    return -float((inside + robot.disks.mass_kg @ disk) @ np.asarray(gravity, dtype=float))
+
+
+def _backbone(robot: Robot, mesh: BrickMesh) -> tuple[NDArray[np.int64], Floats]:
+    """Nodes (b, 20) of the bricks that are backbone, and mass (b, 27) of their points in kg."""
+    here = ~mesh.arm
+    _, slope = brick_shape(MASS_POINTS)
+    bricks = mesh.bricks[here]
+    volume = np.linalg.det(np.einsum("pnk,bni->bpik", slope, mesh.nodes[bricks])) * MASS_WEIGHTS
+    density = np.array([s.backbone.density for s in robot.segments])
+    return bricks, density[mesh.part[here], None] * volume

@@ -1,0 +1,90 @@
+"""Finite elements on disk: NetCDF, a series for ParaView, three figures, all numbers as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bowstring.atomic_io import write_whole
+from bowstring.fem import figures as pictures
+from bowstring.fem.comparison import BesideRod
+from bowstring.fem.run import BrickRun
+from bowstring.fem.vtk import write_vtk
+from bowstring.viz.result_folder import check_folder, save_figures, write_listing
+from bowstring.viz.style import figure_style
+
+__all__ = ["write"]
+
+Progress = Callable[[str, float], None]
+
+
+def write(
+    run: BrickRun,
+    beside: BesideRod,
+    content: dict[str, Any],
+    out: str | Path,
+    *,
+    progress: Progress | None = None,
+) -> Path:
+    """Write a run, all of it or nothing.
+
+    Parameters
+    ----------
+    run : BrickRun
+    beside : BesideRod
+    content : dict
+        Plain values for ``fe.json``, as ``bowstring fe --json`` prints.
+    out : str or Path
+        Folder; a former run in it is replaced whole, after success.
+    progress : callable, optional
+
+    Returns
+    -------
+    Path
+        The folder, absolute: fe.json, fe.nc (the rod's fields, from bricks), vtk/run.pvd (all
+        bricks), tip.png, stress.png and field.png, all also as PDF.
+    """
+    tell = progress or (lambda what, share: None)
+    folder = check_folder(out, "fe")
+
+    def fill(new: Path) -> None:
+        run.dataset.to_netcdf(new / "fe.nc")
+        write_vtk(run, new / "vtk", progress=tell)
+        with figure_style():
+            save_figures(pictures.draw(run, beside), new, lambda share: tell("figures", share))
+        write_listing(new / "fe.json", content)
+
+    write_whole(folder, "finite elements", fill, lambda: check_folder(folder, "fe"))
+    return folder
+
+
+def rows(run: BrickRun, beside: BesideRod) -> list[dict[str, Any]]:
+    """One entry for each load or time, for JSON; what is not known is None."""
+
+    def known(value: Any) -> Any:
+        return value.tolist() if np.isfinite(value).all() else None
+
+    frames = run.frames if run.states else None
+    found = []
+    for i in range(len(run.states)):
+        assert frames is not None
+        found.append(
+            {
+                **({"t_s": float(run.time[i])} if run.is_motion else {}),
+                "tensions_N": run.tensions[i].tolist(),
+                "tip": {
+                    "position_m": frames.disk_position[i, -1].tolist(),
+                    "rotation": frames.disk_rotation[i, -1].tolist(),
+                },
+                "rod_tip_position_m": known(beside.tip[i]),
+                "difference_mm": known(1e3 * beside.difference[i]),
+                "span_tensions_N": [[known(v) for v in row] for row in frames.span_tension[i]],
+                "middle_stress_Pa": beside.middle[i].tolist(),
+                "rod_middle_stress_Pa": known(beside.rod_middle[i]),
+                "edge_stress_Pa": beside.edge[i].tolist(),
+            }
+        )
+    return found

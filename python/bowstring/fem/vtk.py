@@ -1,0 +1,106 @@
+"""Finite elements for ParaView: the bricks with displacement, stress and strain, and the tendons.
+
+The series is one of `bowstring.viz.vtk`, with the same names and units of data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.errors import InputError
+from bowstring.fem.run import BrickRun
+from bowstring.viz.vtk import Part, Tendons, check_folder, write_series
+
+__all__ = ["write_vtk"]
+
+Floats = NDArray[np.float64]
+
+_BRICK: Final = 25  # quadratic, 20 nodes
+_ORDER: Final = (0, 1, 2, 3, 5, 4)  # of a symmetric tensor in VTK: xx, yy, zz, xy, yz, xz
+
+
+def write_vtk(
+    run: BrickRun, out: str | Path, *, progress: Callable[[str, float], None] | None = None
+) -> Path:
+    """Write all steps of a run, or nothing.
+
+    Parameters
+    ----------
+    run : BrickRun
+    out : str or Path
+        Folder; a former series in it is replaced after success.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Path
+        The .pvd file. Backbone: ``displacement_m``, ``von_mises_Pa``, ``stress_Pa`` and ``strain``
+        in base axes (xx, yy, zz, xy, yz, xz, as ParaView names them), NaN in what disks clamp.
+        Disks, the stiff bricks: ``displacement_m``. Tendons: ``tension_N``.
+
+    Raises
+    ------
+    InputError
+        If the folder may not be written, the drive is full, or no step was reached.
+    """
+    if not run.states:
+        raise InputError("the run holds no step; there is nothing to show")
+    folder = check_folder(out)
+    parts = [_Backbone(run), _Stiff(run), Tendons(run.robot, run.dataset)]
+    return write_series(folder, parts, run.dataset, progress or (lambda what, share: None))
+
+
+class _Bricks(Part):
+    def __init__(self, run: BrickRun, which: NDArray[np.bool_]) -> None:
+        self._run = run
+        bricks = run.mesh.bricks[which]
+        self._nodes, cells = np.unique(bricks, return_inverse=True)
+        rows = [[int(v) for v in row] for row in cells.reshape(bricks.shape)]
+        super().__init__(rows, [_BRICK] * len(rows), run.mesh.nodes[self._nodes])
+
+    def _moved(self, i: int) -> tuple[Floats, Floats]:
+        displacement = self._run.states[i].displacement[self._nodes]
+        return self.straight + displacement, displacement
+
+
+class _Backbone(_Bricks):
+    name = "backbone"
+
+    def __init__(self, run: BrickRun) -> None:
+        super().__init__(run, ~run.mesh.arm)
+
+    def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
+        points, displacement = self._moved(i)
+        _, stress, strain = self._run.nodal(i)
+        return points, {
+            "displacement_m": displacement,
+            "von_mises_Pa": von_mises(stress[self._nodes]),
+            "stress_Pa": stress[self._nodes][:, _ORDER],
+            "strain": strain[self._nodes][:, _ORDER],
+        }
+
+
+class _Stiff(_Bricks):
+    name = "disks"
+
+    def __init__(self, run: BrickRun) -> None:
+        super().__init__(run, run.mesh.arm)
+
+    def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
+        points, displacement = self._moved(i)
+        return points, {"displacement_m": displacement}
+
+
+def von_mises(stress: Floats) -> Floats:
+    """Von Mises stress (...,) of stresses (..., 6) as xx, yy, zz, xy, xz, yz."""
+    x, y, z, xy, xz, yz = np.moveaxis(stress, -1, 0)
+    found: Floats = np.sqrt(
+        0.5 * ((x - y) ** 2 + (y - z) ** 2 + (z - x) ** 2) + 3.0 * (xy**2 + xz**2 + yz**2)
+    )
+    return found

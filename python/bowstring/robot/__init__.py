@@ -1,0 +1,1 @@
+"""What a robot is: the model and its file, checks, built-in robots."""

@@ -1,0 +1,247 @@
+"""Valid numbers of a robot that are probably not meant, each with its reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring.units import number_with_unit, rounded
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
+
+_STANDARD_GRAVITY: Final = 9.80665  # m/s^2
+
+Floats = NDArray[np.float64]
+
+# What makes a number doubtful. A wrong unit is mostly wrong by 1000, so each range is wide enough
+# for any robot that we know of and much narrower than 1000 times beyond it.
+#
+# Stiffness: a pull of the robot's own weight W on one tendon bends a segment by
+# theta = W r L / (E I) (linear law). W scales with the robot, so one limit serves a catheter and
+# an elephant trunk: 2 degrees for the robot of the study, 5 for rao2021, 0.4 rad for a Nitinol
+# catheter (0.4 mm by 1 m), 1.7 rad for 1 mm Nitinol under ten disks of 10 g at r = 10 mm, 2.4 rad
+# for silicone of 0.1 MPa. Beyond one turn the robot cannot hold its own weight in any useful pose;
+# the E = 35 MPa that the study prints gives 5.5 turns.
+_MAX_TURNS: Final = 1.0
+# The other way round: 1 kN, more than tendons of such robots carry, must bend it by a degree.
+_STRONG_PULL: Final = 1000.0
+_MIN_BEND: Final = math.radians(1.0)
+_SLENDERNESS: Final = (5.0, 5000.0)  # length/diameter; 60 to 143 for the built-in robots
+_DENSITY: Final = (100.0, 25_000.0)  # kg/m^3: light foam to osmium
+_DISK_DENSITY: Final = (20.0, 25_000.0)  # of the full disk; holes and cut-outs make it lighter
+# Share of the length that disks may hold over their thickness while the file does not say whether
+# they do: the bend is off by as much, and the tip by about half of it in lengths.
+_HELD: Final = 0.02
+_MAX_E: Final = 1.3e12  # Pa: diamond
+_MAX_GRAVITY: Final = 30.0  # m/s^2: a little more than on Jupiter
+
+
+def doubts(robot: Robot) -> Iterator[str]:
+    disks, weight = robot.disks, _weight(robot)
+    for k, s in enumerate(robot.segments):
+        here = f"segments[{k}]"
+        yield from _stiffness_doubts(robot, k, weight)
+
+        slenderness = s.length / s.backbone.diameter
+        if not _SLENDERNESS[0] <= slenderness <= _SLENDERNESS[1]:
+            kind = "too thick for a rod" if slenderness < _SLENDERNESS[0] else "thinner than a hair"
+            yield (
+                f"{here}.length = {number_with_unit(s.length, 'm')} with backbone.diameter = "
+                f"{number_with_unit(s.backbone.diameter, 'm')}: length/diameter = "
+                f"{rounded(slenderness)} is {kind}; is one of the two in the wrong unit (m, mm)?"
+            )
+        density = s.backbone.density
+        if density and not _DENSITY[0] <= density <= _DENSITY[1]:
+            yield (
+                f"{here}.backbone.density = {rounded(density, 4)} kg/m^3: no backbone "
+                "material has it; is it in the wrong unit (kg/m^3, g/cm^3)?"
+            )
+        volume = math.pi * s.disks.radius**2 * s.disks.thickness
+        if s.disks.mass and volume:
+            mean = s.disks.mass / volume
+            if not _DISK_DENSITY[0] <= mean <= _DISK_DENSITY[1]:
+                unit = "g" if mean > _DISK_DENSITY[1] else "kg"
+                yield (
+                    f"{here}.disks.mass = {number_with_unit(s.disks.mass, 'kg')}: a disk of this "
+                    f"radius and thickness would have a density of {rounded(mean)} kg/m^3; "
+                    f"is the mass in {unit}?"
+                )
+        material = s.disks.density
+        if material and not _DISK_DENSITY[0] <= material <= _DISK_DENSITY[1]:
+            yield (
+                f"{here}.disks.density = {rounded(material, 4)} kg/m^3: no material has it; is it "
+                "in the wrong unit (kg/m^3, g/cm^3)?"
+            )
+        if "clamped_length" not in s.disks.model_fields_set:
+            held = len(s.disk_positions) * s.disks.thickness / s.length
+            if held >= _HELD:
+                yield (
+                    f"{here}.disks.clamped_length: missing, so that no disk stiffens the backbone; "
+                    f"disks that hold it over their thickness of "
+                    f"{number_with_unit(s.disks.thickness, 'm')} would clamp {rounded(100 * held)} "
+                    "% of it, and the robot would bend less by about as much: give the length that "
+                    "a disk holds, 0 mm if none"
+                )
+        if s.backbone.G is not None:
+            nu = s.backbone.E / (2 * s.backbone.G) - 1
+            if not -1 < nu <= 0.5:
+                yield (
+                    f"{here}.backbone.G = {number_with_unit(s.backbone.G, 'Pa')} with E = "
+                    f"{number_with_unit(s.backbone.E, 'Pa')} makes nu = {rounded(nu)}, which no "
+                    "isotropic material has; is one of the two in the wrong unit (MPa, GPa)?"
+                )
+    spacing = np.diff(disks.station_m, prepend=0.0)
+    before = np.concatenate(([0.0], disks.thickness_m[:-1]))
+    overlap = np.flatnonzero((before + disks.thickness_m) / 2 > spacing * (1 + 1e-9))
+    if overlap.size:
+        i = int(overlap[0])
+        yield (
+            f"segments[{disks.segment[i]}].disks.thickness = "
+            f"{number_with_unit(float(disks.thickness_m[i]), 'm')}: the disks overlap, they are "
+            f"{number_with_unit(float(spacing[i]), 'm')} apart"
+        )
+    size = math.hypot(*robot.gravity)
+    if size > _MAX_GRAVITY:
+        yield (
+            f"gravity = {rounded(size, 4)} m/s^2 in size: more than on any planet; is it in mm/s^2?"
+        )
+    yield from _buckling_doubts(robot)
+
+
+def _weight(robot: Robot) -> float:
+    """Weight of disks and backbone on Earth in N, whatever the gravity of the file."""
+    lengths = np.array([s.length for s in robot.segments])
+    mass = robot.disks.mass_kg.sum() + robot.mass_per_length @ lengths
+    return float(mass) * _STANDARD_GRAVITY
+
+
+def _turns(robot: Robot, k: int, weight: float) -> float:
+    """Turns of a segment under a pull of the robot's own weight on one tendon, linear law."""
+    return weight * _bend_by_newton(robot, k) / math.tau
+
+
+def _bend_by_newton(robot: Robot, k: int) -> float:
+    """Bend of a segment by a tendon, by the linear law, in rad/N."""
+    passing = robot.tendons.segment >= k
+    arm = float(robot.tendons.pitch_radius_m[passing].max())
+    return arm * robot.segments[k].length / float(robot.bending_stiffness[k])
+
+
+def _stiffness_doubts(robot: Robot, k: int, weight: float) -> Iterator[str]:
+    s = robot.segments[k]
+    where = f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}"
+    diameter = f"diameter = {number_with_unit(s.backbone.diameter, 'm')}"
+    turns = _turns(robot, k, weight)
+    if s.backbone.E > _MAX_E:
+        yield f"{where}: stiffer than diamond; is the unit right (MPa, GPa)?"
+    elif turns > _MAX_TURNS:
+        stiffer = 1000 * s.backbone.E
+        guess = f"is the unit right (MPa, GPa), and {diameter}?"
+        if turns / 1000 <= _MAX_TURNS and stiffer <= _MAX_E:
+            meant = number_with_unit(stiffer, "Pa")
+            bend = 360.0 * turns / 1000
+            guess = f"with {meant} it would bend it by {rounded(bend)} degrees: is {meant} meant?"
+        yield (
+            f"{where} looks wrong: a pull of the robot's own weight ({rounded(weight)} N) on one "
+            f"tendon would wind the backbone {rounded(turns)} times around; {guess}"
+        )
+    elif _STRONG_PULL * _bend_by_newton(robot, k) < _MIN_BEND:
+        yield (
+            f"{where} with {diameter} looks wrong: 1 kN on one tendon would bend the segment by "
+            f"less than a degree; is one of the two in the wrong unit (GPa, MPa; mm, cm)?"
+        )
+
+
+#: Bend by the linear law that is worth a word where a load has no answer, rad.
+_MUCH_BEND: Final = math.pi
+
+
+def load_advice(robot: Robot, tensions: ArrayLike, tip_force: ArrayLike = (0, 0, 0)) -> str:
+    """What is probably wrong with a load that has no equilibrium.
+
+    Parameters
+    ----------
+    robot : Robot
+    tensions : array_like (T,)
+        In N; NaN where a tendon has none of its own.
+    tip_force : array_like (3,)
+        In N.
+
+    Returns
+    -------
+    str
+        A sentence that names a doubtful Young's modulus or, if there is none, how far the load
+        would bend the robot by the linear law, with a blank behind it; empty if neither is odd.
+    """
+    weight = _weight(robot)
+    for k in range(len(robot.segments)):
+        if _turns(robot, k, weight) > _MAX_TURNS:
+            modulus = number_with_unit(robot.segments[k].backbone.E, "Pa")
+            return (
+                f"Check Young's modulus: segments[{k}].backbone.E = {modulus} looks too small "
+                "(GPa, not MPa?). "
+            )
+    tension = np.nan_to_num(np.asarray(tensions, dtype=float))
+    sideways = float(np.hypot(*np.asarray(tip_force, dtype=float)[:2]))
+    total, by_force, beyond = np.zeros(2), 0.0, robot.length
+    for k, s in enumerate(robot.segments):
+        passing = robot.tendons.segment >= k
+        law = s.length / float(robot.bending_stiffness[k])
+        total += law * tension[passing] @ robot.tendons.hole_m[passing]
+        by_force += law * sideways * (beyond - s.length / 2)  # a cantilever's end
+        beyond -= s.length
+    by_tension = float(np.hypot(*total))
+    what, bend = max(
+        (("these tensions", by_tension), ("this force at the tip", by_force)), key=lambda x: x[1]
+    )
+    if bend <= _MUCH_BEND:
+        return ""
+    return f"By the linear law {what} would bend {robot.name} by {_degrees(bend)} degrees. "
+
+
+def _degrees(angle: float) -> str:
+    return rounded(math.degrees(angle), 2 if angle > 100 else 3)
+
+
+def _buckling_doubts(robot: Robot) -> Iterator[str]:
+    """Does the backbone buckle under its own weight, in the gravity of the file?
+
+    Rayleigh's quotient with the slope sin(pi s / 2 L) of a buckled column: elastic energy against
+    the work of every weight. It finds the critical q L^3 / (E I) of a uniform column as 8.30
+    (exact: 7.837), near enough for a warning, and knows disks and segments.
+    """
+    pressing = -robot.gravity[2]  # the base is at z = 0: weight towards it presses
+    if pressing <= 0:
+        return
+    length, disks = robot.length, robot.disks
+    wave = math.pi / (2 * length)
+
+    def sunk(s: Floats) -> Floats:  # how far the point s sinks, per amplitude squared / 2
+        return s / 2 - np.sin(2 * wave * s) / (4 * wave)
+
+    work = float(disks.mass_kg @ sunk(disks.station_m))
+    energy, start = 0.0, 0.0
+    for k, segment in enumerate(robot.segments):
+        ends = np.array([start, start + segment.length])
+        cosine = float(np.diff(ends / 2 + np.sin(2 * wave * ends) / (4 * wave))[0])
+        energy += float(robot.bending_stiffness[k]) * wave**2 * cosine
+        points = ends[0] + segment.length * (np.arange(64) + 0.5) / 64
+        work += float(robot.mass_per_length[k]) * segment.length * float(sunk(points).mean())
+        start += segment.length
+    ratio = pressing * work / energy
+    if ratio > 1:
+        k = int(np.argmin(robot.bending_stiffness))
+        s = robot.segments[k]
+        mass = float(disks.mass_kg[disks.segment == k][0])
+        yield (
+            f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}: the upright "
+            f"backbone buckles under its own weight, {rounded(ratio)} times what it can carry; "
+            "check the unit of E (MPa, GPa), "
+            f"diameter = {number_with_unit(s.backbone.diameter, 'm')}, "
+            f"disks.mass = {number_with_unit(mass, 'kg')} and the sign of gravity"
+        )

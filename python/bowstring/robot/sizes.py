@@ -1,0 +1,129 @@
+"""Sizes that a solid needs and a robot file may leave out: each is then assumed, and named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.errors import InputError
+from bowstring.robot.disk import room_for_holes
+from bowstring.robot.model import Robot, TendonRing
+from bowstring.units import number_with_unit
+
+__all__ = ["Assumed", "Sizes", "sizes_of"]
+
+Floats = NDArray[np.float64]
+
+# Thin beside the backbone, as in the robots of the field (0.2 to 1 mm on 1 to 5 mm).
+_TENDON: Final = 1 / 5  # of the backbone's diameter
+_HOLE: Final = 2.0  # times the tendon
+_USED_ROOM: Final = 0.8  # of the room that a disk has for its holes
+_BASE_RADIUS, _BASE_THICKNESS = 1.25, 2.0  # times those of the first disks
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """A size that the robot file does not say: its field, value in m, and where it comes from."""
+
+    field: str
+    value_m: float
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.field} = {number_with_unit(self.value_m, 'm')}, {self.why}"
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of a robot's solid in m; S segments, T tendons.
+
+    Attributes
+    ----------
+    hole_m : ndarray (S,)
+        Diameter of the tendons' holes in the disks of each segment; that of the base is the first.
+    tendon_m : ndarray (T,)
+        Diameter of each tendon.
+    base_radius_m, base_thickness_m : float
+        Of the plate below the base frame's origin.
+    assumed : tuple of Assumed
+        Those that the file does not say.
+    """
+
+    hole_m: Floats
+    tendon_m: Floats
+    base_radius_m: float
+    base_thickness_m: float
+    assumed: tuple[Assumed, ...]
+
+
+def sizes_of(robot: Robot) -> Sizes:
+    """The sizes of the robot's solid, as given or else assumed.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    Sizes
+
+    Raises
+    ------
+    InputError
+        If the disks have no thickness, or do not hold holes for a tendon of the given diameter.
+    """
+    for k, s in enumerate(robot.segments):
+        if s.disks.thickness == 0:
+            raise InputError(
+                f"{robot.name}: segments[{k}].disks.thickness is 0 mm, which makes no solid; write "
+                f'for example --set segments.{k}.disks.thickness="3 mm"'
+            )
+    tendons, assumed = robot.tendons, []
+    rods = np.array([s.backbone.diameter for s in robot.segments])
+    thin = np.array([_TENDON * rods[: k + 1].min() for k in range(len(rods))])[tendons.segment]
+    wanted = np.where(np.isnan(tendons.diameter_m), thin, tendons.diameter_m)
+    holes = np.empty(len(rods))
+    for k, s in enumerate(robot.segments):
+        passing = np.flatnonzero(tendons.segment >= k)
+        thick = int(passing[wanted[passing].argmax()])
+        bore = float(robot.disks.bore_m[robot.disks.segment == k].max())
+        room, fault = room_for_holes(robot.holes(k), s.disks.radius, bore)
+        if s.disks.hole_diameter is not None:
+            holes[k] = s.disks.hole_diameter  # was checked with the file
+            continue
+        holes[k] = min(_HOLE * wanted[thick], _USED_ROOM * room)
+        if holes[k] <= np.nan_to_num(tendons.diameter_m[passing]).max():
+            widest = float(np.nanmax(tendons.diameter_m[passing]))
+            raise InputError(
+                f"{robot.name}: the disks of segments[{k}] do not hold holes for a tendon of "
+                f"{number_with_unit(widest, 'm')}: wider than {number_with_unit(room, 'm')} "
+                f"{fault}; write a smaller tendons.diameter or disks.hole_diameter"
+            )
+        why = (
+            "twice the thickest tendon"
+            if holes[k] == _HOLE * wanted[thick]
+            else f"{_USED_ROOM:.0%} of the room that the disk has"
+        )
+        assumed.append(Assumed(f"segments[{k}].disks.hole_diameter", float(holes[k]), why))
+    narrowest = np.minimum.accumulate(holes)[tendons.segment]
+    sure = np.isnan(tendons.diameter_m)
+    diameter = np.where(sure, np.minimum(wanted, narrowest / _HOLE), wanted)
+    for k, s in enumerate(robot.segments):
+        mine = np.flatnonzero((tendons.segment == k) & sure)
+        ring = isinstance(s.tendons, TendonRing)
+        for i in mine[:1] if ring else mine:
+            whole = diameter[i] == thin[i]
+            why = "a fifth of the thinnest backbone" if whole else "half of the narrowest hole"
+            place = i - np.flatnonzero(tendons.segment == k)[0]
+            field = f"segments[{k}].tendons" + ("" if ring else f"[{place}]") + ".diameter"
+            assumed.append(Assumed(field, float(diameter[i]), why))
+    first = robot.segments[0].disks
+    radius, thickness = _BASE_RADIUS * first.radius, _BASE_THICKNESS * first.thickness
+    assumed += [
+        Assumed("radius of the base", radius, f"{_BASE_RADIUS:g} times that of the first disk"),
+        Assumed("thickness of the base", thickness, "twice that of the first disk"),
+    ]
+    return Sizes(holes, diameter, radius, thickness, tuple(assumed))

@@ -1,0 +1,51 @@
+"""A robot written as a robot file, for robots that a program has changed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel
+
+from bowstring.robot.model import Robot
+from bowstring.units import Quantity, printable
+
+__all__ = ["to_yaml"]
+
+
+def to_yaml(robot: Robot, comment: str = "") -> str:
+    """The text of a robot file that is read as this very robot.
+
+    Parameters
+    ----------
+    robot : Robot
+    comment : str
+        Lines for the top of the file.
+
+    Returns
+    -------
+    str
+        YAML; numbers in SI units, to the last digit.
+    """
+    import yaml
+
+    head = "".join(f"# {printable(line)}".rstrip() + "\n" for line in comment.splitlines())
+    return head + yaml.safe_dump(_plain(robot), sort_keys=False, allow_unicode=True, width=100)
+
+
+def _plain(part: BaseModel) -> dict[str, Any]:
+    fields: dict[str, Any] = {}
+    for name, info in type(part).model_fields.items():
+        value = getattr(part, name)
+        unit = next((mark.si for mark in info.metadata if isinstance(mark, Quantity)), "")
+        if value is None or value == "":
+            continue
+        if isinstance(value, BaseModel):
+            fields[name] = _plain(value)
+        elif isinstance(value, tuple) and isinstance(value[0], BaseModel):
+            fields[name] = [_plain(each) for each in value]
+        elif unit:
+            values = value if isinstance(value, tuple) else (value,)
+            fields[name] = f"{' '.join(repr(float(each)) for each in values)} {unit}"
+        else:
+            fields[name] = value
+    return fields

@@ -1,0 +1,1 @@
+"""The rod in equilibrium: actuation, solve, sweep, batch, derivatives, fields of stress."""

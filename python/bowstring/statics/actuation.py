@@ -1,0 +1,375 @@
+"""How a robot is driven: tensions, pulled lengths and motor angles; where a path has come to.
+
+What `bowstring.solve` needs to drive a robot through its tendons. A pull is the length that an
+actuator has taken in since the home pose, in m; negative if it is paid out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring import validation
+from bowstring.errors import InputError
+
+if TYPE_CHECKING:
+    from bowstring import _core
+    from bowstring.robot.model import Robot
+
+__all__ = [
+    "HISTORY_SCHEMA_VERSION",
+    "Given",
+    "Path",
+    "compliances",
+    "home_lengths",
+]
+
+HISTORY_SCHEMA_VERSION: Final = 1
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+#: Numbers for the tendons, None or NaN where one is driven otherwise; also rows of them.
+Given = ArrayLike | Sequence[float | None] | Sequence[Sequence[float | None]]
+
+_GIVE: Final = "give each tendon a tension, a pull or an angle, and None where it has another"
+_MUCH_FRICTION: Final = 1.0  # coefficients beyond this are doubted where there is no answer
+
+
+def compliances(robot: Robot) -> Floats:
+    """How far each tendon gives way from motor to end disk for each newton, (T,) in m/N."""
+    tendons = robot.tendons
+    routed = robot.disks.station_m[tendons.end_disk]
+    length = tendons.free_length_m + routed
+    return tendons.compliance_m_per_N + length / tendons.axial_stiffness_N
+
+
+def home_lengths(
+    robot: Robot, theory: str, tendon: str, twist: bool, elements: int | None
+) -> Floats | None:
+    """Length of each tendon at zero pull and no tension, less what lies before the base hole.
+
+    None if the pretension alone has no stable equilibrium, which would be the home pose.
+    """
+    tendons = robot.tendons
+    if not tendons.pretension_N.any():
+        return np.array(robot.disks.station_m[tendons.end_disk])
+    none = (0.0, 0.0, 0.0)
+    home = robot.core.solve(tendons.pretension_N, theory, none, none, none, tendon, twist, elements)
+    if home.tendon_lengths is None:
+        return None
+    lengths: Floats = home.tendon_lengths - compliances(robot) * tendons.pretension_N
+    return lengths
+
+
+def hanging(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
+    """Indices of tendons that hang, by more than rounding makes of a tendon without tension."""
+    return np.flatnonzero(slack_lengths > 1e-12 * robot.length)
+
+
+# --------------------------------------------------------------------------------------
+# Commands
+# --------------------------------------------------------------------------------------
+
+
+def commands(
+    robot: Robot,
+    tensions: Given | None,
+    pulls: Given | None,
+    angles: Given | None,
+    *,
+    rows: bool = False,
+) -> tuple[Bools, Floats]:
+    """Which tendons are pulled by a length, and the lengths or tensions; (T,) or (n, T).
+
+    Each tendon has exactly one of the three, None or NaN in the others.
+    """
+    given = {"tensions": (tensions, "N"), "pulls": (pulls, "m"), "angles": (angles, "rad")}
+    tables = {
+        name: _table(robot, name, values, unit, rows)
+        for name, (values, unit) in given.items()
+        if values is not None
+    }
+    if not tables:
+        raise InputError("tensions is None, and so are pulls and angles; " + _GIVE)
+    if list(tables) == ["tensions"]:
+        only = tables["tensions"]
+        return np.zeros(only.shape, bool), only
+    if list(tables) == ["pulls"] and not np.isnan(tables["pulls"]).any():
+        return np.ones(tables["pulls"].shape, bool), tables["pulls"]
+    if len({table.shape for table in tables.values()}) > 1:
+        counts = " and ".join(f"{len(table)} of {name}" for name, table in tables.items())
+        raise InputError(f"got {counts}; each must have one row for each load")
+    said = {name: ~np.isnan(table) for name, table in tables.items()}
+    count = np.sum([*said.values()], axis=0)
+    if (count != 1).any():
+        raise _not_one(tables, count, said)
+    pulled = np.zeros(count.shape, bool)
+    values = np.zeros(count.shape)
+    for name, table in tables.items():
+        here = said[name]
+        if name == "angles":
+            radius = np.broadcast_to(robot.tendons.spool_radius_m, table.shape)
+            missing = np.flatnonzero((here & np.isnan(radius)).reshape(-1, count.shape[-1]).any(0))
+            if missing.size:
+                raise InputError(
+                    f"tendon {missing[0] + 1} of {robot.name} has no spool_radius, so that an "
+                    "angle says nothing of its pull; add spool_radius to the robot, or give pulls"
+                )
+            table = table * radius
+        values[here] = table[here]
+        if name != "tensions":
+            pulled |= here
+    return pulled, values
+
+
+def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Floats:
+    from bowstring import _core
+
+    count = robot.core.tendon_count
+    shape = f"(n, {count})" if rows else f"({count},)"
+    if isinstance(values, np.ndarray):
+        # before it is copied
+        _check_shape(name, values, count, unit, rows)
+        what = f"{name} of shape {values.shape}"
+        _core.check_memory(40.0 * values.size, what, "give fewer loads at a time")
+    try:
+        table = validation.floats(values)
+    except TypeError:
+        raise InputError(
+            f"{name} must be numbers of shape {shape} in {unit}, None where a tendon is driven "
+            "otherwise"
+        ) from None
+    _check_shape(name, table, count, unit, rows)
+    return table
+
+
+def _check_shape(name: str, table: NDArray[Any], count: int, unit: str, rows: bool) -> None:
+    shape = f"(n, {count})" if rows else f"({count},)"
+    if rows and (table.ndim != 2 or table.shape[1] != count):
+        raise InputError(
+            f"{name} has shape {table.shape}, it must have one row for each load and {count} "
+            "columns, one for each tendon"
+        )
+    if not rows and table.ndim != 1:
+        raise InputError(f"{name} has shape {table.shape}, it must have {shape}, in {unit}")
+    if not rows and len(table) != count:
+        raise InputError(f"{name} has {len(table)} numbers, it must have {count}, in {unit}")
+
+
+def _not_one(
+    tables: Mapping[str, Floats], count: NDArray[np.int64], said: Mapping[str, Bools]
+) -> InputError:
+    place = tuple(int(i) for i in np.argwhere(count != 1)[0])
+    where = f"row {place[0]}: " if len(place) == 2 else ""
+    tendon = f"{where}tendon {place[-1] + 1}"
+    if count[place] == 0:
+        return InputError(f"{tendon} is driven by nothing; {_GIVE}")
+    both = " and ".join(_one(name) for name in tables if said[name][place])
+    return InputError(f"{tendon} has {both}; it can have only one of them")
+
+
+def _one(name: str) -> str:
+    return {"tensions": "a tension", "pulls": "a pull", "angles": "an angle"}[name]
+
+
+def _tendons(indices: Sequence[int] | NDArray[np.int64]) -> str:
+    """The names of tendons, as "tendon 2" or "tendons 1, 2 and 4"."""
+    numbers = [str(int(i) + 1) for i in indices]
+    if len(numbers) == 1:
+        return f"tendon {numbers[0]}"
+    return f"tendons {', '.join(numbers[:-1])} and {numbers[-1]}"
+
+
+# --------------------------------------------------------------------------------------
+# The path and its history
+# --------------------------------------------------------------------------------------
+
+
+class Path:
+    """A robot in the core that is driven step by step, and what is written down of it."""
+
+    __slots__ = ("core", "robot", "settings")
+
+    def __init__(
+        self,
+        robot: Robot,
+        theory: str,
+        tendon: str,
+        twist: bool,
+        elements: int | None,
+        *,
+        rubs: bool = True,
+    ) -> None:
+        from bowstring import _core
+
+        tendons = robot.tendons
+        self.robot = robot
+        self.settings = {"theory": theory, "twist": twist, "elements": elements}
+        self.core: _core.Drive = _core.Drive(
+            robot.core,
+            theory,
+            tendon,
+            twist,
+            elements,
+            tendons.axial_stiffness_N,
+            tendons.free_length_m,
+            tendons.compliance_m_per_N,
+            tendons.friction if rubs else np.zeros_like(tendons.friction),
+            tendons.pretension_N,
+        )
+
+    def history(self) -> dict[str, Any]:
+        """What friction remembers, and where the path has come to; ready for `json.dumps`."""
+        now = self.core.history()
+        orders = zip(now["pulled"].tolist(), now["commands"].tolist(), strict=True)
+        return {
+            "schema_version": HISTORY_SCHEMA_VERSION,
+            "robot": self.robot.name,
+            "robot_hash": self.robot.hash,
+            **self.settings,
+            "commands": [{"pull_m" if pulled else "tension_N": v} for pulled, v in orders],
+            "gravity_m_per_s2": now["gravity"].tolist(),
+            "tip_force_N": now["tip_force"].tolist(),
+            "tip_moment_Nm": now["tip_moment"].tolist(),
+            "tensions_N": now["tensions"].tolist(),
+            "log_tension_drops": now["drops"].tolist(),
+            "unstretched_spans_m": now["spans"].tolist(),
+            "slips": now["slips"].tolist(),
+            "arcs_rad": now["strain"].tolist(),
+        }
+
+    def resume(self, history: Mapping[str, Any]) -> None:
+        """Go on from a history of the same robot and settings."""
+        if not isinstance(history, Mapping) or "robot_hash" not in history:
+            raise InputError(
+                "the history is none: give what the attribute history of a solution was"
+            )
+        version = history.get("schema_version")
+        if version != HISTORY_SCHEMA_VERSION:
+            raise InputError(
+                f"the history has schema_version {version!r:.40}, this version of Bowstring reads "
+                f"{HISTORY_SCHEMA_VERSION}"
+            )
+        if history["robot_hash"] != self.robot.hash:
+            raise InputError(
+                f"the history is of another robot ({history.get('robot')!s:.100}), or of one with "
+                f"other numbers than {self.robot.name} has now"
+            )
+        for name, value in self.settings.items():
+            if name == "elements" and (value is None or history.get(name, 1) is None):
+                continue  # chosen step by step
+            if history.get(name) != value:
+                raise InputError(
+                    f"the history was made with {name} {history.get(name)!r:.40}, it cannot be "
+                    f"continued with {name} {value!r}"
+                )
+        try:
+            orders = [_order(item) for item in history["commands"]]
+            self.core.resume(
+                _numbers(history, "tensions_N", 1),
+                _numbers(history, "log_tension_drops", 2),
+                _numbers(history, "unstretched_spans_m", 2),
+                np.array([pulled for pulled, _ in orders], dtype=bool),
+                np.array([value for _, value in orders], dtype=float),
+                _numbers(history, "gravity_m_per_s2", 1),
+                _numbers(history, "tip_force_N", 1),
+                _numbers(history, "tip_moment_Nm", 1),
+                _numbers(history, "arcs_rad", 2),
+                np.sign(_numbers(history, "slips", 2)).astype(np.int8),
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            if isinstance(error, InputError):
+                raise InputError(f"the history is damaged: {error}") from None
+            raise InputError(
+                f"the history is damaged: {' '.join(str(error).split()):.100}"
+            ) from None
+
+
+def _order(item: Mapping[str, float]) -> tuple[bool, float]:
+    ((name, value),) = item.items()
+    if name not in ("pull_m", "tension_N") or not np.isfinite(float(value)):
+        raise ValueError(f"a command is {name}: {value}")
+    return name == "pull_m", float(value)
+
+
+def _numbers(history: Mapping[str, Any], name: str, dimensions: int) -> Floats:
+    values = np.array(history[name], dtype=np.float64)
+    if values.ndim != dimensions or not np.isfinite(values).all():
+        raise ValueError(f"{name} must be a table of finite numbers")
+    return values
+
+
+# --------------------------------------------------------------------------------------
+# What to say of an answer
+# --------------------------------------------------------------------------------------
+
+
+def message(
+    status: str,
+    stable: bool | None,
+    slack: Sequence[int] | NDArray[np.int64],
+    undetermined: bool,
+    friction: float,
+    conflict: tuple[Sequence[int], Sequence[float] | None],
+    residual: float,
+    iterations: int,
+    advice: str = "",
+) -> str:
+    """How a step ended and, if it failed, what to try.
+
+    ``slack`` counts from 0; ``friction`` is the largest coefficient; ``advice`` is that of
+    `bowstring.robot.plausibility.load_advice`.
+    """
+    fighting, nearest = conflict
+    match status:
+        case "converged":
+            if stable:
+                said = "A stable equilibrium."
+            else:
+                why = "friction has" if friction > 0 else "a tip moment has"
+                said = (
+                    "An equilibrium; whether it is stable is not known, because "
+                    f"{why} no potential."
+                )
+            if len(slack):
+                hang = "hangs" if len(slack) == 1 else "hang"
+                said += f" {_tendons(slack).capitalize()} {hang} slack."
+            if undetermined:
+                said += " The pulls do not determine the tensions: these are the smallest."
+            return said
+        case "no_equilibrium" if nearest is not None:
+            fight = "" if len(fighting) < 2 else f": {_tendons(fighting)} pull against each other"
+            if len(fighting) == 1:
+                fight = f": {_tendons(fighting)} is pulled farther than the robot can follow"
+            near = ", ".join(
+                f"{round(1e3 * p, 4) + 0.0:g}" if np.isfinite(p) else "-" for p in nearest
+            )
+            return (
+                f"No equilibrium for these pulls{fight}. The nearest that have one are {near} mm."
+            )
+        case "no_equilibrium":
+            return (
+                f"No equilibrium: two neighbouring disks collide. {advice}Lower pulls, tensions "
+                "and loads."
+            )
+        case "unstable":
+            return (
+                "Only an unstable equilibrium was found. Add a small load to one side, or approach "
+                "this one by a sweep."
+            )
+        case _:
+            left = f" (residual {residual:.2g})" if np.isfinite(residual) else ""
+            doubt = ""
+            if friction > _MUCH_FRICTION:
+                doubt = (
+                    f"Check the friction coefficient of {friction:g}: that of a tendon in a "
+                    "smooth hole is 0.05 to 0.5. "
+                )
+            return (
+                f"No equilibrium was found: the solver gave up after {iterations} iterations"
+                f"{left}. {advice}{doubt}Approach it by a sweep in smaller steps, or lower pulls, "
+                "tensions and loads."
+            )

@@ -1,0 +1,493 @@
+"""Fields of a run: curvature, strain, stress, pull and energy, labelled and with units.
+
+`derive` turns raw output (`Frames`) into arrays, many output times at once, and knows no labels;
+`to_dataset` adds them. For a run with a file the core packs the same into bytes as it goes, in the
+order of the table `FIELDS`, which both go by.
+
+Body axes of a section: z along the tangent, x and y along those of the base when it is straight.
+Force and moment are those that the part beyond exerts on the section, so a positive force z is
+tension. Disks, tendons, modules and segments are counted from 1 at the base.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = [
+    "FIELDS",
+    "SCHEMA_VERSION",
+    "Field",
+    "Frames",
+    "Section",
+    "attributes",
+    "check_frames",
+    "coordinates",
+    "derive",
+    "surface_stress",
+    "to_dataset",
+    "von_mises",
+]
+
+SCHEMA_VERSION: Final = 2
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Raw output at T times, P stations; SI, base axes unless said. n disks, m tendons.
+
+    Attributes
+    ----------
+    time : ndarray (T,)
+    station : ndarray (P,)
+        Arc length along the straight backbone. Each module is sampled from its start to its end, so
+        stations at disks occur twice: the internal moment jumps there.
+    module : ndarray of int (P,)
+        The stretch of backbone between two disks, counted from 0.
+    position, rotation : ndarray (T, P, 3), (T, P, 3, 3)
+        Centreline, and section axes, body to base.
+    force, moment : ndarray (T, P, 3)
+        Internal, that the part beyond exerts on the section, in body axes.
+    disk_position, disk_velocity, disk_angular_velocity : ndarray (T, n, 3)
+    disk_rotation : ndarray (T, n, 3, 3)
+    tension, tendon_length : ndarray (T, m)
+    span_length : ndarray (T, n, m)
+        NaN where a tendon does not pass.
+    pull, slack : ndarray (T, m)
+        Length that each tendon is taken in by since the home pose, and length that hangs.
+    span_tension : ndarray (T, n, m)
+        In motion that where forces balanced in the last step. NaN where a tendon does not pass.
+    kinetic_energy, elastic_energy, gravity_energy, work, dissipated_energy : ndarray (T,)
+        Work is that of tendons and tip load since the start.
+    """
+
+    time: Floats
+    station: Floats
+    module: Ints
+    position: Floats
+    rotation: Floats
+    force: Floats
+    moment: Floats
+    disk_position: Floats
+    disk_rotation: Floats
+    disk_velocity: Floats
+    disk_angular_velocity: Floats
+    tension: Floats
+    tendon_length: Floats
+    span_length: Floats
+    pull: Floats
+    slack: Floats
+    span_tension: Floats
+    kinetic_energy: Floats
+    elastic_energy: Floats
+    gravity_energy: Floats
+    work: Floats
+    dissipated_energy: Floats
+
+
+class Field(NamedTuple):
+    """A variable over time: its further dimensions, unit, axes ("" if it has none) and meaning."""
+
+    name: str
+    dims: tuple[str, ...]
+    units: str
+    frame: str
+    long_name: str
+
+
+_STATION: Final = ("station",)
+_STATION_AXIS: Final = ("station", "axis")
+_DISK_AXIS: Final = ("disk", "axis")
+_TENDON: Final = ("tendon",)
+
+FIELDS: Final[tuple[Field, ...]] = (
+    Field("position", _STATION_AXIS, "m", "base", "position of the centreline"),
+    Field("rotation", ("station", "row", "column"), "1", "base from body", "axes of the section"),
+    Field("force", _STATION_AXIS, "N", "body", "internal force on the section, z is tension"),
+    Field("moment", _STATION_AXIS, "N m", "body", "internal moment on the section, z is torsion"),
+    Field("curvature", _STATION_AXIS, "1/m", "body", "curvature about x and y, twist about z"),
+    Field("strain", _STATION_AXIS, "1", "body", "shear strain along x and y, extension along z"),
+    Field("axial_stress", _STATION, "Pa", "", "mean normal stress N/A, positive in tension"),
+    Field("bending_stress", _STATION, "Pa", "", "largest stress of bending at the surface"),
+    Field("normal_stress", _STATION, "Pa", "", "largest magnitude of normal stress at the surface"),
+    Field("shear_stress", _STATION, "Pa", "", "largest stress of transverse shear at the surface"),
+    Field("torsion_stress", _STATION, "Pa", "", "magnitude of torsion stress at the surface"),
+    Field("von_mises", _STATION, "Pa", "", "largest von Mises stress around the surface"),
+    Field(
+        "von_mises_angle",
+        _STATION,
+        "rad",
+        "body",
+        "angle around the section where it is, x towards y",
+    ),
+    Field("von_mises_place", _STATION_AXIS, "m", "base", "point of the surface where it is"),
+    Field("von_mises_max", (), "Pa", "", "largest von Mises stress of the robot"),
+    Field("von_mises_max_arc_length", (), "m", "", "arc length at which it is"),
+    Field("von_mises_max_place", ("axis",), "m", "base", "point of the surface where it is"),
+    Field("disk_position", _DISK_AXIS, "m", "base", "position of the disks"),
+    Field("disk_rotation", ("disk", "row", "column"), "1", "base from body", "axes of the disks"),
+    Field("disk_velocity", _DISK_AXIS, "m/s", "base", "velocity of the disks"),
+    Field("disk_angular_velocity", _DISK_AXIS, "rad/s", "base", "angular velocity of the disks"),
+    Field("tip_displacement", ("axis",), "m", "base", "displacement of the tip from straight"),
+    Field("tension", _TENDON, "N", "", "tension of the tendons before the base hole"),
+    Field("tendon_length", _TENDON, "m", "", "length of the tendons, base to end disk"),
+    Field("pull", _TENDON, "m", "", "length that the tendons are taken in by since home"),
+    Field("slack", _TENDON, "m", "", "length of the tendons that hangs"),
+    Field("span_length", ("disk", "tendon"), "m", "", "length of the span that ends at the disk"),
+    Field("span_tension", ("disk", "tendon"), "N", "", "tension of that span"),
+    Field("kinetic_energy", (), "J", "", "kinetic energy"),
+    Field("elastic_energy", (), "J", "", "elastic energy, that of pulled tendons too"),
+    Field("gravity_energy", (), "J", "", "potential energy in gravity"),
+    Field("work", (), "J", "", "work of motors and tip load since the start"),
+    Field(
+        "dissipated_energy", (), "J", "", "energy that damping and friction took since the start"
+    ),
+    Field(
+        "energy_balance",
+        (),
+        "J",
+        "",
+        "energy gained minus work plus dissipated: the error",
+    ),
+)
+"""Every variable over time, in the order of the file and of what the core packs for it."""
+
+_RAW: Final = frozenset(Frames.__dataclass_fields__)
+
+
+class Section:
+    """Backbone sections at stations (P,): what stress and strain need, SI.
+
+    Parameters
+    ----------
+    robot : Robot
+    station : ndarray (P,)
+        Arc lengths in m.
+    module : ndarray of int (P,)
+        Counted from 0.
+    theory : str
+        ``"kirchhoff"`` has no shear and no extension.
+    twist : bool
+        False if the backbone was held from twisting.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        station: Floats,
+        module: Ints,
+        theory: str = "cosserat",
+        twist: bool = True,
+    ) -> None:
+        segment = robot.disks.segment[module]
+        rods = [s.backbone for s in robot.segments]
+        outer = np.array([0.5 * rod.diameter for rod in rods])
+        inner = np.array([0.5 * rod.inner_diameter for rod in rods])
+        second = np.array([rod.second_moment for rod in rods])
+        area = np.array([rod.area for rod in rods])
+        # the parabolic law V Q / (I b) at the neutral axis: 4/3 for a solid rod, 2 for a thin tube
+        shear_factor = 4.0 / 3.0 * (outer**2 + outer * inner + inner**2) / (outer**2 + inner**2)
+        self.radius: Floats = outer[segment]
+        self.area: Floats = area[segment]
+        self.modulus: Floats = (second / outer)[segment]
+        self.shear: Floats = (shear_factor / area)[segment]
+        bend = 1.0 / robot.bending_stiffness
+        turn = 1.0 / robot.torsion_stiffness if twist else 0.0 * bend
+        # what a disk clamps is rigid; only the disks before and after a station can clamp it
+        d = robot.disks
+        after = np.searchsorted(d.station_m, station)
+        beside = np.clip([after - 1, after], 0, len(d.station_m) - 1)
+        depth = 0.5 * d.clamped_length_m[beside] - abs(station - d.station_m[beside])
+        free = np.all(depth <= 1e-9 * robot.length, axis=0)[:, None]
+        self.bending_compliance: Floats = np.stack([bend, bend, turn], axis=1)[segment] * free
+        if theory == "kirchhoff":
+            self.force_compliance: Floats = np.zeros((len(segment), 3))
+        else:
+            slide = 1.0 / robot.shear_stiffness
+            stretch = 1.0 / robot.axial_stiffness
+            self.force_compliance = np.stack([slide, slide, stretch], axis=1)[segment] * free
+        # as the core takes them, one row a section
+        self.columns: Floats = np.column_stack(
+            [
+                self.radius,
+                self.area,
+                self.modulus,
+                self.shear,
+                self.bending_compliance,
+                self.force_compliance,
+            ]
+        )
+
+
+def check_frames(robot: Robot, frames: Frames) -> None:
+    """Raise `InputError` if the arrays of ``frames`` do not fit each other or the robot."""
+    t, p = len(frames.time), len(frames.station)
+    n, m = len(robot.disks.station_m), len(robot.tendons.end_disk)
+    vectors, scalars = (t, p, 3), (t,)
+    shapes = {
+        "time": scalars,
+        "station": (p,),
+        "module": (p,),
+        "position": vectors,
+        "rotation": (*vectors, 3),
+        "force": vectors,
+        "moment": vectors,
+        "disk_position": (t, n, 3),
+        "disk_rotation": (t, n, 3, 3),
+        "disk_velocity": (t, n, 3),
+        "disk_angular_velocity": (t, n, 3),
+        "tension": (t, m),
+        "tendon_length": (t, m),
+        "span_length": (t, n, m),
+        "pull": (t, m),
+        "slack": (t, m),
+        "span_tension": (t, n, m),
+    }
+    for name in Frames.__dataclass_fields__:
+        shape = np.shape(getattr(frames, name))
+        wanted = shapes.get(name, scalars)
+        if shape != wanted:
+            raise InputError(
+                f"{name} of the frames has shape {shape}; must be {wanted} for {robot.name} "
+                f"with {t} times and {p} stations"
+            )
+    if p == 0:
+        raise InputError("the frames have no station; sample each module at one point or more")
+    if frames.module.min() < 0 or frames.module.max() >= n:
+        raise InputError(f"module of the frames must be 0 to {n - 1}, one for each disk")
+    time = frames.time
+    if not (time[1:] > time[:-1]).all() or not np.isfinite(time).all():
+        raise InputError("time of the frames must be finite and increase")
+
+
+def surface_stress(sec: Section, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
+    """Normal and shear stress around the surface of every section.
+
+    Parameters
+    ----------
+    sec : Section
+        Of P stations.
+    force, moment : ndarray (..., P, 3)
+        Internal, in body axes, in N and N m.
+
+    Returns
+    -------
+    sigma, tau : ndarray (3, ..., P)
+        Coefficients a, b, c in Pa: at the angle psi from x towards y the stress is
+        ``a + b cos(psi) + c sin(psi)``; sigma along the tangent, positive in tension, tau on the
+        section in the direction of growing psi. Transverse shear follows the parabolic law.
+    """
+    from bowstring import _core
+
+    found = _core.surface_stress(sec.columns, _floats(force), _floats(moment))
+    return found[0], found[1]
+
+
+def von_mises(sigma: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
+    """Maximum of sqrt(sigma^2 + 3 tau^2) around each section.
+
+    Parameters
+    ----------
+    sigma, tau : ndarray (3, ...)
+        As from `surface_stress`.
+
+    Returns
+    -------
+    value, cosine, sine : ndarray (...)
+        The maximum in Pa, exact to 1e-12 of it, and the angle at which it is.
+    """
+    from bowstring import _core
+
+    rows = (_floats(v).reshape(3, -1) for v in (sigma, tau))
+    found = _core.von_mises(*rows).reshape(sigma.shape)
+    return found[0], found[1], found[2]
+
+
+def derive(robot: Robot, frames: Frames, sec: Section) -> dict[str, Floats]:
+    """All variables of `FIELDS` for the times of ``frames``.
+
+    Parameters
+    ----------
+    robot : Robot
+    frames : Frames
+        The energy balance is that since the first of them.
+    sec : Section
+        Of these stations.
+
+    Returns
+    -------
+    dict from name to ndarray (T, ...)
+    """
+    from bowstring import _core
+
+    vectors = (frames.position, frames.rotation, frames.force, frames.moment)
+    out = _core.derive(sec.columns, *map(_floats, vectors))
+    value, place = out["von_mises"], out["von_mises_place"]
+    times, top = np.arange(len(frames.time)), value.argmax(axis=1)
+    out["von_mises_max"] = value[times, top]
+    out["von_mises_max_arc_length"] = frames.station[top]
+    out["von_mises_max_place"] = place[times, top]
+    out["tip_displacement"] = frames.disk_position[:, -1] - (0.0, 0.0, robot.length)
+    energy = frames.kinetic_energy + frames.elastic_energy + frames.gravity_energy
+    balance = energy - frames.work + frames.dissipated_energy
+    out["energy_balance"] = balance - (balance[0] if len(balance) else 0.0)
+    return {f.name: getattr(frames, f.name) if f.name in _RAW else out[f.name] for f in FIELDS}
+
+
+def _floats(values: Floats) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float64)
+
+
+def coordinates(
+    robot: Robot, station: Floats, module: Ints
+) -> dict[str, tuple[str, Any, dict[str, str]]]:
+    """Coordinates other than time: name to (dimension, values, attributes)."""
+    axes = np.array(["x", "y", "z"])
+    n, m = len(robot.disks.station_m), len(robot.tendons.end_disk)
+    from_base = ", counted from 1 at the base"
+
+    def about(text: str, units: str = "1") -> dict[str, str]:
+        return {"units": units, "long_name": text}
+
+    def count(values: Any) -> NDArray[np.int32]:
+        return np.asarray(values, dtype=np.int32)
+
+    return {
+        "axis": ("axis", axes, {"long_name": "axis of a vector; each variable names its frame"}),
+        "row": ("row", axes, {"long_name": "axis of the base"}),
+        "column": ("column", axes, {"long_name": "axis of the body"}),
+        "disk": ("disk", count(range(1, n + 1)), about("disk" + from_base)),
+        "tendon": ("tendon", count(range(1, m + 1)), about("tendon, counted from 1")),
+        "arc_length": (
+            "station",
+            np.asarray(station, dtype=float),
+            about("arc length along the straight backbone", "m"),
+        ),
+        "module": ("station", count(module + 1), about("module" + from_base)),
+        "segment": (
+            "station",
+            count(robot.disks.segment[module] + 1),
+            about("segment" + from_base),
+        ),
+        "disk_arc_length": (
+            "disk",
+            np.asarray(robot.disks.station_m, dtype=float),
+            about("arc length along the straight backbone", "m"),
+        ),
+    }
+
+
+TIME: Final = {"units": "s", "long_name": "time since the start of the run"}
+"""Attributes of the time coordinate."""
+
+
+def field_attributes(field: Field) -> dict[str, str]:
+    """``units, long_name`` and, where it has one, ``frame`` of a variable."""
+    attrs = {"units": field.units, "long_name": field.long_name}
+    return attrs | {"frame": field.frame} if field.frame else attrs
+
+
+def attributes(robot: Robot, settings: Mapping[str, Any]) -> dict[str, str | int]:
+    """Provenance of a run, ready for NetCDF, which knows text and numbers only.
+
+    Parameters
+    ----------
+    robot : Robot
+    settings : mapping
+        Anything that JSON can hold, None, booleans and lists included, and arrays.
+
+    Returns
+    -------
+    dict
+        ``settings`` and ``robot_definition`` are JSON text.
+    """
+    from bowstring import _core
+
+    try:
+        text = json.dumps(dict(settings), allow_nan=False, default=_plain)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"the settings of a run must be plain values: {error}") from None
+    return {
+        "title": f"Bowstring run of {robot.name}",
+        "data_origin": "simulated",
+        "schema_version": SCHEMA_VERSION,
+        "bowstring_version": str(_core.__version__),
+        "robot": robot.name,
+        "robot_hash": robot.hash,
+        "robot_definition": robot.definition,
+        "settings": text,
+    }
+
+
+def _plain(value: object) -> Any:
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    raise TypeError(f"got {type(value).__name__}")
+
+
+def to_dataset(
+    robot: Robot,
+    frames: Frames,
+    settings: Mapping[str, Any],
+    *,
+    status: str = "converged",
+    reason: str = "",
+) -> xr.Dataset:
+    """Label raw output and add all derived fields.
+
+    Parameters
+    ----------
+    robot : Robot
+    frames : Frames
+    settings : mapping
+        Of the run; ``theory`` (``"cosserat"`` if missing) and ``twist`` (True) decide which strains
+        there are.
+    status, reason : str
+        How the run ended.
+
+    Returns
+    -------
+    xarray.Dataset
+        Every variable of `FIELDS`, with ``units``, ``long_name`` and ``frame``; the same as
+        `bowstring.dynamics.run_file.read_run` returns. It survives ``to_netcdf`` and back.
+
+    Raises
+    ------
+    InputError
+        If the arrays do not fit each other or the robot.
+    """
+    import xarray as xr
+
+    check_frames(robot, frames)
+    theory, twist = settings.get("theory", "cosserat"), bool(settings.get("twist", True))
+    sections = Section(robot, frames.station, frames.module, theory, twist)
+    values = derive(robot, frames, sections)
+    end = float(frames.time[-1]) if len(frames.time) else math.nan
+    return xr.Dataset(
+        {f.name: (("time", *f.dims), values[f.name], field_attributes(f)) for f in FIELDS},
+        coords={
+            "time": ("time", np.asarray(frames.time), TIME),
+            **coordinates(robot, frames.station, frames.module),
+        },
+        attrs={
+            "complete_to_s": end,
+            "status": status,
+            "reason": reason,
+            **attributes(robot, settings),
+        },
+    )

@@ -1,0 +1,219 @@
+"""What a pose meets that the mechanics do not know: the base's plane, the material's limits.
+
+The base frame's plane z = 0 is where the robot is mounted: a disk below it is mostly in the table.
+A robot file may say what the backbone of a segment can take, ``yield_strength`` (von Mises stress)
+and ``strain_limit`` (strain along its surface); statics stays linearly elastic beyond them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.errors import NoSolutionError
+from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.statics import fields
+from bowstring.units import number_with_unit
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
+    from bowstring.statics.fields import Frames, Section
+
+__all__ = ["POINTS", "Use", "below_base", "by_segment", "has_limits", "of_pose", "of_sweep", "used"]
+
+Floats = NDArray[np.float64]
+
+POINTS: Final = 5  # stations of a module, as in fields
+_NOTHING: Final = 1e-6  # of the length, by which rounding may put a disk below the base
+
+
+@dataclass(frozen=True)
+class Use:
+    """How far a load uses up what the backbone of a segment can take."""
+
+    segment: int
+    """From 1."""
+    what: str
+    """``strain_limit`` or ``yield_strength``."""
+    value: float
+    """Largest strain along the surface, or largest von Mises stress there, Pa."""
+    limit: float
+
+    @property
+    def share(self) -> float:
+        """Of the limit."""
+        return self.value / self.limit
+
+    def __str__(self) -> str:
+        value, limit, name = (
+            (in_percent(self.value), in_percent(self.limit), "strain")
+            if self.what == "strain_limit"
+            else (_stress(self.value), _stress(self.limit), "von Mises stress")
+        )
+        return f"{name} {value}, {in_percent(self.share)} of {self.what} {limit}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The use as plain values, SI."""
+        return {
+            "segment": self.segment,
+            "what": self.what,
+            "value": self.value,
+            "limit": self.limit,
+            "share": self.share,
+        }
+
+
+def has_limits(robot: Robot) -> bool:
+    """Whether the robot file says what a backbone can take."""
+    return any(s.backbone.yield_strength or s.backbone.strain_limit for s in robot.segments)
+
+
+def by_segment(
+    robot: Robot, frames: Frames, section: Section, found: dict[str, Floats]
+) -> tuple[Floats, Floats]:
+    """Largest von Mises stress (T, S) in Pa and strain along the surface (T, S) of each segment.
+
+    Of what `bowstring.statics.fields.derive` found of the frames.
+    """
+    bend = np.hypot(found["curvature"][..., 0], found["curvature"][..., 1])
+    strain = bend * section.radius + np.abs(found["strain"][..., 2])
+    segment = robot.disks.segment[frames.module]
+    each = range(len(robot.segments))
+    return (
+        np.stack([found["von_mises"][:, segment == k].max(axis=1) for k in each], axis=1),
+        np.stack([strain[:, segment == k].max(axis=1) for k in each], axis=1),
+    )
+
+
+def used(robot: Robot, von_mises: Floats, strain: Floats) -> list[Use]:
+    """How far largest stress and strain (S,) use up the limits of the segments that have some."""
+    out = []
+    for k, segment in enumerate(robot.segments):
+        rod = segment.backbone
+        for what, value, limit in (
+            ("strain_limit", float(strain[k]), rod.strain_limit),
+            ("yield_strength", float(von_mises[k]), rod.yield_strength),
+        ):
+            if limit is not None and np.isfinite(value):
+                out.append(Use(k + 1, what, value, limit))
+    return out
+
+
+def of_pose(
+    robot: Robot, disk_positions: Floats, frames_of: Callable[[], Frames], theory: str, twist: bool
+) -> tuple[tuple[str, ...], tuple[Use, ...]]:
+    """Warnings of an equilibrium, and how far it uses up the limits of the robot file.
+
+    Parameters
+    ----------
+    robot : Robot
+    disk_positions : ndarray (N, 3)
+        In m.
+    frames_of : callable
+        Makes the fields along the backbone, at `POINTS` a module; called where there are limits.
+    theory, twist
+        Of the equilibrium.
+
+    Returns
+    -------
+    warnings : tuple of str
+    uses : tuple of Use
+        None where the robot file has no limits.
+    """
+    out = [f"{what}." for what in below_base(robot, disk_positions)]
+    if not has_limits(robot):
+        return tuple(out), ()
+    try:
+        frames = frames_of()
+    except NoSolutionError as error:
+        return (*out, f"limits of the backbone were not checked: {error}"), ()
+    section = fields.Section(robot, frames.station, frames.module, theory, twist)
+    found = fields.derive(robot, frames, section)
+    von_mises, strain = by_segment(robot, frames, section, found)
+    uses = used(robot, von_mises[0], strain[0])
+    several = len(robot.segments) > 1
+    out += [
+        f"the backbone{f' of segment {u.segment}' * several} is beyond what it can take: {u}."
+        for u in uses
+        if u.share > 1.0
+    ]
+    return tuple(out), tuple(uses)
+
+
+def below_base(robot: Robot, disk_positions: Floats) -> list[str]:
+    """A sentence without a full stop where a disk (N, 3) is below the base; else none."""
+    z = disk_positions[:, 2]
+    if not (z < -_NOTHING * robot.length).any():
+        return []
+    return [f"{_lowest(z)}, behind the plane in which the robot is mounted"]
+
+
+def of_sweep(
+    robot: Robot, tension: Floats, disk_positions: Floats, surface: Floats
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Warnings of a sweep, and how far it uses up the limits of the robot file.
+
+    Parameters
+    ----------
+    robot : Robot
+    tension : ndarray (n,)
+        Rising, N.
+    disk_positions : ndarray (n, N, 3)
+        In m; NaN where a load has no equilibrium.
+    surface : ndarray (2, n, S)
+        Von Mises stress in Pa and strain; NaN where they are not known.
+
+    Returns
+    -------
+    warnings, uses : tuple of str
+        Sentences.
+    """
+    several = len(robot.segments) > 1
+    warnings, uses = [], []
+
+    def where(beyond: NDArray[np.bool_]) -> str:
+        first = significant(float(tension[np.argmax(beyond)]))
+        rest = beyond[np.argmax(beyond) :]
+        return f"From {first} N on" if rest.all() else f"At some loads from {first} N on"
+
+    depth = np.min(disk_positions[:, :, 2], axis=1)
+    below = np.nan_to_num(depth) < -_NOTHING * robot.length
+    if below.any():
+        deepest = int(np.nanargmin(depth))
+        warnings.append(
+            f"{where(below)} the robot reaches behind the plane of the base: at "
+            f"{significant(float(tension[deepest]))} N {_lowest(disk_positions[deepest, :, 2])}. "
+            "Give a smaller largest tension if something is there."
+        )
+    known = np.flatnonzero(np.isfinite(surface).all(axis=(0, 2)))
+    each = {int(i): used(robot, surface[0, i], surface[1, i]) for i in known}
+    for what, k in dict.fromkeys((u.what, u.segment) for some in each.values() for u in some):
+        mine = {i: u for i, some in each.items() for u in some if (u.what, u.segment) == (what, k)}
+        worst = max(mine, key=lambda i: mine[i].share)
+        of = f" of segment {k}" * several
+        largest = f"{mine[worst]} at {significant(float(tension[worst]))} N"
+        beyond = np.array([i in mine and mine[i].share > 1.0 for i in range(len(tension))])
+        if beyond.any():
+            warnings.append(
+                f"{where(beyond)} the backbone{of} is beyond what it can take: "
+                f"{largest}; statics stays linearly elastic there."
+            )
+        uses.append(f"Largest on the backbone{of}: {largest}.")
+    return tuple(warnings), tuple(uses)
+
+
+def _lowest(z: Floats) -> str:
+    """The lowest disk and where it is."""
+    i, last = int(np.argmin(z)), len(z) - 1
+    name = "the tip" if i == last else f"disk {i + 1}"
+    return (
+        f"{name} is {in_mm(-float(z[i]))} below the base (z = {significant(float(z[i]) * 1e3)} mm)"
+    )
+
+
+def _stress(value: float) -> str:
+    return number_with_unit(float(significant(value)), "Pa")

@@ -1,0 +1,1 @@
+"""Is constant curvature good enough: comparisons, error budgets, verdict, report."""

@@ -1,0 +1,637 @@
+"""The error budget of the drive: friction at the holes, elastic tendons, pulled lengths.
+
+Two ways to drive the tendon that the study pulls, each beside itself without the effects:
+
+- by *tension*, from zero to the study's largest and back, with friction at the holes;
+- by *pull*: constant curvature says which lengths the tendons must have, and spools command them;
+  with inextensible tendons, with elastic ones, and with elastic ones that rub, there and back.
+
+With friction the pose depends on the path, so both ways are followed step by step. Friction that
+was calibrated to measurements is taken before that of the robot file. A file that gives no friction
+or no elasticity is studied with a stated assumption, to show what it would be worth; it is marked
+as assumed wherever it shows. The assumed elasticity follows from the diameter and the material of
+the tendon, or from the robot's size; where that makes no tendon, its row is left out.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.constant_curvature import arcs as arc
+from bowstring.data.tip_errors import Comparison, known_max, known_mean
+from bowstring.display import short_repr
+from bowstring.formatting import in_mm, in_percent, listed, significant
+from bowstring.robot.model import TENDON_MATERIALS, Robot, TendonRing, with_tendons
+from bowstring.statics import rod
+from bowstring.study.comparison import MEANINGS, Case, Model
+
+__all__ = [
+    "ASSUMED_FRICTION",
+    "COMMANDED",
+    "DriveBudget",
+    "DriveRow",
+    "Loop",
+    "assumed_stiffness",
+    "drive_budget",
+]
+
+Array = NDArray[np.float64]
+DrivenBy = Literal["tension", "pull"]
+Source = Literal["file", "calibrated", "assumed", "left_out"]
+
+ASSUMED_FRICTION: Final = 0.1
+"""Of tendons for which the file gives none: the order of a steel cable in a smooth or greased hole
+(dry steel on plastic or steel is above it, a PTFE liner below)."""
+_SLENDER: Final = 48.0  # pitch radii to a tendon's diameter: 0.6 mm for the study's robot
+_THINNEST, _THICKEST = 2e-5, 5e-3  # m: tendons that are made; beyond them the size tells none
+_MATERIAL: Final = "steel"  # where the file says none
+_SURPLUS: Final = 0.01  # of the length: by how much more than needed the other tendons are paid out
+_STEPS: Final = 40  # at least so many, up and again down
+
+COMMANDED: Final = "cc_from_commanded_lengths"
+"""Constant curvature from the lengths that the spools command, l0 - pull."""
+
+
+# -- what is computed --------------------------------------------------------------------------
+
+
+@short_repr
+@dataclass(frozen=True)
+class DriveRow:
+    """One effect of the drive, beside the same commands without it."""
+
+    effect: str
+    label: str
+    driven_by: DrivenBy
+    assumed: tuple[str, ...]
+    """What of it the robot file does not give: ``"friction"``, ``"elasticity"``."""
+    case: Case
+    base: Case
+    """The same commands on tendons that neither rub nor stretch."""
+
+    @property
+    def short_label(self) -> str:
+        """For narrow tables: without what is in brackets."""
+        label = re.sub(r" \([^)]*\)", "", self.label)
+        return label.replace("elastic tendons,", "elastic,")
+
+    @property
+    def moved(self) -> float:
+        """How far the effect moves the robot's own tip, mean, m."""
+        return known_mean(np.linalg.norm(self.case.tip_position - self.base.tip_position, axis=-1))
+
+    @property
+    def exceeds(self) -> bool:
+        """Whether it moves the tip by more than constant curvature's own error, in the means.
+
+        That from force for tensions and that from the commanded lengths for pulls, both without it.
+        """
+        return self.moved > self.base.comparisons[_fed_by(self.driven_by)].mean
+
+    def to_dict(self) -> dict[str, Any]:
+        """The row in mm and percent."""
+        return {
+            "effect": self.effect,
+            "label": self.label,
+            "driven_by": self.driven_by,
+            "assumed": list(self.assumed),
+            **self.case.to_dict(self.base),
+            "more_than_constant_curvature": self.exceeds,
+        }
+
+
+@short_repr
+@dataclass(frozen=True)
+class Loop:
+    """Up to the largest command and down again: the hysteresis of the tip."""
+
+    driven_by: DrivenBy
+    command: Array
+    """(n,) tension in N or pull in m of the pulled tendon."""
+    free: Array
+    """(n, 3) tip without friction and stretch, m."""
+    loading: Array
+    unloading: Array
+    """(n, 3), m, both in the order of `command`."""
+    constant_curvature: Array
+    """(n, 3), m, from the force or from the commanded lengths."""
+    length: float
+
+    @property
+    def apart(self) -> Array:
+        """Distance of the tips of loading and unloading at equal command (n,), m."""
+        return np.asarray(np.linalg.norm(self.loading - self.unloading, axis=-1))
+
+    @property
+    def width(self) -> float:
+        """The largest of them, m."""
+        return known_max(self.apart)
+
+    @property
+    def widest_at(self) -> float:
+        """The command there, N or m."""
+        known = np.isfinite(self.apart)
+        return float(self.command[np.nanargmax(self.apart)]) if known.any() else math.nan
+
+    def error(self, way: Array) -> Array:
+        """Euclidean error (n,) of constant curvature on one of the ways, m."""
+        return np.asarray(np.linalg.norm(self.constant_curvature - way, axis=-1))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The loop in N or mm, mm and percent."""
+        name, scale = ("tension_N", 1.0) if self.driven_by == "tension" else ("pull_mm", 1e3)
+        return {
+            "driven_by": self.driven_by,
+            "width_mm": self.width * 1e3,
+            "width_percent": self.width / self.length * 100.0,
+            f"widest_at_{name}": self.widest_at * scale,
+            name: (self.command * scale).tolist(),
+            "tip_free_mm": (self.free * 1e3).tolist(),
+            "tip_loading_mm": (self.loading * 1e3).tolist(),
+            "tip_unloading_mm": (self.unloading * 1e3).tolist(),
+            "tip_constant_curvature_mm": (self.constant_curvature * 1e3).tolist(),
+        }
+
+
+@short_repr
+@dataclass(frozen=True)
+class DriveBudget:
+    """What friction, elastic tendons and pulled lengths do to constant curvature's error."""
+
+    friction: float
+    """Of the pulled tendon."""
+    friction_is: Source
+    """Where it comes from: the robot file, the calibration to measurements, or an assumption."""
+    axial_stiffness: float
+    """E A of the pulled tendon, N; infinite if only its transmission gives way."""
+    compliance: float
+    """Of its transmission, m/N."""
+    free_length: float
+    elasticity_is: Source
+    """``"left_out"`` where nothing tells an E A."""
+    elasticity_by: str
+    """What an assumed E A follows from, or why there is none."""
+    pull: Array
+    """(n,) commanded of the pulled tendon at the loads of the sweep, m."""
+    tension_driven: Case
+    """Tensions without friction: the main sweep."""
+    pull_driven: Case
+    """Pulls of tendons that neither stretch nor rub."""
+    rows: tuple[DriveRow, ...]
+    loops: tuple[Loop, Loop]
+    """By tension, by pull."""
+    notes: tuple[str, ...]
+    text: tuple[str, ...]
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What the file does not give and is assumed here."""
+        out = [f"friction {self.friction:g}"] * self.friction_assumed
+        stretch = f"{_elasticity(self.axial_stiffness, 0.0)} ({self.elasticity_by})"
+        return (*out, *[stretch] * self.elasticity_assumed)
+
+    @property
+    def friction_assumed(self) -> bool:
+        """Whether the file gives no friction, and no measurements did."""
+        return self.friction_is == "assumed"
+
+    @property
+    def elasticity_assumed(self) -> bool:
+        """Whether the file gives no elasticity, and one is assumed."""
+        return self.elasticity_is == "assumed"
+
+    @property
+    def origins(self) -> tuple[str, ...]:
+        """Where what the robot file does not say comes from, in sentences without a full stop."""
+        out = []
+        if self.friction_is == "calibrated":
+            out.append(f"calibrated to the data: friction {self.friction:.4g}")
+        if self.assumptions:
+            out.append(f"assumed, the robot file gives none: {'; '.join(self.assumptions)}")
+        if self.elasticity_is == "left_out":
+            out.append(f"left out: stretch of the tendons, {self.elasticity_by}")
+        return tuple(out)
+
+    def row(self, effect: str) -> DriveRow:
+        """The row of that effect."""
+        return next(row for row in self.rows if row.effect == effect)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The budget of the drive in mm and percent."""
+        return {
+            "friction": self.friction,
+            "friction_is": self.friction_is,
+            "axial_stiffness_N": self.axial_stiffness,
+            "compliance_m_per_N": self.compliance,
+            "free_length_m": self.free_length,
+            "elasticity_is": self.elasticity_is,
+            "elasticity_by": self.elasticity_by,
+            "commanded_pull_mm": (self.pull * 1e3).tolist(),
+            "tension": {"is": "tension, no friction (this sweep)", **self.tension_driven.to_dict()},
+            "pull": {"is": "pull, no stretch, no friction", **self.pull_driven.to_dict()},
+            "rows": [row.to_dict() for row in self.rows],
+            "hysteresis": [loop.to_dict() for loop in self.loops],
+            "text": list(self.text),
+            "notes": list(self.notes),
+        }
+
+
+# -- running it --------------------------------------------------------------------------------
+
+
+def drive_budget(
+    model: Model, tension: Array, sweep: Case, calibrated: Robot | None = None
+) -> DriveBudget:
+    """What the drive does to the error of constant curvature.
+
+    Parameters
+    ----------
+    model : Model
+    tension : array (n,)
+        Loads of the pulled tendon, rising in even steps, N.
+    sweep : Case
+        The main sweep at these loads.
+    calibrated : Robot, optional
+        The same robot with the friction that measurements gave it.
+
+    Returns
+    -------
+    DriveBudget
+    """
+    t = model.tendon
+    given = model.driven.tendons
+    rubbing, friction_is = _rubbing(model, calibrated)
+    stiff_of: float | None = None
+    elasticity_is: Source = "file"
+    elasticity_by = "as in the file"
+    if math.isinf(given.axial_stiffness_N[t]) and not given.compliance_m_per_N[t]:
+        stiff_of, elasticity_by = assumed_stiffness(model.driven, t)
+        elasticity_is = "left_out" if stiff_of is None else "assumed"
+    elastic_too = elasticity_is != "left_out"
+    gives = {} if stiff_of is None else {"axial_stiffness": stiff_of}
+    both = with_tendons(rubbing, gives, missing=True)
+    elastic = with_tendons(both, {"friction": 0.0})
+    rigid = with_tendons(elastic, {"axial_stiffness": None, "compliance": 0.0})
+
+    every = max(1, math.ceil(_STEPS / (len(tension) - 1)))
+    there = np.linspace(0.0, tension[-1], every * (len(tension) - 1) + 1)
+    and_back = np.concatenate((there, there[-2::-1]))
+    commanded = _Commanded(model, there)
+    pulls = np.concatenate((commanded.pulls, commanded.pulls[-2::-1]))
+
+    def ways(path: rod.Sweep) -> tuple[_Way, _Way]:
+        last = len(there) - 1
+        rows = np.arange(0, last + 1, every)
+        return _Way(path, np.arange(last + 1), rows), _Way(
+            path, np.arange(2 * last, last - 1, -1), rows
+        )
+
+    def by_tension(robot: Robot) -> tuple[_Way, _Way]:
+        return ways(rod.sweep(robot, model.tensions(and_back), **_physics(model)))
+
+    def by_pull(robot: Robot) -> tuple[_Way, _Way]:
+        return ways(rod.sweep(robot, pulls=pulls, **_physics(model)))
+
+    def tension_case(way: _Way) -> Case:
+        compared = model.compare(tension, way.tip, way.lengths, MEANINGS)
+        return Case(model.main, way.problem, way.tip, compared)
+
+    intended = commanded.tip[::every]
+
+    def pull_case(way: _Way) -> Case:
+        compared = Comparison(COMMANDED, "statics", model.length, intended, intended - way.tip)
+        return Case(model.main, way.problem, way.tip, {COMMANDED: compared})
+
+    free = model.solve(model.main, there).tip_position
+    up, down = by_tension(rubbing)
+    stiff, _ = by_pull(rigid)
+    stretched, _ = by_pull(elastic)
+    pulled, released = by_pull(both)
+    base = pull_case(stiff)
+    tight = any(commanded.fights(way) for way in (stiff, stretched, pulled, released))
+
+    mu = both.tendons.friction[t]
+    stiffness = float(both.tendons.axial_stiffness_N[t])
+    compliance = float(both.tendons.compliance_m_per_N[t])
+    rub = f"friction {mu:.4g}" + ("" if friction_is == "file" else f" ({friction_is})")
+    elasticity = _elasticity(stiffness, compliance) + ", assumed" * (elasticity_is == "assumed")
+    give = f"pulled, elastic tendons ({elasticity})" if elastic_too else "pulled"
+    not_given = (
+        ("friction",) * (friction_is == "assumed"),
+        ("elasticity",) * (elasticity_is == "assumed"),
+    )
+    tail = {"loading": ", loading", "unloading": ", unloading"}
+    rows = (
+        *(
+            DriveRow(
+                f"friction_{way}",
+                rub + tail[way],
+                "tension",
+                not_given[0],
+                tension_case(found),
+                sweep,
+            )
+            for way, found in (("loading", up), ("unloading", down))
+        ),
+        *[DriveRow("tendon_elasticity", give, "pull", not_given[1], pull_case(stretched), base)]
+        * elastic_too,
+        *(
+            DriveRow(
+                f"pull_driven_{way}",
+                f"{give}, {rub}{tail[way]}",
+                "pull",
+                not_given[0] + not_given[1],
+                pull_case(found),
+                base,
+            )
+            for way, found in (("loading", pulled), ("unloading", released))
+        ),
+    )
+    law = model.constant_curvature("cc_from_force", there, commanded.lengths)
+    length = model.length
+    loops = (
+        Loop("tension", there, free, up.path_tip, down.path_tip, law, length),
+        Loop(
+            "pull",
+            commanded.pulls[:, t],
+            stiff.path_tip,
+            pulled.path_tip,
+            released.path_tip,
+            commanded.tip,
+            length,
+        ),
+    )
+    return DriveBudget(
+        friction=float(mu),
+        friction_is=friction_is,
+        axial_stiffness=stiffness,
+        compliance=compliance,
+        free_length=float(both.tendons.free_length_m[t]),
+        elasticity_is=elasticity_is,
+        elasticity_by=elasticity_by,
+        pull=commanded.pulls[::every, t],
+        tension_driven=sweep,
+        pull_driven=base,
+        rows=rows,
+        loops=loops,
+        notes=_notes(model, friction_is, elasticity_is, elasticity_by, stiffness)
+        + _path_notes(model, len(there) - 1, tight),
+        text=_in_words(rows, loops, friction_is, elasticity_is),
+    )
+
+
+def _rubbing(model: Model, calibrated: Robot | None) -> tuple[Robot, Source]:
+    """The robot with the friction that is shown, and where that of the pulled tendon comes from."""
+    robot = model.driven
+    if calibrated is not None:
+        changes = {}
+        for k, segment in enumerate(calibrated.segments):
+            ring = isinstance(segment.tendons, TendonRing)
+            for i, tendon in enumerate(segment.tendon_list[:1] if ring else segment.tendon_list):
+                where = f"segments.{k}.tendons" if ring else f"segments.{k}.tendons.{i}"
+                changes[f"{where}.friction"] = tendon.friction
+        return robot.with_(changes), "calibrated"
+    if robot.tendons.friction[model.tendon] > 0.0:
+        return robot, "file"
+    return with_tendons(robot, {"friction": ASSUMED_FRICTION}, missing=True), "assumed"
+
+
+def assumed_stiffness(robot: Robot, tendon: int) -> tuple[float | None, str]:
+    """The E A of a tendon whose file gives none, and what it follows from.
+
+    Parameters
+    ----------
+    robot : Robot
+    tendon : int
+        From 0.
+
+    Returns
+    -------
+    stiffness : float or None
+        In N, to two digits: of a tendon of its diameter and material, else of a steel tendon as
+        thick as the robot's size lets expect. None where no such tendon is made.
+    by : str
+        What it follows from, or why there is none.
+    """
+    material = [t for s in robot.segments for t in s.tendon_list][tendon].material
+    diameter = float(robot.tendons.diameter_m[tendon])
+    by = "diameter as in the file"
+    if math.isnan(diameter):
+        diameter = float(robot.tendons.pitch_radius_m[tendon]) / _SLENDER
+        by = "by the robot's size"
+        if not _THINNEST <= diameter <= _THICKEST:
+            return None, (
+                f"for the file gives neither E A nor diameter, and the robot's size would make it "
+                f"{1e3 * diameter:.2g} mm thick, which no tendon is"
+            )
+    stiffness = TENDON_MATERIALS[material or _MATERIAL] * math.pi / 4.0 * diameter**2
+    return float(f"{stiffness:.2g}"), f"{material or _MATERIAL}, {1e3 * diameter:.2g} mm, {by}"
+
+
+class _Commanded:
+    """What the spools are told: the lengths of the arcs that the linear law has at these loads.
+
+    In gravity, where it bends far more than the robot does, up to about the robot's own bend.
+    """
+
+    def __init__(self, model: Model, tension: Array) -> None:
+        robot = model.robot
+        arcs = arc.robot_from_tensions(robot, model.tensions(model.arc_scale * tension))
+        self.tip = arcs.tip.position
+        """(n, 3) that constant curvature means by these lengths, m."""
+        self.lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+        straight = robot.disks.station_m[robot.tendons.end_disk]
+        # A tendon with pretension is meant to stay tight; one without is given room, so that it
+        # hangs and does not fight the pulled one over what the arc gets wrong.
+        hangs = robot.tendons.pretension_N == 0.0
+        hangs[model.shares > 0.0] = False
+        self._others = np.flatnonzero(hangs)
+        self._nothing = 1e-12 * robot.length
+        self.pulls = straight - self.lengths - _SURPLUS * robot.length * hangs
+
+    def fights(self, way: _Way) -> bool:
+        """Whether a tendon that should hang is tight somewhere."""
+        return bool(np.any(way.slack[:, self._others] <= self._nothing))
+
+
+class _Way:
+    """One way of a path, in the order of rising commands."""
+
+    def __init__(self, path: rod.Sweep, order: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        self.path_tip = path.tip_position[order]
+        here = order[rows]
+        self.tip = path.tip_position[here]
+        self.lengths = path.tendon_lengths[here]
+        self.slack = path.slack_lengths[order]
+        bad = [str(path.status[i]) for i in here if not path.converged[i]]
+        self.problem: str | None = None
+        if bad:
+            of = f"{len(bad)} of {len(here)}" if len(bad) < len(here) else "any of the"
+            self.problem = f"no equilibrium found at {of} commands ({bad[0]})"
+            if len(bad) < len(here):
+                self.problem += "; means are over the others"
+                if order[-1] < order[0] and not path.converged[order[-1]]:
+                    self.problem += ", unloading from the last command that had one"
+
+
+def _physics(model: Model) -> dict[str, Any]:
+    main = model.main
+    return {
+        "theory": main.theory,
+        "gravity": main.gravity,
+        "twist": main.twist,
+        "disks": False,
+    }
+
+
+# -- in words ----------------------------------------------------------------------------------
+
+_SAID: Final[dict[Source, str]] = {
+    "file": "as in the file",
+    "calibrated": "calibrated to the data",
+    "assumed": "assumed, the file gives none",
+}
+
+
+def _fed_by(driven_by: DrivenBy) -> str:
+    return "cc_from_force" if driven_by == "tension" else COMMANDED
+
+
+def _elasticity(stiffness: float, compliance: float) -> str:
+    parts = []
+    if math.isfinite(stiffness):
+        newtons = f"{stiffness:.4g} N" if stiffness < 1e3 else f"{stiffness / 1e3:.4g} kN"
+        parts.append(f"E A {newtons}")
+    if compliance:
+        parts.append(f"transmission {compliance * 1e3:.4g} mm/N")
+    return ", ".join(parts)
+
+
+def _in_words(
+    rows: tuple[DriveRow, ...], loops: tuple[Loop, Loop], friction: Source, elasticity: Source
+) -> tuple[str, ...]:
+    up, down, *stretches, pulled, released = rows
+    by_tension, by_pull = loops
+    out = []
+
+    def mean(row: DriveRow) -> str:
+        return in_mm(row.case.comparisons[_fed_by(row.driven_by)].mean)
+
+    def own(row: DriveRow) -> str:
+        return in_mm(row.base.comparisons[_fed_by(row.driven_by)].mean)
+
+    if math.isfinite(up.moved) and math.isfinite(down.moved):
+        source = _SAID[friction]
+        than = "more" if up.exceeds or down.exceeds else "less"
+        true, *rubbed = (
+            case.comparisons["cc_from_lengths"].mean for case in (up.base, up.case, down.case)
+        )
+        from_lengths = ""
+        if all(map(math.isfinite, (true, *rubbed))):
+            from_lengths = (
+                f"; from true lengths {' and '.join(map(in_mm, rubbed))} instead of {in_mm(true)}"
+            )
+        mu = up.label.split(",")[0].split(" (")[0].removeprefix("friction ")
+        out.append(
+            f"Driven by tension, friction of {mu} at the holes ({source}) moves the tip by "
+            f"{in_mm(up.moved)} in the mean while the load rises and {in_mm(down.moved)} while it "
+            f"falls: {than} than constant curvature's own error from force, {own(up)}, which "
+            f"becomes {mean(up)} and {mean(down)}{from_lengths}."
+        )
+    for stretched in (row for row in stretches if math.isfinite(row.moved)):
+        source = f" ({_SAID[elasticity]})"
+        than = "more" if stretched.exceeds else "less"
+        give = stretched.label.removeprefix("pulled, elastic tendons (").removesuffix(")")
+        text = (
+            "Driven by pulled lengths, the stretch of the tendons, "
+            f"{give.removesuffix(', assumed')}{source}, moves the tip by {in_mm(stretched.moved)} "
+            f"in the mean: {than} than constant curvature's own error from the commanded lengths, "
+            f"{own(stretched)}, which becomes {mean(stretched)}"
+        )
+        if math.isfinite(pulled.moved) and math.isfinite(released.moved):
+            text += f"; with friction as well {mean(pulled)} loading, {mean(released)} unloading"
+        out.append(text + ".")
+    widths = [
+        f"{in_mm(loop.width)} ({in_percent(loop.width / loop.length)} of length) at "
+        + (
+            f"{significant(loop.widest_at)} N"
+            if loop.driven_by == "tension"
+            else f"a pull of {in_mm(loop.widest_at)}"
+        )
+        for loop in (by_tension, by_pull)
+        if math.isfinite(loop.width)
+    ]
+    if widths:
+        out.append(
+            f"Hysteresis: loading and unloading differ by up to {' and '.join(widths)}. A model "
+            "that knows the command only, as constant curvature does, is off by at least half of "
+            "that on one of the ways."
+        )
+    return tuple(out)
+
+
+def _notes(
+    model: Model, friction: Source, elasticity: Source, by: str, stiffness: float
+) -> tuple[str, ...]:
+    """What is not of the robot file, and where it comes from."""
+    out = []
+    if friction == "assumed":
+        out.append(
+            f"The file gives no friction: {ASSUMED_FRICTION:g} is assumed, the order of a steel "
+            "cable in a smooth hole, not measured. Set friction in the robot file to have yours."
+        )
+    elif friction == "calibrated":
+        out.append(
+            "Friction is that of the calibration to the measurements"
+            + (", not that of the file." if model.driven.has_friction else "; the file gives none.")
+        )
+    if elasticity == "assumed":
+        out.append(
+            f"The file gives the tendons no elasticity: {_elasticity(stiffness, 0.0)} is assumed "
+            f"({by}), right within a factor of two, not measured; of the free length between motor "
+            "and base hole only what the file gives stretches. Set axial_stiffness, free_length "
+            "and compliance to have yours, or the tendon's diameter and material for a better "
+            "guess."
+        )
+    elif elasticity == "left_out":
+        out.append(
+            f"The stretch of the tendons is left out, {by}. Set axial_stiffness or diameter in the "
+            "robot file to have it."
+        )
+    return tuple(out)
+
+
+def _path_notes(model: Model, steps: int, tight: bool) -> tuple[str, ...]:
+    """How the paths are made, and how to read them."""
+    pulled = np.flatnonzero(model.shares) + 1
+    wound = f"Tendon {pulled[0]} is wound up to its length"
+    if len(pulled) > 1:
+        wound = f"Tendons {listed([str(t) for t in pulled])} are wound up to their lengths"
+    out = [
+        "How the robot is driven: the physics is that of the main sweep. 'Change' and 'tip moves' "
+        "are against the same commands on tendons that neither rub nor stretch.",
+        "Loading and unloading are one path, from home to the largest command and back in "
+        f"{steps} steps each way: friction remembers it.",
+        "Friction can also lower constant curvature's error: while loading it takes bend away, and "
+        "a law that bends the robot too little comes nearer by that.",
+        "Pulls: the linear law makes an arc of each tension of the sweep, and the inverse of Eq. 5 "
+        f"makes tendon lengths of the arc. {wound}, the others are paid out to theirs and "
+        f"{_SURPLUS * 100:g} % of the robot's length more, so that they hang and do not fight; one "
+        "that the file gives a pretension gets no surplus. Constant curvature's tip is that of the "
+        "lengths without the surplus.",
+    ]
+    if model.arc_scale < 1.0:
+        out.append(
+            "In gravity the linear law bends far more than the robot: its arcs, of which the pulls "
+            f"are made, are taken at {in_percent(model.arc_scale)} of the tensions, so that they "
+            "end at about the robot's own bend."
+        )
+    if tight:
+        out.append("In spite of that another tendon than the pulled one is tight at some commands.")
+    return tuple(out)

@@ -1,0 +1,382 @@
+"""The robot and its base frame as the measurements have them: the calibration that a study makes.
+
+A study calibrates few things, the same for every robot: stiffness (or the gain of the pulls),
+friction and the base frame. `bowstring.fit`, which does it, can do more. A robot whose file has no
+gravity was still measured on Earth, and one whose base stands askew feels gravity askew: gravity is
+tried as well, and taken over only if it explains clearly more and can be gravity.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from bowstring.calibration import fitting as fit_
+from bowstring.calibration.fitting import Fit
+from bowstring.calibration.tip_model import paths_of
+from bowstring.data.measurements import STANDARD_GRAVITY, Measurements
+from bowstring.data.rigid import Rigid
+from bowstring.display import short_repr
+from bowstring.errors import BowstringError
+from bowstring.robot.model import Robot, TendonRing
+from bowstring.statics import rod
+from bowstring.study.comparison import Theory
+
+__all__ = ["ArcCalibration", "StudyCalibration", "calibrate", "calibrate_arc", "predicted"]
+
+Array = NDArray[np.float64]
+GravityFrom = Literal["file", "assumed", "calibrated"]
+
+_CHANCE: Final = 1e-6  # that gravity explains as much by chance
+_EARTHLY: Final = 0.03  # of standard gravity, beside four standard errors
+_MOST_SLOW: Final = 1200  # rows times tendons on which friction and gravity are fitted, in seconds
+_ASKEW: Final = 2.0  # deg, by which a base may stand beside what its file says
+_BASE: Final = ("x", "y", "z", "rx", "ry", "rz")
+_GAINS: Final = (1.0, 0.3, 0.1)  # of constant curvature, from which its fit is started
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class StudyCalibration:
+    """A robot, its drive and its base frame by measurements."""
+
+    robot: Robot
+    """With the calibrated numbers of the robot file."""
+    gain: float
+    """Of the commands, where it was calibrated; else 1."""
+    frame: Rigid
+    """Measuring frame to base frame."""
+    point: Array
+    """(K, 3), the measured point by the calibrated robot, m, base frame."""
+    fit: Fit
+    gravity: GravityFrom = "file"
+    """Where the gravity of `robot` comes from."""
+    other_load: bool = False
+    """Whether a constant load that is not gravity would explain the data clearly better."""
+    notes: tuple[str, ...] = field(default=())
+
+    def to_dict(self) -> dict[str, Any]:
+        """Parameters with standard errors, and how the fit ended."""
+        found = self.fit.to_dict()
+        keys = ("converged", "message", "parameters", "correlation", "cannot_tell_apart", "rows")
+        return {
+            **{key: found[key] for key in keys},
+            "gravity_is": self.gravity,
+            "gravity_m_per_s2": list(self.robot.gravity),
+            "other_load": self.other_load,
+            "notes": list(self.notes),
+        }
+
+
+def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> rod.Sweep:
+    """The robot's answer to the commands of all rows; each recording a path where its tendons rub.
+
+    Parameters
+    ----------
+    robot : Robot
+    data : Measurements
+    theory : {"cosserat", "kirchhoff"}
+    gain : float
+        Of the commands.
+    """
+    given: dict[str, Any] = {"theory": theory, "disks": False}
+    for name, values in (("tensions", data.tensions), ("pulls", data.pulls)):
+        if not np.isnan(values).all():
+            given[name] = gain * values
+    if not robot.has_friction:
+        return rod.solve_batch(robot, **given)
+    paths = paths_of(data.recording, len(data))
+    if len(paths) == 1:
+        return rod.sweep(robot, **given)
+
+    def part(rows: NDArray[np.int64]) -> dict[str, Any]:
+        return {
+            name: value[rows] if isinstance(value, np.ndarray) else value
+            for name, value in given.items()
+        }
+
+    return rod.joined([(rows, rod.sweep(robot, **part(rows))) for rows in paths])
+
+
+def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibration:
+    """Calibrate a robot and its base frame.
+
+    Parameters
+    ----------
+    robot : Robot
+    data : Measurements
+        With tips; rows in the order in which they were taken.
+    theory : {"cosserat", "kirchhoff"}
+
+    Returns
+    -------
+    StudyCalibration
+
+    Raises
+    ------
+    InputError, NoSolutionError
+        If the data do not suffice, or the robot has no equilibrium at some rows.
+    """
+    pulled = not np.isnan(data.pulls).all()
+    names = ["gain"] if pulled else _stiffness(robot)
+    few = len(data) * data.tendon_count <= _MOST_SLOW
+    friction = _friction(robot) if few else []
+    found, notes = _without_the_untold(robot, data, [*names, *friction, "base"], theory, friction)
+    if not few:
+        notes.append(
+            f"With more than {_MOST_SLOW} commands (rows times tendons) a study holds friction and "
+            "gravity at what the robot file has; bowstring.fit fits them in its time."
+        )
+    richer = _with_gravity(robot, data, found, theory) if few else None
+    gravity: GravityFrom = "file"
+    other_load = False
+    if richer is not None:
+        found, gravity, other_load, said = _weighed(robot, data, found, richer, theory)
+        notes += said
+    values = found.values
+    place = np.array([values[f"base.{axis}"] for axis in _BASE])
+    frame = Rigid.from_rotation_vector(place[3:], place[:3]).inverse()
+    return StudyCalibration(
+        robot=found.robot,
+        gain=values.get("gain", 1.0),
+        frame=frame,
+        point=frame.apply(found.predict(data)),
+        fit=found,
+        gravity=gravity,
+        other_load=other_load,
+        notes=tuple(notes),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ArcCalibration:
+    """Constant curvature by measurements: gains on the bend, and the base frame they go with."""
+
+    gains: dict[str, float]
+    """On the bend of the robot or of each segment, by name."""
+    frame: Rigid
+    """Measuring frame to base frame."""
+    point: Array
+    """(K, 3), the measured point, m, base frame."""
+    converged: bool
+    message: str
+
+
+def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) -> ArcCalibration:
+    """Calibrate constant curvature: a gain on the bend of each segment.
+
+    From force where tendons are driven by tension, from lengths where they are pulled. In gravity
+    the linear law can bend the robot ten times too much, and the least squares have local minima:
+    the fit is started from several gains, and the one with the least error is taken.
+
+    Parameters
+    ----------
+    robot : Robot
+    data : Measurements
+    frame : Rigid, optional
+        Measuring frame to base frame, held; if not given, it is fitted together with the gains.
+
+    Returns
+    -------
+    ArcCalibration
+
+    Raises
+    ------
+    InputError, NoSolutionError
+        If the data do not suffice, or constant curvature has no answer to them.
+    """
+    names = ["bend_gain.segments" if len(robot.segments) > 1 else "bend_gain"]
+    held: dict[str, float] = {}
+    if frame is None:
+        names.append("base")
+    else:
+        back = frame.inverse()
+        place = (*back.translation.tolist(), *back.rotation_vector.tolist())
+        held = {f"base.{axis}": value for axis, value in zip(_BASE, place, strict=True)}
+    fits = [
+        fit_.fit(robot, data, names, model="arc", start={**held, names[0]: gain}) for gain in _GAINS
+    ]
+    found = min(fits, key=lambda each: each.score.mean)
+    gains = {name: v for name, v in found.values.items() if name.startswith("bend_gain")}
+    if frame is None:
+        place_found = np.array([found.values[f"base.{axis}"] for axis in _BASE])
+        frame = Rigid.from_rotation_vector(place_found[3:], place_found[:3]).inverse()
+    return ArcCalibration(
+        gains=gains,
+        frame=frame,
+        point=frame.apply(found.predict(data)),
+        converged=found.converged,
+        message=found.message,
+    )
+
+
+# -- which parameters --------------------------------------------------------------------------
+
+
+def _stiffness(robot: Robot) -> list[str]:
+    """One number where all segments have the same."""
+    values = {segment.backbone.E for segment in robot.segments}
+    if len(values) == 1:
+        return ["segments.*.backbone.E"]
+    return [f"segments.{k}.backbone.E" for k in range(len(robot.segments))]
+
+
+def _friction(robot: Robot) -> list[str]:
+    rings = {isinstance(segment.tendons, TendonRing) for segment in robot.segments}
+    return [
+        name
+        for ring, name in (
+            (True, "segments.*.tendons.friction"),
+            (False, "segments.*.tendons.*.friction"),
+        )
+        if ring in rings
+    ]
+
+
+def _fit(robot: Robot, data: Measurements, names: list[str], theory: Theory) -> Fit:
+    return fit_.fit(robot, data, names, theory=theory)
+
+
+def _without_the_untold(
+    robot: Robot, data: Measurements, names: list[str], theory: Theory, optional: list[str]
+) -> tuple[Fit, list[str]]:
+    """The fit, without friction where the data cannot tell it from other parameters."""
+    found = _fit(robot, data, names, theory)
+    confused = {name for group in found.confused for name in group}
+    drop = [name for name in optional if name in confused]
+    if not drop:
+        return found, []
+    kept = [name for name in names if name not in drop]
+    note = (
+        "The data cannot tell friction from other parameters; it is held at what the robot file "
+        "has. Loading and unloading would tell it."
+    )
+    return _fit(robot, data, kept, theory), [note]
+
+
+def _with_gravity(robot: Robot, data: Measurements, plain: Fit, theory: Theory) -> Fit | None:
+    """The fit with gravity, if that explains clearly more."""
+    names = [*plain.names, *(f"gravity.{i}" for i in range(3))]
+    try:
+        richer = _fit(robot, data, names, theory)
+    except BowstringError:
+        return None
+    return richer if _clearly_better(plain, richer) else None
+
+
+def _weighed(
+    robot: Robot, data: Measurements, plain: Fit, richer: Fit, theory: Theory
+) -> tuple[Fit, GravityFrom, bool, list[str]]:
+    """Which fit to take where gravity explains more; whether another load acts; and why."""
+    real, like = _is_gravity(robot, richer)
+    if any(robot.gravity):
+        if real:
+            note = (
+                f"Gravity of {like}, explains the data clearly better, as where the base stands "
+                "askew; it was taken over. A small load to one side looks alike."
+            )
+            return richer, "calibrated", False, [note]
+        note = (
+            f"A load like a gravity of {like}, would explain the data clearly better, but that is "
+            "not how gravity can be: another load acts. The gravity of the robot file was kept."
+        )
+        return plain, "file", True, [note]
+    held = _standing(robot, data, plain, _gravity(richer)[0], theory)
+    earth = ""
+    if held is not None:
+        earth = f"({', '.join(f'{g:.6g}' for g in held.robot.gravity)}) m/s2"
+    if held is not None and not _clearly_better(held, richer):
+        note = (
+            f"The robot file has no gravity, the data do: like {like}. Earth's, {earth}, explains "
+            "them as well and is held: assumed, not calibrated. Give gravity in the robot file."
+        )
+        return held, "assumed", False, [note]
+    if real:
+        note = (
+            f"The robot file has no gravity, the data do: {like}, explains them clearly better "
+            "than none and was taken over. A small load to one side looks alike. Give gravity in "
+            "the robot file to hold it."
+        )
+        return richer, "calibrated", False, [note]
+    note = (
+        f"A load like a gravity of {like}, would explain the data clearly better, but that is not "
+        "how gravity can be: another load acts. If the robot does stand so, give gravity in its "
+        "file."
+    )
+    if held is None:
+        return plain, "file", True, [note]
+    why = f"Earth's gravity, {earth}, explains most of that and is held: assumed, not calibrated."
+    return held, "assumed", True, [note, why]
+
+
+def _is_gravity(robot: Robot, richer: Fit) -> tuple[bool, str]:
+    """Whether the gravity that was fitted can be gravity, and what it is like."""
+    vector, covariance = _gravity(richer)
+    size = max(float(np.linalg.norm(vector)), 1e-9)
+    error = _spread(covariance, vector)
+    said = np.array(robot.gravity)
+    whole = float(np.linalg.norm(said))
+    wanted = whole if whole > 0.0 else STANDARD_GRAVITY
+    real = abs(size - wanted) <= 4.0 * error + _EARTHLY * wanted
+    if whole > 0.0:
+        beside = vector - said * float(vector @ said) / whole**2
+        whose = "the robot file"
+    elif abs(vector[2]) > math.sqrt(0.5) * size:
+        beside = vector * [1.0, 1.0, 0.0]
+        whose = "a robot hanging" if vector[2] > 0.0 else "a robot upright"
+    else:
+        beside = vector * [0.0, 0.0, 1.0]
+        whose = "a robot lying"
+    askew = math.degrees(math.asin(min(1.0, float(np.linalg.norm(beside)) / size)))
+    if whole > 0.0 and float(vector @ said) < 0.0:
+        askew = 180.0 - askew
+    turned = math.degrees(_spread(covariance, beside) / size)
+    like = f"{size:.2f} +- {error:.1g} m/s2, {askew:.2g} deg from that of {whose}"
+    return real and askew <= _ASKEW + 3.0 * turned, like
+
+
+def _standing(
+    robot: Robot, data: Measurements, plain: Fit, like: Array, theory: Theory
+) -> Fit | None:
+    """The fit in Earth's gravity, standing, hanging or lying; None if squares do not halve."""
+    axis = np.array([0.0, 0.0, 1.0])
+    upright = abs(like[2]) > math.sqrt(0.5) * float(np.linalg.norm(like))
+    way = like * (axis if upright else 1.0 - axis)
+    gravity = way * (STANDARD_GRAVITY / float(np.linalg.norm(way)))
+    try:
+        held = _fit(robot.with_({"gravity": gravity.tolist()}), data, plain.names, theory)
+    except BowstringError:
+        return None
+    before, after = (float(np.nansum(f.residuals[f.used] ** 2)) for f in (plain, held))
+    return held if held.converged and after < 0.5 * before else None
+
+
+def _clearly_better(plain: Fit, richer: Fit) -> bool:
+    """Whether more parameters explain more than chance would, by the F test."""
+    if not richer.converged or richer.confused:
+        return False
+    before, after = (float(np.nansum(f.residuals[f.used] ** 2)) for f in (plain, richer))
+    more = len(richer.estimates) - len(plain.estimates)
+    dof = 3 * int(richer.used.sum()) - len(richer.estimates)
+    if dof <= 0 or after >= before:
+        return False
+    return bool(special.fdtrc(more, dof, (before - after) / more / (after / dof)) < _CHANCE)
+
+
+def _gravity(found: Fit) -> tuple[Array, Array]:
+    """The fitted gravity (3,), m/s^2, and its covariance (3, 3)."""
+    place = [found.names.index(f"gravity.{i}") for i in range(3)]
+    vector = np.array([found.estimates[i].value for i in place])
+    errors = np.array([found.estimates[i].standard_error for i in place])
+    return vector, found.correlation[np.ix_(place, place)] * np.outer(errors, errors)
+
+
+def _spread(covariance: Array, way: Array) -> float:
+    """Standard error along a way."""
+    size = float(np.linalg.norm(way))
+    return math.sqrt(max(float(way @ covariance @ way), 0.0)) / size if size > 0.0 else 0.0

@@ -1,0 +1,301 @@
+"""Constant curvature beside physics: one set of physical assumptions, and the tip error in it.
+
+Constant curvature always belongs to the nominal robot of the file and is fed as its name says, with
+the lengths that this physics gives or with the force; the physics may differ from the nominal robot
+in what `Physics` lists.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.constant_curvature import arcs
+from bowstring.data.tip_errors import Comparison, known_max, known_mean
+from bowstring.display import short_repr
+from bowstring.errors import BowstringError
+from bowstring.robot.model import Robot, with_tendons
+from bowstring.statics import rod
+
+__all__ = [
+    "COMPARISONS",
+    "MEANINGS",
+    "Case",
+    "Model",
+    "Physics",
+    "Theory",
+]
+
+Array = NDArray[np.float64]
+Theory = Literal["cosserat", "kirchhoff"]
+
+COMPARISONS: Final = {
+    "cc_from_lengths": "from lengths (Eq. 5)",
+    "cc_from_force": "from force (linear law)",
+    "cc_from_lengths_chord": "from lengths, chords",
+    "cc_from_force_arm": "from force, mean arm",
+}
+"""Names of the comparisons and what people call them."""
+
+MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
+"""Those that budget and verdict are about: constant curvature uncorrected."""
+
+
+# -- what is computed --------------------------------------------------------------------------
+
+
+@short_repr
+@dataclass(frozen=True)
+class Physics:
+    """One set of physical assumptions; the defaults are the plainest."""
+
+    tendon: Literal["straight", "continuous"] = "continuous"
+    theory: Theory = "kirchhoff"
+    twist: bool = False
+    clamped: Literal["none", "file", "budget"] = "none"
+    """Backbone held by the disks: none, as the file says, or as the budget assumes."""
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tip_force: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    stiffness: float = 1.0
+    """Factor on Young's modulus."""
+
+
+@short_repr
+@dataclass(frozen=True)
+class Case:
+    """One set of physics, and what it makes of constant curvature's error."""
+
+    physics: Physics
+    problem: str | None
+    """Why it has no numbers, or not at all loads."""
+    tip_position: Array
+    """(n, 3), m."""
+    comparisons: dict[str, Comparison]
+
+    def error(self, meaning: str) -> Array:
+        """Euclidean tip error (n,) of constant curvature in this physics, m."""
+        return self.comparisons[meaning].error
+
+    def to_dict(self, base: Case | None = None) -> dict[str, Any]:
+        """The case in mm and percent; with `base`, also the change from it at common points."""
+        out: dict[str, Any] = {"problem": self.problem}
+        for name, comparison in self.comparisons.items():
+            entry = comparison.to_dict()
+            out[name] = {k: entry[k] for k in ("n", "mean_mm", "max_mm", "mean_percent")}
+            if base is not None:
+                change = self.error(name) - base.error(name)
+                out[name]["change_n"] = int(np.isfinite(change).sum())
+                out[name]["change_of_mean_mm"] = known_mean(change) * 1e3
+                out[name]["change_of_mean_percent"] = known_mean(change) / comparison.length * 100.0
+        return out if base is None else out | self.moved_from(base)
+
+    def moved_from(self, base: Case) -> dict[str, float]:
+        """How far the tip is from that of another case, in mm, at the loads that both have."""
+        moved = np.linalg.norm(self.tip_position - base.tip_position, axis=-1)
+        return {
+            "tip_moved_mean_mm": known_mean(moved) * 1e3,
+            "tip_moved_max_mm": known_max(moved) * 1e3,
+        }
+
+
+# -- computing it ------------------------------------------------------------------------------
+
+
+class Model:
+    """Robot, pulled tendons and theory, and what all parts of the study ask of them.
+
+    Parameters
+    ----------
+    robot : Robot
+    tendon : int
+        Index of the tendon that has the whole tension of the sweep, from 0.
+    theory : {"cosserat", "kirchhoff"}
+    shares : sequence of float, optional
+        Share (T,) of the sweep's tension that each tendon has, from 0 to 1; that tendon alone if
+        not given.
+    """
+
+    def __init__(
+        self, robot: Robot, tendon: int, theory: Theory, shares: Sequence[float] | None = None
+    ) -> None:
+        self.driven = robot
+        """As the file has it, with the friction of its tendons."""
+        self.robot = with_tendons(robot, {"friction": 0.0})
+        """Without friction, which the main sweep, its dynamics and the verdict leave out."""
+        self.tendon = tendon
+        """Index of the pulled tendon, from 0; of several, the one with the whole tension."""
+        self.shares = np.zeros(len(robot.tendons.segment))
+        """Share (T,) of the sweep's tension in each tendon."""
+        self.shares[tendon] = 1.0
+        if shares is not None:
+            self.shares[:] = shares
+        self.arc_scale = 1.0
+        """Share of the linear law's bend to which geometric sweep and commanded lengths go."""
+        self.length = robot.length
+        angle = self._angle()
+        self.towards = (math.cos(angle), math.sin(angle), 0.0)
+        """The way the pulled tendon bends the robot."""
+        self.across = (-math.sin(angle), math.cos(angle), 0.0)
+        self.main = Physics(
+            tendon="straight",
+            theory=theory,
+            twist=True,
+            clamped="file",
+            gravity=robot.gravity,
+        )
+        """The physics of the main sweep."""
+        self._variants: dict[tuple[str, float], Robot] = {}
+
+    def tensions(self, tension: Array) -> Array:
+        """Tensions of all tendons (n, T), N."""
+        return np.asarray(np.outer(tension, self.shares))
+
+    @cached_property
+    def linear_bend(self) -> Array:
+        """Bend (S, 2) of each segment by 1 N of the sweep, linear law, towards x and y, rad/N."""
+        robot = self.robot
+        out = np.zeros((len(robot.segments), 2))
+        for k, segment in enumerate(robot.segments):
+            passing = robot.tendons.segment >= k
+            moment = self.shares[passing] @ robot.tendons.hole_m[passing]
+            size = float(np.abs(self.shares[passing]) @ robot.tendons.pitch_radius_m[passing])
+            if np.linalg.norm(moment) > 1e-9 * size:  # else the tendons balance each other
+                out[k] = moment * segment.length / float(robot.bending_stiffness[k])
+        return out
+
+    @property
+    def linear_bend_of_all(self) -> float:
+        """Sum of the bends of the segments by 1 N of the sweep, linear law, rad/N."""
+        return float(np.linalg.norm(self.linear_bend, axis=1).sum())
+
+    def linear_pull(self, tension: Array) -> Array:
+        """By how much the linear law shortens the pulled tendon (n,), m."""
+        last = int(self.robot.tendons.segment[self.tendon])
+        hole = self.robot.tendons.hole_m[self.tendon]
+        return np.asarray(tension * float((self.linear_bend[: last + 1] @ hole).sum()))
+
+    def _angle(self) -> float:
+        """Towards which angle from x the tendons bend the robot, rad."""
+        alone = np.count_nonzero(self.shares) == 1
+        whole = self.linear_bend.sum(axis=0)
+        if alone or not whole.any():
+            return float(self.robot.tendons.angle_rad[self.tendon])
+        return math.atan2(whole[1], whole[0])
+
+    @cached_property
+    def budget_clamps(self) -> list[float]:
+        """Clamped length that the budget assumes in each segment, m."""
+        return [s.disks.clamped_length or s.disks.thickness or 3e-3 for s in self.robot.segments]
+
+    def variant(self, physics: Physics) -> Robot:
+        """The robot with the clamps and the stiffness of this physics."""
+        key = (physics.clamped, physics.stiffness)
+        if key not in self._variants:
+            changes: dict[str, float] = {}
+            for k, segment in enumerate(self.robot.segments):
+                clamps = {
+                    "none": 0.0,
+                    "file": segment.disks.clamped_length,
+                    "budget": self.budget_clamps[k],
+                }[physics.clamped]
+                if clamps != segment.disks.clamped_length:
+                    changes[f"segments.{k}.disks.clamped_length"] = clamps
+                if physics.stiffness != 1.0:
+                    changes[f"segments.{k}.backbone.E"] = segment.backbone.E * physics.stiffness
+            self._variants[key] = self.robot.with_(changes) if changes else self.robot
+        return self._variants[key]
+
+    def solve(self, physics: Physics, tension: Array, disks: bool = False) -> rod.Sweep:
+        """Equilibria of this physics along the sweep."""
+        return rod.sweep(
+            self.variant(physics),
+            self.tensions(tension),
+            theory=physics.theory,
+            gravity=physics.gravity,
+            tip_force=physics.tip_force,
+            tendon=physics.tendon,
+            twist=physics.twist,
+            disks=disks,
+        )
+
+    def constant_curvature(self, name: str, tension: Array, lengths: Array) -> Array:
+        """Tips (n, 3) by constant curvature of the nominal robot, m; NaN where it has none."""
+        if name == "cc_from_force":
+            return self._rows(self.tensions(tension), self._from_force)
+        if name == "cc_from_force_arm":
+            return self._rows(self.tensions(tension), self._from_force_arm)
+        if name == "cc_from_lengths":
+            return self._rows(lengths, self._from_lengths)
+        return self._rows(lengths, self._from_lengths_chord)
+
+    def _from_force(self, tensions: Array) -> Array:
+        return arcs.robot_from_tensions(self.robot, tensions, law="linear").tip.position
+
+    def _from_force_arm(self, tensions: Array) -> Array:
+        return arcs.robot_from_tensions(self.robot, tensions, law="arm").tip.position
+
+    def _from_lengths(self, lengths: Array) -> Array:
+        return arcs.robot_fk(self.robot, lengths).tip.position
+
+    def _from_lengths_chord(self, lengths: Array) -> Array:
+        return arcs.robot_fk(self.robot, lengths, correction="chord").tip.position
+
+    @staticmethod
+    def _rows(values: Array, function: Callable[[Array], Array]) -> Array:
+        """The function at all rows at once, or one by one where some have no arc."""
+        out = np.full((len(values), 3), math.nan)
+        good = np.flatnonzero(np.all(np.isfinite(values), axis=-1))
+        try:
+            out[good] = function(values[good])
+        except BowstringError:
+            for i in good:
+                try:
+                    out[i] = function(values[i])
+                except BowstringError:
+                    continue
+        return out
+
+    def compare(
+        self,
+        tension: Array,
+        tip: Array,
+        lengths: Array,
+        names: Sequence[str],
+        against: str = "statics",
+    ) -> dict[str, Comparison]:
+        """Constant curvature against the tips and tendon lengths of some physics."""
+        out = {}
+        for name in names:
+            ours = self.constant_curvature(name, tension, lengths)
+            out[name] = Comparison(name, against, self.length, ours, ours - tip)
+        return out
+
+    def case(self, physics: Physics, tension: Array) -> Case:
+        """One set of physics beside constant curvature in its two meanings."""
+        try:
+            sweep = self.solve(physics, tension)
+        except BowstringError as error:
+            gap = np.full((len(tension), 3), math.nan)
+            lengths = np.full((len(tension), len(self.robot.tendons.segment)), math.nan)
+            return Case(physics, str(error), gap, self.compare(tension, gap, lengths, MEANINGS))
+        bad = np.flatnonzero(~np.asarray(sweep.converged))
+        problem = None
+        if len(bad) == len(tension):
+            problem = f"no stable equilibrium found at any load ({sweep.status[bad[0]]})"
+        elif len(bad):
+            problem = (
+                f"no stable equilibrium found at {len(bad)} of {len(tension)} loads "
+                f"({sweep.status[bad[0]]} at {tension[bad[0]]:.4g} N); means are over the others"
+            )
+        tip = sweep.tip_position
+        comparisons = self.compare(tension, tip, sweep.tendon_lengths, MEANINGS)
+        return Case(physics, problem, tip, comparisons)
+
+
+# -- means of what is known --------------------------------------------------------------------

@@ -1,0 +1,364 @@
+"""The error budget: what each physical effect does to constant curvature's error.
+
+Each effect is added alone to the plainest physics (the baseline), removed alone from the fullest
+(the full model), and changed alone in the physics of the main sweep. Its contribution is always the
+mean error with it less the mean error without it.
+
+How the robot is driven (friction, elastic tendons, pulled lengths) has a table of its own,
+`bowstring.study.actuation_budget`, since it depends on the path.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.display import short_repr
+from bowstring.formatting import round_down
+from bowstring.robot.model import Robot
+from bowstring.study.actuation_budget import DriveBudget, drive_budget
+from bowstring.study.comparison import MEANINGS, Case, Model, Physics
+
+__all__ = ["GRAVITY", "Budget", "BudgetRow", "Contribution", "Side", "error_budget"]
+
+Array = NDArray[np.float64]
+Side = Literal["added", "removed", "in_sweep"]
+
+GRAVITY: Final = 9.81
+"""m/s^2, in every gravity case of the budget."""
+_MAX_SIDEWAYS: Final = (
+    0.13  # of the length: what 1 N transverse at the tip of the study's robot does
+)
+
+
+# -- what is computed --------------------------------------------------------------------------
+
+
+@short_repr
+@dataclass(frozen=True)
+class Contribution:
+    """What one effect adds to the mean error of constant curvature, nothing else changed."""
+
+    n: int
+    """Loads that have numbers both with and without the effect; the means are over these."""
+    of: int
+    """Loads of the sweep."""
+    with_effect: float
+    """Mean error with the effect, m; NaN without such loads."""
+    without_effect: float
+    """Mean error without it, m."""
+
+    @property
+    def mean(self) -> float:
+        """With less without, m: positive if the effect makes the mean error larger."""
+        return self.with_effect - self.without_effect
+
+    @property
+    def partial(self) -> bool:
+        """Whether some loads are missing, so that it does not compare with other contributions."""
+        return 0 < self.n < self.of
+
+
+@short_repr
+@dataclass(frozen=True)
+class BudgetRow:
+    """One effect: added alone to the plainest physics, removed alone from the fullest.
+
+    And, since both are far from the sweep that the verdict is about, changed alone in that sweep.
+    """
+
+    effect: str
+    label: str
+    added: Case
+    full: Case
+    """The fullest physics in which the effect acts (of alternatives, with this one)."""
+    removed: Case
+    in_sweep: Case
+    """The main sweep with only this effect changed: removed if it acts there, else added."""
+    beside: Case
+    """What `in_sweep` differs from in this effect alone: the main sweep; if that has gravity of
+    another kind, for which this one stands in, the main sweep without gravity."""
+    acts_in_sweep: bool
+
+
+@short_repr
+@dataclass(frozen=True)
+class Budget:
+    """The error budget."""
+
+    plainest: Case
+    fullest: Case
+    sweep: Case
+    """The physics of the main sweep."""
+    rows: tuple[BudgetRow, ...]
+    plainest_is: str
+    fullest_is: str
+    notes: tuple[str, ...]
+    drive: DriveBudget
+    """Friction, elastic tendons and pulled lengths."""
+
+    def cases(self, row: BudgetRow, side: Side) -> tuple[Case, Case]:
+        """The two cases that differ in one effect alone: with it, and without it."""
+        if side == "added":
+            return row.added, self.plainest
+        if side == "removed":
+            return row.full, row.removed
+        pair = (row.beside, row.in_sweep)
+        return pair if row.acts_in_sweep else pair[::-1]
+
+    def contribution(self, row: BudgetRow, side: Side, meaning: str) -> Contribution:
+        """What an effect adds to the mean error.
+
+        Parameters
+        ----------
+        row : BudgetRow
+        side : {"added", "removed", "in_sweep"}
+            Beside which physics: added to the baseline, removed from the full model, or changed in
+            the main sweep.
+        meaning : str
+            Name of the comparison, one of `bowstring.study.comparison.MEANINGS`.
+
+        Returns
+        -------
+        Contribution
+        """
+        present, absent = (case.error(meaning) for case in self.cases(row, side))
+        common = np.isfinite(present) & np.isfinite(absent)
+        means = (float(e[common].mean()) if common.any() else math.nan for e in (present, absent))
+        return Contribution(int(common.sum()), len(common), *means)
+
+    def problems(self, row: BudgetRow, side: Side) -> tuple[str, ...]:
+        """Why a contribution lacks loads, each reason once."""
+        present, absent = self.cases(row, side)
+        named = (("with it", present.problem), ("without it", absent.problem))
+        return tuple(f"{which}: {problem}" for which, problem in named if problem)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The budget in mm and percent."""
+        return {
+            "plainest": {"is": self.plainest_is, **self.plainest.to_dict()},
+            "fullest": {"is": self.fullest_is, **self.fullest.to_dict()},
+            "sweep": self.sweep.to_dict(),
+            "rows": [self._row_to_dict(row) for row in self.rows],
+            "notes": list(self.notes),
+            "drive": self.drive.to_dict(),
+        }
+
+    def _row_to_dict(self, row: BudgetRow) -> dict[str, Any]:
+        def side(name: Side) -> dict[str, Any]:
+            case: Case = getattr(row, name)
+            out = case.to_dict()
+            for meaning in MEANINGS:
+                found = self.contribution(row, name, meaning)
+                length = case.comparisons[meaning].length
+                out[meaning]["contribution_n"] = found.n
+                out[meaning]["contribution_mm"] = found.mean * 1e3
+                out[meaning]["contribution_percent"] = found.mean / length * 100.0
+            present, absent = self.cases(row, name)
+            return out | present.moved_from(absent)
+
+        return {
+            "effect": row.effect,
+            "label": row.label,
+            "added": side("added"),
+            "full": row.full.to_dict(),
+            "removed": side("removed"),
+            "in_sweep": {"how": "removed" if row.acts_in_sweep else "added", **side("in_sweep")},
+        }
+
+
+# -- running it --------------------------------------------------------------------------------
+
+
+def error_budget(
+    model: Model,
+    tension: Array,
+    tell: Callable[[float], None] = lambda share: None,
+    calibrated: Robot | None = None,
+) -> Budget:
+    """What each physical effect does to the error of constant curvature.
+
+    Parameters
+    ----------
+    model : Model
+    tension : array (n,)
+        Loads of the pulled tendon, N.
+    tell : callable, optional
+        Is told the share that is done, up to 1.
+    calibrated : Robot, optional
+        The same robot with the friction that measurements gave it.
+
+    Returns
+    -------
+    Budget
+    """
+    effects = _effects(model)
+    plain = Physics()
+    cases: dict[Physics, Case] = {}
+
+    def case(physics: Physics) -> Case:
+        if physics not in cases:
+            cases[physics] = model.case(physics, tension)
+        return cases[physics]
+
+    full = plain
+    for effect in effects:
+        if not effect.alternative:
+            full = replace(full, **effect.on)
+    posture = "upright"
+    if case(full).problem:
+        # A backbone that cannot stand under its own weight can still hang.
+        hanging = replace(full, gravity=(0.0, 0.0, GRAVITY))
+        if not case(hanging).problem:
+            full, posture = hanging, "hanging"
+
+    rows = []
+    for i, effect in enumerate(effects):
+        whole = replace(full, **effect.on)
+        rows.append(
+            BudgetRow(
+                effect.key,
+                effect.label,
+                added=case(replace(plain, **effect.on)),
+                full=case(whole),
+                removed=case(_without(whole, effect)),
+                in_sweep=case(_changed(model, effect)),
+                beside=case(_beside(model, effect)),
+                acts_in_sweep=_acts(model, effect),
+            )
+        )
+        tell((i + 1) / (len(effects) + 1))
+    drive = drive_budget(model, tension, case(model.main), calibrated)
+    tell(1.0)
+
+    clamps = (
+        "the file's clamps"
+        if any(s.disks.clamped_length for s in model.robot.segments)
+        else "each disk clamps as much backbone as it is thick (3 mm if its thickness is zero)"
+    )
+    x, y, _ = model.towards
+    return Budget(
+        plainest=case(plain),
+        fullest=case(full),
+        sweep=case(model.main),
+        rows=tuple(rows),
+        plainest_is="continuous tendon, no clamps, no shear or extension, no twist, no gravity, no "
+        "tip force, E as in the file",
+        fullest_is=f"straight spans, clamps, shear and extension, twist, gravity ({posture}), tip "
+        "force, E 10 % lower",
+        notes=(
+            "A contribution is the mean error with the effect less the mean error without it, all "
+            "else the same: positive if the effect makes the error larger.",
+            "Effects interact and can cancel: contributions do not add up to the whole, one effect "
+            "can lower the error that another one makes, and beside another physics the same "
+            "effect has another contribution.",
+            "'From force' always uses the file's own E and length, as a user would, also where "
+            "the physics is stiffer, softer or clamped.",
+            "'In this sweep' changes the effect alone in the physics of the main sweep: taken out "
+            "if it acts there, added if not. Gravity takes the place of the file's, and its "
+            "contribution is against the same sweep without gravity.",
+            "'In the full model' takes the effect out of the full model. The alternatives (gravity "
+            "in the other orientations, E 10 % higher) take the place of the full model's own.",
+            f"Gravity is {GRAVITY} m/s2: upright along -z (base below), hanging along +z, "
+            f"horizontal along ({_zero(-x):.3g}, {_zero(-y):.3g}, 0), in the bending plane and "
+            "against the pulled tendon, which lies on top.",
+            "The transverse tip force is dead and perpendicular to the bending plane. It is the "
+            "largest round force that moves the straight robot's tip by at most 13 % of the "
+            "length by linear theory: 1 N for the study's robot.",
+            f"Clamps: {clamps}.",
+        ),
+        drive=drive,
+    )
+
+
+# -- the effects -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Effect:
+    key: str
+    label: str
+    on: dict[str, Any]
+    """Fields of `Physics` that make the effect act."""
+    alternative: bool = False
+    """Another value of a field that the fullest physics sets otherwise."""
+
+
+def _effects(model: Model) -> list[_Effect]:
+    robot = model.robot
+    clamps = sorted({f"{c * 1e3:.4g}" for c in model.budget_clamps})
+    force = _tip_force(robot)
+    return [
+        _Effect(
+            "straight_spans", "straight spans, not a continuous tendon", {"tendon": "straight"}
+        ),
+        _Effect("clamps", f"disks clamp {' / '.join(clamps)} mm", {"clamped": "budget"}),
+        _Effect("shear_extension", "shear and extension", {"theory": "cosserat"}),
+        _Effect("torsion", "torsion (the backbone may twist)", {"twist": True}),
+        _Effect("gravity_upright", "gravity, upright", {"gravity": (0.0, 0.0, -GRAVITY)}),
+        _Effect("gravity_hanging", "gravity, hanging", {"gravity": (0.0, 0.0, GRAVITY)}, True),
+        _Effect(
+            "gravity_horizontal",
+            "gravity, horizontal",
+            {"gravity": _times(model.towards, -GRAVITY)},
+            True,
+        ),
+        _Effect(
+            "tip_force",
+            f"transverse tip force {force:g} N",
+            {"tip_force": _times(model.across, force)},
+        ),
+        _Effect("E_minus_10", "E 10 % lower", {"stiffness": 0.9}),
+        _Effect("E_plus_10", "E 10 % higher", {"stiffness": 1.1}, True),
+    ]
+
+
+def _tip_force(robot: Robot) -> float:
+    """1 N for the study's robot; for another the round force that moves its tip as much, N."""
+    compliance, beyond = 0.0, robot.length
+    for segment, stiffness in zip(robot.segments, robot.bending_stiffness, strict=True):
+        inner = beyond - segment.length
+        compliance += (beyond**3 - inner**3) / (3.0 * float(stiffness))
+        beyond = inner
+    return round_down(_MAX_SIDEWAYS * robot.length / compliance)
+
+
+def _without(physics: Physics, effect: _Effect) -> Physics:
+    plain = Physics()
+    return replace(physics, **{name: getattr(plain, name) for name in effect.on})
+
+
+def _acts(model: Model, effect: _Effect) -> bool:
+    """Whether the main sweep has the effect (of gravity: exactly this one)."""
+    if effect.key == "clamps":
+        return any(s.disks.clamped_length for s in model.robot.segments)
+    return all(getattr(model.main, name) == value for name, value in effect.on.items())
+
+
+def _changed(model: Model, effect: _Effect) -> Physics:
+    """The physics of the main sweep with only this effect changed."""
+    if _acts(model, effect):
+        return _without(model.main, effect)
+    return replace(model.main, **effect.on)
+
+
+def _beside(model: Model, effect: _Effect) -> Physics:
+    """The physics of the main sweep, without its gravity where the effect takes its place."""
+    if "gravity" in effect.on and not _acts(model, effect):
+        return _without(model.main, effect)
+    return model.main
+
+
+def _times(vector: tuple[float, float, float], factor: float) -> tuple[float, float, float]:
+    # + 0.0: no negative zeros
+    x, y, z = (v * factor + 0.0 for v in vector)
+    return (x, y, z)
+
+
+def _zero(value: float) -> float:
+    return 0.0 if abs(value) < 1e-12 else value

@@ -1,0 +1,697 @@
+"""Figures of the study, after the source study's own."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.data.tip_errors import known_max
+from bowstring.fem import figures as brick_plots
+from bowstring.formatting import in_mm
+from bowstring.study.actuation_budget import COMMANDED, DriveBudget
+from bowstring.study.data_figures import (
+    measured_comparison,
+    measured_errors,
+    measured_residuals,
+    measured_tip,
+)
+from bowstring.study.error_budget import Budget, Side
+from bowstring.study.shapes import backbones
+from bowstring.study.study import Study
+from bowstring.viz.style import AXES, LIGHT, TINY, WIDTH, legend_above, subplots
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw"]
+
+Array = NDArray[np.float64]
+
+_MAGNIFIED: Final = 2.0  # an inset that magnifies less is not worth its place
+
+
+def draw(study: Study) -> Iterator[tuple[str, Figure]]:
+    """Draw the figures one by one.
+
+    Parameters
+    ----------
+    study : Study
+
+    Yields
+    ------
+    stem : str
+        File name without ending, from `bowstring.study.study.FIGURES`.
+    figure : matplotlib.figure.Figure
+        Draw and save within `figure_style`.
+    """
+    for shown in study.figures:
+        yield shown.stem, _DRAWINGS[shown.stem](study)
+
+
+def _tip_against_force(study: Study) -> Figure:
+    figure, (tip, moved, stress, strain) = subplots(4, 8.0, sharex=True, height_ratios=(3, 2, 2, 2))
+    s, force = study.statics, study.comparison("cc_from_force")
+    motion = study.dynamics
+    rising = motion.rising if motion else slice(0)
+    still: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "none"}
+
+    def draw_on(
+        axes: Axes, name: str, look: tuple[str, str, str], static: Array, over: Array
+    ) -> None:
+        """A line of dynamics and the markers of statics, or these joined where it is alone."""
+        colour, marker, line = LIGHT[look[0]], look[1], look[2]
+        both: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
+        if motion:
+            axes.plot(motion.tension[rising], over[rising], color=colour, linestyle=line)
+            axes.plot(s.tension, static, color=colour, marker=marker, **still)
+            axes.plot([], [], label=name, markerfacecolor="none", **both)
+        else:
+            axes.plot(s.tension, static, label=name, **both)
+
+    none = np.zeros((0, 3))
+    for k, (name, colour, marker) in enumerate(AXES):
+        over = (motion.tip_position if motion else none)[:, k] * 1e3
+        draw_on(tip, name, (colour, marker, "-"), s.tip_position[:, k] * 1e3, over)
+        tip.plot(
+            s.tension,
+            force.tip_position[:, k] * 1e3,
+            color=LIGHT[colour],
+            linestyle="none",
+            marker="x",
+            markersize=6,
+        )
+    cross: dict[str, Any] = {"linestyle": "none", "marker": "+", "markersize": 8}
+    cross["color"] = LIGHT["ink"]
+    if study.bricks is not None:
+        tip.plot(s.tension, study.bricks.tip_position * 1e3, **cross)
+        tip.plot([], [], label="finite elements", **cross)
+    tip.plot([], [], color=LIGHT["ink"], linestyle="none", marker="x", label="CC from force")
+    tip.set(ylabel="tip coordinate (mm)")
+    legend_above(tip, 4 if study.bricks is None else 3)
+    how = "lines: dynamics, markers: statics" if motion else "statics"
+    pad = 22 if study.bricks is None else 36  # above one row of the legend, or two
+    tip.set_title(f"simulated; {how}", fontsize=8.5, loc="right", pad=pad)
+
+    straight = s.tip_position[0] if s.converged[0] else np.array([0.0, 0.0, study.length])
+    away = np.linalg.norm(s.tip_position - straight, axis=-1) * 1e3
+    over = motion.displacement * 1e3 if motion else none
+    draw_on(moved, "", ("ink", "o", "-"), away, over)
+    moved.set(ylabel="displacement\nof the tip (mm)")
+
+    at, run = s.surface, motion.surface if motion else s.surface
+    von_mises, normal = ("blue", "o", "-"), ("red", "x", "--")
+    draw_on(stress, "von Mises", von_mises, at.von_mises / 1e6, run.von_mises / 1e6)
+    draw_on(stress, "along the backbone", normal, at.normal_stress / 1e6, run.normal_stress / 1e6)
+    if study.bricks is not None:
+        bent = np.linalg.norm(study.bricks.tip_position - straight, axis=-1)
+        moved.plot(s.tension, bent * 1e3, **{**cross, "color": LIGHT["green"]})
+        largest = study.bricks.beside.middle.max(axis=1, initial=0.0) / 1e6
+        name = "finite elements, mid-module"
+        stress.plot(s.tension[: len(largest)], largest, label=name, **cross)
+    stress.set(ylabel="largest stress\n(MPa)")
+    stress.legend(loc="upper left")
+    draw_on(strain, "", ("purple", "d", "-"), at.strain * 100, run.strain * 100)
+    strain.set(ylabel="largest strain\n(%)", xlabel=_force_label(study))
+    return figure
+
+
+def _over_time(study: Study) -> Figure:
+    motion = study.dynamics
+    assert motion is not None
+    figure, (pull, tip, apart) = subplots(3, 6.4, sharex=True, height_ratios=(2, 4, 2))
+    time = motion.time
+    pull.plot(time, motion.tension, color=LIGHT["ink"])
+    pull.set(ylabel=f"tension of\n{study.settings.pulled} (N)")
+    pull.set_title("simulated", fontsize=8.5, loc="right")
+    for k, (name, colour, _) in enumerate(AXES):
+        tip.plot(time, motion.tip_position[:, k] * 1e3, color=LIGHT[colour], label=name)
+        tip.plot(time, motion.static_tip[:, k] * 1e3, color=LIGHT[colour], linestyle="--", lw=1.0)
+    tip.plot([], [], color=LIGHT["ink"], linestyle="--", lw=1.0, label="statics")
+    tip.set(ylabel="tip coordinate (mm)")
+    legend_above(tip, 4)
+    apart.plot(time, motion.difference * 1e3, color=LIGHT["purple"])
+    apart.set(ylabel="dynamics from\nstatics (mm)", xlabel="time (s)")
+    apart.set_ylim(0.0, 1.3 * max(known_max(motion.difference) * 1e3, TINY))
+    if motion.peak is not None:
+        when, size = motion.peak
+        for axes in (tip, apart):
+            axes.axvline(when, color=LIGHT["amber"], linestyle=":", linewidth=1.2)
+        left = when > 0.5 * time[-1]
+        apart.annotate(
+            f"overshoot {in_mm(size)}",
+            (when, 0.98),
+            xycoords=("data", "axes fraction"),
+            xytext=(-4 if left else 4, 0),
+            textcoords="offset points",
+            ha="right" if left else "left",
+            va="top",
+            fontsize=8.5,
+        )
+    return figure
+
+
+def _pull_against_force(study: Study) -> Figure:
+    figure, (axes, below) = subplots(2, 4.0, sharex=True, height_ratios=(2, 1))
+    s = study.statics
+    axes.plot(s.tension, s.pull * 1e3, color=LIGHT["blue"], marker="o", label="statics")
+    axes.plot(
+        s.tension, s.linear_pull * 1e3, color=LIGHT["red"], linestyle="--", label="linear law"
+    )
+    axes.set(ylabel="pull (mm)")
+    legend_above(axes, 2)
+    below.plot(s.tension, (s.linear_pull - s.pull) * 1e3, color=LIGHT["purple"], marker="d")
+    below.set(xlabel=_force_label(study), ylabel="linear law\nminus statics (mm)")
+    return figure
+
+
+def _tip_against_pull(study: Study) -> Figure:
+    figure, (axes,) = subplots(1, 3.0)
+    g = study.geometry
+    for k, (name, colour, marker) in enumerate(AXES):
+        axes.plot(
+            g.pull * 1e3,
+            g.tip_position[:, k] * 1e3,
+            color=LIGHT[colour],
+            marker=marker,
+            label=name,
+        )
+    axes.set(
+        xlabel=f"shortening of tendon {study.settings.tendon + 1} (mm)",
+        ylabel="tip coordinate (mm)",
+    )
+    legend_above(axes, 3)
+    return figure
+
+
+def _configurations(study: Study) -> Figure:
+    from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    figure = Figure(figsize=(WIDTH, 4.8))
+    axes: Any = figure.add_axes((0.02, 0.0, 0.9, 0.9), projection="3d")
+    g, robot = study.geometry, study.robot
+    known = np.flatnonzero(np.all(np.isfinite(g.tip_position), axis=-1))
+    shown = known[np.unique(np.linspace(0, len(known) - 1, 5).round().astype(int))]
+
+    turn = np.linspace(0.0, math.tau, 33)
+    rim = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
+    holes = np.column_stack([robot.tendons.hole_m, np.zeros(len(robot.tendons.hole_m))])
+    pulled = np.flatnonzero(study.settings.shares)
+    points: list[Array] = []
+    tips: list[tuple[Array, Array, str]] = []
+    for i in shown:
+        centres = np.concatenate([np.zeros((1, 3)), g.disk_positions[i]]) * 1e3
+        frames = np.concatenate([np.eye(3)[None], g.disk_rotations[i]])
+        radii = np.concatenate([robot.disks.radius_m[:1], robot.disks.radius_m]) * 1e3
+        every = max(1, len(centres) // 60)
+        rings = [
+            centre + radius * rim @ frame.T
+            for centre, frame, radius in zip(
+                centres[::every], frames[::every], radii[::every], strict=True
+            )
+        ]
+        disks = Poly3DCollection(
+            rings,
+            facecolors=LIGHT["grid"],
+            edgecolors=LIGHT["muted"],
+            linewidths=0.6,
+            alpha=0.55,  # a disk is seen through
+        )
+        axes.add_collection3d(disks)
+        for t, hole in enumerate(holes):
+            last = int(robot.tendons.end_disk[t]) + 2
+            path = centres[:last] + frames[:last] @ (hole * 1e3)
+            colour, width = ("red", 1.2) if t in pulled else ("blue", 0.8)
+            axes.plot(*path.T, color=LIGHT[colour], linewidth=width)
+        backbone = g.backbone[i] * 1e3
+        axes.plot(*backbone.T, color=LIGHT["ink"], linewidth=2.0)
+        points += [*rings, backbone]
+        tips.append((backbone[-1], frames[-1][:, 2], f"{g.pull[i] * 1e3:.3g}"))
+    _fit_box(axes, np.concatenate(points))
+    # the bending plane is seen nearly from the front
+    azimuth = math.degrees(math.atan2(study.towards[1], study.towards[0])) - 65.0
+    axes.view_init(elev=20.0, azim=azimuth)
+    _label_tips(axes, tips, np.concatenate(points))
+    for colour, label in (("ink", "backbone"), ("red", "pulled tendon"), ("blue", "other tendons")):
+        axes.plot([], [], [], color=LIGHT[colour], label=label)
+    axes.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
+    figure.legend(loc="upper left", ncols=3, handlelength=1.4, columnspacing=1.0)
+    figure.text(0.02, 0.9, "number at each tip: pull in mm", fontsize=8.5)
+    return figure
+
+
+def _label_tips(axes: Any, tips: Sequence[tuple[Array, Array, str]], drawn: Array) -> None:
+    """Put a text beyond each tip, where it covers least of what is drawn and lies on top of it."""
+    from mpl_toolkits.mplot3d import proj3d
+
+    axes.figure.draw_without_rendering()  # puts the axes and their numbers into their places
+    projection, per_point = axes.get_proj(), 72.0 / axes.figure.dpi
+
+    def on_page(points: Array) -> tuple[Array, Array]:
+        """In the axes' own two coordinates, and in points (1/72 inch)."""
+        flat = np.column_stack(proj3d.proj_transform(*np.atleast_2d(points).T, projection)[:2])
+        return flat, axes.transData.transform(flat) * per_point
+
+    share = np.linspace(0.0, 1.0, 50)[:, None]
+    parts = [on_page(drawn)[1]]
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        ends = axes.transData.transform(axis.line.get_xydata())
+        parts.append((ends[0] + share * (ends[-1] - ends[0])) * per_point)
+        for label in axis.get_ticklabels():
+            box = label.get_window_extent()
+            grid = np.meshgrid(np.linspace(box.x0, box.x1, 7), np.linspace(box.y0, box.y1, 4))
+            parts.append(np.stack(grid, axis=-1).reshape(-1, 2) * per_point)
+    taken = np.concatenate(parts)
+    for tip, onward, text in tips:
+        ends, (start, end) = on_page(np.stack([tip, tip + 1e-3 * np.ptp(drawn) * onward]))
+        angle = math.atan2(*(end - start)[::-1])
+        half = np.array([2.6 * len(text) + 1.0, 5.0])  # of the text, in points
+        best: tuple[int, Array] | None = None
+        for away in (12.0, 16.0, 20.0, 26.0, 32.0):
+            for turn in np.radians([0, 20, -20, 40, -40, 60, -60, 90, -90, 120, -120]):
+                towards = np.array([math.cos(angle + turn), math.sin(angle + turn)])
+                offset = towards * away
+                hidden = int(np.all(np.abs(taken - start - offset) < half, axis=1).sum())
+                if best is None or hidden < best[0]:
+                    best = hidden, offset
+        assert best is not None
+        axes.annotate(
+            text,
+            ends[0],
+            xytext=best[1],
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=8.5,
+            zorder=1e3,  # over all disks
+            bbox={"facecolor": LIGHT["paper"], "edgecolor": "none", "pad": 0.8},
+        )
+        corners = start + best[1] + half * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1], [0, 0]])
+        taken = np.concatenate([taken, corners])
+
+
+def _fit_box(axes: Any, points: Array) -> None:
+    """Equal scales along all axes, the box as tight as the robot."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, size = 0.5 * (low + high), high - low
+    size = np.maximum(size, 0.25 * size.max())
+    for axis, centre, extent in zip("xyz", middle, size, strict=True):
+        getattr(axes, f"set_{axis}lim")(centre - 0.52 * extent, centre + 0.52 * extent)
+        getattr(axes, f"{axis}axis").set_pane_color((0.0, 0.0, 0.0, 0.0))
+        if extent < 0.4 * size.max() and low["xyz".index(axis)] < 0.0:
+            getattr(axes, f"set_{axis}ticks")([0.0])  # no room for more
+        else:
+            axes.locator_params(axis=axis, nbins=5)
+    axes.set_box_aspect(tuple(size), zoom=0.8)
+
+
+def _overlay(study: Study) -> Figure:
+    figure, (axes,) = subplots(1, 3.6)
+    towards = np.array(study.towards[:2])
+
+    def path(tip: Array) -> Array:
+        return np.stack([tip[:, :2] @ towards, tip[:, 2]]) * 1e3
+
+    physics = path(study.statics.tip_position)
+    lengths = path(study.comparison("cc_from_lengths").tip_position)
+    force = path(study.comparison("cc_from_force").tip_position)
+
+    def draw_on(axes: Axes) -> None:
+        ink: dict[str, Any] = {"color": LIGHT["ink"], "marker": "o", "markersize": 3.5}
+        axes.plot(*physics, label="statics", **ink)
+        axes.plot(*physics, linestyle="none", zorder=3, **ink)  # over the markers of the others
+        blue: dict[str, Any] = {"linestyle": "none", "color": LIGHT["blue"], "marker": "s"}
+        axes.plot(*lengths, label="CC from lengths", markerfacecolor="none", markersize=8, **blue)
+        red: dict[str, Any] = {"linestyle": "--", "color": LIGHT["red"], "marker": "x"}
+        axes.plot(*force, label="CC from force", linewidth=1.0, markersize=6, **red)
+        if study.bricks is not None:
+            bricks = path(study.bricks.tip_position)
+            green: dict[str, Any] = {"linestyle": "none", "color": LIGHT["green"], "marker": "+"}
+            axes.plot(*bricks, label="finite elements", markersize=9, **green)
+
+    draw_on(axes)
+    axes.set(xlabel=f"tip, {_direction(towards)} (mm)", ylabel="tip, z (mm)")
+    axes.set_aspect("equal", adjustable="datalim")
+    legend_above(axes, 3 if study.bricks is None else 2)
+
+    paths = [p[:, np.all(np.isfinite(p), axis=0)] for p in (physics, lengths, force)]
+    _magnify_end(figure, axes, paths, np.concatenate([p[:, -2:] for p in paths[::2]], 1), draw_on)
+    return figure
+
+
+def _magnify_end(
+    figure: Figure,
+    axes: Axes,
+    paths: Sequence[Array],
+    ends: Array,
+    draw_on: Callable[[Axes], None],
+) -> None:
+    """Show the last loads large in a corner, if they are close together and a corner is free."""
+    reach = float(np.ptp(ends, axis=1).max()) if ends.size else 0.0
+    if reach == 0.0:
+        return
+    middle = 0.5 * (ends.min(axis=1) + ends.max(axis=1))
+    low, high = middle - 0.8 * reach, middle + 0.8 * reach
+    former = axes.dataLim.frozen()
+    axes.update_datalim([low, high])  # the frame around them stays within the axes
+    axes.autoscale_view()
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+    axes.apply_aspect()
+    size = np.array([axes.bbox.width, axes.bbox.height])
+    edges = np.array([axes.get_xlim(), axes.get_ylim()])
+    scale = size[0] / np.ptp(edges[0])  # pixels in a mm
+    along = np.linspace(0.0, 1.0, 20)[:, None]
+    taken = np.concatenate(
+        [
+            np.concatenate([p.T, *((1 - t) * p.T[:-1] + t * p.T[1:] for t in along)])
+            for p in (*paths, np.stack([low, high, [low[0], high[1]], [high[0], low[1]]], 1))
+        ]
+    )
+    taken = (taken - edges[:, 0]) / np.ptp(edges, axis=1)
+    for width, height in ((0.5, 0.6), (0.45, 0.5), (0.4, 0.4)):
+        side = min(width * size[0], height * size[1])
+        if side / (2 * 0.8 * reach) < _MAGNIFIED * scale:
+            break
+        share = side / size  # a square on the page
+        top = 0.97 - share[1] - 0.06  # room for its title
+        for corner in ((0.03, 0.03), (0.97 - share[0], top), (0.97 - share[0], 0.03), (0.03, top)):
+            inside = (taken > np.array(corner) - 0.03) & (taken < corner + share + (0.03, 0.09))
+            if not np.any(np.all(inside, axis=1)):
+                inset = axes.inset_axes((*corner, *share))
+                draw_on(inset)
+                inset.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+                inset.set(xticks=[], yticks=[], aspect="equal")
+                inset.spines[:].set_visible(True)
+                inset.set_title("the last loads, magnified", fontsize=8, pad=3)
+                axes.indicate_inset_zoom(inset, edgecolor=LIGHT["muted"])
+                return
+    axes.dataLim.set(former)
+    axes.autoscale_view()
+
+
+def _backbones(study: Study) -> Figure:
+    """The shapes themselves at the largest load, and how far they part along the robot."""
+    found = backbones(study)
+    figure, (shapes, apart) = subplots(2, 6.0, height_ratios=(2, 1))
+    towards = np.array(study.towards[:2])
+
+    def in_plane(points: Array) -> Array:
+        return np.stack([points[:, :2] @ towards, points[:, 2]]) * 1e3
+
+    looks = {
+        "statics": ("statics", "ink", "-", "o"),
+        "cc_from_lengths": ("CC from lengths", "blue", "-.", "s"),
+        "cc_from_force": ("CC from force", "red", "--", "x"),
+    }
+    stations = np.concatenate([[0.0], study.robot.disks.station_m]) / study.length * 100.0
+    for shape in found.shapes:
+        label, colour, line, marker = looks[shape.name]
+        look: dict[str, Any] = {"color": LIGHT[colour], "marker": marker, "markersize": 4.5}
+        shapes.plot(*in_plane(shape.backbone), color=LIGHT[colour], linestyle=line, linewidth=1.4)
+        shapes.plot(*in_plane(shape.disks), linestyle="none", markerfacecolor="none", **look)
+        shapes.plot([], [], label=label, linestyle=line, markerfacecolor="none", **look)
+        if shape.name != "statics":
+            away = np.concatenate([[0.0], shape.from_statics]) * 1e3
+            apart.plot(stations, away, linestyle=line, markerfacecolor="none", **look)
+    shapes.set(xlabel=f"{_direction(towards)} (mm)", ylabel="z (mm)")
+    shapes.set_aspect("equal", adjustable="datalim")
+    legend_above(shapes, 3)
+    shapes.set_title(f"{study.settings.pulled} at {found.tension:.4g} N", pad=22)
+    apart.set(xlabel="disk (% of length from the base)", ylabel="CC from statics,\nby disk (mm)")
+    apart.set_ylim(0.0, max(apart.get_ylim()[1], TINY * 1e3))
+    return figure
+
+
+def _direction(towards: Array) -> str:
+    along_x = abs(towards[1]) < 1e-9 and towards[0] > 0
+    return "x" if along_x else "towards the pulled tendon"
+
+
+def _errors(study: Study) -> Figure:
+    figure, panels = subplots(2, 5.2, sharex=True)
+    tension = study.statics.tension
+    titles = ("CC from lengths (Eq. 5)", "CC from force (linear law)")
+    for axes, name, title in zip(panels, ("cc_from_lengths", "cc_from_force"), titles, strict=True):
+        comparison = study.comparison(name)
+        for k, (axis, colour, marker) in enumerate(AXES):
+            axes.plot(
+                tension,
+                comparison.difference[:, k] * 1e3,
+                color=LIGHT[colour],
+                marker=marker,
+                label=axis,
+            )
+        axes.plot(
+            study.verdict.fine_tension,
+            study.verdict.fine_error[name] * 1e3,
+            color=LIGHT["ink"],
+            label="Euclidean",
+        )
+        if study.bricks is not None:
+            axes.plot(
+                tension,
+                study.comparison(name, "fe").error * 1e3,
+                color=LIGHT["green"],
+                linestyle="none",
+                marker="+",
+                label="Euclidean, from finite elements",
+            )
+        limit = study.verdict.tolerance_length * 1e3
+        largest = np.nanmax(comparison.error, initial=0.0) * 1e3
+        if largest > 0.3 * limit:
+            axes.axhline(limit, color=LIGHT["amber"], linestyle=":", label=f"tolerance {limit:.3g}")
+        else:
+            title += f"; tolerance {limit:.3g} mm is above"
+        axes.set(ylabel="CC minus statics (mm)")
+        axes.set_title(title)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    panels[-1].set(xlabel=_force_label(study))
+    return figure
+
+
+def _error_budget(study: Study) -> Figure:
+    budget = study.budget
+    drive = budget.drive
+    count = len(budget.rows)
+    figure, (*panels, driven) = subplots(3, 8.8, height_ratios=(count, count, len(drive.rows) + 3))
+    sides: tuple[tuple[Side, str], ...] = (
+        ("in_sweep", "Each effect alone in this sweep"),
+        ("removed", "Each effect alone in the full model"),
+    )
+    for axes, (side, title) in zip(panels, sides, strict=True):
+        _contributions(axes, budget, side)
+        axes.set_title(title)
+    by_drive = (*_BY_MEANING, (COMMANDED, "CC from commanded lengths", "green", "^", 0.0))
+    _drive_panel(driven, drive, by_drive)
+    keys: list[tuple[str, str, str, str]] = [
+        (label, LIGHT[colour], marker, LIGHT[colour]) for _, label, colour, marker, _ in by_drive
+    ]
+    keys += [("with the effect", LIGHT["muted"], "o", LIGHT["muted"])]
+    keys += [("without it", LIGHT["muted"], "o", LIGHT["paper"])]
+    for label, colour, marker, face in keys:
+        look: dict[str, Any] = {"color": colour, "marker": marker, "markerfacecolor": face}
+        driven.plot([], [], label=label, linestyle="none", markersize=5.5, **look)
+    figure.legend(*driven.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    return figure
+
+
+_BY_MEANING: Final = (
+    ("cc_from_lengths", "CC from lengths", "blue", "s", 0.16),
+    ("cc_from_force", "CC from force", "red", "o", -0.16),
+)
+"""Name, label, colour, marker, and place beside the row."""
+
+
+def _contributions(axes: Axes, budget: Budget, side: Side) -> None:
+    """One row by effect: the mean error without it (hollow) joined to that with it (filled)."""
+    labels = [re.sub(r" \(.*\)|, not a continuous tendon", "", row.label) for row in budget.rows]
+    places = np.arange(len(labels))[::-1]
+    counted, means = [], []
+    for row, place in zip(budget.rows, places, strict=True):
+        counts = []
+        for name, _, colour, marker, shift in _BY_MEANING:
+            c = budget.contribution(row, side, name)
+            counts.append((c.n, c.of))
+            if not c.n:
+                continue
+            means += [c.without_effect, c.with_effect]
+            ends = np.maximum([c.without_effect, c.with_effect], TINY) * 1e3
+            look: dict[str, Any] = {"color": LIGHT[colour], "marker": marker, "markersize": 5.5}
+            level = place + shift
+            axes.plot(ends, [level, level], color=LIGHT[colour], linewidth=1.2, zorder=2.0)
+            # the ground of the page hides the line behind a hollow marker
+            axes.plot(ends[0], level, markerfacecolor=LIGHT["paper"], zorder=2.1, **look)
+            axes.plot(ends[1], level, zorder=2.2, **look)
+        counted.append(_say_loads(axes, float(place), counts))
+    notes = []
+    if means and min(means) < 0.01 * max(means):
+        axes.set_xscale("log")
+        low, high = axes.get_xlim()
+        axes.set_xlim(low, max(high, 10.0 * low))
+        notes = [f"({TINY * 1e3:g} or less at the left)"] if min(means) <= TINY else []
+    else:
+        axes.set_xlim(left=0.0)
+    axes.set_yticks(places, labels)
+    axes.set_ylim(-0.6, len(labels) - 0.4)
+    _mean_axis(axes, notes, any(counted))
+
+
+def _say_loads(axes: Axes, place: float, counts: Sequence[tuple[int, int]]) -> bool:
+    """Beside a row: over how many loads its means are, where these are not all."""
+    if all(n == of for n, of in counts):
+        return False
+    text = "; ".join(dict.fromkeys(f"{n} of {of}" if n else "none" for n, of in counts))
+    axes.annotate(
+        text,
+        (1.02, place),
+        xycoords=("axes fraction", "data"),
+        va="center",
+        fontsize=8,
+        color=LIGHT["muted"],
+    )
+    return True
+
+
+_NOTE_WIDTH: Final = 58
+"""Letters of a note below half a figure."""
+
+
+def _mean_axis(axes: Axes, notes: Sequence[str], counted: bool) -> None:
+    more = ["(at the right: over these loads only)"] if counted else []
+    axes.set_xlabel("\n".join(["mean error of CC (mm)", *notes, *more]))
+    axes.grid(axis="x", which="major")
+
+
+def _drive_panel(
+    axes: Axes, drive: DriveBudget, series: tuple[tuple[str, str, str, str, float], ...]
+) -> None:
+    by_tension = [("no friction (this sweep)", drive.tension_driven)]
+    by_pull = [("pulled, no stretch or friction", drive.pull_driven)]
+    for row in drive.rows:
+        rows = by_tension if row.driven_by == "tension" else by_pull
+        label = row.short_label.removeprefix("pulled, ")
+        if label.startswith("elastic, "):
+            label = re.sub(r"(?<=friction) [^,]*", "", label)  # said above
+        rows.append((label, row.case))
+    cases = [*by_tension, *by_pull]
+    places = np.arange(len(cases), dtype=float)[::-1]
+    places[: len(by_tension)] += 0.4  # a gap between the two ways to drive
+    counted = []
+    for (_, case), place in zip(cases, places, strict=True):
+        base = case is drive.tension_driven or case is drive.pull_driven
+        counts = []
+        for name, _, colour, marker, shift in series:
+            if name not in case.comparisons:
+                continue
+            c = case.comparisons[name]
+            counts.append((c.n, len(c.error)))
+            axes.plot(
+                c.mean * 1e3,
+                place + shift,
+                color=LIGHT[colour],
+                marker=marker,
+                markersize=5.5,
+                markerfacecolor=LIGHT["paper"] if base else LIGHT[colour],
+            )
+        counted.append(_say_loads(axes, float(place), counts))
+    axes.set_yticks(places, [label for label, _ in cases])
+    axes.set_ylim(-0.6, len(cases))
+    axes.set_xlim(left=0.0)
+    axes.set_title("How the robot is driven")
+    notes = [
+        line
+        for each in drive.assumptions
+        for line in textwrap.wrap(f"assumed: {each}", _NOTE_WIDTH, subsequent_indent="   ")
+    ]
+    _mean_axis(axes, notes, any(counted))
+
+
+def _hysteresis(study: Study) -> Figure:
+    drive = study.budget.drive
+    figure, panels = subplots(2, 5.6)
+    number = study.settings.tendon + 1
+    for axes, loop in zip(panels, drive.loops, strict=True):
+        by_tension = loop.driven_by == "tension"
+        onward = np.gradient(loop.constant_curvature, axis=0)
+        onward /= np.linalg.norm(onward, axis=1, keepdims=True)
+        command = loop.command * (1.0 if by_tension else 1e3)
+        for way, label, colour, line in (
+            (loop.free, "no friction" if by_tension else "no friction, no stretch", "ink", ":"),
+            (loop.loading, "loading", "blue", "-"),
+            (loop.unloading, "unloading", "red", "--"),
+        ):
+            ahead = np.sum((way - loop.constant_curvature) * onward, axis=1) * 1e3
+            axes.plot(command, ahead, color=LIGHT[colour], linestyle=line, label=label)
+        axes.axhline(0.0, color=LIGHT["muted"], linewidth=0.8)
+        wide = f"up to {in_mm(loop.width)} apart" if math.isfinite(loop.width) else "no numbers"
+        axes.set_title(f"driven by {'tension' if by_tension else 'pulled lengths'}; {wide}")
+        law = "force" if by_tension else "commanded lengths"
+        axes.set(ylabel=f"tip ahead of\nCC from {law} (mm)")
+        axes.set_xlabel(_force_label(study) if by_tension else f"pull of tendon {number} (mm)")
+        axes.legend(loc="best")
+    return figure
+
+
+def _force_label(study: Study) -> str:
+    return f"tension of {study.settings.pulled} (N)"
+
+
+def _solid(study: Study) -> Figure:
+    """The robot bent by the largest load of the sweep that has an equilibrium."""
+    from bowstring.cad.picture import draw_solid
+    from bowstring.cad.solid import make_solid
+    from bowstring.robot.model import with_tendons
+    from bowstring.statics import rod
+
+    statics = study.statics
+    found = np.flatnonzero(np.array(statics.status) == "converged")
+    robot = with_tendons(study.robot, {"friction": 0.0})  # as in the sweep
+    tensions = statics.tension[found[-1]] * np.array(study.settings.shares)
+    pose = rod.solve(robot, tensions, theory=study.settings.theory)
+    return draw_solid(make_solid(robot, pose if pose.converged else None), pixels=900)
+
+
+def _disk(study: Study) -> Figure:
+    from bowstring.cad.drawing import draw_disks
+
+    return draw_disks(study.robot)
+
+
+def _fe_stress(study: Study) -> Figure:
+    assert study.bricks is not None
+    return brick_plots.stress_along(study.bricks.run, study.bricks.beside)
+
+
+def _fe_field(study: Study) -> Figure:
+    assert study.bricks is not None
+    return brick_plots.field(study.bricks.run)
+
+
+_DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
+    "fig01_robot": _solid,
+    "fig02_disk": _disk,
+    "fig05_tip_against_force": _tip_against_force,
+    "fig05_over_time": _over_time,
+    "pull_against_force": _pull_against_force,
+    "fig06_tip_against_pull": _tip_against_pull,
+    "fig07_configurations": _configurations,
+    "fig10_overlay": _overlay,
+    "backbones": _backbones,
+    "fig11_errors": _errors,
+    "fe_stress": _fe_stress,
+    "fe_field": _fe_field,
+    "error_budget": _error_budget,
+    "hysteresis": _hysteresis,
+    "fig09_measured_tip": measured_tip,
+    "fig12_measured_errors": measured_errors,
+    "measured_comparison": measured_comparison,
+    "measured_residuals": measured_residuals,
+}

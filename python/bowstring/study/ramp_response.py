@@ -1,0 +1,444 @@
+"""The dynamic ramp of the study: one tendon pulled in time, as for Fig. 5, beside its statics.
+
+The tension rises in a straight line from zero, the robot at rest, and is then held. By default the
+rise takes 20 periods of the slowest mode at 5 % of critical damping. That is slow enough for a tip
+within 0.1 % of length of statics in the mean (on the built-in robots; 5 % also comes nearest, with
+less the robot rings longer, with more it lags), and still fast enough to show what statics cannot:
+lag, overshoot, oscillation. They are measured here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.data.tip_errors import known_max, known_mean
+from bowstring.display import short_repr
+from bowstring.dynamics import simulation
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import in_mm, in_percent, significant
+from bowstring.robot.model import Robot
+from bowstring.statics import fields, limits, simulator
+from bowstring.study.comparison import Model
+
+__all__ = [
+    "MODAL_DAMPING",
+    "Surface",
+    "Transient",
+    "check_rise",
+    "slowest_frequency",
+    "surface_at_rest",
+    "transient",
+]
+
+Array = NDArray[np.float64]
+
+MODAL_DAMPING: Final = 0.05
+"""Of critical damping."""
+_RISE: Final = 20.0  # periods of the slowest mode
+_SHORTEST_RISE: Final = 0.25  # of them
+_LONGEST_RISE: Final = 200.0  # of them
+_HOLD: Final = 5.0  # of them
+_OUTPUTS: Final = 24  # a period
+_TOLERANCE: Final = 1e-7  # of the length in each step: three digits of every figure hold
+_ELEMENTS: Final = (1, 2, 4, 8)  # of a module, for stress and strain at rest
+_SAME: Final = 1e-4  # of the length: dynamics lumps the backbone's weight, which moves 1e-6
+
+
+# -- what is computed --------------------------------------------------------------------------
+
+
+@short_repr
+@dataclass(frozen=True)
+class Surface:
+    """Largest values on the whole backbone's surface (K,)."""
+
+    von_mises: Array
+    """Pa."""
+    normal_stress: Array
+    """Largest magnitude, Pa."""
+    strain: Array
+    """Largest magnitude of strain along the backbone: bending and extension."""
+    by_segment: Array
+    """(2, K, S), largest von Mises stress in Pa and strain of each segment."""
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """In MPa and percent."""
+        return {
+            "von_mises_max_MPa": (self.von_mises / 1e6).tolist(),
+            "normal_stress_max_MPa": (self.normal_stress / 1e6).tolist(),
+            "strain_max_percent": (self.strain * 100.0).tolist(),
+        }
+
+
+@short_repr
+@dataclass(frozen=True)
+class Transient:
+    """The motion, and statics at the same tensions."""
+
+    length: float
+    frequency: float
+    """Of the slowest mode without tension, Hz."""
+    rise: float
+    """s."""
+    hold: float
+    """s."""
+    rise_chosen: bool
+    modal_damping: float
+    mass_damping: float
+    """1/s, and below in s: what makes the modal damping."""
+    material_damping: float
+    status: str
+    reason: str
+    """Why it stopped before its end."""
+    time: Array
+    """(K,) s."""
+    tension: Array
+    """(K,) of the pulled tendon, N."""
+    tip_position: Array
+    """(K, 3), m."""
+    surface: Surface
+    static_tip: Array
+    """(K, 3) by statics at the same tension, m; NaN where it has none."""
+    load_tip: Array
+    """(n, 3) at the loads of the study, m; NaN where the motion did not come to."""
+    load_lengths: Array
+    """(n, T) tendon lengths there, m."""
+    peak: tuple[float, float] | None
+    """Time in s and size in m of the overshoot: how far the tip goes, during the hold, beyond the
+    static tip, along the static path."""
+
+    @property
+    def converged(self) -> bool:
+        """Whether the motion came to its end."""
+        return self.status == "converged"
+
+    @property
+    def displacement(self) -> Array:
+        """Of the tip since the start (K,), m."""
+        return np.asarray(np.linalg.norm(self.tip_position - self.tip_position[0], axis=-1))
+
+    @cached_property
+    def difference(self) -> Array:
+        """Distance of the tip from statics (K,), m."""
+        return np.asarray(np.linalg.norm(self.tip_position - self.static_tip, axis=-1))
+
+    @property
+    def rising(self) -> NDArray[np.bool_]:
+        """Output times before the hold (K,)."""
+        return self.time <= self.rise * (1 + 1e-9)
+
+    @property
+    def mean_difference(self) -> float:
+        """Over the rise, m."""
+        return known_mean(self.difference[self.rising])
+
+    @property
+    def max_difference(self) -> tuple[float, float]:
+        """Over the rise, m, and the tension there, N."""
+        rising = np.where(self.rising, self.difference, math.nan)
+        if not np.isfinite(rising).any():
+            return math.nan, math.nan
+        return known_max(rising), float(self.tension[np.nanargmax(rising)])
+
+    @property
+    def lag(self) -> float:
+        """How long the motion runs behind statics, in the mean over the rise, s.
+
+        Measured along the line from the tip's first to its last static place in the rise, by the
+        area between the two curves, so that oscillation cancels.
+        """
+        still, moving = self.static_tip[self.rising], self.tip_position[self.rising]
+        way = still[-1] - still[0]
+        size = float(way @ way)
+        if not size > 0.0:
+            return math.nan
+        behind = (still - moving) @ way / size
+        steps = np.diff(self.time[self.rising])
+        return float(np.sum(0.5 * (behind[1:] + behind[:-1]) * steps))
+
+    @property
+    def residual(self) -> float:
+        """Largest distance of the tip from statics in the last slowest period of the hold, m."""
+        if not self.converged:
+            return math.nan
+        return known_max(self.difference[self.time >= self.time[-1] - 1.0 / self.frequency])
+
+    @property
+    def text(self) -> tuple[str, ...]:
+        """What was done and found, in sentences."""
+        periods = self.rise * self.frequency
+        chosen = " (chosen by the program)" if self.rise_chosen else ""
+        out = [
+            f"The tension rises in {significant(self.rise)} s{chosen}, {significant(periods)} "
+            f"periods of the slowest mode ({significant(self.frequency)} Hz), and is held for "
+            f"{significant(self.hold)} s; damping is {in_percent(self.modal_damping)} of critical."
+        ]
+        if not self.converged:
+            out.append(
+                f"The motion stopped at {significant(float(self.time[-1]))} s, at "
+                f"{significant(float(self.tension[-1]))} N: {self.reason}. What follows is up to "
+                "there."
+            )
+        largest, where = self.max_difference
+        if math.isfinite(largest):
+            words = (
+                f"At the same tension the tip is {in_mm(self.mean_difference)} "
+                f"({in_percent(self.mean_difference / self.length)} of length) from statics in the "
+                f"mean over the rise, at most {in_mm(largest)} at {significant(where)} N"
+            )
+            if math.isfinite(self.lag):
+                way = "behind" if self.lag >= 0 else "ahead of"
+                words += f"; it runs {significant(abs(self.lag) * 1e3)} ms {way} statics"
+            out.append(words + ".")
+        if self.peak is not None:
+            when, size = self.peak
+            share = in_percent(size / self.length)
+            words = (
+                "After the rise, where statics stands still, the tip overshoots by "
+                f"{in_mm(size)} ({share} of length) at {significant(when)} s"
+            )
+            if math.isfinite(self.residual):
+                words += f"; in the last period of the hold it is {in_mm(self.residual)} off"
+            out.append(words + ".")
+        return tuple(out)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The motion in s, N, mm, MPa and percent."""
+        largest, where = self.max_difference
+        when, size = self.peak or (math.nan, math.nan)
+        return {
+            "status": self.status,
+            "reason": self.reason,
+            "text": list(self.text),
+            "slowest_frequency_hz": self.frequency,
+            "rise_s": self.rise,
+            "hold_s": self.hold,
+            "modal_damping": self.modal_damping,
+            "mass_damping_per_s": self.mass_damping,
+            "material_damping_s": self.material_damping,
+            "difference_from_statics_mean_mm": self.mean_difference * 1e3,
+            "difference_from_statics_max_mm": largest * 1e3,
+            "difference_from_statics_max_at_N": where,
+            "lag_s": self.lag,
+            "overshoot_mm": size * 1e3,
+            "overshoot_percent": size / self.length * 100.0,
+            "overshoot_at_s": when,
+            "residual_mm": self.residual * 1e3,
+            "time_s": self.time.tolist(),
+            "tension_N": self.tension.tolist(),
+            "tip_position_mm": (self.tip_position * 1e3).tolist(),
+            "tip_displacement_mm": (self.displacement * 1e3).tolist(),
+            **self.surface.to_dict(),
+        }
+
+
+# -- computing it ------------------------------------------------------------------------------
+
+
+def slowest_frequency(model: Model) -> float:
+    """Of the robot without tension, Hz.
+
+    Raises
+    ------
+    InputError
+        If the robot has no mass.
+    NoSolutionError
+        If there is no stable equilibrium to oscillate about.
+    """
+    main = model.main
+    found = simulation.modes(
+        model.robot, count=1, theory=main.theory, gravity=main.gravity, twist=main.twist
+    )
+    if not len(found):
+        raise NoSolutionError(f"{model.robot.name}: no mode was found")
+    return float(found.frequency_hz[0])
+
+
+def check_rise(robot: Robot, rise: float, frequency: float) -> None:
+    """Raise `InputError` if a rise is too short to tell anything, or too long to compute."""
+    shortest, longest = _SHORTEST_RISE / frequency, _LONGEST_RISE / frequency
+    if not shortest <= rise <= longest:
+        raise InputError(
+            f"the rise takes {rise:g} s; must be from {significant(shortest)} to "
+            f"{significant(longest)} s, a quarter to {_LONGEST_RISE:g} of the slowest periods of "
+            f"{robot.name}"
+        )
+
+
+def transient(
+    model: Model,
+    tension: Array,
+    frequency: float,
+    rise: float | None = None,
+    modal_damping: float = MODAL_DAMPING,
+    progress: Callable[[float], None] | None = None,
+) -> Transient:
+    """Pull the tendon in time up to the last of these tensions, and hold.
+
+    Parameters
+    ----------
+    model : Model
+        In its main physics.
+    tension : ndarray (n,)
+        The study's loads in equal steps from zero, N; each is the end of a time step.
+    frequency : float
+        As from `slowest_frequency`.
+    rise : float, optional
+        In s; 20 periods of the slowest mode without tension if not given.
+    modal_damping : float
+        Share of critical damping that the slowest modes have.
+    progress : callable, optional
+        Called with the share that is done.
+
+    Returns
+    -------
+    Transient
+        A motion that stops early is returned as well, up to there.
+
+    Raises
+    ------
+    InputError, NoSolutionError
+        If the motion cannot begin.
+    """
+    robot, main = model.robot, model.main
+    chosen = rise is None
+    rise = _RISE / frequency if rise is None else rise
+    hold = _HOLD / frequency
+    top, loads = float(tension[-1]), len(tension) - 1
+    often = max(1, math.ceil(_OUTPUTS * rise * frequency / loads))
+    run = simulation.simulate(
+        robot,
+        simulation.ramp(model.tensions(tension[-1:])[0], rise),
+        rise + hold,
+        theory=main.theory,
+        gravity=main.gravity,
+        twist=main.twist,
+        modal_damping=modal_damping,
+        tolerance=_TOLERANCE * model.length,
+        every=rise / (often * loads),
+        points=simulation.DEFAULT_POINTS,
+        progress=progress,
+    )
+    frames = run.frames
+    if frames is None:
+        raise NoSolutionError(f"{robot.name}: {run.message}")
+    pulled = np.minimum(top * run.time / rise, top)
+    reached = min(len(run.time), often * loads + 1)
+
+    still = model.solve(main, pulled[:reached]).tip_position
+    beside = np.concatenate([still, np.repeat(still[-1:], len(run.time) - reached, axis=0)])
+    at_loads = slice(0, reached, often)
+    load_tip = np.full((loads + 1, 3), math.nan)
+    load_lengths = np.full((loads + 1, len(robot.tendons.segment)), math.nan)
+    known = len(run.time[at_loads])
+    load_tip[:known] = run.tip_position[at_loads]
+    load_lengths[:known] = frames.tendon_length[at_loads]
+
+    return Transient(
+        length=model.length,
+        frequency=frequency,
+        rise=rise,
+        hold=hold,
+        rise_chosen=chosen,
+        modal_damping=modal_damping,
+        mass_damping=run.settings["mass_damping_per_s"],
+        material_damping=run.settings["material_damping_s"],
+        status=run.status,
+        reason=run.reason,
+        time=run.time,
+        tension=pulled,
+        tip_position=run.tip_position,
+        surface=_surface(model, frames),
+        static_tip=beside,
+        load_tip=load_tip,
+        load_lengths=load_lengths,
+        peak=_peak(run, still, rise),
+    )
+
+
+def _peak(run: simulation.Run, still: Array, rise: float) -> tuple[float, float] | None:
+    """The largest way beyond the last static tip, along the static path there."""
+    if run.end <= rise or len(still) < 2 or not np.isfinite(still[-2:]).all():
+        return None
+    ahead = still[-1] - still[-2]
+    size = float(np.linalg.norm(ahead))
+    if size == 0.0:
+        return None
+    times = np.linspace(rise, run.end, 2001)
+    beyond = (run.tip_at(times) - still[-1]) @ (ahead / size)
+    at = int(np.argmax(beyond))
+    return float(times[at]), max(float(beyond[at]), 0.0)
+
+
+def surface_at_rest(model: Model, tension: Array, tip: Array) -> Surface:
+    """Stress and strain of equilibria.
+
+    Parameters
+    ----------
+    model : Model
+        In its main physics.
+    tension : ndarray (n,)
+        Loads, N.
+    tip : ndarray (n, 3)
+        Of the equilibria, m. Where the solver, from straight, finds none or another one, there is
+        no stress: it is NaN.
+
+    Returns
+    -------
+    Surface
+    """
+    found = np.full((3, len(tension)), math.nan)
+    by_segment = np.full((2, len(tension), len(model.robot.segments)), math.nan)
+    for i, row in enumerate(model.tensions(tension)):
+        frames = _frames_at_rest(model, row, tip[i])
+        if frames is not None:
+            surface = _surface(model, frames)
+            found[:, i] = surface.von_mises[0], surface.normal_stress[0], surface.strain[0]
+            by_segment[:, i] = surface.by_segment[:, 0]
+    von_mises, normal, strain = found
+    return Surface(von_mises, normal, strain, by_segment)
+
+
+def _frames_at_rest(model: Model, tensions: Array, tip: Array) -> fields.Frames | None:
+    """Fields of the equilibrium with that tip, in the fewest elements that have it."""
+    main = model.main
+    for elements in _ELEMENTS:
+        try:
+            frames = simulator.at_rest(
+                model.robot,
+                tensions,
+                None,
+                tip_force=(0.0, 0.0, 0.0),
+                tip_moment=(0.0, 0.0, 0.0),
+                gravity=main.gravity,
+                theory=main.theory,
+                tendon=main.tendon,
+                twist=main.twist,
+                elements=elements,
+                points=simulation.DEFAULT_POINTS,
+            )
+        except NoSolutionError:
+            continue
+        if np.linalg.norm(frames.disk_position[0, -1] - tip) < _SAME * model.length:
+            return frames
+    return None
+
+
+def _surface(model: Model, frames: fields.Frames) -> Surface:
+    main = model.main
+    section = fields.Section(model.robot, frames.station, frames.module, main.theory, main.twist)
+    found = fields.derive(model.robot, frames, section)
+    von_mises, strain = limits.by_segment(model.robot, frames, section, found)
+    return Surface(
+        von_mises=found["von_mises_max"],
+        normal_stress=found["normal_stress"].max(axis=1),
+        strain=strain.max(axis=1),
+        by_segment=np.stack([von_mises, strain]),
+    )

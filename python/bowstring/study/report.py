@@ -1,0 +1,215 @@
+"""The study on disk: report.html, figures, CSV tables, study.json.
+
+A folder is written beside its place under a hidden name and moved in whole when it is complete, so
+a reader finds the old study or the new one, never a mixture. A folder that this module did not
+write is never touched.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from bowstring.atomic_io import write_whole
+from bowstring.formatting import number, signed
+from bowstring.processes import for_each
+from bowstring.robot.model import Robot
+from bowstring.study.comparison import COMPARISONS, MEANINGS
+from bowstring.study.error_budget import Side
+from bowstring.study.study import Study
+from bowstring.study.tables import simulated, study_tables, write_csv
+from bowstring.units import printable
+from bowstring.viz.result_folder import check_folder, save_figure, write_listing
+from bowstring.viz.style import figure_style, svg
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bowstring.study.validation import AgainstData
+
+__all__ = ["default_folder", "write"]
+
+Progress = Callable[[str, float], None]
+
+_BUDGET_TABLES: Final[dict[Side, tuple[str, str]]] = {
+    "in_sweep": ("Each effect alone in this sweep", "The sweep"),
+    "removed": ("Each effect alone in the full model", "The full model"),
+}
+"""Tables of the error budget on the page; study.json and budget.csv also have the baseline."""
+
+
+# -- where it goes -----------------------------------------------------------------------------
+
+
+def default_folder(robot: Robot) -> Path:
+    """Folder of a robot's study if none is asked for: ``bowstring-study/<robot name>``.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    Path
+        Relative; characters of the name that a file system may refuse become underscores.
+    """
+    name = re.sub(r"[^\w.-]+", "_", robot.name).strip("._") or "robot"
+    return Path("bowstring-study") / name
+
+
+def write(study: Study, out: str | Path | None = None, *, progress: Progress | None = None) -> Path:
+    """Write the report of a study.
+
+    Parameters
+    ----------
+    study : Study
+    out : str or Path, optional
+        Folder; a former study in it is replaced whole, after success. `default_folder` if not
+        given.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Path
+        The folder, absolute: report.html, study.json, ``figures/`` (PNG, PDF), ``tables/`` (CSV).
+
+    Raises
+    ------
+    InputError
+        If the folder may not be written (see `check_folder`).
+    """
+    tell = progress or (lambda what, share: None)
+    folder = check_folder(default_folder(study.robot) if out is None else out)
+    write_whole(folder, "study", lambda new: _fill(study, new, tell), lambda: check_folder(folder))
+    tell("done", 1.0)
+    return folder
+
+
+def _fill(study: Study, folder: Path, tell: Progress) -> None:
+    from bowstring.study.figures import draw
+
+    tables = folder / "tables"
+    tables.mkdir()
+    for name, header, rows in study_tables(study):
+        write_csv(tables / f"{name}.csv", header, rows)
+
+    figures = folder / "figures"
+    figures.mkdir()
+    passed_on = folder.with_name("passed")
+    passed_on.mkdir()
+    with figure_style():
+
+        def save(drawing: tuple[str, Figure]) -> None:
+            stem, figure = drawing
+            save_figure(figure, figures / stem)
+            Path(passed_on, stem).write_text(svg(stem, figure), encoding="utf-8")
+
+        made = list(draw(study))
+        for_each(made, save, tell=lambda share: tell("figures", share))
+        drawn = {stem: Path(passed_on, stem).read_text(encoding="utf-8") for stem, _ in made}
+
+    tell("report", 0.95)
+    content = study.to_dict()
+    (folder / "report.html").write_text(_html(study, content, drawn), encoding="utf-8")
+    write_listing(folder / "study.json", content)
+
+
+def _plain_text(value: Any) -> Any:
+    """What the page shows of a value: HTML has no control characters."""
+    from markupsafe import Markup
+
+    return printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(
+        loader=PackageLoader("bowstring.study"),
+        autoescape=True,
+        finalize=_plain_text,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = number
+    environment.filters["signed"] = signed
+    from bowstring.viz.colours import COLOURS
+
+    page = environment.get_template("report.html.j2").render(
+        study=study,
+        content=content,
+        comparisons=[(COMPARISONS[c.name], c.to_dict()) for c in simulated(study)],
+        data=None if study.data is None else _data_page(study.data),
+        sweep=_sweep_rows(study),
+        budget=[_budget_page(study, side, *words) for side, words in _BUDGET_TABLES.items()],
+        # drawn by this program, ids and text escaped by matplotlib
+        figures=[(f, Markup(drawn[f.stem])) for f in study.figures],
+        tables=[name for name, _, _ in study_tables(study)],
+        colours=COLOURS,
+        provenance=content["provenance"],
+    )
+    return page + "\n"
+
+
+def _budget_page(study: Study, side: Side, title: str, where: str) -> dict[str, Any]:
+    """One table of the error budget: each effect beside the same physics."""
+    budget = study.budget
+    base = budget.sweep if side == "in_sweep" else budget.fullest
+    rows = []
+    for row in budget.rows:
+        present, absent = budget.cases(row, side)
+        rows.append(
+            {
+                "label": row.label,
+                "contributions": [budget.contribution(row, side, m) for m in MEANINGS],
+                "problems": budget.problems(row, side),
+                "moved": present.moved_from(absent)["tip_moved_mean_mm"],
+            }
+        )
+    means = [(base.comparisons[m].mean * 1e3, base.comparisons[m].n) for m in MEANINGS]
+    return {"title": title, "where": where, "base": means, "rows": rows}
+
+
+def _data_page(found: AgainstData) -> dict[str, Any]:
+    """What the page shows of the verdict on data."""
+    from bowstring.study.validation import FRAMES
+
+    label = found.label[0].upper() + found.label[1:]
+    return {
+        "label": label,
+        "models": [
+            (
+                found.labels[name],
+                [
+                    (FRAMES[c.frame], c.to_dict())
+                    for kind in FRAMES
+                    for c in found.comparisons
+                    if (c.name, c.frame) == (name, kind)
+                ],
+            )
+            for name in found.models
+        ],
+        **found.to_dict(),
+    }
+
+
+def _sweep_rows(study: Study) -> list[dict[str, Any]]:
+    s = study.statics
+    lengths, force = study.comparison("cc_from_lengths"), study.comparison("cc_from_force")
+    return [
+        {
+            "tension": float(s.tension[i]),
+            "status": s.status[i],
+            "tip": (s.tip_position[i] * 1e3).tolist(),
+            "pull": float(s.pull[i]) * 1e3,
+            "linear_pull": float(s.linear_pull[i]) * 1e3,
+            "from_lengths": float(lengths.error[i]) * 1e3,
+            "from_force": float(force.error[i]) * 1e3,
+        }
+        for i in range(len(s.tension))
+    ]

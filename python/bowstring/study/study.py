@@ -1,0 +1,1089 @@
+"""The study: how good is constant curvature for a robot, and where does it stop being so?
+
+`run` repeats what Amouri 2019 did with one cable, for any robot and tendon, or several tendons:
+
+1. its geometric sweep, constant curvature alone (Eq. 5, Fig. 6 and 7);
+2. a sweep of the tension from zero, solved by straight-span statics;
+3. the same pull in time, solved by dynamics, with stress and strain as in Fig. 5
+   (`bowstring.study.ramp_response`);
+4. constant curvature beside both in its two meanings: fed with the *lengths* that physics gives
+   (Eq. 2-5), and fed with the *force* through the linear law; each plain and corrected
+   (`bowstring.study.comparison`);
+5. an error budget: physical effects one by one, in this sweep, added to a baseline and removed from
+   a full model (`bowstring.study.error_budget`); friction, elastic tendons and pulled lengths along
+   a path of loading and unloading (`bowstring.study.actuation_budget`);
+6. a verdict at a stated tolerance (`bowstring.study.verdict`);
+7. with measurements, every model against them, registered and not, what explains the error, and
+   whether what is left is noise (`bowstring.study.validation`).
+
+Budget and verdict are about statics, which needs no rise time and no damping to be chosen. Friction
+at the holes is in the part of the budget that is about the drive, and nowhere else.
+
+There are only numbers here: `bowstring.study.report` writes them, `bowstring.study.figures` draws
+them. Inside all is SI and radians; `Study.to_dict` is for people and files, in mm, degrees and
+percent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import abc
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring import _core
+from bowstring.constant_curvature import arcs as arc
+from bowstring.data.tip_errors import Comparison
+from bowstring.display import html_table, short_repr
+from bowstring.errors import BowstringError, InputError, NoSolutionError
+from bowstring.formatting import in_mm, in_percent, listed, round_down, significant
+from bowstring.robot.model import Robot, load_robot
+from bowstring.statics import limits
+from bowstring.study.comparison import COMPARISONS, Case, Model, Physics, Theory
+from bowstring.study.error_budget import Budget, BudgetRow, error_budget
+from bowstring.study.ramp_response import (
+    MODAL_DAMPING,
+    Surface,
+    Transient,
+    check_rise,
+    slowest_frequency,
+    surface_at_rest,
+    transient,
+)
+from bowstring.study.verdict import Meaning, Verdict, judge
+from bowstring.validation import is_whole, shown
+
+if TYPE_CHECKING:
+    from bowstring.data.mapping import Mapping
+    from bowstring.data.measurements import Measurements
+    from bowstring.fem import Settings as FeSettings
+    from bowstring.study.finite_elements import FiniteElements
+    from bowstring.study.validation import AgainstData
+
+__all__ = [
+    "DATA_FIGURES",
+    "FE_FIGURES",
+    "FIGURES",
+    "Budget",
+    "BudgetRow",
+    "Case",
+    "Comparison",
+    "Figure",
+    "GeometricSweep",
+    "Meaning",
+    "Physics",
+    "PublishedClaim",
+    "Settings",
+    "Statics",
+    "Study",
+    "Surface",
+    "Transient",
+    "Verdict",
+    "run_study",
+]
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+SCHEMA_VERSION: Final = 1
+_MAX_BEND: Final = math.radians(80.0)
+_FARTHEST: Final = 16.0  # times the load that the linear law bends so far: no range in gravity ends
+_TRIED: Final = 33  # loads, of which the range in gravity is found
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the report: its file name without ending, its title, and what it shows."""
+
+    stem: str
+    title: str
+    caption: str
+
+
+SOLID_FIGURES: Final = (
+    Figure(
+        "fig01_robot",
+        "The robot as a solid",
+        "As in Fig. 1 of the study: base, backbone, spacer disks and tendons, bent by the largest "
+        "load of the sweep; simulated, statics.",
+    ),
+    Figure(
+        "fig02_disk",
+        "Spacer disks",
+        "As in Fig. 2 of the study, in mm. Sizes with a star are assumed.",
+    ),
+)
+"""Those of a study with the solid, which needs the extra ``cad``."""
+
+FIGURES: Final = (
+    Figure(
+        "fig05_tip_against_force",
+        "Tip, displacement, stress and strain against force",
+        "One tendon is pulled, as in Fig. 5 of the study; simulated. Lines: dynamics, while the "
+        "tension rises. Markers: statics at the same tension. Crosses: constant curvature from "
+        "force. Stress and strain are the largest on the surface of the backbone.",
+    ),
+    Figure(
+        "fig05_over_time",
+        "Tension and tip over time",
+        "The same simulated motion over time: the tension rises and is held. Solid: dynamics. "
+        "Dashed: statics at the same tension. Below, the distance of the tip between the two.",
+    ),
+    Figure(
+        "pull_against_force",
+        "Pull against force",
+        "How far the pulled tendon has shortened: statics beside the linear law that the study "
+        "assumes, and the difference of the two.",
+    ),
+    Figure(
+        "fig06_tip_against_pull",
+        "Tip against pull",
+        "The study's geometric sweep, as its Fig. 6: tip coordinates by constant curvature alone "
+        "while one tendon is shortened and the others follow.",
+    ),
+    Figure(
+        "fig07_configurations",
+        "Configurations",
+        "Configurations of the geometric sweep with disks and tendons, as Fig. 7 of the study.",
+    ),
+    Figure(
+        "fig10_overlay",
+        "Constant curvature over statics",
+        "Path of the tip in the bending plane, as Fig. 10 of the study: statics, and constant "
+        "curvature from lengths and from force at the same loads.",
+    ),
+    Figure(
+        "backbones",
+        "Shapes at the largest load",
+        "The backbone in the bending plane at the largest load: the rod by statics, and constant "
+        "curvature from lengths and from force, markers at the disks. Below, how far each disk by "
+        "constant curvature is from the same disk by statics.",
+    ),
+    Figure(
+        "fig11_errors",
+        "Errors by axis",
+        "Difference of the tip by constant curvature from statics along each axis, as Fig. 11 of "
+        "the study, with the Euclidean error and the tolerance.",
+    ),
+    Figure(
+        "error_budget",
+        "Error budget",
+        "Mean error of constant curvature with each effect (filled) and without it (hollow), all "
+        "else the same: in this sweep, and in the full model. The line between them is the "
+        "contribution of the effect; it points to the left where the effect makes the error "
+        "smaller. A count at the right, such as 11 of 17, marks means over so many loads only. "
+        "Below, how the robot is driven: friction and stretch of the tendons, loading and "
+        "unloading.",
+    ),
+    Figure(
+        "hysteresis",
+        "Loading and unloading",
+        "How far the tip is ahead of that of constant curvature at the same command, along the "
+        "path of the latter: below zero the robot is bent less. Above, driven by tension with "
+        "friction at the holes; below, by pulled lengths on elastic tendons with friction. Dotted: "
+        "without friction and stretch.",
+    ),
+)
+
+FE_FIGURES: Final = (
+    Figure(
+        "fe_stress",
+        "Stress along the backbone by finite elements",
+        "Largest axial stress at the surface at the last load, by 3-D finite elements and by the "
+        "rod. What stands out at the disks' edges is their clamps': a rod has no such thing.",
+    ),
+    Figure(
+        "fe_field",
+        "Stress on the backbone by finite elements",
+        "Axial stress on the surface of the backbone at the last load, by 3-D finite elements; "
+        "what the disks clamp is left out.",
+    ),
+)
+"""Those that a study has besides when finite elements have solved its sweep."""
+
+_BRICKS_IN: Final = {
+    "fig05_tip_against_force": " Plus signs: 3-D finite elements, at rest; their stress is the "
+    "largest along the backbone in the middle of a module.",
+    "fig10_overlay": " Plus signs: 3-D finite elements at the same loads.",
+    "fig11_errors": " Plus signs: its Euclidean difference from 3-D finite elements.",
+}
+
+DATA_FIGURES: Final = (
+    Figure(
+        "fig09_measured_tip",
+        "Measured tip against load",
+        "The tip in the base frame against the load, as Fig. 9 of the study, and what the models "
+        "say. Full markers and solid lines: loading. Hollow markers and dotted lines: unloading. "
+        "All repeats are drawn.",
+    ),
+    Figure(
+        "fig12_measured_errors",
+        "Tip error by axis against load",
+        "Model minus measurement along each axis, as Fig. 12 of the study has it for constant "
+        "curvature, all in the one base frame for all models; repeats averaged. Solid: loading. "
+        "Dotted: unloading.",
+    ),
+    Figure(
+        "measured_comparison",
+        "Comparison of errors by model",
+        "Mean tip error of each model with its bootstrap interval at 95 %; the study has no such "
+        "figure. The thin mark is the largest error. Not registered, in the one base frame for "
+        "all, and each model in the base frame that suits it best.",
+    ),
+    Figure(
+        "measured_residuals",
+        "What the calibrated rod leaves",
+        "Calibrated rod minus measurement along each axis, row by row in the order of the table. "
+        "Band: two standard deviations of a coordinate, as stated or as the repeats scatter. "
+        "Residuals that are noise show no course.",
+    ),
+)
+"""Those that a study has besides when it has measurements."""
+
+
+# -- what is computed --------------------------------------------------------------------------
+
+
+@short_repr
+@dataclass(frozen=True)
+class Settings:
+    """What was asked of the study."""
+
+    tolerance: float
+    """Tolerated tip error as a share of the length."""
+    max_tension: float
+    """End of the sweep, N."""
+    points: int
+    theory: Theory
+    tendon: int
+    """Index of the pulled tendon, from 0; of several, of the first that has the whole tension."""
+    shares: tuple[float, ...]
+    """Share of the sweep's tension in each tendon, from 0 to 1."""
+    range_chosen: bool
+    """Whether the program chose `max_tension`."""
+    rise: float | None
+    """Rise of the tension in dynamics, s; None if the program chose it."""
+    modal_damping: float
+    """Of the slowest modes in dynamics, as a share of critical."""
+
+    @property
+    def pulled(self) -> str:
+        """The pulled tendons in words: ``tendon 1``, ``tendons 1 and 4 (at 0.5 of it)``."""
+        parts = [
+            f"{i}" if share == 1.0 else f"{i} (at {significant(share)} of it)"
+            for i, share in enumerate(self.shares, 1)
+            if share
+        ]
+        return f"tendon{'s' * (len(parts) > 1)} {listed(parts)}"
+
+    @property
+    def pulled_alone(self) -> bool:
+        """Whether one tendon is pulled and all others are slack."""
+        return sum(share > 0.0 for share in self.shares) == 1
+
+
+@short_repr
+@dataclass(frozen=True)
+class GeometricSweep:
+    """The study's own sweep: constant curvature alone, no physics."""
+
+    pull: Array
+    """(n,) shortening of the pulled tendon, m."""
+    tendon_lengths: Array
+    """(n, T), m."""
+    theta: Array
+    """(n, S), rad."""
+    tip_position: Array
+    """(n, 3), m."""
+    disk_positions: Array
+    """(n, N, 3), m."""
+    disk_rotations: Array
+    """(n, N, 3, 3)."""
+    backbone: Array
+    """(n, P, 3), points along the backbone from the base, m."""
+    scale: float = 1.0
+    """Share of the sweep's tensions that the linear law makes these arcs of; 1 without gravity."""
+
+
+@short_repr
+@dataclass(frozen=True)
+class Statics:
+    """The sweep by straight-span statics."""
+
+    tension: Array
+    """(n,) of the pulled tendon, N; the others have their shares of it."""
+    status: tuple[str, ...]
+    converged: NDArray[np.bool_]
+    tip_position: Array
+    """(n, 3), m; NaN where not converged."""
+    disk_positions: Array
+    """(n, N, 3), m."""
+    tendon_lengths: Array
+    """(n, T), m."""
+    pull: Array
+    """(n,) l0 - l of the pulled tendon, l0 with the backbone straight, m."""
+    linear_pull: Array
+    """(n,) what the linear law says it is, m."""
+    surface: Surface
+    """Largest stress and strain (n,)."""
+
+
+@dataclass(frozen=True)
+class PublishedClaim:
+    """What the source study printed, set beside our number; no measurement of it is available."""
+
+    mean_mm: float
+    mean_percent: float
+    ours: str
+    """Name of our comparison that stands beside it."""
+    text: str
+
+
+@dataclass(frozen=True)
+class Study:
+    """All numbers of a study."""
+
+    robot: Robot
+    settings: Settings
+    geometry: GeometricSweep
+    statics: Statics
+    dynamics: Transient | None
+    without_dynamics: str
+    """Why there is no dynamics, where there is none."""
+    comparisons: tuple[Comparison, ...]
+    """Against statics, dynamics, finite elements, and the measurement."""
+    budget: Budget
+    verdict: Verdict
+    claim: PublishedClaim | None
+    notes: tuple[str, ...] = field(default=())
+    data: AgainstData | None = None
+    """All models against measurements, where there are any."""
+    solid: bool = False
+    """Whether the report shows the robot as a solid."""
+    bricks: FiniteElements | None = None
+    """The sweep by finite elements, where they were asked for."""
+
+    def __repr__(self) -> str:
+        force, count = f"{self.settings.max_tension:.6g} N", len(self.comparisons)
+        return f"<Study of {self.robot.name} to {force}: {count} comparisons>"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (c.name, c.against, f"{1e3 * c.mean:.3f}", f"{1e3 * c.maximum:.3f}")
+            for c in self.comparisons
+        ]
+        title = repr(self).strip("<>")
+        return html_table(title, rows, ("comparison", "against", "mean, mm", "max, mm"))
+
+    @property
+    def length(self) -> float:
+        """Length of the robot, m."""
+        return self.robot.length
+
+    @property
+    def towards(self) -> tuple[float, float, float]:
+        """Towards which side the pulled tendons bend the robot, a unit vector."""
+        chosen = self.settings
+        return Model(self.robot, chosen.tendon, chosen.theory, chosen.shares).towards
+
+    def comparison(self, name: str, against: str = "statics") -> Comparison:
+        """The comparison of that name against that physics; registered against a measurement."""
+        return next(c for c in self.comparisons if (c.name, c.against) == (name, against))
+
+    def against(self, physics: str) -> tuple[Comparison, ...]:
+        """All comparisons against ``"statics"``, ``"dynamics"``, ``"fe"`` or ``"measurement"``."""
+        return tuple(c for c in self.comparisons if c.against == physics)
+
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """Those of `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES` and `DATA_FIGURES` that it has."""
+        found = [f for f in FIGURES if self.dynamics or f.stem != "fig05_over_time"]
+        if self.bricks is not None:
+            found = [replace(f, caption=f.caption + _BRICKS_IN.get(f.stem, "")) for f in found]
+        found = [*(SOLID_FIGURES if self.solid else ()), *found]
+        if self.bricks is not None and len(self.bricks.run.states) > 1:
+            found += FE_FIGURES
+        if self.data is None:
+            return tuple(found)
+        label = self.data.label
+        label = label[0].upper() + label[1:]
+        of_data = [
+            replace(f, caption=f"{label}. {f.caption}")
+            for f in DATA_FIGURES
+            if self.data.calibration or f.stem != "measured_residuals"
+        ]
+        return (*of_data, *found)
+
+    @cached_property
+    def _limits(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        s = self.statics
+        return limits.of_sweep(self.robot, s.tension, s.disk_positions, s.surface.by_segment)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Of the robot file, and of the sweep: disks below the base, limits of the backbone."""
+        return (*self.robot.warnings, *self._limits[0])
+
+    @property
+    def limits_text(self) -> tuple[str, ...]:
+        """How far the sweep uses up the limits of the robot file, where it gives some."""
+        return self._limits[1]
+
+    @property
+    def dynamics_text(self) -> tuple[str, ...]:
+        """What dynamics did and found, or why it is left out."""
+        return self.dynamics.text if self.dynamics else (self.without_dynamics,)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The study as JSON values only; what is not a number is None."""
+        s, g, d = self.statics, self.geometry, self.data
+        out = {
+            "robot": self.robot.name,
+            "length_m": self.length,
+            "comparisons": [c.to_dict() for c in self.comparisons],
+            "verdict": self.verdict.to_dict(),
+            "budget": self.budget.to_dict(),
+            "figures": [
+                {
+                    "title": f.title,
+                    "caption": f.caption,
+                    "png": f"figures/{f.stem}.png",
+                    "pdf": f"figures/{f.stem}.pdf",
+                }
+                for f in self.figures
+            ],
+            "published_claim": None
+            if self.claim is None
+            else {
+                "source": "Amouri 2019",
+                "what": "mean of constant curvature against finite elements",
+                "smaller_than_mm": self.claim.mean_mm,
+                "smaller_than_percent": self.claim.mean_percent,
+                "beside": self.claim.ours,
+            },
+            "data": "simulated" if d is None else f"simulated; {d.label}",
+            "registered": d is not None,
+            "measurements": None if d is None else d.to_dict(),
+            "notes": list(self.notes),
+            "warnings": list(self.warnings),
+            "backbone_limits": list(self.limits_text),
+            "sweep": {
+                "pulled_tendon": self.settings.tendon + 1,
+                "shares": list(self.settings.shares),
+                "tension_N": s.tension.tolist(),
+                "status": list(s.status),
+                "tip_position_mm": (s.tip_position * 1e3).tolist(),
+                "tendon_lengths_mm": (s.tendon_lengths * 1e3).tolist(),
+                "pull_mm": (s.pull * 1e3).tolist(),
+                "linear_pull_mm": (s.linear_pull * 1e3).tolist(),
+                **s.surface.to_dict(),
+                "errors_mm": self._errors_mm("statics"),
+            },
+            "dynamics": {"status": "left_out", "text": list(self.dynamics_text)}
+            if self.dynamics is None
+            else {**self.dynamics.to_dict(), "errors_mm": self._errors_mm("dynamics")},
+            "finite_elements": None if self.bricks is None else self.bricks.to_dict(),
+            "geometric_sweep": {
+                "pull_mm": (g.pull * 1e3).tolist(),
+                "tip_position_mm": (g.tip_position * 1e3).tolist(),
+                "theta_deg": np.degrees(g.theta).tolist(),
+            },
+            "provenance": {
+                "schema_version": SCHEMA_VERSION,
+                "bowstring_version": str(_core.__version__),
+                "robot_hash": self.robot.hash,
+                "robot": self.robot.model_dump(mode="json", exclude_none=True),
+                "settings": {
+                    "tolerance_percent": self.settings.tolerance * 100.0,
+                    "max_tension_N": self.settings.max_tension,
+                    "points": self.settings.points,
+                    "theory": self.settings.theory,
+                    "gravity_m_per_s2": list(self.robot.gravity),
+                    "rise_s": self.settings.rise,
+                    "modal_damping": self.settings.modal_damping,
+                },
+            },
+        }
+        plain: dict[str, Any] = _plain(out)
+        return plain
+
+    def _errors_mm(self, against: str) -> dict[str, list[float]]:
+        """By name, at the loads of the sweep."""
+        return {c.name: (c.error * 1e3).tolist() for c in self.against(against)}
+
+
+# -- running it --------------------------------------------------------------------------------
+
+
+def run_study(
+    robot: Robot,
+    *,
+    tolerance: float = 0.01,
+    max_tension: float | None = None,
+    points: int = 17,
+    theory: Theory = "cosserat",
+    tendon: int | abc.Mapping[int, float] | None = None,
+    rise: float | None = None,
+    modal_damping: float = MODAL_DAMPING,
+    measurements: Measurements | str | Path | None = None,
+    mapping: str | Path | Mapping | None = None,
+    solid: bool = False,
+    fe: FeSettings | None = None,
+    progress: Progress | None = None,
+) -> Study:
+    """Study how good constant curvature is for a robot.
+
+    One tendon, or several at fixed shares of one tension, is pulled from zero, in equal steps; all
+    others are slack.
+
+    Parameters
+    ----------
+    robot : Robot
+    tolerance : float
+        Tolerated tip error as a share of the robot's length.
+    max_tension : float, optional
+        End of the sweep, N. If not given, the largest round load (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6
+        or 8 times a power of ten) that bends the whole robot by at most 80 degrees by the linear
+        law: 80 N for the study's robot, as in the study. In gravity: that turns it by at most 80
+        degrees from its pose without tension, by statics.
+    points : int
+        Number of loads, zero included.
+    theory : {"cosserat", "kirchhoff"}
+        Of the main sweep and of dynamics. The budget uses both.
+    tendon : int or mapping from int to float, optional
+        Which tendon is pulled, counted from 1; or which ones, each with its share of the sweep's
+        tension, of which the largest must be 1: ``{1: 1.0, 4: 0.5}``. The first tendon of the
+        outermost segment if not given.
+    rise : float, optional
+        In dynamics the tension rises from zero within so many seconds, a quarter to 200 periods of
+        the slowest mode. If not given, 20 of them: near statics.
+    modal_damping : float
+        In dynamics, of the slowest modes; a share of critical damping.
+    measurements : Measurements, str or Path, optional
+        Of this robot, or the table of them; all models are compared with them as well
+        (`bowstring.study.validation`).
+    mapping : str, Path or Mapping, optional
+        Of a table that is not in the tidy format, as for `bowstring.data.measurements`.
+    solid : bool
+        Show the robot as a solid in the report (`bowstring.cad.solid`), which takes seconds more.
+    fe : bowstring.fem.Settings, optional
+        If given, the sweep is solved by such 3-D finite elements as well, a matter of minutes.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        If a setting is out of its range, the measurements cannot be read or judged, or there can
+        be no solid or no finite elements.
+    NoSolutionError
+        If no load of the sweep has an equilibrium.
+    """
+    tell = progress or (lambda what, share: None)
+    settings = _settings(
+        robot,
+        tolerance,
+        max_tension,
+        points,
+        theory,
+        tendon=tendon,
+        rise=rise,
+        modal_damping=modal_damping,
+    )
+    if solid:
+        from bowstring.cad.solid import check_cad
+        from bowstring.robot.sizes import sizes_of
+
+        check_cad()
+        sizes_of(robot)
+    if fe is not None:
+        from bowstring.study import finite_elements as third
+
+        third.check(robot)
+        fe.check()
+    data = None
+    if measurements is not None:
+        from bowstring.study.validation import judge_data
+
+        tell("measurements", 0.0)
+        data = judge_data(
+            robot,
+            _read(robot, measurements, mapping),
+            settings.tolerance,
+            settings.theory,
+            lambda share: tell("measurements", 0.2 * share),
+        )
+    tell = _after(tell, 0.2 if data is not None else 0.0)
+    whole, tell = (
+        tell,
+        _until(tell, 1.0 if fe is None else 0.2),
+    )  # finite elements take most of the time
+    model = Model(robot, settings.tendon, settings.theory, settings.shares)
+    model.arc_scale = _arc_scale(model, settings)
+
+    tell("geometric sweep", 0.0)
+    geometry = _geometric_sweep(model, settings)
+
+    tell("statics", 0.05)
+    statics = _statics(model, settings)
+    comparisons = model.compare(
+        statics.tension, statics.tip_position, statics.tendon_lengths, tuple(COMPARISONS)
+    )
+
+    tell("dynamics", 0.1)
+    motion, without = _dynamics(
+        model, settings, statics, lambda share: tell("dynamics", 0.1 + 0.1 * share)
+    )
+    in_time = {}
+    if motion is not None:
+        in_time = model.compare(
+            statics.tension, motion.load_tip, motion.load_lengths, tuple(COMPARISONS), "dynamics"
+        )
+
+    tell("error budget", 0.2)
+    budget = error_budget(
+        model,
+        statics.tension,
+        lambda share: tell("error budget", 0.2 + 0.6 * share),
+        _calibrated_friction(data),
+    )
+
+    tell("verdict", 0.8)
+    verdict = judge(model, settings.tolerance, settings.max_tension, comparisons, budget)
+
+    bricks, by_bricks = None, {}
+    if fe is not None:
+        bricks = third.solve(
+            robot,
+            model.tensions(statics.tension),
+            statics.tip_position,
+            fe,
+            lambda share: whole("finite elements", 0.2 + 0.8 * share),
+        )
+        by_bricks = model.compare(
+            statics.tension, bricks.tip_position, bricks.tendon_lengths, tuple(COMPARISONS), "fe"
+        )
+        if data is not None:
+            bricks = third.at_data(bricks, statics.tension, model.shares, data)
+    whole("done", 1.0)
+    return Study(
+        robot=robot,
+        settings=settings,
+        geometry=geometry,
+        statics=statics,
+        dynamics=motion,
+        without_dynamics=without,
+        comparisons=(
+            *comparisons.values(),
+            *in_time.values(),
+            *by_bricks.values(),
+            *(() if data is None else data.comparisons),
+        ),
+        budget=budget,
+        verdict=verdict,
+        claim=_claim(robot, settings, comparisons, in_time, by_bricks),
+        notes=_notes(robot, settings, geometry, statics, comparisons, in_time, data),
+        data=data,
+        solid=solid,
+        bricks=bricks,
+    )
+
+
+def _after(tell: Progress, share: float) -> Progress:
+    """Progress of what comes after a share of the work."""
+    return lambda what, done: tell(what, share + (1.0 - share) * done)
+
+
+def _until(tell: Progress, share: float) -> Progress:
+    """Progress of what comes before a share of the work is done."""
+    return lambda what, done: tell(what, share * done)
+
+
+def _read(
+    robot: Robot, measurements: Measurements | str | Path, mapping: str | Path | Mapping | None
+) -> Measurements:
+    from bowstring.data.measurements import Measurements, read_measurements
+    from bowstring.validation import shown
+
+    if not isinstance(measurements, (Measurements, str, Path)):
+        raise InputError(
+            f"measurements is {shown(measurements)}, it must be the path of a table, or "
+            "measurements that are read"
+        )
+    if not isinstance(measurements, Measurements):
+        return read_measurements(measurements, robot, mapping)
+    if mapping is not None:
+        raise InputError("a mapping is for a file of measurements; these are read already")
+    return measurements
+
+
+def _settings(
+    robot: Robot,
+    tolerance: float,
+    max_tension: float | None,
+    points: int,
+    theory: Theory,
+    *,
+    tendon: int | abc.Mapping[int, float] | None,
+    rise: float | None,
+    modal_damping: float,
+) -> Settings:
+    if not (math.isfinite(tolerance) and 0.0 < tolerance < 1.0):
+        raise InputError(
+            f"tolerance is a share of the length and must lie between 0 and 1, got {tolerance}"
+        )
+    if max_tension is not None and not (math.isfinite(max_tension) and max_tension > 0.0):
+        raise InputError(f"the largest tension must be positive and finite, got {max_tension} N")
+    if not 2 <= points <= 1000:
+        raise InputError(f"the number of loads must be from 2 to 1000, got {points}")
+    if theory not in ("cosserat", "kirchhoff"):
+        raise InputError(f"theory must be cosserat or kirchhoff, got {theory!r:.60}")
+    if rise is not None and not (math.isfinite(rise) and rise > 0.0):
+        raise InputError(f"the rise must be positive and finite, got {rise} s")
+    if not (math.isfinite(modal_damping) and 0.0 <= modal_damping < 1.0):
+        raise InputError(
+            "modal damping is a share of critical damping and must lie from 0 to below 1, got "
+            f"{modal_damping}"
+        )
+    shares = _shares(robot, tendon)
+    leading = int(np.argmax(shares))
+    limit = max_tension
+    if limit is None:
+        limit = _largest_load(Model(robot, leading, theory, shares))
+    return Settings(
+        tolerance=tolerance,
+        max_tension=limit,
+        points=points,
+        theory=theory,
+        tendon=leading,
+        shares=shares,
+        range_chosen=max_tension is None,
+        rise=rise,
+        modal_damping=modal_damping,
+    )
+
+
+def _shares(robot: Robot, tendon: int | abc.Mapping[int, float] | None) -> tuple[float, ...]:
+    """Share of the sweep's tension in each tendon."""
+    count = len(robot.tendons.segment)
+    out = [0.0] * count
+    if tendon is None:
+        out[int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0])] = 1.0
+        return tuple(out)
+    given = tendon if isinstance(tendon, abc.Mapping) else {tendon: 1.0}
+    for number, share in given.items():
+        if not is_whole(number) or not 1 <= number <= count:
+            raise InputError(
+                f"tendon is {shown(number)}; must be a whole number from 1 to {count}, the tendons "
+                f"of {robot.name}"
+            )
+        if not isinstance(share, (int, float)) or not 0.0 < share <= 1.0:
+            raise InputError(
+                f"the share of tendon {number} is {shown(share)}; must be above 0 and at most 1"
+            )
+        out[number - 1] = float(share)
+    if max(out) != 1.0:
+        raise InputError(
+            f"the largest share of the pulled tendons is {max(out):g}; must be 1, the tendon that "
+            "has the whole tension of the sweep"
+        )
+    return tuple(out)
+
+
+def _largest_load(model: Model) -> float:
+    """The round load that ends the sweep, where none is asked for, N."""
+    by_newton = model.linear_bend_of_all
+    if not by_newton > 0.0:
+        raise InputError(
+            "the pulled tendons balance each other and bend nothing by the linear law, so that no "
+            "load range follows; give a largest tension, or pull other tendons"
+        )
+    linear = _MAX_BEND / by_newton
+    if not any(model.robot.gravity):
+        return round_down(linear)
+    top = linear
+    while top <= _FARTHEST * linear:
+        tension = np.linspace(0.0, top, _TRIED)
+        bend = _turned(model, tension)
+        beyond = np.flatnonzero(~(bend <= _MAX_BEND))
+        if beyond.size:
+            break
+        top *= 2.0
+    else:
+        return round_down(0.5 * top)
+    i = int(beyond[0])
+    if i == 0:  # no pose without tension to turn from
+        return round_down(linear)
+    low, high = tension[i - 1], tension[i]
+    load = float(low)
+    if np.isfinite(bend[i]):
+        load += float((high - low) * (_MAX_BEND - bend[i - 1]) / (bend[i] - bend[i - 1]))
+    return round_down(load) if load > 0.0 else round_down(linear)
+
+
+def _turned(model: Model, tension: Array) -> Array:
+    """How far each load turns the segments from their pose without tension (n,), summed, rad."""
+    try:
+        sweep = model.solve(model.main, tension, disks=True)
+    except BowstringError:
+        return np.full(len(tension), math.nan)
+    assert sweep.disk_rotations is not None
+    disks = model.robot.disks.segment
+    ends = np.append(np.flatnonzero(np.diff(disks)), len(disks) - 1)
+    out, before = np.zeros(len(tension)), np.broadcast_to(np.eye(3), (len(tension), 3, 3))
+    for end in ends:
+        here = np.where(sweep.converged[:, None, None], sweep.disk_rotations[:, end], math.nan)
+        bent = np.swapaxes(before, 1, 2) @ here
+        turn = np.swapaxes(bent[:1], 1, 2) @ bent
+        cosine = 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0)
+        out += np.arccos(np.clip(cosine, -1.0, 1.0))
+        before = here
+    return out
+
+
+def _arc_scale(model: Model, settings: Settings) -> float:
+    """Share of the tensions at which the linear law's arcs end at the robot's own bend.
+
+    Without gravity 1. In gravity the linear law may bend a robot ten times as far as it goes, and
+    its arcs, as geometry or as commanded lengths, would wind it up.
+    """
+    linear = settings.max_tension * model.linear_bend_of_all
+    if not any(model.robot.gravity) or linear <= _MAX_BEND:
+        return 1.0
+    bend = _turned(model, np.linspace(0.0, settings.max_tension, _TRIED))
+    known = bend[np.isfinite(bend)]
+    return min(1.0, max(_MAX_BEND, float(known[-1]) if known.size else 0.0) / linear)
+
+
+def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
+    """Shorten the pulled tendon as the linear law would, the others follow at constant length."""
+    robot = model.robot
+    tension = np.linspace(0.0, settings.max_tension, settings.points)
+    arcs = arc.robot_from_tensions(robot, model.tensions(model.arc_scale * tension))
+    try:
+        lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+    except BowstringError:
+        turns = settings.max_tension * model.linear_bend_of_all / math.tau
+        raise InputError(
+            f"by the linear law {settings.max_tension:g} N winds {robot.name} up by "
+            f"{significant(turns)} turns, tighter than its tendons' distance from the backbone "
+            "lets them; check its stiffness or give a smaller largest tension"
+        ) from None
+    # Eq. 5 proper: from the lengths. It needs three tendons a segment and lengths that some arc
+    # has; a robot without them keeps the arcs the lengths came from, which are the same ones.
+    with suppress(InputError):
+        arcs = arc.robot_fk(robot, lengths)
+    straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
+    return GeometricSweep(
+        pull=straight - lengths[:, settings.tendon],
+        tendon_lengths=lengths,
+        theta=arcs.kappa * arcs.length,
+        tip_position=arcs.tip.position,
+        disk_positions=arcs.disk_positions,
+        disk_rotations=arcs.disk_rotations,
+        backbone=_backbone(arcs),
+        scale=model.arc_scale,
+    )
+
+
+def _backbone(arcs: arc.RobotArcs, per_segment: int = 24) -> Array:
+    """Points along the arcs (n, P, 3), the base first, m."""
+    n, segments = arcs.kappa.shape
+    start, turn = np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3))
+    parts = [start[:, None]]
+    share = np.arange(1, per_segment + 1) / per_segment
+    for k in range(segments):
+        kappa, phi, length = (v[:, k, None] for v in (arcs.kappa, arcs.phi, arcs.length))
+        pose = arc.pose(kappa, phi, length, length * share)
+        points = start[:, None] + np.einsum("nij,npj->npi", turn, pose.position)
+        parts.append(points)
+        start, turn = points[:, -1], turn @ pose.rotation[:, -1]
+    return np.concatenate(parts, axis=1)
+
+
+def _statics(model: Model, settings: Settings) -> Statics:
+    robot = model.robot
+    tension = np.linspace(0.0, settings.max_tension, settings.points)
+    sweep = model.solve(model.main, tension, disks=True)
+    if not np.any(sweep.converged):
+        raise NoSolutionError(
+            f"no load from 0 to {tension[-1]:g} N has a stable equilibrium that the solver could "
+            f"find ({sweep.message(0).rstrip('.')}); check stiffness, gravity and largest tension"
+        )
+    assert sweep.disk_positions is not None
+    straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
+    return Statics(
+        tension=tension,
+        status=tuple(sweep.status),
+        converged=np.asarray(sweep.converged, dtype=bool),
+        tip_position=sweep.tip_position,
+        disk_positions=sweep.disk_positions,
+        tendon_lengths=sweep.tendon_lengths,
+        pull=straight - sweep.tendon_lengths[:, settings.tendon],
+        linear_pull=model.linear_pull(tension),
+        surface=surface_at_rest(model, tension, sweep.tip_position),
+    )
+
+
+def _dynamics(
+    model: Model, settings: Settings, statics: Statics, progress: Callable[[float], None]
+) -> tuple[Transient | None, str]:
+    """The motion, or why there is none: a robot that cannot be simulated still has its statics."""
+    try:
+        frequency = slowest_frequency(model)
+    except BowstringError as error:
+        return None, f"Dynamics is left out: {str(error).rstrip('.')}."
+    if settings.rise is not None:
+        check_rise(model.robot, settings.rise, frequency)
+    try:
+        motion = transient(
+            model,
+            statics.tension,
+            frequency,
+            settings.rise,
+            settings.modal_damping,
+            progress,
+        )
+    except BowstringError as error:
+        return None, f"Dynamics is left out: {str(error).rstrip('.')}."
+    return motion, ""
+
+
+def _calibrated_friction(data: AgainstData | None) -> Robot | None:
+    """The calibrated robot, where the data told its friction."""
+    if data is None or data.calibration is None or not data.calibration.fit.converged:
+        return None
+    names = data.calibration.fit.names
+    return data.calibration.robot if any(n.endswith(".friction") for n in names) else None
+
+
+def _claim(
+    robot: Robot,
+    settings: Settings,
+    comparisons: dict[str, Comparison],
+    in_time: dict[str, Comparison],
+    by_bricks: dict[str, Comparison],
+) -> PublishedClaim | None:
+    """The study's printed mean, for its own robot and load range only."""
+    if robot.name != "amouri2019" or settings.max_tension != 80.0:
+        return None
+    if settings.tendon != 0 or not settings.pulled_alone:
+        return None
+    ours = comparisons["cc_from_force"]
+    x, _, z = ours.mean_by_axis
+    moving = ""
+    if in_time and in_time["cc_from_force"].n == ours.n:
+        moving = f"; against dynamics it is {in_mm(in_time['cc_from_force'].mean)}"
+    if by_bricks and by_bricks["cc_from_force"].n == ours.n:
+        moving += f"; against our finite elements {in_mm(by_bricks['cc_from_force'].mean)}"
+    text = (
+        "Amouri 2019 prints, for constant curvature against its finite-element run, a mean error "
+        "smaller than 4.95 mm (0.77 % of length), and speaks of errors along each axis. This is "
+        f"the study's published mean; ours, from force and against statics, is {in_mm(ours.mean)} "
+        f"({in_percent(ours.mean / robot.length)}; {in_mm(x)} in x, {in_mm(z)} in z){moving}. How "
+        "the study turned force into cable length is our reading of its section 4.1 (the linear "
+        "law). No measured data of the study are available, so nothing here is its measurement."
+    )
+    if robot.hash != load_robot("amouri2019").hash:
+        text += " The robot studied here differs from the built-in one in some of its numbers."
+    return PublishedClaim(4.95, 0.77, ours.name, text)
+
+
+def _notes(
+    robot: Robot,
+    settings: Settings,
+    geometry: GeometricSweep,
+    statics: Statics,
+    comparisons: dict[str, Comparison],
+    in_time: dict[str, Comparison],
+    data: AgainstData | None,
+) -> tuple[str, ...]:
+    simulated = (
+        "constant curvature is compared with the statics and the dynamics of this program, not "
+        "with a measurement. All share the base frame, so nothing was registered."
+    )
+    out = [
+        f"All data are simulated: {simulated}"
+        if data is None
+        else f"Apart from 'Against the data', all is simulated: {simulated}",
+        "Errors are Euclidean at the tip unless an axis is named; means and RMS are over loads "
+        "(zero load included), never over coordinates.",
+        f"Physics of the main sweep: {settings.theory.capitalize()} rod, frictionless tendons "
+        "straight from disk to disk, dead loads, "
+        + (
+            f"gravity ({', '.join(f'{g:g}' for g in robot.gravity)}) m/s2 as in the robot file."
+            if any(robot.gravity)
+            else "no gravity (the robot file has none)."
+        ),
+    ]
+    if settings.range_chosen:
+        out.append(
+            f"The load range to {settings.max_tension:g} N was chosen by the program: the largest "
+            "round load that "
+            + (
+                "turns the robot by at most 80 degrees from its pose without tension, by statics "
+                f"in gravity (at most {_FARTHEST:g} times that of the linear law)."
+                if any(robot.gravity)
+                else "bends the robot by at most 80 degrees by the linear law."
+            )
+        )
+    if geometry.scale < 1.0:
+        out.append(
+            f"In gravity the linear law bends {robot.name} far more than it goes: the geometric "
+            "sweep and the commanded lengths end at the arcs of "
+            f"{significant(geometry.scale * settings.max_tension)} N, about the robot's own bend."
+        )
+    calibrated = _calibrated_friction(data) is not None
+    if robot.has_friction or calibrated:
+        whose = "that was calibrated" if calibrated else "that the robot file gives"
+        out.append(
+            f"The friction {whose} is left out of the main sweep, of dynamics, of "
+            "stress and strain and of the ranges in the verdict. What it does, loading and "
+            "unloading, is in the error budget under 'How the robot is driven' and in the "
+            "verdict's last sentences."
+        )
+    failed = np.flatnonzero(~statics.converged)
+    if failed.size:
+        out.append(
+            f"{failed.size} of {len(statics.tension)} loads have no stable equilibrium that the "
+            f"solver found (first at {statics.tension[failed[0]]:.4g} N: "
+            f"{statics.status[failed[0]]}); they count in no mean."
+        )
+    for name, comparison in comparisons.items():
+        missing = int(statics.converged.sum()) - comparison.n
+        if missing:
+            out.append(
+                f"Constant curvature {COMPARISONS[name]} has no arc at {missing} of the loads that "
+                f"statics solved; its numbers are over the other {comparison.n}."
+            )
+    for name, comparison in in_time.items():
+        if comparison.n != comparisons[name].n:
+            out.append(
+                f"Constant curvature {COMPARISONS[name]} is compared with dynamics at "
+                f"{comparison.n} loads and with statics at {comparisons[name].n}: do not compare "
+                "their means."
+            )
+    return tuple(out)
+
+
+def _plain(value: Any) -> Any:
+    """JSON values only: NaN and infinities become None."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, (bool, str, int)) or value is None:
+        return value
+    number = float(value)
+    return number if math.isfinite(number) else None

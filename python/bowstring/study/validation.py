@@ -1,0 +1,963 @@
+"""The verdict on data: constant curvature and physics, each against the measured tip.
+
+Seven models at the commands of the table: constant curvature from lengths and from force, plain and
+corrected, with a fitted gain; the rod as the robot file has it, and calibrated. Each is compared in
+three frames, because a base that stands a little askew looks like an error of the model:
+
+- ``as_measured``: the measuring frame is taken for the base frame. Not registered.
+- ``calibrated``: one base frame for all, that of the calibrated rod. Registered; this is meant
+  where nothing else is said. A calibrated model is judged as it was fitted: calibrated constant
+  curvature keeps the base frame of its own calibration here, and where nothing is registered its
+  gain is fitted in the measuring frame.
+- ``own``: each model in the base frame that suits it best, by least squares. It mends whatever a
+  rigid motion can mend of the model's own errors, so it flatters; its RMS is the least that can be
+  said against a model, its mean need not be.
+
+Differences are model minus measurement at the measured point (the tip, or the tool that the table
+gives), in base axes. SI; K is the number of rows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.calibration import observations
+from bowstring.calibration.bootstrap import (
+    LEVEL,
+    RESAMPLES,
+    Expected,
+    Intervals,
+    bootstrap,
+    refitted,
+)
+from bowstring.calibration.fitting import Estimate
+from bowstring.calibration.residual_tests import NoiseTest, noise_test
+from bowstring.constant_curvature import arcs
+from bowstring.data.measurements import Measurements
+from bowstring.data.registration import fit_model
+from bowstring.data.rigid import Rigid
+from bowstring.data.tendon_check import TendonCheck, check_tendons
+from bowstring.data.tip_errors import Comparison
+from bowstring.display import short_repr
+from bowstring.errors import BowstringError, InputError
+from bowstring.formatting import in_mm, in_percent, listed, significant, with_error
+from bowstring.robot.model import Robot, with_tendons
+from bowstring.study import calibration as study_calibration
+from bowstring.study.calibration import ArcCalibration, StudyCalibration
+from bowstring.study.comparison import Theory
+
+__all__ = [
+    "DATA_MODELS",
+    "FRAMES",
+    "AgainstData",
+    "DataComparison",
+    "Effect",
+    "Loads",
+    "check_measurements",
+    "judge_data",
+]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Frame = Literal["calibrated", "as_measured", "own"]
+
+DATA_MODELS: Final = {
+    "cc_from_lengths": "CC from lengths (Eq. 5)",
+    "cc_from_force": "CC from force (linear law)",
+    "cc_from_lengths_chord": "CC from lengths, chords",
+    "cc_from_force_arm": "CC from force, mean arm",
+    "cc_calibrated": "CC calibrated (fitted gain and base)",
+    "rod": "rod, as the robot file has it",
+    "rod_calibrated": "rod calibrated",
+}
+"""Names of the models and what people call them; `AgainstData.labels` says whose lengths."""
+
+FRAMES: Final = {
+    "calibrated": "registered, one frame for all",
+    "as_measured": "not registered",
+    "own": "registered, each its own frame",
+}
+"""The three frames and what people call them; the first is meant where nothing is said."""
+
+_FEWEST_ROWS: Final = 4
+_FEWEST_LOADS: Final = 3
+_MOST_ROWS: Final = 20_000
+_LONG: Final = 100  # rows, most without repeats, that are a path
+_AS_GOOD: Final = 1.01  # times the error without calibration, which a calibrated model may have
+_SAME: Final = 1e-9  # of the largest command: the same load
+
+
+# -- what is computed --------------------------------------------------------------------------
+
+
+@short_repr
+@dataclass(frozen=True)
+class Loads:
+    """The commands as an axis, in groups, and in the order of the bench."""
+
+    axis: Array
+    """(K,), what stands under a figure: the command that changes most, or the row's number."""
+    label: str
+    """With its unit."""
+    unit: Ints
+    """(K,), the same number for the same commands."""
+    loading: Bools
+    """(K,), whether the command that changes most rises on the way to the row; else it falls."""
+    run: Ints
+    """(K,), number of the repeated run."""
+
+    @property
+    def single(self) -> bool:
+        """Whether one command alone changes; else rows are drawn in their order."""
+        return self.label != "row"
+
+    @property
+    def count(self) -> int:
+        """Number of different loads."""
+        return int(self.unit.max()) + 1
+
+    @property
+    def resampled(self) -> tuple[Ints, str]:
+        """(K,) rows with the same number are resampled together, and what these are in words.
+
+        Loads; where most come once in a long path, blocks of it, because neighbours err alike.
+        """
+        rows = len(self.unit)
+        if rows < _LONG or observations.come_again(self.unit):
+            return self.unit, f"load, with all its rows ({self.count} loads)"
+        block = math.ceil(math.sqrt(rows))
+        blocks = np.arange(rows) // block
+        return blocks, f"block of {block} neighbouring rows ({int(blocks[-1]) + 1} blocks)"
+
+    @property
+    def cell(self) -> Ints:
+        """(K,), the same number for repeats: the same load, reached the same way."""
+        return np.asarray(2 * self.unit + self.loading, dtype=np.int64)
+
+
+@short_repr
+@dataclass(frozen=True)
+class DataComparison(Comparison):
+    """A model against the measurement in one frame, with its intervals."""
+
+    frame: Frame = "calibrated"
+    intervals: Intervals | None = field(default=None, compare=False)
+
+    @property
+    def registered(self) -> bool:
+        """Whether a base frame was fitted."""
+        return self.frame != "as_measured"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The comparison in mm and percent, with bootstrap intervals at 95 %."""
+        out = super().to_dict()
+        out["max_by_axis_mm"] = (self.max_by_axis * 1e3).tolist()
+        out["registered"] = self.registered
+        out["frame"] = self.frame
+        if self.intervals is not None:
+            mean = self.intervals.mean * 1e3
+            out["interval_95"] = {
+                "mean_mm": mean.tolist(),
+                "rms_mm": (self.intervals.rms * 1e3).tolist(),
+                "mean_percent": (mean / self.length / 10.0).tolist(),
+                "mean_by_axis_mm": (self.intervals.mean_by_axis * 1e3).tolist(),
+            }
+        return out
+
+
+@short_repr
+@dataclass(frozen=True)
+class Effect:
+    """One step of the decomposition of the rod's error."""
+
+    name: str
+    label: str
+    added: float
+    """Mean error with this effect and all before it in the list switched on, m."""
+    explains: float
+    """By how much the step lowers the mean error, m; negative if it raises it."""
+    explains_interval: Array
+    """(2,), m."""
+    without: float
+    """Mean error of the calibrated robot with this effect alone left out, m."""
+    costs: float
+    """By how much leaving it out raises the mean error, m."""
+    costs_interval: Array
+    """(2,), m."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The step in mm."""
+        return {
+            "effect": self.name,
+            "label": self.label,
+            "mean_with_it_and_those_before_mm": self.added * 1e3,
+            "explains_mm": self.explains * 1e3,
+            "explains_interval_95_mm": (self.explains_interval * 1e3).tolist(),
+            "mean_without_it_alone_mm": self.without * 1e3,
+            "costs_mm": self.costs * 1e3,
+            "costs_interval_95_mm": (self.costs_interval * 1e3).tolist(),
+        }
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class AgainstData:
+    """All that a study says about measurements."""
+
+    data: Measurements
+    loads: Loads
+    frame: Rigid
+    """Measuring frame to base frame, the one for all models."""
+    frame_by: str
+    """What found it: ``rod_calibrated``, or another model where there is no calibration."""
+    point: Array
+    """(K, 3), the measured point in that frame, m."""
+    comparisons: tuple[DataComparison, ...]
+    """By model in the order of `DATA_MODELS`, each in the frames of `FRAMES`."""
+    own_frames: dict[str, Rigid]
+    """By model."""
+    gains: dict[str, float]
+    """Of calibrated constant curvature, fitted together with its own base frame."""
+    lengths_of: str
+    """Whose tendon lengths constant curvature gets: measurement, rod_calibrated or rod."""
+    calibration: StudyCalibration | None
+    plain: float
+    """Mean error of the plainest rod, with which the decomposition begins, m."""
+    effects: tuple[Effect, ...]
+    residuals: NoiseTest | None
+    """Of the calibrated rod."""
+    expected: Expected | None
+    """Of the calibrated rod at rows that it was not fitted to."""
+    text: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """What the data are, and their name."""
+        return f"{self.data.source}: {self.data.name}"
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """Names of the models that there are."""
+        return tuple(dict.fromkeys(c.name for c in self.comparisons))
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """What people call the models; it says so where tendon lengths are not measured ones."""
+        whose = {
+            "rod_calibrated": "CC from lengths of the calibrated rod",
+            "rod": "CC from lengths of the rod",
+        }.get(self.lengths_of)
+        return {
+            name: DATA_MODELS[name].replace("CC from lengths", whose or "CC from lengths")
+            for name in self.models
+        }
+
+    def has(self, name: str, frame: Frame = "calibrated") -> bool:
+        """Whether there is that model in that frame."""
+        return any((c.name, c.frame) == (name, frame) for c in self.comparisons)
+
+    def comparison(self, name: str, frame: Frame = "calibrated") -> DataComparison:
+        """The comparison of that model in that frame."""
+        return next(c for c in self.comparisons if (c.name, c.frame) == (name, frame))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The block ``measurements`` of a study."""
+        d, c = self.data, self.calibration
+        base = None
+        if c is not None:
+            base = {
+                e.name.removeprefix("base."): {
+                    "value": e.value,
+                    "standard_error": e.standard_error,
+                    "unit": e.unit,
+                }
+                for e in c.fit.estimates
+                if e.name.startswith("base.")
+            }
+        return {
+            "source": d.source,
+            "name": d.name,
+            "file": None if d.path is None else str(d.path),
+            "sha256": d.sha256,
+            "rows": len(d),
+            "left_out": d.left_out,
+            "without_tip": d.without_tip,
+            "issues": [{"line": line, "text": text} for line, text in d.issues],
+            "loads": self.loads.count,
+            "repeats": len(np.unique(self.loads.run)),
+            "unloading_rows": int((~self.loads.loading).sum()) if self.loads.single else None,
+            "registration": {
+                "by": self.frame_by,
+                **self.frame.to_dict(),
+                "turned_deg": _turn(self.frame),
+                "base_in_measuring_frame": base,
+                "own_frames": {
+                    name: {**frame.to_dict(), "turned_deg": _turn(frame)}
+                    for name, frame in self.own_frames.items()
+                },
+            },
+            "calibration": None
+            if c is None
+            else {**c.to_dict(), "constant_curvature_gains": self.gains},
+            "residuals": None if self.residuals is None else self.residuals.to_dict(),
+            "decomposition": {
+                "begins_mm": self.plain * 1e3,
+                "effects": [effect.to_dict() for effect in self.effects],
+            },
+            "bootstrap": {
+                "resamples": RESAMPLES,
+                "level": LEVEL,
+                "unit": self.loads.resampled[1],
+                "units": len(np.unique(self.loads.resampled[0])),
+                "calibrated_rod_at_other_rows": self.expected and self.expected.to_dict(),
+            },
+            "text": list(self.text),
+            "notes": list(self.notes),
+        }
+
+
+def _turn(frame: Rigid) -> float:
+    return math.degrees(float(np.linalg.norm(frame.rotation_vector)))
+
+
+# -- before the work ---------------------------------------------------------------------------
+
+
+def check_measurements(robot: Robot, data: Measurements) -> None:
+    """Say before any work whether a study can be made of these measurements.
+
+    Raises
+    ------
+    InputError
+        For another robot's data, data without tips or without a scale, too few rows or loads, far
+        too many, and for tendons that are swapped or numbered the wrong way round.
+    """
+    name = data.name if data.path is None else str(data.path)
+    count = len(robot.tendons.segment)
+    if data.tendon_count != count:
+        raise InputError(
+            f"{name}: the measurements drive {data.tendon_count} "
+            f"tendon{'s' * (data.tendon_count != 1)}, {robot.name} has {count}; name the robot "
+            "that was measured"
+        )
+    if data.points.shape[1] == 0:
+        raise InputError(
+            f"{name}: there are angles only and no measured tip; a study compares tip positions, "
+            "give tip_x_mm, tip_y_mm and tip_z_mm"
+        )
+    if data.scale is None:
+        raise InputError(
+            f"{name}: the points are in pixels and have no scale; give tips in mm for a study"
+        )
+    count = int(data.seen.sum())
+    if count < _FEWEST_ROWS:
+        rows = "there is one row" if count == 1 else f"there are {count} rows"
+        raise InputError(
+            f"{name}: {rows} of measurements; a study needs {_FEWEST_ROWS} or more, at "
+            f"{_FEWEST_LOADS} different loads or more"
+        )
+    if len(data) > _MOST_ROWS:
+        raise InputError(
+            f"{name}: {len(data)} rows are too many for a study, which takes up to {_MOST_ROWS}; "
+            "average neighbouring rows, or take every tenth"
+        )
+    measured = data.select(data.seen)
+    loads = _loads(measured).count
+    if loads < _FEWEST_LOADS:
+        at = "all rows are at one load" if loads == 1 else f"the rows are at {loads} loads only"
+        raise InputError(
+            f"{name}: {at}; how an error grows with the load needs {_FEWEST_LOADS} different "
+            "loads or more"
+        )
+    if float(np.ptp(measured.tip, axis=0).max()) == 0.0:
+        raise InputError(f"{name}: the tip is in the same place in all rows; it was not measured")
+    order = check_tendons(robot, data)
+    # "unclear" is for the comparison to judge
+    if order.found in ("swapped", "mirrored"):
+        raise InputError(f"{name}: {order.sentence.rstrip('.')}; mend the table or its mapping")
+
+
+def _loads(data: Measurements) -> Loads:
+    """What drives the robot, row by row."""
+    pulled = ~np.isnan(data.pulls)
+    commands = np.where(pulled, data.pulls, data.tensions)
+    span = np.ptp(commands, axis=0)
+    kinds = [np.where(kind, span, 0.0) for kind in (~pulled.any(axis=0), pulled.any(axis=0))]
+    by_tension = float(kinds[0].max(initial=0.0)) > 0.0
+    changing = kinds[0 if by_tension else 1]
+    tendon = int(np.argmax(changing))
+    scale = np.where(span > 0.0, span, np.maximum(np.abs(commands).max(axis=0), 1.0))
+    main = commands[:, tendon]
+    alone = not np.any(np.delete(span, tendon) > _SAME * np.delete(scale, tendon))
+    anew = data.repeat[1:] != data.repeat[:-1]
+    if data.recording is not None:
+        anew = anew | (data.recording[1:] != data.recording[:-1])
+    run = np.cumsum(np.r_[False, anew])
+    loading = np.ones(len(data), bool)
+    for k in range(1, len(data)):
+        if run[k] != run[k - 1]:
+            continue
+        step = main[k] - main[k - 1]
+        small = abs(step) <= _SAME * scale[tendon]
+        loading[k] = loading[k - 1] if small else step > 0.0
+    # a run that begins anew comes down in one step to where it rises from
+    falls = np.flatnonzero(~loading[:-1] & loading[1:])
+    lowest = main <= main.min() + _SAME * scale[tendon]
+    for k in falls.tolist():
+        if lowest[k] and (k == 0 or loading[k - 1]):
+            loading[k] = True
+    if alone:
+        what = (
+            f"pull of tendon {tendon + 1} (mm)"
+            if not by_tension
+            else (f"tension of tendon {tendon + 1} (N)")
+        )
+        axis = main * (1.0 if by_tension else 1e3)
+    else:
+        what, axis = "row", np.arange(1.0, len(data) + 1)
+    return Loads(
+        axis=np.asarray(axis),
+        label=what,
+        unit=observations.loads(commands),
+        loading=loading,
+        run=np.asarray(run, dtype=np.int64),
+    )
+
+
+# -- the verdict -------------------------------------------------------------------------------
+
+
+def judge_data(
+    robot: Robot,
+    data: Measurements,
+    tolerance: float,
+    theory: Theory = "cosserat",
+    progress: Callable[[float], None] | None = None,
+) -> AgainstData:
+    """Compare all models with measurements.
+
+    Parameters
+    ----------
+    robot : Robot
+        As the file has it; what it gets wrong is what calibration finds.
+    data : Measurements
+        Checked by `check_measurements`.
+    tolerance : float
+        Tolerated error, a share of the length.
+    theory : {"cosserat", "kirchhoff"}
+    progress : callable, optional
+        Is told the share that is done.
+
+    Returns
+    -------
+    AgainstData
+
+    Raises
+    ------
+    InputError
+        If the data cannot be judged.
+    """
+    tell = progress or (lambda share: None)
+    check_measurements(robot, data)
+    loads = _loads(data)
+    notes: list[str] = []
+    calibration: StudyCalibration | None = None
+    try:
+        calibration = study_calibration.calibrate(robot, data, theory)
+        notes += calibration.notes
+        if data.left_out and calibration.robot.has_friction:
+            rows = "a row was" if data.left_out == 1 else f"{data.left_out} rows were"
+            notes.append(
+                f"With friction the rows are one path, and {rows} left out of it: the rod's answer "
+                "after these may be far off. Mend them, or leave their tip alone blank."
+            )
+        if not calibration.fit.converged:
+            notes.append(f"The calibration did not settle. {calibration.fit.message}")
+    except BowstringError as error:
+        notes.append(f"The rod is not calibrated: {str(error).rstrip('.')}.")
+    tell(0.5)
+
+    points, lengths_of, why = _points(robot, data, theory, calibration)
+    notes += why
+    if not points:
+        raise InputError(f"{data.name}: no model has an answer to these commands. {' '.join(why)}")
+    own = {}
+    for name, found in points.items():
+        frame = _own_frame(data, found)
+        if frame is not None:
+            own[name] = frame
+    if calibration is not None:
+        frame_by, frame = "rod_calibrated", calibration.frame
+        own["rod_calibrated"] = frame
+    else:
+        frame_by = next((n for n in ("rod", "cc_from_lengths", *points) if n in own), "")
+        frame = own.get(frame_by, Rigid.identity())
+        notes.append(
+            f"The base frame for all models is the one that suits {DATA_MODELS[frame_by]} best."
+            if frame_by
+            else "No model gives a base frame: nothing is registered."
+        )
+    tell(0.6)
+
+    without = [DATA_MODELS[name] for name in points if name not in own]
+    if without:
+        notes.append(f"No base frame of its own was found for: {listed(without)}.")
+
+    gains: dict[str, float] = {}
+    raw: Array | None = None
+    try:
+        calibrated = study_calibration.calibrate_arc(robot, data)
+        problem = _is_worse(calibrated, points, own, data)
+        if problem:
+            notes.append(f"Calibrated constant curvature is left out: {problem}.")
+        else:
+            gains, own["cc_calibrated"] = calibrated.gains, calibrated.frame
+            # written in the one base frame for all; its distance to the data stays its own
+            points["cc_calibrated"] = frame.apply(
+                calibrated.frame.inverse().apply(calibrated.point)
+            )
+            raw = study_calibration.calibrate_arc(robot, data, Rigid.identity()).point
+    except BowstringError as error:
+        of = " that is not registered" if "cc_calibrated" in points else ""
+        notes.append(f"Calibrated constant curvature{of} is left out: {str(error).rstrip('.')}.")
+    tell(0.7)
+
+    measured = data.tip
+    made: list[DataComparison] = []
+
+    def add(name: str, kind: Frame, model: Array, place: Rigid) -> None:
+        difference = model - place.apply(measured)
+        made.append(DataComparison(name, "measurement", robot.length, model, difference, kind))
+
+    for name in DATA_MODELS:
+        if name not in points:
+            continue
+        add(name, "calibrated", points[name], frame)
+        if name != "cc_calibrated":
+            add(name, "as_measured", points[name], Rigid.identity())
+        elif raw is not None:
+            add(name, "as_measured", raw, Rigid.identity())
+        if name == "cc_calibrated":
+            add(name, "own", calibrated.point, calibrated.frame)
+        elif name in own:
+            add(name, "own", points[name], own[name])
+    intervals = bootstrap([c.difference for c in made], loads.resampled[0])
+    comparisons = tuple(replace(c, intervals=i) for c, i in zip(made, intervals, strict=True))
+    tell(0.8)
+
+    plain, effects = math.nan, tuple[Effect, ...]()
+    residuals = expected = None
+    if calibration is not None:
+        plain, effects = _decomposition(robot, data, theory, calibration, loads)
+        residuals = noise_test(
+            calibration.point - calibration.frame.apply(measured),
+            loads.run,
+            loads.cell,
+            len(calibration.fit.estimates),
+            data.sigma,
+            line=data.line,
+            other_load=calibration.other_load,
+        )
+        used, unit = calibration.fit.used, loads.resampled[0]
+        if np.isfinite(calibration.fit.residuals[used]).all():
+            expected = refitted(calibration.fit.residuals[used], calibration.fit.linear, unit[used])
+    tell(1.0)
+    out = AgainstData(
+        data=data,
+        loads=loads,
+        frame=frame,
+        frame_by=frame_by,
+        point=frame.apply(measured),
+        comparisons=comparisons,
+        own_frames=own,
+        gains=gains,
+        lengths_of=lengths_of,
+        calibration=calibration,
+        plain=plain,
+        effects=effects,
+        residuals=residuals,
+        expected=expected,
+        notes=(*_notes(data, loads, calibration), *notes),
+    )
+    return replace(out, text=_in_words(out, tolerance, check_tendons(robot, data)))
+
+
+def _points(
+    robot: Robot, data: Measurements, theory: Theory, calibration: StudyCalibration | None
+) -> tuple[dict[str, Array], str, list[str]]:
+    """The measured point (K, 3) by each model but calibrated CC, m, base frame.
+
+    Also whose tendon lengths were taken, and why what is missing is missing.
+    """
+    why = []
+    out: dict[str, Array] = {}
+    file = study_calibration.predicted(robot, data, theory)
+    sweeps = [(file, "the rod as the robot file has it")]
+    if np.any(file.converged):
+        out["rod"] = file.tip_position + file.tip_rotation @ data.tool
+    else:
+        why.append("The rod as the robot file has it has no equilibrium at any row.")
+    if calibration is not None:
+        out["rod_calibrated"] = calibration.point
+        best = study_calibration.predicted(calibration.robot, data, theory, calibration.gain)
+        sweeps.insert(0, (best, "the calibrated rod"))
+    lengths_of = "measurement"
+    if not np.isnan(data.pulls).any():
+        tendons = robot.tendons
+        lengths = robot.disks.station_m[tendons.end_disk] - data.pulls
+    else:
+        sweep, name = sweeps[0]
+        lengths = sweep.tendon_lengths
+        lengths_of = "rod" if calibration is None else "rod_calibrated"
+        why.append(
+            "Tendon lengths were not measured: constant curvature from lengths gets those that "
+            f"{name} has at the same commands."
+        )
+    for name, correction in (("cc_from_lengths", None), ("cc_from_lengths_chord", "chord")):
+
+        def by_lengths(rows: Array, correction: Any = correction) -> arcs.RobotArcs:
+            return arcs.robot_fk(robot, rows, correction)
+
+        out |= _by_arcs(name, by_lengths, lengths, data, why)
+    if np.isnan(data.tensions).any():
+        why.append(
+            "The tendons are not driven by known tensions: constant curvature from force has "
+            "nothing to start from."
+        )
+    else:
+        for name, law in (("cc_from_force", "linear"), ("cc_from_force_arm", "arm")):
+
+            def by_force(rows: Array, law: Any = law) -> arcs.RobotArcs:
+                return arcs.robot_from_tensions(robot, rows, law=law)
+
+            out |= _by_arcs(name, by_force, data.tensions, data, why)
+    for name, found in out.items():
+        gaps = int((~np.isfinite(found).all(axis=1) & data.seen).sum())
+        if gaps:
+            why.append(
+                f"{DATA_MODELS[name]} has no answer to {gaps} of {int(data.seen.sum())} rows; its "
+                "numbers are over the others."
+            )
+    return out, lengths_of, why
+
+
+def _is_worse(
+    calibrated: ArcCalibration,
+    points: dict[str, Array],
+    own: dict[str, Rigid],
+    data: Measurements,
+) -> str:
+    """Why calibrated constant curvature is not shown: it must not lose to the same uncalibrated."""
+    if not calibrated.converged:
+        return f"its fit did not settle. {calibrated.message.rstrip('.')}"
+    name = "cc_from_force" if "cc_from_force" in points else "cc_from_lengths"
+    if name not in own:
+        return ""
+    sizes = [
+        np.linalg.norm(point - frame.apply(data.tip), axis=1)
+        for point, frame in (
+            (calibrated.point, calibrated.frame),
+            (points[name], own[name]),
+        )
+    ]
+    known = np.all(np.isfinite(sizes), axis=0)
+    if not known.any():
+        return ""
+    mine, plain = (
+        (float(np.mean(s[known])), float(np.sqrt(np.mean(s[known] ** 2)))) for s in sizes
+    )
+    if mine[0] <= _AS_GOOD * plain[0] or mine[1] <= _AS_GOOD * plain[1]:
+        return ""
+    return (
+        f"its fit ended at a mean error of {in_mm(mine[0])}, more than the {in_mm(plain[0])} "
+        "without calibration"
+    )
+
+
+def _by_arcs(
+    name: str,
+    function: Callable[[Array], arcs.RobotArcs],
+    values: Array,
+    data: Measurements,
+    why: list[str],
+) -> dict[str, Array]:
+    """The measured point by arcs, of all rows at once, or one by one where some have none."""
+    out = np.full((len(values), 3), math.nan)
+    good = np.flatnonzero(np.isfinite(values).all(axis=1))
+    reason = ""
+
+    def points(rows: Any) -> Array:
+        tip = function(values[rows]).tip
+        return np.asarray(tip.position + tip.rotation @ data.tool)
+
+    try:
+        out[good] = points(good)
+    except BowstringError:
+        for i in good:
+            try:
+                out[i] = points([i])[0]
+            except BowstringError as error:
+                reason = str(error)
+    if np.isfinite(out).any():
+        return {name: out}
+    why.append(f"{DATA_MODELS[name]} is left out: {reason.rstrip('.') or 'it has no arcs'}.")
+    return {}
+
+
+def _own_frame(data: Measurements, points: Array) -> Rigid | None:
+    """The base frame that suits a model best; None where the rows that it has do not give one."""
+    good = np.isfinite(points).all(axis=1) & data.seen
+    try:
+        return fit_model(data.tip[good], points[good]).frame
+    except BowstringError:
+        return None
+
+
+# -- what explains the error -------------------------------------------------------------------
+
+
+def _decomposition(
+    robot: Robot, data: Measurements, theory: Theory, calibration: StudyCalibration, loads: Loads
+) -> tuple[float, tuple[Effect, ...]]:
+    """What registration, gravity, friction, stiffness (or gain) explain of the rod's error.
+
+    Registration comes first: beside a frame that is far off, what any other effect adds to the
+    distance depends on where that frame happens to stand.
+    """
+    full = calibration.robot
+    stiff = [s.backbone.E for s in full.segments] != [s.backbone.E for s in robot.segments]
+    effects = [
+        ("registration", "registration", True),
+        ("gravity", "gravity", any(full.gravity)),
+        ("friction", "friction at the holes", full.has_friction),
+        ("stiffness", "stiffness as calibrated", stiff),
+        ("gain", "gain of the commands", calibration.gain != 1.0),
+    ]
+    names = [name for name, _, acts in effects if acts]
+    labels = {name: label for name, label, _ in effects}
+
+    def difference(on: frozenset[str]) -> Array:
+        made = full
+        if "gravity" not in on:
+            made = made.with_({"gravity": [0.0, 0.0, 0.0]})
+        if "friction" not in on:
+            made = with_tendons(made, {"friction": 0.0})
+        if "stiffness" not in on and stiff:
+            made = made.with_(
+                {f"segments.{k}.backbone.E": s.backbone.E for k, s in enumerate(robot.segments)}
+            )
+        gain = calibration.gain if "gain" in on else 1.0
+        sweep = study_calibration.predicted(made, data, theory, gain)
+        point = sweep.tip_position + sweep.tip_rotation @ data.tool
+        frame = calibration.frame if "registration" in on else Rigid.identity()
+        return np.asarray(point - frame.apply(data.tip))
+
+    everything = frozenset(names)
+    steps = [frozenset(names[:i]) for i in range(len(names) + 1)]
+    without = [everything - {name} for name in names]
+    sets = list(dict.fromkeys([*steps, *without]))
+    differences = [difference(on) for on in sets]
+    # a change of the mean is over the rows that both have
+    known = np.all([np.isfinite(d).all(axis=1) for d in differences], axis=0)
+    if not known.any():
+        return math.nan, ()
+    for d in differences:
+        d[~known] = np.nan
+    found = dict(zip(sets, bootstrap(differences, loads.resampled[0]), strict=True))
+    means = {
+        on: float(np.mean(np.linalg.norm(d[known], axis=1)))
+        for on, d in zip(sets, differences, strict=True)
+    }
+    tails = [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL]
+
+    def interval(more: frozenset[str], less: frozenset[str]) -> Array:
+        change = found[less].means - found[more].means
+        return np.asarray(np.quantile(change[np.isfinite(change)], tails))
+
+    out = tuple(
+        Effect(
+            name=name,
+            label=labels[name],
+            added=means[steps[i + 1]],
+            explains=means[steps[i]] - means[steps[i + 1]],
+            explains_interval=interval(steps[i + 1], steps[i]),
+            without=means[without[i]],
+            costs=means[without[i]] - means[everything],
+            costs_interval=interval(everything, without[i]),
+        )
+        for i, name in enumerate(names)
+    )
+    return means[steps[0]], out
+
+
+# -- in words ----------------------------------------------------------------------------------
+
+
+def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple[str, ...]:
+    data, loads = found.data, found.loads
+    repeats = len(np.unique(loads.run))
+    ways = "loading and unloading" if not loads.loading.all() else "loading only"
+    if not loads.single:
+        ways = "several commands change"
+    left = f" {data.left_out} rows of the table are left out." if data.left_out else ""
+    if data.without_tip:
+        left += (
+            f" {data.without_tip} of the rows have no measured tip; they lead the path, and count "
+            "in no number."
+        )
+    out = [
+        f"{data.source.capitalize()} data, {data.name}: {len(data)} rows at {loads.count} loads, "
+        f"{ways}{f', {repeats} runs' if repeats > 1 else ''}.{left}"
+    ]
+    for name in ("cc_from_force", "cc_from_lengths", "cc_calibrated"):
+        if name in found.models:
+            out.append(_sentence(found, name, tolerance))
+    out.append(_of_the_rod(found))
+    if order.found in ("turned", "unclear"):  # what a fitted base frame would take up in silence
+        out.append(order.sentence)
+    if found.effects:
+        parts = [
+            f"{e.name} {'lowers' if e.explains >= 0 else 'raises'} it by {in_mm(abs(e.explains))}"
+            for e in found.effects
+        ]
+        worth = max(found.effects, key=lambda e: e.costs)
+        out.append(
+            "What explains the rod's error, switched on one after another: without any of them it "
+            f"is {in_mm(found.plain)} in the mean; {listed(parts)}; "
+            f"{in_mm(found.effects[-1].added)} is left. Of what is left out alone of the "
+            f"calibrated rod, {worth.name} costs most, {in_mm(worth.costs)}."
+        )
+    if found.residuals is not None:
+        out.append(found.residuals.text)
+    return tuple(out)
+
+
+_SUBJECT: Final = {
+    "cc_from_force": "Constant curvature from force",
+    "cc_from_lengths": "Constant curvature from lengths",
+    "cc_calibrated": "Constant curvature calibrated to these data",
+}
+
+
+def _mean(c: DataComparison) -> str:
+    if c.intervals is None or c.n == 0:
+        return in_mm(c.mean)
+    low, high = (significant(x * 1e3) for x in c.intervals.mean)
+    return f"{in_mm(c.mean)} [{low}, {high}]"
+
+
+def _over(c: DataComparison, found: AgainstData) -> str:
+    """Said where a model has no answer to some rows, for its mean is then not of the table."""
+    rows = int(found.data.seen.sum())
+    return f" over {c.n} of {rows} rows" if c.n < rows else ""
+
+
+def _sentence(found: AgainstData, name: str, tolerance: float) -> str:
+    registered = found.comparison(name)
+    subject = _SUBJECT[name]
+    own = name == "cc_calibrated"
+    if own and found.gains:
+        gains = ", ".join(significant(g, 4) for g in found.gains.values())
+        subject += f" (gain {gains}, with a base frame of its own)"
+    elif name == "cc_from_lengths" and found.lengths_of != "measurement":
+        rod = "the calibrated rod" if found.lengths_of == "rod_calibrated" else "the rod"
+        subject += f" (those of {rod}, for none were measured)"
+    out = (
+        f"{subject} is off by {_mean(registered)} in the mean{_over(registered, found)}, "
+        f"{in_percent(registered.mean / registered.length)} of length, and by up to "
+        f"{in_mm(registered.maximum)}"
+    )
+    if found.has(name, "as_measured"):
+        again = " (its gain fitted so)" if own else ""
+        out += f"; not registered{again} by {_mean(found.comparison(name, 'as_measured'))}"
+    if name in found.own_frames and not own:
+        out += f", in the base frame that suits it best by {_mean(found.comparison(name, 'own'))}"
+    share = registered.mean / registered.length
+    beyond = "beyond" if share > tolerance else "within"
+    return f"{out}. In the mean that is {beyond} the tolerance of {in_percent(tolerance)}."
+
+
+def _of_the_rod(found: AgainstData) -> str:
+    out = []
+    for name, what in (("rod", "as the robot file has it"), ("rod_calibrated", "calibrated")):
+        if name in found.models:
+            registered, raw = found.comparison(name), found.comparison(name, "as_measured")
+            what += _over(registered, found)
+            out.append(f"{_mean(registered)} {what} (not registered {_mean(raw)})")
+    if not out:
+        return "Physics has no answer to these commands."
+    text = f"Physics, the rod, is off by {' and by '.join(out)} in the mean."
+    if found.expected is not None:
+        low, high = (significant(x * 1e3) for x in found.expected.interval)
+        text += (
+            f" Calibrated, it is expected to be off by {in_mm(found.expected.mean)} [{low}, {high}]"
+            " at rows of this kind that it was not fitted to."
+        )
+    if found.calibration is not None:
+        estimates = [e for e in found.calibration.fit.estimates if "base." not in e.name]
+        text += (
+            f" Calibrated are {listed([_said(e) for e in estimates])}; the base is turned by "
+            f"{significant(_turn(found.frame))} deg against the measuring frame."
+        )
+    return text
+
+
+def _said(estimate: Estimate) -> str:
+    """A parameter as people call it, with its standard error."""
+    path, _, leaf = estimate.name.rpartition(".")
+    if path == "gravity":
+        name = f"gravity along {'xyz'[int(leaf)]}"
+    else:
+        name = {"E": "Young's modulus", "gain": "gain of the commands"}.get(leaf, leaf)
+        segment = path.split(".")[1] if path.startswith("segments.") else "*"
+        if segment.isdecimal():
+            name += f" of segment {int(segment) + 1}"
+    unit = f" {estimate.unit}" if estimate.unit else ""
+    if estimate.at_limit:
+        return f"{name} {significant(round(estimate.value, 9), 4)}{unit} (its limit)"
+    if not math.isfinite(estimate.standard_error):
+        return f"{name} {significant(estimate.value, 4)}{unit} (not determined)"
+    return f"{name} {with_error(estimate.value, estimate.standard_error)}{unit}"
+
+
+def _notes(
+    data: Measurements, loads: Loads, calibration: StudyCalibration | None
+) -> tuple[str, ...]:
+    out = [
+        {
+            "measured": "The data count as measured: their table says so, or says nothing.",
+            "synthetic": "The data are synthetic: made by simulation, nothing was measured.",
+            "computed": "The data are computed by another program, nothing was measured.",
+        }[data.source],
+        "Registered means: one base frame for all models, "
+        + ("that of the calibrated rod" if calibration else "said below")
+        + ". Calibrated constant curvature keeps the base frame that was fitted together with its "
+        "gain. Each model is also shown in the base frame that suits it best, which mends what a "
+        "rigid motion can mend of its own errors, and not registered. The frame that suits best "
+        "has the least sum of squares; the mean error in it can be larger than in another.",
+        f"Intervals are bootstrap intervals at 95 % ({RESAMPLES} resamples). What is resampled is "
+        f"the {loads.resampled[1]}; the same resamples for all models. "
+        "Calibration and registration are held meanwhile, but in what is expected of the "
+        "calibrated rod at other rows: there each resample is fitted anew, by derivatives.",
+    ]
+    if calibration is not None:
+        out.append(
+            "The calibrated models are judged on the rows that they were fitted to; nothing was "
+            "held out. What is expected of the rod at other rows takes that into account."
+        )
+        out.append(
+            "Effects of the decomposition interact: what one explains depends on those before it, "
+            "and leaving one out alone, nothing refitted, need not cost the same."
+        )
+    if data.tool.any():
+        tool = ", ".join(f"{1e3 * x:g}" for x in data.tool)
+        out.append(f"Errors are those of the measured point, ({tool}) mm from the tip in its axes.")
+    return tuple(out)

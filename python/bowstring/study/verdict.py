@@ -1,0 +1,411 @@
+"""The verdict: where constant curvature stops holding at a stated tolerance, and why, in words.
+
+Crossings of the tolerance are searched on a fine sweep and bisected. What is to blame is asked of
+the physics: each effect that acts in the main sweep is taken out alone at the load in question.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.data.tip_errors import Comparison, known_max
+from bowstring.display import short_repr
+from bowstring.formatting import in_mm, in_newtons, in_percent, listed, significant
+from bowstring.study.comparison import MEANINGS, Case, Model, Physics
+from bowstring.study.error_budget import Budget
+
+__all__ = ["Meaning", "Share", "Verdict", "judge"]
+
+Array = NDArray[np.float64]
+
+_FINE_POINTS: Final = 401  # of the sweep that the verdict searches; crossings are bisected
+_BISECTIONS: Final = 40
+_WORTH_NAMING: Final = 0.1  # share of the error below which no effect is called its cause
+
+
+# -- what is computed --------------------------------------------------------------------------
+
+
+@short_repr
+@dataclass(frozen=True)
+class Share:
+    """What one effect has in constant curvature's error at one load of the main sweep."""
+
+    effect: str
+    label: str
+    error_without: float
+    """Error with this effect removed and nothing else changed, m."""
+    share: float
+    """(error - error_without) / error; shares interact and need not add up to one."""
+
+
+@short_repr
+@dataclass(frozen=True)
+class Meaning:
+    """The verdict on one meaning of constant curvature."""
+
+    name: str
+    holds_throughout: bool
+    holds_to: float | None
+    """First crossing of the tolerance, or the last load solved, N; None if it never holds."""
+    fails: tuple[tuple[float, float], ...]
+    """Every range of tension in which the error is above the tolerance, N."""
+    undecided: tuple[tuple[float, float], ...]
+    """Ranges of tension without physics or without an arc, N."""
+    error_at_end: float
+    max_error: float
+    max_at: float
+    blamed_at: float
+    """Tension at which the shares are taken: the first crossing, else that of the largest error."""
+    shares: tuple[Share, ...]
+    """Largest first; empty if physics and constant curvature agree there."""
+    text: str
+
+    @property
+    def ended_by(self) -> Share | None:
+        """The effect with the largest share, if that is large enough to be called the cause."""
+        largest = self.shares[:1]
+        return largest[0] if largest and largest[0].share >= _WORTH_NAMING else None
+
+
+@short_repr
+@dataclass(frozen=True)
+class Verdict:
+    """The answer in plain words, and the numbers it is made of."""
+
+    tolerance: float
+    tolerance_length: float
+    meanings: tuple[Meaning, ...]
+    fine_tension: Array
+    fine_error: dict[str, Array]
+    """Errors on the fine sweep that was searched, m."""
+    text: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The verdict in mm, N and percent."""
+        return {
+            "tolerance_percent": self.tolerance * 100.0,
+            "tolerance_mm": self.tolerance_length * 1e3,
+            "text": list(self.text),
+            "meanings": [
+                {
+                    "name": m.name,
+                    "holds_throughout": m.holds_throughout,
+                    "holds_to_N": m.holds_to,
+                    "fails_N": [list(r) for r in m.fails],
+                    "undecided_N": [list(r) for r in m.undecided],
+                    "max_error_mm": m.max_error * 1e3,
+                    "max_error_at_N": m.max_at,
+                    "ended_by": m.ended_by.effect if m.ended_by and m.fails else None,
+                    "shares_at_N": m.blamed_at,
+                    "shares": [
+                        {
+                            "effect": s.effect,
+                            "label": s.label,
+                            "error_without_mm": s.error_without * 1e3,
+                            "share_percent": s.share * 100.0,
+                        }
+                        for s in m.shares
+                    ],
+                    "text": m.text,
+                }
+                for m in self.meanings
+            ],
+        }
+
+
+# -- running it --------------------------------------------------------------------------------
+
+
+def judge(
+    model: Model,
+    tolerance: float,
+    max_tension: float,
+    comparisons: dict[str, Comparison],
+    budget: Budget,
+) -> Verdict:
+    """Where constant curvature holds at a tolerance, what ends it, and what else would.
+
+    Parameters
+    ----------
+    model : Model
+    tolerance : float
+        Tolerated tip error as a share of the robot's length.
+    max_tension : float
+        End of the sweep, N. It is searched more finely than the study's own sweep.
+    comparisons : dict
+        Of the study, by name; the sentence on the corrections speaks of their means.
+    budget : Budget
+        The sentence on what the sweep leaves out speaks of its rows.
+
+    Returns
+    -------
+    Verdict
+    """
+    fine = np.linspace(0.0, max_tension, _FINE_POINTS)
+    case_tension = np.linspace(0.0, max_tension, len(budget.sweep.tip_position))
+    case = model.case(model.main, fine)
+    meanings = tuple(_meaning(model, name, case, fine, tolerance) for name in MEANINGS)
+    return Verdict(
+        tolerance=tolerance,
+        tolerance_length=tolerance * model.length,
+        meanings=meanings,
+        fine_tension=fine,
+        fine_error={name: case.error(name) for name in MEANINGS},
+        text=(
+            *(m.text for m in meanings),
+            *_on_corrections(comparisons),
+            *_on_left_out(budget),
+            *budget.drive.text,
+            *_on_friction(budget, case_tension, tolerance, model.length),
+        ),
+    )
+
+
+def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: float) -> Meaning:
+    limit = tolerance * model.length
+    error = case.error(name)
+    known = np.isfinite(error)
+    above = known & (np.nan_to_num(error) > limit)
+
+    def error_at(value: float, physics: Physics = model.main) -> float:
+        return float(model.case(physics, np.array([value])).error(name)[0])
+
+    def crossing(i: int, j: int) -> float:
+        """Between the loads i (not above) and j (above), which are neighbours."""
+        low, high = float(tension[i]), float(tension[j])
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            value = error_at(middle)
+            if not math.isfinite(value):
+                break
+            low, high = (low, middle) if value > limit else (middle, high)
+        return high
+
+    fails = []
+    for i, j in _runs(above):
+        start = crossing(i - 1, i) if i > 0 and known[i - 1] else float(tension[i])
+        more = j + 1 < len(tension) and known[j + 1]
+        fails.append((start, crossing(j + 1, j) if more else float(tension[j])))
+    undecided = tuple((float(tension[i]), float(tension[j])) for i, j in _runs(~known))
+
+    holds_to: float | None = None
+    if known[0] and not above[0]:
+        gaps = [a for a, _ in fails] + [float(tension[i - 1]) for i, _ in _runs(~known) if i]
+        holds_to = min([*gaps, float(tension[-1])])
+    peak = int(np.argmax(np.where(known, error, -1.0)))
+    blamed_at = fails[0][0] if fails else float(tension[peak])
+    shares: tuple[Share, ...] = ()
+    if np.any(known):
+        shares = _shares(model, error_at, blamed_at, 1e-9 * model.length)
+    meaning = Meaning(
+        name=name,
+        holds_throughout=not fails and not undecided,
+        holds_to=holds_to,
+        fails=tuple(fails),
+        undecided=undecided,
+        error_at_end=float(error[-1]),
+        max_error=known_max(error),
+        max_at=float(tension[peak]),
+        blamed_at=blamed_at,
+        shares=shares,
+        text="",
+    )
+    solved = np.all(np.isfinite(case.tip_position), axis=-1)
+    reasons = (
+        (~known & ~solved, "no stable equilibrium was found"),
+        (~known & solved, "constant curvature has no arc there"),
+    )
+    without = []
+    for where, why in reasons:
+        if ranges := [in_newtons(float(tension[i]), float(tension[j])) for i, j in _runs(where)]:
+            without.append(f"{listed(ranges)} ({why})")
+    return replace(meaning, text=_in_words(meaning, tolerance, model.length, tension[-1], without))
+
+
+def _shares(
+    model: Model, error_at: Callable[[float, Physics], float], tension: float, nothing: float
+) -> tuple[Share, ...]:
+    """Remove each effect that acts in the main sweep, one at a time, at one load."""
+    whole = error_at(tension, model.main)
+    if not whole > nothing:
+        return ()
+    plain, robot = Physics(), model.robot
+    clamped = any(s.disks.clamped_length for s in robot.segments)
+    acting = {
+        "straight_spans": ("straight spans between the disks", "tendon", True),
+        "clamps": ("the backbone that the disks clamp", "clamped", clamped),
+        "shear_extension": ("shear and extension", "theory", model.main.theory == "cosserat"),
+        "torsion": ("torsion", "twist", True),
+        "gravity": ("gravity as in the file", "gravity", any(robot.gravity)),
+    }
+    out = []
+    for key, (label, name, acts) in acting.items():
+        if acts:
+            rest = error_at(tension, replace(model.main, **{name: getattr(plain, name)}))
+            if math.isfinite(rest):
+                out.append(Share(key, label, rest, (whole - rest) / whole))
+    return tuple(sorted(out, key=lambda s: -s.share))
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+# -- in words ----------------------------------------------------------------------------------
+
+
+def _in_words(
+    m: Meaning, tolerance: float, length: float, max_tension: float, without: Sequence[str]
+) -> str:
+    percent = f"{tolerance * 100:.3g} % of length ({in_mm(tolerance * length)})"
+    top = f"{max_tension:.4g} N"
+    source = {
+        "cc_from_lengths": "From tendon lengths (Eq. 5)",
+        "cc_from_force": "From force through the linear law",
+    }[m.name]
+    if not math.isfinite(m.max_error):
+        return (
+            f"{source}, constant curvature gives no tip at any load: it needs three tendons in "
+            "each segment and lengths that an arc can have."
+        )
+    largest = (
+        f"{in_mm(m.max_error)} ({in_percent(m.max_error / length)} of length) "
+        f"at {significant(m.max_at)} N"
+    )
+    if m.holds_throughout:
+        words = f"{source}, constant curvature holds to {percent} over the whole sweep to {top}"
+    elif not m.fails:
+        words = f"{source}, constant curvature holds to {percent} wherever it could be compared"
+    elif m.holds_to is None or m.holds_to == 0.0:
+        words = f"{source}, constant curvature is off by more than {percent} from the first load"
+    else:
+        words = f"{source}, constant curvature holds to {percent} up to {significant(m.holds_to)} N"
+    words += f"; its largest error is {largest}."
+    if m.fails:
+        ranges = listed([f"{significant(a)} to {significant(b)} N" for a, b in m.fails])
+        words += f" It does not hold from {ranges}."
+    if m.undecided:
+        words += f" No comparison is possible at {listed(without)}."
+    words += _blame(m)
+    return words
+
+
+def _blame(m: Meaning) -> str:
+    where = f"at {significant(m.blamed_at)} N"
+    if not m.shares:
+        return " Here the two agree."
+    worst = m.shares[0]
+    if worst.share <= 0.0:
+        return (
+            f" No effect of this sweep is to blame alone {where}: removing any one "
+            "of them leaves the error as large or larger."
+        )
+    if worst.share < _WORTH_NAMING:
+        return (
+            f" No single effect of this sweep explains it {where}: without {worst.label}, which "
+            f"has the largest share, the error would still be {in_mm(worst.error_without)}."
+        )
+    if m.fails:
+        verb = "What ends it"
+    else:
+        verb = "Most of that" if worst.share > 0.5 else "The largest part of that"
+    rest = f"without that alone the error {where} would be {in_mm(worst.error_without)}"
+    words = f" {verb}: {worst.label}; {rest}."
+    rivals = [s.label for s in m.shares[1:] if s.share > 0.5 * worst.share]
+    if rivals:
+        words += f" Nearly as much: {listed(rivals)} (effects interact, shares need not add up)."
+    return words
+
+
+def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
+    chord, arm = comparisons["cc_from_lengths_chord"], comparisons["cc_from_force_arm"]
+    plain, force = comparisons["cc_from_lengths"], comparisons["cc_from_force"]
+    parts = []
+    for what, source, before, after in (
+        ("chords instead of arcs", "from lengths", plain, chord),
+        ("the mean lever arm", "from force", force, arm),
+    ):
+        was, now = in_mm(before.mean), in_mm(after.mean)
+        if not math.isfinite(after.mean):
+            continue
+        if was == now:
+            parts.append(f"{what}, {source}: the mean error stays at {now}")
+        else:
+            change = "better" if after.mean < before.mean else "worse"
+            parts.append(f"{what}, {source}: {change}, mean error {now} instead of {was}")
+    return [f"Corrections in closed form: {'; '.join(parts)}."] if parts else []
+
+
+def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float) -> list[str]:
+    """Where the file's own friction, which the main sweep leaves out, breaks the tolerance."""
+    if budget.drive.friction_assumed:
+        return []
+    parts = []
+    for meaning, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
+        for way in ("loading", "unloading"):
+            error = budget.drive.row(f"friction_{way}").case.error(meaning)
+            if not np.isfinite(error).any():
+                continue
+            above = tension[np.nan_to_num(error) > tolerance * length]
+            where = "nowhere"
+            if above.size:
+                where = f"at {above.size} loads, {in_newtons(float(above[0]), float(above[-1]))}"
+            parts.append(f"{words}, {way}: {where}")
+    if not parts:
+        return []
+    calibrated = budget.drive.friction_is == "calibrated"
+    whose = "the calibrated one" if calibrated else "that of the file"
+    return [
+        f"The ranges above are without friction. With {whose}, {budget.drive.friction:.4g}, "
+        f"the error is above {tolerance * 100:.3g} % of length at these of the sweep's "
+        f"{len(tension)} loads: {'; '.join(parts)}."
+    ]
+
+
+def _on_left_out(budget: Budget) -> list[str]:
+    """Which effect that the main sweep lacks would cost most, as the error budget has it."""
+    found: dict[str, list[str]] = {}
+    partly = []
+    gravity = any(budget.sweep.physics.gravity)
+    for meaning, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
+        needed = int(np.isfinite(budget.sweep.error(meaning)).sum())
+        rows, missing = [], []
+        for row in budget.rows:
+            # of a robot that hangs or stands, gravity in other orientations is not left out
+            if row.acts_in_sweep or (gravity and row.effect.startswith("gravity")):
+                continue
+            contribution = budget.contribution(row, "in_sweep", meaning)
+            if contribution.n < needed or needed == 0:
+                missing.append(row.label)
+            else:
+                rows.append((contribution.mean, contribution.with_effect, row.label))
+        if rows:
+            more, mean, label = max(rows)
+            change = "raises the mean error" if more > 0.0 else "lowers the mean error"
+            parts = found.setdefault(label, [])
+            change = "" if parts and parts[0].startswith(change) else f"{change} "
+            parts.append(f"{change}{words} by {in_mm(abs(more))} to {in_mm(mean)}")
+        if missing:
+            partly.append(f"{words}: {'; '.join(missing)}")
+    if not found:
+        return []
+    text = (
+        "A real robot has effects that this sweep leaves out. Of those in the budget, each added "
+        f"alone to this sweep, the costliest {'is' if len(found) == 1 else 'are'} "
+        f"{listed([f'{label}, which {listed(parts)}' for label, parts in found.items()])}."
+    )
+    if partly:
+        text += (
+            " Not compared, because they have numbers at some of the loads only or at none: "
+            f"{' / '.join(partly)}."
+        )
+    return [text]

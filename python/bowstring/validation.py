@@ -1,0 +1,190 @@
+"""Checks of arguments: one sentence that names the argument, what it got and what it must be."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.errors import InputError
+
+__all__ = [
+    "check_choices",
+    "check_values",
+    "floats",
+    "is_whole",
+    "number",
+    "numbers",
+    "row",
+    "shown",
+    "vectors",
+    "with_options_of",
+]
+
+Floats = NDArray[np.float64]
+
+_LONGEST = 60  # letters of a value in a sentence
+
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def with_options_of(other: Callable[..., Any]) -> Callable[[Function], Function]:
+    """Show the keyword arguments of another function where one passes ``**options`` on to it.
+
+    A decorator; `inspect.signature` and `help` then say what the function takes.
+    """
+
+    def show(function: Function) -> Function:
+        own = inspect.signature(function)
+        kept = [p for p in own.parameters.values() if p.kind is not p.VAR_KEYWORD]
+        names = {p.name for p in kept}
+        passed = [
+            p
+            for p in inspect.signature(other).parameters.values()
+            if p.kind is p.KEYWORD_ONLY and p.name not in names
+        ]
+        setattr(function, "__signature__", own.replace(parameters=[*kept, *passed]))  # noqa: B010
+        return function
+
+    return show
+
+
+def shown(value: object) -> str:
+    """A value as Python writes it, on one line, and short."""
+    try:
+        text = " ".join(repr(value).split())
+    except ValueError:  # a whole number of thousands of digits
+        text = "a huge number"
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 4] + " ..."
+
+
+def floats(value: Any) -> Floats:
+    """A new array of numbers.
+
+    Raises
+    ------
+    TypeError
+        For what is none; text, booleans and complex numbers are none.
+    InputError
+        For more numbers than fit into memory.
+    """
+    if _has_truth(value):
+        raise TypeError("a boolean is no number")
+    try:
+        array = np.array(value)
+        if array.dtype.kind not in "iufO":
+            raise TypeError("not numbers")
+        return array.astype(float)
+    except (ValueError, OverflowError) as error:
+        raise TypeError(str(error)) from None
+    except MemoryError:
+        raise too_large(value) from None
+
+
+def too_large(value: Any) -> InputError:
+    """What to raise for more numbers than fit into memory."""
+    return InputError(
+        f"an array of shape {np.shape(value)} does not fit into memory; give fewer numbers at once"
+    )
+
+
+def _has_truth(value: Any) -> bool:
+    # an array has one type for all, which is looked at as such
+    if isinstance(value, (list, tuple)):
+        return any(map(_has_truth, value))
+    return isinstance(value, (bool, np.bool_))
+
+
+def number(name: str, value: Any, unit: str = "", *, zero: bool = False) -> float:
+    """A finite number above zero, or also zero."""
+    right = isinstance(value, (float, int, np.floating, np.integer)) and not _has_truth(value)
+    try:
+        found = float(value) if right else math.nan
+    except OverflowError:
+        found = math.inf
+    text = f"{found:g} {unit}".strip() if right else shown(value)
+    if not math.isfinite(found):
+        raise InputError(f"{name} is {text}, it must be a finite number")
+    if found < 0 or (found == 0 and not zero):
+        raise InputError(f"{name} is {text}, it must be {'zero or more' if zero else 'positive'}")
+    return found
+
+
+def is_whole(value: object) -> bool:
+    """Whether a value is a whole number."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+
+
+def row(name: str, value: Any, count: int, unit: str, or_else: str = "") -> Floats:
+    """Finite numbers (count,); `or_else` says what the value may be besides."""
+    if isinstance(value, np.ndarray) and value.shape != (count,):
+        raise InputError(f"{name} has shape {value.shape}, it must be ({count},), in {unit}")
+    try:
+        found = floats(value)
+    except TypeError:
+        raise InputError(
+            f"{name} is {shown(value)}, it must be {count} numbers in {unit}{or_else}"
+        ) from None
+    if found.shape != (count,):
+        raise InputError(f"{name} has shape {found.shape}, it must be ({count},), in {unit}")
+    check_values(name, found)
+    return found
+
+
+def numbers(name: str, value: Any, shape: tuple[int, ...], unit: str = "") -> Floats:
+    """A new array of finite numbers of this shape."""
+    try:
+        found = floats(value)
+    except TypeError:
+        raise InputError(f"{name} is {shown(value)}, it must be numbers of shape {shape}") from None
+    if found.shape != shape:
+        raise InputError(
+            f"{name} has shape {found.shape}, it must be {shape}" + (f", in {unit}" if unit else "")
+        )
+    if not np.isfinite(found).all():
+        raise InputError(f"{name} is {found.tolist()}, all must be finite numbers")
+    return found
+
+
+def vectors(name: str, value: Any) -> Floats:
+    """A new array of points (..., 3) in m, which may be NaN."""
+    try:
+        found = floats(value)
+    except TypeError:
+        raise InputError(f"{name} is {shown(value)}, it must be points (..., 3) in m") from None
+    if found.ndim == 0 or found.shape[-1] != 3:
+        raise InputError(f"{name} has shape {found.shape}, it must be points (..., 3) in m")
+    return found
+
+
+def check_values(name: str, row: Floats, when: str = "") -> None:
+    """Refuse what is not finite, and tensions that push."""
+    if not np.isfinite(row).all():
+        raise InputError(f"{name} is {row.tolist()}{when}, all must be finite numbers")
+    if "tensions" in name and (row < 0).any():
+        i = int(np.argmax(row < 0))
+        raise InputError(
+            f"tension of tendon {i + 1} is {row[i]:g} N{when}, a tendon can only pull: "
+            "give zero or more"
+        )
+
+
+def check_choices(
+    theory: object, tendon: object, twist: object, elements: object, *, automatic: bool = False
+) -> None:
+    """Refuse what is of the wrong type, or no number of elements: None where they are chosen."""
+    if not isinstance(theory, str):
+        raise InputError(f'theory is {shown(theory)}, it must be "cosserat" or "kirchhoff"')
+    if not isinstance(tendon, str):
+        raise InputError(f'tendon is {shown(tendon)}, it must be "straight" or "continuous"')
+    if not isinstance(twist, bool):
+        raise InputError(f"twist is {shown(twist)}, it must be True or False")
+    if automatic and elements is None:
+        return
+    if not is_whole(elements) or elements not in (1, 2, 4, 8):
+        raise InputError(f"elements is {shown(elements)}, it must be 1, 2, 4 or 8")

@@ -1,0 +1,1 @@
+"""Figures that several parts share, their style and colours, VTK, animation."""

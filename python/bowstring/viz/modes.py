@@ -1,0 +1,132 @@
+"""Mode shapes, from the side and from the front."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.robot.model import Robot
+from bowstring.viz.style import LIGHT, WIDTH
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from bowstring.dynamics.modal import Modes
+
+__all__ = ["draw_modes"]
+
+Array = NDArray[np.float64]
+
+_SWAY: Final = 0.12  # largest displacement of a mode as drawn, of the length
+_TURN: Final = {"bending": 0.6, "torsion": 1.2, "axial": 0.6}  # rad; largest rotation as drawn
+
+
+def draw_modes(modes: Modes) -> Iterator[tuple[str, Figure]]:
+    """Draw mode shapes one by one, from the side and from the front.
+
+    Parameters
+    ----------
+    modes : Modes
+
+    Yields
+    ------
+    stem : str
+        File name without ending, ``mode_01`` and so on.
+    figure : matplotlib.figure.Figure
+        Draw and save within `figure_style`.
+    """
+    for k in range(len(modes)):
+        yield f"mode_{k + 1:0{max(2, len(str(len(modes))))}d}", _mode(modes, k)
+
+
+def _mode(modes: Modes, k: int) -> Figure:
+    from matplotlib.figure import Figure
+
+    robot = modes.robot
+    shift, turn = modes.displacement[k], modes.rotation[k]
+    size = float(np.linalg.norm(shift, axis=1).max())
+    spin = float(np.linalg.norm(turn, axis=1).max())
+    scale = min(
+        _SWAY * robot.length / size if size > 0 else math.inf,
+        _TURN[modes.kind[k]] / spin if spin > 0 else math.inf,
+    )
+    rest = _shape(robot, modes.position, modes.orientation)
+    moved = _shape(
+        robot,
+        modes.position + scale * shift,
+        modes.orientation @ _rotations(scale * turn),
+    )
+    if modes.kind[k] == "torsion":
+        drawn = f"drawn with {math.degrees(scale * spin):.0f} deg at the largest rotation"
+    else:
+        drawn = f"drawn with {1e3 * scale * size:.3g} mm at the largest displacement"
+
+    figure = Figure(figsize=(WIDTH, 4.6), layout="constrained")
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    for axes, across, title in zip(panels, (0, 1), ("side", "front"), strict=True):
+        for lines, colour, dash, label in (
+            (rest, "muted", "--", "equilibrium"),
+            (moved, "blue", "-", "mode shape"),
+        ):
+            style: dict[str, Any] = {"color": LIGHT[colour], "linestyle": dash}
+            for path, width in lines:
+                axes.plot(path[:, across] * 1e3, path[:, 2] * 1e3, linewidth=width, **style)
+            axes.plot([], [], label=label, **style)
+        axes.set(aspect="equal", xlabel=f"{'xy'[across]} (mm)")
+        axes.set_title(title)
+        axes.locator_params(axis="x", nbins=4)
+    low, high = panels[0].get_xlim()
+    room = max(0.0, 0.5 * (400.0 * robot.length - (high - low)))  # a straight robot is narrow
+    panels[0].set(ylabel="z (mm)", xlim=(low - room, high + room))
+    figure.suptitle(
+        f"Mode {k + 1}: {modes.frequency_hz[k]:.5g} Hz, {modes.kind[k]}\n{drawn}",
+        fontsize=9.5,
+        x=0.02,
+        ha="left",
+    )
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
+    return figure
+
+
+def _shape(robot: Robot, position: Array, frames: Array) -> list[tuple[Array, float]]:
+    """Lines of a robot with their widths, m: backbone, rims of the disks, tendons."""
+    position = np.concatenate([np.zeros((1, 3)), position])
+    frames = np.concatenate([np.eye(3)[None], frames])
+    # a cubic between two disks, along their axes
+    s = np.linspace(0.0, 1.0, 9)[:, None]
+    backbone = []
+    for i in range(len(position) - 1):
+        a, b = position[i], position[i + 1]
+        chord = float(np.linalg.norm(b - a))
+        u, v = chord * frames[i, :, 2], chord * frames[i + 1, :, 2]
+        backbone.append(
+            (1 - s) ** 2 * (a * (1 + 2 * s) + u * s) + s**2 * (b * (3 - 2 * s) - v * (1 - s))
+        )
+    lines: list[tuple[Array, float]] = [(np.concatenate(backbone), 2.0)]
+    psi = np.linspace(0.0, math.tau, 33)
+    circle = np.stack([np.cos(psi), np.sin(psi), np.zeros_like(psi)], axis=-1)
+    every = max(1, len(position) // 60)
+    for i in range(len(position) - 1, 0, -every):
+        radius = float(robot.disks.radius_m[i - 1])
+        lines.append((position[i] + radius * circle @ frames[i].T, 0.8))
+    holes = np.column_stack([robot.tendons.hole_m, np.zeros(len(robot.tendons.hole_m))])
+    for hole, end in zip(holes, robot.tendons.end_disk, strict=True):
+        last = int(end) + 2
+        lines.append((position[:last] + frames[:last] @ hole, 0.8))
+    return lines
+
+
+def _rotations(vectors: Array) -> Array:
+    """Rotation matrices (N, 3, 3) of rotation vectors (N, 3), Rodrigues."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    x, y, z = vectors.T
+    none = np.zeros_like(x)
+    cross = np.stack([none, -z, y, z, none, -x, -y, x, none], axis=1).reshape(-1, 3, 3)
+    # sinc(t / pi) is sin(t) / t
+    once, twice = np.sinc(angle / math.pi), 0.5 * np.sinc(angle / math.tau) ** 2
+    result: Array = np.eye(3) + once * cross + twice * cross @ cross
+    return result

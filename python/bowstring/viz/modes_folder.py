@@ -1,0 +1,66 @@
+"""The folder that `bowstring modes --out` writes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bowstring.atomic_io import write_whole
+from bowstring.dynamics.modal import Modes
+from bowstring.processes import for_each
+from bowstring.viz.result_folder import check_folder, save_figure, write_listing
+from bowstring.viz.style import figure_style
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["write_modes"]
+
+Progress = Callable[[str, float], None]
+
+
+def write_modes(
+    modes: Modes, content: dict[str, Any], out: str | Path, *, progress: Progress | None = None
+) -> Path:
+    """Write pictures of mode shapes.
+
+    Parameters
+    ----------
+    modes : Modes
+    content : dict
+        Plain values for ``modes.json``, as ``bowstring modes --json`` prints.
+    out : str or Path
+        Folder; former modes in it are replaced whole, after success.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Path
+        The folder, absolute: modes.json and each mode as PNG, PDF and SVG.
+
+    Raises
+    ------
+    InputError
+        If the folder may not be written (see `check_folder`).
+    """
+    from bowstring.viz.modes import draw_modes
+
+    tell = progress or (lambda what, share: None)
+    folder = check_folder(out, "modes")
+
+    def fill(new: Path) -> None:
+        def save(drawing: tuple[str, Figure]) -> None:
+            stem, figure = drawing
+            save_figure(figure, new / stem)
+            figure.savefig(new / f"{stem}.svg", metadata={"Date": None, "Creator": "Bowstring"})
+
+        with figure_style():
+            made = list(draw_modes(modes))
+            for_each(made, save, tell=lambda share: tell("pictures", share))
+        write_listing(new / "modes.json", content)
+
+    write_whole(folder, "modes", fill, lambda: check_folder(folder, "modes"))
+    tell("done", 1.0)
+    return folder

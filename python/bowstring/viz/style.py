@@ -1,0 +1,148 @@
+"""The look of all figures, and what they share.
+
+Figures are narrow, so that their text stays readable on a phone. Colours are those of Okabe and
+Ito, which colour-blind readers tell apart; markers and line styles differ too. In SVG every colour
+becomes a CSS variable, so that the page that holds the figure can follow the reader's light or
+dark theme.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from bowstring.viz.colours import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "AXES",
+    "LIGHT",
+    "MARKS",
+    "TINY",
+    "WIDTH",
+    "figure_style",
+    "legend_above",
+    "save",
+    "subplots",
+    "svg",
+]
+
+LIGHT: Final = {name: light for name, (light, _) in COLOURS.items()}
+"""Colours of a light page by name."""
+WIDTH: Final = 4.6  # inches
+TINY: Final = 1e-6  # m; the floor of logarithmic axes
+AXES: Final = (("x", "blue", "o"), ("y", "green", "^"), ("z", "red", "s"))
+"""Name, colour and marker of each axis."""
+MARKS: Final = {
+    ".png": b"Software\0Bowstring",
+    ".pdf": b"/Creator (Bowstring)",
+    ".svg": b"<dc:title>Bowstring</dc:title>",
+}
+"""What `save` leaves in a file, by its suffix: it tells our files from those of others."""
+_ABOUT: Final[dict[str, dict[str, Any]]] = {
+    ".png": {"Software": "Bowstring"},
+    ".pdf": {"Creator": "Bowstring", "CreationDate": None},
+    ".svg": {"Creator": "Bowstring", "Date": None},
+}
+
+
+@contextmanager
+def figure_style() -> Iterator[None]:
+    """The look of all figures, for the time of a ``with`` block; also while they are saved."""
+    import matplotlib as mpl
+
+    ink, muted, grid = LIGHT["ink"], LIGHT["muted"], LIGHT["grid"]
+    with mpl.rc_context(
+        {
+            "font.size": 9.0,
+            "axes.titlesize": 9.5,
+            "axes.titlelocation": "left",
+            "axes.labelsize": 9.0,
+            "legend.fontsize": 8.5,
+            "legend.frameon": False,
+            "xtick.labelsize": 8.5,
+            "ytick.labelsize": 8.5,
+            "text.color": ink,
+            "axes.labelcolor": ink,
+            "axes.titlecolor": ink,
+            "axes.edgecolor": muted,
+            "xtick.color": muted,
+            "ytick.color": muted,
+            "xtick.labelcolor": ink,
+            "ytick.labelcolor": ink,
+            "grid.color": grid,
+            "grid.linewidth": 0.6,
+            "axes.grid": True,
+            "axes.axisbelow": True,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "lines.linewidth": 1.6,
+            "lines.markersize": 4.5,
+            "svg.fonttype": "none",
+            "svg.hashsalt": "bowstring",
+            "pdf.fonttype": 42,
+        }
+    ):
+        yield
+
+
+def save(figure: Figure, file: Path, dpi: float) -> None:
+    """Save a figure as PNG, PDF or SVG, by the suffix, without a date and with our mark."""
+    figure.savefig(file, dpi=dpi, metadata=_ABOUT[file.suffix.lower()])
+
+
+def svg(stem: str, figure: Figure) -> str:
+    """The figure as an SVG element for an HTML page.
+
+    Parameters
+    ----------
+    stem : str
+        Prefix of all ids, so that figures do not clash on one page.
+    figure : matplotlib.figure.Figure
+
+    Returns
+    -------
+    str
+        ``<svg ...>``, its colours as ``var(--ink, #1b1f24)`` and so on, no background.
+    """
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r'\bid="', f'id="{stem}-', text)
+    text = re.sub(r'href="#', f'href="#{stem}-', text)
+    text = re.sub(r"url\(#", f"url(#{stem}-", text)
+    for name, light in LIGHT.items():
+        text = text.replace(light, f"var(--{name}, {light})")
+    # matplotlib's default marker edge and text colours are black
+    text = re.sub(r"(stroke|fill): #000000", r"\1: var(--ink)", text)
+    return re.sub(r'<svg [^>]*viewBox="([^"]*)"[^>]*>', r'<svg viewBox="\1">', text, count=1)
+
+
+def subplots(rows: int, height: float, **options: Any) -> tuple[Figure, list[Axes]]:
+    """Panels below each other, `height` in inches in all."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    axes = figure.subplots(rows, 1, squeeze=False, **options)
+    return figure, list(axes[:, 0])
+
+
+def legend_above(axes: Axes, columns: int) -> None:
+    """Where it covers nothing."""
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.2,
+        handlelength=1.8,
+        columnspacing=1.2,
+    )

@@ -1,0 +1,373 @@
+"""A run for ParaView and other VTK readers: a series of .vtu files and the .pvd that lists them.
+
+Three parts at each output time: the backbone's surface, the disks and the tendons. Numbers are
+single precision: the files are for pictures, the run's file has the numbers.
+Names of data carry their unit; vectors are in the base frame, curvature is in body axes.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+import re
+import shutil
+import struct
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.atomic_io import (
+    check_place,
+    check_replaceable,
+    not_overwritten,
+    resolved,
+    write_whole,
+)
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot, check_robot
+from bowstring.statics.fields import Section, surface_stress
+from bowstring.validation import is_whole, shown
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Part", "Tendons", "check_folder", "write_series", "write_vtk"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Progress = Callable[[str, float], None]
+
+_PVD: Final = "run.pvd"
+_MARK: Final = "<!-- Bowstring:"  # in the .pvd, tells it from that of another program
+_POLY_LINE, _POLYGON, _QUAD = 4, 7, 9
+
+
+def check_folder(out: str | Path) -> Path:
+    """Say before any work whether a series may be written to a folder.
+
+    Parameters
+    ----------
+    out : str or Path
+        It need not exist. A former series in it will be replaced.
+
+    Returns
+    -------
+    Path
+        The same folder, absolute, links resolved.
+
+    Raises
+    ------
+    InputError
+        If it holds files that are not of a former series, or cannot be written.
+    """
+    folder = resolved(out, f"cannot write the VTK series to {out}")
+    why = f"cannot write the VTK series to {folder}"
+    try:
+        check_place(folder, why)
+        if not folder.exists():
+            return folder
+        if not folder.is_dir():
+            raise InputError(f"{why}: it is a file; name a folder")
+        present = {path.name for path in folder.iterdir()}
+        if not present:
+            check_replaceable(folder, why)
+            return folder
+        pvd = folder / _PVD
+        text = pvd.read_text("utf-8", errors="replace") if pvd.is_file() else ""
+        if text and _MARK not in text:
+            raise not_overwritten(why, _PVD)
+        listed = re.findall(r'file="([^"]*)"', text)
+        foreign = sorted(present - {_PVD, *listed})
+    except OSError as error:
+        raise InputError(f"{why}: {error.strerror}") from None
+    if foreign:
+        raise InputError(
+            f"{why}: it holds {foreign[0]}, which is not of a VTK series of Bowstring, and nothing "
+            "of yours is replaced; name a new or an empty folder"
+        )
+    check_replaceable(folder, why)
+    return folder
+
+
+def write_vtk(
+    robot: Robot,
+    data: xr.Dataset,
+    out: str | Path,
+    *,
+    angles: int = 24,
+    progress: Progress | None = None,
+) -> Path:
+    """Write a run as a VTK series, all of it or nothing.
+
+    Parameters
+    ----------
+    robot : Robot
+    data : xarray.Dataset
+        From `Run.dataset` or `bowstring.dynamics.run_file.read_run`; choose times by
+        ``data.isel(time=slice(None, None, 10))``.
+    out : str or Path
+        Folder; a former series in it is replaced after success.
+    angles : int
+        Points around the backbone.
+    progress : callable, optional
+        Is told what is being done and the share that is done, from 0 to 1.
+
+    Returns
+    -------
+    Path
+        The .pvd file, that ParaView opens. Backbone: ``von_mises_Pa`` and ``axial_stress_Pa`` at
+        each point of the surface, ``displacement_m`` from straight, ``curvature_per_m``. Disks:
+        ``displacement_m, velocity_m_per_s``. Tendons: ``tension_N``.
+
+    Raises
+    ------
+    InputError
+        If the folder may not be written, the drive is full or the data are not of this robot.
+    """
+    tell = progress or (lambda what, share: None)
+    if not is_whole(angles) or not 3 <= angles <= 1000:
+        raise InputError(f"angles is {shown(angles)}, it must be a whole number from 3 to 1000")
+    check_data(robot, data)
+    folder = check_folder(out)
+    parts = [_Backbone(robot, data, angles), _Disks(robot, data), Tendons(robot, data)]
+    return write_series(folder, parts, data, tell)
+
+
+def write_series(folder: Path, parts: Sequence[Part], data: xr.Dataset, tell: Progress) -> Path:
+    """Write parts at the times of ``data``; see `write_vtk`.
+
+    Parameters
+    ----------
+    folder : Path
+        As `check_folder` returns it.
+    parts : sequence of Part
+    data : xarray.Dataset
+        Has the times, and in its attributes where it comes from.
+    tell : callable
+    """
+    times = data["time"].to_numpy()
+
+    def fill(new: Path) -> None:
+        need = len(times) * sum(len(part.piece(0)) for part in parts)
+        free = shutil.disk_usage(new).free
+        if need > free:
+            raise InputError(
+                f"cannot write the VTK series to {folder}: it needs {need / 1e9:.2g} GB and the "
+                f"drive has {free / 1e9:.2g} GB free; choose fewer times"
+            )
+        rows = []
+        for i, time in enumerate(times):
+            tell("VTK series", i / len(times))
+            for k, part in enumerate(parts):
+                name = f"{part.name}_{i:05d}.vtu"
+                (new / name).write_text(part.piece(i), encoding="utf-8")
+                rows.append(
+                    f'<DataSet timestep="{float(time)!r}" part="{k}" name="{part.name}" '
+                    f'file="{name}"/>'
+                )
+        about = ", ".join(
+            f"{key}={quoteattr(str(data.attrs[key]))}"
+            for key in ("data_origin", "robot", "robot_hash", "bowstring_version")
+            if key in data.attrs
+        )
+        (new / _PVD).write_text(
+            '<?xml version="1.0"?>\n'
+            f"{_MARK} {about.replace('--', '- -')}; SI units, base frame -->"
+            '\n<VTKFile type="Collection" version="1.0">\n<Collection>\n'
+            + "\n".join(rows)
+            + "\n</Collection>\n</VTKFile>\n",
+            encoding="utf-8",
+        )
+
+    write_whole(folder, "VTK series", fill, lambda: check_folder(folder))
+    tell("VTK series", 1.0)
+    return folder / _PVD
+
+
+def check_data(robot: Robot, data: xr.Dataset) -> None:
+    """Raise `InputError` if ``data`` are no run, hold no output time or are of another robot."""
+    import xarray as xr
+
+    check_robot(robot)
+    if not isinstance(data, xr.Dataset):
+        raise InputError(
+            f"data is {shown(data)}, it must be a Dataset of a run: the run's `dataset`, or what "
+            "`read_run` returns"
+        )
+    if data.sizes.get("time", 0) == 0 or "position" not in data:
+        raise InputError("the run holds no output time; there is nothing to show")
+    if data.attrs.get("robot_hash") != robot.hash:
+        raise InputError(
+            f"the run is of another robot ({data.attrs.get('robot', 'unnamed')}) than {robot.name} "
+            "as given; their physics differ"
+        )
+
+
+# -- the parts ---------------------------------------------------------------------------------
+
+
+class Part:
+    """What is the same at all times of a part: its cells, and its points when straight."""
+
+    name: str
+
+    def __init__(self, cells: Iterable[Iterable[int]], kinds: list[int], straight: Floats) -> None:
+        rows = [list(cell) for cell in cells]
+        self.straight = straight
+        self._cells = (
+            f'<Piece NumberOfPoints="{len(straight)}" NumberOfCells="{len(rows)}">\n<Cells>\n'
+            + _array("connectivity", np.concatenate(rows).astype(np.int32))
+            + _array("offsets", np.cumsum([len(row) for row in rows], dtype=np.int32))
+            + _array("types", np.array(kinds, dtype=np.uint8))
+            + "</Cells>\n"
+        )
+
+    def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
+        """Points (p, 3) and data by point at output time number i."""
+        raise NotImplementedError
+
+    def piece(self, i: int) -> str:
+        """The .vtu file of output time number i."""
+        points, values = self.at(i)
+        data = "".join(_array(name, array.astype(np.float32)) for name, array in values.items())
+        order = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
+        return (
+            '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" '
+            f'byte_order="{order}" header_type="UInt64">\n<UnstructuredGrid>\n{self._cells}'
+            f"<Points>\n{_array('points', points.astype(np.float32))}</Points>\n"
+            f"<PointData>\n{data}</PointData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
+        )
+
+
+class _Backbone(Part):
+    name = "backbone"
+
+    def __init__(self, robot: Robot, data: xr.Dataset, angles: int) -> None:
+        station, module = data["arc_length"].to_numpy(), data["module"].to_numpy() - 1
+        sec = Section(robot, station, module)
+        psi = math.tau / angles * np.arange(angles)
+        self._cos, self._sin = np.cos(psi), np.sin(psi)
+        circle = np.stack([self._cos, self._sin, 0.0 * psi], axis=1)
+        self._arm = sec.radius[:, None, None] * circle  # (P, angles, 3), body axes
+        self._position = data["position"].to_numpy()
+        self._rotation = data["rotation"].to_numpy()
+        self._curvature = data["curvature"].to_numpy()
+        self._stress = surface_stress(sec, data["force"].to_numpy(), data["moment"].to_numpy())
+        # no faces between modules: there the stations coincide and the stress may jump
+        quads = [
+            (p * angles + j, p * angles + k, (p + 1) * angles + k, (p + 1) * angles + j)
+            for p in np.flatnonzero(np.diff(module) == 0).tolist()
+            for j, k in zip(range(angles), [*range(1, angles), 0], strict=True)
+        ]
+        if not quads:
+            raise InputError("a surface needs 2 stations or more in a module; the run has 1")
+        straight = self._arm + np.stack([0.0 * station, 0.0 * station, station], axis=1)[:, None]
+        super().__init__(quads, [_QUAD] * len(quads), straight.reshape(-1, 3))
+
+    def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
+        rotation, around = self._rotation[i], len(self._cos)
+        points = self._position[i][:, None] + np.einsum("pij,paj->pai", rotation, self._arm)
+        points = points.reshape(-1, 3)
+        sigma, tau = (
+            a[i][:, None] + b[i][:, None] * self._cos + c[i][:, None] * self._sin
+            for a, b, c in self._stress
+        )
+        return points, {
+            "von_mises_Pa": np.sqrt(sigma**2 + 3.0 * tau**2).ravel(),
+            "axial_stress_Pa": sigma.ravel(),
+            "displacement_m": points - self.straight,
+            "curvature_per_m": np.repeat(self._curvature[i], around, axis=0),
+        }
+
+
+class _Disks(Part):
+    name = "disks"
+
+    def __init__(self, robot: Robot, data: xr.Dataset) -> None:
+        disks, around = robot.disks, 48
+        psi = math.tau / around * np.arange(around)
+        circle = np.stack([np.cos(psi), np.sin(psi), 0.0 * psi], axis=1)
+        half = np.array([0.0, 0.0, 0.5]) * disks.thickness_m[:, None]
+        rim = disks.radius_m[:, None, None] * circle
+        self._arm = np.concatenate([rim - half[:, None], rim + half[:, None]], axis=1)
+        self._position = data["disk_position"].to_numpy()
+        self._rotation = data["disk_rotation"].to_numpy()
+        self._velocity = data["disk_velocity"].to_numpy()
+        self._spin = data["disk_angular_velocity"].to_numpy()
+        ring = list(range(around))
+        cells: list[list[int]] = []
+        kinds: list[int] = []
+        for d in range(len(disks.station_m)):
+            low, high = 2 * d * around, (2 * d + 1) * around
+            cells += [[low + j for j in reversed(ring)], [high + j for j in ring]]
+            cells += [
+                [low + j, low + k, high + k, high + j]
+                for j, k in zip(ring, [*ring[1:], 0], strict=True)
+            ]
+            kinds += [_POLYGON, _POLYGON] + [_QUAD] * around
+        base = np.stack([0 * disks.station_m, 0 * disks.station_m, disks.station_m], axis=1)
+        super().__init__(cells, kinds, (self._arm + base[:, None]).reshape(-1, 3))
+
+    def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
+        arm = np.einsum("dij,daj->dai", self._rotation[i], self._arm)
+        points = (self._position[i][:, None] + arm).reshape(-1, 3)
+        velocity = self._velocity[i][:, None] + np.cross(self._spin[i][:, None], arm)
+        return points, {
+            "displacement_m": points - self.straight,
+            "velocity_m_per_s": velocity.reshape(-1, 3),
+        }
+
+
+class Tendons(Part):
+    name = "tendons"
+
+    def __init__(self, robot: Robot, data: xr.Dataset) -> None:
+        self._holes = holes(robot, data)
+        self._tension = data["tension"].to_numpy()
+        self._counts = [len(path[0]) for path in self._holes]
+        starts = np.cumsum([0, *self._counts[:-1]]).tolist()
+        cells = [range(s, s + c) for s, c in zip(starts, self._counts, strict=True)]
+        super().__init__(cells, [_POLY_LINE] * len(cells), np.zeros((sum(self._counts), 3)))
+
+    def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
+        points = np.concatenate([path[i] for path in self._holes])
+        return points, {"tension_N": np.repeat(self._tension[i], self._counts)}
+
+
+def holes(robot: Robot, data: xr.Dataset) -> list[Floats]:
+    """The holes that each tendon passes, from the base to its end disk.
+
+    Parameters
+    ----------
+    robot : Robot
+    data : xarray.Dataset
+
+    Returns
+    -------
+    list of ndarray (T, k + 1, 3)
+        One for each tendon, that ends at disk k; in m, base frame.
+    """
+    position, rotation = data["disk_position"].to_numpy(), data["disk_rotation"].to_numpy()
+    paths = []
+    for (x, y), end in zip(robot.tendons.hole_m, robot.tendons.end_disk, strict=True):
+        along = position + rotation[..., 0] * x + rotation[..., 1] * y
+        base = np.broadcast_to([x, y, 0.0], (len(position), 1, 3))
+        paths.append(np.concatenate([base, along[:, : end + 1]], axis=1))
+    return paths
+
+
+_TYPES: Final = {"f4": "Float32", "i4": "Int32", "u1": "UInt8"}
+
+
+def _array(name: str, values: NDArray[Any]) -> str:
+    """A DataArray element; its content in base64 is the count of bytes, then the bytes."""
+    raw = np.ascontiguousarray(values).tobytes()
+    width = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
+    content = base64.b64encode(struct.pack("=Q", len(raw)) + raw).decode("ascii")
+    kind = _TYPES[values.dtype.str[1:]]
+    return f'<DataArray type="{kind}" Name="{name}"{width} format="binary">{content}</DataArray>\n'
