@@ -9,7 +9,8 @@ import pytest
 
 from bowstring.fem import Settings
 from bowstring.fem.mesh import Fineness
-from bowstring.robot.model import Robot, load_robot
+from bowstring.robot.model import Robot
+from bowstring.robot.reader import load_robot
 
 COARSE = Settings(Fineness(2, 4, 1))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from bowstring import interrupts
-from bowstring.robot.model import load_robot
+from bowstring.robot.reader import load_robot
 from bowstring.study.study import Study, run_study
 from shell import Shell
 

@@ -24,7 +24,7 @@ from bowstring.calibration.bootstrap import bootstrap
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, load, write_measurements
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.robot.model import load_robot
+from bowstring.robot.reader import load_robot
 from bowstring.study import calibration as study_calibration
 from bowstring.study import report
 from bowstring.study.study import DATA_FIGURES, Study, run_study

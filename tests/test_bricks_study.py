@@ -11,7 +11,8 @@ import pytest
 from bowstring.errors import InputError
 from bowstring.fem.mesh import Fineness, brick_mesh
 from bowstring.fem.run import BrickRun, RunInterrupted, Settings
-from bowstring.robot.model import Robot, load_robot
+from bowstring.robot.model import Robot
+from bowstring.robot.reader import load_robot
 from bowstring.study.study import COMPARISONS, Study, run_study
 from bricks import needs_ccx, small_robot
 from shell import Shell

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring.robot.model import load_robot
+from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import Physics
 from bowstring.study.error_budget import BudgetRow, Side
 from bowstring.study.study import Study, run_study

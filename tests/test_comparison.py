@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bowstring.robot.model import load_robot
+from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import Theory
 from bowstring.study.study import Study, run_study
 

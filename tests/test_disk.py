@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from bowstring.errors import InputError
 from bowstring.robot.disk import distinct_holes, drilled_disk, room_for_holes
-from bowstring.robot.model import Robot, load_robot
+from bowstring.robot.model import Robot
+from bowstring.robot.reader import load_robot
 
 HEAVY = {"segments.0.disks.density": "1200 kg/m^3", "segments.0.disks.hole_diameter": "2 mm"}
 

@@ -24,7 +24,7 @@ from bowstring.atomic_io import (
 from bowstring.data import synthetic
 from bowstring.dynamics import run_file
 from bowstring.errors import InputError
-from bowstring.robot.model import load_robot
+from bowstring.robot.reader import load_robot
 from bowstring.study import report
 from bowstring.viz import vtk
 from made_frames import made_file

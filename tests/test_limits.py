@@ -13,7 +13,8 @@ from rich.console import Console
 
 import bowstring as bs
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot, load_robot
+from bowstring.robot.model import Robot
+from bowstring.robot.reader import load_robot
 from bowstring.robot.writer import to_yaml
 from bowstring.statics import limits
 from bowstring.study import report

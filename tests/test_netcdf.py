@@ -14,7 +14,7 @@ import xarray as xr
 from bowstring.dynamics import netcdf
 from bowstring.dynamics.run_file import read_run
 from bowstring.errors import InputError
-from bowstring.robot.model import load_robot
+from bowstring.robot.reader import load_robot
 from made_frames import made_file, made_records
 
 ROBOT = load_robot("amouri2019")

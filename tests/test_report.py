@@ -20,7 +20,7 @@ from rich.console import Console
 from bowstring import atomic_io
 from bowstring.errors import InputError
 from bowstring.formatting import signed
-from bowstring.robot.model import load_robot
+from bowstring.robot.reader import load_robot
 from bowstring.study import figures, report
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.study import FIGURES, SCHEMA_VERSION, Study, run_study

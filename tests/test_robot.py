@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 import bowstring as bs
 import bowstring.units as units
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot, load_robot, robot_names, robot_schema
+from bowstring.robot.model import Robot
+from bowstring.robot.reader import load_robot, robot_names, robot_schema
 
 ROOT = Path(__file__).parent.parent
 BUILT_IN = ROOT / "python" / "bowstring" / "robot" / "builtin"
@@ -1285,7 +1286,7 @@ def test_python_numbers_are_si():
 
 def test_common_units_do_not_load_pint():
     code = (
-        "import sys; from bowstring.robot.model import load_robot;"
+        "import sys; from bowstring import load_robot;"
         "load_robot('amouri2019').warnings; "
         f"load_robot({str(ROOT / 'examples' / 'my_robot.yaml')!r}).hash; "
         "sys.exit('pint' in sys.modules)"

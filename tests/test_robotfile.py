@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bowstring.robot.model import load_robot, robot_names
+from bowstring.robot.reader import load_robot, robot_names
 from bowstring.robot.writer import to_yaml
 
 ROOT = Path(__file__).parents[1]

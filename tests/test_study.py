@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.robot.model import Robot, load_robot
+from bowstring.robot.model import Robot
+from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
 from bowstring.study.comparison import COMPARISONS
 from bowstring.study.shapes import backbones

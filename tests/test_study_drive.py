@@ -14,7 +14,8 @@ from rich.console import Console
 import bowstring as bs
 from bowstring.constant_curvature import arcs as arc
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot, load_robot, with_tendons
+from bowstring.robot.model import Robot, with_tendons
+from bowstring.robot.reader import load_robot
 from bowstring.study import report, study
 from bowstring.study.actuation_budget import (
     ASSUMED_FRICTION,

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from bowstring.robot.model import load_robot
+from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.error_budget import Side
 from bowstring.study.figures import draw

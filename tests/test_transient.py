@@ -13,7 +13,8 @@ import pytest
 import bowstring as bs
 from bowstring.dynamics import simulation
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot, load_robot
+from bowstring.robot.model import Robot
+from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import COMPARISONS, Theory
 from bowstring.study.ramp_response import Transient
 from bowstring.study.study import FIGURES, Study, run_study

@@ -11,7 +11,7 @@ import pytest
 
 from bowstring.constant_curvature import arcs
 from bowstring.formatting import in_mm
-from bowstring.robot.model import load_robot
+from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
 from bowstring.study import verdict
 from bowstring.study.study import Study, run_study

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from bowstring.data.tendon_check import check_tendons
     from bowstring.dynamics.modal import Modes, modes
     from bowstring.dynamics.simulation import Run, simulate
-    from bowstring.robot.model import Robot, load_robot, robot_names, robot_schema
+    from bowstring.robot.model import Robot
+    from bowstring.robot.reader import load_robot, robot_names, robot_schema
     from bowstring.statics.rod import (
         Jacobians,
         PullJacobian,
@@ -86,9 +87,9 @@ _HOME = {
     "Run": "dynamics.simulation",
     "simulate": "dynamics.simulation",
     "Robot": "robot.model",
-    "load_robot": "robot.model",
-    "robot_names": "robot.model",
-    "robot_schema": "robot.model",
+    "load_robot": "robot.reader",
+    "robot_names": "robot.reader",
+    "robot_schema": "robot.reader",
     "Jacobians": "statics.rod",
     "PullJacobian": "statics.rod",
     "Solution": "statics.rod",

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
-from bowstring.robot.model import Backbone, Disks, Robot, Segment, Tendon, TendonRing
+from bowstring.robot.model import Robot
+from bowstring.robot.parts import Backbone, Disks, Segment, Tendon, TendonRing
 from bowstring.units import Quantity, read_number, unit_of_size
 from bowstring.validation import shown
 

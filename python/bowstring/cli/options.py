@@ -15,7 +15,8 @@ import typer
 
 from bowstring.cli.output import counted, say
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot, load_robot
+from bowstring.robot.model import Robot
+from bowstring.robot.reader import load_robot
 from bowstring.units import is_bare, number_with_unit, quote, read_number
 
 MOST_LOADS: Final = 100_000  # of a range

@@ -50,7 +50,8 @@ from bowstring.cli.output import (
 )
 from bowstring.constant_curvature import arcs as arc
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot, load_robot, robot_names, robot_schema
+from bowstring.robot.model import Robot
+from bowstring.robot.reader import load_robot, robot_names, robot_schema
 from bowstring.statics import limits
 from bowstring.units import number_with_unit
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring.units import number_with_unit, rounded
 
 if TYPE_CHECKING:
-    from bowstring.robot.model import Robot
+    from bowstring.robot.arrays import RobotArrays
 
 _STANDARD_GRAVITY: Final = 9.80665  # m/s^2
 
@@ -41,7 +41,7 @@ _MAX_E: Final = 1.3e12  # Pa: diamond
 _MAX_GRAVITY: Final = 30.0  # m/s^2: a little more than on Jupiter
 
 
-def doubts(robot: Robot) -> Iterator[str]:
+def doubts(robot: RobotArrays) -> Iterator[str]:
     disks, weight = robot.disks, _weight(robot)
     for k, s in enumerate(robot.segments):
         here = f"segments[{k}]"
@@ -113,26 +113,26 @@ def doubts(robot: Robot) -> Iterator[str]:
     yield from _buckling_doubts(robot)
 
 
-def _weight(robot: Robot) -> float:
+def _weight(robot: RobotArrays) -> float:
     """Weight of disks and backbone on Earth in N, whatever the gravity of the file."""
     lengths = np.array([s.length for s in robot.segments])
     mass = robot.disks.mass_kg.sum() + robot.mass_per_length @ lengths
     return float(mass) * _STANDARD_GRAVITY
 
 
-def _turns(robot: Robot, k: int, weight: float) -> float:
+def _turns(robot: RobotArrays, k: int, weight: float) -> float:
     """Turns of a segment under a pull of the robot's own weight on one tendon, linear law."""
     return weight * _bend_by_newton(robot, k) / math.tau
 
 
-def _bend_by_newton(robot: Robot, k: int) -> float:
+def _bend_by_newton(robot: RobotArrays, k: int) -> float:
     """Bend of a segment by a tendon, by the linear law, in rad/N."""
     passing = robot.tendons.segment >= k
     arm = float(robot.tendons.pitch_radius_m[passing].max())
     return arm * robot.segments[k].length / float(robot.bending_stiffness[k])
 
 
-def _stiffness_doubts(robot: Robot, k: int, weight: float) -> Iterator[str]:
+def _stiffness_doubts(robot: RobotArrays, k: int, weight: float) -> Iterator[str]:
     s = robot.segments[k]
     where = f"segments[{k}].backbone.E = {number_with_unit(s.backbone.E, 'Pa')}"
     diameter = f"diameter = {number_with_unit(s.backbone.diameter, 'm')}"
@@ -161,7 +161,7 @@ def _stiffness_doubts(robot: Robot, k: int, weight: float) -> Iterator[str]:
 _MUCH_BEND: Final = math.pi
 
 
-def load_advice(robot: Robot, tensions: ArrayLike, tip_force: ArrayLike = (0, 0, 0)) -> str:
+def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = (0, 0, 0)) -> str:
     """What is probably wrong with a load that has no equilibrium.
 
     Parameters
@@ -208,7 +208,7 @@ def _degrees(angle: float) -> str:
     return rounded(math.degrees(angle), 2 if angle > 100 else 3)
 
 
-def _buckling_doubts(robot: Robot) -> Iterator[str]:
+def _buckling_doubts(robot: RobotArrays) -> Iterator[str]:
     """Does the backbone buckle under its own weight, in the gravity of the file?
 
     Rayleigh's quotient with the slope sin(pi s / 2 L) of a buckled column: elastic energy against

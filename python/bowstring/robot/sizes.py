@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.robot.disk import room_for_holes
-from bowstring.robot.model import Robot, TendonRing
+from bowstring.robot.model import Robot
+from bowstring.robot.parts import TendonRing
 from bowstring.units import number_with_unit
 
 __all__ = ["Assumed", "Sizes", "sizes_of"]

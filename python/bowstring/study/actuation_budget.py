@@ -27,7 +27,8 @@ from bowstring.constant_curvature import arcs as arc
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
-from bowstring.robot.model import TENDON_MATERIALS, Robot, TendonRing, with_tendons
+from bowstring.robot.model import Robot, with_tendons
+from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
 from bowstring.statics import rod
 from bowstring.study.comparison import MEANINGS, Case, Model
 

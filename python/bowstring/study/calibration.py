@@ -23,7 +23,8 @@ from bowstring.data.measurements import STANDARD_GRAVITY, Measurements
 from bowstring.data.rigid import Rigid
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
-from bowstring.robot.model import Robot, TendonRing
+from bowstring.robot.model import Robot
+from bowstring.robot.parts import TendonRing
 from bowstring.statics import rod
 from bowstring.study.comparison import Theory
 

@@ -44,7 +44,8 @@ from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, listed, round_down, significant
-from bowstring.robot.model import Robot, load_robot
+from bowstring.robot.model import Robot
+from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
 from bowstring.study.comparison import COMPARISONS, Case, Model, Physics, Theory
 from bowstring.study.error_budget import Budget, BudgetRow, error_budget

@@ -1,0 +1,229 @@
+"""The numbers of a robot as arrays, one entry for each disk, tendon or segment."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from bowstring.display import short_repr
+from bowstring.robot.consistency import bores, problems
+from bowstring.robot.disk import distinct_holes, drilled_disk
+from bowstring.robot.parts import MAX_SEGMENTS, Part, Segment
+from bowstring.units import Quantity, Text
+
+__all__ = ["RobotArrays", "RobotDisks", "RobotTendons", "frozen"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@short_repr
+@dataclass(frozen=True)
+class RobotDisks:
+    """All disks from base to tip (N of them, the base excluded), in SI.
+
+    ``inertia_kg_m2`` (N, 2) are the moments of inertia about a diameter and about the axis.
+    ``bore_m`` are the diameters of the holes that the backbone passes.
+    """
+
+    station_m: Floats
+    clamped_length_m: Floats
+    mass_kg: Floats
+    inertia_kg_m2: Floats
+    radius_m: Floats
+    thickness_m: Floats
+    bore_m: Floats
+    segment: Ints
+
+
+@short_repr
+@dataclass(frozen=True)
+class RobotTendons:
+    """All tendons (T of them, segment by segment, inner first, in file order), in SI.
+
+    ``hole_m`` are x and y of the holes in the base frame, ``end_disk`` the index (from 0) of the
+    disk at which a tendon ends. ``axial_stiffness_N`` is infinite where a tendon is inextensible,
+    ``spool_radius_m`` is NaN where it has no spool, ``diameter_m`` where it is not known.
+    """
+
+    hole_m: Floats
+    pitch_radius_m: Floats
+    angle_rad: Floats
+    segment: Ints
+    end_disk: Ints
+    axial_stiffness_N: Floats
+    free_length_m: Floats
+    compliance_m_per_N: Floats
+    friction: Floats
+    pretension_N: Floats
+    spool_radius_m: Floats
+    diameter_m: Floats
+
+
+def frozen(values: object, dtype: type = float) -> NDArray[Any]:
+    array: NDArray[Any] = np.array(values, dtype=dtype)
+    array.flags.writeable = False
+    return array
+
+
+class RobotArrays(Part):
+    """The fields of a robot, and their numbers as arrays, SI."""
+
+    name: Annotated[str, Text(100, "my_robot")] = Field(
+        "robot", description="Name for reports; the file's name if left out."
+    )
+
+    description: Annotated[str, Text(2000, "Two segments on a tube", lines=True)] = Field(
+        "", description="Free text."
+    )
+
+    gravity: Annotated[
+        tuple[float, float, float],
+        Quantity("m/s^2", "0 0 -9.80665 m/s^2", "-10000 m/s^2", "10000 m/s^2", vector=3),
+    ] = Field(
+        (0.0, 0.0, 0.0),
+        description="Gravity in the base frame, z along the straight backbone; none if left out.",
+    )
+
+    segments: Annotated[tuple[Segment, ...], Field(min_length=1, max_length=MAX_SEGMENTS)] = Field(
+        description="From base to tip."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> RobotArrays:
+        found = list(problems(self.segments))
+        if found:
+            raise PydanticCustomError("bowstring_many", "", {"problems": found})
+        return self
+
+    @property
+    def length(self) -> float:
+        """Length of the whole straight backbone in m."""
+        return sum(segment.length for segment in self.segments)
+
+    @cached_property
+    def disks(self) -> RobotDisks:
+        """All disks as arrays."""
+        stations: list[float] = []
+        start = 0.0
+        for segment in self.segments:
+            stations += (start + position for position in segment.disk_positions)
+            start += segment.length
+        index = np.repeat(
+            np.arange(len(self.segments)), [len(s.disk_positions) for s in self.segments]
+        )
+
+        def each(field: str) -> Floats:
+            values = np.array([getattr(s.disks, field) for s in self.segments], dtype=float)
+            return values[index]
+
+        mass, radius, thickness = each("mass"), each("radius"), each("thickness")
+        inertia = np.stack(
+            [mass * (3.0 * radius**2 + thickness**2) / 12.0, mass * radius**2 / 2.0], axis=1
+        )
+        bore = bores(self.segments)[index]
+        ends = np.flatnonzero(np.diff(index))  # an end disk also holds the backbone beyond it
+        bore[ends] = np.maximum(bore[ends], bore[ends + 1])
+        for k, s in enumerate(self.segments):
+            if s.disks.density is None or s.disks.hole_diameter is None:
+                continue
+            holes = self.holes(k)
+            for width in set(bore[index == k].tolist()):
+                drilled = drilled_disk(
+                    s.disks.density,
+                    s.disks.radius,
+                    s.disks.thickness,
+                    width,
+                    holes,
+                    s.disks.hole_diameter,
+                )
+                same = (index == k) & (bore == width)
+                mass[same] = drilled.mass
+                inertia[same] = drilled.across, drilled.axial
+        return RobotDisks(
+            station_m=frozen(stations),
+            clamped_length_m=frozen(each("clamped_length")),
+            mass_kg=frozen(mass),
+            inertia_kg_m2=frozen(inertia),
+            radius_m=frozen(radius),
+            thickness_m=frozen(thickness),
+            bore_m=frozen(bore),
+            segment=frozen(index, np.int64),
+        )
+
+    @cached_property
+    def tendons(self) -> RobotTendons:
+        """All tendons as arrays."""
+        ends = np.cumsum([len(s.disk_positions) for s in self.segments]) - 1
+        every = [t for segment in self.segments for t in segment.tendon_list]
+        index = np.repeat(
+            np.arange(len(self.segments)), [len(s.tendon_list) for s in self.segments]
+        )
+
+        def each(field: str, none: float = math.nan) -> Floats:
+            values = (getattr(t, field) for t in every)
+            return frozen([none if value is None else value for value in values])
+
+        r, a = each("pitch_radius"), each("angle")
+        return RobotTendons(
+            hole_m=frozen(np.stack([r * np.cos(a), r * np.sin(a)], axis=1)),
+            pitch_radius_m=r,
+            angle_rad=a,
+            segment=frozen(index, np.int64),
+            end_disk=frozen(ends[index], np.int64),
+            axial_stiffness_N=each("axial_stiffness", math.inf),
+            free_length_m=each("free_length"),
+            compliance_m_per_N=each("compliance"),
+            friction=each("friction"),
+            pretension_N=each("pretension"),
+            spool_radius_m=each("spool_radius"),
+            diameter_m=each("diameter"),
+        )
+
+    def holes(self, segment: int) -> Floats:
+        """Places (H, 2) of the holes in the disks of a segment (from 0), x and y in m."""
+        return distinct_holes(self.tendons.hole_m[self.tendons.segment >= segment])
+
+    @cached_property
+    def has_friction(self) -> bool:
+        """Whether any tendon rubs at its holes."""
+        return bool(self.tendons.friction.any())
+
+    @cached_property
+    def bending_stiffness(self) -> Floats:
+        """E I of each segment in N m^2."""
+        return frozen([s.backbone.E * s.backbone.second_moment for s in self.segments])
+
+    @cached_property
+    def torsion_stiffness(self) -> Floats:
+        """G J of each segment in N m^2; J is the polar second moment of the round section."""
+        return frozen(
+            [s.backbone.shear_modulus * 2.0 * s.backbone.second_moment for s in self.segments]
+        )
+
+    @cached_property
+    def axial_stiffness(self) -> Floats:
+        """E A of each segment in N."""
+        return frozen([s.backbone.E * s.backbone.area for s in self.segments])
+
+    @cached_property
+    def shear_stiffness(self) -> Floats:
+        """G A of each segment in N (shear factor 1)."""
+        return frozen([s.backbone.shear_modulus * s.backbone.area for s in self.segments])
+
+    @cached_property
+    def mass_per_length(self) -> Floats:
+        """Backbone mass by length of each segment in kg/m."""
+        return frozen([s.backbone.density * s.backbone.area for s in self.segments])
+
+    @cached_property
+    def rotary_inertia(self) -> Floats:
+        """Density times second moment of area of each segment's backbone, in kg m."""
+        return frozen([s.backbone.density * s.backbone.second_moment for s in self.segments])

@@ -1,0 +1,154 @@
+"""Checks across the fields of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.robot.disk import distinct_holes, room_for_holes
+from bowstring.robot.parts import MAX_DISKS, MAX_TENDONS, Segment, TendonRing
+from bowstring.units import number_with_unit
+
+__all__ = ["bores", "problems"]
+
+Floats = NDArray[np.float64]
+
+
+def problems(parts: tuple[Segment, ...]) -> Iterator[str]:
+    """Yield "path: sentence" for what no single field can know to be wrong."""
+    for k, s in enumerate(parts):
+        here = f"segments[{k}]"
+        if s.backbone.inner_diameter >= s.backbone.diameter:
+            yield (
+                f"{here}.backbone.inner_diameter: "
+                f"got {number_with_unit(s.backbone.inner_diameter, 'm')}; must be smaller than "
+                f"the diameter, {number_with_unit(s.backbone.diameter, 'm')}"
+            )
+        if s.disks.positions is not None:
+            yield from _position_problems(s, here)
+    disk_count = sum(s.disks.count or len(s.disks.positions or ()) for s in parts)
+    tendon_count = sum(
+        t.count if isinstance(t, TendonRing) else len(t) for t in (s.tendons for s in parts)
+    )
+    if disk_count > MAX_DISKS:
+        yield f"segments: got {disk_count} disks in all; must be at most {MAX_DISKS}"
+        return
+    if tendon_count > MAX_TENDONS:
+        yield f"segments: got {tendon_count} tendons in all; must be at most {MAX_TENDONS}"
+        return
+    yield from _hole_problems(parts)
+    yield from _drill_problems(parts)
+    yield from _clamp_problems(parts)
+
+
+def _position_problems(s: Segment, here: str) -> Iterator[str]:
+    positions = s.disks.positions or ()
+    for i in range(1, len(positions)):
+        if positions[i] <= positions[i - 1]:
+            yield (
+                f"{here}.disks.positions: got {number_with_unit(positions[i], 'm')} after "
+                f"{number_with_unit(positions[i - 1], 'm')}; must increase from base to tip"
+            )
+            return
+    if abs(positions[-1] - s.length) > 1e-9 * s.length:
+        yield (
+            f"{here}.disks.positions: the last is {number_with_unit(positions[-1], 'm')}; "
+            f"must be the segment's length, {number_with_unit(s.length, 'm')}"
+        )
+
+
+def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
+    """Every tendon passes the disks and backbones of its own and of all inner segments."""
+    for k, s in enumerate(parts):
+        radii = [t.pitch_radius for t in s.tendon_list]
+        for j, inner in enumerate(parts[: k + 1]):
+            whose = "its disk" if j == k else f"the disks of segments[{j}], which it passes"
+            rod = "its backbone" if j == k else f"the backbone of segments[{j}]"
+            for i, r in enumerate(radii):
+                if inner.backbone.diameter / 2 < r < inner.disks.radius:
+                    continue
+                ring = isinstance(s.tendons, TendonRing)
+                where = f"segments[{k}].tendons" + ("" if ring else f"[{i}]") + ".pitch_radius"
+                if r >= inner.disks.radius:
+                    limit = number_with_unit(inner.disks.radius, "m")
+                    fault = f"outside {whose}; must be smaller than the disk's radius, {limit}"
+                else:
+                    limit = number_with_unit(inner.backbone.diameter / 2, "m")
+                    fault = f"inside {rod}; must be larger than the backbone's radius, {limit}"
+                yield f"{where}: got {number_with_unit(r, 'm')}, a hole {fault}"
+                if ring:
+                    break
+
+
+def bores(parts: tuple[Segment, ...]) -> Floats:
+    """Diameter of the hole that the backbone passes in the disks of each segment."""
+    return np.array([s.backbone.diameter for s in parts])
+
+
+def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
+    """Holes of a given diameter lie within their disk, apart, and let their tendons through."""
+    bore = bores(parts)
+    for k, s in enumerate(parts):
+        width, radius = s.disks.hole_diameter, s.disks.radius
+        if width is None:
+            continue
+        passing = [
+            (j, i, t) for j in range(k, len(parts)) for i, t in enumerate(parts[j].tendon_list)
+        ]
+        for j, i, tendon in passing:
+            if tendon.diameter is not None and tendon.diameter >= width:
+                ring = isinstance(parts[j].tendons, TendonRing)
+                where = f"segments[{j}].tendons" + ("" if ring else f"[{i}]") + ".diameter"
+                yield (
+                    f"{where}: got {number_with_unit(tendon.diameter, 'm')}; must be smaller than "
+                    f"the holes that it passes, segments[{k}].disks.hole_diameter = "
+                    f"{number_with_unit(width, 'm')}"
+                )
+                break
+        away = np.array([t.pitch_radius for _, _, t in passing])
+        angle = np.array([t.angle for _, _, t in passing])
+        if not np.all((away > bore[k] / 2) & (away < radius)):
+            continue  # reported with the holes
+        holes = distinct_holes(np.stack([away * np.cos(angle), away * np.sin(angle)], axis=1))
+        limit, fault = room_for_holes(holes, radius, float(bore[k : k + 2].max()))
+        if width >= limit:
+            yield (
+                f"segments[{k}].disks.hole_diameter: got {number_with_unit(width, 'm')}; the disk "
+                f"does not hold such holes, {fault}; must be smaller than "
+                f"{number_with_unit(limit, 'm')}"
+            )
+
+
+def _clamp_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
+    """Each module needs backbone that can bend between what its two disks clamp."""
+    before = 0.0  # what the disk before clamps of a segment's first module; the base clamps none
+    for k, s in enumerate(parts):
+        spacing = np.diff((0.0, *s.disk_positions))
+        own = s.disks.clamped_length
+        half = np.full(len(spacing), own / 2)
+        start = np.concatenate(([before], half[1:]))
+        before = own / 2
+        if np.any(spacing <= 0):
+            continue  # reported with the positions
+        full = np.flatnonzero(spacing <= (start + half) * (1 + 1e-9))
+        if not full.size:
+            continue
+        i = int(full[0])
+        space = number_with_unit(float(spacing[i]), "m")
+        advice = "write a smaller length, so that some backbone is free to bend"
+        if start[i] > half[i]:  # the end disk of the segment before holds more of it
+            yield (
+                f"segments[{k - 1}].disks.clamped_length: got "
+                f"{number_with_unit(parts[k - 1].disks.clamped_length, 'm')}; the end disk of "
+                f"segments[{k - 1}] would clamp {number_with_unit(float(start[i]), 'm')} of the "
+                f"{space} before disk 1 of segments[{k}]"
+                + (f", which clamps {number_with_unit(float(half[i]), 'm')}" if half[i] else "")
+                + f"; {advice}"
+            )
+        else:
+            yield (
+                f"segments[{k}].disks.clamped_length: got {number_with_unit(own, 'm')}; the disks "
+                f"would clamp all of the {space} before disk {i + 1} of the segment; {advice}"
+            )

@@ -1,0 +1,133 @@
+"""What is wrong with a robot file, in sentences that name the field and what to write."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from typing import Any, Final, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from bowstring.errors import InputError
+from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Disks, Segment, Tendon, TendonRing
+from bowstring.units import quote
+
+__all__ = ["build"]
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_SYNONYMS: Final = {
+    "outer_diameter": "diameter",
+    "young": "E",
+    "youngs_modulus": "E",
+    "elastic_modulus": "E",
+    "shear_modulus": "G",
+    "poisson": "nu",
+    "poisson_ratio": "nu",
+    "rho": "density",
+    "cables": "tendons",
+    "alpha": "angle",
+    "ea": "axial_stiffness",
+    "mu": "friction",
+    "hole": "hole_diameter",
+    "preload": "pretension",
+}
+
+
+_PARTS: Final[dict[tuple[str, ...], type[BaseModel]]] = {
+    ("segments",): Segment,
+    ("segments", "backbone"): Backbone,
+    ("segments", "disks"): Disks,
+    ("segments", "tendons", "ring"): TendonRing,
+    ("segments", "tendons", "list"): Tendon,
+}
+
+
+_MAX_LISTED: Final = 20
+
+
+def build(model: type[Model], tree: dict[str, Any], label: str) -> Model:
+    """A robot from the tree of its file; every problem is named in one `InputError`."""
+    segments = tree.get("segments")
+    if isinstance(segments, list) and len(segments) > MAX_SEGMENTS:  # before each is looked at
+        most = f"must have at most {MAX_SEGMENTS}"
+        raise InputError(f"{label}: segments: got a list of {len(segments)}; {most}.")
+    try:
+        return model.model_validate(tree)
+    except ValidationError as error:
+        problems = [line for item in error.errors() for line in _sentences(item, model)]
+    first, *others = problems
+    more = f" (and {len(others)} more)" if others else ""
+    lines = [f"{label}: {first}{more}.", *(f"  {other}." for other in others[:_MAX_LISTED])]
+    if len(others) > _MAX_LISTED:
+        lines.append(f"  ... and {len(others) - _MAX_LISTED} more.")
+    raise InputError("\n".join(lines))
+
+
+def _part(names: tuple[str, ...], model: type[BaseModel]) -> type[BaseModel]:
+    return _PARTS[names] if names else model
+
+
+def _path(loc: tuple[int | str, ...]) -> str:
+    """`segments[0].tendons[1].angle`, as people write it."""
+    text = ""
+    for i, step in enumerate(loc):
+        if isinstance(step, int):
+            text += f"[{step}]"
+        elif not (step in ("ring", "list") and i and loc[i - 1] == "tendons"):  # pydantic's tags
+            shown = step if re.fullmatch(r"\w{1,40}", step) else quote(step)
+            text += f".{shown}" if text else shown
+    return text
+
+
+def _sentences(error: Any, model: type[BaseModel]) -> list[str]:
+    """Turn one of pydantic's errors into "path: sentence" (several for checks across fields)."""
+    kind, loc, given = error["type"], error["loc"], error["input"]
+    path = _path(loc)
+    if kind == "bowstring_many":
+        return list(error["ctx"]["problems"])
+    if kind == "bowstring":
+        return [f"{path}: {error['ctx']['sentence']}"]
+    names = tuple(step for step in loc if isinstance(step, str))
+    if kind == "missing":
+        return [f"{path}: missing; {_advice(names, model)}"]
+    if kind == "extra_forbidden":
+        known = _fields_of(_part(names[:-1], model))
+        near = _nearest(names[-1], known)
+        hint = f"; did you mean {near}?" if near else "."
+        return [f"{path}: unknown field{hint} Known here: {', '.join(known)}"]
+    if kind == "too_short" and given:
+        return []  # its entries are wrong, and reported
+    if kind == "too_short":
+        return [f"{path}: got an empty list; must have at least one"]
+    if kind == "too_long":
+        return [f"{path}: got {quote(given)}; must have at most {error['ctx']['max_length']}"]
+    return [f"{path}: got {quote(given)}; {_advice(names, model)}"]
+
+
+def _advice(names: tuple[str, ...], model: type[BaseModel]) -> str:
+    """What to write at a field: an example, or the names of its own fields."""
+    if names == ("segments",):
+        return "must be a list of segments, each after a '-'"
+    if names[-1:] == ("tendons",):
+        names = (*names, "ring")
+    part = _PARTS.get(names)
+    if part is not None:
+        return f"must be a set of fields: {', '.join(_fields_of(part))}"
+    field = _part(names[:-1], model).model_fields[names[-1]]
+    example = next(mark.example for mark in field.metadata if hasattr(mark, "example"))
+    return f'write for example "{names[-1]}: {example}"'
+
+
+def _fields_of(part: type[BaseModel]) -> list[str]:
+    """The names of a part's fields, its own before those that it shares with others."""
+    return sorted(part.model_fields, key=lambda name: name not in part.__annotations__)
+
+
+def _nearest(name: str, known: list[str]) -> str | None:
+    lower = {field.lower(): field for field in known}
+    synonym = _SYNONYMS.get(name.lower())
+    if synonym in known:
+        return synonym
+    near = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.5)
+    return lower[near[0]] if near else None

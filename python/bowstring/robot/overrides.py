@@ -1,0 +1,100 @@
+"""Changes of single fields of a robot file, by their path."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from bowstring.errors import InputError
+from bowstring.robot.safe_yaml import read_yaml
+from bowstring.units import NUMBER, quote
+
+__all__ = ["fill", "override"]
+
+# Setting one of a pair removes the other, so that an override need not know the file's choice.
+_EITHER: Final = {
+    **{"G": "nu", "nu": "G", "count": "positions", "positions": "count"},
+    **{"mass": "density", "density": "mass"},
+}
+
+
+def fill(tree: Any, whole: Any, keys: Sequence[str]) -> None:
+    """Take from the whole what a path goes through and the tree lacks."""
+    if len(keys) < 2:
+        return
+    key, *rest = keys
+    if isinstance(tree, dict) and isinstance(whole, dict):
+        if key not in tree and isinstance(whole.get(key), dict | list):
+            tree[key] = whole[key]
+        elif key in tree:
+            fill(tree[key], whole.get(key), rest)
+    elif isinstance(tree, list) and isinstance(whole, list):
+        for i, (item, known) in enumerate(zip(tree, whole, strict=False)):
+            if key in ("*", str(i)):
+                fill(item, known, rest)
+
+
+def override(tree: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Set the fields of ``overrides`` in ``tree`` (which changes) and return it."""
+    for path, value in overrides.items():
+        if not (isinstance(path, str) and path.isprintable() and len(path) <= 100):
+            raise InputError(f'Override {quote(path)}: write it as "segments.0.length".')
+        *parents, last = keys = re.sub(r"\[([0-9]+)\]", r".\1", path).split(".")
+        if not all(keys):
+            raise InputError(f'Override {quote(path)}: write it as "segments.0.length".')
+        here: Any = tree
+        for i, key in enumerate(parents):
+            index = _step(here, key, keys[:i], path)
+            here = here.setdefault(index, {}) if isinstance(here, dict) else here[index]
+        index = _step(here, last, parents, path)
+        if value is None:
+            if isinstance(here, list):
+                raise InputError(f"Override {path}: an entry of a list cannot be removed.")
+            here.pop(index, None)
+            continue
+        here[index] = value if last in ("name", "description") else _read_override(value, path)
+        other = _EITHER.get(last)
+        if other and isinstance(here, dict) and not _also_set(overrides, path, other):
+            here.pop(other, None)
+    return tree
+
+
+def _also_set(overrides: Mapping[str, Any], path: str, other: str) -> bool:
+    return f"{path.rpartition('.')[0]}.{other}" in overrides
+
+
+def _step(here: Any, key: str, above: list[str], path: str) -> Any:
+    """The key or index of ``key`` in ``here``, or an error that says what there is."""
+    name = ".".join(above)
+    if isinstance(here, dict):
+        return key
+    if not isinstance(here, list):
+        raise InputError(f"Override {path}: {name} is a value, there is no {quote(key)} in it.")
+    if re.fullmatch(r"[0-9]{1,6}", key, re.ASCII) and int(key) < len(here):
+        return int(key)
+    choice = f"{name}.0" + (f" to {name}.{len(here) - 1}" if len(here) > 1 else "")
+    raise InputError(f"Override {path}: there is no {quote(key)} in {name}; write {choice}.")
+
+
+def _read_override(value: Any, path: str) -> Any:
+    """Text of an override as a file would have it, but a number without a unit is SI."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _read_override(item, path) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_read_override(item, path) for item in value]
+    if not isinstance(value, str):
+        return value
+    text = value.strip()
+    if text.startswith(("[", "{")):
+        field = read_yaml(f"value: {text}", f"Override {path}").get("value")
+        return _read_override(field, path)
+    words = text.split()
+    if words and all(len(w) <= 100 and re.fullmatch(NUMBER, w, re.ASCII) for w in words):
+        numbers = [int(w) if re.fullmatch("[+-]?[0-9]{1,15}", w) else float(w) for w in words]
+        return numbers if len(numbers) > 1 else numbers[0]
+    return text

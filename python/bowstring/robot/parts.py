@@ -1,0 +1,343 @@
+"""The parts of a robot file: their fields, units and ranges."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Annotated, Any, Final
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+
+from bowstring.units import Choice, Count, Quantity, Share, Text, wrong
+
+__all__ = [
+    "MAX_DISKS",
+    "MAX_SEGMENTS",
+    "MAX_TENDONS",
+    "TENDON_MATERIALS",
+    "Backbone",
+    "Disks",
+    "Part",
+    "Segment",
+    "Tendon",
+    "TendonDrive",
+    "TendonRing",
+]
+
+MAX_SEGMENTS: Final = 100
+MAX_DISKS: Final = 100_000
+MAX_TENDONS: Final = 1_000
+
+TENDON_MATERIALS: Final = {
+    "steel": 105e9,
+    "tungsten": 200e9,
+    "nitinol": 55e9,
+    "aramid": 40e9,
+    "polyethylene": 30e9,
+    "nylon": 2.5e9,
+}
+"""E A over the area of the full circle in Pa, for a tendon of that material whose E A is not known:
+the middle between strand and wire (steel: 60 to 190 GPa), right within a factor of two."""
+
+
+class Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def _exactly_one(part: BaseModel, first: str, second: str) -> None:
+    given = (getattr(part, first) is not None) + (getattr(part, second) is not None)
+    if given != 1:
+        problem = "both given" if given else "missing"
+        raise wrong(f"{first} and {second}: {problem}; write exactly one of the two")
+
+
+def _one_of(first: str, second: str) -> Any:
+    return {"oneOf": [{"required": [first]}, {"required": [second]}]}
+
+
+class Backbone(Part):
+    """The elastic rod in the middle of a segment: round, solid or a tube.
+
+    Attributes
+    ----------
+    diameter, inner_diameter : float
+        Outer diameter, and that of the bore (0 for a solid rod), in m.
+    E, G : float
+        Young's and shear modulus in Pa; ``G`` is None where ``nu`` is given.
+    nu : float
+        Poisson's ratio; None where ``G`` is given.
+    density : float
+        In kg/m^3.
+    yield_strength, strain_limit : float or None
+        Von Mises stress in Pa and strain that the material can take; they only warn.
+    """
+
+    model_config = ConfigDict(json_schema_extra=_one_of("G", "nu"))
+
+    diameter: Annotated[float, Quantity("m", "5 mm", "1 um", "10 m")] = Field(
+        description="Outer diameter."
+    )
+    inner_diameter: Annotated[float, Quantity("m", "3 mm", "0 mm", "10 m")] = Field(
+        0.0, description="Diameter of the bore of a tube; leave out for a solid rod."
+    )
+    E: Annotated[float, Quantity("Pa", "35 GPa", "1 Pa", "10 TPa")] = Field(
+        description="Young's modulus."
+    )
+    G: Annotated[float | None, Quantity("Pa", "13 GPa", "0.1 Pa", "10 TPa")] = Field(
+        None, description="Shear modulus; give this or nu."
+    )
+    nu: Annotated[float | None, Quantity("", "0.3", "-0.99", "0.5")] = Field(
+        None, description="Poisson's ratio; give this or G."
+    )
+    density: Annotated[float, Quantity("kg/m^3", "1800 kg/m^3", "0 kg/m^3", "1e5 kg/m^3")] = Field(
+        description="Mass by volume of the material."
+    )
+    yield_strength: Annotated[float | None, Quantity("Pa", "200 MPa", "1 Pa", "1 TPa")] = Field(
+        None, description="Von Mises stress that the material can take, for warnings."
+    )
+    strain_limit: Annotated[float | None, Share("1 %", 10.0)] = Field(
+        None, description="Strain along the surface that the material can take, for warnings."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Backbone:
+        _exactly_one(self, "G", "nu")
+        return self
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus in Pa, as given or from E and nu."""
+        if self.nu is not None:
+            return self.E / (2.0 * (1.0 + self.nu))
+        assert self.G is not None
+        return self.G
+
+    @property
+    def area(self) -> float:
+        """Area of the section in m^2."""
+        return math.pi / 4.0 * (self.diameter**2 - self.inner_diameter**2)
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area about a diameter in m^4; the polar one is twice this."""
+        return math.pi / 64.0 * (self.diameter**4 - self.inner_diameter**4)
+
+
+class Disks(Part):
+    """The spacer disks of a segment; the last one is its end disk.
+
+    Attributes
+    ----------
+    count : int
+        Number of evenly spaced disks; None where ``positions`` is given.
+    positions : tuple of float
+        Distances from the segment's start in m; None where ``count`` is given.
+    mass : float
+        Of each disk in kg, as if of a full cylinder; None where ``density`` is given.
+    density : float
+        Of the material in kg/m^3; with the holes it gives mass and inertia. None where ``mass`` is.
+    radius, thickness : float
+        Of each disk, in m.
+    hole_diameter : float
+        Of the holes of the tendons in m; None where it is not known.
+    clamped_length : float
+        Length of backbone that each disk holds rigid, centred on the disk, in m.
+    """
+
+    model_config = ConfigDict(
+        json_schema_extra={"allOf": [_one_of("count", "positions"), _one_of("mass", "density")]}
+    )
+
+    count: Annotated[int | None, Count(MAX_DISKS, "9")] = Field(
+        None, description="Number of evenly spaced disks, the last at the segment's end."
+    )
+    positions: Annotated[
+        tuple[float, ...] | None, Quantity("m", "100 150 200 mm", "1 um", "1 km", vector=0)
+    ] = Field(
+        None,
+        description="Distances from the segment's start, increasing, the last at its end; "
+        "instead of count.",
+    )
+    mass: Annotated[float | None, Quantity("kg", "20 g", "0 g", "10000 kg")] = Field(
+        None, description="Mass of each disk; give this or density."
+    )
+    density: Annotated[
+        float | None, Quantity("kg/m^3", "1200 kg/m^3", "0 kg/m^3", "1e5 kg/m^3")
+    ] = Field(
+        None, description="Mass by volume of the disks' material; needs hole_diameter as well."
+    )
+    radius: Annotated[float, Quantity("m", "32 mm", "1 um", "100 m")] = Field(
+        description="Outer radius of each disk; the holes lie within it."
+    )
+    thickness: Annotated[float, Quantity("m", "3 mm", "0 mm", "100 m")] = Field(
+        description="Thickness of each disk, for its inertia."
+    )
+    hole_diameter: Annotated[float | None, Quantity("m", "2 mm", "1 um", "100 m")] = Field(
+        None, description="Diameter of the holes that the tendons pass."
+    )
+    clamped_length: Annotated[float, Quantity("m", "3 mm", "0 mm", "100 m")] = Field(
+        0.0, description="Length of backbone that each disk holds rigid; 0 if left out."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Disks:
+        _exactly_one(self, "count", "positions")
+        _exactly_one(self, "mass", "density")
+        if self.density is not None and self.hole_diameter is None:
+            raise wrong(
+                "hole_diameter: missing; with density the mass is that of the disk without its "
+                'holes, write for example "hole_diameter: 2 mm"'
+            )
+        return self
+
+
+_PITCH = Quantity("m", "29 mm", "1 um", "100 m")
+
+
+_ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
+
+
+class TendonDrive(Part):
+    """What ring and list say alike: how a tendon stretches, rubs and is driven, how thick it is.
+
+    Left out, a tendon is inextensible, frictionless and directly driven.
+    """
+
+    axial_stiffness: Annotated[float | None, Quantity("N", "20 kN", "1 mN", "1e12 N")] = Field(
+        None, description="E A of the tendon; leave out for an inextensible one."
+    )
+    free_length: Annotated[float, Quantity("m", "300 mm", "0 mm", "1 km")] = Field(
+        0.0, description="Length of tendon from the base hole to the actuator; 0 if left out."
+    )
+    compliance: Annotated[float, Quantity("m/N", "0.01 mm/N", "0 m/N", "1000 m/N")] = Field(
+        0.0, description="Give of the transmission (spool, gearbox, sheath); 0 if left out."
+    )
+    friction: Annotated[float, Quantity("", "0.1", "0", "10")] = Field(
+        0.0, description="Coulomb's coefficient mu at each hole; 0 if left out."
+    )
+    pretension: Annotated[float, Quantity("N", "2 N", "0 N", "1e9 N")] = Field(
+        0.0, description="Tension in the home pose, where the pull is zero; 0 if left out."
+    )
+    spool_radius: Annotated[float | None, Quantity("m", "10 mm", "1 um", "100 m")] = Field(
+        None, description="Radius at which a spool winds the tendon; needed for motor angles."
+    )
+    diameter: Annotated[float | None, Quantity("m", "1 mm", "1 um", "100 m")] = Field(
+        None,
+        description="Diameter of the tendon, for its solid, and for the E A that a study assumes.",
+    )
+    material: Annotated[str | None, Choice(tuple(TENDON_MATERIALS), "steel")] = Field(
+        None, description="Material of the tendon, for the E A that a study assumes; else steel."
+    )
+
+
+class TendonRing(TendonDrive):
+    """Tendons evenly spaced on a circle, counter-clockwise about z, all driven alike.
+
+    Attributes
+    ----------
+    count : int
+        Number of tendons.
+    pitch_radius : float
+        Distance of the holes from the backbone's axis in m.
+    first_angle : float
+        Angle of the first tendon from x in rad.
+    axial_stiffness, free_length, compliance, friction, pretension, spool_radius, diameter : float
+        Of each tendon, as in `Tendon`.
+    material : str or None
+        Of each tendon.
+    """
+
+    count: Annotated[int, Count(MAX_TENDONS, "3")] = Field(description="Number of tendons.")
+    pitch_radius: Annotated[float, _PITCH] = Field(
+        description="Distance of the holes from the backbone's axis."
+    )
+    first_angle: Annotated[float, _ANGLE] = Field(
+        0.0, description="Angle of the first tendon from x, counter-clockwise; 0 if left out."
+    )
+
+
+class Tendon(TendonDrive):
+    """One tendon of a list.
+
+    Attributes
+    ----------
+    angle : float
+        From x, counter-clockwise about z, in rad.
+    pitch_radius : float
+        Distance of its holes from the backbone's axis in m.
+    axial_stiffness : float or None
+        E A in N; None for an inextensible tendon.
+    free_length : float
+        Between the base hole and the actuator in m; it stretches as well.
+    compliance : float
+        Of the transmission in m/N.
+    friction : float
+        Coulomb's coefficient at each hole.
+    pretension : float
+        Tension in the home pose, where the pull is zero, in N.
+    spool_radius : float or None
+        In m; None where no spool is given, hence no motor angle.
+    diameter : float or None
+        In m; the solid has it, and a study that has to assume E A.
+    material : str or None
+        One of `TENDON_MATERIALS`; for a study that has to assume E A.
+    """
+
+    angle: Annotated[float, _ANGLE] = Field(description="Angle from x, counter-clockwise.")
+    pitch_radius: Annotated[float, _PITCH] = Field(
+        description="Distance of the holes from the backbone's axis."
+    )
+
+
+def _tendon_form(value: object) -> str:
+    return "list" if isinstance(value, (list, tuple)) else "ring"
+
+
+class Segment(Part):
+    """One segment: backbone, disks, and the tendons that end at its last disk.
+
+    Attributes
+    ----------
+    name : str or None
+    length : float
+        Of the straight backbone in m.
+    backbone : Backbone
+    disks : Disks
+    tendons : TendonRing or tuple of Tendon
+    """
+
+    name: Annotated[str | None, Text(100, "inner")] = Field(None, description="For reports.")
+    length: Annotated[float, Quantity("m", "641 mm", "1 um", "1 km")] = Field(
+        description="Length of the segment's backbone, base or last end disk to its end disk."
+    )
+    backbone: Backbone
+    disks: Disks
+    tendons: Annotated[
+        Annotated[TendonRing, Tag("ring")]
+        | Annotated[tuple[Tendon, ...], Field(min_length=1, max_length=MAX_TENDONS), Tag("list")],
+        Discriminator(_tendon_form),
+    ]
+
+    @cached_property
+    def disk_positions(self) -> tuple[float, ...]:
+        """Distances of the disks from the segment's start in m; the last is `length`."""
+        if self.disks.positions is not None:
+            return (*self.disks.positions[:-1], self.length)
+        assert self.disks.count is not None
+        n = self.disks.count
+        return (*(self.length * i / n for i in range(1, n)), self.length)
+
+    @cached_property
+    def tendon_list(self) -> tuple[Tendon, ...]:
+        """The tendons one by one, also where the file gives them as a ring."""
+        ring = self.tendons
+        if not isinstance(ring, TendonRing):
+            return ring
+        step = math.tau / ring.count
+        drive = {name: getattr(ring, name) for name in TendonDrive.model_fields}
+        return tuple(
+            Tendon.model_construct(
+                angle=ring.first_angle + i * step, pitch_radius=ring.pitch_radius, **drive
+            )
+            for i in range(ring.count)
+        )

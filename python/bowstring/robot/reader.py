@@ -1,0 +1,100 @@
+"""Robots by name or file, and the JSON Schema of a file."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from bowstring.errors import InputError
+from bowstring.robot.messages import build
+from bowstring.robot.model import Robot
+from bowstring.robot.overrides import override
+from bowstring.robot.safe_yaml import read_yaml, reading, text_of
+from bowstring.units import printable, quote
+
+__all__ = ["load_robot", "robot_names", "robot_schema"]
+
+_BUILT_IN: Final = Path(__file__).with_name("builtin")
+
+
+def robot_names() -> list[str]:
+    """Return the names of the built-in robots.
+
+    Returns
+    -------
+    list of str
+        Sorted; each is accepted by `load_robot`.
+    """
+    return sorted(path.stem for path in _BUILT_IN.glob("*.yaml"))
+
+
+def robot_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a robot file, for completion and checks in an editor.
+
+    Returns
+    -------
+    dict
+        JSON Schema (draft 2020-12). It knows fields, types and units' form; checks across
+        fields are made by `load_robot` only.
+    """
+    schema = Robot.model_json_schema()
+    for part in (schema, *schema["$defs"].values()):
+        part["description"] = part["description"].partition("\n")[0]  # docstrings' first line
+        for field in part["properties"].values():
+            field.pop("default", None)  # SI numbers, that a file cannot hold
+            field.pop("title", None)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def load_robot(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Robot:
+    """Load a built-in robot or a robot file.
+
+    Parameters
+    ----------
+    source : str or Path
+        Name of a built-in robot (see `robot_names`) or path of a YAML file.
+    overrides : mapping from path to value, optional
+        As for `Robot.with_`.
+
+    Returns
+    -------
+    Robot
+
+    Raises
+    ------
+    InputError
+        If there is no such robot or the file is not valid; every problem is named.
+
+    Examples
+    --------
+    >>> robot = load_robot("amouri2019", {"segments.0.disks.clamped_length": "3 mm"})
+    >>> robot.length
+    0.641
+    """
+    names = robot_names()
+    if str(source) in names:
+        path, label = _BUILT_IN / f"{source}.yaml", str(source)
+    else:
+        path, label = Path(source), str(source)
+    if len(label) > 200 or not label.isprintable():
+        label = f"Robot file {quote(label)}"
+    tree = read_yaml(_read_text(path, label, names), label)
+    tree.setdefault("name", printable(path.stem)[:100].strip() or "robot")
+    return build(Robot, override(tree, overrides or {}), label)
+
+
+def _read_text(path: Path, label: str, names: list[str]) -> str:
+    with reading(label):
+        if not path.exists():
+            near = difflib.get_close_matches(label, names, n=1)
+            hint = f"did you mean {near[0]}? " if near else ""
+            raise InputError(
+                f"{label} is neither a file nor a built-in robot; {hint}"
+                f"built in are {', '.join(names)}."
+            )
+        if not path.is_file():
+            what = "folder" if path.is_dir() else "device or pipe"
+            raise InputError(f"{label} is a {what}; give a robot file (YAML).")
+        return text_of(path, label, "robot")
