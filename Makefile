@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: study test test-versions bench build campaign campaign-files clean lock
+.PHONY: study checks test test-all test-versions bench build campaign campaign-files clean lock
 
 study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
 	@$(BIN)/bowstring study "$(ROBOT)"
@@ -26,15 +26,23 @@ $(VENV)/.built: $(VENV)/.tools $(RUST_SOURCES) pyproject.toml
 	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --locked
 	@touch $@
 
-test: build
+PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile
+
+checks: build
 	cargo fmt --all --check
 	cargo clippy --all-targets --locked -- -D warnings
-	cargo test -p bowstring-core --locked
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -n auto --dist loadfile
+
+test: checks ## lints, types, and the tests that are quick
+	cargo test -p bowstring-core --locked
+	$(PYTEST) -m "not slow and not fem and not cad and not data"
+
+test-all: checks ## the same with all tests: statistics, finite elements, solids, kills, data of others
+	cargo test -p bowstring-core --locked -- --include-ignored
+	$(PYTEST)
 
 test-versions: build ## tests with the oldest versions allowed, or RESOLUTION=highest (needs uv)
 	uv venv --quiet --allow-existing --python $(PYTHON) .venv-$(RESOLUTION)

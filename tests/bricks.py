@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 
@@ -14,9 +16,15 @@ from bowstring.robot.reader import load_robot
 
 COARSE = Settings(Fineness(2, 4, 1))
 
-needs_ccx = pytest.mark.skipif(
-    shutil.which("ccx") is None, reason="needs CalculiX (the program ccx) on the search path"
-)
+Test = TypeVar("Test", bound=Callable[..., object])
+
+
+def needs_ccx(test: Test) -> Test:
+    """A test by finite elements, skipped where CalculiX is missing."""
+    skip = pytest.mark.skipif(
+        shutil.which("ccx") is None, reason="needs CalculiX (the program ccx) on the search path"
+    )
+    return pytest.mark.fem(skip(test))
 
 
 def small_robot(**changes: object) -> Robot:

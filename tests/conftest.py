@@ -51,6 +51,13 @@ def public_data(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Path]:
     return folder
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that need the data of others carry the marker `data`."""
+    for item in items:
+        if "public_data" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.data)
+
+
 def pytest_configure() -> None:
     """A shell that starts the tests in the background has them ignore Ctrl-C; some test it."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -58,6 +58,7 @@ GREENHILL = 7.8373
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.9, -0.9])
 @pytest.mark.parametrize("elements", [None, 1, 4])
+@pytest.mark.slow
 def test_modes_of_a_beam_under_its_own_weight(share: float, elements: int | None) -> None:
     robot = bs.load_robot("amouri2019", LIGHT)
     bending, mass = robot.bending_stiffness[0], robot.mass_per_length[0]

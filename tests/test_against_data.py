@@ -222,6 +222,7 @@ def test_calibration_of_constant_curvature_does_not_lose_to_none_of_it() -> None
     assert "with a base frame of its own" in text
 
 
+@pytest.mark.slow
 def test_calibrated_constant_curvature_that_did_not_settle_is_not_shown(
     robot: bs.Robot, bench: Measurements, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -309,6 +310,7 @@ def test_loading_alone_hardly_tells_friction_from_stiffness(
 
 
 @pytest.mark.parametrize("side", [(0.1, 0.0, 0.0), (0.0, 0.3, 0.0)])
+@pytest.mark.slow
 def test_a_side_force_is_not_noise(robot: bs.Robot, side: tuple[float, float, float]) -> None:
     for model in (robot, load_robot("amouri2019")):
         found = judge_data(model, made(side=side), 0.01)
@@ -353,6 +355,7 @@ def test_without_gravity_none_is_seen() -> None:
     assert [e.name for e in found.effects] == ["registration", "friction", "stiffness"]
 
 
+@pytest.mark.slow
 def test_a_robot_driven_by_pulls_knows_its_lengths() -> None:
     robot = load_robot("amouri2019").with_({"segments.0.tendons.compliance": 1e-5})
     bend = np.linspace(0.02, 0.7, 24)
@@ -390,6 +393,7 @@ def test_a_tool_is_compared_where_it_is(robot: bs.Robot, bench: Measurements) ->
     assert any("from the tip in its axes" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_a_real_robot(public_data: Callable[[str], Path]) -> None:
     """Measured: three segments, nine tendons driven by pulls, motion capture."""
     public_data("crl-ftdcr-mocap")
@@ -405,6 +409,7 @@ def test_a_real_robot(public_data: Callable[[str], Path]) -> None:
     assert "neighbouring rows" in found.loads.resampled[1]
 
 
+@pytest.mark.slow
 def test_rows_without_a_tip_lead_the_path(robot: bs.Robot) -> None:
     """Synthetic: tips round the peak load were not measured; without their rows the path breaks."""
     whole = made(repeats=1)
@@ -479,6 +484,7 @@ def test_swapped_tendons_are_named_before_any_work() -> None:
         check_measurements(robot, data)
 
 
+@pytest.mark.slow
 def test_a_base_that_must_be_turned_is_said(robot: bs.Robot, bench: Measurements) -> None:
     # tendon 2 pulls where tendon 1 is said to: in one plane a turned base explains it as well
     data = replace(bench, tensions=bench.tensions[:, [1, 0, 2]])
@@ -509,6 +515,7 @@ def written(whole: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return report.write(whole, tmp_path_factory.mktemp("study") / "out")
 
 
+@pytest.mark.slow
 def test_friction_that_the_data_told_is_that_of_the_budget(
     whole: Study, written: Path, verdict: AgainstData
 ) -> None:
@@ -586,6 +593,7 @@ def test_the_tables_say_in_each_row_what_the_data_are(written: Path, whole: Stud
         assert all(row["against"] != "measurement" for row in csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_without_a_calibration_the_rest_is_there(
     robot: bs.Robot, bench: Measurements, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -616,6 +624,7 @@ def test_the_fewest_rows_are_judged(robot: bs.Robot, bench: Measurements) -> Non
     assert found.calibration is not None and found.residuals is not None
 
 
+@pytest.mark.slow
 def test_the_command(shell: Shell, bench: Measurements, tmp_path: Path) -> None:
     table = write_measurements(bench.select(bench.repeat == 1), tmp_path / "bench.csv")
     set_gravity = ("--set", "gravity=0 0 -9.81 m/s^2")

@@ -167,6 +167,7 @@ def test_a_contribution_is_over_the_loads_that_both_cases_have(paper: Study) -> 
     assert paper.budget.problems(r, "removed") == ("without it: no equilibrium there",)
 
 
+@pytest.mark.slow
 def test_other_gravity_is_compared_with_the_sweep_without_any() -> None:
     """What upright gravity adds to the sweep of a robot that hangs is not what turning it does."""
     robot = load_robot(Path(__file__).parent / "silicone.yaml")

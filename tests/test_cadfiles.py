@@ -18,6 +18,7 @@ from bowstring.cad.solid import make_solid
 from bowstring.errors import InputError
 
 bd = pytest.importorskip("build123d", exc_type=ImportError)
+pytestmark = pytest.mark.cad
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,7 @@ def of(tmp_path_factory: pytest.TempPathFactory) -> dict[str, files.Kind]:
     return files.kinds(tmp_path_factory.mktemp("whole"))
 
 
+@pytest.mark.slow
 def test_damaged_files_are_read_or_refused(of: dict[str, files.Kind], tmp_path: Path) -> None:
     outcomes: Counter[str] = Counter()
     slow = 0

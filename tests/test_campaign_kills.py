@@ -16,6 +16,7 @@ from campaign import kills
 DRAWING = next(command for command in kills.COMMANDS if command.output == "disk.svg")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signal", ["KILL", "TERM twice"])
 def test_a_command_is_stopped(signal: str, tmp_path: Path) -> None:
     def fits(number: int) -> bool:
@@ -28,6 +29,7 @@ def test_a_command_is_stopped(signal: str, tmp_path: Path) -> None:
     assert what.startswith(f"disk.svg {signal}, exit ") and wrong == ""
 
 
+@pytest.mark.slow
 def test_what_is_not_whole_is_noticed(tmp_path: Path) -> None:
     def judge(name: str, code: int, replaces: bool = False, said: str = "Stopped: all.") -> None:
         kills._judge(DRAWING, name, code, said, tmp_path, replaces)

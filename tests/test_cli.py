@@ -211,6 +211,7 @@ def test_study(studied: tuple[Path, dict[str, Any]]) -> None:
     assert (folder / "report.html").is_file() and (folder / "study.json").is_file()
 
 
+@pytest.mark.slow
 def test_study_of_an_own_robot(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -524,6 +525,7 @@ def test_errors_name_their_flag(
     assert all(part in err for part in parts), err
 
 
+@pytest.mark.slow
 def test_study_of_two_tendons(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

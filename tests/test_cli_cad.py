@@ -14,6 +14,8 @@ import pytest
 import bowstring as bs
 from shell import Shell, refuses
 
+pytestmark = pytest.mark.cad
+
 CAD = ("cad", "amouri2019")
 
 

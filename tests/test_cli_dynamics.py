@@ -351,6 +351,7 @@ LONG = (*PULLED, "--dt", "20 us", "--hold", "100")
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 @pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", 130), ("SIGKILL", -9)])
+@pytest.mark.slow
 def test_a_killed_run_leaves_its_file(tmp_path: Path, number: str, code: int) -> None:
     out = tmp_path / "run.nc"
     with subprocess.Popen(
@@ -481,6 +482,7 @@ def test_modes_flags(shell: Shell) -> None:
         assert other[0]["frequency_hz"] != plain[0]["frequency_hz"], flags
 
 
+@pytest.mark.slow
 def test_mode_pictures(shell: Shell, tmp_path: Path) -> None:
     """Each mode as PNG, PDF and SVG; a second run replaces them, a file of one's own is kept."""
     folder = tmp_path / "modes"

@@ -48,6 +48,7 @@ def data(robot: Robot) -> Measurements:
     return read_measurements(TABLE, robot)
 
 
+@pytest.mark.slow
 def test_the_example_is_found(shell: Shell, robot: Robot, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "fit"
     got = shell.json(*FIT, *NAMES, "--out", str(folder))
@@ -154,6 +155,7 @@ def test_validation_in_json(shell: Shell) -> None:
     assert shell.json(*FIT, *few)["validation"] is None
 
 
+@pytest.mark.slow
 def test_another_table_is_predicted_once(shell: Shell, robot: Robot, tmp_path: Path) -> None:
     """Two synthetic tables of one bench; the other is moved, and nothing is aligned to it."""
     made = synthetic.simulate(robot, masses=np.linspace(0, 8, 9), friction=0.1, seed=7)

@@ -90,6 +90,7 @@ def test_a_file_of_others_is_kept(
         ((*BENCH, "--out"), "table.csv"),
     ],
 )
+@pytest.mark.slow
 def test_what_bowstring_wrote_is_replaced(
     shell: Shell, here: Path, arguments: tuple[str, ...], name: str
 ) -> None:
@@ -100,6 +101,7 @@ def test_what_bowstring_wrote_is_replaced(
     assert left == {name}
 
 
+@pytest.mark.slow
 def test_solids_that_bowstring_wrote_are_replaced(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     for name in ("a.step", "a.stl", "a.glb", "a.gltf"):

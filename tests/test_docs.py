@@ -19,6 +19,14 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
+#: Words of examples that take long, and their marker.
+_LONG = (
+    (r"bowstring study|make study|run_study|judge_data|bowstring fit", pytest.mark.slow),
+    (r"bowstring fe|import fem", pytest.mark.fem),
+    (r"bowstring cad|make_solid|bowstring\.cad", pytest.mark.cad),
+)
+
+
 def blocks(language: str) -> list[object]:
     """The fenced blocks of a language, each with its page and line as its name."""
     found = []
@@ -26,7 +34,8 @@ def blocks(language: str) -> list[object]:
         text = page.read_text("utf-8")
         for match in re.finditer(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
             line = text[: match.start()].count("\n") + 1
-            found.append(pytest.param(match[1], id=f"{page.name}:{line}"))
+            marks = [mark for word, mark in _LONG if re.search(word, match[1])]
+            found.append(pytest.param(match[1], id=f"{page.name}:{line}", marks=marks))
     return found
 
 
@@ -110,7 +119,7 @@ def test_python(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     """A block with prompts is a doctest, any other is run."""
     if "make_solid" in block:
         pytest.importorskip("build123d", exc_type=ImportError)
-    if "finite_elements" in block:
+    if "import fem" in block:
         finite_elements_at(tmp_path, monkeypatch)
     if ">>>" in block:
         test = doctest.DocTestParser().get_doctest(block, {}, "page", None, None)

@@ -129,6 +129,7 @@ def test_recovers_a_single_segment_synthetic():
     assert abs(found.predict(data) - data.points).max() < 2e-4
 
 
+@pytest.mark.slow
 def test_recovers_three_segments_pulled_synthetic():
     robot = three_segments()
     names = [
@@ -181,6 +182,7 @@ def test_friction_from_loading_and_unloading_synthetic():
 
 
 @pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+@pytest.mark.slow
 def test_intervals_hold_the_truth_synthetic(loss):
     """95 % intervals hold the truth in about 95 % of synthetic benches."""
     robot = single()
@@ -197,6 +199,7 @@ def test_intervals_hold_the_truth_synthetic(loss):
     assert 216 <= held.sum() <= 239
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_where_one_axis_is_worse_synthetic():
     """Cameras see depth badly; one variance for all axes gave 41 % for base.y."""
     robot = single()
@@ -214,6 +217,7 @@ def test_intervals_hold_the_truth_where_one_axis_is_worse_synthetic():
 
 
 @pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+@pytest.mark.slow
 def test_intervals_hold_the_truth_where_neighbours_err_alike_synthetic(loss):
     """An arm that drifts: each row keeps 0.8 of the error of the one before.
 
@@ -366,6 +370,7 @@ def test_a_fit_passes_minima_beside_tendons_that_become_taut_synthetic():
     assert found.score.rmse <= fewer.score.rmse
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_where_tendons_become_slack_synthetic():
     """A small sibling of `python -m benchmarks.coverage 200 slack`; it was 0.17 of intervals."""
     held = []
@@ -437,6 +442,7 @@ def test_friction_beside_parameters_that_are_hardly_told_apart_synthetic(loss):
     assert found["segments.0.tendons.friction"].value == pytest.approx(0.1, rel=0.005)
 
 
+@pytest.mark.slow
 def test_friction_takes_few_paths_of_a_pulled_robot_synthetic():
     """Derivatives by differences after each step took 277 passes over the rows."""
     robot = three_segments(**{f"segments.{i}.tendons.friction": 0.05 for i in range(3)})
@@ -638,6 +644,7 @@ FOUND = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_calibrated_physics_on_the_real_robot(mocap):
     """Goal: RMSE under 6 mm on val, beside 12.55 by constant curvature, 8.8 by kernel ridge
     regression and 12.11 by the authors' simulator with its mean offset removed."""
@@ -660,6 +667,7 @@ def test_calibrated_physics_on_the_real_robot(mocap):
     assert reached.rmse < 6e-3
 
 
+@pytest.mark.slow
 def test_eight_parameters_of_the_real_robot(mocap):
     train, every, val = mocap
     options = {"start": calibration.START, "loss": "linear"}

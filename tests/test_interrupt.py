@@ -109,6 +109,7 @@ for name, (prepare, work) in json.load(sys.stdin).items():
 """
 
 
+@pytest.mark.slow
 def test_long_work_is_interrupted() -> None:
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", CHILD],

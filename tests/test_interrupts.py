@@ -89,6 +89,7 @@ def stop(folder: Path, library: str, signals: list[signal.Signals]) -> tuple[int
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("library", [BROKEN_IMPORT, OPTIONAL_IMPORT])
+@pytest.mark.slow
 def test_an_interrupt_within_an_import(
     tmp_path: Path, library: str, number: signal.Signals
 ) -> None:

@@ -73,6 +73,7 @@ def test_a_tip_below_the_base_is_named() -> None:
     assert z < 0 and warning.startswith(f"the tip is {-z:.3g} mm below the base (z = {z:.3g} mm)")
 
 
+@pytest.mark.slow
 def test_the_study_warns_of_its_sweep(limited: Robot, tmp_path: Path) -> None:
     found = run_study(limited.with_({ROD + "yield_strength": "1 GPa"}), max_tension=200.0, points=5)
     assert found.statics.tip_position[-1, 2] < 0

@@ -452,6 +452,7 @@ def test_no_file(tmp_path: Path) -> None:
 # -- large files and bombs -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_million_rows(file: Write) -> None:
     rows = [f"{i % 977 / 10},{i % 89},{i % 359}\n" for i in range(1_000_000)]
     rows[777_777] = "1,?,3\n"

@@ -86,6 +86,7 @@ for work in json.load(sys.stdin):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs a limit of the address space")
+@pytest.mark.slow
 def test_work_beyond_a_limit_of_memory_is_refused() -> None:
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", CHILD],

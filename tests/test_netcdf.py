@@ -106,6 +106,7 @@ def test_copies_by_other_programs_are_read(whole: bytes, tmp_path: Path, form: s
     ],
 )
 @pytest.mark.parametrize("form", ["NETCDF3_64BIT", "NETCDF4"])
+@pytest.mark.slow
 def test_a_run_of_another_form(
     whole: bytes, tmp_path: Path, change: Callable[[xr.Dataset], xr.Dataset], says: str, form: str
 ) -> None:

@@ -12,6 +12,8 @@ from bowstring.cad.drawing import draw_disks, write_drawing
 from bowstring.cad.raster import Camera, Mesh, render
 from bowstring.errors import InputError
 
+pytestmark = pytest.mark.cad
+
 
 def box(low, high, part):
     """Triangles of a box, counter-clockwise from outside, with flat normals."""

@@ -95,6 +95,7 @@ def test_heavier_fiducials_pull_harder() -> None:
 
 
 @pytest.mark.parametrize("sigma", ["one", "each", None])
+@pytest.mark.slow
 def test_coverage_of_fiducials(sigma: str | None) -> None:
     """95 % intervals of all six errors hold the truth in 95 % of simulated registrations."""
     rng = np.random.default_rng(7)
@@ -223,6 +224,7 @@ def test_model_without_noise(tips: tuple[Array, Array], robust: bool) -> None:
 
 @pytest.mark.parametrize("sigma", [2e-4, None])
 @pytest.mark.parametrize("robust", [False, True])
+@pytest.mark.slow
 def test_coverage_with_the_model(
     tips: tuple[Array, Array], sigma: float | None, robust: bool
 ) -> None:

@@ -125,6 +125,7 @@ def test_the_page_tells_a_reader_everything(written: Path, paper: Study) -> None
     assert source.count('role="img"') == len(FIGURES)
 
 
+@pytest.mark.slow
 def test_the_robot_as_a_solid_opens_the_page(paper: Study) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     whole = replace(paper, solid=True)
@@ -148,6 +149,7 @@ def test_every_colour_follows_the_theme(written: Path) -> None:
         assert "var(--ink" in drawing
 
 
+@pytest.mark.slow
 def test_names_from_a_robot_file_are_escaped(tmp_path: Path) -> None:
     robot = load_robot("amouri2019").with_(
         {"name": "a<b>&c", "description": "<script>alert(1)</script>"}
@@ -238,6 +240,7 @@ def test_dynamics_is_shown(written: Path, paper: Study) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_study_without_dynamics_says_why(tmp_path: Path) -> None:
     light = {"segments.0.disks.mass": "0 g", "segments.0.backbone.density": "0 kg/m^3"}
     found = run_study(load_robot("amouri2019").with_(light), points=3)
@@ -253,6 +256,7 @@ def test_a_study_without_dynamics_says_why(tmp_path: Path) -> None:
     assert "vs dynamics" not in out.getvalue()
 
 
+@pytest.mark.slow
 def test_the_same_study_writes_the_same_bytes(written: Path, paper: Study, tmp_path: Path) -> None:
     assert contents(report.write(paper, tmp_path / "again")) == contents(written)
 
@@ -412,6 +416,7 @@ def test_terminal_page_and_table_have_the_same_contributions(written: Path, pape
         assert ours == in_csv
 
 
+@pytest.mark.slow
 def test_no_table_is_cut_in_a_window_of_1280_pixels(tmp_path: Path) -> None:
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:

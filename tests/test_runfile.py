@@ -114,6 +114,7 @@ WRITER = """
 """
 
 
+@pytest.mark.slow
 def test_a_killed_run_opens_and_says_where_it_ended(tmp_path):
     """SIGKILL at moments from the first chunk to long after."""
     rng = np.random.default_rng(7)
@@ -196,6 +197,7 @@ LIMITED = """
 
 
 @pytest.mark.parametrize(("limit", "times"), [(1_000_000, 60), (100_000, 0)])
+@pytest.mark.slow
 def test_a_limit_of_the_system(tmp_path, limit, times):
     """The kernel refuses in the middle of a chunk, also of the first."""
     path = tmp_path / "run.nc"

@@ -15,6 +15,7 @@ from bowstring.robot.disk import drilled_disk
 from bowstring.robot.sizes import sizes_of
 
 bd = pytest.importorskip("build123d", exc_type=ImportError)
+pytestmark = pytest.mark.cad
 
 TUBE = {
     "segments.0.backbone.inner_diameter": "3 mm",

@@ -197,6 +197,7 @@ def test_a_load_that_winds_the_robot_up_is_named() -> None:
         run_study(soft, max_tension=80.0)
 
 
+@pytest.mark.slow
 def test_loads_beyond_any_arc_count_in_no_mean() -> None:
     got = run_study(load_robot("amouri2019"), max_tension=900.0)
     lengths = got.comparison("cc_from_lengths")

@@ -280,6 +280,7 @@ def test_calibrated_friction_is_that_of_the_budget(amouri: Robot) -> None:
 # -- a robot whose file has friction ---------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_friction_of_the_file_is_not_in_the_sweep_and_the_study_says_so(
     paper: Study, amouri: Robot, tmp_path: Path
 ) -> None:
@@ -315,6 +316,7 @@ def test_a_tendon_that_does_not_hang_is_told(
     assert any("In spite of that" in note for note in drive(amouri).notes)
 
 
+@pytest.mark.slow
 def test_commands_without_equilibrium_are_told(amouri: Robot) -> None:
     d = drive(amouri.with_({DRIVE + "friction": 3}), 400.0)
     case = d.row("pull_driven_loading").case
@@ -344,6 +346,7 @@ def test_fields_of_tendons_are_filled_where_they_lack() -> None:
 # -- report --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_report_and_terminal_show_it(paper: Study, tmp_path: Path) -> None:
     folder = report.write(paper, tmp_path / "out")
     page = (folder / "report.html").read_text(encoding="utf-8")

@@ -63,6 +63,7 @@ def scale(axes: Axes) -> float:
 
 
 @pytest.mark.parametrize("name", ["amouri2019", "crl-ftdcr-v4", "silicone"])
+@pytest.mark.slow
 def test_an_inset_magnifies_and_covers_nothing(name: str, paper: Study, soft: Study) -> None:
     known = {"amouri2019": paper, "silicone": soft}
     found = known[name] if name in known else run_study(load_robot(name), points=9)
@@ -88,6 +89,7 @@ def test_an_inset_magnifies_and_covers_nothing(name: str, paper: Study, soft: St
 
 
 @pytest.mark.parametrize("name", ["amouri2019", "crl-ftdcr-v4", "silicone"])
+@pytest.mark.slow
 def test_no_disk_hides_the_label_of_a_tip(name: str, paper: Study, soft: Study) -> None:
     known = {"amouri2019": paper, "silicone": soft}
     found = known[name] if name in known else run_study(load_robot(name), points=9)
@@ -181,6 +183,7 @@ def test_each_row_of_the_budget_is_drawn_between_its_own_two_cases(paper: Study)
     assert {"with the effect", "without it"} <= set(names)
 
 
+@pytest.mark.slow
 def test_rows_over_fewer_loads_are_marked(paper: Study) -> None:
     whole = drawn(paper, "error_budget").axes[1]
     assert not any(text.get_text() for text in whole.texts)

@@ -133,6 +133,7 @@ def test_what_cannot_be_checked() -> None:
 
 
 @pytest.mark.parametrize("part", ["train", "val", "keypoints", "tendon_pull"])
+@pytest.mark.slow
 def test_a_measured_robot_of_three_segments(part: str, public_data: Callable[[str], Path]) -> None:
     public_data("crl-ftdcr-mocap")
     robot, data = bs.load_robot("crl-ftdcr-v4"), load("crl-ftdcr-mocap", part)

@@ -223,6 +223,7 @@ def test_a_motion_that_stops_is_shown_up_to_there(
     json.dumps(got, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_disks_that_meet_end_the_motion() -> None:
     found, motion = moving(load_robot("amouri2019"), max_tension=900.0, rise=0.115)
     assert motion.status == "collision" and motion.time[-1] < motion.rise
