@@ -4,10 +4,10 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use bowstring_core::drive::{Command, Drive, Line};
-use bowstring_core::load::{Load, Model};
-use bowstring_core::robot::{Disk, Robot, RobotSpec, Tendon};
-use bowstring_core::statics::{Solver, Status};
+use bowstring_core::model::load::{Load, Model};
+use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Tendon};
+use bowstring_core::statics::path::{Command, Drive, Line};
+use bowstring_core::statics::solver::{Solver, Status};
 use common::{section, study_robot};
 use criterion::{criterion_group, criterion_main, Criterion};
 

@@ -4,8 +4,8 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use bowstring_core::dynamics::{Damping, Settings, Simulator, Step};
-use bowstring_core::load::{Model, Theory};
+use bowstring_core::dynamics::integrator::{Damping, Settings, Simulator, Step};
+use bowstring_core::model::load::{Model, Theory};
 use common::{pull, study_robot};
 use criterion::{criterion_group, criterion_main, Criterion};
 

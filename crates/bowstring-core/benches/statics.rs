@@ -4,9 +4,9 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use bowstring_core::batch::{solve_batch, Loads, Settings};
-use bowstring_core::load::{Load, Model, Theory};
-use bowstring_core::statics::{Solver, Status};
+use bowstring_core::model::load::{Load, Model, Theory};
+use bowstring_core::statics::batch::{solve_batch, Loads, Settings};
+use bowstring_core::statics::solver::{Solver, Status};
 use common::study_robot;
 use criterion::{criterion_group, criterion_main, Criterion};
 

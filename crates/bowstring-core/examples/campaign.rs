@@ -16,11 +16,11 @@
 #[path = "../tests/common/cases.rs"]
 mod cases;
 
-use bowstring_core::adaptive::Adaptive;
-use bowstring_core::batch::{solve_batch, Loads, Settings, Solutions};
-use bowstring_core::load::{Load, TendonPath};
-use bowstring_core::robot::Robot;
-use bowstring_core::statics::{Outcome, Solver, Status, TOLERANCE};
+use bowstring_core::model::load::{Load, TendonPath};
+use bowstring_core::model::robot::Robot;
+use bowstring_core::statics::adaptive::Adaptive;
+use bowstring_core::statics::batch::{solve_batch, Loads, Settings, Solutions};
+use bowstring_core::statics::solver::{Outcome, Solver, Status, TOLERANCE};
 use cases::{hostile, Case, Draw};
 use std::io::Write;
 use std::panic::{catch_unwind, AssertUnwindSafe};

@@ -1,6 +1,7 @@
 //! Estimates of memory, checked before work begins: an allocation that fails ends the process.
 
-use crate::robot::InputError;
+use crate::interrupt;
+use crate::model::robot::InputError;
 
 /// Bytes below which nothing is checked.
 const SMALL: f64 = 16e6;
@@ -24,6 +25,30 @@ pub fn check(bytes: f64, what: impl FnOnce() -> String, cure: &str) -> Result<()
         what(),
         Digits(1e-9 * bytes)
     )))
+}
+
+/// So many numbers that are not known yet.
+///
+/// # Errors
+/// If they do not fit into memory, with the sentence of `refused`.
+pub fn unknown(
+    len: Option<usize>,
+    refused: &dyn Fn() -> InputError,
+) -> Result<Vec<f64>, InputError> {
+    const STRIDE: usize = 1 << 16;
+    let mut v = Vec::new();
+    match len.map(|len| v.try_reserve_exact(len)) {
+        Some(Ok(())) => {}
+        _ => return Err(refused()),
+    }
+    let len = len.unwrap_or(0);
+    while v.len() < len {
+        if interrupt::work(STRIDE / 16) {
+            return Err(InputError("the work was interrupted".into()));
+        }
+        v.resize(len.min(v.len() + STRIDE), f64::NAN);
+    }
+    Ok(v)
 }
 
 /// Three significant digits.

@@ -101,11 +101,11 @@ pub fn derive(given: Sections, out: &mut Derived) {
         fn with_avx2(given: Sections, out: &mut Derived) {
             derive_here(given, out);
         }
-        if crate::simd::has_avx512() {
+        if crate::math::simd::has_avx512() {
             // SAFETY: the processor has just been found to have the features of the function
             return unsafe { with_avx512(given, out) };
         }
-        if crate::simd::has_avx2() {
+        if crate::math::simd::has_avx2() {
             // SAFETY: as above
             return unsafe { with_avx2(given, out) };
         }

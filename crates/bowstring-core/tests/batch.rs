@@ -1,10 +1,10 @@
 //! Many loads in one call give what one call for each gives.
 
 mod common;
-use bowstring_core::batch::{solve_batch, sweep, Loads, Settings};
 use bowstring_core::interrupt::{watched, Interrupted};
-use bowstring_core::load::{Load, Model, Theory};
-use bowstring_core::statics::Status;
+use bowstring_core::model::load::{Load, Model, Theory};
+use bowstring_core::statics::batch::{solve_batch, sweep, Loads, Settings};
+use bowstring_core::statics::solver::Status;
 use common::study_robot;
 
 fn loads<'a>(tensions: &'a [f64], gravity: &'a [f64], tip_force: &'a [f64]) -> Loads<'a> {

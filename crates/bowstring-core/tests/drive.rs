@@ -2,11 +2,11 @@
 
 mod common;
 
-use bowstring_core::drive::{Command, Drive, DriveOutcome, History, Line};
-use bowstring_core::linalg::Vec3;
-use bowstring_core::load::{Load, Model, Theory};
-use bowstring_core::robot::{Robot, Tendon};
-use bowstring_core::statics::{Solver, Status};
+use bowstring_core::math::linalg::Vec3;
+use bowstring_core::model::load::{Load, Model, Theory};
+use bowstring_core::model::robot::{Robot, Tendon};
+use bowstring_core::statics::path::{Command, Drive, DriveOutcome, History, Line};
+use bowstring_core::statics::solver::{Solver, Status};
 use common::{pull, rao_robot, study_robot, Draw};
 
 fn kirchhoff() -> Model {

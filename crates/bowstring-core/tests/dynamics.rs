@@ -2,11 +2,13 @@
 
 mod common;
 
-use bowstring_core::dynamics::{Count, Damping, Fields, Settings, Simulator, Step, Stop};
-use bowstring_core::linalg::Vec3;
-use bowstring_core::load::{Load, Model, TendonPath, Theory};
-use bowstring_core::robot::{Disk, Robot, RobotSpec};
-use bowstring_core::statics::{Solver, Status};
+use bowstring_core::dynamics::integrator::{
+    Count, Damping, Fields, Settings, Simulator, Step, Stop,
+};
+use bowstring_core::math::linalg::Vec3;
+use bowstring_core::model::load::{Load, Model, TendonPath, Theory};
+use bowstring_core::model::robot::{Disk, Robot, RobotSpec};
+use bowstring_core::statics::solver::{Solver, Status};
 use common::{pull, section, study_robot};
 
 fn settings(step: f64) -> Settings {

@@ -2,11 +2,11 @@
 
 mod common;
 
-use bowstring_core::drive::{Command, Drive, Line};
-use bowstring_core::dynamics::{Damping, Settings, Simulator, Step};
-use bowstring_core::load::{Load, Model, Theory};
-use bowstring_core::robot::Robot;
-use bowstring_core::statics::Status;
+use bowstring_core::dynamics::integrator::{Damping, Settings, Simulator, Step};
+use bowstring_core::model::load::{Load, Model, Theory};
+use bowstring_core::model::robot::Robot;
+use bowstring_core::statics::path::{Command, Drive, Line};
+use bowstring_core::statics::solver::Status;
 use common::{pull, rao_robot, study_robot, Draw};
 
 fn settings(step: f64, rho: f64) -> Settings {

@@ -7,9 +7,9 @@
 #[path = "common/cases.rs"]
 mod cases;
 
-use bowstring_core::load::{Load, Theory};
-use bowstring_core::robot::Robot;
-use bowstring_core::statics::{Outcome, Solver, Status, TOLERANCE};
+use bowstring_core::model::load::{Load, Theory};
+use bowstring_core::model::robot::Robot;
+use bowstring_core::statics::solver::{Outcome, Solver, Status, TOLERANCE};
 use cases::{hostile, Case, Draw};
 use std::time::{Duration, Instant};
 

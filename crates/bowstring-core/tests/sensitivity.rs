@@ -1,12 +1,12 @@
 //! Derivatives of equilibria against central differences, and Maxwell's reciprocity.
 
 mod common;
-use bowstring_core::lie;
-use bowstring_core::linalg::{Mat3, Vec3};
-use bowstring_core::load::{Load, Model, Theory};
-use bowstring_core::robot::Robot;
-use bowstring_core::sensitivity::Derivative;
-use bowstring_core::statics::{Solver, Status};
+use bowstring_core::math::lie;
+use bowstring_core::math::linalg::{Mat3, Vec3};
+use bowstring_core::model::load::{Load, Model, Theory};
+use bowstring_core::model::robot::Robot;
+use bowstring_core::rod::sensitivity::Derivative;
+use bowstring_core::statics::solver::{Solver, Status};
 use common::study_robot;
 
 const TENSIONS: [f64; 3] = [60.0, 15.0, 25.0];

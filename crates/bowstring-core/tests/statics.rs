@@ -1,8 +1,8 @@
 //! Static equilibria against independent references.
 
 mod common;
-use bowstring_core::load::{Load, Model, TendonPath, Theory};
-use bowstring_core::statics::{Solver, Status};
+use bowstring_core::model::load::{Load, Model, TendonPath, Theory};
+use bowstring_core::statics::solver::{Solver, Status};
 use common::{pull, study_robot};
 
 /// Tension, X and Z of the tip in mm: Kirchhoff, then Cosserat. Independent shooting solutions.

@@ -3,12 +3,13 @@
 use crate::input::{input_error, numbers, refused, settings, three, OwnLoads};
 use crate::interrupt::interruptible;
 use crate::rod::{array, check_rows, Answer, Driven, Robot, Solution, State};
-use bowstring_core::batch::{self, Settings, Solutions};
-use bowstring_core::drive::{self, Command, DriveOutcome, Line};
 use bowstring_core::interrupt::{self, interrupted};
-use bowstring_core::load::{Load, OwnedLoad};
-use bowstring_core::robot::InputError;
-use bowstring_core::statics::{Outcome, Status};
+use bowstring_core::memory;
+use bowstring_core::model::load::{Load, OwnedLoad};
+use bowstring_core::model::robot::InputError;
+use bowstring_core::statics::batch::{self, Settings, Solutions};
+use bowstring_core::statics::path::{self, Command, DriveOutcome, Line};
+use bowstring_core::statics::solver::{Outcome, Status};
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyReadonlyArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -19,11 +20,11 @@ use pyo3::types::PyDict;
 pub struct Drive {
     robot: Py<Robot>,
     settings: Settings,
-    inner: drive::Drive,
+    inner: path::Drive,
 }
 
 impl Drive {
-    pub(crate) fn inner(&self) -> &drive::Drive {
+    pub(crate) fn inner(&self) -> &path::Drive {
         &self.inner
     }
 }
@@ -64,7 +65,7 @@ impl Drive {
             })
             .collect();
         let drive = interruptible(robot.py(), || {
-            drive::Drive::new(inner, settings.model, settings.elements, &lines)
+            path::Drive::new(inner, settings.model, settings.elements, &lines)
         })?;
         Ok(Drive {
             robot: robot.clone().unbind(),
@@ -275,7 +276,7 @@ fn flat<T: numpy::Element + Copy, D: numpy::ndarray::Dimension>(
     array.as_array().iter().copied().collect()
 }
 
-fn core_modules(drive: &drive::Drive) -> usize {
+fn core_modules(drive: &path::Drive) -> usize {
     drive.robot().module_count()
 }
 
@@ -297,7 +298,7 @@ fn tensions_of(commands: &[Command]) -> Vec<f64> {
     commands.iter().map(tension).collect()
 }
 
-fn span_tensions(drive: &drive::Drive) -> Vec<f64> {
+fn span_tensions(drive: &path::Drive) -> Vec<f64> {
     let m = drive.robot().tendon_count();
     (0..core_modules(drive) * m)
         .map(|k| drive.span_tension(k / m, k % m))
@@ -397,7 +398,7 @@ const PART: usize = 16;
 impl Rows {
     /// Room for so many rows.
     fn new(
-        robot: &bowstring_core::robot::Robot,
+        robot: &bowstring_core::model::robot::Robot,
         count: usize,
         disks: bool,
     ) -> Result<Self, InputError> {
@@ -416,7 +417,7 @@ impl Rows {
         });
         let mut columns = Columns::default().each();
         for (column, width) in columns.iter_mut().zip(widths(robot, disks)) {
-            *column = batch::unknown(count.checked_mul(width), &refused)?;
+            *column = memory::unknown(count.checked_mul(width), &refused)?;
         }
         Ok(Rows {
             rows,
@@ -464,7 +465,7 @@ impl Rows {
     }
 
     /// Rows in order, each from where the drive has come to.
-    fn follow(&mut self, drive: &mut drive::Drive, pulled: &[bool], loads: &OwnLoads) {
+    fn follow(&mut self, drive: &mut path::Drive, pulled: &[bool], loads: &OwnLoads) {
         let widths = widths(drive.robot(), !self.columns.disk_position.is_empty());
         for mut part in self.parts(widths, loads.count) {
             for row in 0..part.rows.len() {
@@ -477,7 +478,7 @@ impl Rows {
     }
 
     /// Independent rows, each from where the drive stands.
-    fn solve(&mut self, drive: &drive::Drive, pulled: &[bool], loads: &OwnLoads, threads: usize) {
+    fn solve(&mut self, drive: &path::Drive, pulled: &[bool], loads: &OwnLoads, threads: usize) {
         let widths = widths(drive.robot(), !self.columns.disk_position.is_empty());
         let mut parts = self.parts(widths, PART);
         let copy = || drive.clone();
@@ -541,7 +542,7 @@ impl Rows {
 }
 
 /// Numbers of a row in each column.
-fn widths(robot: &bowstring_core::robot::Robot, disks: bool) -> [usize; 9] {
+fn widths(robot: &bowstring_core::model::robot::Robot, disks: bool) -> [usize; 9] {
     let (n, m) = (robot.module_count(), robot.tendon_count());
     let shown = if disks { n } else { 0 };
     Columns {
@@ -560,7 +561,7 @@ fn widths(robot: &bowstring_core::robot::Robot, disks: bool) -> [usize; 9] {
 
 impl Part<'_> {
     /// A step of the drive to the load of a row.
-    fn fill(&mut self, row: usize, drive: &mut drive::Drive, pulled: &[bool], loads: &OwnLoads) {
+    fn fill(&mut self, row: usize, drive: &mut path::Drive, pulled: &[bool], loads: &OwnLoads) {
         let (n, m) = (core_modules(drive), drive.robot().tendon_count());
         let i = self.first + row;
         let load = loads.borrow().row(i, m);

@@ -5,10 +5,12 @@ use crate::fields::Records;
 use crate::input::{input_error, model, numbers, refused, three};
 use crate::interrupt::interruptible;
 use crate::rod::Robot;
-use bowstring_core::dynamics::{self, Count, Damping, Energies, Fields, Settings, Step, Stop};
-use bowstring_core::load::Load;
-use bowstring_core::modes;
-use bowstring_core::statics::Status;
+use bowstring_core::dynamics::integrator::{
+    self, Count, Damping, Energies, Fields, Settings, Step, Stop,
+};
+use bowstring_core::dynamics::modal;
+use bowstring_core::model::load::Load;
+use bowstring_core::statics::solver::Status;
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArray1,
     PyReadonlyArray2, PyUntypedArrayMethods,
@@ -20,7 +22,7 @@ use std::time::{Duration, Instant};
 /// A robot that moves, and what it leaves behind.
 #[pyclass(module = "bowstring._core")]
 pub struct Simulator {
-    inner: dynamics::Simulator,
+    inner: integrator::Simulator,
     count: Count,
     /// Stations in each module; 0 keeps the motion of the tip alone.
     points: usize,
@@ -89,7 +91,7 @@ impl Simulator {
         let model = model(theory, tendon, twist)?;
         let tendons = robot.tendon_count();
         let inner =
-            dynamics::Simulator::new(robot, model, elements, settings).map_err(input_error)?;
+            integrator::Simulator::new(robot, model, elements, settings).map_err(input_error)?;
         Ok(Simulator {
             inner,
             count: Count::default(),
@@ -444,7 +446,7 @@ impl Simulator {
 /// How all mass of a robot answers forces about an equilibrium.
 #[pyclass(module = "bowstring._core")]
 pub struct Flexibility {
-    inner: modes::Flexibility,
+    inner: modal::Flexibility,
 }
 
 #[pymethods]
@@ -491,7 +493,7 @@ impl Flexibility {
 #[pyfunction]
 pub fn flexibility_at(py: Python<'_>, drive: PyRef<'_, Drive>) -> PyResult<Option<Flexibility>> {
     let drive = drive.inner();
-    let found = interruptible(py, || modes::flexibility_at(drive))?.map_err(input_error)?;
+    let found = interruptible(py, || modal::flexibility_at(drive))?.map_err(input_error)?;
     Ok(found.map(|inner| Flexibility { inner }))
 }
 
@@ -521,7 +523,7 @@ pub fn flexibility<'py>(
         tip_moment: [0.0; 3],
     };
     let model = model(theory, tendon, twist)?;
-    let (outcome, found) = interruptible(py, || modes::flexibility(robot, model, elements, &load))?
+    let (outcome, found) = interruptible(py, || modal::flexibility(robot, model, elements, &load))?
         .map_err(input_error)?;
     Ok((
         outcome.status.word(),

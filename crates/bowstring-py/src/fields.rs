@@ -2,10 +2,10 @@
 
 use crate::input::{input_error, refused};
 use crate::interrupt::interruptible;
-use bowstring_core::dynamics::Fields;
+use bowstring_core::dynamics::integrator::Fields;
 use bowstring_core::interrupt;
 use bowstring_core::memory;
-use bowstring_core::robot::Robot;
+use bowstring_core::model::robot::Robot;
 use bowstring_core::stress::{self, Derived, Section, Sections};
 use numpy::{
     IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,

@@ -1,9 +1,9 @@
 //! Arguments from Python, checked: each refusal is a sentence.
 
-use bowstring_core::batch::{Loads, Settings};
-use bowstring_core::load::{Model, TendonPath, Theory};
 use bowstring_core::memory;
-use bowstring_core::robot::InputError;
+use bowstring_core::model::load::{Model, TendonPath, Theory};
+use bowstring_core::model::robot::InputError;
+use bowstring_core::statics::batch::{Loads, Settings};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
@@ -31,7 +31,7 @@ pub(crate) struct OwnLoads {
 
 impl OwnLoads {
     pub fn new(
-        robot: &bowstring_core::robot::Robot,
+        robot: &bowstring_core::model::robot::Robot,
         tensions: PyReadonlyArray2<f64>,
         gravity: Option<&Bound<PyAny>>,
         tip_force: &Bound<PyAny>,

@@ -2,15 +2,15 @@
 
 use crate::input::{input_error, numbers, refused, settings, three, OwnLoads};
 use crate::interrupt::interruptible;
-use bowstring_core::adaptive::Adaptive;
-use bowstring_core::batch::{self, write_pose, Settings, Solutions};
-use bowstring_core::drive::DriveOutcome;
-use bowstring_core::load::{OwnedLoad, TendonPath, Theory};
 use bowstring_core::memory;
-use bowstring_core::robot::{Disk, InputError, RobotSpec, Section, Tendon};
-use bowstring_core::sensitivity::Derivative;
-use bowstring_core::statics::Solver;
-use bowstring_core::statics::{Outcome, Status};
+use bowstring_core::model::load::{OwnedLoad, TendonPath, Theory};
+use bowstring_core::model::robot::{Disk, InputError, RobotSpec, Section, Tendon};
+use bowstring_core::rod::sensitivity::Derivative;
+use bowstring_core::statics::adaptive::Adaptive;
+use bowstring_core::statics::batch::{self, write_pose, Settings, Solutions};
+use bowstring_core::statics::path::DriveOutcome;
+use bowstring_core::statics::solver::Solver;
+use bowstring_core::statics::solver::{Outcome, Status};
 use numpy::ndarray::{Array, ArrayView, Dim, Dimension, IntoDimension, Ix1, ShapeError};
 use numpy::{
     Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1,
@@ -25,7 +25,7 @@ use std::sync::{Mutex, PoisonError};
 /// A robot in the core, checked and immutable.
 #[pyclass(frozen, module = "bowstring._core")]
 pub struct Robot {
-    pub(crate) inner: bowstring_core::robot::Robot,
+    pub(crate) inner: bowstring_core::model::robot::Robot,
     /// The solvers of the last calls, for the next with the same settings.
     solvers: Mutex<Vec<(Settings, Adaptive)>>,
 }
@@ -120,7 +120,7 @@ impl Robot {
             gravity: [g[0], g[1], g[2]],
         };
         Ok(Robot {
-            inner: bowstring_core::robot::Robot::new(spec).map_err(input_error)?,
+            inner: bowstring_core::model::robot::Robot::new(spec).map_err(input_error)?,
             solvers: Mutex::default(),
         })
     }
@@ -490,7 +490,7 @@ pub(crate) struct Answer {
 }
 
 impl Answer {
-    pub fn read(robot: &bowstring_core::robot::Robot, solver: &Solver) -> Self {
+    pub fn read(robot: &bowstring_core::model::robot::Robot, solver: &Solver) -> Self {
         let n = robot.module_count();
         let (mut disk_position, mut disk_rotation) = (vec![0.0; 3 * n], vec![0.0; 9 * n]);
         for k in 0..n {

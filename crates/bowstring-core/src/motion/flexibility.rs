@@ -1,11 +1,11 @@
 //! Small motions about a rest: how all mass answers forces.
 
 use super::Motion;
-use crate::complementarity::eliminate;
 use crate::interrupt;
-use crate::linalg::Vec3;
-use crate::module::share;
-use crate::real::Scalar;
+use crate::math::linalg::Vec3;
+use crate::math::mlcp::eliminate;
+use crate::math::real::Scalar;
+use crate::rod::module::share;
 
 /// Spans of a tendon that do not let it slip, together, in small oscillations.
 pub(crate) struct Lock {

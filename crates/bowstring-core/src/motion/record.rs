@@ -1,11 +1,11 @@
 //! What a moment of a motion leaves behind: fields along the backbone, disks, tendons, energies.
 
 use super::{plain, plain_mat, Energies, Motion};
-use crate::linalg::{Mat3, Vec3};
-use crate::load::TendonPath;
-use crate::module::{Constants, Span, State};
-use crate::real::{Layout, Real};
-use crate::rod::{get, get_mat, in_group, put, put_mat};
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::{Layout, Real};
+use crate::model::load::TendonPath;
+use crate::rod::chain::{get, get_mat, in_group, put, put_mat};
+use crate::rod::module::{Constants, Span, State};
 
 /// Fields at one time after the other, flat, SI, in the base frame unless said otherwise.
 ///

@@ -4,10 +4,10 @@
 #[path = "random.rs"]
 mod random;
 
-use bowstring_core::linalg::{Mat3, Vec3};
-use bowstring_core::load::{Load, Model, TendonPath, Theory};
-use bowstring_core::robot::{Disk, Robot, RobotSpec, Section, Tendon};
-use bowstring_core::statics::{Pose, Solver, Status};
+use bowstring_core::math::linalg::{Mat3, Vec3};
+use bowstring_core::model::load::{Load, Model, TendonPath, Theory};
+use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::statics::solver::{Pose, Solver, Status};
 pub use random::Draw;
 
 impl Draw {

@@ -1,8 +1,8 @@
 //! The study's robot, for tests and benchmarks.
 #![allow(dead_code)]
 
-use bowstring_core::load::Load;
-use bowstring_core::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::model::load::Load;
+use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
 
 pub const LENGTH: f64 = 0.641;
 

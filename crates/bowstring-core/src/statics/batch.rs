@@ -1,13 +1,14 @@
 //! Many loads in one call: in order, each from the one before, or independent over all cores.
 
-use crate::adaptive::Adaptive;
-use crate::engine;
+use crate::dispatch;
 use crate::interrupt;
+use crate::memory::unknown;
+use crate::model::load::{Load, Model};
+use crate::model::robot::{InputError, Robot};
+use crate::statics::adaptive::Adaptive;
 #[cfg(target_arch = "x86_64")]
-use crate::lanes::SideBySide;
-use crate::load::{Load, Model};
-use crate::robot::{InputError, Robot};
-use crate::statics::{Outcome, Pose, Status};
+use crate::statics::lanes::SideBySide;
+use crate::statics::solver::{Outcome, Pose, Status};
 
 /// What to solve with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -150,14 +151,14 @@ pub fn solve_batch(
 ) -> Result<Solutions, InputError> {
     settings.solver(robot)?;
     let elements = settings.elements.unwrap_or(1);
-    engine::check_solvers(robot, elements, 2 * thread_count(threads))?;
+    dispatch::check_solvers(robot, elements, 2 * thread_count(threads))?;
     loads.check(robot)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     let mut chunks = solutions.chunks(robot, CHUNK);
     let scratch = || Scratch {
         solver: settings.solver(robot).expect("checked above"),
         #[cfg(target_arch = "x86_64")]
-        lanes: SideBySide::new(robot, settings),
+        lanes: SideBySide::new(robot, settings.model, settings.elements),
     };
     for_each(&mut chunks, threads, scratch, |scratch, chunk| {
         chunk.fill(scratch, loads)
@@ -233,30 +234,6 @@ pub fn for_each<T, S>(
 fn one_by_one<T, S>(items: &mut [T], scratch: impl Fn() -> S, work: impl Fn(&mut S, &mut T)) {
     let mut s = scratch();
     items.iter_mut().for_each(|item| work(&mut s, item));
-}
-
-/// So many numbers that are not known yet.
-///
-/// # Errors
-/// If they do not fit into memory, with the sentence of `refused`.
-pub fn unknown(
-    len: Option<usize>,
-    refused: &dyn Fn() -> InputError,
-) -> Result<Vec<f64>, InputError> {
-    const STRIDE: usize = 1 << 16;
-    let mut v = Vec::new();
-    match len.map(|len| v.try_reserve_exact(len)) {
-        Some(Ok(())) => {}
-        _ => return Err(refused()),
-    }
-    let len = len.unwrap_or(0);
-    while v.len() < len {
-        if interrupt::work(STRIDE / 16) {
-            return Err(InputError("the work was interrupted".into()));
-        }
-        v.resize(len.min(v.len() + STRIDE), f64::NAN);
-    }
-    Ok(v)
 }
 
 impl Solutions {

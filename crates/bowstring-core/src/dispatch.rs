@@ -3,17 +3,17 @@
 //! Each pass is compiled once for each kind of number, with the processor's features; what
 //! calls one pass after the other is written, and compiled, once.
 
-use crate::estimate::Correction;
-use crate::lie::Pose;
-use crate::linalg::Vec3;
-use crate::load::{Load, Model};
+use crate::math::lie::Pose;
+use crate::math::linalg::Vec3;
+use crate::math::real::{Real, Scalar};
 use crate::memory;
+use crate::model::load::{Load, Model};
+use crate::model::robot::{InputError, Robot};
 use crate::motion::{Damping, Energies, Fields, Motion};
-use crate::real::{Real, Scalar};
-use crate::robot::{InputError, Robot};
-use crate::rod::{Rod, Sources, Step};
-use crate::sensitivity::{self, Jacobians};
-use crate::transmission::Strung;
+use crate::rod::chain::{Rod, Sources, Step};
+use crate::rod::estimate::Correction;
+use crate::rod::sensitivity::{self, Jacobians};
+use crate::tendon::transmission::Strung;
 
 /// The passes of one rod, see [`Rod`] for what each does.
 pub(crate) trait Passes: Strung + Send + Sync {
@@ -188,9 +188,9 @@ macro_rules! passes {
 
 passes!([const A: usize] Rod<Scalar, A>);
 #[cfg(target_arch = "x86_64")]
-passes!([] Rod<crate::simd::Modules<crate::simd::F64x4>, 2>, "avx2,fma");
+passes!([] Rod<crate::math::simd::Modules<crate::math::simd::F64x4>, 2>, "avx2,fma");
 #[cfg(target_arch = "x86_64")]
-passes!([] Rod<crate::simd::Modules<crate::simd::F64x8>, 2>, "avx512f,avx512vl,avx512dq,avx2,fma");
+passes!([] Rod<crate::math::simd::Modules<crate::math::simd::F64x8>, 2>, "avx512f,avx512vl,avx512dq,avx2,fma");
 
 /// The quickest rod of this processor. Lanes are for the default of one element alone: finer
 /// rods serve to check it.
@@ -201,10 +201,10 @@ pub(crate) fn quickest(
 ) -> Result<Box<dyn Passes>, InputError> {
     #[cfg(target_arch = "x86_64")]
     if elements == 1 {
-        if crate::simd::has_avx512() {
+        if crate::math::simd::has_avx512() {
             return Ok(avx512(robot, model));
         }
-        if crate::simd::has_avx2() {
+        if crate::math::simd::has_avx2() {
             return Ok(avx2(robot, model));
         }
     }
@@ -213,18 +213,14 @@ pub(crate) fn quickest(
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) fn avx512(robot: &Robot, model: Model) -> Box<dyn Passes> {
-    assert!(crate::simd::has_avx512());
-    Box::new(Rod::<crate::simd::Modules<crate::simd::F64x8>, 2>::new(
-        robot, model,
-    ))
+    assert!(crate::math::simd::has_avx512());
+    Box::new(Rod::<crate::math::simd::Modules<crate::math::simd::F64x8>, 2>::new(robot, model))
 }
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) fn avx2(robot: &Robot, model: Model) -> Box<dyn Passes> {
-    assert!(crate::simd::has_avx2());
-    Box::new(Rod::<crate::simd::Modules<crate::simd::F64x4>, 2>::new(
-        robot, model,
-    ))
+    assert!(crate::math::simd::has_avx2());
+    Box::new(Rod::<crate::math::simd::Modules<crate::math::simd::F64x4>, 2>::new(robot, model))
 }
 
 /// Memory of a rod in bytes, and of `columns` answers to single tensions; the lanes take about
@@ -511,9 +507,9 @@ macro_rules! moving {
 
 moving!([const A: usize] Motion<Scalar, A>);
 #[cfg(target_arch = "x86_64")]
-moving!([] Motion<crate::simd::Modules<crate::simd::F64x4>, 2>, "avx2,fma");
+moving!([] Motion<crate::math::simd::Modules<crate::math::simd::F64x4>, 2>, "avx2,fma");
 #[cfg(target_arch = "x86_64")]
-moving!([] Motion<crate::simd::Modules<crate::simd::F64x8>, 2>, "avx512f,avx512vl,avx512dq,avx2,fma");
+moving!([] Motion<crate::math::simd::Modules<crate::math::simd::F64x8>, 2>, "avx512f,avx512vl,avx512dq,avx2,fma");
 
 /// The quickest moving rod of this processor, as [`quickest`].
 pub(crate) fn moving(
@@ -525,15 +521,15 @@ pub(crate) fn moving(
 ) -> Result<Box<dyn Moving>, InputError> {
     #[cfg(target_arch = "x86_64")]
     if elements == 1 {
-        if crate::simd::has_avx512() {
+        if crate::math::simd::has_avx512() {
             return Ok(Box::new(Motion::<
-                crate::simd::Modules<crate::simd::F64x8>,
+                crate::math::simd::Modules<crate::math::simd::F64x8>,
                 2,
             >::new(robot, model, gravity, damping)));
         }
-        if crate::simd::has_avx2() {
+        if crate::math::simd::has_avx2() {
             return Ok(Box::new(Motion::<
-                crate::simd::Modules<crate::simd::F64x4>,
+                crate::math::simd::Modules<crate::math::simd::F64x4>,
                 2,
             >::new(robot, model, gravity, damping)));
         }

@@ -4,11 +4,11 @@
 //! change of the force on its end, of its end's place, and of the moments on its arcs.
 
 use crate::interrupt;
-use crate::linalg::{Mat3, Vec3};
-use crate::load::TendonPath;
-use crate::module::{Response, Span};
-use crate::real::Scalar;
-use crate::rod::Rod;
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::Scalar;
+use crate::model::load::TendonPath;
+use crate::rod::chain::Rod;
+use crate::rod::module::{Response, Span};
 
 /// Derivatives by one parameter.
 #[derive(Clone, Debug, PartialEq)]

@@ -19,11 +19,11 @@
 //! of the module's start. Rotations are perturbed from the left, and an arc by the rotation
 //! `u` that it adds there: `exp(w + dw)` turns what follows by `u`, to first order.
 
-use crate::lie::ArcMap;
-use crate::linalg::{Mat3, Vec3};
-use crate::load::{Model, TendonPath, Theory};
-use crate::real::Real;
-use crate::robot::{Robot, Tendon};
+use crate::math::lie::ArcMap;
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::Real;
+use crate::model::load::{Model, TendonPath, Theory};
+use crate::model::robot::{Robot, Tendon};
 
 /// What a module is, whatever its load.
 #[derive(Clone, Copy, Debug)]

@@ -3,15 +3,15 @@
 //! What modules do by themselves runs in lanes (`L::Module`); what goes from one to the next,
 //! rotations, costate and elimination, runs along the chain (`L::Chain`).
 
-use crate::estimate::Defect;
 use crate::interrupt;
-use crate::lie::Pose;
-use crate::linalg::{Mat3, Vec3};
-use crate::load::{Load, Model, TendonPath};
-use crate::module::{Constants, Gradient, Hessian, Response, Span, State, Tendons};
-use crate::real::{Layout, Real};
-use crate::robot::{Robot, Tendon};
-use crate::sweep::{Blocks, Eliminated};
+use crate::math::lie::Pose;
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::{Layout, Real};
+use crate::model::load::{Load, Model, TendonPath};
+use crate::model::robot::{Robot, Tendon};
+use crate::rod::defect::Defect;
+use crate::rod::elimination::{Blocks, Eliminated};
+use crate::rod::module::{Constants, Gradient, Hessian, Response, Span, State, Tendons};
 
 /// A robot under load, with its scratch memory: no pass of a solve allocates.
 #[derive(Clone)]

@@ -1,14 +1,14 @@
 //! Statics with as many elements in a module as the answer needs.
 //!
 //! One element is fourth order and enough for most loads; what it misses is estimated after the
-//! solve (see [`crate::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
+//! solve (see [`crate::rod::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
 
-use crate::estimate::LEVELS;
 use crate::interrupt;
-use crate::linalg::Vec3;
-use crate::load::{Load, Model};
-use crate::robot::{InputError, Robot};
-use crate::statics::{Outcome, Solver, Status};
+use crate::math::linalg::Vec3;
+use crate::model::load::{Load, Model};
+use crate::model::robot::{InputError, Robot};
+use crate::rod::estimate::LEVELS;
+use crate::statics::solver::{Outcome, Solver, Status};
 
 /// Stated error of the tip, over the robot's length, up to which finer elements start from the
 /// strain of the coarse ones.

@@ -1,15 +1,15 @@
 //! Static equilibrium: Newton's method on the strain, globalised, with an honest status.
 
-use crate::engine::{self, Passes, Plain};
-use crate::estimate::{ErrorEstimate, Verdict};
+use crate::dispatch::{self, Passes, Plain};
 use crate::interrupt;
-pub use crate::lie::Pose;
-use crate::linalg::Vec3;
-use crate::load::{Load, Model, OwnedLoad};
-use crate::modes;
-use crate::module::Constants;
-use crate::robot::{InputError, Robot};
-use crate::sensitivity::Jacobians;
+pub use crate::math::lie::Pose;
+use crate::math::linalg::Vec3;
+use crate::model::load::{Load, Model, OwnedLoad};
+use crate::model::robot::{InputError, Robot};
+use crate::motion::oscillation::{self, Equilibrium};
+use crate::rod::estimate::{ErrorEstimate, Verdict};
+use crate::rod::module::Constants;
+use crate::rod::sensitivity::Jacobians;
 
 /// How a solve ended. Only [`Status::Converged`] comes with a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,7 +77,7 @@ pub struct Outcome {
 /// A robot, its physics, and scratch memory for one solve after another.
 ///
 /// ```
-/// use bowstring_core::{load::{Load, Model}, robot::*, statics::{Solver, Status}};
+/// use bowstring_core::{model::load::{Load, Model}, model::robot::*, statics::solver::{Solver, Status}};
 /// let section = Section { bending: 1.07, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035, rotary_inertia: 5.5e-8 };
 /// let disks = (1..=9).map(|k| Disk { station: 0.641 * k as f64 / 9.0, clamped_length: 0.0, mass: 0.02, inertia: [5.1e-6, 1.02e-5], segment: 0 });
 /// let robot = Robot::new(RobotSpec {
@@ -166,8 +166,8 @@ impl Solver {
     /// A solver with 1, 2, 4 or 8 elements of fourth order in a module; 1 is the default of
     /// all outputs.
     pub fn new(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
-        engine::check_solvers(robot, elements, 1)?;
-        let engine = engine::quickest(robot, model, elements)?;
+        dispatch::check_solvers(robot, elements, 1)?;
+        let engine = dispatch::quickest(robot, model, elements)?;
         let straight = vec![Vec3::zero(); 2 * elements * robot.module_count()];
         Ok(Solver {
             engine,
@@ -186,6 +186,22 @@ impl Solver {
     pub(crate) fn strain_and_force(&self, strain: &mut [Vec3], force: &mut [Vec3]) {
         self.engine.strains(&mut |i, w| strain[i] = w);
         self.engine.contact_forces(&mut |k, n| force[k] = n);
+    }
+
+    pub(crate) fn at_rest(&self) -> Equilibrium<'_> {
+        let n = self.robot.module_count();
+        let (mut strain, mut force) = (
+            vec![Vec3::zero(); 2 * self.elements * n],
+            vec![Vec3::zero(); n],
+        );
+        self.strain_and_force(&mut strain, &mut force);
+        Equilibrium {
+            robot: &self.robot,
+            model: self.model,
+            elements: self.elements,
+            strain,
+            force,
+        }
     }
 
     pub(crate) fn model(&self) -> Model {
@@ -471,9 +487,12 @@ impl Solver {
         stable
     }
 
-    /// The same by the frequencies; `oscillates` as in [`modes::growth`].
+    /// The same by the frequencies; `oscillates` as in [`oscillation::growth`].
     fn stability_of_motion(&self, load: &Load, oscillates: bool) -> Option<bool> {
-        match modes::growth(self, load, oscillates) {
+        let growth = dispatch::check_moving(&self.robot, self.elements)
+            .ok()
+            .and_then(|()| oscillation::growth(&self.at_rest(), load, oscillates));
+        match growth {
             Some(growth) if growth <= FLUTTER_DAMPING => Some(true),
             Some(growth) if growth >= HOPELESS => Some(false),
             None if !oscillates => Some(false),
@@ -804,7 +823,7 @@ fn leave_saddle(rod: &mut dyn Passes, settings: &Settings, attempt: usize, energ
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::{Disk, RobotSpec, Section, Tendon};
+    use crate::model::robot::{Disk, RobotSpec, Section, Tendon};
 
     fn robot() -> Robot {
         let section = |bending: f64| Section {
@@ -843,11 +862,11 @@ mod tests {
         let mut engines = vec![Plain::new(&robot, model, 1).unwrap().boxed()];
         #[cfg(target_arch = "x86_64")]
         {
-            if crate::simd::has_avx2() {
-                engines.push(engine::avx2(&robot, model));
+            if crate::math::simd::has_avx2() {
+                engines.push(dispatch::avx2(&robot, model));
             }
-            if crate::simd::has_avx512() {
-                engines.push(engine::avx512(&robot, model));
+            if crate::math::simd::has_avx512() {
+                engines.push(dispatch::avx512(&robot, model));
             }
         }
         for (tip_force, tip_moment) in [([0.3, -0.2, 0.1], [0.0; 3]), ([0.0; 3], [0.05, 0.1, 0.1])]

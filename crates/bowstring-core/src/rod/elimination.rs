@@ -10,8 +10,8 @@
 //! A dead moment at the tip has no potential: it adds a skew part to the state matrix, and
 //! the elimination then keeps both triangles (`SYMMETRIC = false`).
 
-use crate::linalg::{Mat3, Vec3};
-use crate::real::Real;
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::Real;
 
 /// Second variation of a module and all beyond it: arcs, state of the start disk, and between.
 pub(crate) struct Blocks<T, const A: usize, const S: usize> {
@@ -225,7 +225,7 @@ fn min<T: Real>(a: T, b: T) -> T {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::complementarity;
+    use crate::math::mlcp;
     use crate::random::Draw;
 
     fn block(draw: &mut Draw) -> Mat3<f64> {
@@ -288,7 +288,7 @@ mod tests {
                 whole.extend_from_slice(&dense[row * n..(row + 1) * n]);
                 whole.push(-g[row]);
             }
-            assert!(complementarity::eliminate(&mut whole, n));
+            assert!(mlcp::eliminate(&mut whole, n));
             let exact = |i: usize| whole[i * (n + 1) + n];
             // backward, the state, forward
             let vector = |i: usize| Vec3([g[3 * i], g[3 * i + 1], g[3 * i + 2]]);
@@ -300,7 +300,7 @@ mod tests {
                 rest.extend((0..3 * S).map(|q| left[p / 3][q / 3].0[p % 3][q % 3]));
                 rest.push(-state[p / 3][p % 3]);
             }
-            assert!(complementarity::eliminate(&mut rest, 3 * S));
+            assert!(mlcp::eliminate(&mut rest, 3 * S));
             let x: [Vec3<f64>; S] = std::array::from_fn(|q| {
                 Vec3([0, 1, 2].map(|r| rest[(3 * q + r) * (3 * S + 1) + 3 * S]))
             });

@@ -29,14 +29,14 @@
 //! The rod's own elimination answers each unknown tension and each hole that sticks, and what is
 //! left is a small complementarity problem. How the bend changes the friction is not in Newton's
 //! matrix, which stays symmetric; it is taken from the present bend, and converges with a factor
-//! of about `mu` times the bend. [Mixing](crate::mixing) makes that factor smaller in statics.
+//! of about `mu` times the bend. [Mixing](crate::math::anderson) makes that factor smaller in statics.
 
-use crate::complementarity::{Complementarity, Side};
-use crate::linalg::Vec3;
-use crate::load::{Load, Model, TendonPath, Theory};
+use crate::math::linalg::Vec3;
+use crate::math::mlcp::{Complementarity, Side};
+use crate::model::load::{Load, Model, TendonPath, Theory};
+use crate::model::robot::{InputError, Robot, Short};
 use crate::motion::{Energies, Lock};
-use crate::robot::{InputError, Robot, Short};
-use crate::rod::Sources;
+use crate::rod::chain::Sources;
 
 /// What the laws ask of a rod, at rest or in motion.
 pub(crate) trait Strung {

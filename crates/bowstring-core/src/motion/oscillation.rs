@@ -2,18 +2,25 @@
 //!
 //! With flexibility `F` and masses `M`, the eigenvalues of `sqrt(M) F sqrt(M)` are `1/omega^2`.
 
-use crate::batch::unknown;
-use crate::drive::Drive;
-use crate::eigenvalues;
-use crate::engine;
 use crate::interrupt;
-use crate::linalg::Vec3;
-use crate::load::{Load, Model};
-use crate::memory;
+use crate::math::eigenvalues;
+use crate::math::linalg::Vec3;
+use crate::math::real::Scalar;
+use crate::memory::unknown;
+use crate::model::load::{Load, Model};
+use crate::model::robot::{InputError, Robot};
 use crate::motion::{Damping, Lock, Motion, Rest};
-use crate::real::Scalar;
-use crate::robot::{InputError, Robot};
-use crate::statics::{Outcome, Solver, Status};
+
+/// Where a robot rests: what its elements have found.
+pub(crate) struct Equilibrium<'a> {
+    pub robot: &'a Robot,
+    pub model: Model,
+    pub elements: usize,
+    /// Of every arc, from base to tip.
+    pub strain: Vec<Vec3>,
+    /// Contact force at the end of every module, N.
+    pub force: Vec<Vec3>,
+}
 
 /// The linearised robot about an equilibrium.
 ///
@@ -84,83 +91,22 @@ impl<const A: usize> AnswersForces for AtRest<A> {
     }
 }
 
-/// Flexibility about the equilibrium under a load; none where there is no stable one, or where
-/// a tip moment leaves no potential.
-pub fn flexibility(
-    robot: &Robot,
-    model: Model,
-    elements: usize,
-    load: &Load,
-) -> Result<(Outcome, Option<Flexibility>), InputError> {
-    match elements {
-        1 => about::<2>(robot, model, load),
-        2 => about::<4>(robot, model, load),
-        4 => about::<8>(robot, model, load),
-        8 => about::<16>(robot, model, load),
-        n => Err(InputError(format!(
-            "elements is {n}, it must be 1, 2, 4 or 8"
-        ))),
-    }
-}
-
-/// The same where a path of equilibria has come to: tendons that are pulled by a length keep it,
-/// and with friction none slips. None where the path has not come to a stable one.
-///
-/// # Errors
-/// If what holds the tendons does not fit into memory.
-pub fn flexibility_at(drive: &Drive) -> Result<Option<Flexibility>, InputError> {
-    let solver = drive.solver();
-    engine::check_moving(solver.robot(), solver.elements())?;
-    match solver.elements() {
-        1 => held::<2>(drive),
-        2 => held::<4>(drive),
-        4 => held::<8>(drive),
-        _ => held::<16>(drive),
-    }
-}
-
-fn held<const A: usize>(drive: &Drive) -> Result<Option<Flexibility>, InputError> {
-    let (solver, history) = (drive.solver(), drive.history());
-    let [gravity, tip_force, tip_moment] = history.load;
-    if solver.tip().is_none() || tip_moment != [0.0; 3] {
-        return Ok(None); // no potential
-    }
-    let locks = drive.transmission().lock_count() as f64;
-    let modules = solver.robot().module_count() as f64;
-    memory::check(
-        8.0 * locks * (modules * (3 * A + 4) as f64 + 3.0 * locks),
-        || format!("a robot with {modules} disks and {locks} spans of tendons that are held"),
-        "use fewer disks",
-    )?;
-    let mut motion = still::<A>(
-        solver,
-        &Load {
-            tensions: &history.tensions,
-            gravity,
-            tip_force,
-            tip_moment,
-        },
-    );
-    motion.set_span_tensions(|k, i| drive.span_tension(k, i));
-    Ok(found(motion, &drive.transmission().locks()))
-}
-
-/// At rest in the pose of a solver.
-fn still<const A: usize>(solver: &Solver, load: &Load) -> Motion<Scalar, A> {
-    let n = solver.robot().module_count();
-    let (mut strain, mut force) = (vec![Vec3::zero(); A * n], vec![Vec3::zero(); n]);
-    solver.strain_and_force(&mut strain, &mut force);
+/// At rest in an equilibrium.
+pub(crate) fn still<const A: usize>(at: &Equilibrium, load: &Load) -> Motion<Scalar, A> {
     let undamped = Damping {
         mass: 0.0,
         material: 0.0,
     };
-    let mut motion = Motion::new(solver.robot(), solver.model(), load.gravity, undamped);
-    motion.take_strain(|i| strain[i], |k| force[k]);
+    let mut motion = Motion::new(at.robot, at.model, load.gravity, undamped);
+    motion.take_strain(|i| at.strain[i], |k| at.force[k]);
     motion.set_load(load);
     motion
 }
 
-fn found<const A: usize>(mut motion: Motion<Scalar, A>, locks: &[Lock]) -> Option<Flexibility> {
+pub(crate) fn found<const A: usize>(
+    mut motion: Motion<Scalar, A>,
+    locks: &[Lock],
+) -> Option<Flexibility> {
     if !motion.settle() {
         return None;
     }
@@ -175,10 +121,13 @@ fn found<const A: usize>(mut motion: Motion<Scalar, A>, locks: &[Lock]) -> Optio
 
 /// Frequencies beyond this many times the slowest are not looked at for growth.
 const SLOW: f64 = 30.0;
+
 /// Oscillations that are found at most, the slowest.
 const MOST_OSCILLATIONS: usize = 40;
+
 /// The same where motions may leave without an oscillation, which fast ones do as well.
 const MOST_MOTIONS: usize = 80;
+
 /// Smallest answer to forces that is not lost in rounding, over the largest.
 const LEAST_ANSWER: f64 = 1e-9;
 
@@ -187,18 +136,17 @@ const LEAST_ANSWER: f64 = 1e-9;
 /// is a potential and the equilibrium a minimum. A damping ratio as large keeps them from it.
 /// `oscillates`: the symmetric part of the tangent is positive definite, so that nothing leaves
 /// otherwise. None where there is no mass, and where mass in points leaves no equilibrium.
-pub(crate) fn growth(solver: &Solver, load: &Load, oscillates: bool) -> Option<f64> {
-    match solver.elements() {
-        1 => grows::<2>(solver, load, oscillates),
-        2 => grows::<4>(solver, load, oscillates),
-        4 => grows::<8>(solver, load, oscillates),
-        _ => grows::<16>(solver, load, oscillates),
+pub(crate) fn growth(at: &Equilibrium, load: &Load, oscillates: bool) -> Option<f64> {
+    match at.elements {
+        1 => grows::<2>(at, load, oscillates),
+        2 => grows::<4>(at, load, oscillates),
+        4 => grows::<8>(at, load, oscillates),
+        _ => grows::<16>(at, load, oscillates),
     }
 }
 
-fn grows<const A: usize>(solver: &Solver, load: &Load, oscillates: bool) -> Option<f64> {
-    engine::check_moving(solver.robot(), A / 2).ok()?;
-    let mut flexibility = found(still::<A>(solver, load), &[])?;
+fn grows<const A: usize>(at: &Equilibrium, load: &Load, oscillates: bool) -> Option<f64> {
+    let mut flexibility = found(still::<A>(at, load), &[])?;
     let roots: Vec<_> = flexibility.masses.iter().map(|m| m.sqrt()).collect();
     let mut forces = vec![0.0; roots.len()];
     let apply = |x: &[f64], out: &mut [f64]| {
@@ -233,23 +181,4 @@ fn grows<const A: usize>(solver: &Solver, load: &Load, oscillates: bool) -> Opti
     });
     let share = |[re, im]: &[f64; 2]| (0.5 * im.atan2(*re)).sin().abs();
     Some(seen.map(share).fold(0.0, f64::max))
-}
-
-fn about<const A: usize>(
-    robot: &Robot,
-    model: Model,
-    load: &Load,
-) -> Result<(Outcome, Option<Flexibility>), InputError> {
-    engine::check_moving(robot, A / 2)?;
-    let mut solver = Solver::new(robot, model, A / 2)?;
-    let mut outcome = solver.solve(load)?;
-    let has_potential = load.tip_moment == [0.0; 3];
-    if outcome.status != Status::Converged || outcome.stable != Some(true) || !has_potential {
-        return Ok((outcome, None));
-    }
-    let found = found(still::<A>(&solver, load), &[]);
-    if found.is_none() {
-        outcome.status = Status::MaxIterations;
-    }
-    Ok((outcome, found))
 }

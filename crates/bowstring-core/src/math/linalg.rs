@@ -4,7 +4,7 @@
 //! `array::map` here, for they would not inline. Our own, because the same arithmetic runs on one robot and on SIMD lanes of
 //! robots, and must inline whole into code compiled for the processor found at run time.
 
-use crate::real::Real;
+use crate::math::real::Real;
 use std::ops::{Add, AddAssign, Index, IndexMut, Mul, Neg, Sub, SubAssign};
 
 /// A vector of three.

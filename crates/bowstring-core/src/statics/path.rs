@@ -2,18 +2,18 @@
 //! slack and rub at their holes, in a path of equilibria. The laws are those of
 //! [`Transmission`].
 
-use crate::adaptive::refine_to;
-use crate::engine;
-use crate::estimate::{ErrorEstimate, Verdict, LEVELS};
+use crate::dispatch;
 use crate::interrupt;
-use crate::linalg::Vec3;
-use crate::load::{Load, Model};
-use crate::mixing::Mixing;
-use crate::robot::{InputError, Robot};
-use crate::rod::Sources;
-use crate::statics::{Solver, Status, MAX_STEP, TOLERANCE};
-pub use crate::transmission::{Command, History, Line};
-use crate::transmission::{Slip, Transmission};
+use crate::math::anderson::Mixing;
+use crate::math::linalg::Vec3;
+use crate::model::load::{Load, Model};
+use crate::model::robot::{InputError, Robot};
+use crate::rod::chain::Sources;
+use crate::rod::estimate::{ErrorEstimate, Verdict, LEVELS};
+use crate::statics::adaptive::refine_to;
+use crate::statics::solver::{Solver, Status, MAX_STEP, TOLERANCE};
+pub use crate::tendon::transmission::{Command, History, Line};
+use crate::tendon::transmission::{Slip, Transmission};
 
 /// What a step found.
 #[derive(Clone, Debug, PartialEq)]
@@ -105,7 +105,7 @@ impl Drive {
     ) -> Result<Self, InputError> {
         let given = elements.into();
         let elements = given.unwrap_or(1);
-        engine::check_driven(robot, elements, 0, 1)?;
+        dispatch::check_driven(robot, elements, 0, 1)?;
         let mut transmission = Transmission::new(robot, model, lines)?;
         let mut solver = Solver::new(robot, model, elements)?;
         // home: pretension alone, no load
@@ -236,7 +236,7 @@ impl Drive {
     /// If they do not.
     pub fn check_copies(&self, copies: usize) -> Result<(), InputError> {
         let unknowns = self.transmission.lines.len() + self.transmission.most_holes();
-        engine::check_driven(self.robot(), self.solver.elements(), unknowns, copies)
+        dispatch::check_driven(self.robot(), self.solver.elements(), unknowns, copies)
     }
 
     /// Checks the numbers of a step, and that its unknowns fit into memory.
@@ -248,7 +248,7 @@ impl Drive {
         let pulled = commands.iter().filter(|c| matches!(c, Command::Pull(_)));
         let unknowns = pulled.count() + self.transmission.most_holes();
         if unknowns > self.fitting {
-            engine::check_driven(self.robot(), self.solver.elements(), unknowns, 1)?;
+            dispatch::check_driven(self.robot(), self.solver.elements(), unknowns, 1)?;
             self.fitting = unknowns;
         }
         Ok(())
@@ -303,7 +303,7 @@ impl Drive {
         let lines = &self.transmission.lines;
         let mut finer = Drive::new(self.robot(), self.solver.model(), elements, lines).ok()?;
         finer.automatic = self.automatic;
-        engine::check_driven(self.robot(), elements, self.fitting, 1).ok()?;
+        dispatch::check_driven(self.robot(), elements, self.fitting, 1).ok()?;
         finer.fitting = self.fitting;
         finer.remembered = self.remembered;
         let factor = elements / self.solver.elements();

@@ -4,8 +4,8 @@
 //! Everything is a function of `x = |w|^2` through Stumpff's functions
 //! `c_k(x) = sum_i (-x)^i / (k + 2 i)!`, smooth through the straight arc `w = 0`.
 
-use crate::linalg::{Mat3, Vec3};
-use crate::real::Real;
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::Real;
 
 /// Position and orientation in the base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

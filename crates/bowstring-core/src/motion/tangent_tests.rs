@@ -1,12 +1,12 @@
 //! Tangents against finite differences of the residual: at random strains, for each kind of load.
 
-use crate::linalg::Vec3;
-use crate::load::{Load, Model, TendonPath, Theory};
+use crate::math::linalg::Vec3;
+use crate::math::real::Scalar;
+use crate::model::load::{Load, Model, TendonPath, Theory};
+use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
 use crate::motion::{Damping, Motion};
 use crate::random::Draw;
-use crate::real::Scalar;
-use crate::robot::{Disk, Robot, RobotSpec, Section, Tendon};
-use crate::rod::Rod;
+use crate::rod::chain::Rod;
 
 fn vector(draw: &mut Draw, size: f64) -> Vec3 {
     Vec3([0; 3].map(|_| draw.within(-size, size)))

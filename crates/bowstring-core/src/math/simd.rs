@@ -3,7 +3,7 @@
 //! Only code that runs behind a check of the processor may make these numbers: see
 //! `Solver::new` and `batch`. Everything inlines into functions compiled for the features.
 
-use crate::real::{Layout, Real};
+use crate::math::real::{Layout, Real};
 use core::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 

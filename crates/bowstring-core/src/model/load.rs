@@ -1,7 +1,7 @@
 //! Loads and the choice of physics.
 
-use crate::linalg::Vec3;
-use crate::robot::{InputError, Robot, Short};
+use crate::math::linalg::Vec3;
+use crate::model::robot::{InputError, Robot, Short};
 
 /// Rod theory of the backbone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

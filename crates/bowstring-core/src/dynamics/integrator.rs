@@ -1,14 +1,14 @@
 //! Nonlinear dynamics: an implicit march in time, with an honest status.
 
-use crate::drive::{Command, Drive, History, Line};
-use crate::engine::{self, Moving};
+use crate::dispatch::{self, Moving};
 use crate::interrupt;
-use crate::linalg::Vec3;
-use crate::load::{Load, Model, OwnedLoad};
+use crate::math::linalg::Vec3;
+use crate::model::load::{Load, Model, OwnedLoad};
+use crate::model::robot::{InputError, Robot, Short};
 pub use crate::motion::{Damping, Energies, Fields};
-use crate::robot::{InputError, Robot, Short};
-use crate::statics::{self, Outcome, Solver, Status};
-use crate::transmission::Transmission;
+use crate::statics::path::{Command, Drive, History, Line};
+use crate::statics::solver::{self, Outcome, Solver, Status};
+use crate::tendon::transmission::Transmission;
 
 /// Largest moment imbalance over (bending stiffness / length) at which a step counts as solved:
 /// with numerical damping, and without it, where errors of energy add up.
@@ -95,7 +95,7 @@ pub struct Count {
 /// A moving robot.
 ///
 /// ```
-/// use bowstring_core::{dynamics::*, load::{Load, Model}, robot::*};
+/// use bowstring_core::{dynamics::integrator::*, model::load::{Load, Model}, model::robot::*};
 /// let section = Section { bending: 1.07, torsion: 0.83, axial: 6.9e5, shear: 2.6e5, mass_per_length: 0.035, rotary_inertia: 5.5e-8 };
 /// let disks = (1..=9).map(|k| Disk { station: 0.641 * k as f64 / 9.0, clamped_length: 0.0, mass: 0.02, inertia: [5.1e-6, 1.02e-5], segment: 0 });
 /// let robot = Robot::new(RobotSpec {
@@ -597,8 +597,8 @@ impl Simulator {
         };
         Ok(Simulator {
             engine: {
-                engine::check_moving(robot, elements)?;
-                engine::moving(robot, model, elements, gravity, damping)?
+                dispatch::check_moving(robot, elements)?;
+                dispatch::moving(robot, model, elements, gravity, damping)?
             },
             robot: robot.clone(),
             model,
@@ -610,7 +610,7 @@ impl Simulator {
                 step,
                 spectral_radius,
                 tolerance: TOLERANCE[usize::from(spectral_radius == 1.0)] * scale,
-                at_rest_tolerance: statics::TOLERANCE * scale,
+                at_rest_tolerance: solver::TOLERANCE * scale,
                 loosest: if spectral_radius == 1.0 {
                     0.0
                 } else {

@@ -20,17 +20,20 @@
 //! the blocks of statics, and the sweep's state is rotation and translation of a disk. The
 //! contact force of a module is unknown beside its arcs, as shear and extension have inertia.
 
-use crate::lie::log;
-use crate::linalg::{Mat3, Vec3};
-use crate::load::{Load, Model, TendonPath, Theory};
-use crate::module::{share, Constants, Gradient, Hessian, Span, State};
-use crate::real::{Layout, Real};
-use crate::robot::Robot;
-use crate::rod::{get, get_mat, in_group, lanes, put, Rod, Sources};
-use crate::sweep::{Blocks, Eliminated};
+use crate::math::lie::log;
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::{Layout, Real};
+use crate::model::load::{Load, Model, TendonPath, Theory};
+use crate::model::robot::Robot;
+use crate::rod::chain::{get, get_mat, in_group, lanes, put, Rod, Sources};
+use crate::rod::elimination::{Blocks, Eliminated};
+use crate::rod::module::{share, Constants, Gradient, Hessian, Span, State};
 
 mod flexibility;
+pub(crate) mod oscillation;
 mod record;
+#[cfg(test)]
+mod tangent_tests;
 
 pub(crate) use flexibility::{Lock, Rest};
 pub use record::Fields;
@@ -894,7 +897,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             return self.least_pivot > 0.0;
         }
         let of = |joint: &Joint<L::Chain, A>| {
-            let ends = crate::sweep::negative_pivots(&joint.inverse);
+            let ends = crate::rod::elimination::negative_pivots(&joint.inverse);
             joint.arcs.negative_pivots() + ends
         };
         self.joints.iter().map(of).sum::<usize>() <= held
@@ -1609,8 +1612,8 @@ fn plain_mat<T: Real>(m: &Mat3<T>) -> Mat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::real::Scalar;
-    use crate::robot::{Disk, RobotSpec, Section, Tendon};
+    use crate::math::real::Scalar;
+    use crate::model::robot::{Disk, RobotSpec, Section, Tendon};
 
     /// Turning as a whole, the straight robot has the inertia of its disks and of the whole rod,
     /// clamped lengths included.

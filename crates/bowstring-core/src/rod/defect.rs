@@ -1,129 +1,29 @@
-//! How far a converged answer is from the rod's differential equation.
+//! What the elements of a module miss of the rod's differential equation.
 //!
 //! Every element is integrated back from its end, under the wrench that loads and tendons leave
 //! there, by a sixth-order Runge-Kutta method: with shear, extension and weight at every
 //! section, and without anything that the elements assume. Where it misses the start of the
-//! element, the miss is a defect of the element's strain. One substitution by the last Newton
-//! step's elimination gives the change of the whole rod that takes all defects away, and so the
-//! error of tip and lengths, also where a load near buckling magnifies it (defect correction:
-//! Stetter 1978).
+//! element, the miss is a defect of the element's strain.
 
-use crate::linalg::{Mat3, Vec3};
-use crate::load::TendonPath;
-use crate::module::{Constants, Gradient, Span, State, Tendons};
-use crate::real::{Layout, Real};
-use crate::rod::{get, get_mat, in_group, put, Rod};
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::Real;
+use crate::model::load::TendonPath;
+use crate::rod::module::{Constants, Gradient, State, Tendons};
 
-/// Estimated discretisation error of an equilibrium.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ErrorEstimate {
-    /// Of the position of any disk, the tip's among them, m.
-    pub tip: f64,
-    /// Of the tension of a tendon that is pulled by a length, N.
-    pub tension: f64,
-}
-
-/// Estimated error of the tip, over the robot's length, that elements are chosen for.
-pub const TIP_TOLERANCE: f64 = 1e-5;
-/// The same of tensions, over the largest.
-pub const TENSION_TOLERANCE: f64 = 1e-4;
-/// Elements to choose from.
-pub const LEVELS: [usize; 4] = [1, 2, 4, 8];
-/// Compression of a module (force times squared length over bending stiffness; between two disks
-/// it buckles at pi^2) above which stability depends on the elements.
-const NEAR_BUCKLING: f64 = 5.0;
-/// Largest compression of one element at which the critical force is found to 1e-3.
-const FINE_COMPRESSION: f64 = 0.65;
-/// What the estimate is multiplied by: it is first order in the defects.
-const SAFETY: f64 = 3.0;
-/// The same where a module has folded: defects of its elements cancel there, and underestimate
-/// the error by up to 12 times.
-const SAFETY_FOLDED: f64 = 12.0;
 /// Distance of the ends of a module, over its length, below which it counts as folded.
 const FOLDED: f64 = 0.8;
-
-/// What is said of a converged answer by its estimate.
-pub(crate) struct Verdict {
-    pub error: ErrorEstimate,
-    /// Taken back where so few elements cannot tell a stable equilibrium from an unstable one.
-    pub stable: Option<bool>,
-    /// Elements that bring the error below the tolerances, or all there are.
-    pub needed: usize,
-}
-
-impl Verdict {
-    /// Of an answer by `elements` in a module of a robot of some `length`; `tension`: estimated
-    /// change of a tension, and the largest tension, N.
-    pub fn new(
-        found: &Correction<f64>,
-        tension: [f64; 2],
-        stable: Option<bool>,
-        length: f64,
-        elements: usize,
-    ) -> Self {
-        let safety = if found.folded > 0.0 {
-            SAFETY_FOLDED
-        } else {
-            SAFETY
-        };
-        // an estimate that is not finite gives no bound
-        let sound = |x: f64| {
-            if x.is_finite() {
-                safety * x
-            } else {
-                f64::INFINITY
-            }
-        };
-        let error = ErrorEstimate {
-            tip: sound(found.motion),
-            tension: sound(tension[0]),
-        };
-        let ratio = error.tip / (TIP_TOLERANCE * length);
-        let of_tension = if error.tension > 0.0 {
-            error.tension / (TENSION_TOLERANCE * tension[1])
-        } else {
-            0.0
-        };
-        let tells = tells_stability(found.compression, elements);
-        Verdict {
-            error,
-            stable: stable.filter(|stable| !stable || tells),
-            needed: needed(elements, f64::max(ratio, of_tension), found.compression),
-        }
-    }
-}
-
-/// Whether the elements are fine enough to decide stability, by the largest compression of a
-/// module.
-fn tells_stability(compression: f64, elements: usize) -> bool {
-    let own = compression / (elements * elements) as f64;
-    // a NaN tells nothing
-    compression <= NEAR_BUCKLING || own <= FINE_COMPRESSION
-}
-
-/// Elements that bring an error, `ratio` times what is tolerated, below it; the same number
-/// where it is already, or where there are no more.
-fn needed(elements: usize, ratio: f64, compression: f64) -> usize {
-    let enough = |e: usize| {
-        let finer = (e / elements) as f64;
-        // a NaN is never enough
-        (ratio <= 1.0 || ratio / finer.powi(4) <= 1.0) && tells_stability(compression, e)
-    };
-    let mut finer = LEVELS.into_iter().filter(|e| *e >= elements);
-    finer.find(|e| enough(*e)).unwrap_or(LEVELS[3])
-}
 
 /// What a module's elements miss, in the frame of its start.
 #[derive(Clone, Copy)]
 pub(crate) struct Defect<T> {
     /// Motion of the end that no strain of the elements gives, m.
-    place: Vec3<T>,
+    pub place: Vec3<T>,
     /// Moment about the start that the quadrature of the weight leaves out, N m.
-    moment: Vec3<T>,
+    pub moment: Vec3<T>,
     /// Compressive force times squared length over bending stiffness.
     pub compression: T,
     /// Positive where the module has folded.
-    folded: T,
+    pub folded: T,
 }
 
 impl<T: Real> Defect<T> {
@@ -303,6 +203,7 @@ const STAGES: [(f64, [f64; 7]); 7] = [
         ],
     ),
 ];
+
 const WEIGHTS: [f64; 7] = [
     11.0 / 120.0,
     0.0,
@@ -320,7 +221,7 @@ impl<T: Real, const A: usize> State<T, A> {
     /// What the elements miss; `rhs` becomes the imbalance of the arcs whose Newton step takes
     /// the defects of their strain away, and what is left of their own.
     #[inline(always)]
-    fn defect(
+    pub fn defect(
         &self,
         c: &Constants<T>,
         t: &Tendons<T>,
@@ -425,133 +326,5 @@ impl<T: Real, const A: usize> State<T, A> {
             compression,
             folded: chord,
         }
-    }
-}
-
-/// What takes the defects of an answer away, and what the residual has left.
-#[derive(Clone, Copy)]
-pub(crate) struct Correction<T> {
-    /// Motion of the end of each module from its start, summed, m: no disk moves further, and
-    /// modules do not cancel by chance.
-    pub motion: T,
-    /// Largest compressive force of a module times its squared length over its bending
-    /// stiffness; between two disks the backbone buckles at pi^2.
-    pub compression: T,
-    /// Positive where a module has folded.
-    pub folded: T,
-}
-
-impl<T: Real> Correction<T> {
-    #[inline(always)]
-    pub fn of_lane(&self, lane: usize) -> Correction<f64> {
-        Correction {
-            motion: self.motion.lane(lane),
-            compression: self.compression.lane(lane),
-            folded: self.folded.lane(lane),
-        }
-    }
-}
-
-impl<L: Layout, const A: usize> Rod<L, A> {
-    /// Error of the equilibrium that was found last, at its tensions; lengths are in
-    /// `length_errors`.
-    #[inline(always)]
-    pub fn estimate(&mut self) -> Correction<L::Chain> {
-        let n = self.module_count();
-        let mut compression = L::Chain::zero();
-        let mut folded = L::Chain::splat(-1.0);
-        for g in 0..self.states.len() {
-            let c = &self.constants[g];
-            let mut weight = Vec3::zero();
-            for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
-                let k = g * L::WIDTH + i;
-                put::<L>(&mut weight, i, self.rotations[k].tr_mul(self.dead[k][3]));
-            }
-            let weight = weight * (c.per_flexible * L::Module::splat((A / 2) as f64));
-            let t = in_group(&self.tendons, &self.tensions, self.path, g);
-            let mut rhs = [Vec3::zero(); A];
-            let defect = self.states[g].defect(c, &t, &self.gradients[g], weight, &mut rhs);
-            self.gradients[g].g = rhs;
-            for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
-                compression = compression.max(L::get(&defect.compression, i));
-                folded = folded.max(L::get(&defect.folded, i));
-            }
-            self.defects[g] = defect;
-        }
-        let mut missing = Vec3::<L::Chain>::zero();
-        for k in (0..n).rev() {
-            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            missing = get_mat::<L>(&self.states[g].s, i) * missing;
-            for rhs in &mut self.gradients[g].g {
-                let sum = get::<L>(rhs, i) + missing;
-                put::<L>(rhs, i, sum);
-            }
-            missing -= get::<L>(&self.defects[g].moment, i);
-        }
-        if self.symmetric {
-            self.rotations_of_step::<true>();
-        } else {
-            self.rotations_of_step::<false>();
-        }
-        Correction {
-            motion: self.correction(),
-            compression,
-            folded,
-        }
-    }
-
-    /// Motion by the rotations in `step` and the defects, see [`Correction`]; measures the change of
-    /// the lengths.
-    #[inline(always)]
-    pub fn correction(&mut self) -> L::Chain {
-        let n = self.module_count();
-        for length in &mut self.length_errors {
-            *length = L::Chain::zero();
-        }
-        let mut motion = L::Chain::zero();
-        let mut x = Vec3::<L::Chain>::zero();
-        for g in 0..self.states.len() {
-            let (c, state, gradient) = (&self.constants[g], &self.states[g], &self.gradients[g]);
-            let (mut turn, mut moved) = (Vec3::zero(), self.defects[g].place);
-            for a in 0..A {
-                turn += self.step[g][a];
-                moved += gradient.r[a] * self.step[g][a];
-            }
-            let here = L::WIDTH.min(n - g * L::WIDTH);
-            for (j, tendon) in self.tendons.iter().enumerate() {
-                let span = Span::new(c, tendon, &state.s, state.rho);
-                let longer = span.direction.dot(moved + turn.cross(span.arm));
-                for i in 0..here {
-                    if g * L::WIDTH + i <= tendon.end_disk {
-                        self.length_errors[j] += L::get(&longer, i);
-                    }
-                }
-            }
-            let offset = state.offset(c);
-            let end = moved + turn.cross(state.s.column(2) * c.clamp[1]);
-            for i in 0..here {
-                let own = x.cross(get::<L>(&offset, i)) + get::<L>(&end, i);
-                motion += own.norm();
-                x = get_mat::<L>(&state.s, i).tr_mul(x + get::<L>(&turn, i));
-            }
-        }
-        motion
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn needed_elements_follow_error_and_compression() {
-        assert_eq!(needed(1, 0.9, 0.5), 1);
-        assert_eq!(needed(1, 1.1, 0.5), 2);
-        assert_eq!(needed(1, 17.0, 0.5), 4);
-        assert_eq!(needed(2, 17.0, 0.5), 8);
-        assert_eq!(needed(8, 17.0, 0.5), 8);
-        assert_eq!(needed(1, 0.1, 9.0), 4);
-        assert_eq!(needed(1, f64::NAN, 0.5), 8);
-        assert_eq!(needed(1, 0.1, f64::NAN), 8);
     }
 }

@@ -3,16 +3,17 @@
 //! Takes plain Newton steps only, those that `statics` takes where nothing goes wrong: all
 //! pivots positive, no step too long, the energy falling. A load that needs more is left to it.
 
-use crate::batch;
-use crate::estimate::Verdict;
 use crate::interrupt;
-use crate::linalg::Vec3;
-use crate::load::Load;
-use crate::real::Real;
-use crate::robot::Robot;
-use crate::rod::Rod;
-use crate::simd::{has_avx2, has_avx512, F64x4, F64x8, Robots};
-use crate::statics::{is_minimum_nearby, Outcome, Pose, Settings, Status, MAX_STEP, TOLERANCE};
+use crate::math::linalg::Vec3;
+use crate::math::real::Real;
+use crate::math::simd::{has_avx2, has_avx512, F64x4, F64x8, Robots};
+use crate::model::load::{Load, Model};
+use crate::model::robot::Robot;
+use crate::rod::chain::Rod;
+use crate::rod::estimate::Verdict;
+use crate::statics::solver::{
+    is_minimum_nearby, Outcome, Pose, Settings, Status, MAX_STEP, TOLERANCE,
+};
 
 /// Newton steps after which a load is left to the careful solver.
 const MAX_PLAIN_STEPS: usize = 10;
@@ -31,8 +32,7 @@ enum Wide {
 
 impl SideBySide {
     /// For one element in a module, where the processor has lanes.
-    pub fn new(robot: &Robot, settings: &batch::Settings) -> Option<Self> {
-        let (model, elements) = (settings.model, settings.elements);
+    pub fn new(robot: &Robot, model: Model, elements: Option<usize>) -> Option<Self> {
         let rod = match elements.unwrap_or(1) {
             1 if has_avx512() => Wide::Avx512(Box::new(Rod::new(robot, model))),
             1 if has_avx2() => Wide::Avx2(Box::new(Rod::new(robot, model))),

@@ -1,0 +1,4 @@
+//! Motion over time, and small oscillations.
+
+pub mod integrator;
+pub mod modal;

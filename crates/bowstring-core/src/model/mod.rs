@@ -1,0 +1,4 @@
+//! What a robot is and what loads it: checked input.
+
+pub mod load;
+pub mod robot;

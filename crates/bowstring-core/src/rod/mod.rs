@@ -1,0 +1,8 @@
+//! The chain of modules at rest: mechanics, block elimination, derivatives, discretisation error.
+
+pub(crate) mod chain;
+pub(crate) mod defect;
+pub(crate) mod elimination;
+pub mod estimate;
+pub(crate) mod module;
+pub mod sensitivity;

@@ -1,0 +1,8 @@
+//! Equilibria: Newton iteration, paths, as many elements as needed, many loads at once.
+
+pub mod adaptive;
+pub mod batch;
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod lanes;
+pub mod path;
+pub mod solver;
