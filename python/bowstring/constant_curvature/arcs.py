@@ -39,7 +39,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring import _core
+import bowstring._core as _core
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError
 

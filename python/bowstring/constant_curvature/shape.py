@@ -22,7 +22,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring import _core
+import bowstring._core as _core
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.validation import floats, is_whole, shown
 

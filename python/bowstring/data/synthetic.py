@@ -21,7 +21,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring import _core
+import bowstring._core as _core
 from bowstring.atomic_io import check_parent, folder_beside, readable, resolved
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, write_measurements
 from bowstring.data.rigid import Rigid

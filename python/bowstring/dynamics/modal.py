@@ -22,7 +22,7 @@ from bowstring.statics.actuation import Given
 from bowstring.statics.rod import TendonPath, Theory
 
 if TYPE_CHECKING:
-    from bowstring import _core
+    import bowstring._core as _core
     from bowstring.robot.model import Robot
 
 __all__ = ["Modes", "modes"]
@@ -180,7 +180,7 @@ def about(
     count: int,
 ) -> Modes:
     """Modes about the next step of a path or, if there is none, about tensions."""
-    from bowstring import _core
+    import bowstring._core as _core
 
     if path is not None:
         solution = path.core.step(pulled, row, gravity, tip_force, np.zeros(3))
@@ -263,7 +263,7 @@ def _slowest(
     size = len(root)
     count = min(count, size)
     if size <= _DENSE or count > _SHARE * size:
-        from bowstring import _core
+        import bowstring._core as _core
 
         _core.check_memory(
             40.0 * size**2,
@@ -288,7 +288,7 @@ def _iterated(flexibility: _core.Flexibility, root: Floats, count: int) -> tuple
     """
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-    from bowstring import _core
+    import bowstring._core as _core
 
     size = len(root)
     basis = max(2 * count + 1, 20)

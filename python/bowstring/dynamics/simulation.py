@@ -697,7 +697,7 @@ def _check_size(robot: Robot, points: int, times: int, *, kept: bool) -> None:
     """Refuse fields that do not fit into memory: of all times, or of one at a time."""
     if points == 0:
         return
-    from bowstring import _core
+    import bowstring._core as _core
 
     disks, tendons = len(robot.disks.station_m), len(robot.tendons.end_disk)
     numbers = 34.0 * disks * points + 18.0 * disks + 2.0 * disks * tendons

@@ -16,7 +16,7 @@ from bowstring import validation
 from bowstring.errors import InputError
 
 if TYPE_CHECKING:
-    from bowstring import _core
+    import bowstring._core as _core
     from bowstring.robot.model import Robot
 
 __all__ = [
@@ -126,7 +126,7 @@ def commands(
 
 
 def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Floats:
-    from bowstring import _core
+    import bowstring._core as _core
 
     count = robot.core.tendon_count
     shape = f"(n, {count})" if rows else f"({count},)"
@@ -203,7 +203,7 @@ class Path:
         *,
         rubs: bool = True,
     ) -> None:
-        from bowstring import _core
+        import bowstring._core as _core
 
         tendons = robot.tendons
         self.robot = robot

@@ -292,7 +292,7 @@ def surface_stress(sec: Section, force: Floats, moment: Floats) -> tuple[Floats,
         ``a + b cos(psi) + c sin(psi)``; sigma along the tangent, positive in tension, tau on the
         section in the direction of growing psi. Transverse shear follows the parabolic law.
     """
-    from bowstring import _core
+    import bowstring._core as _core
 
     found = _core.surface_stress(sec.columns, _floats(force), _floats(moment))
     return found[0], found[1]
@@ -311,7 +311,7 @@ def von_mises(sigma: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
     value, cosine, sine : ndarray (...)
         The maximum in Pa, exact to 1e-12 of it, and the angle at which it is.
     """
-    from bowstring import _core
+    import bowstring._core as _core
 
     rows = (_floats(v).reshape(3, -1) for v in (sigma, tau))
     found = _core.von_mises(*rows).reshape(sigma.shape)
@@ -333,7 +333,7 @@ def derive(robot: Robot, frames: Frames, sec: Section) -> dict[str, Floats]:
     -------
     dict from name to ndarray (T, ...)
     """
-    from bowstring import _core
+    import bowstring._core as _core
 
     vectors = (frames.position, frames.rotation, frames.force, frames.moment)
     out = _core.derive(sec.columns, *map(_floats, vectors))
@@ -416,7 +416,7 @@ def attributes(robot: Robot, settings: Mapping[str, Any]) -> dict[str, str | int
     dict
         ``settings`` and ``robot_definition`` are JSON text.
     """
-    from bowstring import _core
+    import bowstring._core as _core
 
     try:
         text = json.dumps(dict(settings), allow_nan=False, default=_plain)

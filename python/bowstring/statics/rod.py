@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from typing_extensions import Self
 
-    from bowstring import _core
+    import bowstring._core as _core
     from bowstring.robot.model import Robot
     from bowstring.statics.fields import Frames
     from bowstring.statics.limits import Use

@@ -41,7 +41,7 @@ def make(
     longest_step: float = 1.0,
 ) -> Simulator:
     """A robot that can move; arguments as of `bowstring.simulate`, checked."""
-    from bowstring import _core
+    import bowstring._core as _core
 
     home = actuation.home_lengths(robot, theory, tendon, twist, elements)
     return _core.Simulator(

@@ -38,7 +38,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import _core
+import bowstring._core as _core
 from bowstring.constant_curvature import arcs as arc
 from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
