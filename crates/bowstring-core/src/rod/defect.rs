@@ -214,6 +214,16 @@ const WEIGHTS: [f64; 7] = [
     11.0 / 120.0,
 ];
 
+/// Turn of an element along `along` by a mean moment; `spring`: flexibility of bending, how much
+/// more that of torsion is, and the length. Not a closure: one that is not inlined is compiled
+/// without the lanes of the processor.
+#[inline(always)]
+fn bent<T: Real>(moment: Vec3<T>, along: Vec3<T>, spring: [T; 3]) -> Vec3<T> {
+    let [bending, excess, length] = spring;
+    let twist = along * (along.dot(moment) * excess);
+    moment.scaled_add(bending, twist) * length
+}
+
 /// Newton steps for the curvature under continuous tendons.
 const NEWTON_ROUNDS: usize = 3;
 
@@ -233,8 +243,8 @@ impl<T: Real, const A: usize> State<T, A> {
         let length = c.flexible * T::splat(1.0 / elements as f64);
         let one = T::splat(1.0);
         let per = one / length;
-        let flexibility = c.stiffness.map(|s| one / (s * length));
-        let [bending, torsion] = flexibility;
+        let [bending, torsion] = c.stiffness;
+        let [bending, torsion] = [one / (bending * length), one / (torsion * length)];
         let shear = c.d[0] * c.per_flexible;
         let element = Element {
             length,
@@ -281,13 +291,11 @@ impl<T: Real, const A: usize> State<T, A> {
             ];
             let middle = weight.scaled_add(length * T::splat(0.5), force);
             let moment = section.moment - along.cross(middle) * (length * T::splat(0.5));
-            let bent_by = |offset: Vec3<T>, turned: Vec3<T>| {
-                let moment = (offset.cross(middle) + turned.cross(moment)) * length;
-                let twist = along * (along.dot(moment) * (torsion - bending));
-                moment.scaled_add(bending, twist)
-            };
-            let turn = turn - bent_by(mean, turned[0]);
-            let gap = gap - bent_by(first, turned[1]).cross(along) * length;
+            let spring = [bending, torsion - bending, length];
+            let turn = turn - bent(mean.cross(middle) + turned[0].cross(moment), along, spring);
+            let gap = gap
+                - bent(first.cross(middle) + turned[1].cross(moment), along, spring).cross(along)
+                    * length;
             // rotations of the two arcs that give it
             let bend = turn - along * along.dot(turn);
             let apart = along.cross(gap) * (per * T::splat(4.0)) - bend * T::splat(2.0);
