@@ -869,3 +869,140 @@ impl<T: Real> ParallelPath<T> {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::lie::exp;
+    use crate::model::robot::{Disk, RobotSpec, Section};
+    use crate::random::Draw;
+
+    const STEP: f64 = 1e-6;
+    const HOLE: [f64; 2] = [0.02, -0.013];
+
+    fn constants(elements: usize) -> Constants<f64> {
+        let robot = Robot::new(RobotSpec {
+            sections: vec![Section {
+                bending: 1.07,
+                torsion: 0.83,
+                axial: 6.9e5,
+                shear: 2.6e5,
+                mass_per_length: 0.035,
+                rotary_inertia: 5.5e-8,
+            }],
+            disks: vec![Disk {
+                station: 0.07,
+                clamped_length: 0.004,
+                mass: 0.02,
+                inertia: [5.1e-6, 1.02e-5],
+                segment: 0,
+            }],
+            tendons: vec![tendon()],
+            gravity: [0.0; 3],
+        });
+        Constants::new(&robot.unwrap(), 0, Model::default(), elements)
+    }
+
+    fn tendon() -> Tendon {
+        Tendon {
+            hole: HOLE,
+            end_disk: 0,
+        }
+    }
+
+    fn vector(draw: &mut Draw, size: f64) -> Vec3 {
+        Vec3([0; 3].map(|_| draw.within(-size, size)))
+    }
+
+    /// Change of `f` by a step of either sign along each axis, over twice the step.
+    fn differences<const N: usize>(f: impl Fn(Vec3) -> [f64; N]) -> [[f64; 3]; N] {
+        let mut out = [[0.0; 3]; N];
+        for axis in 0..3 {
+            let step =
+                |sign: f64| Vec3([0, 1, 2].map(|i| if i == axis { sign * STEP } else { 0.0 }));
+            let (up, down) = (f(step(1.0)), f(step(-1.0)));
+            for i in 0..N {
+                out[i][axis] = (up[i] - down[i]) / (2.0 * STEP);
+            }
+        }
+        out
+    }
+
+    fn assert_near(found: [f64; 3], expected: [f64; 3], scale: f64) {
+        for (a, b) in found.iter().zip(expected) {
+            assert!(
+                (a - b).abs() < 1e-7 * scale,
+                "{found:?} against {expected:?}"
+            );
+        }
+    }
+
+    /// The law of a straight span: a motion of the end lengthens it by the direction's share, and
+    /// its tension turns with it.
+    #[test]
+    fn derivatives_of_a_straight_span() {
+        let c = constants(1);
+        for number in 0..50 {
+            let mut draw = Draw::new(31, number);
+            let s = exp(vector(&mut draw, 0.8));
+            let rho = Vec3([0.0, 0.0, 0.066]) + vector(&mut draw, 0.02);
+            let span = Span::new(&c, &tendon(), &s, rho);
+            let moved = differences(|u| [Span::new(&c, &tendon(), &s, rho + u).length]);
+            assert_near(moved[0], span.direction.0, 1.0);
+            let turned = differences(|u| [Span::new(&c, &tendon(), &(exp(u) * s), rho).length]);
+            assert_near(turned[0], span.arm.cross(span.direction).0, 1.0);
+            let pull = |u| {
+                Span::new(&c, &tendon(), &s, rho + u)
+                    .direction
+                    .0
+                    .map(|d| 3.0 * d)
+            };
+            let stiffness = span.stiffness(3.0).rows();
+            for (found, row) in differences(pull).iter().zip(stiffness) {
+                assert_near(*found, row.0, 100.0);
+            }
+        }
+    }
+
+    /// The law of a continuous tendon: derivatives of its length by both arcs of an element.
+    #[test]
+    fn derivatives_of_a_parallel_path() {
+        for (number, elements) in (0..50).zip([1, 2, 4, 8].into_iter().cycle()) {
+            let c = constants(elements);
+            let mut draw = Draw::new(32, number);
+            let [a, b] = [0; 2].map(|_| vector(&mut draw, 0.3 / elements as f64));
+            let path = |a, b| match elements {
+                1 => ParallelPath::new::<2>(&c, &tendon(), 1.01, a, b),
+                2 => ParallelPath::new::<4>(&c, &tendon(), 1.01, a, b),
+                4 => ParallelPath::new::<8>(&c, &tendon(), 1.01, a, b),
+                _ => ParallelPath::new::<16>(&c, &tendon(), 1.01, a, b),
+            };
+            let found = path(a, b);
+            let [by_a, by_b] = found.gradient();
+            assert_near(differences(|u| [path(a + u, b).length])[0], by_a.0, 0.1);
+            assert_near(differences(|u| [path(a, b + u).length])[0], by_b.0, 0.1);
+            let [aa, ba, bb] = found.hessian();
+            let rows = |by: [[f64; 3]; 3], of: Mat3| {
+                for (found, row) in by.iter().zip(of.rows()) {
+                    assert_near(*found, row.0, 0.1);
+                }
+            };
+            rows(differences(|u| path(a + u, b).gradient()[0].0), aa);
+            rows(differences(|u| path(a + u, b).gradient()[1].0), ba);
+            rows(differences(|u| path(a, b + u).gradient()[1].0), bb);
+        }
+    }
+
+    /// On an arc of constant curvature it has the length of the parallel arc.
+    #[test]
+    fn a_parallel_path_of_an_arc_is_the_parallel_arc() {
+        let c = constants(1);
+        for angle in [0.0, 0.1, -0.4, 1.2] {
+            let half = Vec3([0.0, 0.5 * angle, 0.0]);
+            let path = ParallelPath::new::<2>(&c, &tendon(), 1.0, half, half);
+            // a bend about y shortens what is on the side of x
+            let expected = c.flexible - angle * HOLE[0];
+            assert!((path.length - expected).abs() < 1e-12, "{angle}");
+        }
+    }
+}
