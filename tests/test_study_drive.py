@@ -14,9 +14,10 @@ from rich.console import Console
 import bowstring as bs
 from bowstring.constant_curvature import arcs as arc
 from bowstring.errors import InputError
+from bowstring.formatting import plain
 from bowstring.robot.model import Robot, with_tendons
 from bowstring.robot.reader import load_robot
-from bowstring.study import report, study
+from bowstring.study import report
 from bowstring.study.actuation_budget import (
     ASSUMED_FRICTION,
     COMMANDED,
@@ -322,7 +323,7 @@ def test_commands_without_equilibrium_are_told(amouri: Robot) -> None:
     case = d.row("pull_driven_loading").case
     assert case.problem is not None and "means are over the others" in case.problem
     assert np.isfinite(case.error(COMMANDED)).sum() == case.comparisons[COMMANDED].n < 17
-    json.dumps(study._plain(d.to_dict()), allow_nan=False)
+    json.dumps(plain(d.to_dict()), allow_nan=False)
 
 
 def test_pretension_and_two_points(amouri: Robot) -> None:

@@ -1,10 +1,13 @@
-"""Numbers as people read them, in sentences and tables."""
+"""Numbers as people read them, in sentences and tables, and as JSON holds them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
 
 __all__ = [
     "in_mm",
@@ -12,6 +15,7 @@ __all__ = [
     "in_percent",
     "listed",
     "number",
+    "plain",
     "round_down",
     "signed",
     "significant",
@@ -91,3 +95,19 @@ def signed(value: float | None, digits: int = 2) -> str:
         return _DASH
     text = f"{value:+.{digits}f}"
     return text[1:] if float(text) == 0.0 else text.replace("-", _MINUS)
+
+
+# -- in JSON ------------------------------------------------------------------------------------
+
+
+def plain(value: Any) -> Any:
+    """What JSON can hold: lists for arrays, null for what is not a finite number."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value

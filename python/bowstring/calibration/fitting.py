@@ -24,6 +24,7 @@ from bowstring.calibration.residual_tests import CHANCE, autocorrelation
 from bowstring.calibration.tip_model import Model, Prediction, TipModel, rotation
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
+from bowstring.formatting import plain
 from bowstring.robot.model import Robot, check_robot
 from bowstring.validation import is_whole, shown
 
@@ -236,19 +237,12 @@ class Fit:
         """All numbers of the fit, ready for `json.dumps`; None where there is no number."""
         from dataclasses import asdict
 
-        def plain(value: float) -> float | None:
-            return value if np.isfinite(value) else None
-
-        estimates = [
-            {k: plain(v) if isinstance(v, float) else v for k, v in asdict(e).items()}
-            for e in self.estimates
-        ]
         return {
             "model": self.model,
             "converged": self.converged,
             "message": self.message,
-            "parameters": estimates,
-            "correlation": [[plain(v) for v in row] for row in self.correlation.tolist()],
+            "parameters": plain([asdict(e) for e in self.estimates]),
+            "correlation": plain(self.correlation),
             "cannot_tell_apart": [list(names) for names in self.confused],
             "rows": int(self.used.sum()),
             "rows_without_equilibrium": self.unsolved,

@@ -42,13 +42,13 @@ from bowstring.cli.output import (
     counted,
     fixed,
     new_table,
-    plain,
     progress_bar,
     provenance_of,
     write_json,
     write_tables,
 )
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import plain
 from bowstring.interrupts import was_stopped
 from bowstring.units import rounded
 

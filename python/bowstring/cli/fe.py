@@ -28,13 +28,13 @@ from bowstring.cli.output import (
     counted,
     fixed,
     new_table,
-    plain,
     progress_bar,
     provenance_of,
     write_json,
     write_tables,
 )
 from bowstring.errors import InputError
+from bowstring.formatting import plain
 
 if TYPE_CHECKING:
     from rich.table import Table

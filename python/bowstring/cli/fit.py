@@ -26,7 +26,6 @@ from bowstring.cli.output import (
     counted,
     fixed,
     new_table,
-    plain,
     progress_bar,
     provenance_of,
     say,
@@ -34,7 +33,7 @@ from bowstring.cli.output import (
     write_tables,
 )
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.formatting import in_mm
+from bowstring.formatting import in_mm, plain
 from bowstring.units import quote, rounded
 
 if TYPE_CHECKING:

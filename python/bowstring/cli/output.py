@@ -9,13 +9,12 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
 import typer
 
 from bowstring._core import __version__
+from bowstring.formatting import plain
 from bowstring.robot.model import Robot
 from bowstring.units import printable
 
@@ -57,19 +56,6 @@ def write(text: str) -> None:
 
 def write_json(content: dict[str, Any]) -> None:
     write(json.dumps(plain(content), allow_nan=False) + "\n")
-
-
-def plain(value: Any) -> Any:
-    """What JSON can hold: lists for arrays, null for what is not a finite number."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, (np.ndarray, np.generic)):
-        return plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return str(value) if isinstance(value, Path) else value
 
 
 def provenance_of(robot: Robot, **settings: Any) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from bowstring.data.rigid import SKEW, Rigid
 from bowstring.data.tip_errors import Comparison
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
+from bowstring.formatting import plain
 from bowstring.validation import floats, number, numbers, shown, vectors
 
 __all__ = [
@@ -204,9 +205,6 @@ class Registration:
 
     def to_dict(self) -> dict[str, Any]:
         """The registration for JSON; what is not determined or not known is None."""
-
-        def plain(value: float) -> float | None:
-            return float(value) if math.isfinite(value) else None
 
         errors, width = self.standard_error, self.interval()
         return {

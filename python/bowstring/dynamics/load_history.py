@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bowstring import validation
 from bowstring.errors import InputError
+from bowstring.formatting import plain
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
 
@@ -122,7 +123,7 @@ class Table:
 
     def to_dict(self) -> Any:
         """Times and values, for a file; None where a tendon is driven otherwise."""
-        return {"times_s": self.times.tolist(), "values": _plain(self.values)}
+        return {"times_s": self.times.tolist(), "values": plain(self.values)}
 
 
 def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
@@ -419,8 +420,3 @@ def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = Fal
         return Table([0.0], row[None, :])
     row = validation.row(name, value, count, unit, ", a table or a function")
     return Table([0.0], row[None, :])
-
-
-def _plain(values: Floats) -> list[Any]:
-    """Rows of numbers, None for NaN."""
-    return [[None if np.isnan(v) else v for v in row] for row in values.tolist()]

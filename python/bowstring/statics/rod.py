@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import validation
 from bowstring.display import html_table, in_few_rows, millimetres, short_repr
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
+from bowstring.formatting import plain
 from bowstring.robot.model import check_robot
 from bowstring.robot.plausibility import load_advice
 from bowstring.statics import actuation
@@ -81,7 +82,7 @@ class ErrorEstimate:
 
     def to_dict(self) -> dict[str, float | None]:
         """Return it with units in the names, ready for `json.dumps`."""
-        tip, tension = _finite([self.tip, self.tension])
+        tip, tension = plain([self.tip, self.tension])
         return {"tip_m": tip, "tension_N": tension}
 
 
@@ -517,25 +518,21 @@ class Solution:
             "status": core.status,
             "stable": core.stable,
             "iterations": core.iterations,
-            "residual": core.residual if np.isfinite(core.residual) else None,
+            "residual": plain(core.residual),
             "error_estimate": None if error is None else error.to_dict(),
             "elements": core.elements,
             "theory": core.theory,
             "tip": tip,
             "disks": disks,
             "tendon_lengths_m": lengths,
-            "tensions_N": _finite(core.tensions.tolist()),
+            "tensions_N": plain(core.tensions),
             "pulls_m": None if pulls is None else pulls.tolist(),
             "slack": None if self.slack is None else list(self.slack),
             "slack_m": None if slack is None else slack.tolist(),
-            "span_tensions_N": None if spans is None else [_finite(row) for row in spans.tolist()],
+            "span_tensions_N": None if spans is None else plain(spans),
             "undetermined": self.undetermined,
-            "length_residual_m": _finite([self.length_residual])[0],
+            "length_residual_m": plain(self.length_residual),
         }
-
-
-def _finite(values: list[float]) -> list[float | None]:
-    return [value if np.isfinite(value) else None for value in values]
 
 
 def _passes(robot: Robot) -> NDArray[np.bool_]:

@@ -43,7 +43,7 @@ from bowstring.constant_curvature import arcs as arc
 from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
-from bowstring.formatting import in_mm, in_percent, listed, round_down, significant
+from bowstring.formatting import in_mm, in_percent, listed, plain, round_down, significant
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
@@ -512,8 +512,8 @@ class Study:
                 },
             },
         }
-        plain: dict[str, Any] = _plain(out)
-        return plain
+        found: dict[str, Any] = plain(out)
+        return found
 
     def _errors_mm(self, against: str) -> dict[str, list[float]]:
         """By name, at the loads of the sweep."""
@@ -1076,15 +1076,3 @@ def _notes(
                 "their means."
             )
     return tuple(out)
-
-
-def _plain(value: Any) -> Any:
-    """JSON values only: NaN and infinities become None."""
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, (bool, str, int)) or value is None:
-        return value
-    number = float(value)
-    return number if math.isfinite(number) else None
