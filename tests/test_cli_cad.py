@@ -14,8 +14,6 @@ import pytest
 import bowstring as bs
 from shell import Shell, refuses
 
-pytestmark = pytest.mark.cad
-
 CAD = ("cad", "amouri2019")
 
 
@@ -25,6 +23,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.cad
 def test_a_bent_robot_as_files(shell: Shell, here: Path) -> None:
     bd = pytest.importorskip("build123d", exc_type=ImportError)
     files = ("--out", "robot.step", "--picture", "robot.png", "--drawing", "disk.svg")
@@ -58,6 +57,7 @@ def test_a_bent_robot_as_files(shell: Shell, here: Path) -> None:
     np.testing.assert_allclose(np.array(tuple(end)) / 1e3, solution.tip.position, atol=1e-8)
 
 
+@pytest.mark.cad
 def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     heavy = (
@@ -78,6 +78,7 @@ def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
     assert not any("hole_diameter" in size["field"] for size in found["assumed"])
 
 
+@pytest.mark.cad
 def test_motor_angles_bend_it_as_pulls_do(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     spool = ("--set", "segments.0.tendons.spool_radius=10 mm", "--out", "robot.glb")
@@ -89,6 +90,7 @@ def test_motor_angles_bend_it_as_pulls_do(shell: Shell, here: Path) -> None:
     assert turned["provenance"]["settings"]["angles_rad"] == [1, -1, -1]
 
 
+@pytest.mark.cad
 def test_the_straight_robot_in_words(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     code, out, err = shell(*CAD, "--out", "robot.stl")
@@ -151,12 +153,14 @@ def test_without_the_extra(
     refuses(shell, tmp_path, monkeypatch, says, *CAD, flag)
 
 
+@pytest.mark.cad
 def test_a_load_without_an_equilibrium_writes_nothing(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     code, out, err = shell(*CAD, "--out", "robot.step", "--tension", "1000000,0,0")
     assert (code, out) == (1, "") and err.startswith("Error: ") and not list(here.iterdir())
 
 
+@pytest.mark.cad
 def test_progress_begins_with_what_takes_long(
     shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -180,6 +184,7 @@ def test_progress_begins_with_what_takes_long(
     assert told == ["CAD kernel", "loaded"]
 
 
+@pytest.mark.cad
 def test_ctrl_c_says_what_is_written(
     shell: Shell, here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -201,6 +206,7 @@ def test_ctrl_c_says_what_is_written(
     assert [p.name for p in here.iterdir()] == ["robot.stl"]
 
 
+@pytest.mark.cad
 def test_the_study_shows_the_solid(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     found = shell.json("study", "--points", "3", "--rise", "0.5", "--solid", "--out", "study")

@@ -12,8 +12,6 @@ from bowstring.cad.drawing import draw_disks, write_drawing
 from bowstring.cad.raster import Camera, Mesh, render
 from bowstring.errors import InputError
 
-pytestmark = pytest.mark.cad
-
 
 def box(low, high, part):
     """Triangles of a box, counter-clockwise from outside, with flat normals."""
@@ -61,6 +59,7 @@ def first_hit(mesh, eye, ray):
     return mesh.part[np.flatnonzero(hit)[t[hit].argmin()]] if hit.any() else -1
 
 
+@pytest.mark.cad
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0.3, 0.2), (-2.0, 1.1), (2.5, -0.6)])
 def test_each_pixel_shows_what_its_ray_meets_first(azimuth, elevation):
     mesh = together(
@@ -85,6 +84,7 @@ def test_each_pixel_shows_what_its_ray_meets_first(azimuth, elevation):
     assert wrong == 0
 
 
+@pytest.mark.cad
 def test_light_falls_from_above_and_bodies_shade_each_other():
     plate = box((-2, -2, -0.1), (2, 2, 0.0), 0)
     white = np.ones((2, 3))
@@ -129,6 +129,7 @@ def canvas():
     return FigureCanvasAgg
 
 
+@pytest.mark.cad
 @pytest.mark.parametrize("name", bs.robot_names())
 def test_a_picture_names_its_parts(name, canvas, tmp_path):
     pytest.importorskip("build123d", exc_type=ImportError)
@@ -153,6 +154,7 @@ def test_a_picture_names_its_parts(name, canvas, tmp_path):
             write_picture(solid, tmp_path / "robot.jpg")
 
 
+@pytest.mark.cad
 def test_names_point_at_what_is_seen_and_a_long_title_breaks(canvas):
     pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.cad.picture import draw_solid
@@ -172,6 +174,7 @@ def test_names_point_at_what_is_seen_and_a_long_title_breaks(canvas):
     assert all(image[int(y), int(x), 3] > 0 for x, y in dots)  # and on the robot
 
 
+@pytest.mark.cad
 def test_normals_are_smooth_around_a_rod_and_break_at_its_ends():
     bd = pytest.importorskip("build123d", exc_type=ImportError)
     from bowstring.cad.picture import mesh_of

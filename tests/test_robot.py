@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import jsonschema
@@ -1353,3 +1354,31 @@ def test_schema_examples_are_good_and_fields_described():
 def test_a_part_of_what_the_file_left_out_can_be_set() -> None:
     changed = load_robot("amouri2019").with_({"gravity.2": -9.81})
     assert changed.gravity == (0.0, 0.0, -9.81)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: bs.run_study("amouri2019"),
+        lambda: bs.check_tendons("amouri2019", None),
+        lambda: bs.read_measurements(ROOT / "examples" / "bench.csv", "amouri2019"),
+        lambda: bs.constant_curvature.robot_fk("amouri2019", [1, 2, 3]),
+        lambda: bs.fem.check("amouri2019"),
+        lambda: bs.load_robot(None),
+        lambda: bs.load_robot(3),
+    ],
+)
+def test_what_is_no_robot_is_refused_in_a_sentence(call: Callable[[], object]) -> None:
+    with pytest.raises(InputError, match=r"^robot is .*, it must be "):
+        call()
+
+
+@pytest.mark.parametrize("overrides", [None, [1], "x", 3])
+def test_overrides_are_a_mapping(overrides: object) -> None:
+    with pytest.raises(InputError, match=r"^overrides is .*, it must be a mapping"):
+        load_robot("amouri2019").with_(overrides)
+
+
+def test_modules_of_the_data_are_attributes() -> None:
+    code = "import bowstring as bs; bs.data.registration, bs.data.synthetic, bs.data.datasets"
+    subprocess.run([sys.executable, "-c", code], check=True)

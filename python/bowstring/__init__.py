@@ -9,7 +9,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from bowstring import calibration, constant_curvature, data, dynamics, errors, fem
+    from bowstring import (
+        cad,
+        calibration,
+        constant_curvature,
+        data,
+        dynamics,
+        errors,
+        fem,
+        robot,
+        statics,
+        study,
+        viz,
+    )
     from bowstring._core import __version__
     from bowstring.cad.solid import make_solid
     from bowstring.calibration.fitting import Fit, fit
@@ -46,6 +58,7 @@ __all__ = [
     "Study",
     "Sweep",
     "__version__",
+    "cad",
     "calibrate",
     "calibration",
     "check_tendons",
@@ -61,13 +74,17 @@ __all__ = [
     "modes",
     "pull_jacobian",
     "read_measurements",
+    "robot",
     "robot_names",
     "robot_schema",
     "run_study",
     "simulate",
     "solve",
     "solve_batch",
+    "statics",
+    "study",
     "sweep",
+    "viz",
     "write_measurements",
 ]
 
@@ -102,7 +119,19 @@ _HOME = {
     "Study": "study.study",
     "run_study": "study.study",
 }
-_PACKAGES = {"calibration", "constant_curvature", "data", "dynamics", "errors", "fem"}
+_PACKAGES = {
+    "cad",
+    "calibration",
+    "constant_curvature",
+    "data",
+    "dynamics",
+    "errors",
+    "fem",
+    "robot",
+    "statics",
+    "study",
+    "viz",
+}
 
 
 def __getattr__(name: str) -> Any:

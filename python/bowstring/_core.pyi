@@ -1,4 +1,4 @@
-"""The compiled core; `bowstring.rod` and `bowstring.arc` are its public face."""
+"""The compiled core; `bowstring.statics` and `bowstring.constant_curvature` are its public face."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, final

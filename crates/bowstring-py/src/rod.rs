@@ -277,7 +277,7 @@ impl Robot {
         check_rows(count, numbers, disks)
     }
 
-    /// The answers as NumPy arrays, named as in `bowstring.rod.Sweep`.
+    /// The answers as NumPy arrays, named as in `bowstring.Sweep`.
     pub(crate) fn arrays<'py>(
         &self,
         py: Python<'py>,

@@ -44,7 +44,7 @@ class _Kind(NamedTuple):
 
 
 def check_drawing_file(path: str | Path) -> Path:
-    """Say before any work whether a drawing may be written to a file; see `files.check_file`."""
+    """Say before any work whether a drawing may be written (`atomic_io.check_file`)."""
     from bowstring.viz.style import MARKS
 
     file = Path(path)

@@ -37,7 +37,7 @@ _ANGLE: Final = 0.2  # rad
 
 
 def check_solid_file(path: str | Path) -> Path:
-    """Say before any work whether a solid may be written to a file; see `files.check_file`."""
+    """Say before any work whether a solid may be written to a file; see `atomic_io.check_file`."""
     file = Path(path)
     return check_file(file, "solid", SUFFIXES, _MARKS.get(file.suffix.lower(), b""))
 

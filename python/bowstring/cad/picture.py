@@ -35,7 +35,7 @@ _SMOOTH: Final = 0.8  # cosine between normals that are one surface
 
 
 def check_picture_file(path: str | Path) -> Path:
-    """Say before any work whether a picture may be written to a file; see `files.check_file`."""
+    """Say before any work whether a picture may be written (`atomic_io.check_file`)."""
     from bowstring.viz.style import MARKS
 
     file = Path(path)

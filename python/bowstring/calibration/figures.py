@@ -1,4 +1,4 @@
-"""What a calibration leaves."""
+"""Figures of a calibration: residuals and parity."""
 
 from __future__ import annotations
 

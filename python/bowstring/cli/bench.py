@@ -221,7 +221,7 @@ def simulate(
 
 
 def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> dict[str, Any]:
-    """Masses, tensions or pulls of one tendon, as `bench.set_up` takes them."""
+    """Masses, tensions or pulls of one tendon, as `synthetic.set_up` takes them."""
     given = [(flag, text) for flag, text in texts.items() if text is not None]
     if not given:
         raise InputError(

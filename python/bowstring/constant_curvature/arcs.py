@@ -851,7 +851,15 @@ class _Segment:
         return _shares(np.diff(self.places, prepend=0.0))
 
 
+def _check_robot(robot: object) -> None:
+    if not hasattr(robot, "segments"):
+        raise InputError(
+            f"robot is {robot!r:.60}, it must be a Robot, as bowstring.load_robot gives it"
+        )
+
+
 def _segments(robot: _Robot) -> list[_Segment]:
+    _check_robot(robot)
     out, start = [], 0.0
     stations = np.asarray(robot.disks.station_m, dtype=np.float64)
     ends = np.asarray(robot.tendons.segment)
@@ -887,6 +895,7 @@ def _arc_fit(rows: Array, hole: Array, shares: Array, held: Array | None) -> tup
 
 
 def _robot_holes(robot: _Robot) -> Array:
+    _check_robot(robot)
     return np.ascontiguousarray(robot.tendons.hole_m, dtype=np.float64)
 
 

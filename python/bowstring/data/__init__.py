@@ -1,5 +1,8 @@
 """Measurements: readers of tables, frames, checks, public data sets, synthetic benches."""
 
+from importlib import import_module
+from typing import Any
+
 from bowstring.data.measurements import Measurements, read_measurements, write_measurements
 from bowstring.data.rigid import Rigid
 from bowstring.data.tendon_check import TendonCheck, check_tendons
@@ -14,3 +17,11 @@ __all__ = [
     "read_measurements",
     "write_measurements",
 ]
+
+_LAZY = {"datasets", "registration", "synthetic"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return import_module(f"{__name__}.{name}")

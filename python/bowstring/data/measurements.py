@@ -30,7 +30,7 @@ from bowstring.data.tables import Row, Table, UnknownColumnsError, open_table
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm
-from bowstring.robot.model import Robot
+from bowstring.robot.model import Robot, check_robot
 from bowstring.units import printable, quote
 
 __all__ = [
@@ -253,6 +253,8 @@ def read_measurements(
         If the table cannot be read; the text names file, line and what to do. Single bad rows are
         left out and listed in `Measurements.issues`; rows with a blank tip are kept and listed.
     """
+    if robot is not None:
+        check_robot(robot)
     if not 0 < g <= 10_000:
         raise InputError(f"g is {g:g} m/s^2, it must be above 0 and up to 10000")
     if mapping is None:

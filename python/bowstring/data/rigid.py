@@ -6,7 +6,6 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from bowstring.errors import InputError
 from bowstring.validation import numbers, shown, vectors
@@ -66,6 +65,8 @@ class Rigid:
     ) -> Rigid:
         """Of a rotation vector (3,), axis times angle in rad."""
         turn = numbers("rotation vector", vector, (3,), "rad")
+        from scipy.spatial.transform import Rotation  # 0.2 s, which a table does not need
+
         return cls(Rotation.from_rotvec(turn).as_matrix(), translation)
 
     @classmethod
@@ -92,6 +93,8 @@ class Rigid:
     def rotation_vector(self) -> Array:
         """Axis times angle (3,), rad, the angle at most pi."""
         # a copy, because SciPy before 1.15.2 takes no read-only array
+        from scipy.spatial.transform import Rotation
+
         return np.asarray(Rotation.from_matrix(self._rotation.copy()).as_rotvec())
 
     def apply(self, points: ArrayLike) -> Array:

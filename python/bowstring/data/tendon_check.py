@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from bowstring.constant_curvature import arcs as arc
 from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, listed, significant
+from bowstring.robot.model import check_robot
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -113,6 +114,7 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
         Two tendons or the sense of numbering are named only where they explain the motion clearly
         better than the order as given.
     """
+    check_robot(robot)
     if 0 < measurements.without_tip < len(measurements):
         measurements = measurements.select(measurements.seen)
     problem, bends, measured = _data(robot, measurements)

@@ -292,7 +292,7 @@ def simulate(
 ) -> Run:
     """Simulate the motion from rest in an equilibrium.
 
-    Implicit and of second order; see ``bowstring-core/src/motion.rs`` for the scheme. Each output
+    Implicit and of second order; ``bowstring-core/src/motion/mod.rs`` has the scheme. Each output
     time is the end of a step.
 
     Parameters

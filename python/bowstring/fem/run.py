@@ -283,6 +283,7 @@ def check(robot: Robot) -> None:
     InputError
         If it cannot be meshed, or there is no CalculiX.
     """
+    check_a_robot(robot)
     check_robot(robot)
     ccx.version(ccx.find())
 

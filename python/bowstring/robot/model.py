@@ -6,7 +6,6 @@ A robot is read from YAML (`load_robot`), checked as a whole, and never changes 
 
 from __future__ import annotations
 
-import importlib
 import json
 from collections.abc import Mapping
 from functools import cached_property
@@ -16,7 +15,7 @@ from bowstring.display import html_table
 from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays, frozen
 from bowstring.robot.messages import build
-from bowstring.robot.overrides import fill, override
+from bowstring.robot.overrides import check_mapping, fill, override
 from bowstring.robot.parts import Disks, Tendon, TendonDrive, TendonRing
 from bowstring.robot.plausibility import doubts
 from bowstring.units import number_with_unit
@@ -101,6 +100,7 @@ class Robot(RobotArrays):
         InputError
             If a path does not exist or the changed robot is not valid.
         """
+        check_mapping(overrides)
         # what the file left out stays left out, but where a part of it is set
         tree = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
         whole = self.model_dump(mode="json", exclude_none=True)
@@ -176,8 +176,9 @@ class Robot(RobotArrays):
     @cached_property
     def core(self) -> Any:
         """The robot in the Rust core (``bowstring._core.Robot``), built at the first use."""
-        core = importlib.import_module("bowstring._core")
-        return core.Robot(
+        import bowstring._core as _core
+
+        return _core.Robot(
             station_m=self.disks.station_m,
             clamped_length_m=self.disks.clamped_length_m,
             disk_mass_kg=self.disks.mass_kg,

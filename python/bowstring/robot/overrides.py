@@ -11,14 +11,23 @@ import numpy as np
 from bowstring.errors import InputError
 from bowstring.robot.safe_yaml import read_yaml
 from bowstring.units import NUMBER, quote
+from bowstring.validation import shown
 
-__all__ = ["fill", "override"]
+__all__ = ["check_mapping", "fill", "override"]
 
 # Setting one of a pair removes the other, so that an override need not know the file's choice.
 _EITHER: Final = {
     **{"G": "nu", "nu": "G", "count": "positions", "positions": "count"},
     **{"mass": "density", "density": "mass"},
 }
+
+
+def check_mapping(overrides: object) -> None:
+    """Refuse overrides that are no mapping."""
+    if not isinstance(overrides, Mapping):
+        raise InputError(
+            f"overrides is {shown(overrides)}, it must be a mapping from path to value"
+        )
 
 
 def fill(tree: Any, whole: Any, keys: Sequence[str]) -> None:

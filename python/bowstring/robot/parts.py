@@ -192,8 +192,6 @@ class Disks(Part):
 
 
 _PITCH = Quantity("m", "29 mm", "1 um", "100 m")
-
-
 _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 
 

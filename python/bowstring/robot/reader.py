@@ -10,9 +10,10 @@ from typing import Any, Final
 from bowstring.errors import InputError
 from bowstring.robot.messages import build
 from bowstring.robot.model import Robot
-from bowstring.robot.overrides import override
+from bowstring.robot.overrides import check_mapping, override
 from bowstring.robot.safe_yaml import read_yaml, reading, text_of
 from bowstring.units import printable, quote
+from bowstring.validation import shown
 
 __all__ = ["load_robot", "robot_names", "robot_schema"]
 
@@ -73,6 +74,9 @@ def load_robot(source: str | Path, overrides: Mapping[str, Any] | None = None) -
     >>> robot.length
     0.641
     """
+    if not isinstance(source, (str, Path)):
+        raise InputError(f"robot is {shown(source)}, it must be a built-in robot's name or a path")
+    check_mapping(overrides or {})
     names = robot_names()
     if str(source) in names:
         path, label = _BUILT_IN / f"{source}.yaml", str(source)

@@ -296,6 +296,3 @@ class Model:
         tip = sweep.tip_position
         comparisons = self.compare(tension, tip, sweep.tendon_lengths, MEANINGS)
         return Case(physics, problem, tip, comparisons)
-
-
-# -- means of what is known --------------------------------------------------------------------

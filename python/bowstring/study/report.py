@@ -21,6 +21,7 @@ from bowstring.study.error_budget import Side
 from bowstring.study.study import Study
 from bowstring.study.tables import simulated, study_tables, write_csv
 from bowstring.units import printable
+from bowstring.viz.colours import COLOURS
 from bowstring.viz.result_folder import check_folder, save_figure, write_listing
 from bowstring.viz.style import figure_style, svg
 
@@ -38,9 +39,6 @@ _BUDGET_TABLES: Final[dict[Side, tuple[str, str]]] = {
     "removed": ("Each effect alone in the full model", "The full model"),
 }
 """Tables of the error budget on the page; study.json and budget.csv also have the baseline."""
-
-
-# -- where it goes -----------------------------------------------------------------------------
 
 
 def default_folder(robot: Robot) -> Path:
@@ -138,7 +136,6 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
     )
     environment.filters["number"] = number
     environment.filters["signed"] = signed
-    from bowstring.viz.colours import COLOURS
 
     page = environment.get_template("report.html.j2").render(
         study=study,

@@ -44,7 +44,7 @@ from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, listed, plain, round_down, significant
-from bowstring.robot.model import Robot
+from bowstring.robot.model import Robot, check_robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
 from bowstring.study.comparison import COMPARISONS, Case, Model, Physics, Theory
@@ -591,6 +591,7 @@ def run_study(
     NoSolutionError
         If no load of the sweep has an equilibrium.
     """
+    check_robot(robot)
     tell = progress or (lambda what, share: None)
     settings = _settings(
         robot,

@@ -20,10 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_folder", "save_figure", "save_figures", "write_json", "write_listing"]
 
-
 _DPI: Final = 160
-
-
 _CALLED: Final = {"fe": "finite elements"}  # what is not called as its file
 
 

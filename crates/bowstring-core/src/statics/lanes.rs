@@ -1,6 +1,6 @@
 //! Several loads of one robot side by side in SIMD lanes.
 //!
-//! Takes plain Newton steps only, those that `statics` takes where nothing goes wrong: all
+//! Takes plain Newton steps only, those that `solver` takes where nothing goes wrong: all
 //! pivots positive, no step too long, the energy falling. A load that needs more is left to it.
 
 use crate::interrupt;
