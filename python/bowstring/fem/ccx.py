@@ -23,7 +23,7 @@ _LOOK: Final = 0.1  # s, between two looks at the files
 _PATIENCE: Final = 5.0  # s that it has to end when told to
 _FULL: Final = 1 << 20  # bytes free on a drive that is full
 # reads until this process is no more, however it ended; $1 is the program, $2 a folder to remove
-_WATCH: Final = 'read -r line; kill -KILL "$1"; [ -z "$2" ] || rm -rf -- "$2"'
+_WATCH: Final = 'read -r pid; read -r line; kill -KILL "$pid"; [ -z "$1" ] || rm -rf -- "$1"'
 
 
 class End(NamedTuple):
@@ -96,7 +96,7 @@ def run(
     log = folder / f"{job}.log"
     # tables are written line by line, or those of a step that is done would wait in a buffer
     environment = {"OMP_NUM_THREADS": "1", **os.environ, "GFORTRAN_UNBUFFERED_ALL": "y"}
-    with log.open("wb") as output:
+    with log.open("wb") as output, _watcher(folder if fleeting else None) as watch:
         try:
             child = subprocess.Popen(
                 [program, job],
@@ -109,13 +109,13 @@ def run(
         except OSError as error:
             raise InputError(f"{program} does not start: {error.strerror}") from None
         try:
-            with _watched(child, folder if fleeting else None):
-                while True:
-                    with contextlib.suppress(subprocess.TimeoutExpired):
-                        child.wait(_LOOK)
-                    if child.returncode is not None:
-                        break
-                    look()
+            watch(child.pid)
+            while True:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    child.wait(_LOOK)
+                if child.returncode is not None:
+                    break
+                look()
         finally:
             _end(child)
     look()
@@ -123,27 +123,34 @@ def run(
 
 
 @contextlib.contextmanager
-def _watched(child: subprocess.Popen[bytes], folder: Path | None) -> Iterator[None]:
-    """End the program at last, and let a shell do it if this process is killed before.
+def _watcher(folder: Path | None) -> Iterator[Callable[[int], None]]:
+    """A shell that ends a program, once it is told its number, if this process is killed.
 
-    Where there is no POSIX shell the program then goes on to its own end.
+    It is there before the program, so that none is left unwatched. Where there is no POSIX shell
+    the program then goes on to its own end.
     """
     try:
         # a session of its own: what is sent to all processes of a terminal does not reach it
         watcher = subprocess.Popen(
-            ["/bin/sh", "-c", _WATCH, "sh", str(child.pid), str(folder or "")],
+            ["/bin/sh", "-c", _WATCH, "sh", str(folder or "")],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
     except OSError:
-        yield
+        yield lambda process: None
         return
+    assert watcher.stdin is not None
+    channel = watcher.stdin.fileno()
+
+    def tell(process: int) -> None:
+        with contextlib.suppress(BrokenPipeError):  # somebody has ended the shell
+            os.write(channel, f"{process}\n".encode())
+
     try:
-        yield
+        yield tell
     finally:
-        _end(child)
         watcher.kill()  # before its input ends
         with watcher:
             pass
