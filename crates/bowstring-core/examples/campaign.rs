@@ -374,7 +374,7 @@ fn largest_gap(case: &Case, robot: &Robot, solver: &Solver) -> Option<f64> {
     if soft {
         return gap;
     }
-    for steps in [24, 96, 384, 1536] {
+    for steps in [24, 96, 384, 1536, 6144, 24576] {
         gap = case.gap(robot, solver, steps);
         if gap.is_none_or(|gap| gap < BALANCED) {
             break;
