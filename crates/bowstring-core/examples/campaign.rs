@@ -287,8 +287,9 @@ fn same(single: &Adaptive, outcome: &Outcome, batch: &Solutions, i: usize) -> bo
     };
     let length = single.solver().robot().length();
     let tendons = single.solver().robot().tendon_count();
-    let stated = outcome.error.map_or(f64::NAN, |error| error.tip);
-    let slack = 1e-8 + stated / length;
+    // rounding may have either choose more elements
+    let stated = |o: &Outcome| o.error.map_or(f64::NAN, |error| error.tip);
+    let slack = 1e-8 + (stated(outcome) + stated(other)) / length;
     let close = |a: f64, b: f64, unit: f64| (a - b).abs() <= slack * unit;
     let rotation = tip.rotation.0.as_flattened();
     (0..3).all(|q| close(batch.tip_position[3 * i + q], tip.position[q], length))
