@@ -72,7 +72,9 @@ def slack_fits(pulls: np.ndarray, noise: float, count: int, loss: Loss, seed: in
     """Fits to tables with tendons at the edge of slack, which differ by their noise alone."""
     robot = bs.load_robot("amouri2019").with_({SLACK_NAMES[0]: 1e-4})
     real = robot.with_({SLACK_NAMES[0]: 1e-3 * float(SLACK_TRUTH[0])})
-    tips = bs.solve_batch(real, pulls=pulls + 1e-3 * SLACK_TRUTH[1:]).tip_position
+    tips = bs.solve_batch(
+        real, load=bs.Load(displacements=pulls + 1e-3 * SLACK_TRUTH[1:])
+    ).tip_position
     rng = np.random.default_rng(seed)
     return [
         fit(robot, Data(points=tips + rng.normal(0, noise, tips.shape), pulls=pulls), SLACK_NAMES,

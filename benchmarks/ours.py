@@ -28,7 +28,9 @@ def loads(case: Case) -> dict[str, object]:
 
 def one_call(case: Case, elements: int = 1) -> Solve:
     def solve() -> np.ndarray:
-        solution = bs.solve(ROBOT, case.tensions, elements=elements, **loads(case))
+        solution = bs.solve(
+            ROBOT, case.tensions, **loads(case), model=bs.RodModel(elements=elements)
+        )
         solution.raise_for_status()
         return 1e3 * solution.tip.position
 

@@ -16,10 +16,10 @@ SETTINGS = {"one call": 1, "one call, elements=2": 2, "one call, elements=4": 4}
 def found(elements: int) -> Found:
     solution = bs.solve(
         ROBOT,
-        pulls=PULLS,
-        gravity=BY_TENSION.gravity,
-        tip_force=BY_TENSION.tip_force,
-        elements=elements,
+        load=bs.Load(
+            displacements=PULLS, gravity=BY_TENSION.gravity, tip_force=BY_TENSION.tip_force
+        ),
+        model=bs.RodModel(elements=elements),
     ).raise_for_status()
     return 1e3 * solution.tip.position, solution.tensions[0]
 
@@ -27,8 +27,10 @@ def found(elements: int) -> Found:
 def check() -> None:
     """The pulls are those of 40 N."""
     loads = {"gravity": BY_TENSION.gravity, "tip_force": BY_TENSION.tip_force}
-    solution = bs.solve(ROBOT, BY_TENSION.tensions, elements=8, **loads).raise_for_status()
-    paid_out = solution.pulls - [0.0, SLACK, SLACK]
+    solution = bs.solve(
+        ROBOT, BY_TENSION.tensions, **loads, model=bs.RodModel(elements=8)
+    ).raise_for_status()
+    paid_out = solution.displacements() - [0.0, SLACK, SLACK]
     assert abs(paid_out - PULLS).max() < 1e-9, f"at 40 N the pulls are {paid_out}"
 
 

@@ -14,7 +14,8 @@ from pathlib import Path
 import bowstring as bs
 from benchmarks.cases import report
 from benchmarks.ramp import DURATION_S, MASS_DAMPING, OUTPUT_S, TENSION_N, Tips, measure
-from bowstring.dynamics.simulation import Run, ramp, simulate
+from bowstring.dynamics.load_history import ramp
+from bowstring.dynamics.simulation import Run, simulate
 
 ROBOT = bs.load_robot("amouri2019")
 CONVERGED = {"dt": 1e-4, "elements": 4, "spectral_radius": 1.0}
@@ -23,7 +24,9 @@ CONVERGED = {"dt": 1e-4, "elements": 4, "spectral_radius": 1.0}
 def motion(**settings: object) -> Run:
     tensions = ramp([TENSION_N, 0.0, 0.0], 1.0)
     settings = {"points": 5 if "out" in settings else 0, **settings}
-    run = simulate(ROBOT, tensions, DURATION_S, mass_damping=MASS_DAMPING, **settings)
+    run = simulate(
+        ROBOT, tensions, DURATION_S, **settings, integrator=bs.Integrator(mass_damping=MASS_DAMPING)
+    )
     return run.raise_for_status()
 
 

@@ -88,7 +88,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
             raise AssertionError("the robot is another one when it is written and read again")
 
     def read_path(file: Path) -> None:
-        path = DrivePath(rough, "cosserat", "straight", True, 1)
+        path = DrivePath(rough, bs.RodModel(elements=1))
         path.resume(read_history(file))
 
     def table(file: Path) -> None:
@@ -102,10 +102,11 @@ def kinds(folder: Path) -> dict[str, Kind]:
     ]
     _workbook(folder / "bench.xlsx", rows)
     # a history and runs
-    history = bs.solve(rough, [10.0, 0.0, 0.0]).history
+    history = bs.solve(rough, [10.0, 0.0, 0.0]).history()
     assert history is not None
     small = robot.with_({"segments.0.disks.count": 3})
-    bs.simulate(small, [1.0, 0.0, 0.0], 0.03, out=folder / "run.nc", points=2)
+    output = bs.Output(points=2, path=folder / "run.nc")
+    bs.simulate(small, [1.0, 0.0, 0.0], 0.03, output=output)
     moved = read_run(folder / "run.nc")
     moved.to_netcdf(folder / "run3.nc", format="NETCDF3_64BIT")
     moved.to_netcdf(folder / "run.h5")

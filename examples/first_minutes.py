@@ -33,6 +33,6 @@ for name, arcs in (("lengths, chords", chord), ("force, mean arm", arm)):
 
 # 6. Many loads in one call: a sweep follows one path, a batch takes independent loads.
 forces = np.linspace(0, 80, 17)
-sweep = bs.sweep(robot, np.outer(forces, [1, 0, 0]), gravity=(0, 0, -9.81))
+sweep = bs.sweep(robot, np.outer(forces, [1, 0, 0]), load=bs.Load(gravity=(0, 0, -9.81)))
 print(f"6. upright under gravity, tip height from {1e3 * sweep.tip_position[0, 2]:.1f} to", end="")
 print(f" {1e3 * sweep.tip_position[-1, 2]:.1f} mm; all converged: {sweep.converged.all()}")

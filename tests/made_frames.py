@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from bowstring import RodModel
 from bowstring.dynamics.run_file import RunFile
 from bowstring.robot.model import Robot
 from bowstring.statics.fields import FIELDS, Frames, Section, derive
@@ -89,7 +90,7 @@ def made_file(path: Path, robot: Robot, settings: dict[str, Any], times: int = 0
 def made_records(robot: Robot, time: np.ndarray) -> np.ndarray:
     """The records of a made-up run that began at time 0, as its file takes them."""
     frames = made_frames(robot, np.concatenate([[0.0], time]))
-    values = derive(robot, frames, Section(robot, frames.station, frames.module))
+    values = derive(robot, frames, Section(robot, frames.station, frames.module, RodModel()))
     columns = [frames.time, *(values[field.name] for field in FIELDS)]
     rows = np.concatenate([c.reshape(len(frames.time), -1) for c in columns], axis=1)
     return rows[1:].astype(">f8").reshape(-1).view(np.uint8)

@@ -7,6 +7,7 @@ import pytest
 
 import bowstring as bs
 from bowstring.errors import InputError
+from objects import objects
 
 SOFT = {
     "segments.0.disks.mass": "1e-6 g",
@@ -28,7 +29,9 @@ def study(**fields: object) -> bs.Robot:
 @pytest.mark.parametrize("elements", ELEMENTS)
 def test_stretch_under_own_weight(disks: int, elements: int | None) -> None:
     robot = bs.load_robot("amouri2019", {**SOFT, "segments.0.disks.count": disks})
-    hanging = bs.solve(robot, [0, 0, 0], gravity=[0, 0, 9.81], elements=elements)
+    hanging = bs.solve(
+        robot, [0, 0, 0], load=bs.Load(gravity=[0, 0, 9.81]), model=bs.RodModel(elements=elements)
+    )
     young, density = 5e6, 1800.0
     stretch = density * 9.81 * robot.length**2 / (2 * young)
     assert hanging.tip.position[2] - robot.length == pytest.approx(stretch, rel=1e-6)
@@ -64,7 +67,10 @@ def test_modes_of_a_beam_under_its_own_weight(share: float, elements: int | None
     bending, mass = robot.bending_stiffness[0], robot.mass_per_length[0]
     gravity = share * GREENHILL * bending / (mass * robot.length**3)
     found = bs.modes(
-        robot, gravity=[0, 0, -gravity], theory="kirchhoff", elements=elements, count=2
+        robot,
+        count=2,
+        load=bs.Load(gravity=[0, 0, -gravity]),
+        model=bs.RodModel("kirchhoff", elements=elements),
     )
     unit = math.sqrt(bending / (mass * robot.length**4)) / (2 * math.pi)
     exact = heavy_beam(share * GREENHILL) * unit
@@ -84,8 +90,8 @@ def test_axial_mode_of_a_light_robot() -> None:
 def test_a_motion_starts_where_statics_is(theory: str) -> None:
     robot = bs.load_robot("amouri2019", {**SOFT, "segments.0.backbone.E": "30 MPa"})
     load = {"gravity": [1.0, 0.0, 9.81], "theory": theory}
-    rest = bs.solve(robot, [5, 0, 0], **load)
-    run = bs.simulate(robot, [5, 0, 0], 0.0, initial_tensions=[5, 0, 0], **load)
+    rest = bs.solve(robot, [5, 0, 0], **objects(**load))
+    run = bs.simulate(robot, [5, 0, 0], 0.0, **objects(**load, initial_tensions=[5, 0, 0]))
     assert np.linalg.norm(run.tip_position[0] - rest.tip.position) < 2e-5 * robot.length
 
 
@@ -97,7 +103,9 @@ def test_buckling_between_disks(elements: int | None) -> None:
     robot = study(**{"disks.count": 3})
     critical = math.pi**2 * robot.bending_stiffness[0] / (robot.length / 3) ** 2
     below, above = (
-        bs.solve(robot, [share * critical / 3] * 3, theory="kirchhoff", elements=elements)
+        bs.solve(
+            robot, [share * critical / 3] * 3, model=bs.RodModel("kirchhoff", elements=elements)
+        )
         for share in (0.999, 1.001)
     )
     assert below.stable is True and "buckled" not in below.message
@@ -107,7 +115,7 @@ def test_buckling_between_disks(elements: int | None) -> None:
 def test_few_elements_do_not_call_a_buckled_column_stable() -> None:
     robot = study(**{"disks.count": 3})
     critical = math.pi**2 * robot.bending_stiffness[0] / (robot.length / 3) ** 2
-    found = bs.solve(robot, [1.02 * critical / 3] * 3, theory="kirchhoff", elements=1)
+    found = bs.solve(robot, [1.02 * critical / 3] * 3, model=bs.RodModel("kirchhoff", elements=1))
     assert found.stable is None
 
 
@@ -115,7 +123,7 @@ def test_error_near_buckling_is_seen() -> None:
     robot = study(**{"disks.count": 3})
     load = {"tip_force": [0.2, 0, 0]}
     coarse, fine, chosen = (
-        bs.solve(robot, [60] * 3, **load, elements=elements) for elements in (1, 8, None)
+        bs.solve(robot, [60] * 3, **objects(**load, elements=elements)) for elements in (1, 8, None)
     )
     error = np.linalg.norm(coarse.tip.position - fine.tip.position)
     assert error > 3e-3
@@ -127,7 +135,7 @@ def test_error_near_buckling_is_seen() -> None:
 
 def test_answers_beyond_all_elements_say_so() -> None:
     found = bs.solve(bs.load_robot("amouri2019"), [650, 600, 600])
-    assert found.elements == 8
+    assert found.model.elements == 8
     assert "Discretisation error: the tip by up to" in found.message
 
 
@@ -135,7 +143,8 @@ def test_tensions_of_three_taut_tendons() -> None:
     robot = study(**{"disks.count": 3})
     pulls = [2e-4, 1e-4, 1e-4]
     coarse, fine, chosen = (
-        bs.solve(robot, pulls=pulls, elements=elements) for elements in (1, 8, None)
+        bs.solve(robot, load=bs.Load(displacements=pulls), model=bs.RodModel(elements=elements))
+        for elements in (1, 8, None)
     )
     error = np.abs(coarse.tensions - fine.tensions).max()
     assert error <= coarse.error_estimate.tension <= 30 * error
@@ -151,8 +160,10 @@ def test_friction_remembers_the_error(pulled: bool) -> None:
             **{"tendons.friction": rng.uniform(0.1, 0.5), "tendons.compliance": "1e-5 m/N"}
         )
         most = rng.uniform(0.001, 0.012, 3) if pulled else rng.uniform(5, 90, 3)
-        given = {"pulls" if pulled else "tensions": np.outer(there_and_back, most)}
-        coarse, fine = (bs.sweep(robot, elements=elements, **given) for elements in (1, 8))
+        given = {"displacements" if pulled else "tensions": np.outer(there_and_back, most)}
+        coarse, fine = (
+            bs.sweep(robot, **objects(**given, elements=elements)) for elements in (1, 8)
+        )
         # beyond that the coarse rod may go another way
         known = np.cumprod(coarse.converged & fine.converged).astype(bool)
         error = np.linalg.norm(coarse.tip_position - fine.tip_position, axis=1)[known]
@@ -162,8 +173,8 @@ def test_friction_remembers_the_error(pulled: bool) -> None:
 
 def test_a_plain_robot_keeps_one_element() -> None:
     robot = bs.load_robot("amouri2019")
-    assert bs.solve(robot, [80, 0, 0]).elements == 1
-    assert bs.solve(robot, pulls=[0.02, -0.03, -0.03]).elements == 1
+    assert bs.solve(robot, [80, 0, 0]).model.elements == 1
+    assert bs.solve(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03])).model.elements == 1
 
 
 def test_sweep_and_batch_carry_the_estimate() -> None:
@@ -174,7 +185,7 @@ def test_sweep_and_batch_carry_the_estimate() -> None:
     for found in (batch, path):
         assert found.converged.all()
         assert (found.tip_error <= 1e-5 * robot.length).all()
-        fine = bs.solve_batch(robot, found.tensions, elements=8)
+        fine = bs.solve_batch(robot, found.tensions, model=bs.RodModel(elements=8))
         error = np.linalg.norm(found.tip_position - fine.tip_position, axis=1)
         rest = fine.tip_error
         assert (error <= found.tip_error + rest).all()
@@ -183,17 +194,24 @@ def test_sweep_and_batch_carry_the_estimate() -> None:
 def test_a_path_takes_on_elements_as_it_needs_them() -> None:
     robot = study(**{"disks.count": 3, "tendons.friction": 0.1})
     pulls = np.outer(np.linspace(0, 0.06, 7), [1, -1, -1])
-    path = bs.sweep(robot, pulls=pulls)
-    fine = bs.sweep(robot, pulls=pulls, elements=8)
+    path = bs.sweep(robot, load=bs.Load(displacements=pulls))
+    fine = bs.sweep(robot, load=bs.Load(displacements=pulls), model=bs.RodModel(elements=8))
     error = np.linalg.norm(path.tip_position - fine.tip_position, axis=1)
     assert path.converged.all()
     assert (error <= path.tip_error + fine.tip_error + 1e-9).all()
     # its history leads on, and only a path with other fixed elements refuses it
-    on = bs.solve(robot, pulls=[0.061, -0.06, -0.06], history=path.history)
+    on = bs.solve(robot, history=path.history(), load=bs.Load(displacements=[0.061, -0.06, -0.06]))
     assert on.converged
-    fixed = bs.solve(robot, pulls=[0.01, -0.01, -0.01], elements=2).history
+    fixed = bs.solve(
+        robot, load=bs.Load(displacements=[0.01, -0.01, -0.01]), model=bs.RodModel(elements=2)
+    ).history()
     with pytest.raises(InputError, match="made with elements 2"):
-        bs.solve(robot, pulls=[0.02, -0.01, -0.01], history=fixed, elements=1)
+        bs.solve(
+            robot,
+            history=fixed,
+            load=bs.Load(displacements=[0.02, -0.01, -0.01]),
+            model=bs.RodModel(elements=1),
+        )
 
 
 def test_elements_and_estimate_are_in_the_json() -> None:

@@ -67,7 +67,7 @@ def made(
     up = STANDARD_GRAVITY * np.arange(0.0, 8.1, 0.5)
     way = np.concatenate([up, up[-2::-1]]) if unload else up
     tensions = np.outer(np.tile(way, repeats), [1.0, 0.0, 0.0])
-    found = bs.sweep(actual, tensions, tip_force=side, disks=False).raise_for_status()
+    found = bs.sweep(actual, tensions, disks=False, load=bs.Load(tip_force=side)).raise_for_status()
     tips = FRAME.inverse().apply(found.tip_position)
     tips += np.random.default_rng(seed).normal(scale=NOISE, size=tips.shape)
     count = len(tips)
@@ -361,7 +361,7 @@ def test_a_robot_driven_by_pulls_knows_its_lengths() -> None:
     bend = np.linspace(0.02, 0.7, 24)
     towards = np.linspace(0.0, 2.5, 24)
     pulls = 0.029 * bend[:, None] * np.cos(towards[:, None] - np.radians([0.0, 120.0, 240.0]))
-    tips = bs.solve_batch(robot, pulls=1.02 * pulls).tip_position
+    tips = bs.solve_batch(robot, load=bs.Load(displacements=1.02 * pulls)).tip_position
     rng = np.random.default_rng(1)
     data = replace(
         made(repeats=1, unload=True).select(np.arange(24)),

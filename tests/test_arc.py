@@ -855,7 +855,7 @@ def test_the_lever_arm_law_ends_where_the_rod_does():
     euler = np.pi**2 * robot.bending_stiffness[0] * 9 / robot.length**2
     for share, status in ((0.98, "converged"), (1.02, None)):
         tensions = np.full(3, share * euler / 3)
-        exact = bs.solve(robot, tensions, theory="kirchhoff", elements=8)
+        exact = bs.solve(robot, tensions, model=bs.RodModel("kirchhoff", elements=8))
         straight = exact.converged and np.abs(exact.tip.position[:2]).max() < 1e-6
         assert straight == (status is not None)
         if straight:

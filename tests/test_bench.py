@@ -80,7 +80,9 @@ def test_pulls_of_three_segments() -> None:
     pulls = np.outer(np.linspace(0, 3e-3, 6), [1, -1, -1, -2, 2, -2, -2, -2, 1])
     found = simulate(robot, pulls=pulls, **CLEAN)
     np.testing.assert_array_equal(found.pulls, pulls)
-    np.testing.assert_array_equal(found.tip, bs.sweep(robot, pulls=pulls).tip_position)
+    np.testing.assert_array_equal(
+        found.tip, bs.sweep(robot, load=bs.Load(displacements=pulls)).tip_position
+    )
     assert np.isnan(found.tensions).all()
 
 
@@ -88,7 +90,7 @@ def test_some_tendons_pulled_the_others_by_tension(robot: bs.Robot) -> None:
     pulls = [[0.001 * i, None, None] for i in range(5)]
     tensions = [[None, 1.0, 0.0]] * 5
     found = simulate(robot, tensions, pulls=pulls, **CLEAN)
-    expected = bs.sweep(robot, tensions, pulls=pulls)
+    expected = bs.sweep(robot, tensions, load=bs.Load(displacements=pulls))
     np.testing.assert_array_equal(found.tip, expected.tip_position)
     assert found.tensions[0, 1] == 1.0 and np.isnan(found.tensions[:, 0]).all()
     assert found.pulls[4, 0] == 0.004 and np.isnan(found.pulls[:, 1:]).all()
@@ -226,12 +228,12 @@ def test_gravity_turns_with_the_base_or_stays_plumb(robot: bs.Robot) -> None:
     options = {**CLEAN, "tilt": math.radians(0.3), "gravity": (0, 0, -9.81), "masses": MASSES}
     turning = set_up(robot, **options)
     plumb = set_up(robot, gravity_frame="measuring", **options)
-    tips = bs.sweep(robot, turning.tensions, gravity=(0, 0, -9.81)).tip_position
+    tips = bs.sweep(robot, turning.tensions, load=bs.Load(gravity=(0, 0, -9.81))).tip_position
     np.testing.assert_array_equal(turning.tip_position, tips)
     # leaning towards x, it is pulled towards x
     felt = 9.81 * np.array([math.sin(math.radians(0.3)), 0, -math.cos(math.radians(0.3))])
     np.testing.assert_allclose(plumb.truth["gravity_in_base_m_per_s2"], felt, atol=1e-15)
-    aslant = bs.sweep(robot, turning.tensions, gravity=felt).tip_position
+    aslant = bs.sweep(robot, turning.tensions, load=bs.Load(gravity=felt)).tip_position
     np.testing.assert_allclose(plumb.tip_position, aslant, atol=1e-12)
     # more than the noise: it is no detail
     assert plumb.tip_position[0, 0] - tips[0, 0] == pytest.approx(0.408e-3, abs=1e-6)
@@ -241,7 +243,7 @@ def test_disturbances_that_no_model_has(robot: bs.Robot) -> None:
     force, drift = [0.0, 0.05, 0.0], np.array([0.0, 0.4e-3, 0.0])
     tensions = all_sides()
     pushed = set_up(robot, tensions, tip_force=force, **CLEAN)
-    expected = bs.sweep(robot, tensions, tip_force=force).tip_position
+    expected = bs.sweep(robot, tensions, load=bs.Load(tip_force=force)).tip_position
     np.testing.assert_array_equal(pushed.points, expected)
     moved = set_up(robot, tensions, drift=drift, base=PLACE, **CLEAN)
     still = set_up(robot, tensions, base=PLACE, **CLEAN)
@@ -439,9 +441,11 @@ def rebuilt(truth: dict[str, Any]) -> Array:
     found = bs.sweep(
         actual,
         tensions,
-        gravity=truth["gravity_in_base_m_per_s2"],
-        tip_force=truth["disturbances"]["tip_force_N"],
-        theory=truth["theory"],
+        load=bs.Load(
+            gravity=truth["gravity_in_base_m_per_s2"],
+            tip_force=truth["disturbances"]["tip_force_N"],
+        ),
+        model=bs.RodModel(truth["theory"]),
     )
     base = Rigid(truth["base"]["rotation"], truth["base"]["translation_m"])
     points = base.apply(found.tip_position + found.tip_rotation @ truth["actual_tool_m"])

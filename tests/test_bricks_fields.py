@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import bowstring as bs
 from bowstring import simulate
 from bowstring.fem import BrickRun, sweep
 from bowstring.fem.fields import VOIGT, strain_in_base
@@ -35,7 +36,7 @@ def test_a_turn_changes_no_energy_and_turns_strain_as_stress(angle: float) -> No
     run = turned(Rotation.from_euler("yx", [angle, 20.0], degrees=True).as_matrix())
     free = small_robot().length - 1.5 * 3e-3  # two disks of 3 mm, the half of one beyond
     wanted = 0.5 * YOUNG * STRAIN**2 * np.pi / 4 * 0.005**2 * free
-    energy = run.dataset.elastic_energy.item()
+    energy = run.to_dataset().elastic_energy.item()
     assert energy == pytest.approx(wanted, rel=0.02)  # of 4 bricks around
     # a material that strains along its stress alone
     strain = strain_in_base(run.mesh, run.states[0])
@@ -50,10 +51,10 @@ def test_energy_of_a_robot_that_bends_far_is_the_rods(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     robot = small_robot(**{"segments.0.backbone.E": "5 GPa"})
     run = sweep(robot, [[40.0, 0.0, 0.0]], settings=COARSE).raise_for_status()
-    by_rod = rod.solve(robot, [40.0, 0.0, 0.0], elements=4)
+    by_rod = rod.solve(robot, [40.0, 0.0, 0.0], model=bs.RodModel(elements=4))
     assert by_rod.tip is not None and by_rod.tip.rotation[2, 2] < 0.5
     theirs = by_rod.fields(9).elastic_energy.item()
-    assert run.dataset.elastic_energy.item() == pytest.approx(theirs, rel=0.06)  # coarse
+    assert run.to_dataset().elastic_energy.item() == pytest.approx(theirs, rel=0.06)  # coarse
     # stress and strain have one set of axes: Hooke's law holds as they are, but for large strain
     (state,) = run.states
     strain = strain_in_base(run.mesh, state)
@@ -65,12 +66,14 @@ def test_energy_of_a_robot_that_bends_far_is_the_rods(
 
 def test_gravity_of_the_run_counts_not_that_of_the_robot() -> None:
     run = stretched(STRAIN)
-    assert run.dataset.gravity_energy.item() == 0.0
+    assert run.to_dataset().gravity_energy.item() == 0.0
     again = stretched(STRAIN)
     again.settings["gravity"] = [0.0, 0.0, -9.8]
-    straight = simulate(small_robot(), [0.0, 0.0, 0.0], 0.01, gravity=[0.0, 0.0, -9.8])
-    theirs = straight.dataset.gravity_energy[0].item()
-    assert again.dataset.gravity_energy.item() == pytest.approx(theirs, rel=2e-3)
+    straight = simulate(
+        small_robot(), [0.0, 0.0, 0.0], 0.01, load=bs.Load(gravity=[0.0, 0.0, -9.8])
+    )
+    theirs = straight.to_dataset().gravity_energy[0].item()
+    assert again.to_dataset().gravity_energy.item() == pytest.approx(theirs, rel=2e-3)
 
 
 def test_a_pull_is_the_rods() -> None:
@@ -86,7 +89,7 @@ def test_a_pull_is_the_rods() -> None:
         run = stretched(STRAIN)
         run.robot, run.wanted_tensions = robot, np.array([[20.0, 0.0, 5.0]])
         by_rod = rod.solve(robot, [20.0, 0.0, 5.0]).fields(3)
-        pulls[name] = run.dataset.pull.to_numpy()[0], by_rod.pull.to_numpy()[0]
+        pulls[name] = run.to_dataset().pull.to_numpy()[0], by_rod.pull.to_numpy()[0]
     ours, theirs = (pulls["soft"][k] - pulls["stiff"][k] for k in (0, 1))
     assert ours[0] > 2e-3
     np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
@@ -96,4 +99,4 @@ def test_with_pretension_no_pull_is_known() -> None:
     """The home pose is then another, which bricks have not computed."""
     run = stretched(STRAIN)
     run.robot = small_robot(**{"segments.0.tendons.pretension": "2 N"})
-    assert np.isnan(run.dataset.pull).all()
+    assert np.isnan(run.to_dataset().pull).all()

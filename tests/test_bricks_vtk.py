@@ -67,7 +67,7 @@ def test_bricks_with_displacement_stress_and_strain(tmp_path: Path) -> None:
 def test_fields_of_a_stretched_backbone() -> None:
     """Axial force from stress over sections: E A strain."""
     run = stretched(1e-3)
-    fields = run.dataset.isel(time=0)
+    fields = run.to_dataset().isel(time=0)
     area = np.pi / 4 * 0.005**2
     np.testing.assert_allclose(fields.force.sel(axis="z"), YOUNG * area * 1e-3, rtol=0.012)
     np.testing.assert_allclose(fields.moment, 0.0, atol=1e-9)

@@ -115,10 +115,8 @@ def test_solve_loads_may_be_negative_and_carry_units(shell: Shell) -> None:
     expected = bs.solve(
         bs.load_robot("amouri2019"),
         [10, 20, 0],
-        theory="kirchhoff",
-        gravity=(0, 0, -9.81),
-        tip_force=(-1, 0.5, 0),
-        tip_moment=(-0.1, 0, 0.05),
+        load=bs.Load(gravity=(0, 0, -9.81), tip_force=(-1, 0.5, 0), tip_moment=(-0.1, 0, 0.05)),
+        model=bs.RodModel("kirchhoff"),
     )
     assert expected.tip is not None
     np.testing.assert_array_equal(plain["tip"]["position_m"], expected.tip.position)

@@ -70,7 +70,7 @@ def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
     robot = bs.load_robot(
         "amouri2019", {"segments.0.disks.density": 1200, "segments.0.disks.hole_diameter": "4 mm"}
     )
-    tip = bs.solve(robot, pulls=[0.01, -0.005, -0.005]).tip.position
+    tip = bs.solve(robot, load=bs.Load(displacements=[0.01, -0.005, -0.005])).tip.position
     np.testing.assert_allclose(found["tip"]["position_m"], tip, atol=1e-12)
     parts = {part["name"]: part for part in found["parts"]}
     volume = math.pi * 0.003 * (0.032**2 - 0.0025**2 - 3 * 0.002**2)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import bowstring as bs
+from bowstring.dynamics.load_history import Table, ramp
 from bowstring.dynamics.run_file import read_run
-from bowstring.dynamics.simulation import Table, ramp
 from shell import Shell, refuses
 
 SOLVE = ("solve", "amouri2019")
@@ -23,7 +23,9 @@ NAN = float("nan")
 
 def test_pulls(shell: Shell) -> None:
     found = shell.json(*SOLVE, "--pull", "20 mm,-0.03,-3 cm")
-    expected = bs.solve(bs.load_robot("amouri2019"), pulls=[0.02, -0.03, -0.03])
+    expected = bs.solve(
+        bs.load_robot("amouri2019"), load=bs.Load(displacements=[0.02, -0.03, -0.03])
+    )
     assert expected.tip is not None
     np.testing.assert_array_equal(found["tip"]["position_m"], expected.tip.position)
     assert found["status"] == "converged" and found["stable"] is True
@@ -41,7 +43,11 @@ def test_pulls(shell: Shell) -> None:
 )
 def test_a_mix(shell: Shell, tension: str, pull: str) -> None:
     found = shell.json(*SOLVE, "--tension", tension, "--pull", pull)
-    expected = bs.solve(bs.load_robot("amouri2019"), [5, None, None], pulls=[None, 0.002, -0.001])
+    expected = bs.solve(
+        bs.load_robot("amouri2019"),
+        [5, None, None],
+        load=bs.Load(displacements=[None, 0.002, -0.001]),
+    )
     assert found["tensions_N"] == expected.tensions.tolist() and found["tensions_N"][0] == 5
 
 
@@ -166,9 +172,9 @@ def test_motion_by_pulls(shell: Shell) -> None:
     found = shell.json(*SIMULATE, "--pull", "20 mm,-0.03,-3 cm", *BRIEF, "--mass-damping", "5")
     expected = bs.simulate(
         bs.load_robot("amouri2019"),
-        pulls=ramp([0.02, -0.03, -0.03], 0.1),
         duration=0.2,
-        mass_damping=5.0,
+        load=bs.Load(displacements=ramp([0.02, -0.03, -0.03], 0.1)),
+        integrator=bs.Integrator(mass_damping=5.0),
     )
     np.testing.assert_allclose(found["tip_position_m"], expected.tip_position, atol=1e-9)
     settings = found["provenance"]["settings"]
@@ -184,8 +190,10 @@ def test_motion_by_a_mix_from_a_start(shell: Shell) -> None:
         spooled(),
         Table([0, 0.1], [[0, NAN, NAN], [5, NAN, NAN]]),
         0.2,
-        pulls=Table([0, 0.1], [[NAN, 0.001, NAN], [NAN, 0.002, NAN]]),
-        angles=Table([0, 0.1], [[NAN, NAN, 0.05], [NAN, NAN, -0.1]]),
+        load=bs.Load(
+            displacements=Table([0, 0.1], [[NAN, 0.001, NAN], [NAN, 0.002, NAN]]),
+            angles=Table([0, 0.1], [[NAN, NAN, 0.05], [NAN, NAN, -0.1]]),
+        ),
     )
     np.testing.assert_allclose(found["tip_position_m"], expected.tip_position, atol=1e-9)
     assert found["tip_position_m"][0][1] != 0
@@ -209,8 +217,10 @@ def test_a_table_of_mixed_columns(shell: Shell, tmp_path: Path) -> None:
         spooled(),
         ramp([5, NAN, NAN], 0.1),
         0.2,
-        pulls=ramp([NAN, 0.001, NAN], 0.1),
-        angles=ramp([NAN, NAN, np.deg2rad(-10)], 0.1),
+        load=bs.Load(
+            displacements=ramp([NAN, 0.001, NAN], 0.1),
+            angles=ramp([NAN, NAN, np.deg2rad(-10)], 0.1),
+        ),
     )
     np.testing.assert_allclose(found["tip_position_m"], run.tip_position, atol=1e-9)
     started = shell.json(*SIMULATE, *SPOOL, "--table", str(path), "--from", "1,-,-")
@@ -277,14 +287,13 @@ def test_pictures_of_a_pulled_motion(shell: Shell, tmp_path: Path) -> None:
 
 def test_modes_of_pulls(shell: Shell) -> None:
     robot = spooled()
-    given = {"pulls": [0.02, -0.03, -0.03]}
-    expected = bs.modes(robot, **given)
+    expected = bs.modes(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]))
     found = shell.json("modes", "amouri2019", "--pull", "20 mm,-30 mm,-30 mm")
     assert [m["frequency_hz"] for m in found["modes"]] == pytest.approx(expected.frequency_hz)
     assert found["tensions_N"] == pytest.approx(expected.tensions)
     turned = shell.json("modes", "amouri2019", *SPOOL, "--angle=2,-3,-3")
     assert turned["modes"][0]["frequency_hz"] == pytest.approx(expected.frequency_hz[0])
-    assert found["provenance"]["settings"]["pulls_m"] == given["pulls"]
+    assert found["provenance"]["settings"]["pulls_m"] == [0.02, -0.03, -0.03]
     stuck = shell.json("modes", "amouri2019", *RUBS, "--tension", "20,0,0")
     free = shell.json("modes", "amouri2019", "--tension", "20,0,0")
     assert stuck["modes"][1]["frequency_hz"] > 2 * free["modes"][1]["frequency_hz"]

@@ -44,7 +44,9 @@ def test_simulate(shell: Shell, robot: bs.Robot) -> None:
     assert found["real_time_factor"] > 0
     assert 1e-5 < found["error_estimate"]["tip_m"] < 2e-3
     assert found["t_s"] == [k / 100 for k in range(151)]
-    expected = bs.simulate(robot, simulation.ramp([80, 0, 0], 1.0), 1.5, mass_damping=0.5)
+    expected = bs.simulate(
+        robot, bs.dynamics.ramp([80, 0, 0], 1.0), 1.5, integrator=bs.Integrator(mass_damping=0.5)
+    )
     np.testing.assert_allclose(found["tip_position_m"], expected.tip_position, atol=1e-12)
     settings = found["provenance"]["settings"]
     assert settings["mass_damping_per_s"] == 0.5 and settings["theory"] == "cosserat"

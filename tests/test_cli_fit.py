@@ -124,7 +124,7 @@ def test_rows_without_an_answer_are_counted_in_no_score_and_said() -> None:
     robot = bs.load_robot("amouri2019")
     bend = np.linspace(0.02, 0.5, 20)
     pulls = 0.029 * bend[:, None] * np.cos(np.radians([0.0, 120.0, 240.0]))
-    tips = bs.solve_batch(robot, pulls=pulls).tip_position
+    tips = bs.solve_batch(robot, load=bs.Load(displacements=pulls)).tip_position
     tips += np.random.default_rng(0).normal(0.0, 2e-5, tips.shape)
     pulls[-3:] = 0.03  # three inextensible tendons that all pull have no solution
     data = Measurements(

@@ -15,7 +15,7 @@ import pytest
 
 import bowstring as bs
 from bowstring.data import datasets, registration, synthetic
-from bowstring.dynamics.simulation import ramp
+from bowstring.dynamics.load_history import ramp
 
 ROOT = Path(__file__).parents[1]
 

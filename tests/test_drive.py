@@ -9,7 +9,8 @@ import pytest
 
 import bowstring as bs
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.statics import actuation
+from bowstring.statics import messages
+from objects import objects
 
 DRIVE = "segments.0.tendons."
 
@@ -69,40 +70,49 @@ def test_tensions_to_pulls_and_back(name, request):
         tensions = draw.uniform(1.0, most, robot.core.tendon_count)
         load = {"gravity": (0, 1, -3), "tip_force": (*draw.uniform(-0.1, 0.1, 2), 0)}
         # the same elements both ways: else they differ by the discretisation error
-        given = bs.solve(robot, tensions, **load, elements=1).raise_for_status()
-        found = bs.solve(robot, pulls=given.pulls, **load, elements=1).raise_for_status()
+        given = bs.solve(robot, tensions, **objects(**load, elements=1)).raise_for_status()
+        found = bs.solve(
+            robot, **objects(**load, displacements=given.displacements(), elements=1)
+        ).raise_for_status()
         assert np.abs(found.tensions - tensions).max() < 1e-8 * tensions.max()
         assert np.abs(tip(found) - tip(given)).max() < 1e-10 * robot.length
         assert found.slack == () and not found.slack_lengths.any()
         assert found.stable is True and found.undetermined is False
         assert found.length_residual < 1e-12
-        np.testing.assert_allclose(found.pulls, given.pulls, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found.displacements(), given.displacements(), rtol=0, atol=1e-12)
         np.testing.assert_allclose(found.tendon_lengths, given.tendon_lengths, rtol=0, atol=1e-10)
 
 
 def test_pull_of_a_stiff_tendon_is_what_it_is_shorter_by(robot):
     found = bs.solve(robot, [80, 3, 0])
-    np.testing.assert_allclose(found.pulls, 0.641 - found.tendon_lengths, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        found.displacements(), 0.641 - found.tendon_lengths, rtol=0, atol=1e-15
+    )
 
 
 def test_pull_of_an_elastic_tendon_is_longer_by_its_stretch(elastic):
     """Hooke: what motor and tendon give way by, from the pretension on."""
     home = bs.solve(elastic, [2, 2, 2])
-    assert np.abs(home.pulls).max() < 1e-15
-    found = bs.solve(elastic, pulls=[0.02, -0.005, -0.005])
+    assert np.abs(home.displacements()).max() < 1e-15
+    found = bs.solve(elastic, load=bs.Load(displacements=[0.02, -0.005, -0.005]))
     give = 1e-5 + (0.3 + 0.641) / 2e4
     expected = home.tendon_lengths - found.tendon_lengths + give * (found.tensions - 2.0)
     taut = found.tensions > 0
     assert taut[0]
-    np.testing.assert_allclose(found.pulls[taut], expected[taut], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.displacements()[taut], expected[taut], rtol=0, atol=1e-12)
 
 
 def test_elastic_tendons_tend_to_stiff_ones(robot):
     pulls = [0.02, -0.03, -0.03]
-    limit = tip(bs.solve(robot, pulls=pulls))
+    limit = tip(bs.solve(robot, load=bs.Load(displacements=pulls)))
     errors = [
         np.linalg.norm(
-            tip(bs.solve(robot.with_({DRIVE + "axial_stiffness": k}), pulls=pulls)) - limit
+            tip(
+                bs.solve(
+                    robot.with_({DRIVE + "axial_stiffness": k}), load=bs.Load(displacements=pulls)
+                )
+            )
+            - limit
         )
         for k in (1e5, 1e6, 1e7)
     ]
@@ -112,39 +122,47 @@ def test_elastic_tendons_tend_to_stiff_ones(robot):
 
 @pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
 def test_what_is_paid_out_hangs(robot, theory):
-    found = bs.solve(robot, pulls=[0.02, -0.03, -0.03], theory=theory).raise_for_status()
+    found = bs.solve(
+        robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]), model=bs.RodModel(theory)
+    ).raise_for_status()
     assert found.slack == (2, 3)
     assert found.tensions[0] > 1 and (found.tensions[1:] == 0).all()
     surplus = 0.641 + 0.03 - found.tendon_lengths[1:]
     np.testing.assert_allclose(found.slack_lengths, [0, *surplus], rtol=0, atol=1e-12)
     assert found.slack_lengths[0] == 0 and "Tendons 2 and 3 hang slack." in found.message
-    straight = bs.solve(robot, pulls=[-0.01] * 3, theory=theory)
+    straight = bs.solve(robot, load=bs.Load(displacements=[-0.01] * 3), model=bs.RodModel(theory))
     assert straight.slack == (1, 2, 3) and (straight.tensions == 0).all()
     np.testing.assert_allclose(straight.slack_lengths, 0.01, rtol=0, atol=1e-12)
 
 
 def test_home_does_not_hang(robot, elastic):
     for each in (robot, elastic):
-        found = bs.solve(each, pulls=[0, 0, 0]).raise_for_status()
+        found = bs.solve(each, load=bs.Load(displacements=[0, 0, 0])).raise_for_status()
         assert found.slack == ()
         np.testing.assert_allclose(found.tensions, each.tendons.pretension_N, rtol=0, atol=1e-7)
 
 
 def test_angles_wind_spools(elastic):
-    by_angle = bs.solve(elastic, angles=[2.0, -0.5, None], tensions=[None, None, 3.0])
-    by_pull = bs.solve(elastic, pulls=[0.02, -0.005, np.nan], tensions=[np.nan, np.nan, 3.0])
+    by_angle = bs.solve(elastic, tensions=[None, None, 3.0], load=bs.Load(angles=[2.0, -0.5, None]))
+    by_pull = bs.solve(
+        elastic, tensions=[np.nan, np.nan, 3.0], load=bs.Load(displacements=[0.02, -0.005, np.nan])
+    )
     np.testing.assert_array_equal(tip(by_angle), tip(by_pull))
     assert by_angle.tensions[2] == 3.0
-    assert by_angle.pulls[0] == pytest.approx(0.02, abs=1e-15)
+    assert by_angle.displacements()[0] == pytest.approx(0.02, abs=1e-15)
 
 
 def test_three_tendons_of_an_inextensible_backbone(robot):
     """Many tensions hold the pose; the smallest are given, and it is said."""
-    given = bs.solve(robot, [30, 20, 20], theory="kirchhoff")
-    found = bs.solve(robot, pulls=given.pulls, theory="kirchhoff").raise_for_status()
+    given = bs.solve(robot, [30, 20, 20], model=bs.RodModel("kirchhoff"))
+    found = bs.solve(
+        robot, load=bs.Load(displacements=given.displacements()), model=bs.RodModel("kirchhoff")
+    ).raise_for_status()
     assert np.abs(tip(found) - tip(given)).max() < 1e-9 * robot.length
     assert np.linalg.norm(found.tensions) < np.linalg.norm(given.tensions)
-    every = bs.solve(robot, pulls=[0, 0, 0], theory="kirchhoff").raise_for_status()
+    every = bs.solve(
+        robot, load=bs.Load(displacements=[0, 0, 0]), model=bs.RodModel("kirchhoff")
+    ).raise_for_status()
     assert every.undetermined and every.tensions.max() < 1e-3
     assert "do not determine the tensions" in every.message
 
@@ -156,26 +174,34 @@ def test_two_segments(rao):
         ([0, 0, 0, 3, 0, 0], (0, 211.15, 312.10), 0.03),
         ([8, 0, 0, 0, 0, 0], (0, 328.88, 116.72), 0.03),
     ):
-        given = bs.solve(rao, tensions, elements=8)
+        given = bs.solve(rao, tensions, model=bs.RodModel(elements=8))
         assert np.linalg.norm(1e3 * tip(given) - mm) < within
         assert np.linalg.norm(tip(bs.solve(rao, tensions)) - tip(given)) < 1e-5
-        pulls = given.pulls - 0.001 * (np.array(tensions) == 0)  # the others hang
-        found = bs.solve(rao, pulls=pulls, elements=8).raise_for_status()
+        pulls = given.displacements() - 0.001 * (np.array(tensions) == 0)  # the others hang
+        found = bs.solve(
+            rao, load=bs.Load(displacements=pulls), model=bs.RodModel(elements=8)
+        ).raise_for_status()
         assert np.linalg.norm(tip(found) - tip(given)) < 1e-10
         assert found.slack == tuple(np.flatnonzero(np.array(tensions) == 0) + 1)
 
 
 def test_no_equilibrium_says_who_fights(robot):
-    found = bs.solve(robot, pulls=[0.03, 0.03, 0.03], theory="kirchhoff")
+    found = bs.solve(
+        robot, load=bs.Load(displacements=[0.03, 0.03, 0.03]), model=bs.RodModel("kirchhoff")
+    )
     assert found.status == "no_equilibrium" and not found.converged and found.tip is None
     assert "tendons 1, 2 and 3 pull against each other" in found.message
     assert found.message.endswith("The nearest that have one are 0, 0, 0 mm.")
-    assert found.pulls is None and found.slack is None and found.history is None
+    assert found.displacements() is None and found.slack is None and found.history() is None
     assert found.slack_lengths is None and found.span_tensions is None
     assert found.to_dict()["tensions_N"] == [None] * 3
     with pytest.raises(NoSolutionError, match="pull against each other"):
         found.raise_for_status()
-    rows = bs.sweep(robot, pulls=[[0, 0, 0], [0.03] * 3, [0.01, -0.01, -0.01]], theory="kirchhoff")
+    rows = bs.sweep(
+        robot,
+        load=bs.Load(displacements=[[0, 0, 0], [0.03] * 3, [0.01, -0.01, -0.01]]),
+        model=bs.RodModel("kirchhoff"),
+    )
     assert rows.status == ["converged", "no_equilibrium", "converged"]
     assert "pull against each other" in rows.message(1)
     assert np.isnan(rows.tensions[1]).all() and np.isnan(rows.slack_lengths[1]).all()
@@ -187,33 +213,35 @@ def test_no_equilibrium_says_who_fights(robot):
 def test_sweep_is_the_solves_one_by_one(rao):
     draw = np.random.default_rng(2)
     pulls = draw.uniform(-1, 1, (20, 2)) @ rao.tendons.hole_m.T - draw.uniform(0, 0.002, (20, 6))
-    path = bs.sweep(rao, pulls=pulls).raise_for_status()
-    alone = bs.solve_batch(rao, pulls=pulls).raise_for_status()
-    one = bs.solve_batch(rao, pulls=pulls, threads=1, disks=False)
-    cold = bs.sweep(rao, pulls=pulls, warm=False)
+    path = bs.sweep(rao, load=bs.Load(displacements=pulls)).raise_for_status()
+    alone = bs.solve_batch(rao, load=bs.Load(displacements=pulls)).raise_for_status()
+    one = bs.solve_batch(rao, threads=1, disks=False, load=bs.Load(displacements=pulls))
+    cold = bs.sweep(rao, warm=False, load=bs.Load(displacements=pulls))
     assert one.disk_positions is None
     np.testing.assert_array_equal(one.tip_position, alone.tip_position)
     np.testing.assert_array_equal(cold.tip_position, alone.tip_position)
     for i, row in enumerate(pulls):
-        found = bs.solve(rao, pulls=row)
+        found = bs.solve(rao, load=bs.Load(displacements=row))
         assert np.abs(tip(found) - path.tip_position[i]).max() < 1e-9
         np.testing.assert_array_equal(tip(found), alone.tip_position[i])
         np.testing.assert_array_equal(found.tensions, alone.tensions[i])
         np.testing.assert_array_equal(found.slack_lengths, alone.slack_lengths[i])
         np.testing.assert_array_equal(found.span_tensions, alone.span_tensions[i])
         np.testing.assert_array_equal(found.disk_rotations, alone.disk_rotations[i])
-        np.testing.assert_array_equal(alone.pulls[i], row)
+        np.testing.assert_array_equal(alone.displacements()[i], row)
     assert (alone.tensions * alone.slack_lengths == 0).all()
-    assert alone.history is None and path.history["robot_hash"] == rao.hash
+    assert alone.history() is None and path.history()["robot_hash"] == rao.hash
 
 
 def test_sweep_by_tensions_knows_pulls(elastic):
     tensions = np.outer(np.linspace(0, 40, 5), [1, 0, 0]) + 1.0
     rows = bs.sweep(elastic, tensions)
-    assert rows.driven is None and rows.history is None and not rows.undetermined.any()
+    assert rows.driven is None and rows.history() is None and not rows.undetermined.any()
     for i in range(5):
         found = bs.solve(elastic, tensions[i])
-        np.testing.assert_allclose(rows.pulls[i], found.pulls, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(
+            rows.displacements()[i], found.displacements(), rtol=0, atol=1e-10
+        )
         np.testing.assert_array_equal(rows.span_tensions[i], found.span_tensions)
     assert not rows.slack_lengths.any()
 
@@ -223,10 +251,12 @@ def test_drive_changes_from_row_to_row(robot):
     rows = bs.sweep(
         robot,
         [[5, 0, 0], [nan, 0, 0], [5, 0, 0]],
-        pulls=[[nan, nan, nan], [0.01, nan, nan], [nan, nan, nan]],
-        tip_force=[[0, 0, 0], [0, 0.1, 0], [0, 0, 0]],
+        load=bs.Load(
+            displacements=[[nan, nan, nan], [0.01, nan, nan], [nan, nan, nan]],
+            tip_force=[[0, 0, 0], [0, 0.1, 0], [0, 0, 0]],
+        ),
     ).raise_for_status()
-    assert rows.pulls[1, 0] == 0.01 and rows.tensions[1, 0] > 5
+    assert rows.displacements()[1, 0] == 0.01 and rows.tensions[1, 0] > 5
     np.testing.assert_allclose(rows.tip_position[0], rows.tip_position[2], atol=1e-12)
 
 
@@ -252,7 +282,7 @@ def test_loading_and_unloading_make_a_loop(rubbing):
     loading, unloading, again = x[10], x[30], x[50]
     assert unloading - loading > 2
     assert again == pytest.approx(loading, abs=0.5)
-    assert rows.pulls[30, 0] > rows.pulls[10, 0]
+    assert rows.displacements()[30, 0] > rows.displacements()[10, 0]
 
 
 def test_history_goes_on_through_json(rubbing):
@@ -263,7 +293,7 @@ def test_history_goes_on_through_json(rubbing):
         found = bs.solve(rubbing, row, history=history).raise_for_status()
         assert np.abs(tip(found) - path.tip_position[i]).max() < 1e-9
         np.testing.assert_allclose(found.span_tensions, path.span_tensions[i], rtol=1e-7)
-        history = json.loads(json.dumps(found.history, allow_nan=False))
+        history = json.loads(json.dumps(found.history(), allow_nan=False))
     rest = bs.sweep(rubbing, tensions[:1], history=history).raise_for_status()
     end = bs.sweep(rubbing, np.vstack((tensions, tensions[:1]))).raise_for_status()
     assert np.abs(rest.tip_position[0] - end.tip_position[-1]).max() < 1e-9
@@ -273,17 +303,19 @@ def test_history_goes_on_through_json(rubbing):
 def test_pulls_with_friction_make_a_loop_and_go_on_through_json(rubbing):
     up = np.linspace(0, 0.02, 11)
     path = np.outer(np.concatenate((up, up[-2::-1])), [1, -0.55, -0.55]) - [0, 0.001, 0.001]
-    rows = bs.sweep(rubbing, pulls=path).raise_for_status()
-    np.testing.assert_array_equal(rows.pulls, path)
+    rows = bs.sweep(rubbing, load=bs.Load(displacements=path)).raise_for_status()
+    np.testing.assert_array_equal(rows.displacements(), path)
     assert (rows.tensions * rows.slack_lengths == 0).all()
     assert rows.tensions[5, 0] > rows.tensions[15, 0] + 0.5  # the same pull, up and down
     history = None
     for i, row in enumerate(path):
-        found = bs.solve(rubbing, pulls=row, history=history).raise_for_status()
+        found = bs.solve(
+            rubbing, history=history, load=bs.Load(displacements=row)
+        ).raise_for_status()
         assert np.abs(tip(found) - rows.tip_position[i]).max() < 1e-12
         np.testing.assert_allclose(found.tensions, rows.tensions[i], rtol=0, atol=1e-8)
-        history = json.loads(json.dumps(found.history, allow_nan=False))
-    assert rows.history == history
+        history = json.loads(json.dumps(found.history(), allow_nan=False))
+    assert rows.history() == history
     for i in (5, 15):
         ratio = rows.span_tensions[i, 1:, 0] / rows.span_tensions[i, :-1, 0]
         assert (ratio < 1).all() if i == 5 else (ratio > 1).any()
@@ -294,42 +326,47 @@ def test_random_paths_with_friction(rao):
     rubs = {f"segments.{s}.tendons.{i}.friction": 0.2 for s in (0, 1) for i in (0, 1, 2)}
     robot = rao.with_(rubs)
     pulls = draw.uniform(-0.8, 0.8, (30, 2)) @ rao.tendons.hole_m.T - 0.001
-    for given in ({"pulls": pulls}, {"tensions": draw.uniform(0, 4, (30, 6))}):
-        rows = bs.sweep(robot, **given).raise_for_status()
+    for given in ({"displacements": pulls}, {"tensions": draw.uniform(0, 4, (30, 6))}):
+        rows = bs.sweep(robot, **objects(**given)).raise_for_status()
         assert (rows.tensions >= 0).all() and (rows.tensions * rows.slack_lengths == 0).all()
-        half = bs.sweep(robot, **{k: v[:15] for k, v in given.items()})
-        history = json.loads(json.dumps(half.history, allow_nan=False))
-        rest = bs.sweep(robot, **{k: v[15:] for k, v in given.items()}, history=history)
+        half = bs.sweep(robot, **objects(**{k: v[:15] for k, v in given.items()}))
+        history = json.loads(json.dumps(half.history(), allow_nan=False))
+        rest = bs.sweep(robot, history=history, **objects(**{k: v[15:] for k, v in given.items()}))
         np.testing.assert_allclose(rest.tip_position, rows.tip_position[15:], rtol=0, atol=1e-9)
 
 
 def test_friction_of_zero_is_none(robot):
     given = [[20, 3, 1], [5, 8, 1]]
     plain = bs.sweep(robot, given)
-    history = bs.solve(robot, [0, 0, 0]).history
+    history = bs.solve(robot, [0, 0, 0]).history()
     path = bs.sweep(robot, given, history=history).raise_for_status()
     np.testing.assert_allclose(path.tip_position, plain.tip_position, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(path.pulls, plain.pulls, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(path.displacements(), plain.displacements(), rtol=0, atol=1e-12)
     assert path.stable == [True, True]
 
 
 def test_history_of_a_solve_without_friction(robot):
-    first = bs.solve(robot, [20, 3, 1], tip_force=(0, 0.1, 0))
-    history = first.history
+    first = bs.solve(robot, [20, 3, 1], load=bs.Load(tip_force=(0, 0.1, 0)))
+    history = first.history()
     assert history["schema_version"] == 1 and history["robot_hash"] == robot.hash
     assert history["tensions_N"] == [20, 3, 1] and history["tip_force_N"] == [0, 0.1, 0]
-    same = bs.solve(robot, [20, 3, 1], tip_force=(0, 0.1, 0), history=history)
+    same = bs.solve(robot, [20, 3, 1], history=history, load=bs.Load(tip_force=(0, 0.1, 0)))
     assert np.abs(tip(same) - tip(first)).max() < 1e-12
-    np.testing.assert_allclose(same.pulls, first.pulls, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(same.displacements(), first.displacements(), rtol=0, atol=1e-14)
     assert same.stable is True
-    assert bs.solve(robot, [20, 3, 1], tendon="continuous").history is None
+    assert (
+        bs.solve(robot, [20, 3, 1], model=bs.RodModel(tendon_path="continuous")).history() is None
+    )
 
 
 # --- what is asked of a solution -----------------------------------------------------------
 
 
 def test_span_tensions_end_with_the_tendon(rao):
-    for found in (bs.solve(rao, [1, 0, 0, 2, 0, 0]), bs.solve(rao, pulls=[0.002, *[-0.004] * 5])):
+    for found in (
+        bs.solve(rao, [1, 0, 0, 2, 0, 0]),
+        bs.solve(rao, load=bs.Load(displacements=[0.002, *[-0.004] * 5])),
+    ):
         spans = found.span_tensions
         assert spans.shape == (20, 6)
         assert np.isnan(spans[10:, :3]).all() and np.isfinite(spans[:, 3:]).all()
@@ -337,9 +374,9 @@ def test_span_tensions_end_with_the_tendon(rao):
 
 
 def test_shape_and_copies_of_a_driven_robot(rubbing, robot):
-    before = bs.solve(rubbing, [40, 0, 0]).history
+    before = bs.solve(rubbing, [40, 0, 0]).history()
     for found in (
-        bs.solve(robot, pulls=[0.02, -0.03, -0.03]),
+        bs.solve(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03])),
         bs.solve(rubbing, [20, 0, 0], history=before),
     ):
         line = found.centerline(4)
@@ -349,12 +386,12 @@ def test_shape_and_copies_of_a_driven_robot(rubbing, robot):
             np.testing.assert_array_equal(tip(other), tip(found))
             np.testing.assert_array_equal(other.tensions, found.tensions)
         content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-        assert content["pulls_m"] == found.pulls.tolist()
+        assert content["pulls_m"] == found.displacements().tolist()
         assert content["slack"] == list(found.slack)
 
 
 def test_fields_are_those_of_the_tensions(robot):
-    found = bs.solve(robot, pulls=[0.02, -0.03, -0.03])
+    found = bs.solve(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]))
     fields = found.fields()
     alone = bs.solve(robot, found.tensions).fields()
     # a tendon that hangs is paid out farther; bent by one tendon, all modules are loaded alike
@@ -371,20 +408,24 @@ def test_pull_jacobian(name, request):
     pulls = {
         "robot": bs.solve(
             robot, [20, 5, 3] if name == "robot" else np.ones(robot.core.tendon_count)
-        ).pulls,
+        ).displacements(),
         "elastic": np.array([0.02, -0.005, -0.03]),
-        "rao": bs.solve(robot, [1, 0.5, 0.4, 0.5, 0.8, 0.6] if name == "rao" else [1, 1, 1]).pulls,
+        "rao": bs.solve(
+            robot, [1, 0.5, 0.4, 0.5, 0.8, 0.6] if name == "rao" else [1, 1, 1]
+        ).displacements(),
     }[name]
-    found = bs.solve(robot, pulls=pulls).raise_for_status()
-    by = bs.pull_jacobian(found)
+    found = bs.solve(robot, load=bs.Load(displacements=pulls)).raise_for_status()
+    by = bs.displacement_jacobian(found)
     h = 1e-6
     for i in range(len(pulls)):
         shift = h * (np.arange(len(pulls)) == i)
-        more, less = (bs.solve(robot, pulls=pulls + s) for s in (shift, -shift))
+        more, less = (
+            bs.solve(robot, load=bs.Load(displacements=pulls + s)) for s in (shift, -shift)
+        )
         for column, a, b in (
-            (by.tip_position_by_pull[:, i], tip(more), tip(less)),
-            (by.tensions_by_pull[:, i], more.tensions, less.tensions),
-            (by.lengths_by_pull[:, i], more.tendon_lengths, less.tendon_lengths),
+            (by.tip_position_by_displacement[:, i], tip(more), tip(less)),
+            (by.tensions_by_displacement[:, i], more.tensions, less.tensions),
+            (by.lengths_by_displacement[:, i], more.tendon_lengths, less.tendon_lengths),
         ):
             expected = (a - b) / (2 * h)
             np.testing.assert_allclose(
@@ -397,26 +438,28 @@ def test_pull_jacobian(name, request):
             turned[1, 0] - turned[0, 1],
         ]
         np.testing.assert_allclose(
-            by.tip_rotation_by_pull[:, i], np.divide(vector, 4 * h), rtol=1e-3, atol=2e-3
+            by.tip_rotation_by_displacement[:, i], np.divide(vector, 4 * h), rtol=1e-3, atol=2e-3
         )
     if name == "elastic":
         assert 0 in found.tensions
-        assert (by.tip_position_by_pull[:, found.tensions == 0] == 0).all()
+        assert (by.tip_position_by_displacement[:, found.tensions == 0] == 0).all()
 
 
 def test_pull_jacobian_of_other_drives(robot):
-    mixed = bs.pull_jacobian(bs.solve(robot, [None, 3, 3], pulls=[0.02, None, None]))
-    assert np.isnan(mixed.tip_position_by_pull[:, 1:]).all()
-    assert np.isfinite(mixed.tip_position_by_pull[:, 0]).all()
+    mixed = bs.displacement_jacobian(
+        bs.solve(robot, [None, 3, 3], load=bs.Load(displacements=[0.02, None, None]))
+    )
+    assert np.isnan(mixed.tip_position_by_displacement[:, 1:]).all()
+    assert np.isfinite(mixed.tip_position_by_displacement[:, 0]).all()
     alone = bs.solve(robot, [20, 5, 3])
-    same = bs.solve(robot, pulls=alone.pulls)
+    same = bs.solve(robot, load=bs.Load(displacements=alone.displacements()))
     np.testing.assert_allclose(
-        bs.pull_jacobian(alone).tip_position_by_pull,
-        bs.pull_jacobian(same).tip_position_by_pull,
+        bs.displacement_jacobian(alone).tip_position_by_displacement,
+        bs.displacement_jacobian(same).tip_position_by_displacement,
         rtol=1e-6,
     )
     with pytest.raises(InputError, match="cannot be pulled one by one"):
-        bs.pull_jacobian(bs.solve(robot, [5, 5, 5], theory="kirchhoff"))
+        bs.displacement_jacobian(bs.solve(robot, [5, 5, 5], model=bs.RodModel("kirchhoff")))
 
 
 # --- what is refused -----------------------------------------------------------------------
@@ -426,40 +469,49 @@ def test_what_does_not_know_friction_says_so(rubbing):
     found = bs.solve(rubbing, [10, 0, 0]).raise_for_status()
     for attempt in (
         lambda: bs.jacobians(found),
-        lambda: bs.pull_jacobian(found),
+        lambda: bs.displacement_jacobian(found),
     ):
         with pytest.raises(InputError, match=r"friction|rub") as error:
             attempt()
         assert "\n" not in str(error.value) and "set friction to 0" in str(error.value)
     with pytest.raises(InputError, match="need straight spans"):
-        bs.solve(rubbing, [10, 0, 0], tendon="continuous")
+        bs.solve(rubbing, [10, 0, 0], model=bs.RodModel(tendon_path="continuous"))
 
 
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({}, "tensions is None, and so are pulls and angles"),
-        ({"pulls": [0.01, None, 0]}, "tendon 2 is driven by nothing"),
-        ({"pulls": [0.01, 0, 0], "tensions": [None, 1, None]}, "tendon 2 has a tension and a pull"),
-        ({"pulls": [0, 0, 0], "angles": [None, None, 1]}, "tendon 3 has a pull and an angle"),
+        ({}, "tensions is None, and so are displacements and angles"),
+        ({"displacements": [0.01, None, 0]}, "tendon 2 is driven by nothing"),
+        (
+            {"displacements": [0.01, 0, 0], "tensions": [None, 1, None]},
+            "tendon 2 has a tension and a displacement",
+        ),
+        (
+            {"displacements": [0, 0, 0], "angles": [None, None, 1]},
+            "tendon 3 has a displacement and an angle",
+        ),
         ({"angles": [1, 1, 1]}, "tendon 1 of amouri2019 has no spool_radius"),
-        ({"pulls": [1, 0, 0]}, "pull of tendon 1 is 1 m, it must be less than the tendon's length"),
-        ({"pulls": [np.inf, 0, 0]}, "pull of tendon 1 is inf m"),
-        ({"pulls": [0, 0]}, "pulls has 2 numbers, it must have 3, in m"),
-        ({"pulls": [[0, 0, 0]]}, "pulls has shape (1, 3)"),
-        ({"pulls": "all"}, "pulls must be numbers of shape (3,) in m"),
-        ({"pulls": ["1", "2", "3"]}, "pulls must be numbers of shape (3,) in m"),
-        ({"pulls": [None, 0, 0], "tensions": [-1, None, None]}, "a tendon can only pull"),
-        ({"pulls": [0, 0, 0], "tendon": "continuous"}, "need straight spans"),
-        ({"pulls": [0, 0, 0], "elements": 3}, "elements is 3"),
-        ({"pulls": [0, 0, 0], "theory": 3}, "theory is 3"),
-        ({"pulls": [0, 0, 0], "gravity": [1, 2]}, "gravity has 2 numbers"),
-        ({"pulls": [0, 0, 0], "tip_force": "x"}, "tip_force is 'x'"),
+        (
+            {"displacements": [1, 0, 0]},
+            "pull of tendon 1 is 1 m, it must be less than the tendon's length",
+        ),
+        ({"displacements": [np.inf, 0, 0]}, "pull of tendon 1 is inf m"),
+        ({"displacements": [0, 0]}, "displacements has 2 numbers, it must have 3, in m"),
+        ({"displacements": [[0, 0, 0]]}, "displacements has shape (1, 3)"),
+        ({"displacements": "all"}, "displacements must be numbers of shape (3,) in m"),
+        ({"displacements": ["1", "2", "3"]}, "displacements must be numbers of shape (3,) in m"),
+        ({"displacements": [None, 0, 0], "tensions": [-1, None, None]}, "a tendon can only pull"),
+        ({"displacements": [0, 0, 0], "tendon_path": "continuous"}, "need straight spans"),
+        ({"displacements": [0, 0, 0], "elements": 3}, "elements is 3"),
+        ({"displacements": [0, 0, 0], "theory": 3}, "theory is 3"),
+        ({"displacements": [0, 0, 0], "gravity": [1, 2]}, "gravity has 2 numbers"),
+        ({"displacements": [0, 0, 0], "tip_force": "x"}, "tip_force is 'x'"),
     ],
 )
 def test_bad_drives(robot, given, says):
     with pytest.raises(InputError) as error:
-        bs.solve(robot, **given)
+        bs.solve(robot, **objects(**given))
     text = str(error.value)
     assert says in text and "\n" not in text and len(text) < 250
 
@@ -484,17 +536,23 @@ def test_bad_drives(robot, given, says):
     ],
 )
 def test_bad_histories(robot, change, says):
-    history = bs.solve(robot, pulls=[0.01, -0.01, -0.01]).history
+    history = bs.solve(robot, load=bs.Load(displacements=[0.01, -0.01, -0.01])).history()
     changed = change(history)
     with pytest.raises(InputError) as error:
-        bs.solve(robot, pulls=[0.01, -0.01, -0.01], history=changed if changed == 3 else history)
+        bs.solve(
+            robot,
+            history=changed if changed == 3 else history,
+            load=bs.Load(displacements=[0.01, -0.01, -0.01]),
+        )
     text = str(error.value)
     assert says in text and "\n" not in text and len(text) < 250
 
 
 def test_much_friction_is_doubted_where_there_is_no_answer():
     def said(friction):
-        return actuation.message("max_iterations", None, (), False, friction, ((), None), 1e-3, 400)
+        return messages.of_actuation(
+            "max_iterations", None, (), False, friction, ((), None), 1e-3, 400
+        )
 
     assert "Check the friction coefficient of 10: " in said(10.0)
     assert "friction" not in said(0.3)
@@ -503,27 +561,27 @@ def test_much_friction_is_doubted_where_there_is_no_answer():
 def test_a_pretension_without_a_home_pose(robot):
     tight = robot.with_({DRIVE + "pretension": "100 kN"})
     found = bs.solve(tight, [20, 0, 0]).raise_for_status()
-    assert found.pulls is None and found.to_dict()["pulls_m"] is None
-    assert np.isnan(bs.sweep(tight, [[20, 0, 0]]).pulls).all()
+    assert found.displacements() is None and found.to_dict()["pulls_m"] is None
+    assert np.isnan(bs.sweep(tight, [[20, 0, 0]]).displacements()).all()
     with pytest.raises(InputError, match="there is no home pose"):
-        bs.solve(tight, pulls=[0, 0, 0])
+        bs.solve(tight, load=bs.Load(displacements=[0, 0, 0]))
 
 
 @pytest.mark.parametrize("call", [bs.solve, bs.sweep, bs.solve_batch])
 def test_a_name_is_no_robot(call):
     with pytest.raises(InputError, match="it must be a Robot"):
-        call("amouri2019", pulls=[0, 0, 0])
+        call("amouri2019", [0, 0, 0])
 
 
 def test_bad_rows(robot):
     for given, says in (
-        ({"pulls": [0, 0, 0]}, "pulls has shape (3,)"),
-        ({"pulls": [[0, 0, 0]], "tensions": [[np.nan] * 3] * 2}, "1 of pulls"),
-        ({"pulls": [[0, 0, 0], [0, np.nan, 0]]}, "row 1: tendon 2 is driven by nothing"),
-        ({"pulls": [[0, 0, 0], [0, 2, 0]]}, "row 1: pull of tendon 2 is 2 m"),
+        ({"displacements": [0, 0, 0]}, "displacements has shape (3,)"),
+        ({"displacements": [[0, 0, 0]], "tensions": [[np.nan] * 3] * 2}, "1 of displacements"),
+        ({"displacements": [[0, 0, 0], [0, np.nan, 0]]}, "row 1: tendon 2 is driven by nothing"),
+        ({"displacements": [[0, 0, 0], [0, 2, 0]]}, "row 1: pull of tendon 2 is 2 m"),
         ({}, "tensions is None"),
     ):
         for call in (bs.sweep, bs.solve_batch):
             with pytest.raises(InputError) as error:
-                call(robot, **given)
+                call(robot, **objects(**given))
             assert says in str(error.value)

@@ -16,9 +16,12 @@ import xarray as xr
 
 import bowstring as bs
 from bowstring.dynamics import modal, simulation
+from bowstring.dynamics.load_history import Table, ramp, step
+from bowstring.dynamics.modal import modes
 from bowstring.dynamics.run_file import RunFile, read_run
-from bowstring.dynamics.simulation import Table, modes, ramp, simulate, step
+from bowstring.dynamics.simulation import simulate
 from bowstring.errors import InputError, NoSolutionError
+from objects import objects
 
 ROBOT = bs.load_robot("amouri2019")
 DATA = Path(
@@ -38,7 +41,9 @@ def pulled(newtons: float) -> list[float]:
 
 
 def test_ramp_meets_independent_engines() -> None:
-    run = simulate(ROBOT, ramp(pulled(80), 1.0), 1.3, mass_damping=0.5, dt=1e-3)
+    run = simulate(
+        ROBOT, ramp(pulled(80), 1.0), 1.3, integrator=bs.Integrator(mass_damping=0.5, dt=1e-3)
+    )
     assert run.converged and run.end == 1.3
     x = run.tip_position[:, 0]
     # two independent engines agree within 0.16 mm on these
@@ -49,17 +54,26 @@ def test_ramp_meets_independent_engines() -> None:
 
 
 def test_default_settings_are_near_the_limit() -> None:
-    run = simulate(ROBOT, ramp(pulled(80), 1.0), 2.0, mass_damping=0.5)
+    run = simulate(ROBOT, ramp(pulled(80), 1.0), 2.0, integrator=bs.Integrator(mass_damping=0.5))
     limit = simulate(
-        ROBOT, ramp(pulled(80), 1.0), 2.0, mass_damping=0.5, dt=2e-4, spectral_radius=1.0
+        ROBOT,
+        ramp(pulled(80), 1.0),
+        2.0,
+        integrator=bs.Integrator(mass_damping=0.5, dt=2e-4, spectral_radius=1.0),
     )
     error = np.linalg.norm(run.tip_position - limit.tip_position, axis=1)
     assert error.max() < 0.3e-3
 
 
 def test_slow_ramp_is_statics() -> None:
-    run = simulate(ROBOT, ramp(pulled(80), 40.0), 40.0, modal_damping=0.05, every=0.5)
-    static = bs.sweep(ROBOT, run.dataset.tension.values)
+    run = simulate(
+        ROBOT,
+        ramp(pulled(80), 40.0),
+        40.0,
+        integrator=bs.Integrator(modal_damping=0.05),
+        output=bs.Output(every=0.5),
+    )
+    static = bs.sweep(ROBOT, run.to_dataset().tension.values)
     off = np.linalg.norm(run.tip_position - static.tip_position, axis=1)
     assert 1e-6 < off.max() < 0.5e-3
 
@@ -94,11 +108,10 @@ segments:
         bs.load_robot(file),
         [0.0, 0.0, 0.0],
         float(time[-1]),
-        initial_disk_forces=forces,
-        gravity=gravity.tolist(),
-        material_damping=lines[0][0],
-        dt=1e-3,
-        every=0.005,
+        load=bs.Load(gravity=gravity.tolist()),
+        start=bs.Start(disk_forces=forces),
+        integrator=bs.Integrator(material_damping=lines[0][0], dt=1e-3),
+        output=bs.Output(every=0.005),
     )
     error = np.linalg.norm(run.tip_position - expected, axis=1)
     rms = math.sqrt((error**2).mean())
@@ -115,11 +128,8 @@ def test_steps_know_their_error(radius: float, dt: float | None) -> None:
             ROBOT,
             ramp(pulled(20), 0.1),
             1.0,
-            mass_damping=0.5,
-            spectral_radius=radius,
-            dt=dt,
-            every=0.05,
-            points=0,
+            integrator=bs.Integrator(mass_damping=0.5, spectral_radius=radius, dt=dt),
+            output=bs.Output(every=0.05, points=0),
         )
 
     run = moved(dt)
@@ -129,12 +139,21 @@ def test_steps_know_their_error(radius: float, dt: float | None) -> None:
 
 
 def test_one_step_says_nothing_of_their_error() -> None:
-    run = simulate(ROBOT, pulled(20), 0.01, initial_tensions=pulled(0), dt=1e-2, points=0)
+    run = simulate(
+        ROBOT,
+        pulled(20),
+        0.01,
+        start=bs.Start(load=bs.Load(tensions=pulled(0))),
+        integrator=bs.Integrator(dt=1e-2),
+        output=bs.Output(points=0),
+    )
     assert run.steps == 1 and run.error_estimate is None
     assert "nothing" in run.message
-    still = simulate(ROBOT, pulled(0), 0.1, dt=1e-2, points=0)
+    still = simulate(
+        ROBOT, pulled(0), 0.1, integrator=bs.Integrator(dt=1e-2), output=bs.Output(points=0)
+    )
     assert still.error_estimate == 0.0
-    assert simulate(ROBOT, pulled(0), 0.0, points=0).error_estimate == 0.0
+    assert simulate(ROBOT, pulled(0), 0.0, output=bs.Output(points=0)).error_estimate == 0.0
 
 
 @pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
@@ -143,27 +162,35 @@ def test_a_hundred_periods_keep_their_energy(theory: Any) -> None:
         ROBOT,
         pulled(0),
         44.0,
-        initial_tensions=pulled(40),
-        theory=theory,
-        spectral_radius=1.0,
-        dt=1e-3,
-        every=0.05,
-        points=2,
+        model=bs.RodModel(theory),
+        start=bs.Start(load=bs.Load(tensions=pulled(40))),
+        integrator=bs.Integrator(spectral_radius=1.0, dt=1e-3),
+        output=bs.Output(every=0.05, points=2),
     )
-    data = run.raise_for_status().dataset
+    data = run.raise_for_status().to_dataset()
     assert float(abs(data.energy_balance).max()) < 1e-4 * float(data.elastic_energy[0])
     # and swings as far as before
     assert run.tip_position[-100:, 0].max() > 0.97 * run.tip_position[0, 0]
 
 
 def test_energy_is_kept_without_damping() -> None:
-    run = simulate(ROBOT, pulled(0), 2.0, initial_tensions=pulled(40), spectral_radius=1.0, dt=1e-3)
-    data = run.dataset
+    run = simulate(
+        ROBOT,
+        pulled(0),
+        2.0,
+        start=bs.Start(load=bs.Load(tensions=pulled(40))),
+        integrator=bs.Integrator(spectral_radius=1.0, dt=1e-3),
+    )
+    data = run.to_dataset()
     assert abs(data.energy_balance).max() < 1e-3 * data.elastic_energy[0]
     # and taken by numerical damping where it is asked for
     damped = simulate(
-        ROBOT, pulled(0), 2.0, initial_tensions=pulled(40), spectral_radius=0.5, dt=5e-3
-    ).dataset
+        ROBOT,
+        pulled(0),
+        2.0,
+        start=bs.Start(load=bs.Load(tensions=pulled(40))),
+        integrator=bs.Integrator(spectral_radius=0.5, dt=5e-3),
+    ).to_dataset()
     assert damped.energy_balance[-1] < -0.05 * damped.elastic_energy[0]
 
 
@@ -174,20 +201,19 @@ def test_release_never_fails(theory: Any, dt: float) -> None:
         ROBOT,
         pulled(0),
         min(1.0, 400 * dt),
-        initial_tensions=pulled(40),
-        spectral_radius=1.0,
-        dt=dt,
-        theory=theory,
+        model=bs.RodModel(theory),
+        start=bs.Start(load=bs.Load(tensions=pulled(40))),
+        integrator=bs.Integrator(spectral_radius=1.0, dt=dt),
     )
     assert run.converged
-    assert run.dataset.kinetic_energy.max() < 1.02 * run.dataset.elastic_energy[0]
+    assert run.to_dataset().kinetic_energy.max() < 1.02 * run.to_dataset().elastic_energy[0]
 
 
 def test_segments_and_gravity_start_at_rest() -> None:
     robot = bs.load_robot("rao2021")
     still = [3.0, 0.0, 0.0, 0.0, 2.0, 0.0]
-    run = simulate(robot, still, 0.5, gravity=[0, 0, -9.81])
-    solution = bs.solve(robot, still, gravity=[0, 0, -9.81]).raise_for_status()
+    run = simulate(robot, still, 0.5, load=bs.Load(gravity=[0, 0, -9.81]))
+    solution = bs.solve(robot, still, load=bs.Load(gravity=[0, 0, -9.81])).raise_for_status()
     assert solution.tip is not None
     assert np.linalg.norm(run.tip_position - solution.tip.position, axis=1).max() < 1e-6
 
@@ -217,8 +243,8 @@ def test_static_stress_is_that_of_the_internal_wrench() -> None:
 
 def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
     """The part beyond the middle of a module pulls with 80 N along the span, at its distance."""
-    data = bs.solve(ROBOT, pulled(80), theory="kirchhoff", elements=4).fields(points=3)
-    solution = bs.solve(ROBOT, pulled(80), theory="kirchhoff", elements=4)
+    data = bs.solve(ROBOT, pulled(80), model=bs.RodModel("kirchhoff", elements=4)).fields(points=3)
+    solution = bs.solve(ROBOT, pulled(80), model=bs.RodModel("kirchhoff", elements=4))
     positions, rotations = solution.disk_positions, solution.disk_rotations
     assert positions is not None and rotations is not None
     hole = np.array([0.029, 0.0, 0.0])
@@ -235,7 +261,7 @@ def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
 
 def test_fields_fit_the_weight_beyond() -> None:
     """Hanging straight, every section carries what is below it."""
-    data = bs.solve(ROBOT, pulled(0), gravity=[0, 0, 9.81]).fields()
+    data = bs.solve(ROBOT, pulled(0), load=bs.Load(gravity=[0, 0, 9.81])).fields()
     density = 1800 * math.pi * 2.5e-3**2
     for s, module, force in zip(
         data.arc_length.values, data.module.values, data.force.values[0], strict=True
@@ -245,13 +271,13 @@ def test_fields_fit_the_weight_beyond() -> None:
 
 
 def test_dataset_and_tip_agree() -> None:
-    run = simulate(ROBOT, ramp(pulled(20), 0.2), 0.35, every=0.02)
+    run = simulate(ROBOT, ramp(pulled(20), 0.2), 0.35, output=bs.Output(every=0.02))
     assert run.time[-1] == pytest.approx(0.35) and len(run.time) == 19
-    np.testing.assert_array_equal(run.dataset.disk_position.values[:, -1], run.tip_position)
-    np.testing.assert_allclose(run.dataset.position.values[:, -1], run.tip_position, atol=1e-9)
-    assert run.dataset.attrs["status"] == "converged"
+    np.testing.assert_array_equal(run.to_dataset().disk_position.values[:, -1], run.tip_position)
+    np.testing.assert_allclose(run.to_dataset().position.values[:, -1], run.tip_position, atol=1e-9)
+    assert run.to_dataset().attrs["status"] == "converged"
     between = run.tip_at(run.time[:-1] + 0.01)
-    fine = simulate(ROBOT, ramp(pulled(20), 0.2), 0.35, every=0.01)
+    fine = simulate(ROBOT, ramp(pulled(20), 0.2), 0.35, output=bs.Output(every=0.01))
     np.testing.assert_allclose(between[:17], fine.tip_position[1:35:2], atol=2e-4)
 
 
@@ -262,7 +288,12 @@ def test_a_release_needs_few_iterations_at_short_steps(
     theory: Any, dt: float, tension: float
 ) -> None:
     run = simulate(
-        ROBOT, pulled(0), 5 * dt, initial_tensions=pulled(tension), theory=theory, dt=dt
+        ROBOT,
+        pulled(0),
+        5 * dt,
+        model=bs.RodModel(theory),
+        start=bs.Start(load=bs.Load(tensions=pulled(tension))),
+        integrator=bs.Integrator(dt=dt),
     ).raise_for_status()
     assert run.repeated == 0 and run.iterations <= 25
 
@@ -275,14 +306,15 @@ def test_tensions_along_the_backbone_may_jump(dt: float, start: float, end: floa
         ROBOT,
         pulled(end),
         10 * dt,
-        initial_tensions=pulled(start),
-        tendon="continuous",
-        dt=dt,
-        every=dt,
-        spectral_radius=1.0,
+        model=bs.RodModel(tendon_path="continuous"),
+        start=bs.Start(load=bs.Load(tensions=pulled(start))),
+        integrator=bs.Integrator(dt=dt, spectral_radius=1.0),
+        output=bs.Output(every=dt),
     ).raise_for_status()
-    data = run.dataset
-    bent = bs.solve(ROBOT, pulled(max(start, end)), tendon="continuous").fields()
+    data = run.to_dataset()
+    bent = bs.solve(
+        ROBOT, pulled(max(start, end)), model=bs.RodModel(tendon_path="continuous")
+    ).fields()
     assert run.repeated == 0
     assert float(abs(data.energy_balance).max()) < 3e-4 * float(bent.elastic_energy[0])
     # slow at first: the force on it, less what it was, over the mass, and time
@@ -307,12 +339,11 @@ def test_a_violent_release_goes_on_from_steps_that_were_cut(
         robot,
         [0.0] * len(tensions),
         0.03,
-        initial_tensions=tensions,
-        theory=theory,
-        dt=dt,
-        spectral_radius=radius,
+        model=bs.RodModel(theory),
+        start=bs.Start(load=bs.Load(tensions=tensions)),
+        integrator=bs.Integrator(dt=dt, spectral_radius=radius),
     ).raise_for_status()
-    data = run.dataset
+    data = run.to_dataset()
     energy = data.kinetic_energy + data.elastic_energy
     assert float(energy.max()) < 1.05 * float(energy[0])
 
@@ -329,12 +360,12 @@ def test_file_holds_the_same_run(
         "mass_damping": 0.5,
         "dt": 2e-3,
     }
-    kept = simulate(**case)
+    kept = simulate(**objects(**case))
     seen: list[float] = []
-    written = simulate(**case, out=tmp_path / "run.nc", progress=seen.append)
+    written = simulate(**objects(**case, path=tmp_path / "run.nc", progress=seen.append))
     assert written.frames is None and seen[-1] == pytest.approx(1.0)
     assert read_run(tmp_path / "run.nc").attrs["status"] == "converged"
-    xr.testing.assert_identical(written.dataset, kept.dataset)
+    xr.testing.assert_identical(written.to_dataset(), kept.to_dataset())
     for name in ("time", "tip_position", "tip_velocity", "steps", "iterations", "repeated"):
         np.testing.assert_array_equal(getattr(written, name), getattr(kept, name))
 
@@ -344,7 +375,7 @@ def test_file_holds_the_same_run(
     [
         {"theory": "kirchhoff"},
         {"twist": False},
-        {"tendon": "continuous", "elements": 2},
+        {"tendon_path": "continuous", "elements": 2},
         {"tip_force": step([0.5, 0.2, 0.1], 0.013)},
         {"dt": 0.02, "points": 2},
     ],
@@ -356,10 +387,10 @@ def test_file_of_a_release_holds_the_same_run(tmp_path: Path, settings: dict[str
         "initial_tip_force": [0.2, 0.4, 0],
         **settings,
     }
-    kept = simulate(ROBOT, pulled(1), 0.05, **arguments)
-    written = simulate(ROBOT, pulled(1), 0.05, **arguments, out=tmp_path / "run.nc")
-    assert kept.dataset.elastic_energy[0] > 1e-3
-    xr.testing.assert_identical(written.dataset, kept.dataset)
+    kept = simulate(ROBOT, pulled(1), 0.05, **objects(**arguments))
+    written = simulate(ROBOT, pulled(1), 0.05, **objects(**arguments, path=tmp_path / "run.nc"))
+    assert kept.to_dataset().elastic_energy[0] > 1e-3
+    xr.testing.assert_identical(written.to_dataset(), kept.to_dataset())
 
 
 @pytest.mark.parametrize("call", [1, 2, 5])
@@ -381,9 +412,9 @@ def test_interrupted_while_it_is_written(
     monkeypatch.setattr("bowstring.dynamics.run_file._ROOM", 100_000)
     monkeypatch.setattr(RunFile, "append", interrupted)
     with pytest.raises(simulation.RunInterrupted) as caught:
-        simulate(ROBOT, pulled(5), 1.0, out=tmp_path / "run.nc")
+        simulate(ROBOT, pulled(5), 1.0, output=bs.Output(path=tmp_path / "run.nc"))
     run = caught.value.run
-    data = run.dataset  # of the same times
+    data = run.to_dataset()  # of the same times
     assert data.attrs["status"] == run.status == "interrupted"
     assert len(run.time) == data.sizes.get("time", 0) < 101
     assert 0 < run.wall_s < 10  # with the stretch that it was in
@@ -395,10 +426,12 @@ def test_interrupted_while_it_is_written(
 def test_time_that_a_motion_takes(tmp_path: Path, name: str | None) -> None:
     """Its start is part of it, what `progress` does is not."""
     out = None if name is None else tmp_path / name
-    start = simulate(ROBOT, pulled(5), 0.0, out=out)
+    start = simulate(ROBOT, pulled(5), 0.0, output=bs.Output(path=out))
     assert start.wall_s > 0 and start.real_time_factor == 0.0
     begun = clock.perf_counter()
-    run = simulate(ROBOT, pulled(5), 0.05, out=out, progress=lambda _: clock.sleep(0.2))
+    run = simulate(
+        ROBOT, pulled(5), 0.05, output=bs.Output(path=out, progress=lambda _: clock.sleep(0.2))
+    )
     assert 0 < run.wall_s < clock.perf_counter() - begun - 0.2
 
 
@@ -411,10 +444,10 @@ def test_a_load_that_fails_at_the_start_keeps_the_former_run(tmp_path: Path) -> 
             raise ValueError("no more")
         return pulled(5)
 
-    former = simulate(ROBOT, pulled(6), 0.02, out=tmp_path / "run.nc")
+    former = simulate(ROBOT, pulled(6), 0.02, output=bs.Output(path=tmp_path / "run.nc"))
     with pytest.raises(InputError, match="failed at 0 s: ValueError: no more"):
-        simulate(ROBOT, tension, 0.1, out=tmp_path / "run.nc")
-    assert asked == [0.0, 0.0] and former.dataset.attrs["status"] == "converged"
+        simulate(ROBOT, tension, 0.1, output=bs.Output(path=tmp_path / "run.nc"))
+    assert asked == [0.0, 0.0] and former.to_dataset().attrs["status"] == "converged"
 
 
 def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
@@ -423,7 +456,7 @@ def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(simulation.RunInterrupted) as caught:
-        simulate(ROBOT, pulled(5), 5.0, out=tmp_path / "run.nc", progress=stop)
+        simulate(ROBOT, pulled(5), 5.0, output=bs.Output(path=tmp_path / "run.nc", progress=stop))
     assert caught.value.run.status == "interrupted"
     again = pickle.loads(pickle.dumps(caught.value))
     assert isinstance(again, simulation.RunInterrupted) and again.run.end == caught.value.run.end
@@ -437,10 +470,12 @@ def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
 
 def test_a_file_that_holds_another_run_by_now_is_not_taken_for_it(tmp_path: Path) -> None:
     out = tmp_path / "run.nc"
-    first, second = (bs.simulate(ROBOT, [pull, 0, 0], 0.02, out=out) for pull in (5.0, 6.0))
+    first, second = (
+        bs.simulate(ROBOT, [pull, 0, 0], 0.02, output=bs.Output(path=out)) for pull in (5.0, 6.0)
+    )
     with pytest.raises(InputError, match="holds another run by now"):
-        _ = first.dataset
-    assert second.dataset.sizes["time"] == 3
+        _ = first.to_dataset()
+    assert second.to_dataset().sizes["time"] == 3
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
@@ -466,7 +501,9 @@ def test_a_second_interrupt_does_not_spoil_the_file(
     monkeypatch.setattr(RunFile, "finish", again)
     try:
         with pytest.raises(simulation.RunInterrupted) as caught:
-            simulate(ROBOT, pulled(5), 0.1, out=tmp_path / "run.nc", progress=stop)
+            simulate(
+                ROBOT, pulled(5), 0.1, output=bs.Output(path=tmp_path / "run.nc", progress=stop)
+            )
     finally:
         signal.signal(signal.SIGTERM, before)
     data = read_run(tmp_path / "run.nc")
@@ -477,15 +514,17 @@ def test_a_second_interrupt_does_not_spoil_the_file(
 
 def test_function_table_and_ramp_are_one() -> None:
     arguments: dict[str, Any] = {"dt": 2e-3, "mass_damping": 0.5}
-    by_ramp = simulate(ROBOT, ramp(pulled(30), 0.2), 0.3, **arguments)
-    by_table = simulate(ROBOT, Table([0, 0.2], [pulled(0), pulled(30)]), 0.3, **arguments)
+    by_ramp = simulate(ROBOT, ramp(pulled(30), 0.2), 0.3, **objects(**arguments))
+    by_table = simulate(
+        ROBOT, Table([0, 0.2], [pulled(0), pulled(30)]), 0.3, **objects(**arguments)
+    )
     asked: list[float] = []
 
     def tension(t: float) -> list[float]:
         asked.append(t)
         return pulled(30 * min(t / 0.2, 1.0))
 
-    by_function = simulate(ROBOT, tension, 0.3, **arguments)
+    by_function = simulate(ROBOT, tension, 0.3, **objects(**arguments))
     np.testing.assert_array_equal(by_ramp.tip_position, by_table.tip_position)
     np.testing.assert_allclose(by_function.tip_position, by_ramp.tip_position, atol=1e-7)
     # once before each step, beside the start
@@ -495,11 +534,11 @@ def test_function_table_and_ramp_are_one() -> None:
 
 
 def test_jump_inside_a_run() -> None:
-    run = simulate(ROBOT, step(pulled(10), 0.1), 0.3, dt=1e-3)
+    run = simulate(ROBOT, step(pulled(10), 0.1), 0.3, integrator=bs.Integrator(dt=1e-3))
     before = run.time <= 0.1
     assert np.abs(run.tip_position[before, 0]).max() == 0.0
     assert run.tip_position[-1, 0] > 0.02
-    later = simulate(ROBOT, step(pulled(10)), 0.2, dt=1e-3)
+    later = simulate(ROBOT, step(pulled(10)), 0.2, integrator=bs.Integrator(dt=1e-3))
     np.testing.assert_allclose(run.tip_position[10:], later.tip_position, atol=1e-7)
 
 
@@ -512,7 +551,14 @@ def test_times_of_two_tables_may_differ_by_rounding(rises: bool, every: float) -
         times = [0, time, 0.5] if rises else [0, time, time, 0.5]
         pulls = Table([0, 0.3, 0.3, 0.5], [pulled(t) for t in (0, 5, 3, 0)])
         force = Table(times, [[x, 0, 0] for x in ((0, 0.1, 0) if rises else (0, 0.1, 0.3, 0))])
-        run = simulate(ROBOT, pulls, 0.6, tip_force=force, dt=5e-3, every=every)
+        run = simulate(
+            ROBOT,
+            pulls,
+            0.6,
+            load=bs.Load(tip_force=force),
+            integrator=bs.Integrator(dt=5e-3),
+            output=bs.Output(every=every),
+        )
         assert run.raise_for_status().steps <= 125
         tips.append(run.tip_position)
     np.testing.assert_allclose(tips[1], tips[0], atol=1e-9)
@@ -523,17 +569,23 @@ def test_tip_load_over_time() -> None:
         ROBOT,
         pulled(0),
         2.0,
-        tip_force=Table([0, 1.0], [[0, 0, 0], [0.2, 0, 0]]),
-        modal_damping=0.3,
+        load=bs.Load(tip_force=Table([0, 1.0], [[0, 0, 0], [0.2, 0, 0]])),
+        integrator=bs.Integrator(modal_damping=0.3),
     )
-    still = bs.solve(ROBOT, pulled(0), tip_force=[0.2, 0, 0]).tip
+    still = bs.solve(ROBOT, pulled(0), load=bs.Load(tip_force=[0.2, 0, 0])).tip
     assert still is not None
     np.testing.assert_allclose(run.tip_position[-1], still.position, atol=2e-4)
 
 
 def test_modal_damping_gives_its_ratio() -> None:
     ratio = 0.02
-    run = simulate(ROBOT, pulled(0), 6.0, initial_tensions=pulled(2), modal_damping=ratio, dt=1e-3)
+    run = simulate(
+        ROBOT,
+        pulled(0),
+        6.0,
+        start=bs.Start(load=bs.Load(tensions=pulled(2))),
+        integrator=bs.Integrator(modal_damping=ratio, dt=1e-3),
+    )
     x = run.tip_position[:, 0]
     peaks = [i for i in range(1, len(x) - 1) if x[i] > x[i - 1] and x[i] >= x[i + 1]]
     first, last = peaks[2], peaks[-1]
@@ -551,7 +603,7 @@ def test_modes_of_the_straight_robot() -> None:
     assert f[[0, 2, 4]] == pytest.approx([2.2804, 14.250, 27.96], rel=1e-3)
     assert f[[1, 3]] == pytest.approx(f[[0, 2]], rel=1e-9)  # any direction
     assert found.kind[:5] == ["bending"] * 4 + ["torsion"]
-    refined = modes(ROBOT, elements=4)
+    refined = modes(ROBOT, model=bs.RodModel(elements=4))
     assert f == pytest.approx(refined.frequency_hz, rel=1e-4)
 
 
@@ -567,7 +619,7 @@ segments:
     tendons: {count: 3, pitch_radius: 4 mm}
 """
     )
-    found = modes(bs.load_robot(file), theory="kirchhoff", elements=2, count=8)
+    found = modes(bs.load_robot(file), count=8, model=bs.RodModel("kirchhoff", elements=2))
     bending = found.frequency_hz[np.array(found.kind) == "bending"]
     radius = 1e-3
     speed = math.sqrt(70e9 * radius**2 / 4 / 2700)
@@ -584,11 +636,9 @@ def test_modes_move_as_the_robot_does() -> None:
         ROBOT,
         pulled(40),
         4.0,
-        initial_tensions=pulled(40),
-        tip_force=[0.0, 0.0, 0.0],
-        initial_tip_force=[0.0, 0.002, 0.0],
-        dt=1e-3,
-        spectral_radius=0.9,
+        load=bs.Load(tip_force=[0.0, 0.0, 0.0]),
+        start=bs.Start(load=bs.Load(tensions=pulled(40), tip_force=[0.0, 0.002, 0.0])),
+        integrator=bs.Integrator(dt=1e-3, spectral_radius=0.9),
     )
     y = run.tip_position[:, 1]
     sign = np.flatnonzero(np.diff(np.sign(y)) != 0)
@@ -650,12 +700,12 @@ def test_bad_tables(times: Any, values: Any, text: str) -> None:
         ({"duration": 1e12}, "more than 1000000 outputs"),
         ({"tolerance": 0.0}, "tolerance is 0 m"),
         ({"spectral_radius": None}, "spectral_radius is None"),
-        ({"initial_disk_forces": "x"}, "initial_disk_forces must be numbers"),
+        ({"disk_forces": "x"}, "disk_forces must be numbers"),
         ({"theory": "timoshenko"}, "theory is"),
         ({"tip_force": [1.0, 2.0]}, "tip_force has shape"),
-        ({"initial_tensions": [1.0]}, "initial_tensions has shape"),
-        ({"initial_disk_forces": [[0.0, 0.0, 0.0]]}, "initial_disk_forces"),
-        ({"out": "no/such/folder/run.nc"}, "does not exist"),
+        ({"initial_tensions": [1.0]}, "start.load.tensions has shape"),
+        ({"disk_forces": [[0.0, 0.0, 0.0]]}, "disk_forces"),
+        ({"path": "no/such/folder/run.nc"}, "does not exist"),
         # booleans and text are no numbers, wherever they stand
         *(
             ({name: value}, f"{name} is {value!r}, it must be a finite number")
@@ -668,8 +718,8 @@ def test_bad_tables(times: Any, values: Any, text: str) -> None:
         ({"tensions": np.array([True, False, False])}, "it must be 3 numbers in N"),
         ({"tensions": ["5", "0", "0"]}, "tensions is .* it must be 3 numbers in N, a table"),
         ({"tip_force": [True, 0, 0]}, "tip_force is .* it must be 3 numbers"),
-        ({"initial_tensions": (0, 0, True)}, "initial_tensions is .* it must be 3 numbers"),
-        ({"initial_disk_forces": np.ones((9, 3), dtype=bool)}, "initial_disk_forces must be num"),
+        ({"initial_tensions": (0, 0, True)}, "start.load.tensions is .* it must be 3 numbers"),
+        ({"disk_forces": np.ones((9, 3), dtype=bool)}, "disk_forces must be num"),
         ({"gravity": [True, False, False]}, "gravity is .* it must be 3 numbers in m/s"),
         ({"tensions": lambda t: [True, False, False]}, "returned .True, .* at 0 s, it must be 3 n"),
         ({"tensions": lambda t: "high"}, "returned 'high' at 0 s"),
@@ -683,17 +733,17 @@ def test_bad_tables(times: Any, values: Any, text: str) -> None:
         ({"elements": True}, "elements is True, it must be 1, 2, 4 or 8"),
         ({"elements": "1"}, "elements is '1', it must be 1, 2, 4 or 8"),
         ({"elements": -1}, "elements is -1, it must be 1, 2, 4 or 8"),
-        ({"theory": None}, "theory is None, it must be"),
-        ({"tendon": 1}, "tendon is 1, it must be"),
+        ({"theory": 2}, "theory is 2, it must be"),
+        ({"tendon_path": 1}, "tendon_path is 1, it must be"),
         ({"twist": 1}, "twist is 1, it must be True or False"),
-        ({"out": True}, "out is True, it must be the path of a file"),
+        ({"path": True}, "path is True, it must be the path of a file"),
         ({"progress": "bar"}, "progress is 'bar', it must be a function"),
     ],
 )
 def test_bad_arguments(changes: dict[str, Any], text: str) -> None:
     arguments = {"robot": ROBOT, "tensions": pulled(5), "duration": 0.1, **changes}
     with pytest.raises(InputError, match=text) as error:
-        simulate(**arguments)
+        simulate(**objects(**arguments))
     assert len(str(error.value)) < 300 and "\n" not in str(error.value)
 
 
@@ -707,7 +757,7 @@ def test_bad_arguments(changes: dict[str, Any], text: str) -> None:
         ({"count": True}, "count is True, it must be a positive whole number"),
         ({"count": "6"}, "count is '6'"),
         ({"theory": 1}, "theory is 1"),
-        ({"tendon": None}, "tendon is None"),
+        ({"tendon_path": 3}, "tendon_path is 3"),
         ({"twist": "no"}, "twist is 'no'"),
         ({"elements": 2.0}, "elements is 2.0"),
     ],
@@ -715,7 +765,7 @@ def test_bad_arguments(changes: dict[str, Any], text: str) -> None:
 def test_bad_arguments_of_modes(changes: dict[str, Any], text: str) -> None:
     arguments = {"robot": ROBOT, **changes}
     with pytest.raises(InputError, match=text):
-        modes(**arguments)
+        modes(**objects(**arguments))
 
 
 @pytest.mark.parametrize(
@@ -741,8 +791,8 @@ def test_booleans_and_text_are_no_numbers(make: Any, text: str) -> None:
 
 def test_whole_numbers_of_numpy_are_whole(tmp_path: Path) -> None:
     numbers: dict[str, Any] = {"points": np.int64(3), "elements": np.int64(2)}
-    run = simulate(ROBOT, pulled(5), 0.02, out=tmp_path / "run.nc", **numbers)
-    assert run.converged and run.dataset.sizes["station"] == 27
+    run = simulate(ROBOT, pulled(5), 0.02, **objects(**numbers, path=tmp_path / "run.nc"))
+    assert run.converged and run.to_dataset().sizes["station"] == 27
     assert len(modes(ROBOT, count=np.int64(2))) == 2
 
 
@@ -751,8 +801,8 @@ def test_errors_carry_their_status() -> None:
     heavy = {"gravity": (0.0, 0.0, -981000.0)}
     for fails in (
         lambda: simulate(two, pulled(4000), 1.0),
-        lambda: simulate(ROBOT, pulled(5), 0.1, **heavy),
-        lambda: modes(ROBOT, **heavy),
+        lambda: simulate(ROBOT, pulled(5), 0.1, **objects(**heavy)),
+        lambda: modes(ROBOT, **objects(**heavy)),
     ):
         with pytest.raises(NoSolutionError) as error:
             fails()
@@ -769,8 +819,8 @@ def test_errors_carry_their_status() -> None:
 
 
 def test_modes_are_where_they_were() -> None:
-    assert simulation.modes is bs.modes is modal.modes
-    assert simulation.Modes is bs.Modes is modal.Modes
+    assert bs.modes is modal.modes
+    assert bs.Modes is modal.Modes
     assert repr(modes(ROBOT, count=2)) == "<Modes of amouri2019: 2.28, 2.28 Hz>"
 
 
@@ -786,7 +836,13 @@ def test_modes_are_where_they_were() -> None:
 )
 def test_bad_functions_stop_the_run_and_keep_it(function: Any, text: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=text) as error:
-        simulate(ROBOT, function, 0.1, dt=1e-3, out=tmp_path / "run.nc")
+        simulate(
+            ROBOT,
+            function,
+            0.1,
+            integrator=bs.Integrator(dt=1e-3),
+            output=bs.Output(path=tmp_path / "run.nc"),
+        )
     assert "\n" not in str(error.value) and len(str(error.value)) < 400
     if (tmp_path / "run.nc").exists():
         data = read_run(tmp_path / "run.nc")
@@ -796,7 +852,7 @@ def test_bad_functions_stop_the_run_and_keep_it(function: Any, text: str, tmp_pa
 
 def test_failed_run_says_when_and_why() -> None:
     two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
-    run = simulate(two, ramp(pulled(4000), 4.0), 4.0, mass_damping=5.0)
+    run = simulate(two, ramp(pulled(4000), 4.0), 4.0, integrator=bs.Integrator(mass_damping=5.0))
     assert run.status in ("collision", "step_failed")
     assert 0 < run.end < 4.0 and f"{run.end:.6g} s" in run.message
     assert np.isfinite(run.tip_position).all()
@@ -807,7 +863,9 @@ def test_failed_run_says_when_and_why() -> None:
 def test_function_beside_a_ramp_whose_end_no_output_meets() -> None:
     """0.7 is not 70 times 0.01 in floating point."""
     for rise in (0.35, 0.57, 0.7):
-        run = simulate(ROBOT, ramp(pulled(40), rise), 0.8, tip_force=lambda t: [0.0, 0.0, 0.0])
+        run = simulate(
+            ROBOT, ramp(pulled(40), rise), 0.8, load=bs.Load(tip_force=lambda t: [0.0, 0.0, 0.0])
+        )
         plain = simulate(ROBOT, ramp(pulled(40), rise), 0.8)
         assert run.converged and len(run.time) == 81
         np.testing.assert_allclose(run.tip_position, plain.tip_position, atol=3e-4)
@@ -815,12 +873,12 @@ def test_function_beside_a_ramp_whose_end_no_output_meets() -> None:
 
 @pytest.mark.parametrize("dt", [1e-4, 2e-3])
 def test_tendons_along_the_backbone_move_as_well(dt: float) -> None:
-    arguments: dict[str, Any] = {"dt": dt, "tendon": "continuous", "spectral_radius": 1.0}
-    run = simulate(ROBOT, ramp(pulled(40), 0.1), 0.15, **arguments)
+    arguments: dict[str, Any] = {"dt": dt, "tendon_path": "continuous", "spectral_radius": 1.0}
+    run = simulate(ROBOT, ramp(pulled(40), 0.1), 0.15, **objects(**arguments))
     assert run.converged
-    data = run.dataset
+    data = run.to_dataset()
     assert abs(data.energy_balance).max() < 1e-4 * float(data.work.max())
-    still = bs.solve(ROBOT, pulled(40), tendon="continuous").fields()
+    still = bs.solve(ROBOT, pulled(40), model=bs.RodModel(tendon_path="continuous")).fields()
     straight = bs.solve(ROBOT, pulled(40)).fields()
     # the backbone carries what the tendon pulls
     np.testing.assert_allclose(still.force.values[0, :, 2], -40.0, rtol=1e-9)
@@ -834,21 +892,21 @@ def test_held_upside_down_is_not_an_equilibrium() -> None:
     forces = np.zeros((9, 3))
     forces[-1] = [0.0, 0.0, -10.0]
     with pytest.raises(NoSolutionError, match="no stable equilibrium"):
-        simulate(ROBOT, pulled(0), 0.1, initial_disk_forces=forces)
+        simulate(ROBOT, pulled(0), 0.1, start=bs.Start(disk_forces=forces))
 
 
 def test_a_run_that_cannot_begin_spares_the_former_one(tmp_path: Path) -> None:
     file = tmp_path / "run.nc"
-    simulate(ROBOT, pulled(5), 0.1, out=file)
+    simulate(ROBOT, pulled(5), 0.1, output=bs.Output(path=file))
     before = file.read_bytes()
     two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
     with pytest.raises(NoSolutionError):
-        simulate(two, pulled(4000), 1.0, out=file)
+        simulate(two, pulled(4000), 1.0, output=bs.Output(path=file))
     assert file.read_bytes() == before
 
 
 def test_rare_outputs_do_not_make_long_steps() -> None:
-    rare = simulate(ROBOT, ramp(pulled(80), 0.1), 0.1, every=5.0)
+    rare = simulate(ROBOT, ramp(pulled(80), 0.1), 0.1, output=bs.Output(every=5.0))
     often = simulate(ROBOT, ramp(pulled(80), 0.1), 0.1)
     assert np.linalg.norm(rare.tip_position[-1] - often.tip_position[-1]) < 0.5e-3
 
@@ -864,7 +922,7 @@ def test_modes_know_what_rounding_leaves() -> None:
     found = modes(ROBOT, count=1000)
     assert 20 < len(found) < 90 and found.frequency_hz[-1] < 1e7
     with pytest.raises(NoSolutionError, match=r"neutral|no stable"):
-        modes(ROBOT, tip_force=[0.0, 0.0, -10.0])
+        modes(ROBOT, load=bs.Load(tip_force=[0.0, 0.0, -10.0]))
 
 
 @pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
@@ -890,8 +948,8 @@ def test_a_start_under_a_moment_is_found(theory: Any, count: int) -> None:
         "theory": theory,
         "elements": 4,
     }
-    start = bs.solve(robot, [0, 0, 0], **load).raise_for_status().tip.position
-    run = simulate(robot, [0, 0, 0], 0.02, points=0, **load).raise_for_status()
+    start = bs.solve(robot, [0, 0, 0], **objects(**load)).raise_for_status().tip.position
+    run = simulate(robot, [0, 0, 0], 0.02, **objects(**load, points=0)).raise_for_status()
     assert np.linalg.norm(run.tip_position - start, axis=1).max() < 1e-4 * robot.length
 
 
@@ -899,14 +957,16 @@ def test_forces_on_disks_hold_beside_a_moment() -> None:
     holding = np.zeros((9, 3))
     holding[4, 0], holding[8, 1] = 2.0, 0.5
     load: dict[str, Any] = {"tip_moment": [0.3, 0.6, 0.2], "points": 0}
-    run = simulate(ROBOT, pulled(10), 0.2, initial_disk_forces=holding, **load)
-    at_rest = bs.solve(ROBOT, pulled(10), tip_moment=load["tip_moment"]).tip.position
+    run = simulate(ROBOT, pulled(10), 0.2, **objects(**load, disk_forces=holding))
+    at_rest = bs.solve(ROBOT, pulled(10), load=bs.Load(tip_moment=load["tip_moment"])).tip.position
     assert np.linalg.norm(run.tip_position[0] - at_rest) > 0.05  # until they are let go
     assert np.linalg.norm(run.tip_position[-1] - run.tip_position[0]) > 0.01
     alone = np.zeros((9, 3))
     alone[8] = [0.4, 0.5, 0.0]
-    held = simulate(ROBOT, pulled(10), 0.0, initial_disk_forces=alone, **load)
-    same = bs.solve(ROBOT, pulled(10), tip_force=alone[8], tip_moment=load["tip_moment"])
+    held = simulate(ROBOT, pulled(10), 0.0, **objects(**load, disk_forces=alone))
+    same = bs.solve(
+        ROBOT, pulled(10), load=bs.Load(tip_force=alone[8], tip_moment=load["tip_moment"])
+    )
     assert np.linalg.norm(held.tip_position[0] - same.tip.position) < 1e-5
 
 
@@ -922,8 +982,8 @@ def test_a_load_that_no_step_follows_leaves_what_came_before(jump: float, tmp_pa
     pull = Table([jump, jump], [pulled(0), pulled(1e9)])
     times = [0.0, 0.01, 0.02] if jump else [0.0]
     for out in (None, tmp_path / "run.nc"):
-        run = simulate(ROBOT, pull, 0.05, out=out)
+        run = simulate(ROBOT, pull, 0.05, output=bs.Output(path=out))
         assert run.status == "step_failed" and run.time.tolist() == times
         np.testing.assert_allclose(run.tip_at(run.end), [[0.0, 0.0, 0.641]], atol=1e-12)
-        assert run.dataset.time.values.tolist() == times
-        assert run.dataset.attrs["status"] == "step_failed"
+        assert run.to_dataset().time.values.tolist() == times
+        assert run.to_dataset().attrs["status"] == "step_failed"

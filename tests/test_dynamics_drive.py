@@ -13,17 +13,12 @@ import pytest
 import xarray as xr
 
 import bowstring as bs
+from bowstring.dynamics.load_history import Table, ramp, step
+from bowstring.dynamics.modal import modes
 from bowstring.dynamics.run_file import read_run
-from bowstring.dynamics.simulation import (
-    NoStart,
-    RunInterrupted,
-    Table,
-    modes,
-    ramp,
-    simulate,
-    step,
-)
+from bowstring.dynamics.simulation import NoStart, RunInterrupted, simulate
 from bowstring.errors import InputError, NoSolutionError
+from objects import objects
 
 NAN = math.nan
 TENDONS = "segments.0.tendons."
@@ -57,12 +52,17 @@ THREADS = {"stiff": STIFF, "elastic": ELASTIC, "rubbing": RUBBING}
 )
 def test_a_ramp_ends_in_the_equilibrium_of_its_pulls(robot: bs.Robot, pulls: list[float]) -> None:
     run = simulate(
-        robot, pulls=ramp(pulls, 0.5), duration=5.0, mass_damping=15.0, material_damping=2e-3
+        robot,
+        duration=5.0,
+        load=bs.Load(displacements=ramp(pulls, 0.5)),
+        integrator=bs.Integrator(mass_damping=15.0, material_damping=2e-3),
     ).raise_for_status()
-    rest = bs.solve(robot, pulls=pulls).raise_for_status()
-    assert rest.tip is not None and rest.slack_lengths is not None and rest.pulls is not None
+    rest = bs.solve(robot, load=bs.Load(displacements=pulls)).raise_for_status()
+    assert (
+        rest.tip is not None and rest.slack_lengths is not None and rest.displacements() is not None
+    )
     assert np.linalg.norm(run.tip_position[-1] - rest.tip.position) < 1e-6
-    end = run.dataset.isel(time=-1)
+    end = run.to_dataset().isel(time=-1)
     np.testing.assert_allclose(end.tension, rest.tensions, rtol=0, atol=1e-3)
     np.testing.assert_allclose(end.slack, rest.slack_lengths, rtol=0, atol=1e-6)
     np.testing.assert_allclose(end.pull, pulls, rtol=0, atol=1e-15)
@@ -72,9 +72,14 @@ def test_a_tendon_hangs_by_its_surplus_or_pulls() -> None:
     """At every output time, in a motion that throws tendons loose and catches them."""
     for robot in (STIFF, ELASTIC):
         pulls = [0.02, -0.01, -0.012]
-        run = simulate(robot, pulls=ramp(pulls, 0.1), duration=0.6, mass_damping=1.0)
-        fields = run.raise_for_status().dataset
-        home = bs.solve(robot, pulls=[0, 0, 0]).tendon_lengths
+        run = simulate(
+            robot,
+            duration=0.6,
+            load=bs.Load(displacements=ramp(pulls, 0.1)),
+            integrator=bs.Integrator(mass_damping=1.0),
+        )
+        fields = run.raise_for_status().to_dataset()
+        home = bs.solve(robot, load=bs.Load(displacements=[0, 0, 0])).tendon_lengths
         if robot is ELASTIC:
             home = home - (0.3 + robot.length) / 20e3 * 5.0  # its stretch under the pretension
         slack = fields.slack.values
@@ -95,13 +100,12 @@ def test_energy_is_kept_after_a_release(name: str) -> None:
     """Without damping, and from one output to the next: tendons that catch lose some."""
     run = simulate(
         THREADS[name],
-        pulls=[0.01, -0.02, -0.02],
         duration=1.0,
-        initial_tip_force=[0.5, 0.3, 0.0],
-        spectral_radius=1.0,
-        dt=1e-3,
+        load=bs.Load(displacements=[0.01, -0.02, -0.02]),
+        start=bs.Start(load=bs.Load(tip_force=[0.5, 0.3, 0.0])),
+        integrator=bs.Integrator(spectral_radius=1.0, dt=1e-3),
     )
-    fields = run.raise_for_status().dataset
+    fields = run.raise_for_status().to_dataset()
     size = float((fields.kinetic_energy + fields.elastic_energy).max())
     assert float(abs(fields.energy_balance).max()) < 1e-3 * size
     assert np.diff(fields.dissipated_energy).min() > -1e-6 * size
@@ -110,7 +114,9 @@ def test_energy_is_kept_after_a_release(name: str) -> None:
 
 def test_friction_takes_what_the_balance_says() -> None:
     course = Table([0, 1, 2], [[0, 0, 0], [40, 0, 0], [0, 0, 0]])
-    fields = simulate(RUBBING, course, 2.0, spectral_radius=1.0, dt=2e-3).dataset
+    fields = simulate(
+        RUBBING, course, 2.0, integrator=bs.Integrator(spectral_radius=1.0, dt=2e-3)
+    ).to_dataset()
     work = float(fields.work.max())
     assert float(abs(fields.energy_balance).max()) < 2e-3 * work
     assert np.diff(fields.dissipated_energy).min() > -1e-6 * work
@@ -120,8 +126,14 @@ def test_friction_takes_what_the_balance_says() -> None:
 def test_slow_load_and_unload_follow_the_path() -> None:
     """Tension up and down: the motion goes through the hysteresis loop of statics."""
     course = Table([0, 10, 20], [[0, 0, 0], [40, 0, 0], [0, 0, 0]])
-    run = simulate(RUBBING, course, 20.0, mass_damping=2.0, every=0.25)
-    path = bs.sweep(RUBBING, run.raise_for_status().dataset.tension.values)
+    run = simulate(
+        RUBBING,
+        course,
+        20.0,
+        integrator=bs.Integrator(mass_damping=2.0),
+        output=bs.Output(every=0.25),
+    )
+    path = bs.sweep(RUBBING, run.raise_for_status().to_dataset().tension.values)
     x, static = run.tip_position[:, 0], path.tip_position[:, 0]
     width = static[::-1] - static
     assert width[20] > 2e-3  # half way up, 20 N
@@ -132,8 +144,8 @@ def test_slow_load_and_unload_follow_the_path() -> None:
 def test_a_history_goes_on() -> None:
     """From 20 N on the way down from 40 N, where friction holds the robot farther bent."""
     path = bs.sweep(RUBBING, [[20, 0, 0], [40, 0, 0], [30, 0, 0], [20, 0, 0]])
-    history = json.loads(json.dumps(path.history))
-    run = simulate(RUBBING, [20, 0, 0], 0.1, history=history).raise_for_status()
+    history = json.loads(json.dumps(path.history()))
+    run = simulate(RUBBING, [20, 0, 0], 0.1, start=bs.Start(history=history)).raise_for_status()
     np.testing.assert_allclose(run.tip_position[:, 0], path.tip_position[3, 0], atol=1e-9)
     fresh = simulate(RUBBING, [20, 0, 0], 0.1)
     assert fresh.tip_position[0, 0] < path.tip_position[3, 0] - 2e-3
@@ -146,18 +158,31 @@ def test_lines_without_a_law_change_nothing() -> None:
     """
     course = ramp([40, 0, 0], 0.2)
     steps = {"dt": 2e-3, "spectral_radius": 1.0}
-    plain = simulate(STIFF, course, 0.5, **steps)
-    driven = simulate(STIFF, course, 0.5, **steps, history=bs.solve(STIFF, pulls=[0, 0, 0]).history)
+    plain = simulate(STIFF, course, 0.5, **objects(**steps))
+    driven = simulate(
+        STIFF,
+        course,
+        0.5,
+        **objects(
+            **steps,
+            initial_history=bs.solve(STIFF, load=bs.Load(displacements=[0, 0, 0])).history(),
+        ),
+    )
     np.testing.assert_allclose(driven.tip_position, plain.tip_position, rtol=0, atol=1e-9)
 
 
 def test_angles_wind_the_pulls() -> None:
     angles = np.array([0.4, -0.2, -0.2])
-    turned = simulate(ELASTIC, angles=ramp(angles, 0.1), duration=0.2)
-    pulled = simulate(ELASTIC, pulls=ramp(0.01 * angles, 0.1), duration=0.2)
+    turned = simulate(ELASTIC, duration=0.2, load=bs.Load(angles=ramp(angles, 0.1)))
+    pulled = simulate(ELASTIC, duration=0.2, load=bs.Load(displacements=ramp(0.01 * angles, 0.1)))
     np.testing.assert_allclose(turned.tip_position, pulled.tip_position, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(turned.dataset.pull[-1], 0.01 * angles, rtol=0, atol=1e-15)
-    begun = simulate(ELASTIC, angles=angles, duration=0.01, initial_angles=angles)
+    np.testing.assert_allclose(turned.to_dataset().pull[-1], 0.01 * angles, rtol=0, atol=1e-15)
+    begun = simulate(
+        ELASTIC,
+        duration=0.01,
+        load=bs.Load(angles=angles),
+        start=bs.Start(load=bs.Load(angles=angles)),
+    )
     assert begun.settings["initial_pulls_m"] == pytest.approx(0.01 * angles)
 
 
@@ -170,8 +195,14 @@ def test_a_mix_over_time(as_function: bool) -> None:
         courses = [lambda t, c=course: c.at(t).tolist() for course in (tensions, pulls, angles)]
     else:
         courses = [tensions, pulls, angles]
-    run = simulate(ELASTIC, courses[0], 0.3, pulls=courses[1], angles=courses[2], dt=1e-3)
-    fields = run.raise_for_status().dataset
+    run = simulate(
+        ELASTIC,
+        courses[0],
+        0.3,
+        load=bs.Load(displacements=courses[1], angles=courses[2]),
+        integrator=bs.Integrator(dt=1e-3),
+    )
+    fields = run.raise_for_status().to_dataset()
     rise = np.clip(run.time / 0.1, 0, 1)
     np.testing.assert_allclose(fields.tension[1:, 0], 5 * rise[1:], rtol=0, atol=0.05)
     np.testing.assert_allclose(fields.pull[:, 1], 0.002 * rise, rtol=0, atol=1e-12)
@@ -182,10 +213,17 @@ def test_a_mix_over_time(as_function: bool) -> None:
 
 
 def test_a_pull_that_stretches_may_jump() -> None:
-    run = simulate(ELASTIC, pulls=step([0.004, -0.002, -0.002], 0.02), duration=0.1)
+    run = simulate(
+        ELASTIC, duration=0.1, load=bs.Load(displacements=step([0.004, -0.002, -0.002], 0.02))
+    )
     assert run.converged and abs(run.tip_position[:3, 0]).max() < 1e-9
     assert run.tip_position[-1, 0] > 5e-3
-    back = simulate(ELASTIC, pulls=[0, 0, 0], initial_pulls=[0.004, -0.002, -0.002], duration=0.1)
+    back = simulate(
+        ELASTIC,
+        duration=0.1,
+        load=bs.Load(displacements=[0, 0, 0]),
+        start=bs.Start(load=bs.Load(displacements=[0.004, -0.002, -0.002])),
+    )
     assert back.tip_position[0, 0] > back.tip_position[-1, 0] + 5e-3
 
 
@@ -194,8 +232,14 @@ def test_several_segments(robot: bs.Robot, pull: float) -> None:
     count = len(robot.tendons.end_disk)
     pulls = np.full(count, -2 * pull)
     pulls[0] = pull
-    run = simulate(robot, pulls=ramp(pulls, 0.2), duration=0.3, mass_damping=1.0, every=0.05)
-    fields = run.raise_for_status().dataset
+    run = simulate(
+        robot,
+        duration=0.3,
+        load=bs.Load(displacements=ramp(pulls, 0.2)),
+        integrator=bs.Integrator(mass_damping=1.0),
+        output=bs.Output(every=0.05),
+    )
+    fields = run.raise_for_status().to_dataset()
     np.testing.assert_allclose(fields.pull[-1], pulls, rtol=0, atol=1e-15)
     assert float(fields.tension[:, 0].max()) > 0
     size = float(abs(fields.work).max())
@@ -205,14 +249,21 @@ def test_several_segments(robot: bs.Robot, pull: float) -> None:
 def test_modal_damping_knows_pulls_and_leaves_friction_out() -> None:
     """Taut tendons that keep their length make the slowest mode faster, and its damping with it."""
     pulls = [0.004, -0.002, -0.002]
-    damped = simulate(ELASTIC, pulls=pulls, duration=0.01, modal_damping=0.05)
-    found = modes(ELASTIC, pulls=pulls, count=12).frequency_hz
+    damped = simulate(
+        ELASTIC,
+        duration=0.01,
+        load=bs.Load(displacements=pulls),
+        integrator=bs.Integrator(modal_damping=0.05),
+    )
+    found = modes(ELASTIC, count=12, load=bs.Load(displacements=pulls)).frequency_hz
     slow, fast = 2 * math.pi * found[0], 2 * math.pi * found[found >= 2 * found[0]][0]
     mass, material = (damped.settings[k] for k in ("mass_damping_per_s", "material_damping_s"))
     for w in (slow, fast):
         assert mass / (2 * w) + material * w / 2 == pytest.approx(0.05, rel=1e-9)
-    alone = simulate(STIFF, [20, 0, 0], 0.01, modal_damping=0.05).settings
-    rubs = simulate(RUBBING, [20, 0, 0], 0.01, modal_damping=0.05).settings
+    alone = simulate(STIFF, [20, 0, 0], 0.01, integrator=bs.Integrator(modal_damping=0.05)).settings
+    rubs = simulate(
+        RUBBING, [20, 0, 0], 0.01, integrator=bs.Integrator(modal_damping=0.05)
+    ).settings
     assert rubs["mass_damping_per_s"] == pytest.approx(alone["mass_damping_per_s"], rel=1e-9)
 
 
@@ -222,28 +273,30 @@ def test_modal_damping_knows_pulls_and_leaves_friction_out() -> None:
 @pytest.mark.parametrize(
     ("robot", "given"),
     [
-        (ELASTIC, {"pulls": [0.004, -0.002, -0.002]}),
-        (STIFF, {"pulls": [0.012, -0.0065, -0.0065]}),  # two hang
+        (ELASTIC, {"displacements": [0.004, -0.002, -0.002]}),
+        (STIFF, {"displacements": [0.012, -0.0065, -0.0065]}),  # two hang
         (RUBBING, {"tensions": [20, 0, 0]}),
     ],
     ids=["elastic", "two hang", "rubbing"],
 )
 def test_modes_move_as_the_robot_does(robot: bs.Robot, given: dict[str, Any]) -> None:
     """Let go from forces that are those of a mode, the robot oscillates at its frequency."""
-    found = modes(robot, **given, count=2)
-    rest = bs.solve(robot, **given).disk_positions
+    found = modes(robot, count=2, **objects(**given))
+    rest = bs.solve(robot, **objects(**given)).disk_positions
     for frequency, shape in zip(found.frequency_hz, found.displacement, strict=True):
         run = simulate(
             robot,
             duration=6 / frequency,
-            initial_disk_forces=1e-2 * shape,
-            spectral_radius=1.0,
-            dt=1e-3,
-            every=1e-3,
-            points=2,
-            **given,
+            **objects(
+                **given,
+                disk_forces=1e-2 * shape,
+                spectral_radius=1.0,
+                dt=1e-3,
+                every=1e-3,
+                points=2,
+            ),
         )
-        moved = run.raise_for_status().dataset.disk_position.values - rest
+        moved = run.raise_for_status().to_dataset().disk_position.values - rest
         share = np.einsum("tni,ni->t", moved, shape)
         up = np.flatnonzero((share[:-1] < 0) & (share[1:] >= 0))
         crossed = run.time[up] - share[up] * 1e-3 / (share[up + 1] - share[up])
@@ -255,23 +308,25 @@ def test_what_is_held_is_faster() -> None:
     """Tendons that keep their length stiffen the robot; those that stick in their holes too."""
     tensions = [20, 12, 10]
     free = modes(STIFF, tensions).frequency_hz
-    pulled = modes(STIFF, pulls=bs.solve(STIFF, tensions).pulls).frequency_hz
+    pulled = modes(
+        STIFF, load=bs.Load(displacements=bs.solve(STIFF, tensions).displacements())
+    ).frequency_hz
     stuck = modes(RUBBING, tensions).frequency_hz
     assert (pulled >= free * (1 - 1e-6)).all() and (stuck >= free * (1 - 1e-6)).all()
     assert pulled[0] > 1.3 * free[0] and stuck[0] > pulled[0]
 
 
 def test_modes_of_a_robot_whose_tendons_hang_are_its_own() -> None:
-    paid_out = modes(STIFF, pulls=[-0.01, -0.01, -0.01])
+    paid_out = modes(STIFF, load=bs.Load(displacements=[-0.01, -0.01, -0.01]))
     np.testing.assert_allclose(paid_out.frequency_hz, modes(STIFF).frequency_hz, rtol=1e-9)
     assert (paid_out.tensions == 0).all()
 
 
 def test_modes_of_angles_and_of_a_mix() -> None:
-    by_angle = modes(ELASTIC, angles=[0.4, -0.2, -0.2])
-    by_pull = modes(ELASTIC, pulls=[0.004, -0.002, -0.002])
+    by_angle = modes(ELASTIC, load=bs.Load(angles=[0.4, -0.2, -0.2]))
+    by_pull = modes(ELASTIC, load=bs.Load(displacements=[0.004, -0.002, -0.002]))
     np.testing.assert_allclose(by_angle.frequency_hz, by_pull.frequency_hz, rtol=1e-12)
-    mixed = modes(ELASTIC, [5, None, None], pulls=[None, 0, 0])
+    mixed = modes(ELASTIC, [5, None, None], load=bs.Load(displacements=[None, 0, 0]))
     assert mixed.tensions[0] == 5
     assert modes(ELASTIC, [5, 5, 5]).frequency_hz[0] < mixed.frequency_hz[1]
 
@@ -282,21 +337,21 @@ def test_modes_of_angles_and_of_a_mix() -> None:
 @pytest.mark.parametrize(
     ("robot", "given"),
     [
-        (STIFF, {"pulls": [0.02, -0.03, -0.03]}),
-        (ELASTIC, {"tensions": [5, None, None], "pulls": [None, 0.002, -0.001]}),
-        (RUBBING, {"pulls": [0.02, -0.012, -0.03]}),
+        (STIFF, {"displacements": [0.02, -0.03, -0.03]}),
+        (ELASTIC, {"tensions": [5, None, None], "displacements": [None, 0.002, -0.001]}),
+        (RUBBING, {"displacements": [0.02, -0.012, -0.03]}),
         (RUBBING, {"tensions": [40, 0, 0]}),
-        (RAO, {"pulls": [0.004, -0.01, -0.01, 0.003, -0.01, -0.01]}),
+        (RAO, {"displacements": [0.004, -0.01, -0.01, 0.003, -0.01, -0.01]}),
         (RAO, {"tensions": [1, 0, 0, 1, 0, 0]}),
     ],
 )
 def test_fields_of_an_equilibrium_are_the_solutions(robot: bs.Robot, given: dict[str, Any]) -> None:
-    solution = bs.solve(robot, **given).raise_for_status()
+    solution = bs.solve(robot, **objects(**given)).raise_for_status()
     fields = solution.fields().isel(time=0)
     assert solution.tendon_lengths is not None
     for name, expected, error in (
         ("tension", solution.tensions, 1e-9),
-        ("pull", solution.pulls, 1e-12),
+        ("pull", solution.displacements(), 1e-12),
         ("slack", solution.slack_lengths, 1e-12),
         ("span_tension", solution.span_tensions, 1e-9),
         ("tendon_length", solution.tendon_lengths, 1e-12),
@@ -308,14 +363,14 @@ def test_fields_of_an_equilibrium_are_the_solutions(robot: bs.Robot, given: dict
 def test_a_file_has_the_new_fields(tmp_path: Path) -> None:
     arguments: dict[str, Any] = {
         "tensions": ramp([5, NAN, NAN], 0.05),
-        "pulls": ramp([NAN, 0.002, -0.02], 0.05),
+        "displacements": ramp([NAN, 0.002, -0.02], 0.05),
         "duration": 0.1,
     }
-    kept = simulate(RUBBING, **arguments)
+    kept = simulate(RUBBING, **objects(**arguments))
     file = tmp_path / "run.nc"
-    simulate(RUBBING, **arguments, out=file)
+    simulate(RUBBING, **objects(**arguments, path=file))
     read = read_run(file)
-    xr.testing.assert_identical(read, kept.dataset)
+    xr.testing.assert_identical(read, kept.to_dataset())
     for name in ("tension", "pull", "slack", "span_tension"):
         assert read[name].attrs["units"] == ("N" if "tension" in name else "m")
     settings = json.loads(read.attrs["settings"])
@@ -326,7 +381,7 @@ def test_a_file_has_the_new_fields(tmp_path: Path) -> None:
 
 def test_without_friction_all_spans_carry_the_tension() -> None:
     """Also where nothing but tensions drives the robot, and beyond a tendon's end is nothing."""
-    fields = simulate(RAO, [1, 0, 0, 1, 0, 0], 0.02).dataset.isel(time=-1)
+    fields = simulate(RAO, [1, 0, 0, 1, 0, 0], 0.02).to_dataset().isel(time=-1)
     passes = np.arange(20)[:, None] <= RAO.tendons.end_disk
     assert (np.isnan(fields.span_tension) == ~passes).all()
     spread = np.where(passes, fields.tension.values, NAN)
@@ -335,9 +390,11 @@ def test_without_friction_all_spans_carry_the_tension() -> None:
 
 
 def test_runs_are_copied(tmp_path: Path) -> None:
-    run = simulate(ELASTIC, pulls=ramp([0.004, -0.002, -0.002], 0.05), duration=0.1)
+    run = simulate(
+        ELASTIC, duration=0.1, load=bs.Load(displacements=ramp([0.004, -0.002, -0.002], 0.05))
+    )
     again = pickle.loads(pickle.dumps(run))
-    np.testing.assert_array_equal(again.dataset.pull, run.dataset.pull)
+    np.testing.assert_array_equal(again.to_dataset().pull, run.to_dataset().pull)
     assert again.settings == run.settings
 
 
@@ -348,7 +405,12 @@ def test_an_interrupted_run_keeps_its_pulls(tmp_path: Path) -> None:
         return [0.1 * t, -0.02, -0.02]
 
     with pytest.raises(RunInterrupted) as caught:
-        simulate(STIFF, pulls=stop, duration=1.0, out=tmp_path / "run.nc")
+        simulate(
+            STIFF,
+            duration=1.0,
+            load=bs.Load(displacements=stop),
+            output=bs.Output(path=tmp_path / "run.nc"),
+        )
     read = read_run(tmp_path / "run.nc")
     assert read.attrs["status"] == "interrupted" and 0.03 < caught.value.run.end <= 0.05
     assert float(read.pull[-1, 0]) == pytest.approx(0.1 * float(read.time[-1]))
@@ -356,88 +418,132 @@ def test_an_interrupted_run_keeps_its_pulls(tmp_path: Path) -> None:
 
 def test_pulls_after_the_end_are_not_asked_for() -> None:
     far = Table([0, 0.1, 50], [[0, 0, 0], [0.001, 0, 0], [0.7, 0, 0]])
-    run = simulate(STIFF, pulls=far, duration=0.1, mass_damping=5.0)
+    run = simulate(
+        STIFF,
+        duration=0.1,
+        load=bs.Load(displacements=far),
+        integrator=bs.Integrator(mass_damping=5.0),
+    )
     assert run.status == "converged"
     with pytest.raises(InputError, match="at 46 s, it must be less than the tendon's length"):
-        simulate(STIFF, pulls=far, duration=46.0)
+        simulate(STIFF, duration=46.0, load=bs.Load(displacements=far))
 
 
 # -- what is refused ---------------------------------------------------------------------------
 
-OTHER = bs.solve(STIFF.with_({TENDONS + "friction": 0.2}), [10, 0, 0]).history
+OTHER = bs.solve(STIFF.with_({TENDONS + "friction": 0.2}), [10, 0, 0]).history()
 
 
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({}, "tensions is None, and so are pulls and angles"),
-        ({"tensions": [1, 0, 0], "pulls": [0, 0, 0]}, "tendon 1 has a tension and a pull"),
-        ({"pulls": [0.01, None, 0]}, "tendon 2 is driven by nothing"),
-        ({"pulls": [0.01, 0]}, "pulls is .* it must be 3 numbers in m"),
-        ({"pulls": "20 mm"}, "pulls is '20 mm', it must be 3 numbers in m"),
-        ({"pulls": [0, 0, math.inf]}, "all must be finite numbers"),
-        ({"tensions": [-1, None, None], "pulls": [None, 0, 0]}, "a tendon can only pull"),
-        ({"tensions": ramp([5, NAN, 0], 0.1)}, "all must be finite numbers"),
-        ({"pulls": ramp([0.01, 0], 0.1)}, "the table for pulls has 2 columns"),
-        ({"pulls": ramp([0.7, 0, 0], 0.1)}, "0.7 m at 0.1 s, it must be less than the tendon's"),
+        ({}, "tensions is None, and so are displacements and angles"),
         (
-            {"pulls": lambda t: [0.7 if t else 0, 0, 0]},
+            {"tensions": [1, 0, 0], "displacements": [0, 0, 0]},
+            "tendon 1 has a tension and a displacement",
+        ),
+        ({"displacements": [0.01, None, 0]}, "tendon 2 is driven by nothing"),
+        ({"displacements": [0.01, 0]}, "displacements is .* it must be 3 numbers in m"),
+        ({"displacements": "20 mm"}, "displacements is '20 mm', it must be 3 numbers in m"),
+        ({"displacements": [0, 0, math.inf]}, "all must be finite numbers"),
+        ({"tensions": [-1, None, None], "displacements": [None, 0, 0]}, "a tendon can only pull"),
+        ({"tensions": ramp([5, NAN, 0], 0.1)}, "all must be finite numbers"),
+        ({"displacements": ramp([0.01, 0], 0.1)}, "the table for displacements has 2 columns"),
+        (
+            {"displacements": ramp([0.7, 0, 0], 0.1)},
+            "0.7 m at 0.1 s, it must be less than the tendon's",
+        ),
+        (
+            {"displacements": lambda t: [0.7 if t else 0, 0, 0]},
             "it must be less than the tendon's length, 0.641 m",
         ),
-        ({"pulls": lambda t: [0, 0, NAN]}, "at 0 s: tendon 3 is driven by nothing"),
-        ({"pulls": lambda t: [0, 0]}, r"returned shape \(2,\)"),
-        ({"pulls": lambda t: [0, 0, 1 / 0]}, "function for pulls failed at 0 s: ZeroDivision"),
+        ({"displacements": lambda t: [0, 0, NAN]}, "at 0 s: tendon 3 is driven by nothing"),
+        ({"displacements": lambda t: [0, 0]}, r"returned shape \(2,\)"),
+        (
+            {"displacements": lambda t: [0, 0, 1 / 0]},
+            "function for displacements failed at 0 s: ZeroDivision",
+        ),
         (
             {
                 "tensions": lambda t: [5, NAN, NAN] if t < 0.05 else [NAN, 5, NAN],
-                "pulls": lambda t: [NAN, 0, 0] if t < 0.05 else [0, NAN, 0],
+                "displacements": lambda t: [NAN, 0, 0] if t < 0.05 else [0, NAN, 0],
             },
-            "tendon 1 changes between a tension and a pull at 0.05",
+            "tendon 1 changes between a tension and a displacement at 0.05",
         ),
-        ({"pulls": step([0.01, -0.03, -0.03])}, "jumps from 0 m to 0.01 m at 0 s, but its line"),
-        ({"pulls": step([0, -0.01, 0], 0.05)}, "tendon 2 jumps from 0 m to -0.01 m at 0.05 s"),
-        ({"pulls": [0, 0, 0], "initial_pulls": [0.01, 0, 0]}, "jumps from 0.01 m to 0 m at 0 s"),
-        ({"pulls": [0, 0, 0], "initial_tensions": [1, 0, 0]}, "starts with a tension but moves by"),
-        ({"tensions": [1, 0, 0], "initial_pulls": [0, 0, 0]}, "starts with a pull but moves by a"),
+        (
+            {"displacements": step([0.01, -0.03, -0.03])},
+            "jumps from 0 m to 0.01 m at 0 s, but its line",
+        ),
+        (
+            {"displacements": step([0, -0.01, 0], 0.05)},
+            "tendon 2 jumps from 0 m to -0.01 m at 0.05 s",
+        ),
+        (
+            {"displacements": [0, 0, 0], "initial_displacements": [0.01, 0, 0]},
+            "jumps from 0.01 m to 0 m at 0 s",
+        ),
+        (
+            {"displacements": [0, 0, 0], "initial_tensions": [1, 0, 0]},
+            "starts with a tension but moves by",
+        ),
+        (
+            {"tensions": [1, 0, 0], "initial_displacements": [0, 0, 0]},
+            "starts with a displacement but moves by a",
+        ),
         (
             {
                 "tensions": [1, None, None],
-                "pulls": [None, 0, 0],
+                "displacements": [None, 0, 0],
                 "initial_tensions": [1, None, None],
             },
-            "tendon 2 has no start; give it one of initial_tensions",
+            "tendon 2 has no start; give its tension",
         ),
         ({"angles": [1, 0, 0]}, "tendon 1 of amouri2019 has no spool_radius"),
-        ({"pulls": [0, 0, 0], "tendon": "continuous"}, "need straight spans"),
-        ({"pulls": [0, 0, 0], "history": OTHER}, "history is of another robot"),
-        ({"pulls": [0, 0, 0], "history": [1]}, "the history is none"),
+        ({"displacements": [0, 0, 0], "tendon_path": "continuous"}, "need straight spans"),
+        ({"displacements": [0, 0, 0], "initial_history": OTHER}, "history is of another robot"),
+        ({"displacements": [0, 0, 0], "initial_history": [1]}, "the history is none"),
     ],
 )
 def test_bad_drives(given: dict[str, Any], says: str, tmp_path: Path) -> None:
     file = tmp_path / "run.nc"
     with pytest.raises(InputError, match=says) as error:
-        simulate(STIFF, **{"duration": 0.1, **given}, out=file)
+        simulate(STIFF, **objects(**{"duration": 0.1, **given}, path=file))
     assert "\n" not in str(error.value)
-    late = any(callable(given.get(name)) for name in ("tensions", "pulls"))
+    late = any(callable(given.get(name)) for name in ("tensions", "displacements"))
     assert late or not file.exists()
 
 
 def test_pulls_that_fight() -> None:
     """Three tendons of a backbone that does not shorten."""
-    run = simulate(STIFF, pulls=ramp([0.03] * 3, 0.1), duration=0.1, theory="kirchhoff")
+    run = simulate(
+        STIFF,
+        duration=0.1,
+        load=bs.Load(displacements=ramp([0.03] * 3, 0.1)),
+        model=bs.RodModel("kirchhoff"),
+    )
     assert run.status == "step_failed"
-    assert "bowstring.solve tells whether the pulls of that time fight" in run.message
+    assert "bowstring.solve tells whether the displacements of that time conflict" in run.message
     # a backbone that shortens follows for a while; what it stopped at is as sound as before
-    fields = simulate(STIFF, pulls=ramp([0.1] * 3, 0.3), duration=0.3, every=0.005).dataset
+    fields = simulate(
+        STIFF,
+        duration=0.3,
+        load=bs.Load(displacements=ramp([0.1] * 3, 0.3)),
+        output=bs.Output(every=0.005),
+    ).to_dataset()
     assert fields.attrs["status"] == "step_failed" and len(fields.time) > 3
     assert (fields.slack[:-1] == 0).all() and (fields.tension[1:-1] > 0).all()
     np.testing.assert_array_equal(
         fields.span_tension, np.repeat(fields.tension.values[:, None], 9, axis=1)
     )
     with pytest.raises(NoStart, match="no equilibrium to start from"):
-        simulate(STIFF, pulls=[0.03] * 3, duration=0.1, theory="kirchhoff")
+        simulate(
+            STIFF,
+            duration=0.1,
+            load=bs.Load(displacements=[0.03] * 3),
+            model=bs.RodModel("kirchhoff"),
+        )
     with pytest.raises(NoSolutionError, match="no stable equilibrium"):
-        modes(STIFF, pulls=[0.03] * 3, theory="kirchhoff")
+        modes(STIFF, load=bs.Load(displacements=[0.03] * 3), model=bs.RodModel("kirchhoff"))
 
 
 def test_a_pull_that_jumps_acts_at_once() -> None:
@@ -449,12 +555,24 @@ def test_a_pull_that_jumps_acts_at_once() -> None:
         }
     )
     jump = bs.dynamics.step([0.004, -0.002, -0.002])
-    first = bs.simulate(robot, duration=1e-4, pulls=jump, dt=1e-4, every=1e-4).dataset
+    first = bs.simulate(
+        robot,
+        duration=1e-4,
+        load=bs.Load(displacements=jump),
+        integrator=bs.Integrator(dt=1e-4),
+        output=bs.Output(every=1e-4),
+    ).to_dataset()
     stretch = 0.004 * 20e3 / 0.641
     assert float(first.tension[-1, 0]) == pytest.approx(20.0 + stretch, rel=0.05)
 
     def early(dt: float) -> np.ndarray:
-        run = bs.simulate(robot, duration=1e-3, pulls=jump, dt=dt, every=1e-3, points=0)
+        run = bs.simulate(
+            robot,
+            duration=1e-3,
+            load=bs.Load(displacements=jump),
+            integrator=bs.Integrator(dt=dt),
+            output=bs.Output(every=1e-3, points=0),
+        )
         assert run.converged
         return run.tip_position[-1]
 
@@ -467,7 +585,11 @@ def test_rounding_is_no_jump_and_no_slip() -> None:
     times, pulls = [0.0, 0.1, 0.2, 0.3], [0.0, -0.02, -0.007, 0.0]
     table = bs.dynamics.Table(times, np.array([pulls, np.zeros(4), np.zeros(4)]).T)
     force = bs.dynamics.Table([0.0, 0.2, 0.2, 0.3], [[0, 0, 0], [0, 0, 0], [0.01, 0, 0], [0, 0, 0]])
-    run = bs.simulate(bs.load_robot("amouri2019"), duration=0.3, pulls=table, tip_force=force)
+    run = bs.simulate(
+        bs.load_robot("amouri2019"),
+        duration=0.3,
+        load=bs.Load(displacements=table, tip_force=force),
+    )
     assert run.converged
     # a pull that rises and then stays does not turn friction round at the base hole
     rubbing = bs.load_robot("amouri2019").with_(
@@ -479,8 +601,13 @@ def test_rounding_is_no_jump_and_no_slip() -> None:
     )
     path = np.array([0.0, 0.001, 0.010, 0.010])
     table = bs.dynamics.Table([0.0, 0.1, 0.5, 0.7], np.stack([path, -path / 2, -path / 2], axis=1))
-    run = bs.simulate(rubbing, duration=0.7, pulls=table, mass_damping=5.0)
-    data = run.dataset
+    run = bs.simulate(
+        rubbing,
+        duration=0.7,
+        load=bs.Load(displacements=table),
+        integrator=bs.Integrator(mass_damping=5.0),
+    )
+    data = run.to_dataset()
     ratio = (data.tension / data.span_tension.isel(disk=0)).sel(tendon=1).values
     assert run.converged and (ratio[-15:] > 1.0).all()
 

@@ -18,8 +18,9 @@ from typing import Literal
 import numpy as np
 import pytest
 
+import bowstring as bs
 from bowstring import fem, simulate
-from bowstring.dynamics.simulation import ramp as rising
+from bowstring.dynamics.load_history import ramp as rising
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.fem import BrickRun, RunInterrupted, Settings, ccx, deck, ramp, steps, sweep
 from bowstring.fem.comparison import beside_rod
@@ -28,6 +29,7 @@ from bowstring.robot.writer import to_yaml
 from bowstring.statics import rod
 from bowstring.study import finite_elements as third
 from bricks import COARSE, needs_ccx, small_robot, two_segments
+from objects import objects
 
 LOADS = [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [40.0, 0.0, 10.0]]
 
@@ -66,7 +68,7 @@ class TestSweep:
 
     def test_forces_in_the_backbone_are_the_rods(self, found: BrickRun) -> None:
         """Integrals of stress over sections, against a theory that knows no stress."""
-        bricks = found.dataset.isel(time=-1)
+        bricks = found.to_dataset().isel(time=-1)
         rods = rod.solve(found.robot, found.tensions[-1]).fields(9).isel(time=0)
         for module in (1, 2):
             ours = bricks.isel(station=np.flatnonzero(bricks.module == module))
@@ -90,24 +92,25 @@ class TestSweep:
 
     def test_energy_is_the_rods(self, found: BrickRun) -> None:
         theirs = float(rod.solve(found.robot, found.tensions[-1]).fields().elastic_energy[0])
-        assert float(found.dataset.elastic_energy[-1]) == pytest.approx(theirs, rel=0.02)
+        assert float(found.to_dataset().elastic_energy[-1]) == pytest.approx(theirs, rel=0.02)
 
     def test_fields_have_the_layout_of_the_rod(self, found: BrickRun, tmp_path: Path) -> None:
         import xarray as xr
 
         rods = rod.solve(found.robot, found.tensions[-1]).fields()
-        assert set(found.dataset.variables) == set(rods.variables)
+        assert set(found.to_dataset().variables) == set(rods.variables)
         for name, variable in rods.data_vars.items():
-            assert found.dataset[name].dims == variable.dims
-            assert found.dataset[name].attrs == variable.attrs
-        assert found.dataset.attrs["data_origin"] == "simulated by finite elements"
-        assert found.dataset.attrs["robot_hash"] == found.robot.hash
+            assert found.to_dataset()[name].dims == variable.dims
+            assert found.to_dataset()[name].attrs == variable.attrs
+        assert found.to_dataset().attrs["data_origin"] == "simulated by finite elements"
+        assert found.to_dataset().attrs["robot_hash"] == found.robot.hash
         assert (
-            found.dataset.time.attrs["units"] == "1" and "complete_to_s" not in found.dataset.attrs
+            found.to_dataset().time.attrs["units"] == "1"
+            and "complete_to_s" not in found.to_dataset().attrs
         )
-        found.dataset.to_netcdf(tmp_path / "fe.nc")
+        found.to_dataset().to_netcdf(tmp_path / "fe.nc")
         with xr.open_dataset(tmp_path / "fe.nc") as again:
-            xr.testing.assert_equal(again.load(), found.dataset)
+            xr.testing.assert_equal(again.load(), found.to_dataset())
 
     def test_stress_and_strain_at_nodes(self, found: BrickRun) -> None:
         displacement, stress, strain = found.nodal(-1)
@@ -127,9 +130,9 @@ def test_two_tubes_under_gravity_and_a_tip_force() -> None:
     robot = two_segments()
     pull = [30.0, 3.0, 20.0, 0.0, 2.0]
     load = {"tip_force": (0.3, 0.2, 0.0), "gravity": (1.0, 0.0, -9.8)}
-    run = sweep(robot, [pull], settings=Settings(Fineness(4, 8, 2)), **load)
+    run = sweep(robot, [pull], settings=Settings(Fineness(4, 8, 2)), **objects(**load))
     tip = run.raise_for_status().tip_position[-1]
-    by_rod = rod.solve(robot, pull, elements=4, **load).tip
+    by_rod = rod.solve(robot, pull, **objects(**load, elements=4)).tip
     assert by_rod is not None
     moved = np.linalg.norm(by_rod.position - [0, 0, robot.length])
     assert moved > 0.01
@@ -149,9 +152,8 @@ def test_the_base_holds_the_weight_and_the_tip_force_once() -> None:
     run = sweep(
         robot,
         [[0.0, 0, 0], [5.0, 5.0, 5.0]],
-        gravity=(0.0, -9.8, 0.0),
-        tip_force=(0.5, 0.0, 0.0),
         settings=COARSE,
+        load=bs.Load(gravity=(0.0, -9.8, 0.0), tip_force=(0.5, 0.0, 0.0)),
     ).raise_for_status()
     frames = run.frames
     force = np.einsum("kij,kj->ki", frames.rotation[:, 0], frames.force[:, 0])
@@ -201,20 +203,24 @@ def test_motion_is_near_the_rods(
     assert moved[-1] > 0.008
     # a coarse mesh is stiffer by 1 %, and steps are a tenth of the second mode's period
     assert beside.difference.max() < 0.03 * moved[-1]
-    velocity = run.dataset.disk_velocity.sel(axis="x").isel(disk=-1)
+    velocity = run.to_dataset().disk_velocity.sel(axis="x").isel(disk=-1)
     assert 0.2 < float(velocity[1]) < 2.0
-    theirs = simulate(
-        run.robot,
-        rising([80.0, 0.0, 0.0], 0.02),
-        0.02,
-        every=0.005,
-        mass_damping=damping,
-        gravity=gravity,
-    ).dataset.isel(time=slice(1, None))
+    theirs = (
+        simulate(
+            run.robot,
+            rising([80.0, 0.0, 0.0], 0.02),
+            0.02,
+            load=bs.Load(gravity=gravity),
+            integrator=bs.Integrator(mass_damping=damping),
+            output=bs.Output(every=0.005),
+        )
+        .to_dataset()
+        .isel(time=slice(1, None))
+    )
     # and in energy by more; the mesh 4,8,1 is 0.5 % off where disks slide
     largest = theirs.kinetic_energy.max().item()
     for name in ("kinetic_energy", "gravity_energy"):
-        found = run.dataset[name].to_numpy()
+        found = run.to_dataset()[name].to_numpy()
         np.testing.assert_allclose(found, theirs[name], rtol=0, atol=0.08 * largest)
 
 
@@ -408,7 +414,7 @@ def test_a_run_that_reached_nothing_has_fields_of_no_load(
     assert run.tip_position.shape == (0, 3)
     assert run.span_tensions.shape == (0, 2, 3)
     assert run.span_error == 0.0
-    assert run.dataset.sizes["time"] == 0
+    assert run.to_dataset().sizes["time"] == 0
     beside = beside_rod(run)
     assert (
         beside.difference.shape == beside.stress_ratio.shape == beside.concentration.shape == (0,)
@@ -718,7 +724,7 @@ def test_settings_that_are_none_are_refused() -> None:
 def test_what_parts_bricks_from_the_rod_is_how_disks_hold_across() -> None:
     """Bonded disks stiffen the backbone next to them; where it may contract, the rod is met."""
     robot = small_robot()
-    by_rod = rod.solve(robot, [40, 0, 0], elements=4).tip
+    by_rod = rod.solve(robot, [40, 0, 0], model=bs.RodModel(elements=4)).tip
     assert by_rod is not None
     off = {}
     grips: tuple[Literal["bonded", "sliding"], ...] = ("bonded", "sliding")

@@ -511,7 +511,7 @@ def test_backlash_and_delay_begin_anew_with_each_recording() -> None:
     robot = bs.load_robot("amouri2019")
     pulls = np.outer([2, 4, 6, 4, 3], [1e-3, -0.5e-3, -0.5e-3])
     time = np.arange(5.0)
-    points = bs.solve_batch(robot, pulls=pulls).tip_position
+    points = bs.solve_batch(robot, load=bs.Load(displacements=pulls)).tip_position
     data = Data(
         points=np.vstack([points, points]),
         pulls=np.vstack([pulls, pulls]),

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import bowstring as bs
-from bowstring.dynamics.simulation import RunInterrupted, ramp
+from bowstring.dynamics.load_history import ramp
+from bowstring.dynamics.simulation import RunInterrupted
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 
@@ -22,15 +23,15 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 LONG = {
     "one solve": (
         "r = robot(30_000)",
-        "bs.solve(r, [1e3, 0, 0], tip_force=(50, 3, -800))",
+        "bs.solve(r, [1e3, 0, 0], load=bs.Load(tip_force=(50, 3, -800)))",
     ),
     "one solve with a tip moment": (
         "r = robot(30_000)",
-        "bs.solve(r, [900, 0, 0], tip_moment=(5, 3, 8))",
+        "bs.solve(r, [900, 0, 0], load=bs.Load(tip_moment=(5, 3, 8)))",
     ),
     "batch on all cores": (
         "r = robot(300); t = np.broadcast_to([30.0, 9, 0], (1_000_000, 3))",
-        "bs.solve_batch(r, t, elements=8, disks=False)",
+        "bs.solve_batch(r, t, model=bs.RodModel(elements=8), disks=False)",
     ),
     "batch in lanes": (
         "r = robot(300); t = np.broadcast_to([30.0, 9, 0], (3_000_000, 3))",
@@ -38,15 +39,15 @@ LONG = {
     ),
     "batch on one core": (
         "r = robot(300); t = np.broadcast_to([30.0, 9, 0], (1_000_000, 3))",
-        "bs.solve_batch(r, t, elements=8, disks=False, threads=1)",
+        "bs.solve_batch(r, t, model=bs.RodModel(elements=8), disks=False, threads=1)",
     ),
     "batch of pulls": (
         "r = robot(50); t = np.broadcast_to([0.02, -0.03, -0.03], (1_000_000, 3))",
-        "bs.solve_batch(r, pulls=t, disks=False)",
+        "bs.solve_batch(r, load=bs.Load(displacements=t), disks=False)",
     ),
     "sweep": (
         "r = robot(300); t = np.broadcast_to([30.0, 9, 0], (1_000_000, 3))",
-        "bs.sweep(r, t, elements=8, warm=False, disks=False)",
+        "bs.sweep(r, t, model=bs.RodModel(elements=8), warm=False, disks=False)",
     ),
     "path with friction": (
         "r = robot(500, friction=0.2)",
@@ -58,11 +59,13 @@ LONG = {
     ),
     "motion": (
         "r = bs.load_robot('amouri2019')",
-        "bs.simulate(r, [10, 0, 0], 1e3, every=1e3, points=0, dt=1e-5)",
+        "bs.simulate(r, [10, 0, 0], 1e3, integrator=bs.Integrator(dt=1e-5), "
+        "output=bs.Output(every=1e3, points=0))",
     ),
     "start of a motion": (
         "r = robot(30_000)",
-        "bs.simulate(r, [1e3, 0, 0], 1.0, tip_force=(50, 3, -800), points=0)",
+        "bs.simulate(r, [1e3, 0, 0], 1.0, load=bs.Load(tip_force=(50, 3, -800)), "
+        "output=bs.Output(points=0))",
     ),
     "modes": (
         "r = robot(2000)",
@@ -128,17 +131,29 @@ def test_a_path_goes_on_after_an_interruption() -> None:
     path = bs.sweep(robot, [[5, 0, 0]])
     rows = np.broadcast_to([10.0, 3, 1], (1_000_000, 3))
     with interrupted_after(0.2), pytest.raises(KeyboardInterrupt):
-        bs.sweep(robot, rows, history=path.history, disks=False)
-    onward = bs.sweep(robot, [[10, 0, 0]], history=path.history)
+        bs.sweep(robot, rows, history=path.history(), disks=False)
+    onward = bs.sweep(robot, [[10, 0, 0]], history=path.history())
     np.testing.assert_allclose(onward.tip_position[-1], calm.tip_position[-1], atol=1e-9)
 
 
 def test_an_interrupted_motion_keeps_what_came_before() -> None:
     robot = bs.load_robot("amouri2019")
-    whole = bs.simulate(robot, ramp([10, 0, 0], 0.1), 0.02, dt=1e-5, points=0)
+    whole = bs.simulate(
+        robot,
+        ramp([10, 0, 0], 0.1),
+        0.02,
+        integrator=bs.Integrator(dt=1e-5),
+        output=bs.Output(points=0),
+    )
     with interrupted_after(0.3), pytest.raises(RunInterrupted) as caught:
         # one stretch of hours
-        bs.simulate(robot, ramp([10, 0, 0], 0.1), 1e3, dt=1e-5, every=1e3, points=0)
+        bs.simulate(
+            robot,
+            ramp([10, 0, 0], 0.1),
+            1e3,
+            integrator=bs.Integrator(dt=1e-5),
+            output=bs.Output(every=1e3, points=0),
+        )
     run = caught.value.run
     assert run.status == "interrupted" and 0 < run.time[-1] < 1e3
     if run.end <= whole.end:
@@ -155,7 +170,7 @@ def test_another_exception_of_a_handler_is_passed_on() -> None:
     robot = bs.load_robot("amouri2019")
     rows = np.broadcast_to([30.0, 9, 0], (1_000_000, 3))
     with interrupted_after(0.2, handler), pytest.raises(Enough):
-        bs.solve_batch(robot, rows, elements=8, disks=False)
+        bs.solve_batch(robot, rows, disks=False, model=bs.RodModel(elements=8))
 
 
 def test_a_handler_that_returns_does_not_interrupt() -> None:
@@ -169,7 +184,7 @@ def test_a_handler_that_returns_does_not_interrupt() -> None:
 
     with interrupted_after(0.05, handler):
         while not heard:
-            found = bs.solve_batch(robot, rows, elements=8, disks=False)
+            found = bs.solve_batch(robot, rows, disks=False, model=bs.RodModel(elements=8))
             assert found.converged.all()
     assert heard == [True]
 

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import bowstring as bs
+from bowstring import RodModel
 from bowstring.errors import InputError
+from objects import objects
 
 HUGE = np.broadcast_to(0.0, (10**13, 3))
 ROW = np.broadcast_to(0.0, 10**13)
@@ -23,24 +25,26 @@ def robot() -> bs.Robot:
 
 
 @pytest.mark.parametrize("values", [HUGE, ROW, HUGE.T])
-@pytest.mark.parametrize("name", ["tensions", "tip_force", "tip_moment", "gravity", "pulls"])
+@pytest.mark.parametrize(
+    "name", ["tensions", "tip_force", "tip_moment", "gravity", "displacements"]
+)
 def test_shapes_are_checked_first(robot: bs.Robot, name: str, values: np.ndarray) -> None:
-    given = {} if name in ("tensions", "pulls") else {"tensions": [1, 0, 0]}
+    given = {} if name in ("tensions", "displacements") else {"tensions": [1, 0, 0]}
     with pytest.raises(InputError, match=rf"^{name} has .*3.*, in "):
-        bs.solve(robot, **given, **{name: values})
+        bs.solve(robot, **objects(**given, **{name: values}))
     if name == "tip_moment":
         return
     with pytest.raises(InputError, match=rf"^{name} has .*3.*, in "):
-        bs.modes(robot, **given, **{name: values})
+        bs.modes(robot, **objects(**given, **{name: values}))
 
 
 @pytest.mark.parametrize("function", [bs.sweep, bs.solve_batch])
-@pytest.mark.parametrize("name", ["tensions", "pulls", "angles"])
+@pytest.mark.parametrize("name", ["tensions", "displacements", "angles"])
 def test_more_loads_than_fit(robot: bs.Robot, function, name: str) -> None:
     with pytest.raises(InputError, match="GB of memory, more than is available; give"):
-        function(robot, **{name: HUGE})
+        function(robot, **objects(**{name: HUGE}))
     with pytest.raises(InputError, match=r"gravity has shape \(10000000000000, 3\), it must be"):
-        function(robot, np.zeros((2, 3)), gravity=HUGE)
+        function(robot, np.zeros((2, 3)), load=bs.Load(gravity=HUGE))
 
 
 def test_a_wrong_sequence_still_tells_its_length(robot: bs.Robot) -> None:
@@ -51,10 +55,10 @@ def test_a_wrong_sequence_still_tells_its_length(robot: bs.Robot) -> None:
 
 #: Work that needs more than the address space given, and what its refusal says.
 LIMITED = {
-    "bs.solve_batch(robot, pulls=np.broadcast_to(0.001, (10**7, 3)))": "an answer to 10000000",
+    "bs.solve_batch(robot, load=bs.Load(None, np.broadcast_to(1e-3, (10**7, 3))))": "an answer to",
     "bs.solve_batch(robot, np.broadcast_to(1.0, (10**7, 3)))": "an answer to 10000000 loads",
     "bs.sweep(rubbing, np.broadcast_to(1.0, (10**7, 3)), disks=False)": "an answer to 10000000",
-    "bs.solve(many(50_000, 1000), pulls=[0.001] * 1000)": "50000 disks and 1000 tendons",
+    "bs.solve(many(50_000, 1000), load=bs.Load(displacements=[1e-3] * 1000))": "1000 tendons",
     "bs.modes(many(20_000, 3), count=50_000)": "50000 modes of a robot with 20000 disks",
     "bs.simulate(many(20_000, 3), [0, 0, 0], 1.0)": "fields at 101 times",
 }
@@ -108,18 +112,18 @@ def test_fields_of_many_disks() -> None:
 
     robot = bs.load_robot("amouri2019").with_({"segments.0.disks.clamped_length": "3 mm"})
     station, module = stations(robot, 5)
-    free = Section(robot, station, module).bending_compliance.any(axis=1)
+    free = Section(robot, station, module, RodModel()).bending_compliance.any(axis=1)
     assert free.all()
     # within a clamp, at its ends, and beyond
     disk = robot.disks.station_m[3]
     station = disk + np.array([-2e-3, -1.5e-3, -1e-3, 0.0, 1e-3, 1.5e-3, 2e-3])
-    free = Section(robot, station, np.full(7, 3)).bending_compliance.any(axis=1)
+    free = Section(robot, station, np.full(7, 3), RodModel()).bending_compliance.any(axis=1)
     assert free.tolist() == [True, True, False, False, False, True, True]
     many = bs.load_robot("amouri2019").with_(
         {"segments.0.disks.count": 50_000, "segments.0.disks.thickness": 1e-9}
     )
     station, module = stations(many, 5)  # a table of both would take 100 GB
-    assert Section(many, station, module).bending_compliance.all()
+    assert Section(many, station, module, RodModel()).bending_compliance.all()
 
 
 def test_modes_of_many_disks_are_those_of_few(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,15 +135,15 @@ def test_modes_of_many_disks_are_those_of_few(monkeypatch: pytest.MonkeyPatch) -
     cases = [
         (robot, {}),
         (robot, {"tensions": [30, 5, 0], "gravity": (0, 0, -9.81)}),
-        (robot, {"pulls": [0.02, -0.03, -0.01], "theory": "kirchhoff"}),
+        (robot, {"displacements": [0.02, -0.03, -0.01], "theory": "kirchhoff"}),
         (rubbing, {"tensions": [20, 0, 0], "elements": 2}),
     ]
     for made, given in cases:
-        dense = bs.modes(made, count=8, **given)
+        dense = bs.modes(made, count=8, **objects(**given))
         with monkeypatch.context() as patch:
             patch.setattr(modal, "_DENSE", 0)
             patch.setattr(modal, "_SHARE", 1.0)
-            iterated = bs.modes(made, count=8, **given)
+            iterated = bs.modes(made, count=8, **objects(**given))
         np.testing.assert_allclose(iterated.frequency_hz, dense.frequency_hz, rtol=1e-9)
         assert iterated.kind == dense.kind
         # a pair of equal frequencies may lie in any two planes, and the last may be half of one

@@ -22,6 +22,8 @@ from scipy.special import ellipe, ellipk
 import bowstring as bs
 from bowstring.dynamics.simulation import simulate
 from bowstring.errors import InputError, NoSolutionError, StabilityWarning
+from bowstring.statics.messages import of_tensions
+from objects import objects
 
 # Tension of tendon 1 in N, tip x and z in mm: Kirchhoff, then Cosserat; by shooting.
 SWEEP = np.array(
@@ -109,22 +111,24 @@ def test_sweep_of_the_study(robot):
     for theory, x, z in (("kirchhoff", 1, 2), ("cosserat", 3, 4)):
         expected = np.stack([SWEEP[:, x], zero, SWEEP[:, z]], axis=1)
         for warm in (True, False):
-            found = bs.sweep(robot, tensions, theory=theory, warm=warm).raise_for_status()
+            found = bs.sweep(
+                robot, tensions, warm=warm, model=bs.RodModel(theory)
+            ).raise_for_status()
             assert distance(1e3 * found.tip_position, expected).max() < 0.0011
             assert found.stable == [True] * 17
             assert found.residual.max() <= 1e-10
     expected = np.stack([SWEEP[:, 1], zero, SWEEP[:, 2]], axis=1)
-    fine = bs.sweep(robot, tensions, theory="kirchhoff", elements=4)
+    fine = bs.sweep(robot, tensions, model=bs.RodModel("kirchhoff", elements=4))
     assert distance(1e3 * fine.tip_position, expected).max() < 1e-5
 
 
 @pytest.mark.parametrize(("force", "gravity", "tip_force", "kirchhoff", "cosserat"), CASES)
 def test_load_cases(robot, force, gravity, tip_force, kirchhoff, cosserat):
-    loads = {"gravity": gravity, "tip_force": tip_force}
-    k = bs.solve(robot, [force, 0, 0], theory="kirchhoff", **loads)
+    load = bs.Load(gravity=gravity, tip_force=tip_force)
+    k = bs.solve(robot, [force, 0, 0], load=load, model=bs.RodModel("kirchhoff"))
     assert distance(tip_mm(k), kirchhoff) < 0.002
     if cosserat is not None:
-        c = bs.solve(robot, [force, 0, 0], **loads)
+        c = bs.solve(robot, [force, 0, 0], load=load)
         assert distance(tip_mm(c), cosserat) < 0.002
 
 
@@ -134,22 +138,22 @@ def test_load_cases_refined(robot, case):
     fine = bs.solve(
         robot,
         [force, 0, 0],
-        theory="kirchhoff",
-        elements=8,
-        gravity=gravity,
-        tip_force=tip_force,
+        load=bs.Load(gravity=gravity, tip_force=tip_force),
+        model=bs.RodModel("kirchhoff", elements=8),
     )
     assert distance(tip_mm(fine), expected) < 1e-6
 
 
 @pytest.mark.parametrize(
-    ("tension", "loads"),
-    [(40, {"tip_force": (0, 1, 0)}), (20, {"gravity": (0, 0, 9.81)})],
+    ("tension", "load"),
+    [(40, bs.Load(tip_force=(0, 1, 0))), (20, bs.Load(gravity=(0, 0, 9.81)))],
 )
-def test_order_of_convergence(robot, tension, loads):
+def test_order_of_convergence(robot, tension, load):
     """Twice the elements, a sixteenth of the error; the weight of the backbone is refined too."""
     tips = [
-        tip_mm(bs.solve(robot, [tension, 0, 0], theory="kirchhoff", elements=e, **loads))
+        tip_mm(
+            bs.solve(robot, [tension, 0, 0], load=load, model=bs.RodModel("kirchhoff", elements=e))
+        )
         for e in (1, 2, 4, 8)
     ]
     steps = [distance(a, b) for a, b in itertools.pairwise(tips)]
@@ -162,13 +166,15 @@ def test_continuous_tendon_is_the_limit_of_many_disks(robot):
     tension, r, length = 40.0, robot.tendons.pitch_radius_m[0], robot.length
     theta = tension * r * length / robot.bending_stiffness[0]
     closed = 1e3 * length / theta * np.array([1 - math.cos(theta), 0, math.sin(theta)])
-    own = bs.solve(robot, [tension, 0, 0], theory="kirchhoff", tendon="continuous")
+    own = bs.solve(robot, [tension, 0, 0], model=bs.RodModel("kirchhoff", tendon_path="continuous"))
     assert distance(tip_mm(own), closed) < 1e-9
     missed = []
     for n in (9, 18, 36, 72, 144):
         denser = robot.with_({"segments.0.disks.count": n})
         missed.append(
-            distance(tip_mm(bs.solve(denser, [tension, 0, 0], theory="kirchhoff")), closed)
+            distance(
+                tip_mm(bs.solve(denser, [tension, 0, 0], model=bs.RodModel("kirchhoff"))), closed
+            )
         )
     orders = [math.log2(a / b) for a, b in itertools.pairwise(missed)]
     assert missed[0] > 3 and missed[-1] < 0.02
@@ -237,10 +243,10 @@ def shoot(robot, tension, g):
 def test_against_shooting(robot, tension, g, density, tolerance_mm):
     robot = robot.with_({"segments.0.backbone.density": density})
     expected = 1e3 * shoot(robot, tension, g)
-    loads = {"theory": "kirchhoff", "gravity": (0, 0, -g)}
-    fine = tip_mm(bs.solve(robot, [tension, 0, 0], elements=8, **loads))
+    load, model = bs.Load([tension, 0, 0], gravity=(0, 0, -g)), bs.RodModel("kirchhoff")
+    fine = tip_mm(bs.solve(robot, load=load, model=model.replace(elements=8)))
     assert distance(fine[[0, 2]], expected) < tolerance_mm
-    plain = tip_mm(bs.solve(robot, [tension, 0, 0], **loads))
+    plain = tip_mm(bs.solve(robot, load=load, model=model))
     assert distance(plain[[0, 2]], expected) < 0.006
 
 
@@ -253,7 +259,7 @@ def test_two_segments(rao):
         ([8, 0, 0, 0, 0, 0], (0, 328.88, 116.72)),
     ):
         plain = tip_mm(bs.solve(rao, tensions))
-        fine = tip_mm(bs.solve(rao, tensions, elements=8))
+        fine = tip_mm(bs.solve(rao, tensions, model=bs.RodModel(elements=8)))
         assert np.abs(plain - expected).max() < 0.02
         assert distance(plain, fine) < 0.01
 
@@ -262,7 +268,10 @@ def test_elastica(robot, bare):
     unit = robot.bending_stiffness[0] / robot.length**2
     for load, sideways, axial, slope in ELASTICA:
         found = bs.solve(
-            bare, [0, 0, 0], theory="kirchhoff", elements=8, tip_force=(load * unit, 0, 0)
+            bare,
+            [0, 0, 0],
+            load=bs.Load(tip_force=(load * unit, 0, 0)),
+            model=bs.RodModel("kirchhoff", elements=8),
         ).raise_for_status()
         x, y, z = found.tip.position / robot.length
         rotation = found.tip.rotation
@@ -275,7 +284,9 @@ def test_elastica(robot, bare):
 @pytest.mark.parametrize("theta", [0.5, math.pi, 2 * math.pi, 3 * math.pi, 4 * math.pi])
 def test_roll_up(robot, bare, theta):
     moment = theta * robot.bending_stiffness[0] / robot.length
-    found = bs.solve(bare, [0, 0, 0], theory="kirchhoff", tip_moment=(0, moment, 0))
+    found = bs.solve(
+        bare, [0, 0, 0], load=bs.Load(tip_moment=(0, moment, 0)), model=bs.RodModel("kirchhoff")
+    )
     assert found.converged
     x, y, z = found.tip.position / robot.length
     assert abs(z - math.sin(theta) / theta) < 1e-12
@@ -293,11 +304,19 @@ def test_roll_up(robot, bare, theta):
 @pytest.mark.parametrize("ratio", [1.01, 1.1, 1.5, 2.0, 5.0])
 def test_buckling_finds_the_bent_branch(robot, bare, ratio):
     euler = math.pi**2 * robot.bending_stiffness[0] / (4 * robot.length**2)
-    below = bs.solve(bare, [0, 0, 0], theory="kirchhoff", tip_force=(0, 0, -0.99 * euler))
+    below = bs.solve(
+        bare,
+        [0, 0, 0],
+        load=bs.Load(tip_force=(0, 0, -0.99 * euler)),
+        model=bs.RodModel("kirchhoff"),
+    )
     assert below.stable and below.message == "A stable equilibrium."
     assert tip_mm(below) == pytest.approx([0, 0, 641], abs=1e-9)
     above = bs.solve(
-        bare, [0, 0, 0], theory="kirchhoff", elements=2, tip_force=(0, 0, -ratio * euler)
+        bare,
+        [0, 0, 0],
+        load=bs.Load(tip_force=(0, 0, -ratio * euler)),
+        model=bs.RodModel("kirchhoff", elements=2),
     ).raise_for_status()
     assert above.stable is True
     assert "buckled" in above.message and "one of several stable branches" in above.message
@@ -330,15 +349,16 @@ def test_turning_the_load_turns_the_answer(robot):
             for m in (np.zeros(3), moment):
                 q = turn(k * 2 * math.pi / 3)
                 a = bs.solve(
-                    robot, tensions, theory=theory, gravity=gravity, tip_force=force, tip_moment=m
+                    robot,
+                    tensions,
+                    load=bs.Load(gravity=gravity, tip_force=force, tip_moment=m),
+                    model=bs.RodModel(theory),
                 ).raise_for_status()
                 b = bs.solve(
                     robot,
                     np.roll(tensions, k),
-                    theory=theory,
-                    gravity=q @ gravity,
-                    tip_force=q @ force,
-                    tip_moment=q @ m,
+                    load=bs.Load(gravity=q @ gravity, tip_force=q @ force, tip_moment=q @ m),
+                    model=bs.RodModel(theory),
                 ).raise_for_status()
                 assert np.allclose(a.disk_positions @ q.T, b.disk_positions, atol=1e-11)
                 assert np.allclose(q @ a.tip.rotation @ q.T, b.tip.rotation, atol=1e-10)
@@ -353,7 +373,12 @@ def test_maxwell_reciprocity(rao, theory, tendon):
     h = np.array([1e-3] * 6 + [1e-5] * 3)
 
     def answer(load):
-        s = bs.solve(rao, load[:6], theory=theory, tendon=tendon, tip_force=load[6:])
+        s = bs.solve(
+            rao,
+            load[:6],
+            load=bs.Load(tip_force=load[6:]),
+            model=bs.RodModel(theory, tendon_path=tendon),
+        )
         s.raise_for_status()
         return np.concatenate([s.tendon_lengths, -s.tip.position])
 
@@ -376,8 +401,7 @@ def test_work_of_tension_and_force_around_a_loop_is_zero(robot):
     found = bs.sweep(
         robot,
         np.outer(tension, [1, 0.2, 0]),
-        tip_force=np.outer(force, [0.3, 1, 0]),
-        gravity=UP,
+        load=bs.Load(tip_force=np.outer(force, [0.3, 1, 0]), gravity=UP),
     ).raise_for_status()
     middle = (found.tensions[1:] + found.tensions[:-1]) / 2
     work = -np.sum(middle * np.diff(found.tendon_lengths, axis=0))
@@ -403,11 +427,8 @@ def test_jacobians_against_central_differences(rao, theory, moment):
         return bs.solve(
             robot,
             load[:6],
-            theory=theory,
-            gravity=gravity,
-            tip_force=load[6:9],
-            tip_moment=load[9:],
-            elements=2,
+            load=bs.Load(gravity=gravity, tip_force=load[6:9], tip_moment=load[9:]),
+            model=bs.RodModel(theory, elements=2),
         ).raise_for_status()
 
     def stiffer(segment, by):
@@ -439,7 +460,14 @@ def test_jacobians_against_central_differences(rao, theory, moment):
 def test_jacobians_are_reciprocal(rao, theory):
     """Maxwell: (-lengths, tip, turn) by (tensions, force, moment) is symmetric."""
     force = (0.02, -0.03, 0.01)
-    j = bs.jacobians(bs.solve(rao, [2, 0.5, 0.3, 1, 0.2, 0.7], theory=theory, tip_force=force))
+    j = bs.jacobians(
+        bs.solve(
+            rao,
+            [2, 0.5, 0.3, 1, 0.2, 0.7],
+            load=bs.Load(tip_force=force),
+            model=bs.RodModel(theory),
+        )
+    )
     by = ("tension", "tip_force", "tip_moment")
     compliance = np.block(
         [
@@ -457,8 +485,8 @@ def test_jacobians_are_reciprocal(rao, theory):
 def test_jacobians_of_nothing(robot):
     with pytest.raises(NoSolutionError):
         bs.jacobians(bs.solve(robot, [2e4, 2e4, 2e4]))
-    with pytest.raises(InputError, match='solve with tendon="straight"'):
-        bs.jacobians(bs.solve(robot, [40, 0, 0], tendon="continuous"))
+    with pytest.raises(InputError, match='solve with tendon_path="straight"'):
+        bs.jacobians(bs.solve(robot, [40, 0, 0], model=bs.RodModel(tendon_path="continuous")))
 
 
 def test_frames_and_centerline_agree(rao):
@@ -483,10 +511,10 @@ def test_frames_and_centerline_agree(rao):
 def test_gravity_is_the_robots_own_unless_given(robot):
     hanging = robot.with_({"gravity": [0, 0, 9.81]})
     own = bs.solve(hanging, [40, 0, 0])
-    assert np.array_equal(own.gravity, [0, 0, 9.81])
-    given = bs.solve(robot, [40, 0, 0], gravity=[0, 0, 9.81])
+    assert np.array_equal(own.load.gravity, [0, 0, 9.81])
+    given = bs.solve(robot, [40, 0, 0], load=bs.Load(gravity=[0, 0, 9.81]))
     assert np.array_equal(own.tip.position, given.tip.position)
-    off = bs.solve(hanging, [40, 0, 0], gravity=(0, 0, 0))
+    off = bs.solve(hanging, [40, 0, 0], load=bs.Load(gravity=(0, 0, 0)))
     assert np.array_equal(off.tip.position, bs.solve(robot, [40, 0, 0]).tip.position)
 
 
@@ -499,7 +527,12 @@ def test_gravity_is_the_robots_own_unless_given(robot):
 )
 def test_moderate_loads_converge(tensions, force, theory, twist):
     robot = bs.load_robot("amouri2019")
-    s = bs.solve(robot, tensions, theory=theory, tip_force=force, gravity=UP, twist=twist)
+    s = bs.solve(
+        robot,
+        tensions,
+        load=bs.Load(tip_force=force, gravity=UP),
+        model=bs.RodModel(theory, twist=twist),
+    )
     assert s.converged and s.stable and s.residual <= 1e-10
     assert np.isfinite(s.disk_positions).all()
 
@@ -511,14 +544,18 @@ def test_sweep_and_batch_equal_solves(rao):
     rng = np.random.default_rng(1)
     tensions = rng.uniform(0, 3, (70, 6))
     force = rng.uniform(-0.05, 0.05, (70, 3))
-    loads = {"gravity": UP, "theory": "kirchhoff", "elements": 2}
-    cold = bs.sweep(rao, tensions, tip_force=force, warm=False, **loads)
-    batch = bs.solve_batch(rao, tensions, tip_force=force, **loads)
-    two = bs.solve_batch(rao, tensions, tip_force=force, threads=2, disks=False, **loads)
-    warm = bs.sweep(rao, tensions, tip_force=force, **loads)
+    given = {
+        "load": bs.Load(tensions, gravity=UP, tip_force=force),
+        "model": bs.RodModel("kirchhoff", elements=2),
+    }
+    cold = bs.sweep(rao, warm=False, **given)
+    batch = bs.solve_batch(rao, **given)
+    two = bs.solve_batch(rao, threads=2, disks=False, **given)
+    warm = bs.sweep(rao, **given)
     assert two.disk_positions is None and two.disk_rotations is None
     for i in range(70):
-        one = bs.solve(rao, tensions[i], tip_force=force[i], **loads)
+        load = bs.Load(tensions[i], gravity=UP, tip_force=force[i])
+        one = bs.solve(rao, load=load, model=given["model"])
         for many in (cold, batch):
             assert many.status[i] == one.status and many.stable[i] == one.stable
             assert many.iterations[i] == one.iterations and many.residual[i] == one.residual
@@ -560,10 +597,15 @@ def test_an_answer_is_not_changed_by_its_reader(robot):
 
 
 def test_pickle_and_copy(robot):
-    s = bs.solve(robot, [80, 3, 0], theory="kirchhoff", gravity=UP, tip_force=(0, 1, 0), elements=2)
+    s = bs.solve(
+        robot,
+        [80, 3, 0],
+        load=bs.Load(gravity=UP, tip_force=(0, 1, 0)),
+        model=bs.RodModel("kirchhoff", elements=2),
+    )
     for other in (pickle.loads(pickle.dumps(s)), copy.deepcopy(s)):
         assert np.array_equal(other.tip.position, s.tip.position)
-        assert other.to_dict() == s.to_dict() and other.elements == 2
+        assert other.to_dict() == s.to_dict() and other.model.elements == 2
     found = pickle.loads(pickle.dumps(bs.sweep(robot, [[80, 0, 0]])))
     assert found.converged.all()
 
@@ -609,17 +651,13 @@ MESSAGES = {
 
 @pytest.mark.parametrize(("case", "part"), MESSAGES.items())
 def test_messages(case, part):
-    from bowstring.statics.rod import _message
-
-    text = _message(case[0], None, False, 0.125, case[1], 1e-3, 50)
+    text = of_tensions(case[0], None, False, 0.125, case[1], 1e-3, 50)
     assert part in text and text.endswith(".") and "nan" not in text
 
 
 @pytest.mark.parametrize("residual", [float("nan"), float("inf")])
 def test_the_message_of_no_solution_promises_nothing(residual):
-    from bowstring.statics.rod import _message
-
-    text = _message("max_iterations", None, False, 0.125, None, residual, 50)
+    text = of_tensions("max_iterations", None, False, 0.125, None, residual, 50)
     assert "at its limit" in text and "Lower the load" in text
     assert not any(word in text for word in ("sweep", "elements", "residual", "nan", "inf "))
 
@@ -639,10 +677,10 @@ BAD = [
     ({"tensions": np.ones((2, 3))}, "it must be 3 numbers"),
     ({"tensions": np.ones(3, complex)}, "it must be 3 numbers"),
     ({"tensions": [10**400, 0, 0]}, "it must be 3 numbers"),
-    ({"theory": "timoshenko"}, 'theory is "timoshenko", it must be "cosserat" or "kirchhoff"'),
-    ({"theory": None}, "theory is None"),
-    ({"tendon": "curved"}, 'tendon is "curved"'),
-    ({"tendon": 3}, "tendon is 3"),
+    ({"theory": "timoshenko"}, 'theory is \'timoshenko\', it must be "cosserat" or "kirchhoff"'),
+    ({"theory": 3}, "theory is 3"),
+    ({"tendon_path": "curved"}, "tendon_path is 'curved'"),
+    ({"tendon_path": 3}, "tendon_path is 3"),
     ({"twist": "no"}, "twist is 'no'"),
     ({"elements": 3}, "elements is 3, it must be 1, 2, 4 or 8"),
     ({"elements": -1}, "elements is -1"),
@@ -660,7 +698,7 @@ BAD = [
 def test_bad_input(robot, changed, part):
     arguments = {"tensions": [80, 0, 0], **changed}
     with pytest.raises(InputError) as error:
-        bs.solve(robot, **arguments)
+        bs.solve(robot, **objects(**arguments))
     text = str(error.value)
     assert part in text and "\n" not in text and len(text) < 250
 
@@ -674,7 +712,7 @@ BAD_ROWS = [
     ({"tip_force": np.zeros((3, 3))}, "tip_force has shape (3, 3), it must be (3,) or (4, 3)"),
     ({"gravity": np.zeros((4, 3, 1))}, "it must be 3 numbers"),
     ({"gravity": [[0, 0, 0]] * 3 + [[0, NAN, 0]]}, "row 3: gravity is"),
-    ({"theory": "x"}, 'theory is "x"'),
+    ({"theory": "x"}, "theory is 'x'"),
     ({"elements": 5}, "elements is 5"),
 ]
 
@@ -684,7 +722,7 @@ BAD_ROWS = [
 def test_bad_rows(robot, call, changed, part):
     arguments = {"tensions": np.zeros((4, 3)), **changed}
     with pytest.raises(InputError) as error:
-        call(robot, **arguments)
+        call(robot, **objects(**arguments))
     text = str(error.value)
     assert part in text and "\n" not in text
 
@@ -703,7 +741,7 @@ def test_other_bad_arguments(robot):
 
 
 def test_contract_of_the_command_line(robot):
-    s = bs.solve(robot, [80, 0, 0], tip_force=(0, 1, 0))
+    s = bs.solve(robot, [80, 0, 0], load=bs.Load(tip_force=(0, 1, 0)))
     content = json.loads(json.dumps(s.to_dict(), allow_nan=False))
     assert list(content) == [
         "status",
@@ -755,17 +793,17 @@ def test_examples_in_the_documentation():
 
 def test_message_doubts_a_coarse_mesh() -> None:
     robot = bs.load_robot("amouri2019").with_({"segments.0.disks.count": 3})
-    strong = bs.solve(robot, [60, 0, 0], elements=1)
+    strong = bs.solve(robot, [60, 0, 0], model=bs.RodModel(elements=1))
     assert strong.converged
     assert "Discretisation error: the tip by up to" in strong.message
     assert "(1 per module). Leave the number of elements out" in strong.message
-    fine = bs.solve(robot, [60, 0, 0], elements=8)
+    fine = bs.solve(robot, [60, 0, 0], model=bs.RodModel(elements=8))
     assert fine.message == "A stable equilibrium."
     error = np.linalg.norm(strong.tip.position - fine.tip.position)
     assert error > 1e-4 * robot.length
     assert error <= strong.error_estimate.tip <= 30 * error
     chosen = bs.solve(robot, [60, 0, 0])
-    assert chosen.elements > 1 and chosen.message == "A stable equilibrium."
+    assert chosen.model.elements > 1 and chosen.message == "A stable equilibrium."
     assert bs.solve(bs.load_robot("amouri2019"), [80, 0, 0]).message == "A stable equilibrium."
 
 
@@ -776,7 +814,7 @@ ROBOT = bs.load_robot("amouri2019")
 
 @pytest.mark.parametrize("moment", [1e-12, 1e-6])
 def test_a_negligible_moment_turns_no_failure_into_an_answer(moment: float) -> None:
-    found = bs.solve(ROBOT, [1000.0] * 3, tip_moment=[moment, 0, 0])
+    found = bs.solve(ROBOT, [1000.0] * 3, load=bs.Load(tip_moment=[moment, 0, 0]))
     assert not bs.solve(ROBOT, [1000.0] * 3).converged
     assert not found.converged and found.tip is None
     with pytest.raises(NoSolutionError):
@@ -784,9 +822,11 @@ def test_a_negligible_moment_turns_no_failure_into_an_answer(moment: float) -> N
 
 
 def test_a_negligible_moment_hides_no_buckle() -> None:
-    buckled = bs.solve(ROBOT, [700.0] * 3, elements=8)
+    buckled = bs.solve(ROBOT, [700.0] * 3, model=bs.RodModel(elements=8))
     assert buckled.stable and "buckled" in buckled.message
-    found = bs.solve(ROBOT, [700.0] * 3, elements=8, tip_moment=[1e-12, 0, 0])
+    found = bs.solve(
+        ROBOT, [700.0] * 3, load=bs.Load(tip_moment=[1e-12, 0, 0]), model=bs.RodModel(elements=8)
+    )
     assert found.converged and found.stable and "buckled" in found.message
     assert np.linalg.norm(found.tip.position - buckled.tip.position) < 1e-6
     # and one that is left straight is told to be unstable
@@ -796,14 +836,16 @@ def test_a_negligible_moment_hides_no_buckle() -> None:
 @pytest.mark.parametrize("tension", [800.0, 1000.0])
 @pytest.mark.parametrize("moment", [[1e-12, 0, 0], [0, 0, 1e-12]])
 def test_a_moment_below_all_tolerances_is_none(tension: float, moment: list[float]) -> None:
-    without, found = (bs.solve(ROBOT, [tension] * 3, tip_moment=m) for m in ([0, 0, 0], moment))
+    without, found = (
+        bs.solve(ROBOT, [tension] * 3, load=bs.Load(tip_moment=m)) for m in ([0, 0, 0], moment)
+    )
     assert not without.converged
     assert (found.status, found.message) == (without.status, without.message)
 
 
 @pytest.mark.parametrize("moment", [[0.5, 0, 0], [0, 1.0, 0.01], [0, 0, 0.05]])
 def test_small_motions_under_a_moment_die_out(moment: list[float]) -> None:
-    found = bs.solve(ROBOT, [5.0, 0, 0], tip_moment=moment).raise_for_status()
+    found = bs.solve(ROBOT, [5.0, 0, 0], load=bs.Load(tip_moment=moment)).raise_for_status()
     assert found.stable is True and found.message.startswith("A stable equilibrium.")
 
 
@@ -811,7 +853,7 @@ def test_small_motions_under_a_moment_die_out(moment: list[float]) -> None:
 def test_a_moment_along_a_round_backbone_feeds_small_oscillations(damping: float) -> None:
     """Nikolai's paradox; how fast they grow is seen in motion."""
     moment = [0, 0, 0.5]
-    found = bs.solve(ROBOT, [0.0] * 3, tip_moment=moment)
+    found = bs.solve(ROBOT, [0.0] * 3, load=bs.Load(tip_moment=moment))
     assert found.converged and found.stable is None and "damped" in found.message
     with pytest.warns(StabilityWarning, match="whether it is stable is not known"):
         found.raise_for_status()
@@ -819,13 +861,12 @@ def test_a_moment_along_a_round_backbone_feeds_small_oscillations(damping: float
         ROBOT,
         [0.0] * 3,
         6.0,
-        tip_moment=moment,
-        initial_tip_force=[1e-3, 0, 0],
-        tip_force=[0, 0, 0],
-        mass_damping=2 * damping * 2 * np.pi * 2.27,
-        spectral_radius=1.0,
-        dt=2e-3,
-        points=0,
+        load=bs.Load(tip_moment=moment, tip_force=[0, 0, 0]),
+        start=bs.Start(load=bs.Load(tip_force=[1e-3, 0, 0])),
+        integrator=bs.Integrator(
+            mass_damping=2 * damping * 2 * np.pi * 2.27, spectral_radius=1.0, dt=2e-3
+        ),
+        output=bs.Output(points=0),
     )
     aside = np.linalg.norm(run.tip_position[:, :2], axis=1)
     grows = aside[450:].max() > aside[150:300].max()
@@ -835,5 +876,5 @@ def test_a_moment_along_a_round_backbone_feeds_small_oscillations(damping: float
 def test_a_robot_without_mass_does_not_tell_its_stability() -> None:
     light = {"segments.0.disks.mass": "0 kg", "segments.0.backbone.density": "0 kg/m^3"}
     robot = bs.load_robot("amouri2019", overrides=light)
-    assert bs.solve(robot, [0.0] * 3, tip_moment=[0, 0, 0.5]).stable is None
-    assert bs.solve(robot, [0.0] * 3, tip_moment=[0, 0, 0.01]).stable is True
+    assert bs.solve(robot, [0.0] * 3, load=bs.Load(tip_moment=[0, 0, 0.5])).stable is None
+    assert bs.solve(robot, [0.0] * 3, load=bs.Load(tip_moment=[0, 0, 0.01])).stable is True

@@ -183,7 +183,7 @@ def test_the_backbone_runs_through_frames_between_those_it_was_made_of(bent):
 @pytest.mark.parametrize("elements", [1, 8])
 def test_volume_of_a_bent_backbone_is_its_section_times_its_length(theory, elements):
     robot = bs.load_robot("amouri2019", TUBE)
-    solution = bs.solve(robot, tensions=[80, 0, 0], theory=theory, elements=elements)
+    solution = bs.solve(robot, tensions=[80, 0, 0], model=bs.RodModel(theory, elements=elements))
 
     def chords(points: int) -> float:
         line = solution.centerline(points)
@@ -253,7 +253,7 @@ def test_a_solved_straight_pose_is_the_straight_solid(plain):
 def test_one_time_of_a_run_is_a_pose():
     robot = bs.load_robot("amouri2019")
     run = bs.simulate(robot, bs.dynamics.ramp([40, 0, 0], rise=0.1), duration=0.1)
-    data = run.dataset
+    data = run.to_dataset()
     tip = data["disk_position"].to_numpy()[-1, -1]
     solid = make_solid(robot, data.isel(time=[-1]))
     np.testing.assert_allclose(solid["disk_9"].centre_m, tip, atol=1e-12)
@@ -276,7 +276,7 @@ def test_what_holds_a_pose_in_words():
     assert said(robot, [0, 0, 0], **down) == "no tension, with gravity and a load at the tip"
     assert said(bs.load_robot("rao2021"), [0.1, 0.2, 0.3, 0.4, 0, 0]) == "tensions up to 0.4 N"
     run = bs.simulate(robot, bs.dynamics.ramp([40, 0, 0], rise=0.05), duration=0.05)
-    last = make_solid(robot, run.dataset.isel(time=[-1]))
+    last = make_solid(robot, run.to_dataset().isel(time=[-1]))
     assert last.load == "tendon 1 at 40 N, at 0.05 s"
 
 

@@ -101,12 +101,14 @@ def test_pulls_are_those_that_constant_curvature_asks_for(paper: Study, amouri: 
     elastic = amouri.with_({DRIVE + "axial_stiffness": ASSUMED})
     both = elastic.with_({DRIVE + "friction": ASSUMED_FRICTION})
     for robot, case in ((amouri, d.pull_driven), (elastic, d.row("tendon_elasticity").case)):
-        found = bs.sweep(robot, pulls=pulls).raise_for_status()
+        found = bs.sweep(robot, load=bs.Load(displacements=pulls)).raise_for_status()
         assert case.error(COMMANDED) == pytest.approx(
             errors(meant, found.tip_position)[::3], abs=1e-9
         )
         assert np.all(found.slack_lengths[:, 1:] > 0.0)  # the others hang
-    path = bs.sweep(both, pulls=np.concatenate((pulls, pulls[-2::-1]))).raise_for_status()
+    path = bs.sweep(
+        both, load=bs.Load(displacements=np.concatenate((pulls, pulls[-2::-1])))
+    ).raise_for_status()
     there, back = path.tip_position[:49], path.tip_position[48:][::-1]
     for way, tips in (("loading", there), ("unloading", back)):
         case = d.row(f"pull_driven_{way}").case
@@ -117,9 +119,11 @@ def test_pulls_are_those_that_constant_curvature_asks_for(paper: Study, amouri: 
 def test_an_elastic_tendon_is_late_by_its_stretch(paper: Study, amouri: Robot) -> None:
     """Elastic tendons at a pull are inextensible ones at that pull less T l0 / (E A)."""
     pulls, _ = pulls_for(amouri, UP[-1:])
-    elastic = bs.solve(amouri.with_({DRIVE + "axial_stiffness": ASSUMED}), pulls=pulls[0])
+    elastic = bs.solve(
+        amouri.with_({DRIVE + "axial_stiffness": ASSUMED}), load=bs.Load(displacements=pulls[0])
+    )
     late = pulls[0] - [elastic.tensions[0] * amouri.length / ASSUMED, 0, 0]
-    tip = bs.solve(amouri, pulls=late).raise_for_status().tip
+    tip = bs.solve(amouri, load=bs.Load(displacements=late)).raise_for_status().tip
     ours = paper.budget.drive.row("tendon_elasticity").case.tip_position[-1]
     assert tip is not None and ours == pytest.approx(tip.position, abs=1e-9)
 

@@ -27,7 +27,7 @@ PLANE = np.outer(np.linspace(0, 80, 17), [1, 0, 0])
 
 def made(robot: Robot, tensions: Floats, **loads: ArrayLike) -> Measurements:
     """Tips by statics with 0.02 mm of noise: synthetic."""
-    tip = bs.solve_batch(robot, tensions, **loads).tip_position
+    tip = bs.solve_batch(robot, tensions, load=bs.Load(**loads)).tip_position
     count = len(tensions)
     noise = np.random.default_rng(1).normal(0, 2e-5, tip.shape)
     return Measurements(

@@ -75,11 +75,10 @@ def test_overshoot_is_that_of_the_run(slow: Transient, paper: Study) -> None:
     when, size = slow.peak
     run = simulation.simulate(
         paper.robot,
-        simulation.ramp([80.0, 0.0, 0.0], slow.rise),
+        bs.dynamics.ramp([80.0, 0.0, 0.0], slow.rise),
         slow.rise + slow.hold,
-        modal_damping=0.05,
-        every=slow.rise / 2000,
-        tolerance=2e-8 * paper.length,
+        integrator=bs.Integrator(modal_damping=0.05, tolerance=2e-8 * paper.length),
+        output=bs.Output(every=slow.rise / 2000),
     )
     end = bs.solve(paper.robot, [80.0, 0.0, 0.0]).tip
     before = bs.solve(paper.robot, [79.99, 0.0, 0.0]).tip

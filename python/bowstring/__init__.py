@@ -22,39 +22,43 @@ if TYPE_CHECKING:
         study,
         viz,
     )
-    from bowstring._core import __version__
+    from bowstring._core import RodModel, __version__
     from bowstring.cad.solid import make_solid
     from bowstring.calibration.fitting import Fit, fit
     from bowstring.calibration.table_fit import Calibration, calibrate
     from bowstring.data.measurements import Measurements, read_measurements, write_measurements
     from bowstring.data.tendon_check import check_tendons
+    from bowstring.dynamics.integrator import Integrator
     from bowstring.dynamics.modal import Modes, modes
-    from bowstring.dynamics.simulation import Run, simulate
+    from bowstring.dynamics.simulation import Output, Run, Start, simulate
     from bowstring.robot.model import Robot
     from bowstring.robot.reader import load_robot, robot_names, robot_schema
-    from bowstring.statics.rod import (
+    from bowstring.statics.derivatives import (
+        DisplacementJacobian,
         Jacobians,
-        PullJacobian,
-        Solution,
-        Sweep,
+        displacement_jacobian,
         jacobians,
-        pull_jacobian,
-        solve,
-        solve_batch,
-        sweep,
     )
+    from bowstring.statics.load import Load
+    from bowstring.statics.rod import solve, solve_batch, sweep
+    from bowstring.statics.solution import Solution, Sweep
     from bowstring.study.study import Study, run_study
 
 __all__ = [
     "Calibration",
+    "DisplacementJacobian",
     "Fit",
+    "Integrator",
     "Jacobians",
+    "Load",
     "Measurements",
     "Modes",
-    "PullJacobian",
+    "Output",
     "Robot",
+    "RodModel",
     "Run",
     "Solution",
+    "Start",
     "Study",
     "Sweep",
     "__version__",
@@ -64,6 +68,7 @@ __all__ = [
     "check_tendons",
     "constant_curvature",
     "data",
+    "displacement_jacobian",
     "dynamics",
     "errors",
     "fem",
@@ -72,7 +77,6 @@ __all__ = [
     "load_robot",
     "make_solid",
     "modes",
-    "pull_jacobian",
     "read_measurements",
     "robot",
     "robot_names",
@@ -101,21 +105,26 @@ _HOME = {
     "check_tendons": "data.tendon_check",
     "Modes": "dynamics.modal",
     "modes": "dynamics.modal",
+    "Integrator": "dynamics.integrator",
+    "Output": "dynamics.simulation",
     "Run": "dynamics.simulation",
+    "Start": "dynamics.simulation",
     "simulate": "dynamics.simulation",
     "Robot": "robot.model",
     "load_robot": "robot.reader",
     "robot_names": "robot.reader",
     "robot_schema": "robot.reader",
-    "Jacobians": "statics.rod",
-    "PullJacobian": "statics.rod",
-    "Solution": "statics.rod",
-    "Sweep": "statics.rod",
-    "jacobians": "statics.rod",
-    "pull_jacobian": "statics.rod",
+    "RodModel": "_core",
+    "DisplacementJacobian": "statics.derivatives",
+    "Jacobians": "statics.derivatives",
+    "displacement_jacobian": "statics.derivatives",
+    "jacobians": "statics.derivatives",
+    "Load": "statics.load",
     "solve": "statics.rod",
     "solve_batch": "statics.rod",
     "sweep": "statics.rod",
+    "Solution": "statics.solution",
+    "Sweep": "statics.solution",
     "Study": "study.study",
     "run_study": "study.study",
 }

@@ -1,7 +1,7 @@
 """The compiled core; `bowstring.statics` and `bowstring.constant_curvature` are its public face."""
 
-from collections.abc import Callable, Sequence
-from typing import Any, Literal, final
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, Protocol, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,132 +36,72 @@ def arc_through(positions: Floats) -> Floats: ...
 def arc_nearest(positions: Floats, length: Floats) -> tuple[Floats, Floats]: ...
 
 @final
-class Robot:
+class RodModel:
     def __new__(
         cls,
-        station_m: Floats,
-        clamped_length_m: Floats,
-        disk_mass_kg: Floats,
-        disk_inertia: Floats,
-        disk_segment: Ints,
-        bending_stiffness: Floats,
-        torsion_stiffness: Floats,
-        axial_stiffness: Floats,
-        shear_stiffness: Floats,
-        mass_per_length: Floats,
-        rotary_inertia: Floats,
-        hole_m: Floats,
-        end_disk: Ints,
-        gravity: Floats,
-    ) -> Robot: ...
+        theory: str | None = None,
+        tendon_path: str | None = None,
+        twist: bool | None = None,
+        elements: int | None = None,
+    ) -> RodModel: ...
+    @property
+    def theory(self) -> Literal["cosserat", "kirchhoff"]: ...
+    @property
+    def tendon_path(self) -> Literal["straight", "continuous"]: ...
+    @property
+    def twist(self) -> bool: ...
+    @property
+    def elements(self) -> int | None: ...
+    def replace(self, **changes: Any) -> RodModel: ...
+    def to_dict(self) -> dict[str, Any]: ...
+
+class _DeadLoad(Protocol):
+    @property
+    def gravity(self) -> Any: ...
+    @property
+    def tip_force(self) -> Any: ...
+    @property
+    def tip_moment(self) -> Any: ...
+
+@final
+class Robot:
+    def __new__(cls, arrays: Any) -> Robot: ...
     @property
     def tendon_count(self) -> int: ...
     @property
     def disk_count(self) -> int: ...
-    def solve(
-        self,
-        tensions: ArrayLike,
-        theory: str,
-        gravity: ArrayLike | None,
-        tip_force: ArrayLike,
-        tip_moment: ArrayLike,
-        tendon: str,
-        twist: bool,
-        elements: int | None,
-    ) -> Solution: ...
+    def solve(self, tensions: ArrayLike, load: _DeadLoad, model: RodModel) -> Solution: ...
     def sweep(
-        self,
-        tensions: Floats,
-        theory: str,
-        gravity: ArrayLike | None,
-        tip_force: ArrayLike,
-        tip_moment: ArrayLike,
-        tendon: str,
-        twist: bool,
-        elements: int | None,
-        warm: bool,
-        disks: bool,
+        self, tensions: Floats, load: _DeadLoad, model: RodModel, warm: bool, disks: bool
     ) -> dict[str, Any]: ...
     def solve_batch(
-        self,
-        tensions: Floats,
-        theory: str,
-        gravity: ArrayLike | None,
-        tip_force: ArrayLike,
-        tip_moment: ArrayLike,
-        tendon: str,
-        twist: bool,
-        elements: int | None,
-        threads: int,
-        disks: bool,
+        self, tensions: Floats, load: _DeadLoad, model: RodModel, threads: int, disks: bool
     ) -> dict[str, Any]: ...
 
 @final
 class Drive:
-    def __new__(
-        cls,
-        robot: Robot,
-        theory: str,
-        tendon: str,
-        twist: bool,
-        elements: int | None,
-        stiffness: ArrayLike,
-        free_length: ArrayLike,
-        compliance: ArrayLike,
-        friction: ArrayLike,
-        pretension: ArrayLike,
-    ) -> Drive: ...
+    def __new__(cls, robot: Robot, model: RodModel, tendons: Any, friction: bool) -> Drive: ...
     def reset(self) -> None: ...
-    def step(
-        self,
-        pulled: NDArray[np.bool_],
-        commands: ArrayLike,
-        gravity: ArrayLike | None,
-        tip_force: ArrayLike,
-        tip_moment: ArrayLike,
-    ) -> Solution: ...
+    def step(self, pulled: NDArray[np.bool_], commands: ArrayLike, load: _DeadLoad) -> Solution: ...
     def follow(
         self,
         pulled: NDArray[np.bool_],
         commands: Floats,
-        gravity: ArrayLike | None,
-        tip_force: ArrayLike,
-        tip_moment: ArrayLike,
+        load: _DeadLoad,
         disks: bool,
-        path: bool,
-        threads: int,
+        threads: int | None,
     ) -> dict[str, Any]: ...
     def history(self) -> dict[str, Any]: ...
-    def resume(
-        self,
-        tensions: Floats,
-        drops: Floats,
-        spans: Floats,
-        pulled: NDArray[np.bool_],
-        commands: Floats,
-        gravity: ArrayLike,
-        tip_force: ArrayLike,
-        tip_moment: ArrayLike,
-        strain: Floats,
-        slips: NDArray[np.int8],
-    ) -> None: ...
+    def resume(self, history: Mapping[str, NDArray[Any]]) -> None: ...
 
 @final
 class Simulator:
     def __new__(
         cls,
         robot: Robot,
-        theory: str,
-        tendon: str,
-        twist: bool,
-        elements: int,
-        gravity: Sequence[float] | None,
-        mass_damping: float,
-        material_damping: float,
-        spectral_radius: float,
-        step: float | None,
-        tolerance: float,
-        longest_step: float,
+        model: RodModel,
+        gravity: ArrayLike | None,
+        scheme: Any,
         points: int,
         home: Floats,
         compliance: Floats,
@@ -213,14 +153,7 @@ class Flexibility:
     def matrix(self) -> Floats: ...
 
 def flexibility(
-    robot: Robot,
-    tensions: Floats,
-    theory: str,
-    gravity: Sequence[float] | None,
-    tip_force: Floats,
-    tendon: str,
-    twist: bool,
-    elements: int,
+    robot: Robot, tensions: Floats, load: _DeadLoad, model: RodModel
 ) -> tuple[str, Flexibility | None]: ...
 def flexibility_at(drive: Drive) -> Flexibility | None: ...
 def check_memory(bytes: float, what: str, cure: str) -> None: ...
@@ -249,13 +182,7 @@ class Solution:
     @property
     def collision(self) -> int | None: ...
     @property
-    def theory(self) -> Literal["cosserat", "kirchhoff"]: ...
-    @property
-    def tendon(self) -> Literal["straight", "continuous"]: ...
-    @property
-    def twist(self) -> bool: ...
-    @property
-    def elements(self) -> int: ...
+    def model(self) -> RodModel: ...
     @property
     def error_estimate(self) -> tuple[float, float] | None: ...
     @property

@@ -1,14 +1,15 @@
 //! Robots driven by pulls, and tendons that rub: `Drive`, one step of a path after another.
 
-use crate::input::{input_error, numbers, refused, settings, three, OwnLoads};
+use crate::input::{input_error, numbers, refused, three, OwnLoads};
 use crate::interrupt::interruptible;
+use crate::model::{DeadLoad, Lines, RodModel};
 use crate::rod::{array, check_rows, Answer, Driven, Robot, Solution, State};
 use bowstring_core::interrupt::{self, interrupted};
 use bowstring_core::memory;
-use bowstring_core::model::load::{Load, OwnedLoad};
+use bowstring_core::model::load::Load;
 use bowstring_core::model::robot::InputError;
 use bowstring_core::statics::batch::{self, Settings, Solutions};
-use bowstring_core::statics::path::{self, Command, DriveOutcome, Line};
+use bowstring_core::statics::path::{self, Command, DriveOutcome};
 use bowstring_core::statics::solver::{Outcome, Status};
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyReadonlyArray, PyUntypedArrayMethods};
@@ -31,39 +32,17 @@ impl Drive {
 
 #[pymethods]
 impl Drive {
+    /// From the arrays of a robot's tendons; without friction if it is left out.
     #[new]
-    #[pyo3(signature = (robot, theory, tendon, twist, elements, stiffness, free_length, compliance,
-        friction, pretension))]
-    #[allow(clippy::too_many_arguments)]
     fn new(
         robot: &Bound<'_, Robot>,
-        theory: &str,
-        tendon: &str,
-        twist: bool,
-        elements: Option<usize>,
-        stiffness: &Bound<'_, PyAny>,
-        free_length: &Bound<'_, PyAny>,
-        compliance: &Bound<'_, PyAny>,
-        friction: &Bound<'_, PyAny>,
-        pretension: &Bound<'_, PyAny>,
+        model: &RodModel,
+        tendons: Lines<'_>,
+        friction: bool,
     ) -> PyResult<Self> {
-        let settings = settings(theory, tendon, twist, elements)?;
+        let settings = model.settings();
         let inner = &robot.get().inner;
-        let count = inner.tendon_count();
-        let stiffness = numbers(stiffness, "stiffness", "N", count)?;
-        let free_length = numbers(free_length, "free_length", "m", count)?;
-        let compliance = numbers(compliance, "compliance", "m/N", count)?;
-        let friction = numbers(friction, "friction", "1", count)?;
-        let pretension = numbers(pretension, "pretension", "N", count)?;
-        let lines: Vec<_> = (0..count)
-            .map(|i| Line {
-                stiffness: stiffness[i],
-                free_length: free_length[i],
-                compliance: compliance[i],
-                friction: friction[i],
-                pretension: pretension[i],
-            })
-            .collect();
+        let lines = tendons.lines(inner.tendon_count(), friction)?;
         let drive = interruptible(robot.py(), || {
             path::Drive::new(inner, settings.model, settings.elements, &lines)
         })?;
@@ -85,26 +64,15 @@ impl Drive {
         py: Python<'_>,
         pulled: PyReadonlyArray1<bool>,
         commands: &Bound<'_, PyAny>,
-        gravity: Option<&Bound<'_, PyAny>>,
-        tip_force: &Bound<'_, PyAny>,
-        tip_moment: &Bound<'_, PyAny>,
+        load: DeadLoad<'_>,
     ) -> PyResult<Solution> {
-        let spec = self.inner.robot().spec();
-        let count = spec.tendons.len();
+        let count = self.inner.robot().tendon_count();
         let commands = numbers(commands, "commands", "m or N", count)?;
         let pulled: Vec<bool> = pulled.as_array().iter().copied().collect();
         if pulled.len() != count {
             return Err(refused(format!("pulled must have {count} entries")));
         }
-        let mut load = OwnedLoad {
-            tensions: vec![],
-            gravity: match gravity {
-                Some(g) => three(g, "gravity", "m/s^2")?,
-                None => spec.gravity,
-            },
-            tip_force: three(tip_force, "tip_force", "N")?,
-            tip_moment: three(tip_moment, "tip_moment", "N m")?,
-        };
+        let mut load = load.with(self.inner.robot(), vec![])?;
         let given = orders(&pulled, &commands);
         let drive = &mut self.inner;
         let found =
@@ -140,20 +108,16 @@ impl Drive {
         ))
     }
 
-    /// Many steps: each from the one before, or (`path` false) each from where the drive stands,
-    /// on `threads` cores (0: all). Arrays of n rows, the last three may be one row.
-    #[allow(clippy::too_many_arguments)]
+    /// Many steps: each from the one before or, with `threads` (0: one for each core), each from
+    /// where the drive stands. Arrays of n rows; the load may have one row.
     fn follow<'py>(
         &mut self,
         py: Python<'py>,
         pulled: PyReadonlyArray2<'py, bool>,
         commands: PyReadonlyArray2<'py, f64>,
-        gravity: Option<&Bound<'py, PyAny>>,
-        tip_force: &Bound<'py, PyAny>,
-        tip_moment: &Bound<'py, PyAny>,
+        load: DeadLoad<'py>,
         disks: bool,
-        path: bool,
-        threads: usize,
+        threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let robot = self.robot.clone_ref(py);
         let core = &robot.get().inner;
@@ -167,7 +131,7 @@ impl Drive {
         );
         let numbers = 12 + (n + 7) * m + if disks { 12 * n } else { 0 } + 40;
         check_rows(count, numbers, disks)?;
-        let loads = OwnLoads::new(core, commands, gravity, tip_force, tip_moment)?;
+        let loads = OwnLoads::new(core, commands, &load)?;
         let pulled: Vec<bool> = pulled.as_array().iter().copied().collect();
         let drive = &mut self.inner;
         let rows = interruptible(py, || {
@@ -182,11 +146,12 @@ impl Drive {
                     .map_err(|e| InputError(format!("row {row}: {e}")))?;
             }
             let mut rows = Rows::new(core, count, disks)?;
-            if path {
-                rows.follow(drive, &pulled, &loads);
-            } else {
-                drive.check_copies(2 * batch::thread_count(threads).min(count))?;
-                rows.solve(drive, &pulled, &loads, threads);
+            match threads {
+                None => rows.follow(drive, &pulled, &loads),
+                Some(threads) => {
+                    drive.check_copies(2 * batch::thread_count(threads).min(count))?;
+                    rows.solve(drive, &pulled, &loads, threads);
+                }
             }
             Ok(rows)
         })?
@@ -225,33 +190,21 @@ impl Drive {
     }
 
     /// Goes on from a history.
-    #[allow(clippy::too_many_arguments)]
-    fn resume(
-        &mut self,
-        tensions: PyReadonlyArray1<f64>,
-        drops: PyReadonlyArray2<f64>,
-        spans: PyReadonlyArray2<f64>,
-        pulled: PyReadonlyArray1<bool>,
-        commands: PyReadonlyArray1<f64>,
-        gravity: &Bound<'_, PyAny>,
-        tip_force: &Bound<'_, PyAny>,
-        tip_moment: &Bound<'_, PyAny>,
-        strain: PyReadonlyArray2<f64>,
-        slips: PyReadonlyArray2<i8>,
-    ) -> PyResult<()> {
-        let pulled: Vec<bool> = flat(&pulled);
-        let commands: Vec<f64> = flat(&commands);
-        if pulled.len() != commands.len() || strain.shape()[1] != 3 {
+    fn resume(&mut self, history: History<'_>) -> PyResult<()> {
+        let pulled: Vec<bool> = flat(&history.pulled);
+        let commands: Vec<f64> = flat(&history.commands);
+        if pulled.len() != commands.len() || history.strain.shape()[1] != 3 {
             return Err(refused("the history does not belong to this robot"));
         }
         let load = Load {
             tensions: &[],
-            gravity: three(gravity, "gravity", "m/s^2")?,
-            tip_force: three(tip_force, "tip_force", "N")?,
-            tip_moment: three(tip_moment, "tip_moment", "N m")?,
+            gravity: three(&history.gravity, "gravity", "m/s^2")?,
+            tip_force: three(&history.tip_force, "tip_force", "N")?,
+            tip_moment: three(&history.tip_moment, "tip_moment", "N m")?,
         };
         let given = orders(&pulled, &commands);
-        let rows: Vec<[f64; 3]> = strain
+        let rows: Vec<[f64; 3]> = history
+            .strain
             .as_array()
             .rows()
             .into_iter()
@@ -259,15 +212,31 @@ impl Drive {
             .collect();
         self.inner
             .resume(
-                &flat(&tensions),
-                &flat(&drops),
-                &flat(&spans),
+                &flat(&history.tensions),
+                &flat(&history.drops),
+                &flat(&history.spans),
                 &given,
                 &load,
             )
-            .and_then(|()| self.inner.start_from(&rows, &flat(&slips)))
+            .and_then(|()| self.inner.start_from(&rows, &flat(&history.slips)))
             .map_err(input_error)
     }
+}
+
+/// What `Drive::history` gave, as items of a mapping.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct History<'py> {
+    tensions: PyReadonlyArray1<'py, f64>,
+    drops: PyReadonlyArray2<'py, f64>,
+    spans: PyReadonlyArray2<'py, f64>,
+    pulled: PyReadonlyArray1<'py, bool>,
+    commands: PyReadonlyArray1<'py, f64>,
+    gravity: Bound<'py, PyAny>,
+    tip_force: Bound<'py, PyAny>,
+    tip_moment: Bound<'py, PyAny>,
+    strain: PyReadonlyArray2<'py, f64>,
+    slips: PyReadonlyArray2<'py, i8>,
 }
 
 fn flat<T: numpy::Element + Copy, D: numpy::ndarray::Dimension>(

@@ -2,8 +2,9 @@
 
 use crate::drive::Drive;
 use crate::fields::Records;
-use crate::input::{input_error, model, numbers, refused, three};
+use crate::input::{input_error, numbers, refused, three};
 use crate::interrupt::interruptible;
+use crate::model::{self, DeadLoad, RodModel};
 use crate::rod::Robot;
 use bowstring_core::dynamics::integrator::{
     self, Count, Damping, Energies, Fields, Settings, Step, Stop,
@@ -43,23 +44,14 @@ pub struct Simulator {
 
 #[pymethods]
 impl Simulator {
+    /// Stations in each module (0 keeps the motion of the tip alone); for the displacement of
+    /// tendons that are given by tension, their length at home in m and compliance in m/N.
     #[new]
-    #[pyo3(signature = (robot, theory, tendon, twist, elements, gravity, mass_damping,
-        material_damping, spectral_radius, step, tolerance, longest_step, points, home, compliance))]
-    #[allow(clippy::too_many_arguments)]
     fn new(
         robot: &Robot,
-        theory: &str,
-        tendon: &str,
-        twist: bool,
-        elements: usize,
+        model: &RodModel,
         gravity: Option<&Bound<'_, PyAny>>,
-        mass_damping: f64,
-        material_damping: f64,
-        spectral_radius: f64,
-        step: Option<f64>,
-        tolerance: f64,
-        longest_step: f64,
+        scheme: Scheme,
         points: usize,
         home: &Bound<'_, PyAny>,
         compliance: &Bound<'_, PyAny>,
@@ -71,24 +63,21 @@ impl Simulator {
             ));
         }
         let settings = Settings {
-            gravity: match gravity {
-                Some(g) => three(g, "gravity", "m/s^2")?,
-                None => robot.spec().gravity,
-            },
+            gravity: model::gravity(robot, gravity)?,
             damping: Damping {
-                mass: mass_damping,
-                material: material_damping,
+                mass: scheme.mass_damping,
+                material: scheme.material_damping,
             },
-            spectral_radius,
-            step: match step {
+            spectral_radius: scheme.spectral_radius,
+            step: match scheme.step {
                 Some(step) => Step::Fixed(step),
                 None => Step::Adaptive {
-                    tolerance,
-                    longest: longest_step,
+                    tolerance: scheme.tolerance,
+                    longest: scheme.longest_step,
                 },
             },
         };
-        let model = model(theory, tendon, twist)?;
+        let (model, elements) = (model.model(), model.elements_or_one());
         let tendons = robot.tendon_count();
         let inner =
             integrator::Simulator::new(robot, model, elements, settings).map_err(input_error)?;
@@ -499,34 +488,37 @@ pub fn flexibility_at(py: Python<'_>, drive: PyRef<'_, Drive>) -> PyResult<Optio
 
 /// Status, and flexibility about the equilibrium of a load: None where there is no stable one.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
 pub fn flexibility<'py>(
     py: Python<'py>,
     robot: &Robot,
     tensions: &Bound<'py, PyAny>,
-    theory: &str,
-    gravity: Option<&Bound<'py, PyAny>>,
-    tip_force: &Bound<'py, PyAny>,
-    tendon: &str,
-    twist: bool,
-    elements: usize,
+    load: DeadLoad<'py>,
+    model: &RodModel,
 ) -> PyResult<(&'static str, Option<Flexibility>)> {
     let robot = &robot.inner;
     let tensions = numbers(tensions, "tensions", "N", robot.tendon_count())?;
-    let load = Load {
-        tensions: &tensions,
-        gravity: match gravity {
-            Some(g) => three(g, "gravity", "m/s^2")?,
-            None => robot.spec().gravity,
-        },
-        tip_force: three(tip_force, "tip_force", "N")?,
-        tip_moment: [0.0; 3],
-    };
-    let model = model(theory, tendon, twist)?;
-    let (outcome, found) = interruptible(py, || modal::flexibility(robot, model, elements, &load))?
-        .map_err(input_error)?;
+    let load = load.with(robot, tensions)?;
+    let (model, elements) = (model.model(), model.elements_or_one());
+    let (outcome, found) = interruptible(py, || {
+        modal::flexibility(robot, model, elements, &load.borrow())
+    })?
+    .map_err(input_error)?;
     Ok((
         outcome.status.word(),
         found.map(|inner| Flexibility { inner }),
     ))
+}
+
+/// Time integration and damping, as attributes.
+#[derive(FromPyObject)]
+struct Scheme {
+    /// Fixed step, s; `None` adapts it.
+    step: Option<f64>,
+    /// Error of a disk's position in an adapted step, m, and the longest one, s.
+    tolerance: f64,
+    longest_step: f64,
+    spectral_radius: f64,
+    /// 1/s and s.
+    mass_damping: f64,
+    material_damping: f64,
 }

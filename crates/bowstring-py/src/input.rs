@@ -1,9 +1,9 @@
 //! Arguments from Python, checked: each refusal is a sentence.
 
+use crate::model::DeadLoad;
 use bowstring_core::memory;
-use bowstring_core::model::load::{Model, TendonPath, Theory};
 use bowstring_core::model::robot::InputError;
-use bowstring_core::statics::batch::{Loads, Settings};
+use bowstring_core::statics::batch::Loads;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
@@ -33,9 +33,7 @@ impl OwnLoads {
     pub fn new(
         robot: &bowstring_core::model::robot::Robot,
         tensions: PyReadonlyArray2<f64>,
-        gravity: Option<&Bound<PyAny>>,
-        tip_force: &Bound<PyAny>,
-        tip_moment: &Bound<PyAny>,
+        load: &DeadLoad<'_>,
     ) -> PyResult<Self> {
         let (count, tendons) = (tensions.shape()[0], tensions.shape()[1]);
         if tendons != robot.tendon_count() {
@@ -51,28 +49,29 @@ impl OwnLoads {
             "give fewer at a time",
         )
         .map_err(input_error)?;
-        let rows = |value: &Bound<PyAny>, name: &str, unit: &str| match value
-            .extract::<PyReadonlyArray2<f64>>()
-        {
-            Ok(array) if array.shape() == [count, 3] => {
-                Ok(array.as_array().iter().copied().collect())
+        type Given<'a, 'py> = &'a Option<Bound<'py, PyAny>>;
+        let rows = |value: Given, otherwise: [f64; 3], name: &str, unit: &str| {
+            let Some(value) = value else {
+                return Ok(otherwise.to_vec());
+            };
+            match value.extract::<PyReadonlyArray2<f64>>() {
+                Ok(array) if array.shape() == [count, 3] => {
+                    Ok(array.as_array().iter().copied().collect())
+                }
+                Ok(array) => Err(refused(format!(
+                    "{name} has shape ({}, {}), it must be (3,) or ({count}, 3), in {unit}",
+                    array.shape()[0],
+                    array.shape()[1]
+                ))),
+                Err(_) => Ok(three(value, name, unit)?.to_vec()),
             }
-            Ok(array) => Err(refused(format!(
-                "{name} has shape ({}, {}), it must be (3,) or ({count}, 3), in {unit}",
-                array.shape()[0],
-                array.shape()[1]
-            ))),
-            Err(_) => Ok(three(value, name, unit)?.to_vec()),
         };
         Ok(OwnLoads {
             count,
             tensions: tensions.as_array().iter().copied().collect(),
-            gravity: match gravity {
-                Some(g) => rows(g, "gravity", "m/s^2")?,
-                None => robot.spec().gravity.to_vec(),
-            },
-            tip_force: rows(tip_force, "tip_force", "N")?,
-            tip_moment: rows(tip_moment, "tip_moment", "N m")?,
+            gravity: rows(&load.gravity, robot.spec().gravity, "gravity", "m/s^2")?,
+            tip_force: rows(&load.tip_force, [0.0; 3], "tip_force", "N")?,
+            tip_moment: rows(&load.tip_moment, [0.0; 3], "tip_moment", "N m")?,
         })
     }
 
@@ -85,40 +84,6 @@ impl OwnLoads {
             tip_moment: &self.tip_moment,
         }
     }
-}
-
-pub(crate) fn settings(
-    theory: &str,
-    tendon: &str,
-    twist: bool,
-    elements: Option<usize>,
-) -> PyResult<Settings> {
-    let model = model(theory, tendon, twist)?;
-    Ok(Settings { model, elements })
-}
-
-pub(crate) fn model(theory: &str, tendon: &str, twist: bool) -> PyResult<Model> {
-    Ok(Model {
-        theory: match theory {
-            "cosserat" => Theory::Cosserat,
-            "kirchhoff" => Theory::Kirchhoff,
-            _ => {
-                return Err(refused(format!(
-                    "theory is {theory:?}, it must be \"cosserat\" or \"kirchhoff\""
-                )))
-            }
-        },
-        tendon: match tendon {
-            "straight" => TendonPath::Straight,
-            "continuous" => TendonPath::Continuous,
-            _ => {
-                return Err(refused(format!(
-                    "tendon is {tendon:?}, it must be \"straight\" or \"continuous\""
-                )))
-            }
-        },
-        twist,
-    })
 }
 
 /// A sequence of `count` numbers: an array, a list, a tuple or what NumPy makes an array of. Its
@@ -196,7 +161,7 @@ pub(crate) fn three(value: &Bound<'_, PyAny>, name: &str, unit: &str) -> PyResul
 }
 
 /// How a wrong value shows in an error.
-fn brief(value: &Bound<'_, PyAny>) -> String {
+pub(crate) fn brief(value: &Bound<'_, PyAny>) -> String {
     let text = value.repr().map_or_else(
         |_| value.get_type().to_string(),
         |r| {

@@ -8,6 +8,7 @@ mod dynamics;
 mod fields;
 mod input;
 mod interrupt;
+mod model;
 mod rod;
 
 #[pymodule]
@@ -28,6 +29,8 @@ mod _core {
     use crate::fields::{derive, surface_stress, von_mises};
     #[pymodule_export]
     use crate::input::check_memory;
+    #[pymodule_export]
+    use crate::model::RodModel;
     #[pymodule_export]
     use crate::rod::{Robot, Solution};
 

@@ -1,10 +1,11 @@
 //! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one answer.
 
-use crate::input::{input_error, numbers, refused, settings, three, OwnLoads};
+use crate::input::{input_error, numbers, refused, OwnLoads};
 use crate::interrupt::interruptible;
+use crate::model::{DeadLoad, RobotArrays, RodModel};
 use bowstring_core::memory;
-use bowstring_core::model::load::{OwnedLoad, TendonPath, Theory};
-use bowstring_core::model::robot::{Disk, InputError, RobotSpec, Section, Tendon};
+use bowstring_core::model::load::OwnedLoad;
+use bowstring_core::model::robot::InputError;
 use bowstring_core::rod::sensitivity::Derivative;
 use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{self, write_pose, Settings, Solutions};
@@ -13,8 +14,8 @@ use bowstring_core::statics::solver::Solver;
 use bowstring_core::statics::solver::{Outcome, Status};
 use numpy::ndarray::{Array, ArrayView, Dim, Dimension, IntoDimension, Ix1, ShapeError};
 use numpy::{
-    Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1,
-    PyReadonlyArray2, PyUntypedArrayMethods, ToPyArray,
+    Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2,
+    PyUntypedArrayMethods, ToPyArray,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::intern;
@@ -32,93 +33,10 @@ pub struct Robot {
 
 #[pymethods]
 impl Robot {
+    /// From the arrays of a `bowstring.Robot`.
     #[new]
-    #[pyo3(signature = (station_m, clamped_length_m, disk_mass_kg, disk_inertia,
-        disk_segment, bending_stiffness, torsion_stiffness, axial_stiffness, shear_stiffness,
-        mass_per_length, rotary_inertia, hole_m, end_disk, gravity))]
-    #[allow(clippy::too_many_arguments)]
-    fn new(
-        station_m: PyReadonlyArray1<f64>,
-        clamped_length_m: PyReadonlyArray1<f64>,
-        disk_mass_kg: PyReadonlyArray1<f64>,
-        disk_inertia: PyReadonlyArray2<f64>,
-        disk_segment: PyReadonlyArray1<i64>,
-        bending_stiffness: PyReadonlyArray1<f64>,
-        torsion_stiffness: PyReadonlyArray1<f64>,
-        axial_stiffness: PyReadonlyArray1<f64>,
-        shear_stiffness: PyReadonlyArray1<f64>,
-        mass_per_length: PyReadonlyArray1<f64>,
-        rotary_inertia: PyReadonlyArray1<f64>,
-        hole_m: PyReadonlyArray2<f64>,
-        end_disk: PyReadonlyArray1<i64>,
-        gravity: PyReadonlyArray1<f64>,
-    ) -> PyResult<Self> {
-        let (disks, segments) = (station_m.len(), bending_stiffness.len());
-        let tendons = end_disk.len();
-        for (name, len, expected) in [
-            ("clamped_length_m", clamped_length_m.len(), disks),
-            ("disk_mass_kg", disk_mass_kg.len(), disks),
-            ("disk_segment", disk_segment.len(), disks),
-            ("torsion_stiffness", torsion_stiffness.len(), segments),
-            ("axial_stiffness", axial_stiffness.len(), segments),
-            ("shear_stiffness", shear_stiffness.len(), segments),
-            ("mass_per_length", mass_per_length.len(), segments),
-            ("rotary_inertia", rotary_inertia.len(), segments),
-            ("gravity", gravity.len(), 3),
-        ] {
-            if len != expected {
-                return Err(refused(format!(
-                    "{name} has {len} entries, it must have {expected}"
-                )));
-            }
-        }
-        for (name, shape, rows) in [
-            ("hole_m", hole_m.shape(), tendons),
-            ("disk_inertia", disk_inertia.shape(), disks),
-        ] {
-            if shape != [rows, 2] {
-                return Err(refused(format!(
-                    "{name} has shape {shape:?}, it must have [{rows}, 2]"
-                )));
-            }
-        }
-        // an index below zero becomes a huge one, which the core refuses
-        let index = |i: i64| usize::try_from(i).unwrap_or(usize::MAX);
-        let (clamped, mass) = (clamped_length_m.as_array(), disk_mass_kg.as_array());
-        let (station, segment) = (station_m.as_array(), disk_segment.as_array());
-        let (bending, torsion) = (bending_stiffness.as_array(), torsion_stiffness.as_array());
-        let (axial, shear) = (axial_stiffness.as_array(), shear_stiffness.as_array());
-        let (line, rotary) = (mass_per_length.as_array(), rotary_inertia.as_array());
-        let (hole, inertia) = (hole_m.as_array(), disk_inertia.as_array());
-        let (end, g) = (end_disk.as_array(), gravity.as_array());
-        let spec = RobotSpec {
-            sections: (0..segments)
-                .map(|i| Section {
-                    bending: bending[i],
-                    torsion: torsion[i],
-                    axial: axial[i],
-                    shear: shear[i],
-                    mass_per_length: line[i],
-                    rotary_inertia: rotary[i],
-                })
-                .collect(),
-            disks: (0..disks)
-                .map(|i| Disk {
-                    station: station[i],
-                    clamped_length: clamped[i],
-                    mass: mass[i],
-                    inertia: [inertia[[i, 0]], inertia[[i, 1]]],
-                    segment: index(segment[i]),
-                })
-                .collect(),
-            tendons: (0..tendons)
-                .map(|i| Tendon {
-                    hole: [hole[[i, 0]], hole[[i, 1]]],
-                    end_disk: index(end[i]),
-                })
-                .collect(),
-            gravity: [g[0], g[1], g[2]],
-        };
+    fn new(arrays: RobotArrays<'_>) -> PyResult<Self> {
+        let spec = arrays.spec()?;
         Ok(Robot {
             inner: bowstring_core::model::robot::Robot::new(spec).map_err(input_error)?,
             solvers: Mutex::default(),
@@ -138,30 +56,17 @@ impl Robot {
     }
 
     /// One equilibrium from straight.
-    #[allow(clippy::too_many_arguments)]
     fn solve(
         slf: &Bound<'_, Self>,
         tensions: &Bound<'_, PyAny>,
-        theory: &str,
-        gravity: Option<&Bound<'_, PyAny>>,
-        tip_force: &Bound<'_, PyAny>,
-        tip_moment: &Bound<'_, PyAny>,
-        tendon: &str,
-        twist: bool,
-        elements: Option<usize>,
+        load: DeadLoad<'_>,
+        model: &RodModel,
     ) -> PyResult<Solution> {
         let this = slf.get();
         let robot = &this.inner;
-        let settings = settings(theory, tendon, twist, elements)?;
-        let load = OwnedLoad {
-            tensions: numbers(tensions, "tensions", "N", robot.tendon_count())?,
-            gravity: match gravity {
-                Some(g) => three(g, "gravity", "m/s^2")?,
-                None => robot.spec().gravity,
-            },
-            tip_force: three(tip_force, "tip_force", "N")?,
-            tip_moment: three(tip_moment, "tip_moment", "N m")?,
-        };
+        let settings = model.settings();
+        let tensions = numbers(tensions, "tensions", "N", robot.tendon_count())?;
+        let load = load.with(robot, tensions)?;
         let found = interruptible(slf.py(), || {
             this.with_solver(settings, |solver| {
                 let outcome = solver.solve(&load.borrow())?;
@@ -187,24 +92,18 @@ impl Robot {
     }
 
     /// Many loads in order; arrays of n rows, the last three may be one row.
-    #[allow(clippy::too_many_arguments)]
     fn sweep<'py>(
         &self,
         py: Python<'py>,
         tensions: PyReadonlyArray2<'py, f64>,
-        theory: &str,
-        gravity: Option<&Bound<'py, PyAny>>,
-        tip_force: &Bound<'py, PyAny>,
-        tip_moment: &Bound<'py, PyAny>,
-        tendon: &str,
-        twist: bool,
-        elements: Option<usize>,
+        load: DeadLoad<'py>,
+        model: &RodModel,
         warm: bool,
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let settings = settings(theory, tendon, twist, elements)?;
+        let settings = model.settings();
         self.check_rows(tensions.shape()[0], disks)?;
-        let loads = OwnLoads::new(&self.inner, tensions, gravity, tip_force, tip_moment)?;
+        let loads = OwnLoads::new(&self.inner, tensions, &load)?;
         let found = interruptible(py, || {
             self.with_solver(settings, |solver| {
                 batch::sweep_with(&self.inner, solver, &loads.borrow(), warm, disks)
@@ -214,24 +113,18 @@ impl Robot {
     }
 
     /// Many loads, each from straight, on `threads` cores (0: all).
-    #[allow(clippy::too_many_arguments)]
     fn solve_batch<'py>(
         &self,
         py: Python<'py>,
         tensions: PyReadonlyArray2<'py, f64>,
-        theory: &str,
-        gravity: Option<&Bound<'py, PyAny>>,
-        tip_force: &Bound<'py, PyAny>,
-        tip_moment: &Bound<'py, PyAny>,
-        tendon: &str,
-        twist: bool,
-        elements: Option<usize>,
+        load: DeadLoad<'py>,
+        model: &RodModel,
         threads: usize,
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let settings = settings(theory, tendon, twist, elements)?;
+        let settings = model.settings();
         self.check_rows(tensions.shape()[0], disks)?;
-        let loads = OwnLoads::new(&self.inner, tensions, gravity, tip_force, tip_moment)?;
+        let loads = OwnLoads::new(&self.inner, tensions, &load)?;
         let found = interruptible(py, || {
             batch::solve_batch(&self.inner, &settings, &loads.borrow(), threads, disks)
         })?;
@@ -545,27 +438,10 @@ impl Solution {
     fn collision(&self) -> Option<usize> {
         self.outcome.collision
     }
+    /// As it was solved with: elements are those taken.
     #[getter]
-    fn theory(&self) -> &'static str {
-        match self.settings.model.theory {
-            Theory::Cosserat => "cosserat",
-            Theory::Kirchhoff => "kirchhoff",
-        }
-    }
-    #[getter]
-    fn tendon(&self) -> &'static str {
-        match self.settings.model.tendon {
-            TendonPath::Straight => "straight",
-            TendonPath::Continuous => "continuous",
-        }
-    }
-    #[getter]
-    fn twist(&self) -> bool {
-        self.settings.model.twist
-    }
-    #[getter]
-    fn elements(&self) -> Option<usize> {
-        self.settings.elements
+    fn model(&self) -> RodModel {
+        RodModel::new(self.settings)
     }
     /// Estimated discretisation error of tip, m, and tensions, N; `None` without an answer.
     #[getter]

@@ -35,7 +35,7 @@ from bowstring.viz.vtk import check_data, holes
 if TYPE_CHECKING:
     import xarray as xr
 
-    from bowstring.statics.rod import Solution
+    from bowstring.statics.solution import Solution
 
 __all__ = ["MESHED", "Part", "Solid", "check_cad", "make_solid", "plain_name", "triangulate"]
 
@@ -208,8 +208,8 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
     ----------
     robot : Robot
     pose : Solution or xarray.Dataset, optional
-        An equilibrium, or one output time of a run (``run.dataset.isel(time=[k])``); straight and
-        unloaded if not given.
+        An equilibrium, or one output time of a run (``run.to_dataset().isel(time=[k])``);
+        straight and unloaded if not given.
 
     Returns
     -------

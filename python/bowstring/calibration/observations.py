@@ -15,6 +15,7 @@ from bowstring.calibration.tip_model import Commands
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics import actuation
+from bowstring.statics.load import Load
 from bowstring.validation import floats
 
 __all__ = [
@@ -167,7 +168,7 @@ def commands(data: Measured, robot: Robot) -> Commands:
     if len({table.shape for table in given.values()}) > 1:
         raise InputError("tensions and pulls must have one row each for each measurement")
     given_tensions, given_pulls = given.get("tensions"), given.get("pulls")
-    pulled, values = actuation.commands(robot, given_tensions, given_pulls, None, rows=True)
+    pulled, values = actuation.commands(robot, Load(given_tensions, given_pulls), rows=True)
     if not np.isfinite(values).all():
         k, t = np.argwhere(~np.isfinite(values))[0]
         raise InputError(f"row {k}: the command of tendon {t + 1} is {values[k, t]}")

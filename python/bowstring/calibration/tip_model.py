@@ -20,6 +20,8 @@ from bowstring.constant_curvature import arcs
 from bowstring.errors import BowstringError, InputError
 from bowstring.robot.model import Robot
 from bowstring.statics import actuation
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
 
 __all__ = ["Commands", "Model", "Prediction", "TipModel", "paths_of", "rotation"]
 
@@ -27,7 +29,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Model = Literal["rod", "arc"]
 
-_NO_LOAD: Final = (0.0, 0.0, 0.0)
+_NO_LOAD: Final = Load()  # beside the robot's gravity
 #: Share of a natural step of a parameter for differences; more where friction jumps.
 _SMALL: Final = 1e-3
 _SMALL_FRICTION: Final = 0.1
@@ -170,7 +172,7 @@ class TipModel:
         self.unknowns = unknowns
         self.commands = commands
         self.model = model
-        self.theory = theory
+        self.rod = RodModel(theory, elements=1)
         self.solves = 0
         #: The last prediction with its derivatives, as far as they were asked for.
         self._kept: tuple[Prediction, _Exact | None, dict[int, _Column]] | None = None
@@ -263,11 +265,11 @@ class TipModel:
         robot = setting.robot
         pulled = self.commands.pulled
         given = np.where(pulled, given, np.maximum(given, 0.0))
-        way = actuation.Path(robot, self.theory, "straight", True, 1)
+        way = actuation.Path(robot, self.rod)
         if robot.has_friction:
             return self._paths(way, setting, given)
         if not keep:
-            found = way.core.follow(pulled, given, None, _NO_LOAD, _NO_LOAD, False, False, 0)
+            found = way.core.follow(pulled, given, _NO_LOAD, False, 0)
             return Prediction(
                 found["tip_position"],
                 found["tip_rotation"],
@@ -280,7 +282,7 @@ class TipModel:
         solutions = []
         for held, row in zip(pulled, given, strict=True):
             way.core.reset()
-            solutions.append(way.core.step(held, row, None, _NO_LOAD, _NO_LOAD))
+            solutions.append(way.core.step(held, row, _NO_LOAD))
         solved = np.array([s.converged for s in solutions])
         _continue_from_neighbours(way.core, pulled, given, solutions, solved)
         position = np.full((len(given), 3), np.nan)
@@ -298,8 +300,7 @@ class TipModel:
         tensions, slack = np.full_like(given, np.nan), np.full_like(given, np.nan)
         for rows in self.commands.paths:
             way.core.reset()
-            loads = self.commands.pulled[rows], given[rows], None, _NO_LOAD, _NO_LOAD
-            found = way.core.follow(*loads, False, True, 1)
+            found = way.core.follow(self.commands.pulled[rows], given[rows], _NO_LOAD, False, None)
             position[rows], turned[rows] = found["tip_position"], found["tip_rotation"]
             solved[rows] = found["converged"]
             tensions[rows], slack[rows] = found["tensions"], found["slack_lengths"]
@@ -393,7 +394,7 @@ class TipModel:
         return out
 
     def _home(self, setting: Setting) -> Floats:
-        home = actuation.home_lengths(setting.robot, self.theory, "straight", True, 1)
+        home = actuation.home_lengths(setting.robot, self.rod)
         if home is None:
             return np.full(len(setting.robot.tendons.segment), np.nan)
         return home
@@ -435,9 +436,9 @@ def _continue_from_neighbours(
         apart = np.linalg.norm(given[alike] - given[k], axis=1)
         for near in alike[np.argsort(apart, kind="stable")[:_NEIGHBOURS]]:
             core.reset()
-            if not core.step(pulled[near], given[near], None, _NO_LOAD, _NO_LOAD).converged:
+            if not core.step(pulled[near], given[near], _NO_LOAD).converged:
                 continue
-            found = core.step(pulled[k], given[k], None, _NO_LOAD, _NO_LOAD)
+            found = core.step(pulled[k], given[k], _NO_LOAD)
             if found.converged:
                 solutions[k], solved[k] = found, True
                 break

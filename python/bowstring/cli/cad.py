@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bowstring.atomic_io import resolved
-from bowstring.cli.driving import Angle, Pull, Tension, driven_by
+from bowstring.cli.driving import Angle, Pull, Tension, actuated_by
 from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag
 from bowstring.cli.output import (
     Stopped,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from bowstring.cad.solid import Solid
-    from bowstring.statics.rod import Solution
+    from bowstring.statics.solution import Solution
 
 
 def cad(
@@ -65,7 +65,7 @@ def cad(
         raise InputError("nothing to write: give --out FILE, --picture FILE or --drawing FILE.")
     model = load(robot, overrides)
     wanted = (tension, pull, angle)
-    driven = (None, None, None) if wanted == (None, None, None) else driven_by(model, *wanted)
+    acting = None if wanted == (None, None, None) else actuated_by(model, *wanted)
     for flag, check, file in (
         ("--out", export.check_solid_file, out),
         ("--picture", pictures.check_picture_file, picture),
@@ -75,15 +75,14 @@ def cad(
             of_flag(flag, check, file)
     _all_different(out, picture, drawing)
     sizes = sizes_of(model)
-    tensions, pulls, angles = driven
     pose, solid, files = None, None, {}
     try:
         with progress_bar() as tell:
             if out is not None or picture is not None:
                 tell("CAD kernel", 0.0)
                 check_cad()
-            if any(driven):
-                pose = rod.solve(model, tensions, pulls=pulls, angles=angles).raise_for_status()
+            if acting is not None:
+                pose = rod.solve(model, load=acting).raise_for_status()
             if out is not None or picture is not None:
                 tell("solid", 0.3)
                 solid = make_solid(model, pose)
@@ -113,7 +112,12 @@ def cad(
                     for size in sizes.assumed
                 ],
                 "files": files,
-                **provenance_of(model, tensions_N=tensions, pulls_m=pulls, angles_rad=angles),
+                **provenance_of(
+                    model,
+                    tensions_N=acting and acting.tensions,
+                    pulls_m=acting and acting.displacements,
+                    angles_rad=acting and acting.angles,
+                ),
             }
         )
     lines: list[Table | str] = [

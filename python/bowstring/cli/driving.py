@@ -22,6 +22,7 @@ from bowstring.cli.options import (
 from bowstring.cli.output import counted
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
+from bowstring.statics.load import Load
 
 LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
@@ -41,10 +42,8 @@ Angle = Annotated[
 ]
 
 
-def driven_by(
-    robot: Robot, tension: str | None, pull: str | None, angle: str | None
-) -> tuple[Driven | None, Driven | None, Driven | None]:
-    """Tensions, pulls and angles as `rod.solve` takes them; each tendon has one of them."""
+def actuated_by(robot: Robot, tension: str | None, pull: str | None, angle: str | None) -> Load:
+    """The load of tensions, displacements and angles; each tendon has one of them."""
     flags = (("--tension", tension, "N"), ("--pull", pull, "m"), ("--angle", angle, "rad"))
     given = [text for _, text, _ in flags if text is not None]
     if not given:
@@ -53,11 +52,12 @@ def driven_by(
             "--angle A1,A2,..."
         )
     if len(given) == 1:
-        alone: list[Driven | None] = [None, None, None]
-        for k, (flag, text, si) in enumerate(flags):
-            if text is not None:
-                alone[k] = [*per_tendon(flag, text, si, robot, signed=k > 0)]
-        return alone[0], alone[1], alone[2]
+        return Load(
+            *(
+                None if text is None else per_tendon(flag, text, si, robot, signed=k > 0)
+                for k, (flag, text, si) in enumerate(flags)
+            )
+        )
     lists: list[Driven | None] = []
     for flag, text, si in flags:
         lists.append(None if text is None else some_tendons(flag, text, si, robot))
@@ -75,7 +75,7 @@ def driven_by(
             raise InputError(
                 f"tendon {i + 1} is driven by nothing; write a number for it in one of the lists."
             )
-    return lists[0], lists[1], lists[2]
+    return Load(*lists)
 
 
 def some_tendons(flag: str, text: str, si: str, robot: Robot) -> Driven:
@@ -146,15 +146,15 @@ def write_history(file: Path, history: dict[str, Any] | None) -> None:
         raise InputError(f"--save-history: {error}") from None
 
 
-def driven_over_time(
+def actuated_over_time(
     robot: Robot,
     wanted: tuple[str | None, str | None, str | None],
     rise: str | None,
     hold: str | None,
     before: tuple[str | None, str | None],
     table: Path | None,
-) -> tuple[dict[str, Any], float]:
-    """What the flags of `simulate` say of the tendons, as it takes them, and the duration."""
+) -> tuple[Load, Load | None, float]:
+    """What the flags of `simulate` say of the tendons: over time, at the start, the duration."""
     from bowstring.dynamics.load_history import CLOSEST, Table
 
     starts = {
@@ -178,13 +178,13 @@ def driven_over_time(
             )
         at_zero = {name: course.at(0.0, before=True).tolist() for name, course in driven.items()}
         begin = _starts(robot, starts, at_zero)
-        return driven | {f"initial_{name}": row for name, row in begin.items()}, duration
+        return Load(**driven), Load(**begin) if begin else None, duration
     if wanted == (None, None, None):
         raise InputError(
             "what drives the tendons is missing: give --tension T1,T2,..., --pull P1,P2,..., "
             "--angle A1,A2,... or --table FILE."
         )
-    ends = dict(zip(("tensions", "pulls", "angles"), driven_by(robot, *wanted), strict=True))
+    load = actuated_by(robot, *wanted)
     rising = not_negative("--rise", "1" if rise is None else rise, "s")
     if 0 < rising < CLOSEST:
         raise InputError(
@@ -205,12 +205,13 @@ def driven_over_time(
     nan = float("nan")
     rows = {
         name: [nan if v is None else v for v in end]
-        for name, end in ends.items()
-        if end is not None
+        for name in ("tensions", "displacements", "angles")
+        if (end := getattr(load, name)) is not None
     }
     at_zero = {name: [0.0 * v for v in row] for name, row in rows.items()}
     begin = at_zero | _starts(robot, starts, at_zero)
-    return {name: Table([0.0, rising], [begin[name], row]) for name, row in rows.items()}, duration
+    over_time = {name: Table([0.0, rising], [begin[name], row]) for name, row in rows.items()}
+    return Load(**over_time), None, duration
 
 
 def _starts(
@@ -223,7 +224,7 @@ def _starts(
     found = {name: list(row) for name, row in at_zero.items()}
     asked = False
     for flag, start in starts.items():
-        kinds = ("tensions",) if flag == "--from" else ("pulls", "angles")
+        kinds = ("tensions",) if flag == "--from" else ("displacements", "angles")
         for i, value in enumerate(start or ()):
             mine = [name for name in kinds if name in found and not math.isnan(found[name][i])]
             if value is None:

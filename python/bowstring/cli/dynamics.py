@@ -14,8 +14,8 @@ from bowstring.cli.driving import (
     Angle,
     Pull,
     Tension,
-    driven_by,
-    driven_over_time,
+    actuated_by,
+    actuated_over_time,
     read_history,
 )
 from bowstring.cli.options import (
@@ -147,7 +147,9 @@ def simulate(
     """Dynamics: tensions and pulls over time to the robot's motion, from rest in equilibrium."""
     model = load(robot, overrides)
     wanted = (tension, pull, angle)
-    driven, duration = driven_over_time(model, wanted, rise, hold, (before, from_pull), table)
+    acting, start, duration = actuated_over_time(
+        model, wanted, rise, hold, (before, from_pull), table
+    )
     path = None if history is None else read_history(history)
     check_elements(elements)
     mass = not_negative("--mass-damping", mass_damping, "1/s")
@@ -183,27 +185,22 @@ def simulate(
             f"--every: {every} gives {duration / interval:.3g} outputs; up to {MOST_OUTPUTS} are "
             "possible."
         )
-    settings: dict[str, Any] = {
-        "tip_force": vector("--tip-force", tip_force, "N"),
-        "tip_moment": moment,
-        "history": path,
-        "theory": theory,
-        "gravity": None if gravity is None else vector("--gravity", gravity, "m/s^2"),
-        "elements": elements,
-        "mass_damping": mass,
-        "material_damping": material,
-        "modal_damping": ratio("--modal-damping", modal_damping),
-        "spectral_radius": spectral_radius,
-        "dt": fixed,
-        "tolerance": None if tolerance is None else positive("--tolerance", tolerance, "m"),
-        "every": interval,
-    }
+    acting = acting.replace(
+        tip_force=vector("--tip-force", tip_force, "N"),
+        tip_moment=moment,
+        gravity=None if gravity is None else vector("--gravity", gravity, "m/s^2"),
+    )
+    modal = ratio("--modal-damping", modal_damping)
+    error = None if tolerance is None else positive("--tolerance", tolerance, "m")
     targets = _Targets(out, vtk, animation, duration)
 
+    from bowstring._core import RodModel
     from bowstring.dynamics import simulation
+    from bowstring.dynamics.integrator import Integrator
 
-    if vtk is None and animation is None:
-        settings["points"] = simulation.DEFAULT_POINTS if out else 0  # nobody looks at fields
+    integrator = Integrator(fixed, error, spectral_radius, mass, material, modal)
+    fields = out or vtk or animation
+    points = simulation.DEFAULT_POINTS if fields else 0  # nobody looks at them
     share = 0.5 if vtk or animation else 1.0
     run: Run | None = None
     files: dict[str, Path | None] | None = None
@@ -213,10 +210,13 @@ def simulate(
                 run = simulation.simulate(
                     model,
                     duration=duration,
-                    out=targets.out,
-                    progress=lambda done: tell("motion", share * done),
-                    **driven,
-                    **settings,
+                    load=acting,
+                    start=simulation.Start(start, history=path),
+                    model=RodModel(theory, elements=elements),
+                    integrator=integrator,
+                    output=simulation.Output(
+                        interval, points, targets.out, lambda done: tell("motion", share * done)
+                    ),
                 )
             except simulation.RunInterrupted as stopped:
                 run = stopped.run
@@ -277,7 +277,7 @@ def modes(
     model = load(robot, overrides)
     if tension is None and pull is None and angle is None:
         tension = ",".join("0" for _ in range(tendon_count(model)))
-    tensions, pulls, angles = driven_by(model, tension, pull, angle)
+    acting = actuated_by(model, tension, pull, angle)
     check_elements(elements)
     path = None if history is None else read_history(history)
     if not 1 <= count <= 1000:
@@ -285,7 +285,8 @@ def modes(
     weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
     force = vector("--tip-force", tip_force, "N")
 
-    from bowstring.dynamics import simulation
+    from bowstring._core import RodModel
+    from bowstring.dynamics import modal
 
     if out is not None:
         from bowstring.viz.result_folder import check_folder
@@ -300,26 +301,30 @@ def modes(
         elements=elements,
         **{
             name: given
-            for name, given in (("pulls_m", pulls), ("angles_rad", angles), ("history", history))
+            for name, given in (
+                ("pulls_m", acting.displacements),
+                ("angles_rad", acting.angles),
+                ("history", history),
+            )
             if given is not None
         },
     )
     try:
-        found = simulation.modes(
+        found = modal.modes(
             model,
-            tensions,
-            pulls=pulls,
-            angles=angles,
-            count=count,
-            tip_force=force,
+            load=acting.replace(tip_force=force, gravity=weight),
+            model=RodModel(theory, elements=elements),
             history=path,
-            theory=theory,
-            gravity=weight,
-            elements=elements,
+            count=count,
         )
     except NoSolutionError as error:
         if as_json:
-            nothing = {"status": error.status, "tensions_N": tensions, "modes": [], "disks": []}
+            nothing = {
+                "status": error.status,
+                "tensions_N": acting.tensions,
+                "modes": [],
+                "disks": [],
+            }
             write_json({**nothing, **provenance})
         raise
     content = plain({**found.to_dict(), **provenance})
@@ -387,7 +392,7 @@ class _Targets:
         if self.vtk is None and self.animation is None:
             return files
         share = 0.5 if self.vtk and self.animation else 0.0
-        data = run.dataset
+        data = run.to_dataset()
         if self.vtk is not None:
             from bowstring.viz.vtk import write_vtk
 

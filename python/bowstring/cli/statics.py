@@ -15,8 +15,8 @@ from bowstring.cli.driving import (
     Angle,
     Pull,
     Tension,
+    actuated_by,
     check_history_file,
-    driven_by,
     read_history,
     write_history,
 )
@@ -58,7 +58,7 @@ from bowstring.units import number_with_unit
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from bowstring.statics.rod import Solution
+    from bowstring.statics.solution import Solution
 
 
 #: Lengths of a robot beyond which a bare number is hardly meant in m; a thousandth is plausible.
@@ -207,10 +207,11 @@ def solve(
     as_json: AsJson = False,
 ) -> None:
     """Statics: tendon tensions, pulls and loads to the robot's equilibrium."""
+    from bowstring._core import RodModel
     from bowstring.statics import rod
 
     model = load(robot, overrides)
-    tensions, pulls, angles = driven_by(model, tension, pull, angle)
+    load_ = actuated_by(model, tension, pull, angle)
     check_elements(elements)
     weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
     force = vector("--tip-force", tip_force, "N")
@@ -220,18 +221,12 @@ def solve(
         save_history = of_flag("--save-history", check_history_file, save_history)
     solution = rod.solve(
         model,
-        tensions,
-        pulls=pulls,
-        angles=angles,
+        load=load_.replace(gravity=weight, tip_force=force, tip_moment=moment),
+        model=RodModel(theory, elements=elements),
         history=before,
-        theory=theory,
-        gravity=weight,
-        tip_force=force,
-        tip_moment=moment,
-        elements=elements,
     )
     if save_history is not None and solution.converged:
-        write_history(save_history, solution.history)
+        write_history(save_history, solution.history())
     warnings, uses = solution.limits()
     if as_json:
         write_json(
@@ -240,15 +235,15 @@ def solve(
                 "message": solution.message,
                 **provenance_of(
                     model,
-                    tensions_N=tensions,
-                    pulls_m=pulls,
-                    angles_rad=angles,
+                    tensions_N=load_.tensions,
+                    pulls_m=load_.displacements,
+                    angles_rad=load_.angles,
                     history=history,
                     theory=theory,
                     gravity_m_per_s2=weight,
                     tip_force_N=force,
                     tip_moment_Nm=moment,
-                    elements=solution.elements,
+                    elements=solution.model.elements,
                 ),
                 "warnings": [*model.warnings, *warnings],
                 "backbone_limits": [use.to_dict() for use in uses],
@@ -305,7 +300,8 @@ def _used_line(uses: Sequence[limits.Use], robot: Robot) -> str:
 
 
 def _driven_table(solution: Solution) -> Table:
-    lengths, pulls, slack = solution.tendon_lengths, solution.pulls, solution.slack_lengths
+    lengths, slack = solution.tendon_lengths, solution.slack_lengths
+    displacements = solution.displacements()
     assert lengths is not None and slack is not None
     by_tension = not solution.core.driven
     columns = ("tendon", ">tension N", ">length mm", ">pull mm")
@@ -315,7 +311,7 @@ def _driven_table(solution: Solution) -> Table:
             str(i + 1),
             f"{tension:g}",
             fixed(1e3 * lengths[i], 3),
-            "-" if pulls is None else fixed(1e3 * pulls[i], 3),
+            "-" if displacements is None else fixed(1e3 * displacements[i], 3),
             *([] if by_tension else [fixed(1e3 * slack[i], 3)]),
         )
     return table

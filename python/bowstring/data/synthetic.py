@@ -28,6 +28,8 @@ from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics import actuation, rod
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
 from bowstring.units import NUMBER, quote
 from bowstring.validation import floats, is_whole, number, numbers, shown, with_options_of
 
@@ -195,7 +197,7 @@ def set_up(
     tool_error: ArrayLike = (0.0, 0.0, 0.0),
     tip_force: ArrayLike = (0.0, 0.0, 0.0),
     drift: ArrayLike = (0.0, 0.0, 0.0),
-    theory: rod.Theory = "cosserat",
+    theory: Literal["cosserat", "kirchhoff"] = "cosserat",
 ) -> Bench:
     """Drive the actual robot along the loads, and see it from the measuring frame.
 
@@ -280,11 +282,13 @@ def set_up(
     driven = by_tension[rows], by_pull[rows]
     found = rod.sweep(
         other,
-        None if np.isnan(driven[0]).all() else driven[0],
-        pulls=None if np.isnan(driven[1]).all() else driven[1],
-        gravity=felt,
-        tip_force=force,
-        theory=theory,
+        load=Load(
+            None if np.isnan(driven[0]).all() else driven[0],
+            None if np.isnan(driven[1]).all() else driven[1],
+            gravity=felt,
+            tip_force=force,
+        ),
+        model=RodModel(theory),
         disks=False,
     ).raise_for_status()
     points = pose.apply(found.tip_position + found.tip_rotation @ there)
@@ -404,7 +408,7 @@ def _loads(
             raise InputError(
                 "there is no load: give tensions or pulls (K, T), or masses (K,) on a tendon"
             )
-        pulled, values = actuation.commands(robot, tensions, pulls, None, rows=True)
+        pulled, values = actuation.commands(robot, Load(tensions, pulls), rows=True)
         if not len(values):
             raise InputError("there is no load: the table has no row")
         loads = {"by": " and ".join(n for n, v in (("tensions", tensions), ("pulls", pulls))

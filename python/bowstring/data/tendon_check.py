@@ -313,6 +313,7 @@ def _expected(
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Where the tip should be, and of which rows that is known."""
     from bowstring.statics import rod
+    from bowstring.statics.load import Load
 
     arcs = bends(np.arange(m.tendon_count))
     rows = np.flatnonzero(np.linalg.norm(arcs, axis=2).max(axis=1) <= _TURN / 2)
@@ -324,9 +325,9 @@ def _expected(
     if by_pull and not _stretches(robot):
         position, axis = _tips(robot, arcs[rows], tool)
         return (position if with_tip else axis), rows
-    driven = {"pulls" if by_pull else "tensions": bends.driven[rows]}
+    load = Load(**{"displacements" if by_pull else "tensions": bends.driven[rows]})
     try:
-        found = rod.solve_batch(robot, **driven, disks=False)
+        found = rod.solve_batch(robot, load=load, disks=False)
     except BowstringError:
         return np.empty((0, 3)), rows[:0]
     good = np.asarray(found.converged)

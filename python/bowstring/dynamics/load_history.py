@@ -17,12 +17,12 @@ from bowstring import validation
 from bowstring.errors import InputError
 from bowstring.formatting import plain
 from bowstring.statics import actuation
-from bowstring.statics.load import Load
+from bowstring.statics.load import InstantLoad, Load
 
 if TYPE_CHECKING:
     from bowstring.robot.model import Robot
 
-__all__ = ["CLOSEST", "Driven", "Loads", "OverTime", "Table", "over_time", "ramp", "step"]
+__all__ = ["CLOSEST", "Actuation", "Loads", "OverTime", "Table", "over_time", "ramp", "step"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -194,77 +194,74 @@ class _Function:
         return "function of time"
 
 
-class Driven:
-    """What drives the tendons over time: each by a tension, a pull or an angle of its motor.
+class Actuation:
+    """Actuation of the tendons over time: each by a tension, a displacement or a motor angle.
 
     Attributes
     ----------
-    pulled : ndarray of bool (T,)
-        Whether each is pulled by a length, which stays so.
+    by_displacement : ndarray of bool (T,)
+        Whether the displacement of each is given, which stays so.
 
     Parameters
     ----------
+    load : Load
+        Its tensions, displacements and angles, each a table, a function or constant.
     until : float
         Where the run ends, s: what is asked for after that is not looked at.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        tensions: OverTime | None,
-        pulls: OverTime | None,
-        angles: OverTime | None,
-        until: float,
-    ) -> None:
+    def __init__(self, robot: Robot, load: Load, until: float) -> None:
         self._robot = robot
         count = robot.core.tendon_count
-        given = {"tensions": (tensions, "N"), "pulls": (pulls, "m"), "angles": (angles, "rad")}
-        alone = pulls is None and angles is None and tensions is not None
-        self._courses: dict[str, _Course] = {
+        given = {
+            "tensions": (load.tensions, "N"),
+            "displacements": (load.displacements, "m"),
+            "angles": (load.angles, "rad"),
+        }
+        alone = load.is_tension_controlled and load.tensions is not None
+        self._histories: dict[str, _History] = {
             name: over_time(name, value, count, unit, loose=not alone)
             for name, (value, unit) in given.items()
             if value is not None
         }
-        self._alone = self._courses["tensions"] if alone else None
+        self._alone = self._histories["tensions"] if alone else None
         self._longest = robot.disks.station_m[robot.tendons.end_disk]
-        self.pulled: Bools = np.zeros(count, bool)
+        self.by_displacement: Bools = np.zeros(count, bool)
         if not alone:
-            self.pulled, _ = self._commands(0.0, before=True)
+            self.by_displacement, _ = self._commands(0.0, before=True)
             if not self.is_sampled:  # what is wrong later on is wrong before the work
                 inside = sorted({0.0, *(t for t in self.knots() if t < until)})
                 self.rows(np.array([*inside, until]), before=True)
                 self.rows(np.array(inside))
 
     def _commands(self, time: float, *, before: bool) -> tuple[Bools, Floats]:
-        rows = {name: c.at(time, before=before) for name, c in self._courses.items()}
+        rows = {name: c.at(time, before=before) for name, c in self._histories.items()}
         try:
-            return actuation.commands(
-                self._robot, rows.get("tensions"), rows.get("pulls"), rows.get("angles")
-            )
+            return actuation.commands(self._robot, Load(**rows))
         except InputError as error:
             if not self.is_sampled:
                 raise
             raise InputError(f"at {time:.6g} s: {error}") from None
 
     def _check_lengths(self, times: Floats, values: Floats) -> None:
-        long = self.pulled & (values >= self._longest)
+        long = self.by_displacement & (values >= self._longest)
         if long.any():
             k, i = np.argwhere(long)[0]
             raise InputError(
-                f"the pull of tendon {i + 1} is {values[k, i]:g} m at {times[k]:.6g} s, it must be "
-                f"less than the tendon's length, {self._longest[i]:g} m"
+                f"the displacement of tendon {i + 1} is {values[k, i]:g} m at {times[k]:.6g} s, "
+                f"it must be less than the tendon's length, {self._longest[i]:g} m"
             )
 
     def at(self, time: float, *, before: bool = False) -> Floats:
-        """Tension in N or pull in m of each tendon (T,) at a time, after a jump or before it."""
+        """Tension in N or displacement in m of each tendon (T,), after a jump or before it."""
         if self._alone is not None:
             return self._alone.at(time, before=before)
-        pulled, values = self._commands(time, before=before)
-        if (pulled != self.pulled).any():
-            i = int(np.argmax(pulled != self.pulled))
+        by_displacement, values = self._commands(time, before=before)
+        differs = by_displacement != self.by_displacement
+        if differs.any():
             raise InputError(
-                f"tendon {i + 1} changes between a tension and a pull at {time:.6g} s; in a "
-                "motion each stays what it is"
+                f"tendon {int(np.argmax(differs)) + 1} changes between a tension and a "
+                f"displacement at {time:.6g} s; in a motion each stays what it is"
             )
         self._check_lengths(np.array([time]), values[None, :])
         return values
@@ -275,50 +272,48 @@ class Driven:
             return self._alone.rows(times, before=before)
         if self.is_sampled:
             return np.array([self.at(t, before=before) for t in times.tolist()])
-        rows = {name: c.rows(times, before=before) for name, c in self._courses.items()}
-        _, values = actuation.commands(
-            self._robot, rows.get("tensions"), rows.get("pulls"), rows.get("angles"), rows=True
-        )
+        rows = {name: c.rows(times, before=before) for name, c in self._histories.items()}
+        _, values = actuation.commands(self._robot, Load(**rows), rows=True)
         self._check_lengths(times, values)
         return values
 
     def knots(self) -> set[float]:
         """The times of corners and jumps."""
-        return set().union(*(c.knots() for c in self._courses.values()))
+        return set().union(*(c.knots() for c in self._histories.values()))
 
     def jumps(self) -> set[float]:
         """The times of jumps."""
-        return set().union(*(c.jumps() for c in self._courses.values()))
+        return set().union(*(c.jumps() for c in self._histories.values()))
 
     @property
     def is_sampled(self) -> bool:
         """Whether it must be asked before each step."""
-        return any(c.is_sampled for c in self._courses.values())
+        return any(c.is_sampled for c in self._histories.values())
 
     def to_dict(self) -> dict[str, Any]:
         """For a file, by ``tensions_N``, ``pulls_m`` and ``angles_rad``."""
-        units = {"tensions": "N", "pulls": "m", "angles": "rad"}
-        return {f"{name}_{units[name]}": c.to_dict() for name, c in self._courses.items()}
+        keys = {"tensions": "tensions_N", "displacements": "pulls_m", "angles": "angles_rad"}
+        return {keys[name]: c.to_dict() for name, c in self._histories.items()}
 
 
-_Course = Table | _Function
+_History = Table | _Function
 
 
 @dataclass(frozen=True)
 class Loads:
     """All loads over time."""
 
-    drive: Driven
-    tip_force: _Course
-    tip_moment: _Course
+    actuation: Actuation
+    tip_force: _History
+    tip_moment: _History
 
     @property
-    def _all(self) -> tuple[Driven | _Course, ...]:
-        return self.drive, self.tip_force, self.tip_moment
+    def _all(self) -> tuple[Actuation | _History, ...]:
+        return self.actuation, self.tip_force, self.tip_moment
 
-    def at(self, time: float, *, before: bool = False) -> Load:
+    def at(self, time: float, *, before: bool = False) -> InstantLoad:
         """The loads at a time, after a jump there, or before it."""
-        return Load(*(c.at(time, before=before) for c in self._all))
+        return InstantLoad(*(c.at(time, before=before) for c in self._all))
 
     def jumps(self) -> set[float]:
         """The times of jumps."""
@@ -327,7 +322,7 @@ class Loads:
     def to_dict(self) -> dict[str, Any]:
         """For a file."""
         return {
-            **self.drive.to_dict(),
+            **self.actuation.to_dict(),
             "tip_force_N": self.tip_force.to_dict(),
             "tip_moment_Nm": self.tip_moment.to_dict(),
         }
@@ -394,7 +389,7 @@ Stretches = tuple[Floats, Floats, Floats, Floats, NDArray[np.bool_]]
 """Durations, loads at their ends (three arrays of rows), and where to record."""
 
 
-def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = False) -> _Course:
+def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = False) -> _History:
     """A course from what a user gave; ``loose``: with NaN or None where another one tells."""
     if isinstance(value, Table):
         if value.values.shape[1] != count:

@@ -21,7 +21,11 @@ __all__ = ["read_drive"]
 
 _LARGEST: Final = 100_000_000  # bytes
 _LONG: Final = 100  # letters of the name of a column
-_KINDS: Final = {"tension": ("tensions", "N"), "pull": ("pulls", "m"), "angle": ("angles", "rad")}
+_KINDS: Final = {
+    "tension": ("tensions", "N"),
+    "pull": ("displacements", "m"),
+    "angle": ("angles", "rad"),
+}
 
 
 def read_drive(path: str | Path, robot: Robot) -> dict[str, Table]:
@@ -39,8 +43,8 @@ def read_drive(path: str | Path, robot: Robot) -> dict[str, Table]:
     Returns
     -------
     dict from name to Table
-        ``tensions``, ``pulls`` and ``angles`` as far as there are any, as `bowstring.simulate`
-        takes them.
+        ``tensions``, ``displacements`` and ``angles`` as far as there are any, as
+        `bowstring.Load` takes them.
 
     Raises
     ------

@@ -6,23 +6,25 @@ N is the number of disks, T the number of tendons.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from bowstring import validation
+from bowstring._core import check_memory, flexibility, flexibility_at
 from bowstring.display import html_table, in_few_rows
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import check_robot
 from bowstring.statics import actuation
 from bowstring.statics.actuation import Given
-from bowstring.statics.rod import TendonPath, Theory
+from bowstring.statics.load import Load, as_load
+from bowstring.statics.model import as_model
 
 if TYPE_CHECKING:
-    import bowstring._core as _core
+    from bowstring._core import Flexibility, RodModel
     from bowstring.robot.model import Robot
 
 __all__ = ["Modes", "modes"]
@@ -109,16 +111,10 @@ def modes(
     robot: Robot,
     tensions: Given | None = None,
     *,
-    pulls: Given | None = None,
-    angles: Given | None = None,
-    count: int = 6,
-    tip_force: ArrayLike = (0.0, 0.0, 0.0),
+    load: Load | None = None,
+    model: RodModel | None = None,
     history: Mapping[str, Any] | None = None,
-    theory: Theory = "cosserat",
-    gravity: Sequence[float] | None = None,
-    tendon: TendonPath = "straight",
-    twist: bool = True,
-    elements: int | None = None,
+    count: int = 6,
 ) -> Modes:
     """Natural frequencies and mode shapes about the equilibrium of a load.
 
@@ -126,15 +122,16 @@ def modes(
     ----------
     robot : Robot
     tensions : array_like (T,), optional
-        In N; none if nothing is given. They stay as they are while the robot oscillates.
-    pulls, angles : array_like (T,), optional
-        As in `bowstring.solve`. A tendon that is pulled keeps its length while the robot
-        oscillates, but for its own stretch; one that hangs does nothing.
+        In N: short for ``load=Load(tensions)``; none if nothing is given. They stay as they are
+        while the robot oscillates.
+    load : Load, optional
+        As in `bowstring.solve`, without a tip moment. A tendon whose displacement is given keeps
+        its length while the robot oscillates, but for its own stretch; a slack one does nothing.
+    model, history
+        As in `bowstring.solve`. Where a tendon with friction bends at a hole it does not slip in
+        a small oscillation: each stretch between two such holes keeps its length.
     count : int
         How many modes, the slowest.
-    tip_force, history, theory, gravity, tendon, twist, elements
-        As in `bowstring.solve`. Where a tendon that rubs bends at a hole it does not slip in
-        a small oscillation: each stretch between two such holes keeps its length.
 
     Returns
     -------
@@ -148,52 +145,50 @@ def modes(
         If there is no stable equilibrium.
     """
     check_robot(robot)
-    if tensions is None and pulls is None and angles is None:
-        tensions = np.zeros(robot.core.tendon_count)
-    pulled, row = actuation.commands(robot, tensions, pulls, angles)
-    force = validation.row("tip_force", tip_force, 3, "N")
+    load, model = as_load(tensions, load), as_model(model)
+    if load.tensions is None and load.is_tension_controlled:
+        load = load.replace(tensions=np.zeros(robot.core.tendon_count))
+    commands = actuation.commands(robot, load)
+    moment, force = load.tip_moment, load.tip_force
+    if moment is not None and validation.row("tip_moment", moment, 3, "N m").any():
+        raise InputError("a load with a tip moment has no modes, as a moment has no potential")
     if not validation.is_whole(count) or count < 1:
         raise InputError(f"count is {validation.shown(count)}, it must be a positive whole number")
-    validation.check_choices(theory, tendon, twist, elements, automatic=True)
-    if gravity is not None:
-        gravity = validation.row("gravity", gravity, 3, "m/s^2").tolist()
-    physics = (theory, tendon, twist, None if elements is None else int(elements))
+    gravity = load.gravity
+    load = Load(
+        gravity=None if gravity is None else validation.row("gravity", gravity, 3, "m/s^2"),
+        tip_force=None if force is None else validation.row("tip_force", force, 3, "N"),
+    )
     path = None
-    if pulled.any() or robot.has_friction or history is not None:
-        path = actuation.Path(robot, *physics)
+    if commands[0].any() or robot.has_friction or history is not None:
+        path = actuation.Path(robot, model)
         if history is not None:
             path.resume(history)
     else:
-        validation.check_values("tensions", row)
-    return about(robot, pulled, row, path, physics, gravity=gravity, tip_force=force, count=count)
+        validation.check_values("tensions", commands[1])
+    return about(robot, commands, load, model, path, count=count)
 
 
 def about(
     robot: Robot,
-    pulled: NDArray[np.bool_],
-    row: Floats,
+    commands: tuple[NDArray[np.bool_], Floats],
+    load: Load,
+    model: RodModel,
     path: actuation.Path | None,
-    physics: tuple[Theory, TendonPath, bool, int | None],
     *,
-    gravity: Sequence[float] | None,
-    tip_force: Floats,
     count: int,
 ) -> Modes:
-    """Modes about the next step of a path or, if there is none, about tensions."""
-    import bowstring._core as _core
+    """Modes about the next step of a path or, if there is none, about tensions.
 
+    ``commands`` are those of `bowstring.statics.actuation.commands`, ``load`` what acts beside.
+    """
     if path is not None:
-        solution = path.core.step(pulled, row, gravity, tip_force, np.zeros(3))
+        solution = path.core.step(*commands, load)
         status = solution.status
-        answer = _core.flexibility_at(path.core) if status == "converged" else None
+        answer = flexibility_at(path.core) if status == "converged" else None
     else:
-        theory, tendon, twist, elements = physics
-        solution = robot.core.solve(
-            row, theory, gravity, tip_force, np.zeros(3), tendon, twist, elements
-        )
-        status, answer = _core.flexibility(
-            robot.core, row, theory, gravity, tip_force, tendon, twist, solution.elements
-        )
+        solution = robot.core.solve(commands[1], load, model)
+        status, answer = flexibility(robot.core, commands[1], load, solution.model)
     if answer is None:
         raise NoSolutionError(
             f"{robot.name}: there is no stable equilibrium to oscillate about ({status}); "
@@ -253,9 +248,7 @@ def about(
     )
 
 
-def _slowest(
-    robot: Robot, flexibility: _core.Flexibility, root: Floats, count: int
-) -> tuple[Floats, Floats]:
+def _slowest(robot: Robot, answer: Flexibility, root: Floats, count: int) -> tuple[Floats, Floats]:
     """Largest eigenvalues of the flexibility between masses, and displacements by their modes.
 
     The eigenvalues are 1 / omega^2, (K,); displacements of all freedoms (K, F).
@@ -263,24 +256,22 @@ def _slowest(
     size = len(root)
     count = min(count, size)
     if size <= _DENSE or count > _SHARE * size:
-        import bowstring._core as _core
-
-        _core.check_memory(
+        check_memory(
             40.0 * size**2,
             f"{count} modes of a robot with {len(robot.disks.station_m)} disks",
             "ask for fewer modes, or use fewer disks",
         )
-        matrix = flexibility.matrix()
+        matrix = answer.matrix()
         values, vectors = np.linalg.eigh(root[:, None] * matrix * root[None, :])
         order = np.argsort(values)[::-1][:count]
         shapes = (matrix @ (root[:, None] * vectors[:, order])).T / values[order][:, None]
         return values[order], shapes
-    values, vectors = _iterated(flexibility, root, count)
-    moved = np.array([flexibility.apply(root * vector) for vector in vectors.T])
+    values, vectors = _iterated(answer, root, count)
+    moved = np.array([answer.apply(root * vector) for vector in vectors.T])
     return values, moved / np.maximum(values, np.finfo(float).tiny)[:, None]
 
 
-def _iterated(flexibility: _core.Flexibility, root: Floats, count: int) -> tuple[Floats, Floats]:
+def _iterated(answer: Flexibility, root: Floats, count: int) -> tuple[Floats, Floats]:
     """Largest eigenvalues (K,) and eigenvectors (F, K) by implicitly restarted Lanczos iteration.
 
     Lanczos iteration from one start may miss one of two equal eigenvalues, such as those of
@@ -288,18 +279,14 @@ def _iterated(flexibility: _core.Flexibility, root: Floats, count: int) -> tuple
     """
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-    import bowstring._core as _core
-
     size = len(root)
     basis = max(2 * count + 1, 20)
-    _core.check_memory(
-        8.0 * size * (3 * basis + 2 * count), f"{count} modes", "ask for fewer modes"
-    )
+    check_memory(8.0 * size * (3 * basis + 2 * count), f"{count} modes", "ask for fewer modes")
     values, vectors = np.zeros(0), np.zeros((size, 0))
 
     def rest(z: Floats) -> Floats:
         z = z.ravel()
-        moved = root * flexibility.apply(root * z)
+        moved = root * answer.apply(root * z)
         moved -= vectors @ (values * (vectors.T @ z))
         return np.asarray(moved, dtype=np.float64)
 

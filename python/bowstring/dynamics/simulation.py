@@ -13,52 +13,40 @@ import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import interrupts, validation
+from bowstring._core import check_memory
 from bowstring.display import html_table, in_few_rows, millimetres
-from bowstring.dynamics.load_history import Driven, Loads, OverTime, Table, over_time, ramp, step
-from bowstring.dynamics.modal import Modes, about, modes
+from bowstring.dynamics.integrator import DEFAULT_INTERVAL, Integrator
+from bowstring.dynamics.load_history import Actuation, Loads, OverTime, over_time
+from bowstring.dynamics.modal import about
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent
 from bowstring.robot.model import check_robot
-from bowstring.statics import actuation as driving
-from bowstring.statics import simulator as simulators
-from bowstring.statics.actuation import Given
-from bowstring.statics.fields import Frames, Section
-from bowstring.statics.load import Load
-from bowstring.statics.rod import TendonPath, Theory
+from bowstring.statics import actuation
+from bowstring.statics.fields import Frames, Section, to_dataset
+from bowstring.statics.load import InstantLoad, Load, as_load
+from bowstring.statics.model import as_model
+from bowstring.statics.simulator import Scheme, frames, keep_start, make, stations
 
 if TYPE_CHECKING:
     import xarray as xr
     from typing_extensions import Self
 
+    from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = [
-    "Modes",
-    "NoStart",
-    "Run",
-    "RunInterrupted",
-    "Table",
-    "modes",
-    "ramp",
-    "simulate",
-    "step",
-]
+__all__ = ["NoStart", "Output", "Run", "RunInterrupted", "Start", "simulate"]
 
 Floats = NDArray[np.float64]
 Status = Literal["converged", "step_failed", "collision", "interrupted", "failed"]
 
-DEFAULT_INTERVAL: Final = 0.01
-DEFAULT_SPECTRAL_RADIUS: Final = 0.8
 DEFAULT_POINTS: Final = 5
-_TOLERANCE_SHARE: Final = 2e-6  # of the length, in each step
 _SHORTEST: Final = 1e-6  # s, between two outputs
 _LOOK: Final = 0.1  # seconds between two looks at the keyboard
 _MOST_OUTPUTS: Final = 1_000_000
@@ -66,7 +54,8 @@ _LONGEST_WHY: Final = 300  # letters of an error of a user's function
 _STILL: Final = 1e-11  # of the length: a pull that does not jump
 _INCREMENTS: Final = 20  # in which forces on disks are put on
 _COARSE: Final = 0.01  # of the length: an error of the steps worth a word
-_NONE: Final = (0.0, 0.0, 0.0)
+
+Object = TypeVar("Object")
 
 
 class RunInterrupted(KeyboardInterrupt):
@@ -186,8 +175,7 @@ class Run:
             said += f", {share} of the length: give a smaller {smaller}"
         return said
 
-    @cached_property
-    def dataset(self) -> xr.Dataset:
+    def to_dataset(self) -> xr.Dataset:
         """All fields with units and frames (`bowstring.statics.fields`), from its file if any.
 
         Raises
@@ -196,7 +184,6 @@ class Run:
             If the run kept no fields, or its file is gone or holds another run by now.
         """
         from bowstring.dynamics.run_file import read_run
-        from bowstring.statics import fields as labelled
 
         if self.path is not None:
             data = read_run(self.path)
@@ -210,7 +197,7 @@ class Run:
             return data
         if self.frames is None:
             raise InputError("the run kept no fields: simulate with points of 2 or more")
-        return labelled.to_dataset(
+        return to_dataset(
             self.robot, self.frames, self.settings, status=self.status, reason=self.reason
         )
 
@@ -258,37 +245,83 @@ class Run:
         return self
 
 
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a motion starts from: rest in the equilibrium of a load.
+
+    Parameters
+    ----------
+    load : Load, optional
+        What acts at the start; what it leaves out is as at time 0, before a jump there. With
+        another load at time 0 the robot is released. Gravity is that of the motion.
+    disk_forces : array_like (N, 3), optional
+        Dead forces on the disks in N beside these, which hold the robot at the start and are let
+        go at time 0.
+    history : mapping, optional
+        Where a path of `bowstring.solve` or `bowstring.sweep` has come to (their ``history()``):
+        friction goes on from there. If not given, from the home pose.
+    """
+
+    load: Load | None = None
+    disk_forces: ArrayLike | None = None
+    history: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Output:
+    """What is kept of a motion while it is computed.
+
+    Parameters
+    ----------
+    every : float
+        Time between two outputs in s; the integrator's ``dt`` if that is longer.
+    points : int
+        Stations in each module at which fields are given; 0 keeps none, only the tip's motion.
+    path : path, optional
+        Writes all fields to this NetCDF file while the run goes on; the file is whole at every
+        moment. The fields are then not kept in memory.
+    progress : callable, optional
+        Called with the share that is done, from 0 to 1.
+
+    Raises
+    ------
+    InputError
+        If a value is wrong.
+    """
+
+    every: float = DEFAULT_INTERVAL
+    points: int = DEFAULT_POINTS
+    path: str | Path | None = None
+    progress: Callable[[float], None] | None = None
+
+    def __post_init__(self) -> None:
+        _check_time("every", validation.number("every", self.every, "s"))
+        points, path = self.points, self.path
+        if not validation.is_whole(points) or not (points == 0 or 2 <= points <= 1000):
+            raise InputError(
+                f"points is {validation.shown(points)}, it must be a whole number from 2 to 1000, "
+                "or 0"
+            )
+        if points == 0 and path is not None:
+            raise InputError("points is 0, a file needs fields: give 2 or more")
+        if path is not None and not isinstance(path, str | os.PathLike):
+            raise InputError(f"path is {validation.shown(path)}, it must be the path of a file")
+        if self.progress is not None and not callable(self.progress):
+            raise InputError(
+                f"progress is {validation.shown(self.progress)}, it must be a function"
+            )
+
+
 def simulate(
     robot: Robot,
     tensions: OverTime | None = None,
     duration: float | None = None,
     *,
-    pulls: OverTime | None = None,
-    angles: OverTime | None = None,
-    tip_force: OverTime = _NONE,
-    tip_moment: OverTime = _NONE,
-    initial_tensions: Given | None = None,
-    initial_pulls: Given | None = None,
-    initial_angles: Given | None = None,
-    initial_tip_force: ArrayLike | None = None,
-    initial_tip_moment: ArrayLike | None = None,
-    initial_disk_forces: ArrayLike | None = None,
-    history: Mapping[str, Any] | None = None,
-    theory: Theory = "cosserat",
-    gravity: Sequence[float] | None = None,
-    tendon: TendonPath = "straight",
-    twist: bool = True,
-    elements: int = 1,
-    mass_damping: float = 0.0,
-    material_damping: float = 0.0,
-    modal_damping: float | None = None,
-    spectral_radius: float = DEFAULT_SPECTRAL_RADIUS,
-    dt: float | None = None,
-    tolerance: float | None = None,
-    every: float = DEFAULT_INTERVAL,
-    points: int = DEFAULT_POINTS,
-    out: str | Path | None = None,
-    progress: Callable[[float], None] | None = None,
+    load: Load | None = None,
+    start: Start | None = None,
+    model: RodModel | None = None,
+    integrator: Integrator | None = None,
+    output: Output | None = None,
 ) -> Run:
     """Simulate the motion from rest in an equilibrium.
 
@@ -300,54 +333,23 @@ def simulate(
     robot : Robot
     tensions : Table, callable or array_like (T,)
         Tension of each tendon over time in N: a table (`ramp`, `step`, `Table`), a function of
-        time that is called once before each step, for the step's end, or constant.
+        time that is called once before each step, for the step's end, or constant. Short for
+        ``load=Load(tensions)``.
     duration : float
         In s.
-    pulls, angles : Table, callable or array_like (T,), optional
-        Length that each tendon is taken in by since the home pose in m, negative if it is paid out;
-        or the angle of its motor in rad, by the robot's ``spool_radius``. Each tendon has one of
-        tension, pull and angle, and NaN or None (in a table a column of NaN) in the others. A pull
-        jumps only where the tendon's line stretches (it has ``axial_stiffness`` or
-        ``compliance``).
-    tip_force, tip_moment : Table, callable or array_like (3,)
-        Dead loads at the tip over time, base axes, N and N m.
-    initial_tensions, initial_pulls, initial_angles : array_like (T,), optional
-    initial_tip_force, initial_tip_moment : array_like (3,), optional
-        Loads of the equilibrium at the start; those of time 0 if not given, before a jump there.
-        With other loads at time 0 the robot is released.
-    initial_disk_forces : array_like (N, 3), optional
-        Dead forces on the disks beside these, which hold the robot at the start and are let go at
-        time 0.
-    history : mapping, optional
-        Where a path of `bowstring.solve` or `bowstring.sweep` has come to (their ``history``):
-        friction goes on from there. If not given, from the home pose.
-    theory, gravity, tendon, twist, elements
-        As in `bowstring.solve`.
-    mass_damping : float
-        Force per mass and velocity, on all mass and inertia, in 1/s.
-    material_damping : float
-        Kelvin-Voigt: the stress of the strain's rate over that of the strain, in s.
-    modal_damping : float, optional
-        Instead of these two: a ratio of critical damping (0.01 is 1 %) that the slowest mode has,
-        and the first that is at least twice as fast, about the equilibrium at the start (forces on
-        disks and friction left out). There a tendon that is pulled keeps its length if it is taut.
-    spectral_radius : float
-        Numerical damping: what a long step leaves of the fastest oscillation, 0 to 1. At 1 there
-        is none, and each step keeps energy to 1e-5 of its largest value.
-    dt : float, optional
-        Longest step in s. If not given, steps adapt to `tolerance`.
-    tolerance : float, optional
-        Error of a disk's position in one step to aim for, m; 2e-6 of the length if not given. Steps
-        are 10 ms at most.
-    every : float
-        Time between two outputs in s; `dt` if that is longer.
-    points : int
-        Stations in each module at which fields are given; 0 keeps none, only the tip's motion.
-    out : path, optional
-        Writes all fields to this NetCDF file while the run goes on; the file is whole at every
-        moment. The fields are then not kept in memory.
-    progress : callable, optional
-        Called with the share that is done.
+    load : Load, optional
+        All that acts on the robot; each value but gravity may be a table or a function of time. A
+        tendon has the same kind of actuation throughout: in a table the others have a column of
+        NaN. A displacement jumps only where the tendon's line stretches (it has
+        ``axial_stiffness`` or ``compliance``).
+    start : Start, optional
+        Another load, forces on disks or a history at the start.
+    model : RodModel, optional
+        With one element if it does not say how many.
+    integrator : Integrator, optional
+        Step or tolerance, and damping.
+    output : Output, optional
+        What is kept, and where.
 
     Returns
     -------
@@ -364,133 +366,105 @@ def simulate(
         A `NoSolutionError`: there is no equilibrium to start from.
     RunInterrupted
         On Ctrl-C.
+
+    Examples
+    --------
+    >>> import bowstring as bs
+    >>> robot = bs.load_robot("amouri2019")
+    >>> run = bs.simulate(robot, bs.dynamics.ramp([80, 0, 0], rise=0.5), 1.0)
+    >>> run.converged
+    True
     """
     check_robot(robot)
-    validation.check_choices(theory, tendon, twist, elements)
     if duration is None:
         raise InputError("simulate needs a duration, in s")
-    duration = validation.number("duration", duration, "s", zero=True)
-    every = validation.number("every", every, "s")
-    for name, value in (("duration", duration), ("every", every)):
-        if 0 < value < _SHORTEST:
-            raise InputError(
-                f"{name} is {value:g} s, it must be {_SHORTEST:g} s or more: shorter steps drown "
-                "in rounding"
-            )
-    if dt is not None:
-        dt = validation.number("dt", dt, "s")
-        every = max(every, dt)
-    if tolerance is not None and dt is not None:
-        raise InputError("give dt or tolerance, not both: a fixed step has no tolerance")
-    if tolerance is None:
-        tolerance = _TOLERANCE_SHARE * robot.length
-    tolerance = validation.number("tolerance", tolerance, "m")
-    mass_damping = validation.number("mass_damping", mass_damping, "1/s", zero=True)
-    material_damping = validation.number("material_damping", material_damping, "s", zero=True)
-    spectral_radius = validation.number("spectral_radius", spectral_radius, "", zero=True)
-    if not validation.is_whole(points) or not (points == 0 or 2 <= points <= 1000):
-        raise InputError(
-            f"points is {validation.shown(points)}, it must be a whole number from 2 to 1000, or 0"
-        )
+    duration = _check_time("duration", validation.number("duration", duration, "s", zero=True))
+    load, model = as_load(tensions, load), as_model(model)
+    elements = model.elements or 1
+    model = model.replace(elements=elements)
+    start, integrator = _as(Start, "start", start), _as(Integrator, "integrator", integrator)
+    output = _as(Output, "output", output)
+    every = max(float(output.every), integrator.dt or 0.0)
+    points = int(output.points)  # numpy's are not for files
+    given, history = start.load or Load(), start.history
+    gravity = load.gravity
     if gravity is not None:
         gravity = validation.row("gravity", gravity, 3, "m/s^2").tolist()
-    if points == 0 and out is not None:
-        raise InputError("points is 0, a file needs fields: give 2 or more")
-    if out is not None and not isinstance(out, str | os.PathLike):
-        raise InputError(f"out is {validation.shown(out)}, it must be the path of a file")
-    if progress is not None and not callable(progress):
-        raise InputError(f"progress is {validation.shown(progress)}, it must be a function")
-    points, elements = int(points), int(elements)  # numpy's are not for files
     loads = Loads(
-        Driven(robot, tensions, pulls, angles, duration),
-        over_time("tip_force", tip_force, 3, "N"),
-        over_time("tip_moment", tip_moment, 3, "N m"),
+        Actuation(robot, load, duration),
+        over_time("tip_force", _or_zero(load.tip_force), 3, "N"),
+        over_time("tip_moment", _or_zero(load.tip_moment), 3, "N m"),
     )
-    start = loads.at(0.0, before=True)
-    initial = Load(
-        _initial(robot, loads.drive, start.drive, initial_tensions, initial_pulls, initial_angles),
-        _given("initial_tip_force", initial_tip_force, start.tip_force),
-        _given("initial_tip_moment", initial_tip_moment, start.tip_moment),
+    actuated = loads.actuation
+    before = loads.at(0.0, before=True)
+    initial = InstantLoad(
+        _initial(robot, actuated, before.actuation, given),
+        _tip_load("tip_force", start.load, before.tip_force),
+        _tip_load("tip_moment", start.load, before.tip_moment),
     )
     holding = None
-    if initial_disk_forces is not None:
+    if start.disk_forces is not None:
         try:
-            holding = validation.floats(initial_disk_forces)
+            holding = validation.floats(start.disk_forces)
         except TypeError:
-            raise InputError("initial_disk_forces must be numbers, one row a disk, in N") from None
+            raise InputError("disk_forces must be numbers, one row a disk, in N") from None
         if holding.shape != (len(robot.disks.station_m), 3) or not np.isfinite(holding).all():
             raise InputError(
-                f"initial_disk_forces must be finite, of shape ({len(robot.disks.station_m)}, 3) "
+                f"disk_forces must be finite, of shape ({len(robot.disks.station_m)}, 3) "
                 f"in N; got shape {holding.shape}"
             )
-    _check_jumps(robot, loads.drive, initial.drive, duration)
+    _check_jumps(robot, actuated, initial.actuation, duration)
+    dt = integrator.dt
+    scheme = integrator.scheme(robot.length, longest_step=min(every, DEFAULT_INTERVAL))
     settings: dict[str, Any] = {
-        "theory": theory,
+        "theory": model.theory,
         "gravity_m_per_s2": [float(g) for g in (robot.gravity if gravity is None else gravity)],
-        "tendon": tendon,
-        "twist": twist,
-        "elements": elements,
+        "tendon": model.tendon_path,
+        "twist": model.twist,
+        "elements": model.elements,
         "duration_s": duration,
-        "mass_damping_per_s": mass_damping,
-        "material_damping_s": material_damping,
-        "spectral_radius": spectral_radius,
+        "mass_damping_per_s": scheme.mass_damping,
+        "material_damping_s": scheme.material_damping,
+        "spectral_radius": scheme.spectral_radius,
         "dt_s": dt,
-        "tolerance_m": None if dt is not None else tolerance,
+        "tolerance_m": None if dt is not None else scheme.tolerance,
         "every_s": every,
         **loads.to_dict(),
-        **_told(loads.drive.pulled, initial.drive),
+        **_told(actuated.by_displacement, initial.actuation),
         "initial_tip_force_N": initial.tip_force.tolist(),
         "initial_tip_moment_Nm": initial.tip_moment.tolist(),
         "initial_disk_forces_N": None if holding is None else holding.tolist(),
-        "modal_damping": modal_damping,
+        "modal_damping": integrator.modal_damping,
         "history": None,
     }
     run = Run(robot, settings)
-    if modal_damping is not None:
-        if mass_damping or material_damping:
-            raise InputError("give modal_damping, or mass and material damping, not both")
-        ratio = validation.number("modal_damping", modal_damping, zero=True)
-        physics = (theory, tendon, twist, elements)
+    if integrator.modal_damping is not None:
         try:
-            mass_damping, material_damping = _rayleigh(
-                robot, ratio, loads.drive.pulled, initial, physics, gravity
+            scheme = _with_modal_damping(
+                scheme, integrator.modal_damping, robot, actuated, initial, model, gravity
             )
         except NoSolutionError as error:
             settings["mass_damping_per_s"] = settings["material_damping_s"] = None
             raise NoStart(str(error), run) from None
-        settings["mass_damping_per_s"] = mass_damping
-        settings["material_damping_s"] = material_damping
-    simulator = simulators.make(
-        robot,
-        theory,
-        tendon,
-        twist,
-        elements,
-        gravity,
-        points,
-        mass_damping=mass_damping,
-        material_damping=material_damping,
-        spectral_radius=spectral_radius,
-        dt=dt,
-        tolerance=tolerance,
-        longest_step=min(every, DEFAULT_INTERVAL),
-    )
+        settings["mass_damping_per_s"] = scheme.mass_damping
+        settings["material_damping_s"] = scheme.material_damping
+    simulator = make(robot, model, gravity, points, scheme)
     path = None
-    if loads.drive.pulled.any() or robot.has_friction or history is not None:
-        path = driving.Path(robot, theory, tendon, twist, elements)
+    if actuated.by_displacement.any() or robot.has_friction or history is not None:
+        path = actuation.Path(robot, model)
         if history is not None:
             path.resume(history)
             settings["history"] = dict(history)
     times = _output_times(duration, every)
-    stations = simulators.stations(robot, points)
-    _check_size(robot, points, len(times), kept=out is None)
+    places = stations(robot, points)
+    _check_size(robot, points, len(times), kept=output.path is None)
     planned = None
-    if out is not None:
+    if output.path is not None:
         from bowstring.dynamics.run_file import RunFile
 
-        planned = RunFile.open(out, robot, settings, *stations, times=len(times))
-        sections = Section(robot, *stations, theory, twist)
-        simulator.write_to(sections.columns, stations[0], planned.room, planned.append)
+        planned = RunFile.open(output.path, robot, settings, *places, times=len(times))
+        sections = Section(robot, *places, model)
+        simulator.write_to(sections.columns, places[0], planned.room, planned.append)
     file: RunFile | None = None
     aside = 0.0  # seconds that were not the motion's
     begun = clock.perf_counter()
@@ -507,7 +481,7 @@ def simulate(
             written = time <= file.complete_to  # an interrupt may have kept the last from it
             time, position, velocity = time[written], position[written], velocity[written]
         elif points and len(time) and run.frames is None:
-            run.frames = simulators.frames(simulator, stations)
+            run.frames = frames(simulator, places)
         run.time, run.tip_position, run.tip_velocity = time, position, velocity
         run.error_estimate = _at_most(simulator.error, position)
 
@@ -516,7 +490,8 @@ def simulate(
         if path is None:
             status = simulator.rest(*initial)
         else:
-            status = path.core.step(loads.drive.pulled, initial.drive, gravity, *initial.tip).status
+            tip = initial.at_tip.replace(gravity=gravity)
+            status = path.core.step(actuated.by_displacement, initial.actuation, tip).status
             if status == "converged" and not simulator.rest_at(path.core):
                 status = "unsettled"
         if status != "converged":
@@ -531,7 +506,7 @@ def simulate(
         # a former run in its place is given up only for one that has begun
         if planned is not None:
             file, run.path = planned, planned.path
-        simulators.keep_start(simulator, initial)
+        keep_start(simulator, initial)
         if holding is not None:
             simulator.release()
         simulator.jump(*after)
@@ -548,16 +523,17 @@ def simulate(
             for jump in jumps:
                 if abs(jump - reached) <= 1e-9 * (1 + reached) and jump < duration:
                     simulator.jump(*loads.at(jump))
-            if progress is not None and duration > 0:
+            if output.progress is not None and duration > 0:
                 asked = clock.perf_counter()
                 try:
-                    progress(min(simulator.time / duration, 1.0))
+                    output.progress(min(simulator.time / duration, 1.0))
                 finally:
                     aside += clock.perf_counter() - asked
         if stop is None:
             finish("converged")
         else:
-            fight = _PULLS if stop == "step_failed" and loads.drive.pulled.any() else ""
+            failed = stop == "step_failed" and actuated.by_displacement.any()
+            fight = _CONFLICT if failed else ""
             finish(stop, _WHY[stop] + fight)
     except KeyboardInterrupt:
         ended = False
@@ -597,7 +573,7 @@ _WHY: Final[dict[str, str]] = {
     "motion (a little), or give a larger tolerance",
     "collision": "two neighbouring disks met: the load closes the gap between them",
 }
-_PULLS: Final = "; bowstring.solve tells whether the pulls of that time fight each other"
+_CONFLICT: Final = "; bowstring.solve tells whether the displacements of that time conflict"
 
 
 def _at_most(error: float | None, tip: Floats) -> float | None:
@@ -619,42 +595,63 @@ def _why_no_start(status: str) -> str:
     )
 
 
-def _given(name: str, value: ArrayLike | None, otherwise: Floats) -> Floats:
+def _as(cls: type[Object], name: str, value: Object | None) -> Object:
+    if value is None:
+        return cls()
+    if not isinstance(value, cls):
+        shown = validation.shown(value)
+        raise InputError(f"{name} is {shown}, it must be a bowstring.{cls.__name__}")
+    return value
+
+
+def _or_zero(value: OverTime | None) -> OverTime:
+    return (0.0, 0.0, 0.0) if value is None else value
+
+
+def _check_time(name: str, value: float) -> float:
+    if 0 < value < _SHORTEST:
+        raise InputError(
+            f"{name} is {value:g} s, it must be {_SHORTEST:g} s or more: shorter steps are below "
+            "numerical resolution"
+        )
+    return value
+
+
+def _tip_load(name: str, given: Load | None, otherwise: Floats) -> Floats:
     unit = "N m" if "moment" in name else "N"
-    return otherwise if value is None else validation.row(name, value, len(otherwise), unit)
-
-
-def _initial(
-    robot: Robot,
-    course: Driven,
-    otherwise: Floats,
-    tensions: Given | None,
-    pulls: Given | None,
-    angles: Given | None,
-) -> Floats:
-    """What drives the tendons at the start, (T,)."""
-    if tensions is None and pulls is None and angles is None:
+    value = None if given is None else getattr(given, name)
+    if value is None:
         return otherwise
-    if pulls is None and angles is None and not course.pulled.any():
-        return validation.row("initial_tensions", tensions, len(otherwise), "N")
-    pulled, values = driving.commands(robot, tensions, pulls, angles)
+    return validation.row(f"start.load.{name}", value, len(otherwise), unit)
+
+
+def _initial(robot: Robot, actuated: Actuation, otherwise: Floats, given: Load) -> Floats:
+    """Actuation of the tendons at the start, (T,)."""
+    if given.is_tension_controlled:
+        if given.tensions is None:
+            return otherwise
+        if not actuated.by_displacement.any():
+            return validation.row("start.load.tensions", given.tensions, len(otherwise), "N")
+    by_displacement, values = actuation.commands(robot, given)
     if np.isnan(values).any():
         raise InputError(
-            f"tendon {int(np.argmax(np.isnan(values))) + 1} has no start; give it one of "
-            "initial_tensions, initial_pulls and initial_angles"
+            f"tendon {int(np.argmax(np.isnan(values))) + 1} has no start; give its tension, "
+            "displacement or angle in the load of the start"
         )
-    if (pulled != course.pulled).any():
-        i = int(np.argmax(pulled != course.pulled))
+    differs = by_displacement != actuated.by_displacement
+    if differs.any():
+        i = int(np.argmax(differs))
+        kinds = ("a tension", "a displacement")
         raise InputError(
-            f"tendon {i + 1} starts with {'a pull' if pulled[i] else 'a tension'} but moves by "
-            f"{'a pull' if course.pulled[i] else 'a tension'}; give it the same in both"
+            f"tendon {i + 1} starts with {kinds[int(by_displacement[i])]} but moves by "
+            f"{kinds[int(actuated.by_displacement[i])]}; give it the same in both"
         )
     return values
 
 
-def _told(pulled: NDArray[np.bool_], row: Floats) -> dict[str, list[float | None]]:
-    """How each tendon is driven at the start, for a file; None where it is driven otherwise."""
-    kinds = {"initial_tensions_N": ~pulled, "initial_pulls_m": pulled}
+def _told(by_displacement: NDArray[np.bool_], row: Floats) -> dict[str, list[float | None]]:
+    """Actuation of each tendon at the start, for a file; None where it has another."""
+    kinds = {"initial_tensions_N": ~by_displacement, "initial_pulls_m": by_displacement}
     return {
         name: [v if own else None for v, own in zip(row.tolist(), mine.tolist(), strict=True)]
         for name, mine in kinds.items()
@@ -662,18 +659,18 @@ def _told(pulled: NDArray[np.bool_], row: Floats) -> dict[str, list[float | None
     }
 
 
-def _check_jumps(robot: Robot, course: Driven, initial: Floats, duration: float) -> None:
-    """Refuse a pull that jumps where nothing gives way to it."""
-    stiff = course.pulled & (driving.compliances(robot) == 0)
+def _check_jumps(robot: Robot, actuated: Actuation, initial: Floats, duration: float) -> None:
+    """Refuse a displacement that jumps where nothing gives way to it."""
+    stiff = actuated.by_displacement & (actuation.compliances(robot) == 0)
     if not stiff.any():
         return
-    jumps = sorted(time for time in course.jumps() if 0 < time < duration)
+    jumps = sorted(time for time in actuated.jumps() if 0 < time < duration)
     for time in (0.0, *jumps):
-        old = course.at(time, before=True) if time else initial
-        new = course.at(time)
+        old = actuated.at(time, before=True) if time else initial
+        new = actuated.at(time)
         for i in np.flatnonzero(stiff & (abs(new - old) > _STILL * robot.length))[:1].tolist():
             raise InputError(
-                f"the pull of tendon {i + 1} jumps from {old[i]:g} m to {new[i]:g} m at "
+                f"the displacement of tendon {i + 1} jumps from {old[i]:g} m to {new[i]:g} m at "
                 f"{time:g} s, but its line does not stretch; let it take some time, or give the "
                 "tendon an axial_stiffness or a compliance"
             )
@@ -697,42 +694,37 @@ def _check_size(robot: Robot, points: int, times: int, *, kept: bool) -> None:
     """Refuse fields that do not fit into memory: of all times, or of one at a time."""
     if points == 0:
         return
-    import bowstring._core as _core
-
     disks, tendons = len(robot.disks.station_m), len(robot.tendons.end_disk)
     numbers = 34.0 * disks * points + 18.0 * disks + 2.0 * disks * tendons
     if kept:
         cure = "name a file for them (out), or give a longer every or fewer points"
         # an array that grows takes twice its size
-        _core.check_memory(16.0 * times * numbers, f"fields at {times} times", cure)
+        check_memory(16.0 * times * numbers, f"fields at {times} times", cure)
     else:
-        _core.check_memory(48.0 * numbers, "fields at one time", "give fewer points")
+        check_memory(48.0 * numbers, "fields at one time", "give fewer points")
 
 
-def _rayleigh(
-    robot: Robot,
+def _with_modal_damping(
+    scheme: Scheme,
     ratio: float,
-    pulled: NDArray[np.bool_],
-    load: Load,
-    physics: tuple[Theory, TendonPath, bool, int],
+    robot: Robot,
+    actuated: Actuation,
+    initial: InstantLoad,
+    model: RodModel,
     gravity: Sequence[float] | None,
-) -> tuple[float, float]:
-    """Mass damping in 1/s and material damping in s that give two modes a damping ratio."""
-    if load.tip_moment.any():
+) -> Scheme:
+    """The scheme with mass and material damping that give two modes a damping ratio."""
+    if initial.tip_moment.any():
         raise InputError("modal_damping needs modes, and a tip moment leaves none: give the others")
     # holes that stick would lock spans that slip as soon as the robot moves
-    path = driving.Path(robot, *physics, rubs=False) if pulled.any() else None
-    found = about(
-        robot,
-        pulled,
-        load.drive,
-        path,
-        physics,
-        gravity=gravity,
-        tip_force=load.tip_force,
-        count=12,
-    )
+    by_displacement = actuated.by_displacement
+    path = actuation.Path(robot, model, friction=False) if by_displacement.any() else None
+    load = initial.at_tip.replace(gravity=gravity)
+    found = about(robot, (by_displacement, initial.actuation), load, model, path, count=12)
     slow = 2.0 * np.pi * float(found.frequency_hz[0])
     faster = found.frequency_hz[found.frequency_hz >= 2.0 * found.frequency_hz[0]]
     fast = 2.0 * np.pi * float(faster[0]) if len(faster) else 10.0 * slow
-    return 2.0 * ratio * slow * fast / (slow + fast), 2.0 * ratio / (slow + fast)
+    return scheme._replace(
+        mass_damping=2.0 * ratio * slow * fast / (slow + fast),
+        material_damping=2.0 * ratio / (slow + fast),
+    )

@@ -9,9 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.dynamics import simulation
+from bowstring.dynamics.integrator import Integrator
+from bowstring.dynamics.load_history import Table
 from bowstring.fem.fields import SectionStress
 from bowstring.fem.run import BrickRun
 from bowstring.statics import rod
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
 
 __all__ = ["BesideRod", "beside_rod"]
 
@@ -111,9 +115,9 @@ def _middle(stress: SectionStress, modules: int) -> Floats:
 def _at_rest(run: BrickRun, modules: int) -> tuple[Floats, Floats]:
     tip = np.full((len(run.states), 3), np.nan)
     stress = np.full((len(run.states), modules), np.nan)
-    load = {"gravity": run.settings["gravity"], "tip_force": run.settings["tip_force"]}
+    load = Load(gravity=run.settings["gravity"], tip_force=run.settings["tip_force"])
     for i, row in enumerate(run.tensions):
-        solution = rod.solve(run.robot, row, elements=4, **load)
+        solution = rod.solve(run.robot, row, load=load, model=RodModel(elements=4))
         if solution.tip is None:
             continue
         tip[i] = solution.tip.position
@@ -130,11 +134,11 @@ def _in_motion(run: BrickRun) -> Floats:
     courses = np.outer([0.0] + [1.0] * (len(times) - 1), last)
     found = simulation.simulate(
         run.robot,
-        simulation.Table(times, courses),
+        Table(times, courses),
         end,
-        gravity=asked["gravity"],
-        mass_damping=asked["mass_damping_per_s"],
-        points=0,
+        load=Load(gravity=asked["gravity"]),
+        integrator=Integrator(mass_damping=asked["mass_damping_per_s"]),
+        output=simulation.Output(points=0),
     )
     reached = run.time <= found.end * (1 + 1e-9)
     tip = np.full((len(run.time), 3), np.nan)

@@ -12,6 +12,8 @@ from bowstring.fem.comparison import BesideRod
 from bowstring.fem.fields import VOIGT
 from bowstring.fem.run import BrickRun
 from bowstring.statics import rod
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
 from bowstring.viz.colours import COLOURS
 
 if TYPE_CHECKING:
@@ -113,8 +115,8 @@ def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
             label="finite elements, bending and tension" if once else None,
         )
     if not run.is_motion and np.isfinite(beside.rod_middle[-1]).all():
-        load = {"gravity": run.settings["gravity"], "tip_force": run.settings["tip_force"]}
-        solution = rod.solve(run.robot, run.tensions[-1], elements=4, **load)
+        load = Load(gravity=run.settings["gravity"], tip_force=run.settings["tip_force"])
+        solution = rod.solve(run.robot, run.tensions[-1], load=load, model=RodModel(elements=4))
         fields = solution.fields(9)
         z, values = fields.arc_length.to_numpy(), fields.normal_stress.to_numpy()[0]
         for m in np.unique(fields.module.to_numpy()).tolist():

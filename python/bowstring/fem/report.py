@@ -51,7 +51,7 @@ def write(
     folder = check_folder(out, "fe")
 
     def fill(new: Path) -> None:
-        run.dataset.to_netcdf(new / "fe.nc")
+        run.to_dataset().to_netcdf(new / "fe.nc")
         write_vtk(run, new / "vtk", progress=tell)
         with figure_style():
             save_figures(pictures.draw(run, beside), new, lambda share: tell("figures", share))

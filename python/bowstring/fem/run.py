@@ -249,13 +249,16 @@ class BrickRun:
             at_nodes(self.mesh, strain_in_base(self.mesh, state)),
         )
 
-    @cached_property
-    def dataset(self) -> xr.Dataset:
+    def to_dataset(self) -> xr.Dataset:
         """The rod's fields, from bricks, in the layout of `bowstring.statics.fields`.
 
         Its stations are planes of integration points. ``data_origin`` says that finite elements
         simulated it. Of a sweep ``time`` counts the loads.
         """
+        return self._dataset
+
+    @cached_property
+    def _dataset(self) -> xr.Dataset:
         from bowstring.statics import fields as labelled
 
         found = labelled.to_dataset(

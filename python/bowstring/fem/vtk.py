@@ -52,8 +52,8 @@ def write_vtk(
     if not run.states:
         raise InputError("the run holds no step; there is nothing to show")
     folder = check_folder(out)
-    parts = [_Backbone(run), _Stiff(run), Tendons(run.robot, run.dataset)]
-    return write_series(folder, parts, run.dataset, progress or (lambda what, share: None))
+    parts = [_Backbone(run), _Stiff(run), Tendons(run.robot, run.to_dataset())]
+    return write_series(folder, parts, run.to_dataset(), progress or (lambda what, share: None))
 
 
 class _Bricks(Part):

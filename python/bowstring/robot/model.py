@@ -13,7 +13,7 @@ from typing import Any
 
 from bowstring.display import html_table
 from bowstring.errors import InputError
-from bowstring.robot.arrays import RobotArrays, frozen
+from bowstring.robot.arrays import RobotArrays
 from bowstring.robot.messages import build
 from bowstring.robot.overrides import check_mapping, fill, override
 from bowstring.robot.parts import Disks, Tendon, TendonDrive, TendonRing
@@ -178,22 +178,7 @@ class Robot(RobotArrays):
         """The robot in the Rust core (``bowstring._core.Robot``), built at the first use."""
         import bowstring._core as _core
 
-        return _core.Robot(
-            station_m=self.disks.station_m,
-            clamped_length_m=self.disks.clamped_length_m,
-            disk_mass_kg=self.disks.mass_kg,
-            disk_inertia=self.disks.inertia_kg_m2,
-            disk_segment=self.disks.segment,
-            bending_stiffness=self.bending_stiffness,
-            torsion_stiffness=self.torsion_stiffness,
-            axial_stiffness=self.axial_stiffness,
-            shear_stiffness=self.shear_stiffness,
-            mass_per_length=self.mass_per_length,
-            rotary_inertia=self.rotary_inertia,
-            hole_m=self.tendons.hole_m,
-            end_disk=self.tendons.end_disk,
-            gravity=frozen(self.gravity),
-        )
+        return _core.Robot(self)
 
 
 def with_tendons(robot: Robot, values: Mapping[str, float | None], missing: bool = False) -> Robot:

@@ -1,7 +1,7 @@
-"""How a robot is driven: tensions, pulled lengths and motor angles; where a path has come to.
+"""Actuation: tensions, tendon displacements and motor angles; where a path has come to.
 
-What `bowstring.solve` needs to drive a robot through its tendons. A pull is the length that an
-actuator has taken in since the home pose, in m; negative if it is paid out.
+A displacement is the length that an actuator has taken in since the home pose, in m; negative if it
+is paid out.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import validation
+from bowstring._core import Drive, check_memory
 from bowstring.errors import InputError
+from bowstring.statics.load import Load
 
 if TYPE_CHECKING:
-    import bowstring._core as _core
+    from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
 __all__ = [
@@ -34,8 +36,9 @@ Bools = NDArray[np.bool_]
 #: Numbers for the tendons, None or NaN where one is driven otherwise; also rows of them.
 Given = ArrayLike | Sequence[float | None] | Sequence[Sequence[float | None]]
 
-_GIVE: Final = "give each tendon a tension, a pull or an angle, and None where it has another"
-_MUCH_FRICTION: Final = 1.0  # coefficients beyond this are doubted where there is no answer
+_GIVE: Final = (
+    "give each tendon a tension, a displacement or an angle, and None where it has another"
+)
 
 
 def compliances(robot: Robot) -> Floats:
@@ -46,26 +49,23 @@ def compliances(robot: Robot) -> Floats:
     return tendons.compliance_m_per_N + length / tendons.axial_stiffness_N
 
 
-def home_lengths(
-    robot: Robot, theory: str, tendon: str, twist: bool, elements: int | None
-) -> Floats | None:
-    """Length of each tendon at zero pull and no tension, less what lies before the base hole.
+def home_lengths(robot: Robot, model: RodModel) -> Floats | None:
+    """Length of each tendon from its base hole on, at zero displacement and no tension.
 
     None if the pretension alone has no stable equilibrium, which would be the home pose.
     """
     tendons = robot.tendons
     if not tendons.pretension_N.any():
         return np.array(robot.disks.station_m[tendons.end_disk])
-    none = (0.0, 0.0, 0.0)
-    home = robot.core.solve(tendons.pretension_N, theory, none, none, none, tendon, twist, elements)
+    home = robot.core.solve(tendons.pretension_N, Load(gravity=(0.0, 0.0, 0.0)), model)
     if home.tendon_lengths is None:
         return None
     lengths: Floats = home.tendon_lengths - compliances(robot) * tendons.pretension_N
     return lengths
 
 
-def hanging(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
-    """Indices of tendons that hang, by more than rounding makes of a tendon without tension."""
+def slack(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
+    """Indices of tendons that are slack, by more than rounding leaves of one without tension."""
     return np.flatnonzero(slack_lengths > 1e-12 * robot.length)
 
 
@@ -74,31 +74,29 @@ def hanging(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
 # --------------------------------------------------------------------------------------
 
 
-def commands(
-    robot: Robot,
-    tensions: Given | None,
-    pulls: Given | None,
-    angles: Given | None,
-    *,
-    rows: bool = False,
-) -> tuple[Bools, Floats]:
-    """Which tendons are pulled by a length, and the lengths or tensions; (T,) or (n, T).
+def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Floats]:
+    """Which tendons have a given displacement, and displacements or tensions; (T,) or (n, T).
 
-    Each tendon has exactly one of the three, None or NaN in the others.
+    Each tendon has exactly one of tension, displacement and angle, None or NaN in the others.
     """
-    given = {"tensions": (tensions, "N"), "pulls": (pulls, "m"), "angles": (angles, "rad")}
+    given = {
+        "tensions": (load.tensions, "N"),
+        "displacements": (load.displacements, "m"),
+        "angles": (load.angles, "rad"),
+    }
     tables = {
         name: _table(robot, name, values, unit, rows)
         for name, (values, unit) in given.items()
         if values is not None
     }
     if not tables:
-        raise InputError("tensions is None, and so are pulls and angles; " + _GIVE)
+        raise InputError("tensions is None, and so are displacements and angles; " + _GIVE)
     if list(tables) == ["tensions"]:
         only = tables["tensions"]
         return np.zeros(only.shape, bool), only
-    if list(tables) == ["pulls"] and not np.isnan(tables["pulls"]).any():
-        return np.ones(tables["pulls"].shape, bool), tables["pulls"]
+    if list(tables) == ["displacements"] and not np.isnan(tables["displacements"]).any():
+        only = tables["displacements"]
+        return np.ones(only.shape, bool), only
     if len({table.shape for table in tables.values()}) > 1:
         counts = " and ".join(f"{len(table)} of {name}" for name, table in tables.items())
         raise InputError(f"got {counts}; each must have one row for each load")
@@ -116,7 +114,8 @@ def commands(
             if missing.size:
                 raise InputError(
                     f"tendon {missing[0] + 1} of {robot.name} has no spool_radius, so that an "
-                    "angle says nothing of its pull; add spool_radius to the robot, or give pulls"
+                    "angle does not say its displacement; add spool_radius to the robot, or give "
+                    "displacements"
                 )
             table = table * radius
         values[here] = table[here]
@@ -126,15 +125,13 @@ def commands(
 
 
 def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Floats:
-    import bowstring._core as _core
-
     count = robot.core.tendon_count
     shape = f"(n, {count})" if rows else f"({count},)"
     if isinstance(values, np.ndarray):
         # before it is copied
         _check_shape(name, values, count, unit, rows)
         what = f"{name} of shape {values.shape}"
-        _core.check_memory(40.0 * values.size, what, "give fewer loads at a time")
+        check_memory(40.0 * values.size, what, "give fewer loads at a time")
     try:
         table = validation.floats(values)
     except TypeError:
@@ -172,15 +169,7 @@ def _not_one(
 
 
 def _one(name: str) -> str:
-    return {"tensions": "a tension", "pulls": "a pull", "angles": "an angle"}[name]
-
-
-def _tendons(indices: Sequence[int] | NDArray[np.int64]) -> str:
-    """The names of tendons, as "tendon 2" or "tendons 1, 2 and 4"."""
-    numbers = [str(int(i) + 1) for i in indices]
-    if len(numbers) == 1:
-        return f"tendon {numbers[0]}"
-    return f"tendons {', '.join(numbers[:-1])} and {numbers[-1]}"
+    return {"tensions": "a tension", "displacements": "a displacement", "angles": "an angle"}[name]
 
 
 # --------------------------------------------------------------------------------------
@@ -191,35 +180,16 @@ def _tendons(indices: Sequence[int] | NDArray[np.int64]) -> str:
 class Path:
     """A robot in the core that is driven step by step, and what is written down of it."""
 
-    __slots__ = ("core", "robot", "settings")
+    __slots__ = ("core", "model", "robot")
 
-    def __init__(
-        self,
-        robot: Robot,
-        theory: str,
-        tendon: str,
-        twist: bool,
-        elements: int | None,
-        *,
-        rubs: bool = True,
-    ) -> None:
-        import bowstring._core as _core
+    def __init__(self, robot: Robot, model: RodModel, *, friction: bool = True) -> None:
+        self.robot, self.model = robot, model
+        self.core = Drive(robot.core, model, robot.tendons, friction)
 
-        tendons = robot.tendons
-        self.robot = robot
-        self.settings = {"theory": theory, "twist": twist, "elements": elements}
-        self.core: _core.Drive = _core.Drive(
-            robot.core,
-            theory,
-            tendon,
-            twist,
-            elements,
-            tendons.axial_stiffness_N,
-            tendons.free_length_m,
-            tendons.compliance_m_per_N,
-            tendons.friction if rubs else np.zeros_like(tendons.friction),
-            tendons.pretension_N,
-        )
+    @property
+    def _settings(self) -> dict[str, Any]:
+        model = self.model
+        return {"theory": model.theory, "twist": model.twist, "elements": model.elements}
 
     def history(self) -> dict[str, Any]:
         """What friction remembers, and where the path has come to; ready for `json.dumps`."""
@@ -229,7 +199,7 @@ class Path:
             "schema_version": HISTORY_SCHEMA_VERSION,
             "robot": self.robot.name,
             "robot_hash": self.robot.hash,
-            **self.settings,
+            **self._settings,
             "commands": [{"pull_m" if pulled else "tension_N": v} for pulled, v in orders],
             "gravity_m_per_s2": now["gravity"].tolist(),
             "tip_force_N": now["tip_force"].tolist(),
@@ -258,7 +228,7 @@ class Path:
                 f"the history is of another robot ({history.get('robot')!s:.100}), or of one with "
                 f"other numbers than {self.robot.name} has now"
             )
-        for name, value in self.settings.items():
+        for name, value in self._settings.items():
             if name == "elements" and (value is None or history.get(name, 1) is None):
                 continue  # chosen step by step
             if history.get(name) != value:
@@ -269,16 +239,18 @@ class Path:
         try:
             orders = [_order(item) for item in history["commands"]]
             self.core.resume(
-                _numbers(history, "tensions_N", 1),
-                _numbers(history, "log_tension_drops", 2),
-                _numbers(history, "unstretched_spans_m", 2),
-                np.array([pulled for pulled, _ in orders], dtype=bool),
-                np.array([value for _, value in orders], dtype=float),
-                _numbers(history, "gravity_m_per_s2", 1),
-                _numbers(history, "tip_force_N", 1),
-                _numbers(history, "tip_moment_Nm", 1),
-                _numbers(history, "arcs_rad", 2),
-                np.sign(_numbers(history, "slips", 2)).astype(np.int8),
+                {
+                    "tensions": _numbers(history, "tensions_N", 1),
+                    "drops": _numbers(history, "log_tension_drops", 2),
+                    "spans": _numbers(history, "unstretched_spans_m", 2),
+                    "pulled": np.array([pulled for pulled, _ in orders], dtype=bool),
+                    "commands": np.array([value for _, value in orders], dtype=float),
+                    "gravity": _numbers(history, "gravity_m_per_s2", 1),
+                    "tip_force": _numbers(history, "tip_force_N", 1),
+                    "tip_moment": _numbers(history, "tip_moment_Nm", 1),
+                    "strain": _numbers(history, "arcs_rad", 2),
+                    "slips": np.sign(_numbers(history, "slips", 2)).astype(np.int8),
+                }
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             if isinstance(error, InputError):
@@ -300,76 +272,3 @@ def _numbers(history: Mapping[str, Any], name: str, dimensions: int) -> Floats:
     if values.ndim != dimensions or not np.isfinite(values).all():
         raise ValueError(f"{name} must be a table of finite numbers")
     return values
-
-
-# --------------------------------------------------------------------------------------
-# What to say of an answer
-# --------------------------------------------------------------------------------------
-
-
-def message(
-    status: str,
-    stable: bool | None,
-    slack: Sequence[int] | NDArray[np.int64],
-    undetermined: bool,
-    friction: float,
-    conflict: tuple[Sequence[int], Sequence[float] | None],
-    residual: float,
-    iterations: int,
-    advice: str = "",
-) -> str:
-    """How a step ended and, if it failed, what to try.
-
-    ``slack`` counts from 0; ``friction`` is the largest coefficient; ``advice`` is that of
-    `bowstring.robot.plausibility.load_advice`.
-    """
-    fighting, nearest = conflict
-    match status:
-        case "converged":
-            if stable:
-                said = "A stable equilibrium."
-            else:
-                why = "friction has" if friction > 0 else "a tip moment has"
-                said = (
-                    "An equilibrium; whether it is stable is not known, because "
-                    f"{why} no potential."
-                )
-            if len(slack):
-                hang = "hangs" if len(slack) == 1 else "hang"
-                said += f" {_tendons(slack).capitalize()} {hang} slack."
-            if undetermined:
-                said += " The pulls do not determine the tensions: these are the smallest."
-            return said
-        case "no_equilibrium" if nearest is not None:
-            fight = "" if len(fighting) < 2 else f": {_tendons(fighting)} pull against each other"
-            if len(fighting) == 1:
-                fight = f": {_tendons(fighting)} is pulled farther than the robot can follow"
-            near = ", ".join(
-                f"{round(1e3 * p, 4) + 0.0:g}" if np.isfinite(p) else "-" for p in nearest
-            )
-            return (
-                f"No equilibrium for these pulls{fight}. The nearest that have one are {near} mm."
-            )
-        case "no_equilibrium":
-            return (
-                f"No equilibrium: two neighbouring disks collide. {advice}Lower pulls, tensions "
-                "and loads."
-            )
-        case "unstable":
-            return (
-                "Only an unstable equilibrium was found. Add a small load to one side, or approach "
-                "this one by a sweep."
-            )
-        case _:
-            left = f" (residual {residual:.2g})" if np.isfinite(residual) else ""
-            doubt = ""
-            if friction > _MUCH_FRICTION:
-                doubt = (
-                    f"Check the friction coefficient of {friction:g}: that of a tendon in a "
-                    "smooth hole is 0.05 to 0.5. "
-                )
-            return (
-                f"No equilibrium was found: the solver gave up after {iterations} iterations"
-                f"{left}. {advice}{doubt}Approach it by a sweep in smaller steps, or lower pulls, "
-                "tensions and loads."
-            )

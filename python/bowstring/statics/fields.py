@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
+from bowstring.statics.model import RodModel
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -180,20 +181,11 @@ class Section:
         Arc lengths in m.
     module : ndarray of int (P,)
         Counted from 0.
-    theory : str
-        ``"kirchhoff"`` has no shear and no extension.
-    twist : bool
-        False if the backbone was held from twisting.
+    model : RodModel
+        A Kirchhoff rod has no shear and no extension; one without twist does not twist.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        station: Floats,
-        module: Ints,
-        theory: str = "cosserat",
-        twist: bool = True,
-    ) -> None:
+    def __init__(self, robot: Robot, station: Floats, module: Ints, model: RodModel) -> None:
         segment = robot.disks.segment[module]
         rods = [s.backbone for s in robot.segments]
         outer = np.array([0.5 * rod.diameter for rod in rods])
@@ -207,7 +199,7 @@ class Section:
         self.modulus: Floats = (second / outer)[segment]
         self.shear: Floats = (shear_factor / area)[segment]
         bend = 1.0 / robot.bending_stiffness
-        turn = 1.0 / robot.torsion_stiffness if twist else 0.0 * bend
+        turn = 1.0 / robot.torsion_stiffness if model.twist else 0.0 * bend
         # what a disk clamps is rigid; only the disks before and after a station can clamp it
         d = robot.disks
         after = np.searchsorted(d.station_m, station)
@@ -215,7 +207,7 @@ class Section:
         depth = 0.5 * d.clamped_length_m[beside] - abs(station - d.station_m[beside])
         free = np.all(depth <= 1e-9 * robot.length, axis=0)[:, None]
         self.bending_compliance: Floats = np.stack([bend, bend, turn], axis=1)[segment] * free
-        if theory == "kirchhoff":
+        if model.theory == "kirchhoff":
             self.force_compliance: Floats = np.zeros((len(segment), 3))
         else:
             slide = 1.0 / robot.shear_stiffness
@@ -474,8 +466,8 @@ def to_dataset(
     import xarray as xr
 
     check_frames(robot, frames)
-    theory, twist = settings.get("theory", "cosserat"), bool(settings.get("twist", True))
-    sections = Section(robot, frames.station, frames.module, theory, twist)
+    model = RodModel(settings.get("theory"), twist=bool(settings.get("twist", True)))
+    sections = Section(robot, frames.station, frames.module, model)
     values = derive(robot, frames, sections)
     end = float(frames.time[-1]) if len(frames.time) else math.nan
     return xr.Dataset(

@@ -20,6 +20,7 @@ from bowstring.statics import fields
 from bowstring.units import number_with_unit
 
 if TYPE_CHECKING:
+    from bowstring._core import RodModel
     from bowstring.robot.model import Robot
     from bowstring.statics.fields import Frames, Section
 
@@ -104,7 +105,7 @@ def used(robot: Robot, von_mises: Floats, strain: Floats) -> list[Use]:
 
 
 def of_pose(
-    robot: Robot, disk_positions: Floats, frames_of: Callable[[], Frames], theory: str, twist: bool
+    robot: Robot, disk_positions: Floats, frames_of: Callable[[], Frames], model: RodModel
 ) -> tuple[tuple[str, ...], tuple[Use, ...]]:
     """Warnings of an equilibrium, and how far it uses up the limits of the robot file.
 
@@ -115,7 +116,7 @@ def of_pose(
         In m.
     frames_of : callable
         Makes the fields along the backbone, at `POINTS` a module; called where there are limits.
-    theory, twist
+    model : RodModel
         Of the equilibrium.
 
     Returns
@@ -131,7 +132,7 @@ def of_pose(
         frames = frames_of()
     except NoSolutionError as error:
         return (*out, f"limits of the backbone were not checked: {error}"), ()
-    section = fields.Section(robot, frames.station, frames.module, theory, twist)
+    section = fields.Section(robot, frames.station, frames.module, model)
     found = fields.derive(robot, frames, section)
     von_mises, strain = by_segment(robot, frames, section, found)
     uses = used(robot, von_mises[0], strain[0])

@@ -2,65 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from bowstring._core import Simulator
 from bowstring.errors import NoSolutionError
 from bowstring.statics import actuation
 from bowstring.statics.fields import Frames
-from bowstring.statics.load import Load
+from bowstring.statics.load import InstantLoad, Load
 
 if TYPE_CHECKING:
-    from bowstring._core import Simulator
+    from bowstring._core import RodModel
     from bowstring.robot.model import Robot
 
-__all__ = ["at_rest", "frames", "keep_start", "make", "stations"]
+__all__ = ["Scheme", "at_rest", "frames", "keep_start", "make", "stations"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+class Scheme(NamedTuple):
+    """Time integration and damping in numbers, SI."""
+
+    step: float | None = 1.0
+    """Fixed step; None adapts it."""
+    tolerance: float = 1.0
+    """Error of a disk's position in an adapted step to aim for."""
+    longest_step: float = 1.0
+    spectral_radius: float = 1.0
+    mass_damping: float = 0.0
+    material_damping: float = 0.0
+
+
 def make(
     robot: Robot,
-    theory: str,
-    tendon: str,
-    twist: bool,
-    elements: int,
-    gravity: Sequence[float] | None,
+    model: RodModel,
+    gravity: Any,
     points: int,
-    *,
-    mass_damping: float = 0.0,
-    material_damping: float = 0.0,
-    spectral_radius: float = 1.0,
-    dt: float | None = 1.0,
-    tolerance: float = 1.0,
-    longest_step: float = 1.0,
+    scheme: Scheme = Scheme(),  # noqa: B008
 ) -> Simulator:
     """A robot that can move; arguments as of `bowstring.simulate`, checked."""
-    import bowstring._core as _core
-
-    home = actuation.home_lengths(robot, theory, tendon, twist, elements)
-    return _core.Simulator(
-        robot.core,
-        theory,
-        tendon,
-        twist,
-        elements,
-        gravity,
-        float(mass_damping),
-        float(material_damping),
-        float(spectral_radius),
-        dt,
-        tolerance,
-        longest_step,
-        points,
-        np.full(len(robot.tendons.end_disk), np.nan) if home is None else home,
-        actuation.compliances(robot),
-    )
+    home = actuation.home_lengths(robot, model)
+    if home is None:
+        home = np.full(len(robot.tendons.end_disk), np.nan)
+    compliances = actuation.compliances(robot)
+    return Simulator(robot.core, model, gravity, scheme, points, home, compliances)
 
 
 def stations(robot: Robot, points: int) -> tuple[Floats, Ints]:
@@ -74,9 +63,9 @@ def stations(robot: Robot, points: int) -> tuple[Floats, Ints]:
     return station.ravel(), np.repeat(np.arange(len(start)), points)
 
 
-def keep_start(simulator: Simulator, load: Load) -> None:
+def keep_start(simulator: Simulator, load: InstantLoad) -> None:
     """Keep the fields of a robot that rests under a load, as of time 0."""
-    row = (load.drive[None], load.tip_force[None], load.tip_moment[None])
+    row = (load.actuation[None], load.tip_force[None], load.tip_moment[None])
     simulator.run(np.zeros(1), *row, np.array([True]))
 
 
@@ -86,34 +75,24 @@ def frames(simulator: Simulator, where: tuple[Floats, Ints]) -> Frames:
 
 
 def at_rest(
-    robot: Robot,
-    tensions: ArrayLike,
-    path: actuation.Path | None,
-    *,
-    tip_force: ArrayLike,
-    tip_moment: ArrayLike,
-    gravity: Sequence[float],
-    theory: str,
-    tendon: str,
-    twist: bool,
-    elements: int,
-    points: int,
+    robot: Robot, load: Load, model: RodModel, path: actuation.Path | None = None, *, points: int
 ) -> Frames:
     """Raw fields of an equilibrium, as of a run that has not begun; see `Solution.fields`.
 
     Of the tensions or, if it is given, that a path has come to.
     """
-    simulator = make(robot, theory, tendon, twist, elements, gravity, points)
-    load = Load(*(np.asarray(v, dtype=float) for v in (tensions, tip_force, tip_moment)))
+    simulator = make(robot, model, load.gravity, points)
+    tip = [np.zeros(3) if v is None else v for v in (load.tip_force, load.tip_moment)]
+    start = InstantLoad(*(np.asarray(row, dtype=float) for row in (load.tensions, *tip)))
     if path is None:
-        status = simulator.rest(*load)
+        status = simulator.rest(*start)
     else:
         status = "converged" if simulator.rest_at(path.core) else "max_iterations"
-        load = replace(load, drive=path.core.history()["commands"])
+        start = replace(start, actuation=path.core.history()["commands"])
     if status != "converged":
         raise NoSolutionError(
             f"{robot.name}: there is no equilibrium to take fields of ({status})",
             status="no_equilibrium",
         )
-    keep_start(simulator, load)
+    keep_start(simulator, start)
     return frames(simulator, stations(robot, points))

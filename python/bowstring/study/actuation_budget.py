@@ -30,6 +30,8 @@ from bowstring.formatting import in_mm, in_percent, listed, significant
 from bowstring.robot.model import Robot, with_tendons
 from bowstring.robot.parts import TENDON_MATERIALS, TendonRing
 from bowstring.statics import rod
+from bowstring.statics.load import Load
+from bowstring.statics.solution import Sweep
 from bowstring.study.comparison import MEANINGS, Case, Model
 
 __all__ = [
@@ -286,18 +288,22 @@ def drive_budget(
     commanded = _Commanded(model, there)
     pulls = np.concatenate((commanded.pulls, commanded.pulls[-2::-1]))
 
-    def ways(path: rod.Sweep) -> tuple[_Way, _Way]:
+    def ways(path: Sweep) -> tuple[_Way, _Way]:
         last = len(there) - 1
         rows = np.arange(0, last + 1, every)
         return _Way(path, np.arange(last + 1), rows), _Way(
             path, np.arange(2 * last, last - 1, -1), rows
         )
 
+    def solved(robot: Robot, load: Load) -> tuple[_Way, _Way]:
+        load = load.replace(gravity=model.main.gravity)
+        return ways(rod.sweep(robot, load=load, model=model.main.model, disks=False))
+
     def by_tension(robot: Robot) -> tuple[_Way, _Way]:
-        return ways(rod.sweep(robot, model.tensions(and_back), **_physics(model)))
+        return solved(robot, Load(model.tensions(and_back)))
 
     def by_pull(robot: Robot) -> tuple[_Way, _Way]:
-        return ways(rod.sweep(robot, pulls=pulls, **_physics(model)))
+        return solved(robot, Load(displacements=pulls))
 
     def tension_case(way: _Way) -> Case:
         compared = model.compare(tension, way.tip, way.lengths, MEANINGS)
@@ -464,7 +470,7 @@ class _Commanded:
 class _Way:
     """One way of a path, in the order of rising commands."""
 
-    def __init__(self, path: rod.Sweep, order: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+    def __init__(self, path: Sweep, order: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         self.path_tip = path.tip_position[order]
         here = order[rows]
         self.tip = path.tip_position[here]
@@ -479,16 +485,6 @@ class _Way:
                 self.problem += "; means are over the others"
                 if order[-1] < order[0] and not path.converged[order[-1]]:
                     self.problem += ", unloading from the last command that had one"
-
-
-def _physics(model: Model) -> dict[str, Any]:
-    main = model.main
-    return {
-        "theory": main.theory,
-        "gravity": main.gravity,
-        "twist": main.twist,
-        "disks": False,
-    }
 
 
 # -- in words ----------------------------------------------------------------------------------

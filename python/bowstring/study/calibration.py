@@ -26,6 +26,9 @@ from bowstring.errors import BowstringError
 from bowstring.robot.model import Robot
 from bowstring.robot.parts import TendonRing
 from bowstring.statics import rod
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
+from bowstring.statics.solution import Sweep, joined
 from bowstring.study.comparison import Theory
 
 __all__ = ["ArcCalibration", "StudyCalibration", "calibrate", "calibrate_arc", "predicted"]
@@ -74,7 +77,7 @@ class StudyCalibration:
         }
 
 
-def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> rod.Sweep:
+def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> Sweep:
     """The robot's answer to the commands of all rows; each recording a path where its tendons rub.
 
     Parameters
@@ -85,23 +88,20 @@ def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.
     gain : float
         Of the commands.
     """
-    given: dict[str, Any] = {"theory": theory, "disks": False}
-    for name, values in (("tensions", data.tensions), ("pulls", data.pulls)):
-        if not np.isnan(values).all():
-            given[name] = gain * values
+    tables = (data.tensions, data.pulls)
+    given = [None if np.isnan(values).all() else gain * values for values in tables]
+    model = RodModel(theory)
     if not robot.has_friction:
-        return rod.solve_batch(robot, **given)
+        return rod.solve_batch(robot, load=Load(*given), model=model, disks=False)
+
+    def path(rows: NDArray[np.int64]) -> Sweep:
+        load = Load(*(None if table is None else table[rows] for table in given))
+        return rod.sweep(robot, load=load, model=model, disks=False)
+
     paths = paths_of(data.recording, len(data))
     if len(paths) == 1:
-        return rod.sweep(robot, **given)
-
-    def part(rows: NDArray[np.int64]) -> dict[str, Any]:
-        return {
-            name: value[rows] if isinstance(value, np.ndarray) else value
-            for name, value in given.items()
-        }
-
-    return rod.joined([(rows, rod.sweep(robot, **part(rows))) for rows in paths])
+        return path(paths[0])
+    return joined([(rows, path(rows)) for rows in paths])
 
 
 def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibration:

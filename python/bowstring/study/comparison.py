@@ -22,6 +22,9 @@ from bowstring.display import short_repr
 from bowstring.errors import BowstringError
 from bowstring.robot.model import Robot, with_tendons
 from bowstring.statics import rod
+from bowstring.statics.load import Load
+from bowstring.statics.model import RodModel
+from bowstring.statics.solution import Sweep
 
 __all__ = [
     "COMPARISONS",
@@ -64,6 +67,16 @@ class Physics:
     tip_force: tuple[float, float, float] = (0.0, 0.0, 0.0)
     stiffness: float = 1.0
     """Factor on Young's modulus."""
+
+    @property
+    def model(self) -> RodModel:
+        """Its rod."""
+        return RodModel(self.theory, self.tendon, self.twist)
+
+    @property
+    def load(self) -> Load:
+        """Its gravity and tip force."""
+        return Load(gravity=self.gravity, tip_force=self.tip_force)
 
 
 @short_repr
@@ -211,16 +224,13 @@ class Model:
             self._variants[key] = self.robot.with_(changes) if changes else self.robot
         return self._variants[key]
 
-    def solve(self, physics: Physics, tension: Array, disks: bool = False) -> rod.Sweep:
+    def solve(self, physics: Physics, tension: Array, disks: bool = False) -> Sweep:
         """Equilibria of this physics along the sweep."""
         return rod.sweep(
             self.variant(physics),
             self.tensions(tension),
-            theory=physics.theory,
-            gravity=physics.gravity,
-            tip_force=physics.tip_force,
-            tendon=physics.tendon,
-            twist=physics.twist,
+            load=physics.load,
+            model=physics.model,
             disks=disks,
         )
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from bowstring.data.tip_errors import known_max
 from bowstring.fem import figures as brick_plots
 from bowstring.formatting import in_mm
+from bowstring.statics.model import RodModel
 from bowstring.study.actuation_budget import COMMANDED, DriveBudget
 from bowstring.study.data_figures import (
     measured_comparison,
@@ -655,7 +656,7 @@ def _solid(study: Study) -> Figure:
     found = np.flatnonzero(np.array(statics.status) == "converged")
     robot = with_tendons(study.robot, {"friction": 0.0})  # as in the sweep
     tensions = statics.tension[found[-1]] * np.array(study.settings.shares)
-    pose = rod.solve(robot, tensions, theory=study.settings.theory)
+    pose = rod.solve(robot, tensions, model=RodModel(study.settings.theory))
     return draw_solid(make_solid(robot, pose if pose.converged else None), pixels=900)
 
 

@@ -21,6 +21,9 @@ from numpy.typing import NDArray
 from bowstring.data.tip_errors import known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.dynamics import simulation
+from bowstring.dynamics.integrator import Integrator
+from bowstring.dynamics.load_history import ramp
+from bowstring.dynamics.modal import modes
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, in_percent, significant
 from bowstring.robot.model import Robot
@@ -253,9 +256,7 @@ def slowest_frequency(model: Model) -> float:
         If there is no stable equilibrium to oscillate about.
     """
     main = model.main
-    found = simulation.modes(
-        model.robot, count=1, theory=main.theory, gravity=main.gravity, twist=main.twist
-    )
+    found = modes(model.robot, load=main.load, model=main.model, count=1)
     if not len(found):
         raise NoSolutionError(f"{model.robot.name}: no mode was found")
     return float(found.frequency_hz[0])
@@ -315,16 +316,12 @@ def transient(
     often = max(1, math.ceil(_OUTPUTS * rise * frequency / loads))
     run = simulation.simulate(
         robot,
-        simulation.ramp(model.tensions(tension[-1:])[0], rise),
+        ramp(model.tensions(tension[-1:])[0], rise),
         rise + hold,
-        theory=main.theory,
-        gravity=main.gravity,
-        twist=main.twist,
-        modal_damping=modal_damping,
-        tolerance=_TOLERANCE * model.length,
-        every=rise / (often * loads),
-        points=simulation.DEFAULT_POINTS,
-        progress=progress,
+        load=main.load,
+        model=main.model,
+        integrator=Integrator(modal_damping=modal_damping, tolerance=_TOLERANCE * model.length),
+        output=simulation.Output(every=rise / (often * loads), progress=progress),
     )
     frames = run.frames
     if frames is None:
@@ -413,15 +410,8 @@ def _frames_at_rest(model: Model, tensions: Array, tip: Array) -> fields.Frames 
         try:
             frames = simulator.at_rest(
                 model.robot,
-                tensions,
-                None,
-                tip_force=(0.0, 0.0, 0.0),
-                tip_moment=(0.0, 0.0, 0.0),
-                gravity=main.gravity,
-                theory=main.theory,
-                tendon=main.tendon,
-                twist=main.twist,
-                elements=elements,
+                main.load.replace(tensions=tensions),
+                main.model.replace(elements=elements),
                 points=simulation.DEFAULT_POINTS,
             )
         except NoSolutionError:
@@ -433,7 +423,7 @@ def _frames_at_rest(model: Model, tensions: Array, tip: Array) -> fields.Frames 
 
 def _surface(model: Model, frames: fields.Frames) -> Surface:
     main = model.main
-    section = fields.Section(model.robot, frames.station, frames.module, main.theory, main.twist)
+    section = fields.Section(model.robot, frames.station, frames.module, main.model)
     found = fields.derive(model.robot, frames, section)
     von_mises, strain = limits.by_segment(model.robot, frames, section, found)
     return Surface(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bowstring.constant_curvature import arcs as arc
 from bowstring.errors import BowstringError
 from bowstring.statics import rod
+from bowstring.statics.model import RodModel
 from bowstring.study.comparison import MEANINGS, Model
 from bowstring.study.study import Study
 
@@ -64,7 +65,7 @@ def backbones(study: Study) -> Backbones:
     model = Model(robot, chosen.tendon, chosen.theory, chosen.shares)
     tensions = model.tensions(np.array([tension]))[0]
 
-    solution = rod.solve(model.robot, tensions, theory=study.settings.theory)
+    solution = rod.solve(model.robot, tensions, model=RodModel(study.settings.theory))
     curve = solution.centerline() if solution.converged else None
     if curve is None or np.linalg.norm(curve[-1] - disks[-1]) > 1e-4 * study.length:
         # a cold start may end on another branch than the sweep, whose disks are known

@@ -31,6 +31,7 @@ from bowstring.atomic_io import (
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.fields import Section, surface_stress
+from bowstring.statics.model import RodModel
 from bowstring.validation import is_whole, shown
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def write_vtk(
     ----------
     robot : Robot
     data : xarray.Dataset
-        From `Run.dataset` or `bowstring.dynamics.run_file.read_run`; choose times by
+        From `Run.to_dataset` or `bowstring.dynamics.run_file.read_run`; choose times by
         ``data.isel(time=slice(None, None, 10))``.
     out : str or Path
         Folder; a former series in it is replaced after success.
@@ -249,7 +250,7 @@ class _Backbone(Part):
 
     def __init__(self, robot: Robot, data: xr.Dataset, angles: int) -> None:
         station, module = data["arc_length"].to_numpy(), data["module"].to_numpy() - 1
-        sec = Section(robot, station, module)
+        sec = Section(robot, station, module, RodModel())
         psi = math.tau / angles * np.arange(angles)
         self._cos, self._sin = np.cos(psi), np.sin(psi)
         circle = np.stack([self._cos, self._sin, 0.0 * psi], axis=1)

@@ -1,0 +1,376 @@
+//! Objects of the model as Python gives them: arrays of a robot, rod model, load, history.
+
+use crate::input::{brief, numbers, refused, three};
+use bowstring_core::model::load::{Model, OwnedLoad, TendonPath, Theory};
+use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+use bowstring_core::statics::batch::Settings;
+use bowstring_core::statics::path::Line;
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyTuple};
+
+/// How the rod is modelled; frozen, checked when it is made.
+///
+/// Parameters
+/// ----------
+/// theory : {"cosserat", "kirchhoff"}
+///     Backbone with or without shear and extension.
+/// tendon_path : {"straight", "continuous"}
+///     Tendons run straight between two disks, or along a curve parallel to the backbone (the
+///     model of many published codes, for comparison; with given tensions and without friction).
+/// twist : bool
+///     Whether the backbone can twist.
+/// elements : {1, 2, 4, 8}, optional
+///     Elements of fourth order between two disks. Left out, statics take as few as keep the
+///     estimated error of the tip within 1e-5 of length and that of tensions within 1e-4 of the
+///     largest; motion and fits take one.
+///
+/// Raises
+/// ------
+/// InputError
+///     If a value is none of these.
+///
+/// Examples
+/// --------
+/// >>> import bowstring as bs
+/// >>> bs.RodModel("kirchhoff", elements=2)
+/// RodModel(theory='kirchhoff', tendon_path='straight', twist=True, elements=2)
+#[pyclass(frozen, eq, hash, module = "bowstring._core")]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub struct RodModel {
+    cosserat: bool,
+    straight: bool,
+    twist: bool,
+    elements: Option<usize>,
+}
+
+impl RodModel {
+    pub fn new(settings: Settings) -> Self {
+        RodModel {
+            cosserat: settings.model.theory == Theory::Cosserat,
+            straight: settings.model.tendon == TendonPath::Straight,
+            twist: settings.model.twist,
+            elements: settings.elements,
+        }
+    }
+
+    pub fn settings(&self) -> Settings {
+        Settings {
+            model: self.model(),
+            elements: self.elements,
+        }
+    }
+
+    pub fn model(&self) -> Model {
+        Model {
+            theory: match self.cosserat {
+                true => Theory::Cosserat,
+                false => Theory::Kirchhoff,
+            },
+            tendon: match self.straight {
+                true => TendonPath::Straight,
+                false => TendonPath::Continuous,
+            },
+            twist: self.twist,
+        }
+    }
+
+    /// Elements between two disks where nothing chooses them.
+    pub fn elements_or_one(&self) -> usize {
+        self.elements.unwrap_or(1)
+    }
+}
+
+/// One of two words, as whether it is the first.
+fn choice(value: &Bound<'_, PyAny>, name: &str, words: [&str; 2]) -> PyResult<bool> {
+    let given = value.extract::<String>().ok();
+    match words.iter().position(|word| given.as_deref() == Some(word)) {
+        Some(k) => Ok(k == 0),
+        None => Err(refused(format!(
+            "{name} is {}, it must be \"{}\" or \"{}\"",
+            brief(value),
+            words[0],
+            words[1]
+        ))),
+    }
+}
+
+#[pymethods]
+impl RodModel {
+    #[new]
+    #[pyo3(signature = (theory=None, tendon_path=None, twist=None, elements=None),
+        text_signature = "(theory='cosserat', tendon_path='straight', twist=True, elements=None)")]
+    fn make(
+        theory: Option<&Bound<'_, PyAny>>,
+        tendon_path: Option<&Bound<'_, PyAny>>,
+        twist: Option<&Bound<'_, PyAny>>,
+        elements: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let word = |value: Option<&Bound<'_, PyAny>>, name, words| match value {
+            Some(value) => choice(value, name, words),
+            None => Ok(true),
+        };
+        let wrong = |value: &Bound<'_, PyAny>| {
+            refused(format!(
+                "elements is {}, it must be 1, 2, 4 or 8",
+                brief(value)
+            ))
+        };
+        Ok(RodModel {
+            cosserat: word(theory, "theory", ["cosserat", "kirchhoff"])?,
+            straight: word(tendon_path, "tendon_path", ["straight", "continuous"])?,
+            twist: match twist {
+                None => true,
+                Some(value) => match value.cast::<PyBool>() {
+                    Ok(value) => value.is_true(),
+                    Err(_) => {
+                        let shown = brief(value);
+                        let rule = format!("twist is {shown}, it must be True or False");
+                        return Err(refused(rule));
+                    }
+                },
+            },
+            elements: match elements {
+                None => None,
+                Some(value) if value.is_instance_of::<PyBool>() => return Err(wrong(value)),
+                Some(value) => match value.extract::<usize>() {
+                    Ok(n @ (1 | 2 | 4 | 8)) => Some(n),
+                    _ => return Err(wrong(value)),
+                },
+            },
+        })
+    }
+
+    #[getter]
+    fn theory(&self) -> &'static str {
+        match self.cosserat {
+            true => "cosserat",
+            false => "kirchhoff",
+        }
+    }
+    #[getter]
+    fn tendon_path(&self) -> &'static str {
+        match self.straight {
+            true => "straight",
+            false => "continuous",
+        }
+    }
+    #[getter]
+    fn twist(&self) -> bool {
+        self.twist
+    }
+    #[getter]
+    fn elements(&self) -> Option<usize> {
+        self.elements
+    }
+
+    /// The same with other values.
+    #[pyo3(signature = (**changes))]
+    fn replace<'py>(
+        slf: &Bound<'py, Self>,
+        changes: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let values = Self::to_dict(slf)?;
+        if let Some(changes) = changes {
+            values.update(changes.as_mapping())?;
+        }
+        slf.get_type().call((), Some(&values))
+    }
+
+    /// Its values by name.
+    fn to_dict<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (this, py) = (slf.get(), slf.py());
+        let values = PyDict::new(py);
+        values.set_item("theory", this.theory())?;
+        values.set_item("tendon_path", this.tendon_path())?;
+        values.set_item("twist", this.twist)?;
+        values.set_item("elements", this.elements)?;
+        Ok(values)
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "RodModel(theory='{}', tendon_path='{}', twist={}, elements={})",
+            self.theory(),
+            self.tendon_path(),
+            if self.twist { "True" } else { "False" },
+            self.elements.map_or("None".into(), |n| n.to_string())
+        )
+    }
+
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let this = slf.get();
+        let values = (this.theory(), this.tendon_path(), this.twist, this.elements);
+        Ok((slf.get_type().into_any(), values.into_pyobject(slf.py())?))
+    }
+}
+
+/// What acts beside the tendons, attributes of Python's `Load`: gravity (the robot's own if None),
+/// force and moment at the tip (zero if None).
+#[derive(FromPyObject)]
+pub struct DeadLoad<'py> {
+    pub gravity: Option<Bound<'py, PyAny>>,
+    pub tip_force: Option<Bound<'py, PyAny>>,
+    pub tip_moment: Option<Bound<'py, PyAny>>,
+}
+
+impl DeadLoad<'_> {
+    /// As one load of a robot, with its tensions.
+    pub fn with(&self, robot: &Robot, tensions: Vec<f64>) -> PyResult<OwnedLoad> {
+        Ok(OwnedLoad {
+            tensions,
+            gravity: gravity(robot, self.gravity.as_ref())?,
+            tip_force: vector(&self.tip_force, "tip_force", "N")?,
+            tip_moment: vector(&self.tip_moment, "tip_moment", "N m")?,
+        })
+    }
+}
+
+fn vector(given: &Option<Bound<'_, PyAny>>, name: &str, unit: &str) -> PyResult<[f64; 3]> {
+    match given {
+        Some(v) => three(v, name, unit),
+        None => Ok([0.0; 3]),
+    }
+}
+
+/// Gravity as given, or the robot's own.
+pub fn gravity(robot: &Robot, given: Option<&Bound<'_, PyAny>>) -> PyResult<[f64; 3]> {
+    match given {
+        Some(g) => three(g, "gravity", "m/s^2"),
+        None => Ok(robot.spec().gravity),
+    }
+}
+
+/// Arrays of Python's `RobotDisks` that mechanics uses, one entry for each disk.
+#[derive(FromPyObject)]
+struct Disks<'py> {
+    station_m: PyReadonlyArray1<'py, f64>,
+    clamped_length_m: PyReadonlyArray1<'py, f64>,
+    mass_kg: PyReadonlyArray1<'py, f64>,
+    inertia_kg_m2: PyReadonlyArray2<'py, f64>,
+    segment: PyReadonlyArray1<'py, i64>,
+}
+
+/// Arrays of Python's `RobotTendons` that say where they run.
+#[derive(FromPyObject)]
+struct Tendons<'py> {
+    hole_m: PyReadonlyArray2<'py, f64>,
+    end_disk: PyReadonlyArray1<'py, i64>,
+}
+
+/// Arrays of Python's `Robot` that mechanics uses; stiffness has one entry for each segment.
+#[derive(FromPyObject)]
+pub struct RobotArrays<'py> {
+    disks: Disks<'py>,
+    tendons: Tendons<'py>,
+    bending_stiffness: PyReadonlyArray1<'py, f64>,
+    torsion_stiffness: PyReadonlyArray1<'py, f64>,
+    axial_stiffness: PyReadonlyArray1<'py, f64>,
+    shear_stiffness: PyReadonlyArray1<'py, f64>,
+    mass_per_length: PyReadonlyArray1<'py, f64>,
+    rotary_inertia: PyReadonlyArray1<'py, f64>,
+    gravity: [f64; 3],
+}
+
+impl RobotArrays<'_> {
+    /// The description that the core checks.
+    pub fn spec(&self) -> PyResult<RobotSpec> {
+        let (disks, tendons) = (&self.disks, &self.tendons);
+        let (n, segments) = (disks.station_m.len(), self.bending_stiffness.len());
+        for (name, len, expected) in [
+            ("clamped_length_m", disks.clamped_length_m.len(), n),
+            ("mass_kg", disks.mass_kg.len(), n),
+            ("segment", disks.segment.len(), n),
+            ("torsion_stiffness", self.torsion_stiffness.len(), segments),
+            ("axial_stiffness", self.axial_stiffness.len(), segments),
+            ("shear_stiffness", self.shear_stiffness.len(), segments),
+            ("mass_per_length", self.mass_per_length.len(), segments),
+            ("rotary_inertia", self.rotary_inertia.len(), segments),
+        ] {
+            if len != expected {
+                return Err(refused(format!(
+                    "{name} has {len} entries, it must have {expected}"
+                )));
+            }
+        }
+        for (name, shape, rows) in [
+            ("hole_m", tendons.hole_m.shape(), tendons.end_disk.len()),
+            ("inertia_kg_m2", disks.inertia_kg_m2.shape(), n),
+        ] {
+            if shape != [rows, 2] {
+                return Err(refused(format!(
+                    "{name} has shape {shape:?}, it must have [{rows}, 2]"
+                )));
+            }
+        }
+        // an index below zero becomes a huge one, which the core refuses
+        let index = |i: &i64| usize::try_from(*i).unwrap_or(usize::MAX);
+        let at = |array: &PyReadonlyArray1<f64>, i: usize| array.as_array()[i];
+        let inertia = disks.inertia_kg_m2.as_array();
+        let hole = tendons.hole_m.as_array();
+        Ok(RobotSpec {
+            sections: (0..segments)
+                .map(|i| Section {
+                    bending: at(&self.bending_stiffness, i),
+                    torsion: at(&self.torsion_stiffness, i),
+                    axial: at(&self.axial_stiffness, i),
+                    shear: at(&self.shear_stiffness, i),
+                    mass_per_length: at(&self.mass_per_length, i),
+                    rotary_inertia: at(&self.rotary_inertia, i),
+                })
+                .collect(),
+            disks: (0..n)
+                .map(|i| Disk {
+                    station: at(&disks.station_m, i),
+                    clamped_length: at(&disks.clamped_length_m, i),
+                    mass: at(&disks.mass_kg, i),
+                    inertia: [inertia[[i, 0]], inertia[[i, 1]]],
+                    segment: index(&disks.segment.as_array()[i]),
+                })
+                .collect(),
+            tendons: (0..tendons.end_disk.len())
+                .map(|i| Tendon {
+                    hole: [hole[[i, 0]], hole[[i, 1]]],
+                    end_disk: index(&tendons.end_disk.as_array()[i]),
+                })
+                .collect(),
+            gravity: self.gravity,
+        })
+    }
+}
+
+/// Arrays of Python's `RobotTendons` that say how each tendon acts, one entry for each.
+#[derive(FromPyObject)]
+pub struct Lines<'py> {
+    #[pyo3(attribute("axial_stiffness_N"))]
+    axial_stiffness: Bound<'py, PyAny>,
+    #[pyo3(attribute("free_length_m"))]
+    free_length: Bound<'py, PyAny>,
+    #[pyo3(attribute("compliance_m_per_N"))]
+    compliance: Bound<'py, PyAny>,
+    friction: Bound<'py, PyAny>,
+    #[pyo3(attribute("pretension_N"))]
+    pretension: Bound<'py, PyAny>,
+}
+
+impl Lines<'_> {
+    /// Those of a robot with so many tendons; without friction if it is left out.
+    pub fn lines(&self, count: usize, friction: bool) -> PyResult<Vec<Line>> {
+        let stiffness = numbers(&self.axial_stiffness, "axial_stiffness", "N", count)?;
+        let free_length = numbers(&self.free_length, "free_length", "m", count)?;
+        let compliance = numbers(&self.compliance, "compliance", "m/N", count)?;
+        let coefficient = numbers(&self.friction, "friction", "1", count)?;
+        let pretension = numbers(&self.pretension, "pretension", "N", count)?;
+        Ok((0..count)
+            .map(|i| Line {
+                stiffness: stiffness[i],
+                free_length: free_length[i],
+                compliance: compliance[i],
+                friction: if friction { coefficient[i] } else { 0.0 },
+                pretension: pretension[i],
+            })
+            .collect())
+    }
+}

@@ -1,0 +1,179 @@
+"""Derivatives of an equilibrium by tensions, displacements, tip load and stiffness."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.display import short_repr
+from bowstring.errors import InputError, NoSolutionError
+from bowstring.statics import actuation
+from bowstring.statics.solution import Solution
+
+__all__ = ["DisplacementJacobian", "Jacobians", "displacement_jacobian", "jacobians"]
+
+Floats = NDArray[np.float64]
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class Jacobians:
+    """Derivatives of an equilibrium; made by `jacobians`.
+
+    Rows are what changes, columns what changes it. S is the number of segments.
+
+    Attributes
+    ----------
+    tip_position_by_tension, tip_rotation_by_tension, lengths_by_tension : ndarray
+        (3, T) in m/N, (3, T) in rad/N, (T, T) in m/N. A rotation is a small turn of the tip as a
+        rotation vector in the base frame: dR = [column]x R. Lengths are those of the tendons.
+    tip_position_by_tip_force, tip_rotation_by_tip_force, lengths_by_tip_force : ndarray
+        (3, 3) in m/N, (3, 3) in rad/N, (T, 3) in m/N.
+    tip_position_by_tip_moment, tip_rotation_by_tip_moment, lengths_by_tip_moment : ndarray
+        (3, 3) in m/(N m), (3, 3) in rad/(N m), (T, 3) in m/(N m).
+    tip_position_by_stiffness, tip_rotation_by_stiffness, lengths_by_stiffness : ndarray
+        (3, S) in m, (3, S) in rad, (T, S) in m: by the relative change of all stiffness of each
+        segment's backbone (d/d ln E). E off by 1 % moves the tip by 0.01 times the sum of columns.
+    """
+
+    tip_position_by_tension: Floats
+    tip_rotation_by_tension: Floats
+    lengths_by_tension: Floats
+    tip_position_by_tip_force: Floats
+    tip_rotation_by_tip_force: Floats
+    lengths_by_tip_force: Floats
+    tip_position_by_tip_moment: Floats
+    tip_rotation_by_tip_moment: Floats
+    lengths_by_tip_moment: Floats
+    tip_position_by_stiffness: Floats
+    tip_rotation_by_stiffness: Floats
+    lengths_by_stiffness: Floats
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class DisplacementJacobian:
+    """Derivatives of an equilibrium by pulls; made by `displacement_jacobian`.
+
+    Rows are what changes, columns the tendon whose pull changes it. The column of a tendon that
+    hangs is zero, that of one whose tension is given NaN.
+
+    Attributes
+    ----------
+    tip_position_by_displacement, tip_rotation_by_displacement : ndarray
+        (3, T) in m/m and (3, T) in rad/m, a rotation as in `Jacobians`.
+    tensions_by_displacement, lengths_by_displacement : ndarray
+        (T, T) in N/m, (T, T) in m/m.
+    """
+
+    tip_position_by_displacement: Floats
+    tip_rotation_by_displacement: Floats
+    tensions_by_displacement: Floats
+    lengths_by_displacement: Floats
+
+
+def jacobians(solution: Solution) -> Jacobians:
+    """Differentiate an equilibrium by tensions, tip load and stiffness.
+
+    Exact, from the sweep of one Newton step more, at the same `elements`.
+
+    Parameters
+    ----------
+    solution : Solution
+        Converged, with straight tendons.
+
+    Returns
+    -------
+    Jacobians
+
+    Raises
+    ------
+    NoSolutionError
+        If the solution did not converge.
+    InputError
+        If its tendons are continuous or rub, for which there are no derivatives.
+
+    Examples
+    --------
+    How far one more newton on tendon 1 moves the tip, in mm:
+
+    >>> import bowstring as bs
+    >>> robot = bs.load_robot("amouri2019")
+    >>> by = bs.jacobians(bs.solve(robot, [40, 0, 0]))
+    >>> (1e3 * by.tip_position_by_tension[:, 0]).round(2)
+    array([ 5.03,  0.  , -2.55])
+    """
+    solution.raise_for_status()
+    if solution.robot.has_friction:
+        raise InputError(
+            f"the tendons of {solution.robot.name} rub at their holes: what a tendon does then "
+            "depends on which way it goes, and there are no derivatives; set friction to 0"
+        )
+    if solution.model.tendon_path == "continuous":
+        raise InputError(
+            'the solution has tendon_path="continuous", for which there are no derivatives; '
+            'solve with tendon_path="straight"'
+        )
+    found = solution.core.jacobians()
+    if found is None:
+        raise NoSolutionError(f"{solution.robot.name}: no derivatives at this equilibrium")
+    return Jacobians(**found)
+
+
+def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
+    """Differentiate an equilibrium by pulls: what the robot does when a motor turns.
+
+    From the derivatives by tensions and the stretch of the tendons.
+
+    Parameters
+    ----------
+    solution : Solution
+        Converged, with straight tendons and without friction. The tendons that hold their pull are
+        those that were pulled and are taut; after a solve by tensions alone, all that are taut.
+
+    Returns
+    -------
+    DisplacementJacobian
+
+    Raises
+    ------
+    NoSolutionError
+        If the solution did not converge.
+    InputError
+        With friction, with continuous tendons, and where the taut tendons cannot be pulled one by
+        one: without extension and stretch, three of them to a segment.
+
+    Examples
+    --------
+    How far one more millimetre on tendon 1 moves the tip, in mm:
+
+    >>> import bowstring as bs
+    >>> robot = bs.load_robot("amouri2019")
+    >>> by = bs.displacement_jacobian(bs.solve(robot, pulls=[0.02, -0.03, -0.03]))
+    >>> by.tip_position_by_displacement[:, 0].round(2)
+    array([ 9.63,  0.  , -4.73])
+    """
+    by = jacobians(solution)
+    tensions, pulled = solution.tensions, solution.core.pulled
+    driven = np.ones(len(tensions), bool) if pulled is None or not pulled.any() else pulled
+    held = np.flatnonzero(driven & (tensions > 0))
+    # pull = home - length + compliance * tension
+    answer = np.diag(actuation.compliances(solution.robot)) - by.lengths_by_tension
+    block = answer[np.ix_(held, held)]
+    tensions_by_displacement = np.zeros_like(answer)
+    if held.size:
+        if np.linalg.cond(block) > 1e10:
+            raise InputError(
+                "the taut tendons cannot be pulled one by one, as the backbone does not shorten: "
+                'solve with theory="cosserat", or with fewer taut tendons'
+            )
+        tensions_by_displacement[np.ix_(held, held)] = np.linalg.inv(block)
+    tensions_by_displacement[:, ~driven] = np.nan
+    return DisplacementJacobian(
+        tip_position_by_displacement=by.tip_position_by_tension @ tensions_by_displacement,
+        tip_rotation_by_displacement=by.tip_rotation_by_tension @ tensions_by_displacement,
+        tensions_by_displacement=tensions_by_displacement,
+        lengths_by_displacement=by.lengths_by_tension @ tensions_by_displacement,
+    )

@@ -1,0 +1,740 @@
+"""Answers of statics: `Solution` to one load, `Sweep` to many.
+
+Everything is SI, in the base frame (z along the straight backbone) unless said otherwise.
+A rotation maps body to base. N is the number of disks, T the number of tendons.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.display import html_table, in_few_rows, millimetres
+from bowstring.errors import InputError, NoSolutionError, StabilityWarning
+from bowstring.formatting import plain
+from bowstring.robot.plausibility import load_advice
+from bowstring.statics import actuation, messages
+from bowstring.statics.load import Load
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from typing_extensions import Self
+
+    import bowstring._core as _core
+    from bowstring._core import RodModel
+    from bowstring.robot.model import Robot
+    from bowstring.statics.fields import Frames
+    from bowstring.statics.limits import Use
+
+__all__ = ["ErrorEstimate", "Pose", "Solution", "Sweep", "joined", "solution"]
+
+Floats = NDArray[np.float64]
+
+
+class Pose(NamedTuple):
+    """Position (3,) in m and rotation (3, 3) body to base."""
+
+    position: Floats
+    rotation: Floats
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Estimated discretisation error of an answer.
+
+    Each element is integrated under the wrench that acts on it, by a method of its own; what it
+    misses goes through the last Newton step (defect correction). Stated is three times the motion
+    of the modules' ends that takes it away, summed; it covered the error of 2 000 random robots,
+    and was at most 30 times it in 99 % (docs/accuracy.md).
+
+    Attributes
+    ----------
+    tip : float
+        Of the tip's position, in m; no disk is further off.
+    tension : float
+        Of the tension of a tendon that is pulled by a length, in N.
+    """
+
+    tip: float
+    tension: float
+
+    def to_dict(self) -> dict[str, float | None]:
+        """Return it with units in the names, ready for `json.dumps`."""
+        tip, tension = plain([self.tip, self.tension])
+        return {"tip_m": tip, "tension_N": tension}
+
+
+class Solution:
+    """The answer to one load; made by `solve`.
+
+    Numbers of the pose are None unless `converged`. Every access returns a fresh array.
+
+    Attributes
+    ----------
+    robot : Robot
+    status : str
+        ``"converged"``, or why not: ``"max_iterations"``, ``"unstable"`` (an equilibrium was
+        found, but no stable one), ``"no_equilibrium"`` (disks collide, or tendons that are pulled
+        fight each other).
+    converged : bool
+    stable : bool or None
+        Whether the energy has a minimum here, under what the tendons are driven by. Under a tip
+        moment, which has no potential: whether small motions die out at a damping ratio of 1 %.
+        False with the status ``"converged"`` where it is the moment that leads from a stable
+        equilibrium to one where they do not, as a moment does that rolls a rod up.
+        None where that takes more damping, where a tip moment acts on tendons that are pulled or
+        on a robot without mass, with friction, and where the elements are too few to tell.
+    iterations : int
+        Newton steps, those of continuation included.
+    residual : float
+        Largest moment imbalance over (bending stiffness / length).
+    model : RodModel
+        As given to `solve`, with the number of elements that the answer was found with.
+    load : Load
+        As given to `solve`: of each tendon the tension or the displacement.
+    error_estimate : ErrorEstimate or None
+        Estimated discretisation error; None if the solve failed.
+    tensions : ndarray (T,)
+        In N, before the base hole. Where a displacement is given they are found, and NaN if the
+        solve failed.
+    undetermined : bool
+        Whether the displacements allow many tensions in the same pose; these are the smallest.
+    length_residual : float
+        Largest length by which a tendon misses its displacement, in m.
+
+    A solution is pickled and copied as its load, and solved anew, which gives the same numbers.
+    """
+
+    __slots__ = ("_before", "_path", "core", "robot")
+
+    def __init__(
+        self,
+        robot: Robot,
+        core: _core.Solution,
+        path: actuation.Path | None = None,
+        before: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.robot = robot
+        self.core = core
+        self._path = path
+        self._before = before
+
+    def __repr__(self) -> str:
+        position = self.core.tip_position
+        if position is not None:
+            x, y, z = 1e3 * position
+            return f"<Solution of {self.robot.name}: tip at ({x:.3f}, {y:.3f}, {z:.3f}) mm>"
+        return f"<Solution of {self.robot.name}: {self.status}>"
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, object]] = [
+            ("status", self.status),
+            ("stable", "unknown" if self.stable is None else "yes" if self.stable else "no"),
+            ("theory", self.model.theory),
+            ("tensions", ", ".join(f"{v:.6g}" for v in self.tensions) + " N"),
+        ]
+        if self.core.tip_position is not None:
+            rows.insert(0, ("tip", millimetres(self.core.tip_position)))
+            rows.append(("tendon lengths", millimetres(self.tendon_lengths)))
+        return html_table(f"Solution of {self.robot.name}", rows)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        model = self.model
+        if self._path is not None and self.core.driven:
+            # elements as they were asked for: a path that chooses them meets the same ones again
+            model = self._path.model
+        return solution, (self.robot, self.load, model, self._before)
+
+    @property
+    def status(self) -> str:
+        return self.core.status
+
+    @property
+    def converged(self) -> bool:
+        return self.core.converged
+
+    @property
+    def stable(self) -> bool | None:
+        return self.core.stable
+
+    @property
+    def iterations(self) -> int:
+        return self.core.iterations
+
+    @property
+    def residual(self) -> float:
+        return self.core.residual
+
+    @property
+    def model(self) -> RodModel:
+        return self.core.model
+
+    @property
+    def load(self) -> Load:
+        core = self.core
+        tensions, displacements = core.tensions, None
+        if core.pulled is not None and core.commands is not None:
+            tensions = np.where(core.pulled, np.nan, core.commands)
+            displacements = np.where(core.pulled, core.commands, np.nan)
+        return Load(
+            tensions,
+            displacements,
+            gravity=core.gravity,
+            tip_force=core.tip_force,
+            tip_moment=core.tip_moment,
+        )
+
+    @property
+    def error_estimate(self) -> ErrorEstimate | None:
+        """Estimated discretisation error; None if the solve failed."""
+        found = self.core.error_estimate
+        return None if found is None else ErrorEstimate(*found)
+
+    @property
+    def tensions(self) -> Floats:
+        return self.core.tensions
+
+    @property
+    def message(self) -> str:
+        """How the solve ended and, if it failed or may be coarse, what to try."""
+        core = self.core
+        if core.conflict is not None:
+            message = messages.of_actuation(
+                core.status,
+                core.stable,
+                [i - 1 for i in self.slack or ()],
+                self.undetermined,
+                float(self.robot.tendons.friction.max()),
+                core.conflict,
+                core.residual,
+                core.iterations,
+                self._advice,
+            )
+            return message + self._accuracy
+        message = messages.of_tensions(
+            core.status,
+            core.stable,
+            core.left_unstable,
+            core.fraction,
+            core.collision,
+            core.residual,
+            core.iterations,
+            self._advice,
+        )
+        return message + self._accuracy
+
+    @property
+    def _accuracy(self) -> str:
+        """A sentence if the estimated error is above what elements are chosen for, else nothing."""
+        found = self.error_estimate
+        if found is None:
+            return ""
+        return messages.discretisation(found, self.tensions, self.robot.length, self.model.elements)
+
+    @property
+    def _advice(self) -> str:
+        if self.converged:
+            return ""
+        return load_advice(self.robot, self.tensions, self.core.tip_force)
+
+    @property
+    def tip(self) -> Pose | None:
+        """Pose of the last disk."""
+        position, rotation = self.core.tip_position, self.core.tip_rotation
+        return None if position is None or rotation is None else Pose(position, rotation)
+
+    @property
+    def disk_positions(self) -> Floats | None:
+        """Positions (N, 3) of the disks from base to tip, the base excluded, in m."""
+        return self.core.disk_positions
+
+    @property
+    def disk_rotations(self) -> Floats | None:
+        """Rotations (N, 3, 3) of the disks."""
+        return self.core.disk_rotations
+
+    @property
+    def tendon_lengths(self) -> Floats | None:
+        """Lengths (T,) of the tendons from the base hole to the end disk's hole, in m."""
+        return self.core.tendon_lengths
+
+    def displacements(self) -> Floats | None:
+        """Lengths (T,) that the actuators have taken in since the home pose, in m.
+
+        None if the solve failed, or if the robot's pretension has no home pose.
+        """
+        core = self.core
+        if core.driven or core.tendon_lengths is None:
+            return core.pulls
+        home = actuation.home_lengths(self.robot, self.model)
+        if home is None:
+            return None
+        taken_in: Floats = (
+            home - core.tendon_lengths + actuation.compliances(self.robot) * core.tensions
+        )
+        return taken_in
+
+    @property
+    def slack(self) -> tuple[int, ...] | None:
+        """Numbers, from 1, of the tendons with a given displacement that are slack."""
+        lengths = self.slack_lengths
+        if lengths is None:
+            return None
+        return tuple((actuation.slack(self.robot, lengths) + 1).tolist())
+
+    @property
+    def slack_lengths(self) -> Floats | None:
+        """Slack length (T,) of tendons with a given displacement, in m; exactly 0 where taut."""
+        core = self.core
+        if core.driven:
+            return core.slack_lengths
+        return np.zeros(len(core.tensions)) if core.converged else None
+
+    @property
+    def span_tensions(self) -> Floats | None:
+        """Tensions (N, T) of the spans from base to tip, in N; NaN beyond a tendon's end."""
+        core = self.core
+        if not core.converged:
+            return None
+        passes = _passes(self.robot)
+        spans = core.tensions if core.span_tensions is None else core.span_tensions
+        return np.where(passes, spans, np.nan)
+
+    @property
+    def undetermined(self) -> bool:
+        return bool(self.core.undetermined)
+
+    @property
+    def length_residual(self) -> float:
+        return self.core.length_residual or 0.0
+
+    def history(self) -> dict[str, Any] | None:
+        """Where the path has come to, for ``history`` of the next solve.
+
+        None if the solve failed, or if the tendons are continuous.
+
+        A dict that `json.dumps` takes: ``schema_version``, ``robot``, ``robot_hash``, the settings
+        and all that friction remembers. After a solve by tensions it steps the path once.
+        """
+        core = self.core
+        if not core.converged or self.model.tendon_path == "continuous":
+            return None
+        if self._path is None:
+            path = actuation.Path(self.robot, self.model)
+            found = path.core.step(np.zeros(len(core.tensions), bool), core.tensions, self.load)
+            if not self._is_pose_of(found):
+                raise NoSolutionError(
+                    f"{self.robot.name}: there is no history, because the path from home does not "
+                    "lead to this pose; approach it by a sweep with a history"
+                )
+            self._path = path
+        return self._path.history()
+
+    def _is_pose_of(self, other: _core.Solution) -> bool:
+        here, there = self.core.tip_position, other.tip_position
+        if here is None or there is None:
+            return False
+        return bool(np.abs(here - there).max() <= 1e-8 * self.robot.length)
+
+    def centerline(self, points_per_module: int = 8) -> Floats | None:
+        """Points of the backbone from base to tip.
+
+        Parameters
+        ----------
+        points_per_module : int
+            Points after each disk (or the base) up to the next one, which is the last of them.
+
+        Returns
+        -------
+        ndarray (N * points_per_module + 1, 3) or None
+            In m; None if the solve failed.
+        """
+        try:
+            return self.core.centerline(points_per_module)
+        except (TypeError, OverflowError):
+            raise InputError(
+                f"points_per_module is {points_per_module!r}, it must be a whole number from 1"
+            ) from None
+
+    def fields(self, points: int = 5) -> xr.Dataset:
+        """Centreline, strain, internal forces and stress of the equilibrium, with units.
+
+        Parameters
+        ----------
+        points : int
+            Stations along the flexible part of each module, both ends among them.
+
+        Returns
+        -------
+        xarray.Dataset
+            As of a run (`bowstring.statics.fields`), with one time.
+
+        Raises
+        ------
+        NoSolutionError
+            If the solution did not converge.
+        """
+        from bowstring.statics.fields import to_dataset
+
+        self.raise_for_status()
+        frames = self._frames(points)
+        core, model = self.core, self.model
+        settings = {
+            "tip_force": core.tip_force.tolist(),
+            "tip_moment": core.tip_moment.tolist(),
+            "gravity": core.gravity.tolist(),
+            "theory": model.theory,
+            "tendon": model.tendon_path,
+            "twist": model.twist,
+            "elements": model.elements,
+            "tensions_N": self.tensions.tolist(),
+        }
+        return to_dataset(self.robot, frames, settings, status=self.status)
+
+    def _frames(self, points: int) -> Frames:
+        """The raw fields of a converged solution."""
+        from bowstring.statics import simulator
+
+        path = self._path if self.core.driven else None
+        load = self.load.replace(tensions=self.tensions)
+        return simulator.at_rest(self.robot, load, self.model, path, points=points)
+
+    def limits(self) -> tuple[tuple[str, ...], tuple[Use, ...]]:
+        """Warnings of the pose, and how far it uses up the limits of the robot file.
+
+        Returns
+        -------
+        warnings : tuple of str
+            Disks below the base, and segments beyond ``yield_strength`` or ``strain_limit``.
+        uses : tuple of `bowstring.statics.limits.Use`
+            None where the robot file has no limits, or the solve failed.
+        """
+        from bowstring.statics import limits
+
+        if not self.converged or self.disk_positions is None:
+            return (), ()
+        frames = partial(self._frames, limits.POINTS)
+        return limits.of_pose(self.robot, self.disk_positions, frames, self.model)
+
+    def warnings(self) -> tuple[str, ...]:
+        """What this pose meets: disks below the base, and limits of the backbone's material.
+
+        Returns
+        -------
+        tuple of str
+            Sentences; none where the robot stays above its base and, where its file says so,
+            within ``yield_strength`` and ``strain_limit``.
+        """
+        return self.limits()[0]
+
+    def raise_for_status(self) -> Self:
+        """Return self if converged, else raise.
+
+        Raises
+        ------
+        NoSolutionError
+            The text says what was reached and what to try.
+
+        Warns
+        -----
+        StabilityWarning
+            If the equilibrium is not stable or, for another reason than friction, not known to be.
+        """
+        if not self.converged:
+            raise NoSolutionError(f"{self.robot.name}: {self.message}", status=self.status)
+        if not self.stable and not self.robot.has_friction:
+            warnings.warn(f"{self.robot.name}: {self.message}", StabilityWarning, stacklevel=2)
+        return self
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content of ``bowstring solve --json``, ready for `json.dumps`.
+
+        Returns
+        -------
+        dict
+            ``status, stable, iterations, residual, error_estimate, elements, theory, tip, disks,
+            tendon_lengths_m, tensions_N, pulls_m, slack, slack_m, span_tensions_N, undetermined,
+            length_residual_m``; the pose's entries are None if the solve failed, as is a number
+            that is not finite.
+        """
+        core = self.core
+        displacements, slack = self.displacements(), self.slack_lengths
+        spans = self.span_tensions
+        error = self.error_estimate
+        tip = disks = lengths = None
+        positions, rotations = core.disk_positions, core.disk_rotations
+        if positions is not None and rotations is not None and core.tendon_lengths is not None:
+            disks = [
+                {"position_m": position, "rotation": rotation}
+                for position, rotation in zip(positions.tolist(), rotations.tolist(), strict=True)
+            ]
+            tip = disks[-1]
+            lengths = core.tendon_lengths.tolist()
+        return {
+            "status": core.status,
+            "stable": core.stable,
+            "iterations": core.iterations,
+            "residual": plain(core.residual),
+            "error_estimate": None if error is None else error.to_dict(),
+            "elements": core.model.elements,
+            "theory": core.model.theory,
+            "tip": tip,
+            "disks": disks,
+            "tendon_lengths_m": lengths,
+            "tensions_N": plain(core.tensions),
+            "pulls_m": None if displacements is None else displacements.tolist(),
+            "slack": None if self.slack is None else list(self.slack),
+            "slack_m": None if slack is None else slack.tolist(),
+            "span_tensions_N": None if spans is None else plain(spans),
+            "undetermined": self.undetermined,
+            "length_residual_m": plain(self.length_residual),
+        }
+
+
+def _passes(robot: Robot) -> NDArray[np.bool_]:
+    """Whether a tendon passes a module, (N, T)."""
+    passes: NDArray[np.bool_] = (
+        np.arange(len(robot.disks.station_m))[:, None] <= robot.tendons.end_disk
+    )
+    return passes
+
+
+@dataclass(repr=False, eq=False)  # not frozen: that would cost 4 us a sweep
+class Sweep:
+    """The answers to n loads; made by `sweep` and `solve_batch`.
+
+    Rows that did not converge hold NaN.
+
+    Attributes
+    ----------
+    robot : Robot
+    tensions : ndarray (n, T)
+        In N, before the base holes; found where a displacement is given.
+    model : RodModel
+    status : list of str (n,)
+        As `Solution.status`.
+    converged : ndarray of bool (n,)
+    stable : list of bool or None (n,)
+    iterations : ndarray of int (n,)
+    residual : ndarray (n,)
+    tip_position, tip_rotation : ndarray (n, 3) in m, (n, 3, 3)
+    tendon_lengths : ndarray (n, T)
+        In m.
+    disk_positions, disk_rotations : ndarray (n, N, 3) in m, (n, N, 3, 3); or None
+        None if called with ``disks=False``.
+    left_unstable : ndarray of bool (n,)
+        The way from straight led to an unstable equilibrium, which was left for a stable one.
+    fraction : ndarray (n,)
+        Largest fraction of the load that did converge.
+    collision : ndarray of int (n,)
+        Module (from 0) in which two disks collide; -1 if none.
+    tip_error, tension_error : ndarray (n,)
+        Estimated discretisation error, in m and N, as `ErrorEstimate`.
+    driven : dict or None
+        What a path adds; its numbers are the properties and methods below.
+    """
+
+    robot: Robot
+    tensions: Floats
+    model: RodModel
+    status: list[str]
+    converged: NDArray[np.bool_]
+    stable: list[bool | None]
+    iterations: NDArray[np.int64]
+    residual: Floats
+    tip_position: Floats
+    tip_rotation: Floats
+    tendon_lengths: Floats
+    disk_positions: Floats | None
+    disk_rotations: Floats | None
+    left_unstable: NDArray[np.bool_]
+    fraction: Floats
+    collision: NDArray[np.int64]
+    tip_error: Floats
+    tension_error: Floats
+    driven: dict[str, Any] | None = None
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def displacements(self) -> Floats:
+        """Lengths (n, T) that the actuators have taken in since the home pose, in m."""
+        if self.driven is not None:
+            return np.array(self.driven["pulls"])
+        home = actuation.home_lengths(self.robot, self.model)
+        if home is None:
+            return np.full_like(self.tensions, np.nan)
+        stretch = actuation.compliances(self.robot) * self.tensions
+        taken_in: Floats = home - self.tendon_lengths + stretch
+        return taken_in
+
+    @property
+    def slack_lengths(self) -> Floats:
+        """Slack length (n, T) of tendons with a given displacement, in m; 0 where taut."""
+        if self.driven is not None:
+            return np.array(self.driven["slack_lengths"])
+        return np.where(self.converged[:, None], np.zeros_like(self.tensions), np.nan)
+
+    @property
+    def span_tensions(self) -> Floats:
+        """Tensions (n, N, T) of the spans from base to tip, in N; NaN beyond a tendon's end."""
+        passes = _passes(self.robot)
+        if self.driven is not None:
+            return np.where(passes, self.driven["span_tensions"], np.nan)
+        spans = np.where(passes, self.tensions[:, None, :], np.nan)
+        return np.where(self.converged[:, None, None], spans, np.nan)
+
+    @property
+    def undetermined(self) -> NDArray[np.bool_]:
+        """Rows (n,) whose displacements allow many tensions in the same pose; the smallest."""
+        if self.driven is not None:
+            return np.array(self.driven["undetermined"])
+        return np.zeros(len(self), bool)
+
+    def history(self) -> dict[str, Any] | None:
+        """Where the path has come to after the last row, as `Solution.history`.
+
+        None if the rows were no path: by tensions without friction, or each from home.
+        """
+        return None if self.driven is None else self.driven["history"]
+
+    def __repr__(self) -> str:
+        done = int(self.converged.sum())
+        return f"<Sweep of {self.robot.name}: {done} of {len(self)} loads converged>"
+
+    def _repr_html_(self) -> str:
+        def row(k: int) -> tuple[object, ...]:
+            tensions = ", ".join(f"{v:.6g}" for v in self.tensions[k])
+            tip = millimetres(self.tip_position[k]) if self.converged[k] else ""
+            return k, tensions, tip, self.status[k]
+
+        title = repr(self).strip("<>")
+        return html_table(title, in_few_rows(len(self), row), ("", "tensions, N", "tip", "status"))
+
+    def message(self, row: int) -> str:
+        """One sentence on how a row ended, as `Solution.message`."""
+        advice = ""
+        if not self.converged[row]:
+            advice = load_advice(self.robot, self.tensions[row])
+        if self.driven is not None:
+            slack = self.driven["slack_lengths"][row]
+            return messages.of_actuation(
+                self.status[row],
+                self.stable[row],
+                actuation.slack(self.robot, slack) if self.converged[row] else (),
+                bool(self.driven["undetermined"][row]),
+                float(self.robot.tendons.friction.max()),
+                self.driven["conflicts"].get(range(len(self))[row], ((), None)),
+                float(self.residual[row]),
+                int(self.iterations[row]),
+                advice,
+            )
+        collision = int(self.collision[row])
+        return messages.of_tensions(
+            self.status[row],
+            self.stable[row],
+            bool(self.left_unstable[row]),
+            float(self.fraction[row]),
+            collision if collision >= 0 else None,
+            float(self.residual[row]),
+            int(self.iterations[row]),
+            advice,
+        )
+
+    def raise_for_status(self) -> Self:
+        """Return self if all rows converged, else raise.
+
+        Raises
+        ------
+        NoSolutionError
+            Names the first row that failed, and how many did.
+
+        Warns
+        -----
+        StabilityWarning
+            As that of a solution, for the first row of those.
+        """
+        failed = np.flatnonzero(~self.converged)
+        if failed.size:
+            first = int(failed[0])
+            raise NoSolutionError(
+                f"{self.robot.name}: {failed.size} of {len(self)} loads have no solution; "
+                f"the first is row {first}: {self.message(first)}"
+            )
+        if not all(self.stable) and not self.robot.has_friction:
+            row = [bool(stable) for stable in self.stable].index(False)
+            said = f"{self.robot.name}: row {row}: {self.message(row)}"
+            warnings.warn(said, StabilityWarning, stacklevel=2)
+        return self
+
+
+def solution(
+    robot: Robot, load: Load, model: RodModel, before: Mapping[str, Any] | None = None
+) -> Solution:
+    """Solve one load; `bowstring.solve` without its checks and defaults."""
+    if load.is_tension_controlled and before is None and not robot.has_friction:
+        if load.tensions is None:
+            actuation.commands(robot, load)  # which says what is missing
+        if isinstance(load.tensions, np.ndarray) and load.tensions.dtype.kind == "c":
+            # imaginary parts would be dropped, of which NumPy only warns
+            count = robot.core.tendon_count
+            raise InputError(f"tensions is {load.tensions!r:.80}, it must be {count} numbers, in N")
+        return Solution(robot, robot.core.solve(load.tensions, load, model))
+    given, commands = actuation.commands(robot, load)
+    path = actuation.Path(robot, model)
+    if before is not None:
+        path.resume(before)
+    return Solution(robot, path.core.step(given, commands, load), path, before)
+
+
+def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
+    """Sweeps of parts of the rows as one; it has no history, for it is no single path.
+
+    Parameters
+    ----------
+    parts : sequence of (ndarray of int, Sweep)
+        Rows of each sweep in the whole; of one robot and the same options.
+
+    Returns
+    -------
+    Sweep
+    """
+    order = np.argsort(np.concatenate([rows for rows, _ in parts]), kind="stable")
+
+    def whole(values: list[Any]) -> Any:
+        if any(value is None for value in values):
+            return None
+        if isinstance(values[0], np.ndarray):
+            return np.concatenate(values)[order]
+        rows = [row for value in values for row in value]
+        return [rows[k] for k in order]
+
+    sweeps = [sweep for _, sweep in parts]
+    rows = {
+        field.name: whole([getattr(sweep, field.name) for sweep in sweeps])
+        for field in fields(Sweep)
+        if field.name not in ("robot", "model", "driven")
+    }
+    driven = [sweep.driven for sweep in sweeps]
+    extra = None
+    if all(each is not None for each in driven):
+        extra = {
+            name: whole([(each or {})[name] for each in driven])
+            for name in driven[0] or {}
+            if name not in ("history", "conflicts")
+        }
+        conflicts = zip(parts, driven, strict=True)
+        extra["conflicts"] = {
+            int(rows[k]): why
+            for (rows, _), each in conflicts
+            for k, why in (each or {})["conflicts"].items()
+        }
+        extra["history"] = None
+    first = sweeps[0]
+    return Sweep(first.robot, model=first.model, driven=extra, **rows)

@@ -1,0 +1,45 @@
+"""Arguments by name, as a table of cases has them, to the objects that functions take."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bowstring as bs
+
+_MODEL = ("theory", "tendon_path", "twist", "elements")
+_LOAD = ("displacements", "angles", "gravity", "tip_force", "tip_moment")
+_INTEGRATOR = (
+    "dt",
+    "tolerance",
+    "spectral_radius",
+    "mass_damping",
+    "material_damping",
+    "modal_damping",
+)
+_OUTPUT = ("every", "points", "path", "progress")
+_START = ("disk_forces", "initial_history")
+
+
+def objects(**given: Any) -> dict[str, Any]:
+    """The same arguments with those of `Load`, `RodModel` and others in such an object.
+
+    Names that begin with ``initial_`` are of the load at the start.
+    """
+    start = {name.removeprefix("initial_"): given.pop(name) for name in _START if name in given}
+    initial = {name: value for name, value in given.items() if name.startswith("initial_")}
+    if initial:
+        start["load"] = bs.Load(**{name[len("initial_") :]: v for name, v in initial.items()})
+    kinds = (
+        ("model", bs.RodModel, _MODEL),
+        ("load", bs.Load, _LOAD),
+        ("integrator", bs.Integrator, _INTEGRATOR),
+        ("output", bs.Output, _OUTPUT),
+    )
+    out = {name: value for name, value in given.items() if name not in initial}
+    for argument, kind, names in kinds:
+        mine = {name: out.pop(name) for name in names if name in out}
+        if mine:
+            out[argument] = kind(**mine)
+    if start:
+        out["start"] = bs.Start(**start)
+    return out
