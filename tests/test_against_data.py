@@ -27,6 +27,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.reader import load_robot
 from bowstring.study import calibration as study_calibration
 from bowstring.study import report
+from bowstring.study.settings import Loading
 from bowstring.study.study import DATA_FIGURES, Study, run_study
 from bowstring.study.validation import (
     DATA_MODELS,
@@ -507,7 +508,7 @@ def test_a_mean_over_some_rows_says_so(robot: bs.Robot, bench: Measurements) -> 
 
 @pytest.fixture(scope="module")
 def whole(robot: bs.Robot, bench: Measurements) -> Study:
-    return bs.run_study(robot, measurements=bench, points=5)  # type: ignore[operator]
+    return bs.run_study(robot, measurements=bench, loading=Loading(points=5))  # type: ignore[operator]
 
 
 @pytest.fixture(scope="module")
@@ -551,7 +552,7 @@ def test_the_json_has_the_comparisons_and_the_block(written: Path, whole: Study)
     assert whole.comparison("rod_calibrated", "measurement").registered  # type: ignore[attr-defined]
     # the simulated part is the one without measurements
     assert [c for c in content["comparisons"] if c["against"] != "measurement"] == [
-        c.to_dict() for c in run_study(whole.robot, points=5).comparisons
+        c.to_dict() for c in run_study(whole.robot, loading=Loading(points=5)).comparisons
     ]
 
 
@@ -601,7 +602,7 @@ def test_without_a_calibration_the_rest_is_there(
         raise NoSolutionError("99 rows have no solution to begin with")
 
     monkeypatch.setattr(study_calibration, "calibrate", fails)
-    found = run_study(robot, measurements=bench, points=3)
+    found = run_study(robot, measurements=bench, loading=Loading(points=3))
     assert found.data is not None
     assert "rod_calibrated" not in found.data.models and found.data.frame_by == "rod"
     assert {"cc_from_force", "cc_calibrated", "rod"} <= set(found.data.models)

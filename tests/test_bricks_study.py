@@ -13,6 +13,7 @@ from bowstring.fem.mesh import Fineness, brick_mesh
 from bowstring.fem.run import BrickRun, RunInterrupted, Settings
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
+from bowstring.study.settings import Extras
 from bowstring.study.study import COMPARISONS, Study, run_study
 from bricks import needs_ccx, small_robot
 from shell import Shell
@@ -109,10 +110,10 @@ def test_a_study_that_is_stopped_says_that_it_goes_on(
 
 def test_it_is_refused_before_any_work(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="clamped_length is 0"):
-        run_study(load_robot("amouri2019"), fe=Settings())
+        run_study(load_robot("amouri2019"), extras=Extras(fe=Settings()))
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match="apt-get install calculix-ccx"):
-        run_study(small_robot(), fe=Settings())
+        run_study(small_robot(), extras=Extras(fe=Settings()))
 
 
 def test_a_grip_is_of_finite_elements(shell: Shell) -> None:

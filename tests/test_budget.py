@@ -12,6 +12,7 @@ import pytest
 from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import Physics
 from bowstring.study.error_budget import BudgetRow, Side
+from bowstring.study.settings import Loading
 from bowstring.study.study import Study, run_study
 
 MM = 1e-3
@@ -171,8 +172,10 @@ def test_a_contribution_is_over_the_loads_that_both_cases_have(paper: Study) -> 
 def test_other_gravity_is_compared_with_the_sweep_without_any() -> None:
     """What upright gravity adds to the sweep of a robot that hangs is not what turning it does."""
     robot = load_robot(Path(__file__).parent / "silicone.yaml")
-    got = run_study(robot, points=3, max_tension=1.0)
-    plain = run_study(robot.with_({"gravity": "0 0 0 m/s^2"}), points=3, max_tension=1.0)
+    got = run_study(robot, loading=Loading(points=3, max_tension=1.0))
+    plain = run_study(
+        robot.with_({"gravity": "0 0 0 m/s^2"}), loading=Loading(points=3, max_tension=1.0)
+    )
     for effect in ("gravity_upright", "gravity_hanging", "gravity_horizontal"):
         for name in ("cc_from_lengths", "cc_from_force"):
             ours = got.budget.contribution(row(got, effect), "in_sweep", name)

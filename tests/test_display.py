@@ -16,6 +16,7 @@ import pytest
 import bowstring as bs
 from bowstring.data import datasets, registration, synthetic
 from bowstring.dynamics.load_history import ramp
+from bowstring.study.settings import Loading
 
 ROOT = Path(__file__).parents[1]
 
@@ -30,7 +31,7 @@ def objects(robot: bs.Robot) -> dict[str, Any]:
     """What the public functions return."""
     solution = bs.solve(robot, [1, 0, 0, 0, 0, 0])
     loads = np.outer(np.linspace(0, 1, 200), [1, 0, 0, 0, 0, 0])
-    study = bs.run_study(bs.load_robot("amouri2019"), points=5)
+    study = bs.run_study(bs.load_robot("amouri2019"), loading=Loading(points=5))
     return {
         "robot": robot,
         "solution": solution,

@@ -18,6 +18,7 @@ from bowstring.robot.reader import load_robot
 from bowstring.robot.writer import to_yaml
 from bowstring.statics import limits
 from bowstring.study import report
+from bowstring.study.settings import Loading
 from bowstring.study.study import Study, run_study
 from bowstring.study.terminal import print_study
 from shell import Shell
@@ -75,7 +76,10 @@ def test_a_tip_below_the_base_is_named() -> None:
 
 @pytest.mark.slow
 def test_the_study_warns_of_its_sweep(limited: Robot, tmp_path: Path) -> None:
-    found = run_study(limited.with_({ROD + "yield_strength": "1 GPa"}), max_tension=200.0, points=5)
+    found = run_study(
+        limited.with_({ROD + "yield_strength": "1 GPa"}),
+        loading=Loading(max_tension=200.0, points=5),
+    )
     assert found.statics.tip_position[-1, 2] < 0
     below, strain = found.warnings
     assert below.startswith(
@@ -114,7 +118,7 @@ def test_loads_without_an_equilibrium_are_passed_over(limited: Robot) -> None:
 
 def test_stress_is_known_where_a_sweep_takes_more_elements(limited: Robot) -> None:
     few = limited.with_({"segments.0.disks.count": 2})
-    found = run_study(few, max_tension=80.0, points=3)
+    found = run_study(few, loading=Loading(max_tension=80.0, points=3))
     assert found.statics.converged.all()
     assert np.isfinite(found.statics.surface.strain).all()
     assert found.warnings[-1].startswith("From 80 N on the backbone is beyond what it can take")

@@ -23,6 +23,7 @@ from bowstring.formatting import signed
 from bowstring.robot.reader import load_robot
 from bowstring.study import figures, report
 from bowstring.study.comparison import MEANINGS
+from bowstring.study.settings import Loading
 from bowstring.study.study import FIGURES, SCHEMA_VERSION, Study, run_study
 from bowstring.study.terminal import print_study
 from bowstring.viz.style import figure_style, svg
@@ -30,7 +31,7 @@ from bowstring.viz.style import figure_style, svg
 
 @pytest.fixture(scope="module")
 def paper() -> Study:
-    return run_study(load_robot("amouri2019"), points=5)
+    return run_study(load_robot("amouri2019"), loading=Loading(points=5))
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +155,7 @@ def test_names_from_a_robot_file_are_escaped(tmp_path: Path) -> None:
     robot = load_robot("amouri2019").with_(
         {"name": "a<b>&c", "description": "<script>alert(1)</script>"}
     )
-    folder = report.write(run_study(robot, points=3), tmp_path / "out")
+    folder = report.write(run_study(robot, loading=Loading(points=3)), tmp_path / "out")
     page = read(folder / "report.html")
     assert page.open == [] and "script" not in page.tags
     assert "Is constant curvature good enough for a<b>&c?" in "".join(page.text)
@@ -243,7 +244,7 @@ def test_dynamics_is_shown(written: Path, paper: Study) -> None:
 @pytest.mark.slow
 def test_a_study_without_dynamics_says_why(tmp_path: Path) -> None:
     light = {"segments.0.disks.mass": "0 g", "segments.0.backbone.density": "0 kg/m^3"}
-    found = run_study(load_robot("amouri2019").with_(light), points=3)
+    found = run_study(load_robot("amouri2019").with_(light), loading=Loading(points=3))
     folder = report.write(found, tmp_path / "out")
     page = " ".join(" ".join(read(folder / "report.html").text).split())
     assert "Dynamics is left out: amouri2019 has no mass" in page

@@ -14,6 +14,7 @@ from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
 from bowstring.study.comparison import COMPARISONS
+from bowstring.study.settings import Loading, Ramp
 from bowstring.study.shapes import backbones
 from bowstring.study.study import Study, run_study
 
@@ -56,7 +57,7 @@ def test_the_published_mean_stands_beside_the_studys_robot_only(paper: Study) ->
     assert paper.claim is not None
     assert "4.95" in paper.claim.text and "published mean" in paper.claim.text
     assert "differs" not in paper.claim.text
-    assert run_study(load_robot("amouri2019"), max_tension=40.0).claim is None
+    assert run_study(load_robot("amouri2019"), loading=Loading(max_tension=40.0)).claim is None
     assert run_study(load_robot("rao2021")).claim is None
 
 
@@ -90,7 +91,7 @@ def test_two_tendons_have_a_force_law_but_no_arc_from_lengths() -> None:
 )
 def test_the_load_range_follows_the_linear_law(stiffness: str, tension: float) -> None:
     robot = load_robot("amouri2019").with_({"segments.0.backbone.E": stiffness})
-    assert run_study(robot, points=2).settings.max_tension == tension
+    assert run_study(robot, loading=Loading(points=2)).settings.max_tension == tension
 
 
 def silicone(gravity: str) -> Robot:
@@ -113,7 +114,7 @@ def silicone(gravity: str) -> Robot:
 
 def test_the_load_range_in_gravity_is_that_of_statics() -> None:
     hanging = silicone("0 0 9.81 m/s^2")
-    got = run_study(hanging, points=2)
+    got = run_study(hanging, loading=Loading(points=2))
     load = got.settings.max_tension
     assert load == 3.0  # the linear law alone would end at 1 N, where the robot bends by 20 degrees
     for tension, bent in ((load, True), (4.0, False)):  # the next round load
@@ -129,21 +130,21 @@ def test_the_load_range_in_gravity_is_that_of_statics() -> None:
 
 def test_gravity_that_bends_further_ends_the_load_range_earlier() -> None:
     upright = load_robot("amouri2019").with_({"gravity": "0 0 -9.81 m/s^2"})
-    got = run_study(upright, points=2)
+    got = run_study(upright, loading=Loading(points=2))
     assert got.settings.max_tension < 80.0
     assert got.geometry.scale == 1.0
 
 
 def test_any_tendon_or_several_can_be_pulled() -> None:
     robot = load_robot("rao2021")
-    inner = run_study(robot, tendon=1, points=3)
+    inner = run_study(robot, loading=Loading(tendon=1, points=3))
     assert inner.settings.tendon == 0 and inner.settings.pulled == "tendon 1"
     assert inner.geometry.theta[-1, 0] > 1.0 and inner.geometry.theta[-1, 1] == pytest.approx(0)
     direct = rod.solve(robot, [inner.settings.max_tension, 0, 0, 0, 0, 0]).raise_for_status().tip
     assert direct is not None
     assert inner.statics.tip_position[-1] == pytest.approx(direct.position, abs=1e-9)
 
-    both = run_study(robot, tendon={2: 1.0, 4: 0.5}, max_tension=2.0, points=3)
+    both = run_study(robot, loading=Loading(tendon={2: 1.0, 4: 0.5}, max_tension=2.0, points=3))
     assert both.settings.pulled == "tendons 2 and 4 (at 0.5 of it)"
     sweep = both.to_dict()["sweep"]
     assert sweep["pulled_tendon"] == 2 and sweep["shares"] == [0, 1, 0, 0.5, 0, 0]
@@ -165,15 +166,15 @@ def test_any_tendon_or_several_can_be_pulled() -> None:
 
 
 def test_the_published_claim_is_of_the_studys_own_tendon() -> None:
-    other = run_study(load_robot("amouri2019"), tendon=2, points=3)
+    other = run_study(load_robot("amouri2019"), loading=Loading(tendon=2, points=3))
     assert other.settings.max_tension == 80.0 and other.claim is None
 
 
 @pytest.mark.parametrize(
     ("tendon", "words"),
     [
-        (0, "tendon is 0; must be a whole number from 1 to 3"),
-        (4, "tendon is 4; must be"),
+        (0, "tendon is 0, it must be a whole number from 1 to 3"),
+        (4, "tendon is 4, it must be"),
         ({1: 0.0}, "share of tendon 1 is 0.0; must be above 0"),
         ({1: 0.5}, "largest share of the pulled tendons is 0.5; must be 1"),
         ({1: 1, 2: 1, 3: 1}, "balance each other"),
@@ -182,11 +183,14 @@ def test_the_published_claim_is_of_the_studys_own_tendon() -> None:
 )
 def test_bad_tendons(tendon: Any, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        run_study(load_robot("amouri2019"), tendon=tendon)
+        run_study(load_robot("amouri2019"), loading=Loading(tendon=tendon))
 
 
 def test_tendons_that_balance_each_other_can_be_studied_to_a_given_load() -> None:
-    got = run_study(load_robot("amouri2019"), tendon={1: 1, 2: 1, 3: 1}, max_tension=10.0, points=3)
+    got = run_study(
+        load_robot("amouri2019"),
+        loading=Loading(tendon={1: 1, 2: 1, 3: 1}, max_tension=10.0, points=3),
+    )
     assert got.comparison("cc_from_force").maximum < 1e-4  # shortened alone
     json.dumps(got.to_dict(), allow_nan=False)
 
@@ -194,12 +198,12 @@ def test_tendons_that_balance_each_other_can_be_studied_to_a_given_load() -> Non
 def test_a_load_that_winds_the_robot_up_is_named() -> None:
     soft = load_robot("amouri2019").with_({"segments.0.backbone.E": "35 MPa"})
     with pytest.raises(InputError, match=r"80 N winds amouri2019 up by 220 turns"):
-        run_study(soft, max_tension=80.0)
+        run_study(soft, loading=Loading(max_tension=80.0))
 
 
 @pytest.mark.slow
 def test_loads_beyond_any_arc_count_in_no_mean() -> None:
-    got = run_study(load_robot("amouri2019"), max_tension=900.0)
+    got = run_study(load_robot("amouri2019"), loading=Loading(max_tension=900.0))
     lengths = got.comparison("cc_from_lengths")
     assert 0 < lengths.n < 17
     assert any(f"over the other {lengths.n}" in note for note in got.notes)
@@ -241,8 +245,15 @@ def test_no_equilibrium_at_all_is_an_error(monkeypatch: pytest.MonkeyPatch) -> N
     ],
 )
 def test_bad_settings(setting: str, value: object) -> None:
-    with pytest.raises(InputError, match=f"got '?{value}"):
-        run_study(load_robot("amouri2019"), **{setting: value})  # type: ignore[arg-type]
+    given: Any = {setting: value}
+    said = f"{setting} is '?{value if isinstance(value, str) else format(value, 'g')}"
+    with pytest.raises(InputError, match=said):
+        if setting in ("max_tension", "points"):
+            Loading(**given)
+        elif setting in ("rise", "modal_damping"):
+            Ramp(**given)
+        else:
+            run_study(load_robot("amouri2019"), **given)
 
 
 # -- what goes out -----------------------------------------------------------------------------

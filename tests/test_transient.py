@@ -17,14 +17,17 @@ from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import COMPARISONS, Theory
 from bowstring.study.ramp_response import Transient
+from bowstring.study.settings import Loading, Ramp
 from bowstring.study.study import FIGURES, Study, run_study
 
 MM = 1e-3
 FREQUENCY = 2.2804  # Hz, of the study's robot, from shared references of other programs
 
 
-def moving(robot: Robot, **settings: Any) -> tuple[Study, Transient]:
-    found = run_study(robot, **settings)
+def moving(
+    robot: Robot, theory: Theory = "cosserat", loading: Loading | None = None, **ramp: float
+) -> tuple[Study, Transient]:
+    found = run_study(robot, theory=theory, loading=loading, ramp=Ramp(**ramp))
     assert found.dynamics is not None, found.without_dynamics
     return found, found.dynamics
 
@@ -128,7 +131,7 @@ def test_static_stress_is_that_of_the_fields(paper: Study) -> None:
 def test_weight_and_clamps_have_static_stress(gravity: str) -> None:
     source = Path(__file__).parents[1] / "examples" / "my_robot.yaml"
     robot = load_robot(source).with_({"gravity": gravity})
-    found = run_study(robot, points=3)
+    found = run_study(robot, loading=Loading(points=3))
     tensions = [0.0, 0.0, 0.0, 0.0, found.settings.max_tension, 0.0, 0.0, 0.0]
     whole = bs.solve(robot, tensions).fields()
     assert found.statics.surface.von_mises[-1] == pytest.approx(
@@ -169,7 +172,7 @@ def test_other_robots(source: str, theory: Theory) -> None:
         "upright": {"gravity": "0 0 -9.81 m/s^2"},
     }[source]
     robot = load_robot("rao2021" if source == "rao2021" else "amouri2019").with_(changes)
-    found, motion = moving(robot, theory=theory, points=5)
+    found, motion = moving(robot, theory, Loading(points=5))
     assert motion.converged
     assert motion.mean_difference < 1e-3 * robot.length
     assert motion.tip_position[0] == pytest.approx(found.statics.tip_position[0], abs=1e-7)
@@ -224,7 +227,7 @@ def test_a_motion_that_stops_is_shown_up_to_there(
 
 @pytest.mark.slow
 def test_disks_that_meet_end_the_motion() -> None:
-    found, motion = moving(load_robot("amouri2019"), max_tension=900.0, rise=0.115)
+    found, motion = moving(load_robot("amouri2019"), loading=Loading(max_tension=900.0), rise=0.115)
     assert motion.status == "collision" and motion.time[-1] < motion.rise
     assert "two neighbouring disks met" in found.dynamics_text[1]
     assert 0 < found.comparison("cc_from_force", "dynamics").n < 17
@@ -233,4 +236,4 @@ def test_disks_that_meet_end_the_motion() -> None:
 @pytest.mark.parametrize("rise", [0.1, 1e6])
 def test_a_rise_beyond_its_range_is_bad_input(rise: float) -> None:
     with pytest.raises(InputError, match=r"must be from 0\.11 to 87\.7 s"):
-        run_study(load_robot("amouri2019"), rise=rise)
+        run_study(load_robot("amouri2019"), ramp=Ramp(rise=rise))

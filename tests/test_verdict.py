@@ -14,6 +14,7 @@ from bowstring.formatting import in_mm
 from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
 from bowstring.study import verdict
+from bowstring.study.settings import Loading
 from bowstring.study.study import Study, run_study
 
 MM = 1e-3
@@ -105,6 +106,6 @@ def test_the_costliest_effect_has_the_numbers_of_the_budget(paper: Study) -> Non
 
 
 def test_a_robot_that_hangs_does_not_leave_out_gravity() -> None:
-    got = run_study(load_robot(Path(__file__).parent / "silicone.yaml"), points=5)
+    got = run_study(load_robot(Path(__file__).parent / "silicone.yaml"), loading=Loading(points=5))
     (text,) = [t for t in got.verdict.text if t.startswith("A real robot has effects")]
     assert "gravity" not in text and "E 10 %" in text

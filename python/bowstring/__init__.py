@@ -42,18 +42,22 @@ if TYPE_CHECKING:
     from bowstring.statics.load import Load
     from bowstring.statics.rod import solve, solve_batch, sweep
     from bowstring.statics.solution import Solution, Sweep
+    from bowstring.study.settings import Extras, Loading, Ramp
     from bowstring.study.study import Study, run_study
 
 __all__ = [
     "Calibration",
     "DisplacementJacobian",
+    "Extras",
     "Fit",
     "Integrator",
     "Jacobians",
     "Load",
+    "Loading",
     "Measurements",
     "Modes",
     "Output",
+    "Ramp",
     "Robot",
     "RodModel",
     "Run",
@@ -125,6 +129,9 @@ _HOME = {
     "sweep": "statics.rod",
     "Solution": "statics.solution",
     "Sweep": "statics.solution",
+    "Extras": "study.settings",
+    "Loading": "study.settings",
+    "Ramp": "study.settings",
     "Study": "study.study",
     "run_study": "study.study",
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 
 __all__ = [
-    "check_choices",
     "check_values",
+    "choice",
     "floats",
     "is_whole",
     "number",
@@ -22,6 +22,7 @@ __all__ = [
     "row",
     "shown",
     "vectors",
+    "whole",
     "with_options_of",
 ]
 
@@ -109,10 +110,24 @@ def number(name: str, value: Any, unit: str = "", *, zero: bool = False) -> floa
         found = math.inf
     text = f"{found:g} {unit}".strip() if right else shown(value)
     if not math.isfinite(found):
-        raise InputError(f"{name} is {text}, it must be a finite number")
+        raise InputError.of(name, text, "a finite number")
     if found < 0 or (found == 0 and not zero):
-        raise InputError(f"{name} is {text}, it must be {'zero or more' if zero else 'positive'}")
+        raise InputError.of(name, text, "zero or more" if zero else "positive")
     return found
+
+
+def whole(name: str, value: Any, low: int, high: int) -> int:
+    """A whole number from one to another."""
+    if not is_whole(value) or not low <= value <= high:
+        raise InputError.of(name, shown(value), f"a whole number from {low} to {high}")
+    return int(value)
+
+
+def choice(name: str, value: Any, words: Sequence[str]) -> None:
+    """Refuse what is none of these words."""
+    if value not in words:
+        listed = " or ".join(f'"{word}"' for word in words)
+        raise InputError.of(name, shown(value), listed)
 
 
 def is_whole(value: object) -> bool:
@@ -172,19 +187,3 @@ def check_values(name: str, row: Floats, when: str = "") -> None:
             f"tension of tendon {i + 1} is {row[i]:g} N{when}, a tendon can only pull: "
             "give zero or more"
         )
-
-
-def check_choices(
-    theory: object, tendon: object, twist: object, elements: object, *, automatic: bool = False
-) -> None:
-    """Refuse what is of the wrong type, or no number of elements: None where they are chosen."""
-    if not isinstance(theory, str):
-        raise InputError(f'theory is {shown(theory)}, it must be "cosserat" or "kirchhoff"')
-    if not isinstance(tendon, str):
-        raise InputError(f'tendon is {shown(tendon)}, it must be "straight" or "continuous"')
-    if not isinstance(twist, bool):
-        raise InputError(f"twist is {shown(twist)}, it must be True or False")
-    if automatic and elements is None:
-        return
-    if not is_whole(elements) or elements not in (1, 2, 4, 8):
-        raise InputError(f"elements is {shown(elements)}, it must be 1, 2, 4 or 8")

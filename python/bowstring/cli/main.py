@@ -78,6 +78,19 @@ def _main(
         write(context.get_help() + "\n")
 
 
+# flags that are not named as the argument
+_FLAGS: Final = {"tensions": "--tension", "displacements": "--pull", "angles": "--angle"}
+
+
+def in_flags(error: InputError) -> str:
+    """The sentence of an error: of a single argument's value, with the flag that gave it."""
+    if not error.rule:
+        return str(error)
+    flag = _FLAGS.get(error.argument, "--" + error.argument.replace("_", "-"))
+    where = "" if error.index is None else f" for tendon {error.index + 1}"
+    return f"{flag}: got {error.value}{where}; must be {error.rule}."
+
+
 def run(arguments: Sequence[str]) -> int:
     """Run one command.
 
@@ -104,8 +117,11 @@ def run(arguments: Sequence[str]) -> int:
             interrupts.answered()
             code = STOPPED
         else:
+            if isinstance(error, InputError):
+                say("Error", in_flags(error))
+                return BAD_INPUT
             say("Error", str(error))
-            return BAD_INPUT if isinstance(error, InputError) else NO_SOLUTION
+            return NO_SOLUTION
     except typer.TyperException as error:
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "bowstring"

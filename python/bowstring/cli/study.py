@@ -90,49 +90,37 @@ def study(
     if grip is not None and not fe:
         raise InputError("--grip is of finite elements; give --fe too.")
     share = share_of("--tolerance", tolerance)
-    if not 0 < share < 1:
-        raise InputError(
-            f"--tolerance: got {quote(tolerance)}; must lie between 0 and 1, or 0 % and 100 %."
-        )
     limit = None if max_tension is None else number_of("--max-tension", max_tension, "N")
-    if limit is not None and limit <= 0:
-        raise InputError(f"--max-tension: got {limit:g} N; must be positive.")
-    if not 2 <= points <= 1000:
-        raise InputError(f"--points: got {points}; must be from 2 to 1000.")
     seconds = None if rise is None else number_of("--rise", rise, "s")
-    if seconds is not None and seconds <= 0:
-        raise InputError(f"--rise: got {seconds:g} s; must be positive.")
     damping = share_of("--modal-damping", modal_damping)
-    if not 0 <= damping < 1:
-        raise InputError(
-            f"--modal-damping: got {quote(modal_damping)}; must lie from 0 to below 1, or 0 % to "
-            "below 100 %."
-        )
     model = load(robot, overrides)
     pulled = None if tendon is None else _shares(tendon, model)
 
+    from bowstring.data.measurements import Measurements, read_measurements
     from bowstring.fem.run import RunInterrupted, Settings
     from bowstring.study import report
+    from bowstring.study.settings import Extras, Loading, Ramp
     from bowstring.study.study import run_study
     from bowstring.study.terminal import print_study
     from bowstring.viz.result_folder import check_folder
 
+    loading, ramp = Loading(limit, points, pulled), Ramp(seconds, damping)
+    extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None)
     folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
     try:
         with progress_bar() as tell:
+            data: Measurements | Path | None = measurements
+            if measurements is not None and mapping is not None:
+                tell("measurements", 0.0)
+                data = read_measurements(measurements, model, mapping)
             found = run_study(
                 model,
                 tolerance=share,
-                max_tension=limit,
-                points=points,
                 theory=theory,
-                tendon=pulled,
-                rise=seconds,
-                modal_damping=damping,
-                measurements=measurements,
-                mapping=mapping,
-                solid=solid,
-                fe=Settings(grip=grip or Settings.grip) if fe else None,
+                loading=loading,
+                ramp=ramp,
+                measurements=data,
+                extras=extras,
                 progress=lambda what, done: tell(what, 0.5 * done),
             )
             folder = report.write(

@@ -27,7 +27,6 @@ percent.
 from __future__ import annotations
 
 import math
-from collections import abc
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -43,14 +42,13 @@ from bowstring.constant_curvature import arcs as arc
 from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
-from bowstring.formatting import in_mm, in_percent, listed, plain, round_down, significant
+from bowstring.formatting import in_mm, in_percent, plain, round_down, significant
 from bowstring.robot.model import Robot, check_robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
 from bowstring.study.comparison import COMPARISONS, Case, Model, Physics, Theory
 from bowstring.study.error_budget import Budget, BudgetRow, error_budget
 from bowstring.study.ramp_response import (
-    MODAL_DAMPING,
     Surface,
     Transient,
     check_rise,
@@ -58,13 +56,12 @@ from bowstring.study.ramp_response import (
     surface_at_rest,
     transient,
 )
+from bowstring.study.settings import Extras, Loading, Ramp, Settings
 from bowstring.study.verdict import Meaning, Verdict, judge
-from bowstring.validation import is_whole, shown
+from bowstring.validation import choice, number, shown
 
 if TYPE_CHECKING:
-    from bowstring.data.mapping import Mapping
     from bowstring.data.measurements import Measurements
-    from bowstring.fem import Settings as FeSettings
     from bowstring.study.finite_elements import FiniteElements
     from bowstring.study.validation import AgainstData
 
@@ -250,44 +247,6 @@ DATA_FIGURES: Final = (
 
 
 # -- what is computed --------------------------------------------------------------------------
-
-
-@short_repr
-@dataclass(frozen=True)
-class Settings:
-    """What was asked of the study."""
-
-    tolerance: float
-    """Tolerated tip error as a share of the length."""
-    max_tension: float
-    """End of the sweep, N."""
-    points: int
-    theory: Theory
-    tendon: int
-    """Index of the pulled tendon, from 0; of several, of the first that has the whole tension."""
-    shares: tuple[float, ...]
-    """Share of the sweep's tension in each tendon, from 0 to 1."""
-    range_chosen: bool
-    """Whether the program chose `max_tension`."""
-    rise: float | None
-    """Rise of the tension in dynamics, s; None if the program chose it."""
-    modal_damping: float
-    """Of the slowest modes in dynamics, as a share of critical."""
-
-    @property
-    def pulled(self) -> str:
-        """The pulled tendons in words: ``tendon 1``, ``tendons 1 and 4 (at 0.5 of it)``."""
-        parts = [
-            f"{i}" if share == 1.0 else f"{i} (at {significant(share)} of it)"
-            for i, share in enumerate(self.shares, 1)
-            if share
-        ]
-        return f"tendon{'s' * (len(parts) > 1)} {listed(parts)}"
-
-    @property
-    def pulled_alone(self) -> bool:
-        """Whether one tendon is pulled and all others are slack."""
-        return sum(share > 0.0 for share in self.shares) == 1
 
 
 @short_repr
@@ -527,57 +486,34 @@ def run_study(
     robot: Robot,
     *,
     tolerance: float = 0.01,
-    max_tension: float | None = None,
-    points: int = 17,
     theory: Theory = "cosserat",
-    tendon: int | abc.Mapping[int, float] | None = None,
-    rise: float | None = None,
-    modal_damping: float = MODAL_DAMPING,
+    loading: Loading | None = None,
+    ramp: Ramp | None = None,
     measurements: Measurements | str | Path | None = None,
-    mapping: str | Path | Mapping | None = None,
-    solid: bool = False,
-    fe: FeSettings | None = None,
+    extras: Extras | None = None,
     progress: Progress | None = None,
 ) -> Study:
     """Study how good constant curvature is for a robot.
-
-    One tendon, or several at fixed shares of one tension, is pulled from zero, in equal steps; all
-    others are slack.
 
     Parameters
     ----------
     robot : Robot
     tolerance : float
         Tolerated tip error as a share of the robot's length.
-    max_tension : float, optional
-        End of the sweep, N. If not given, the largest round load (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6
-        or 8 times a power of ten) that bends the whole robot by at most 80 degrees by the linear
-        law: 80 N for the study's robot, as in the study. In gravity: that turns it by at most 80
-        degrees from its pose without tension, by statics.
-    points : int
-        Number of loads, zero included.
     theory : {"cosserat", "kirchhoff"}
         Of the main sweep and of dynamics. The budget uses both.
-    tendon : int or mapping from int to float, optional
-        Which tendon is pulled, counted from 1; or which ones, each with its share of the sweep's
-        tension, of which the largest must be 1: ``{1: 1.0, 4: 0.5}``. The first tendon of the
-        outermost segment if not given.
-    rise : float, optional
-        In dynamics the tension rises from zero within so many seconds, a quarter to 200 periods of
-        the slowest mode. If not given, 20 of them: near statics.
-    modal_damping : float
-        In dynamics, of the slowest modes; a share of critical damping.
+    loading : Loading, optional
+        Which tendons are tensioned, how far, and in how many steps.
+    ramp : Ramp, optional
+        Rise of the tension and damping in dynamics.
     measurements : Measurements, str or Path, optional
         Of this robot, or the table of them; all models are compared with them as well
-        (`bowstring.study.validation`).
-    mapping : str, Path or Mapping, optional
-        Of a table that is not in the tidy format, as for `bowstring.data.measurements`.
-    solid : bool
-        Show the robot as a solid in the report (`bowstring.cad.solid`), which takes seconds more.
-    fe : bowstring.fem.Settings, optional
-        If given, the sweep is solved by such 3-D finite elements as well, a matter of minutes.
+        (`bowstring.study.validation`). A table that is not in the tidy format is read by
+        `bowstring.read_measurements` with a mapping.
+    extras : Extras, optional
+        A solid in the report, finite elements.
     progress : callable, optional
-        Is told what is being done and the share that is done, from 0 to 1.
+        Called with what is being done and the share that is done, from 0 to 1.
 
     Returns
     -------
@@ -593,16 +529,9 @@ def run_study(
     """
     check_robot(robot)
     tell = progress or (lambda what, share: None)
-    settings = _settings(
-        robot,
-        tolerance,
-        max_tension,
-        points,
-        theory,
-        tendon=tendon,
-        rise=rise,
-        modal_damping=modal_damping,
-    )
+    loading, extras = loading or Loading(), extras or Extras()
+    settings = _settings(robot, tolerance, theory, loading, ramp or Ramp())
+    solid, fe = extras.solid, extras.fe
     if solid:
         from bowstring.cad.solid import check_cad
         from bowstring.robot.sizes import sizes_of
@@ -621,7 +550,7 @@ def run_study(
         tell("measurements", 0.0)
         data = judge_data(
             robot,
-            _read(robot, measurements, mapping),
+            _read(robot, measurements),
             settings.tolerance,
             settings.theory,
             lambda share: tell("measurements", 0.2 * share),
@@ -712,95 +641,41 @@ def _until(tell: Progress, share: float) -> Progress:
     return lambda what, done: tell(what, share * done)
 
 
-def _read(
-    robot: Robot, measurements: Measurements | str | Path, mapping: str | Path | Mapping | None
-) -> Measurements:
+def _read(robot: Robot, measurements: Measurements | str | Path) -> Measurements:
     from bowstring.data.measurements import Measurements, read_measurements
-    from bowstring.validation import shown
 
-    if not isinstance(measurements, (Measurements, str, Path)):
+    if isinstance(measurements, Measurements):
+        return measurements
+    if not isinstance(measurements, (str, Path)):
         raise InputError(
             f"measurements is {shown(measurements)}, it must be the path of a table, or "
             "measurements that are read"
         )
-    if not isinstance(measurements, Measurements):
-        return read_measurements(measurements, robot, mapping)
-    if mapping is not None:
-        raise InputError("a mapping is for a file of measurements; these are read already")
-    return measurements
+    return read_measurements(measurements, robot)
 
 
 def _settings(
-    robot: Robot,
-    tolerance: float,
-    max_tension: float | None,
-    points: int,
-    theory: Theory,
-    *,
-    tendon: int | abc.Mapping[int, float] | None,
-    rise: float | None,
-    modal_damping: float,
+    robot: Robot, tolerance: float, theory: Theory, loading: Loading, ramp: Ramp
 ) -> Settings:
-    if not (math.isfinite(tolerance) and 0.0 < tolerance < 1.0):
-        raise InputError(
-            f"tolerance is a share of the length and must lie between 0 and 1, got {tolerance}"
-        )
-    if max_tension is not None and not (math.isfinite(max_tension) and max_tension > 0.0):
-        raise InputError(f"the largest tension must be positive and finite, got {max_tension} N")
-    if not 2 <= points <= 1000:
-        raise InputError(f"the number of loads must be from 2 to 1000, got {points}")
-    if theory not in ("cosserat", "kirchhoff"):
-        raise InputError(f"theory must be cosserat or kirchhoff, got {theory!r:.60}")
-    if rise is not None and not (math.isfinite(rise) and rise > 0.0):
-        raise InputError(f"the rise must be positive and finite, got {rise} s")
-    if not (math.isfinite(modal_damping) and 0.0 <= modal_damping < 1.0):
-        raise InputError(
-            "modal damping is a share of critical damping and must lie from 0 to below 1, got "
-            f"{modal_damping}"
-        )
-    shares = _shares(robot, tendon)
+    if not 0.0 < number("tolerance", tolerance) < 1.0:
+        raise InputError.of("tolerance", f"{tolerance:g}", "above 0 and below 1")
+    choice("theory", theory, ("cosserat", "kirchhoff"))
+    shares = loading.shares(robot)
     leading = int(np.argmax(shares))
-    limit = max_tension
+    limit = loading.max_tension
     if limit is None:
         limit = _largest_load(Model(robot, leading, theory, shares))
     return Settings(
         tolerance=tolerance,
         max_tension=limit,
-        points=points,
+        points=loading.points,
         theory=theory,
         tendon=leading,
         shares=shares,
-        range_chosen=max_tension is None,
-        rise=rise,
-        modal_damping=modal_damping,
+        range_chosen=loading.max_tension is None,
+        rise=ramp.rise,
+        modal_damping=ramp.modal_damping,
     )
-
-
-def _shares(robot: Robot, tendon: int | abc.Mapping[int, float] | None) -> tuple[float, ...]:
-    """Share of the sweep's tension in each tendon."""
-    count = len(robot.tendons.segment)
-    out = [0.0] * count
-    if tendon is None:
-        out[int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0])] = 1.0
-        return tuple(out)
-    given = tendon if isinstance(tendon, abc.Mapping) else {tendon: 1.0}
-    for number, share in given.items():
-        if not is_whole(number) or not 1 <= number <= count:
-            raise InputError(
-                f"tendon is {shown(number)}; must be a whole number from 1 to {count}, the tendons "
-                f"of {robot.name}"
-            )
-        if not isinstance(share, (int, float)) or not 0.0 < share <= 1.0:
-            raise InputError(
-                f"the share of tendon {number} is {shown(share)}; must be above 0 and at most 1"
-            )
-        out[number - 1] = float(share)
-    if max(out) != 1.0:
-        raise InputError(
-            f"the largest share of the pulled tendons is {max(out):g}; must be 1, the tendon that "
-            "has the whole tension of the sweep"
-        )
-    return tuple(out)
 
 
 def _largest_load(model: Model) -> float:
