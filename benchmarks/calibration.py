@@ -18,6 +18,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -25,7 +26,7 @@ import bowstring as bs
 from bowstring.calibration.fitting import Data, Fit, cross_validate, fit, score
 from bowstring.calibration.observations import commands
 from bowstring.calibration.parameters import Unknowns
-from bowstring.calibration.tip_model import Model, TipModel
+from bowstring.calibration.tip_model import TipModel
 
 DATA = Path(os.environ.get("BOWSTRING_DATA", Path(__file__).parents[2] / "shared" / "data"))
 FOLDER = DATA / "crl-ftdcr-mocap"
@@ -61,11 +62,12 @@ ABLATION: dict[str, list[str]] = {
     "  and compliance by segment": [*FRAMES, *GIVE_EACH, *WITHOUT[3:]],
     "+ gravity": CHOSEN,
 }
-FINALS: dict[str, tuple[bs.Robot, list[str], Model]] = {
+ROD = bs.RodModel()
+FINALS: dict[str, tuple[bs.Robot, list[str], bs.RodModel | Literal["arc"]]] = {
     "PCC with gains": (ROBOT, PCC, "arc"),
-    "physics, eight parameters": (ELASTIC, EIGHT, "rod"),
-    "physics without gravity": (ELASTIC, WITHOUT, "rod"),
-    "physics, chosen": (ELASTIC, CHOSEN, "rod"),
+    "physics, eight parameters": (ELASTIC, EIGHT, ROD),
+    "physics without gravity": (ELASTIC, WITHOUT, ROD),
+    "physics, chosen": (ELASTIC, CHOSEN, ROD),
 }
 
 
@@ -149,13 +151,13 @@ def friction(train: Data) -> None:
     print("\nFriction at the holes: RMSE on train in mm, the rest fitted again")
     found = fit(ELASTIC, train, WITHOUT, start=START, loss="linear")
     print(f"  mu 0.00  {MM * found.score.rmse:.3f}")
-    plain = TipModel(Unknowns(ELASTIC, WITHOUT, START), commands(train, ELASTIC), "rod")
+    plain = TipModel(Unknowns(ELASTIC, WITHOUT, START), commands(train, ELASTIC), ROD)
     step = np.array([item.step for item in plain.unknowns.items])
     low = np.array([item.low for item in plain.unknowns.items])
     tips = np.asarray(train.points)
     for mu in (0.02, 0.05, 0.1):
         robot = ELASTIC.with_({f"segments.{i}.tendons.friction": mu for i in range(3)})
-        rubbing = TipModel(Unknowns(robot, WITHOUT, START), plain.commands, "rod")
+        rubbing = TipModel(Unknowns(robot, WITHOUT, START), plain.commands, ROD)
         values, best = np.array(list(found.values.values())), np.inf
         for _ in range(4):
             error = rubbing.predict(values).point - tips

@@ -22,14 +22,14 @@ FIGURE_TENSIONS = np.linspace(
 )  # as in the core's benches
 
 
-def loads(case: Case) -> dict[str, object]:
-    return {"gravity": case.gravity, "tip_force": case.tip_force}
+def load(case: Case) -> bs.Load:
+    return bs.Load(gravity=case.gravity, tip_force=case.tip_force)
 
 
 def one_call(case: Case, elements: int = 1) -> Solve:
     def solve() -> np.ndarray:
         solution = bs.solve(
-            ROBOT, case.tensions, **loads(case), model=bs.RodModel(elements=elements)
+            ROBOT, case.tensions, load=load(case), model=bs.RodModel(elements=elements)
         )
         solution.raise_for_status()
         return 1e3 * solution.tip.position
@@ -42,7 +42,7 @@ def many(function, fractions: np.ndarray, case: Case) -> Solve:
     tensions = np.outer(fractions, case.tensions)
 
     def solve() -> np.ndarray:
-        result = function(ROBOT, tensions, **loads(case))
+        result = function(ROBOT, tensions, load=load(case))
         if not result.converged.all():
             raise RuntimeError(f"{(~result.converged).sum()} of {len(tensions)} did not converge")
         return 1e3 * result.tip_position[-1]
@@ -68,15 +68,16 @@ SETTINGS = {
 
 def figures() -> dict[str, float]:
     """Times through Python on the load of the core's micro-benchmarks, in us."""
-    solve = partial(bs.solve, ROBOT, FIGURE_TENSIONS[-1], **loads(LOADED))
-    sweep = partial(bs.sweep, ROBOT, FIGURE_TENSIONS, **loads(LOADED))
+    solve = partial(bs.solve, ROBOT, FIGURE_TENSIONS[-1], load=load(LOADED))
+    sweep = partial(bs.sweep, ROBOT, FIGURE_TENSIONS, load=load(LOADED))
+    kirchhoff, cosserat = bs.RodModel("kirchhoff"), bs.RodModel("cosserat")
     many_tensions = np.tile(FIGURE_TENSIONS, (BATCH // SWEEP, 1))
-    batch = partial(bs.solve_batch, ROBOT, many_tensions, theory="kirchhoff", **loads(LOADED))
+    batch = partial(bs.solve_batch, ROBOT, many_tensions, model=kirchhoff, load=load(LOADED))
     return {
-        "one_call_kirchhoff": 1e3 * median_ms(partial(solve, theory="kirchhoff"), 1.0),
-        "one_call_cosserat": 1e3 * median_ms(partial(solve, theory="cosserat"), 1.0),
-        "warm17_kirchhoff": 1e3 * median_ms(partial(sweep, theory="kirchhoff"), 1.0),
-        "warm17_cosserat": 1e3 * median_ms(partial(sweep, theory="cosserat"), 1.0),
+        "one_call_kirchhoff": 1e3 * median_ms(partial(solve, model=kirchhoff), 1.0),
+        "one_call_cosserat": 1e3 * median_ms(partial(solve, model=cosserat), 1.0),
+        "warm17_kirchhoff": 1e3 * median_ms(partial(sweep, model=kirchhoff), 1.0),
+        "warm17_cosserat": 1e3 * median_ms(partial(sweep, model=cosserat), 1.0),
         "batch_per_solve": 1e3 * median_ms(batch, 1.0) / len(many_tensions),
     }
 

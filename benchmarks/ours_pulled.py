@@ -26,10 +26,8 @@ def found(elements: int) -> Found:
 
 def check() -> None:
     """The pulls are those of 40 N."""
-    loads = {"gravity": BY_TENSION.gravity, "tip_force": BY_TENSION.tip_force}
-    solution = bs.solve(
-        ROBOT, BY_TENSION.tensions, **loads, model=bs.RodModel(elements=8)
-    ).raise_for_status()
+    load = bs.Load(BY_TENSION.tensions, gravity=BY_TENSION.gravity, tip_force=BY_TENSION.tip_force)
+    solution = bs.solve(ROBOT, load=load, model=bs.RodModel(elements=8)).raise_for_status()
     paid_out = solution.displacements() - [0.0, SLACK, SLACK]
     assert abs(paid_out - PULLS).max() < 1e-9, f"at 40 N the pulls are {paid_out}"
 

@@ -23,9 +23,14 @@ CONVERGED = {"dt": 1e-4, "elements": 4, "spectral_radius": 1.0}
 
 def motion(**settings: object) -> Run:
     tensions = ramp([TENSION_N, 0.0, 0.0], 1.0)
-    settings = {"points": 5 if "out" in settings else 0, **settings}
+    path = settings.pop("out", None)
     run = simulate(
-        ROBOT, tensions, DURATION_S, **settings, integrator=bs.Integrator(mass_damping=MASS_DAMPING)
+        ROBOT,
+        tensions,
+        DURATION_S,
+        model=bs.RodModel(elements=settings.pop("elements", 1)),
+        integrator=bs.Integrator(mass_damping=MASS_DAMPING, **settings),
+        output=bs.Output(points=5 if path else 0, path=path),
     )
     return run.raise_for_status()
 

@@ -102,7 +102,7 @@ def test_without_calculix_it_says_how_to_install_it(
         (("--mesh", "3,4,1"), "--mesh: the mesh has 3 bricks a module; must be an even number"),
         (("--stiffness", "1"), "--stiffness: disks are 1 times as stiff"),
         (("--dynamic", "--rise", "1e9"), "rise and hold are 1e+09 s, which is more than"),
-        (("--dynamic", "--rise", "1e-9"), "rise is 1e-09 s, it must be 1e-06 s or more"),
+        (("--dynamic", "--rise", "1e-9"), "--rise: got 1e-09 s; must be 1e-06 s or more"),
         (("--keep", "small.yaml/a"), "--keep: cannot write the files of CalculiX to small.yaml/a"),
         (("--out", "small.yaml"), "--out: cannot write the finite elements to"),
         (("--tension", "0,0,0"), "--tension: got no tension at all"),

@@ -21,7 +21,7 @@ import pytest
 import bowstring as bs
 from bowstring.calibration.figures import draw_fit
 from bowstring.calibration.fitting import fit, hold_out, score
-from bowstring.calibration.table_fit import calibrate, read_start
+from bowstring.calibration.table_fit import Validation, calibrate, read_start
 from bowstring.cli.fit import _fit_tables
 from bowstring.data import synthetic
 from bowstring.data.measurements import Measurements, read_measurements
@@ -109,7 +109,8 @@ def test_rows_held_out_do_not_touch_the_fit(robot: Robot, data: Measurements) ->
     np.testing.assert_array_equal(out, data.group == "unloading")  # a run is not split
     spoilt = replace(data, points=data.points + np.where(out, 0.01, 0.0)[:, None, None])
     names = [E, "base"]
-    plain, other = (calibrate(robot, each, names, holdout=0.2) for each in (data, spoilt))
+    check = Validation(holdout=0.2)
+    plain, other = (calibrate(robot, each, names, validation=check) for each in (data, spoilt))
     assert plain.fit.values == other.fit.values
     np.testing.assert_array_equal(plain.held_out, out)
     assert plain.held_out_score is not None and other.held_out_score is not None
@@ -137,7 +138,7 @@ def test_rows_without_an_answer_are_counted_in_no_score_and_said() -> None:
         group=np.full(20, ""),
         repeat=np.ones(20, int),
     )
-    found = calibrate(robot, data, ["gain", "base"], holdout=0.25)
+    found = calibrate(robot, data, ["gain", "base"], validation=Validation(holdout=0.25))
     assert found.held_out.sum() == 5 and found.unanswered == 3
     assert found.held_out_score is not None and found.held_out_score.count == 2
     assert found.to_dict()["validation"]["rows_unanswered"] == 3
@@ -208,7 +209,7 @@ def test_constant_curvature_at_its_best(shell: Shell) -> None:
 
 def test_a_part_has_all_repeats_of_its_loads(robot: Robot) -> None:
     made = synthetic.simulate(robot, masses=[0, 2, 4], repeats=3, seed=1)
-    found = calibrate(robot, made, [E], folds=3)
+    found = calibrate(robot, made, [E], validation=Validation(folds=3))
     assert found.folds is not None
     assert found.folds.labels == ("load 1", "load 2", "load 3")
     assert [part.count for part in found.folds.folds] == [6, 6, 3]  # the last is measured once
@@ -222,7 +223,7 @@ def test_folds_see_that_a_model_bends_to_the_loads_that_it_was_fitted_to(robot: 
     heavy = robot.with_({"gravity": [0.0, 0.0, -9.81]})
     given = {"friction": 0.1, "noise": 0.5e-3}
     few = synthetic.simulate(heavy, masses=[0, 1.5, 3, 5.5, 8], repeats=3, seed=1, **given)
-    found = calibrate(heavy, few, names, folds=5, loss="linear")
+    found = calibrate(heavy, few, names, validation=Validation(folds=5), loss="linear")
     others = synthetic.simulate(heavy, masses=np.arange(0, 8.1, 0.5), seed=2, **given)
     real = score(found.fit.predict(others), others.tip).rmse
     assert found.folds is not None

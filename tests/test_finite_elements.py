@@ -22,7 +22,17 @@ import bowstring as bs
 from bowstring import fem, simulate
 from bowstring.dynamics.load_history import ramp as rising
 from bowstring.errors import InputError, NoSolutionError
-from bowstring.fem import BrickRun, RunInterrupted, Settings, ccx, deck, ramp, steps, sweep
+from bowstring.fem import (
+    BrickRun,
+    Motion,
+    RunInterrupted,
+    Settings,
+    ccx,
+    deck,
+    ramp,
+    steps,
+    sweep,
+)
 from bowstring.fem.comparison import beside_rod
 from bowstring.fem.mesh import Fineness
 from bowstring.robot.writer import to_yaml
@@ -189,11 +199,8 @@ def test_motion_is_near_the_rods(
     run = ramp(
         small_robot(),
         [80.0, 0.0, 0.0],
-        rise=0.02,
-        every=0.005,
-        dt=0.0005,
-        mass_damping=damping,
-        gravity=gravity,
+        Motion(rise=0.02, every=0.005, dt=0.0005, mass_damping=damping),
+        load=bs.Load(gravity=gravity),
         settings=settings,
     )
     beside = beside_rod(run.raise_for_status())
@@ -227,7 +234,7 @@ def test_motion_is_near_the_rods(
 @needs_ccx
 def test_outputs_on_the_way_change_no_motion() -> None:
     tips = [
-        ramp(small_robot(), [80.0, 0, 0], 0.01, every=every, dt=0.0005, settings=COARSE)
+        ramp(small_robot(), [80.0, 0, 0], Motion(0.01, every=every, dt=0.0005), settings=COARSE)
         .raise_for_status()
         .tip_position[-1]
         for every in (0.01, 0.0025)
@@ -238,9 +245,9 @@ def test_outputs_on_the_way_change_no_motion() -> None:
 def test_outputs_fit_rise_and_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[list[deck.Step], np.ndarray]] = []
     monkeypatch.setattr(
-        "bowstring.fem.run._run", lambda robot, steps, time, *_: asked.append((steps, time))
+        "bowstring.fem.run._run", lambda robot, plan, *_: asked.append((plan.steps, plan.time))
     )
-    ramp(small_robot(), [40.0, 0.0, 8.0], rise=0.11, hold=0.03, every=0.05, dt=0.01)
+    ramp(small_robot(), [40.0, 0.0, 8.0], Motion(rise=0.11, hold=0.03, every=0.05, dt=0.01))
     ((steps, time),) = asked
     np.testing.assert_allclose(time, [0.11 / 3, 0.22 / 3, 0.11, 0.14])
     np.testing.assert_allclose([s.tensions[0] for s in steps], [40 / 3, 80 / 3, 40, 40])
@@ -271,7 +278,11 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
         robot = small_robot()
         if motion:
             return ramp(
-                robot, [40, 0, 0], 0.02, every=0.005, dt=5e-4, gravity=(0, 0, -9.8), settings=COARSE
+                robot,
+                [40, 0, 0],
+                Motion(0.02, every=0.005, dt=5e-4),
+                load=bs.Load(gravity=(0, 0, -9.8)),
+                settings=COARSE,
             )
         return sweep(robot, [[t, 0, 0] for t in (10, 20, 30, 40)], settings=COARSE)
 
@@ -561,11 +572,14 @@ def test_settings_that_are_none_are_named(settings: Settings, says: str) -> None
 )
 def test_tensions_of_a_motion_that_are_none_are_named(tensions: object, says: str) -> None:
     with pytest.raises(InputError, match=re.escape(says)):
-        ramp(small_robot(), tensions, 0.1)  # type: ignore[arg-type]
+        ramp(small_robot(), tensions, Motion(0.1))  # type: ignore[arg-type]
 
 
 def test_what_is_no_robot_is_named() -> None:
-    for run in (lambda: sweep("amouri2019", LOADS), lambda: ramp("amouri2019", [1, 0, 0], 1.0)):  # type: ignore[arg-type]
+    for run in (
+        lambda: sweep("amouri2019", LOADS),  # type: ignore[arg-type]
+        lambda: ramp("amouri2019", [1, 0, 0], Motion(1.0)),  # type: ignore[arg-type]
+    ):
         with pytest.raises(InputError, match="robot is 'amouri2019', it must be a Robot"):
             run()
 
@@ -707,7 +721,7 @@ def test_disks_that_are_no_wider_than_the_backbone_are_named(
     )
     with pytest.raises(InputError, match="disk 1 has a hole so near the backbone, or for motion"):
         if motion:
-            ramp(robot, [40.0, 0, 0], 0.01, settings=COARSE)
+            ramp(robot, [40.0, 0, 0], Motion(0.01), settings=COARSE)
         else:
             sweep(robot, LOADS, settings=COARSE)
 

@@ -7,6 +7,7 @@ import pytest
 from benchmarks import calibration
 
 import bowstring as bs
+from bowstring import RodModel
 from bowstring.calibration import observations
 from bowstring.calibration.fitting import Data, cross_validate, fit, score
 from bowstring.calibration.parameters import Unknowns
@@ -48,7 +49,7 @@ def synthetic(robot, parameters, truth, commands, *, noise=0.0, seed=0, time=Non
     )
     unknowns = Unknowns(robot, parameters, truth)
     rows = observations.commands(data, unknowns.robot)
-    tips = TipModel(unknowns, rows, "rod").predict(unknowns.start).point
+    tips = TipModel(unknowns, rows, RodModel()).predict(unknowns.start).point
     tips = tips + np.random.default_rng(seed).normal(0, noise, tips.shape)
     return Data(points=tips, time=time, **{commands["as"]: commands["x"]})
 
@@ -86,7 +87,7 @@ def test_exact_derivatives_are_those_of_differences(mixed):
     data = Data(points=np.zeros((12, 3)), pulls=pulls, tensions=tensions, time=np.arange(12.0))
     start = {"tool.z": 0.008, "base.rx": 0.2, "backlash": 5e-5, "delay": 0.05}
     unknowns = Unknowns(robot, EXACT, start)
-    model = TipModel(unknowns, observations.commands(data, robot), "rod")
+    model = TipModel(unknowns, observations.commands(data, robot), RodModel())
     values = unknowns.start
     at = model.predict(values, keep=True)
     exact = model.jacobian(values, at)
@@ -313,7 +314,7 @@ def test_constant_curvature_with_gains_synthetic():
     truth = {"bend_gain.segments.0": 0.8, "hole_angle.segments.1": 0.1, "tool.z": 0.008}
     unknowns = Unknowns(robot, names, truth)
     empty = Data(points=np.zeros((60, 3)), pulls=pulls)
-    model = TipModel(unknowns, observations.commands(empty, robot), "arc")
+    model = TipModel(unknowns, observations.commands(empty, robot), None)
     data = Data(points=model.predict(unknowns.start).point, pulls=pulls)
     found = fit(robot, data, names, model="arc", loss="linear")
     for name, value in truth.items():
@@ -409,7 +410,7 @@ def test_a_row_without_equilibrium_is_left_out_and_counted_synthetic(friction):
     names = ["gain", "base.x"]
     good = synthetic(robot, names, {"gain": 1.02}, {"as": "pulls", "x": pulls}, noise=2e-5)
     pulls[7] = 0.03
-    found = fit(robot, Data(points=good.points, pulls=pulls), names, theory="kirchhoff")
+    found = fit(robot, Data(points=good.points, pulls=pulls), names, model=RodModel("kirchhoff"))
     assert found.converged and found.unsolved == 1
     assert found.used.sum() == 23 and not found.used[7] and np.isnan(found.residuals[7]).all()
     assert "Left out, without an equilibrium: 1 of 24 rows." in found.message
@@ -541,7 +542,7 @@ def test_bad_options_are_named():
 def test_a_start_without_solution_is_named():
     fight = Data(points=np.ones((7, 3)), pulls=np.full((7, 3), 0.03))
     with pytest.raises(NoSolutionError, match="the first is row 0"):
-        fit(single(), fight, ["base"], theory="kirchhoff")
+        fit(single(), fight, ["base"], model=RodModel("kirchhoff"))
 
 
 def test_rows_without_a_tip_only_lead_the_path_synthetic():
@@ -650,7 +651,7 @@ def test_calibrated_physics_on_the_real_robot(mocap):
     regression and 12.11 by the authors' simulator with its mean offset removed."""
     train, every, val = mocap
     unknowns = Unknowns(calibration.ELASTIC, calibration.CHOSEN, FOUND)
-    model = TipModel(unknowns, observations.commands(train, unknowns.robot), "rod")
+    model = TipModel(unknowns, observations.commands(train, unknowns.robot), RodModel())
     at = model.predict(unknowns.start, keep=True)
     assert 1e3 * score(at.point, train.points).rmse == pytest.approx(3.50, abs=0.01)
     # it is the optimum on train: the best step of all parameters gains nothing there
@@ -659,7 +660,7 @@ def test_calibrated_physics_on_the_real_robot(mocap):
     jacobian *= [item.step for item in unknowns.items]
     gain = jacobian @ np.linalg.lstsq(jacobian, error, rcond=None)[0]
     assert (gain**2).sum() < 1e-3 * (error**2).sum()
-    path = TipModel(unknowns, observations.commands(every, unknowns.robot), "rod")
+    path = TipModel(unknowns, observations.commands(every, unknowns.robot), RodModel())
     reached = score(path.predict(unknowns.start).point[val], every.points[val])
     assert 1e3 * reached.rmse == pytest.approx(5.79, abs=0.02)
     assert 1e3 * reached.mean == pytest.approx(4.98, abs=0.02)

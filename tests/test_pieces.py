@@ -3,6 +3,7 @@
 import numpy as np
 
 import bowstring as bs
+from bowstring import RodModel
 from bowstring.calibration import observations
 from bowstring.calibration.observations import Data
 from bowstring.calibration.parameters import Unknowns
@@ -20,7 +21,7 @@ def model_at(offset, names=NAMES):
     robot = bs.load_robot("amouri2019").with_({"segments.0.tendons.compliance": 2e-4})
     unknowns = Unknowns(robot, names, {"offset.tendons": offset})
     data = Data(points=np.zeros((12, 3)), pulls=PULLS)
-    model = TipModel(unknowns, observations.commands(data, robot), "rod")
+    model = TipModel(unknowns, observations.commands(data, robot), RodModel())
     return model, unknowns.start, model.predict(unknowns.start, keep=True)
 
 

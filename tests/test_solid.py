@@ -268,7 +268,7 @@ def test_what_holds_a_pose_in_words():
     assert make_solid(robot).load == ""
 
     def said(robot, tensions, **load):
-        return make_solid(robot, bs.solve(robot, tensions, **load)).load
+        return make_solid(robot, bs.solve(robot, tensions, load=bs.Load(**load))).load
 
     assert said(robot, [60, 0, 0]) == "tendon 1 at 60 N"
     assert said(robot, [1.2345, 5, 5]) == "tendon 1 at 1.23 N, tendons 2 and 3 at 5 N"

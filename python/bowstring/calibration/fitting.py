@@ -21,11 +21,12 @@ from bowstring.calibration.observations import Data, Measured, Score, score
 from bowstring.calibration.parameters import Unknown, Unknowns
 from bowstring.calibration.pieces import Landscape, Minimum, Pieces
 from bowstring.calibration.residual_tests import CHANCE, autocorrelation
-from bowstring.calibration.tip_model import Model, Prediction, TipModel, rotation
+from bowstring.calibration.tip_model import Prediction, TipModel, rotation
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.formatting import plain
 from bowstring.robot.model import Robot, check_robot
+from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import is_whole, shown
 
 __all__ = [
@@ -170,7 +171,7 @@ class Fit:
         The fit near its end, for `bowstring.calibration.bootstrap.refitted`.
     """
 
-    model: Model
+    model: Literal["rod", "arc"]
     robot: Robot
     estimates: tuple[Estimate, ...]
     correlation: Floats
@@ -190,7 +191,7 @@ class Fit:
     linear: Linear
     _unknowns: Unknowns
     _values: Floats
-    _theory: str
+    _rod: RodModel | None
     _tool_said: Bools
 
     def __repr__(self) -> str:
@@ -226,7 +227,7 @@ class Fit:
             NaN where the model has no answer.
         """
         commands = observations.commands(data, self._unknowns.robot)
-        model = TipModel(self._unknowns, commands, self.model, self._theory)
+        model = TipModel(self._unknowns, commands, self._rod)
         found = model.predict(self._values)
         tool = np.where(
             self._tool_said, observations.tool(data, found.setting.tool), found.setting.tool
@@ -294,11 +295,10 @@ def fit(
     data: Measured,
     parameters: Sequence[str],
     *,
-    model: Model = "rod",
+    model: RodModel | Literal["arc"] | None = None,
     start: Mapping[str, float] | None = None,
     rows: ArrayLike | None = None,
     loss: Loss = "soft_l1",
-    theory: str = "cosserat",
 ) -> Fit:
     """Fit parameters of a robot, its drive and its frames to measured tips.
 
@@ -320,17 +320,16 @@ def fit(
         constant curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's
         base in the measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the
         measured point in the frame of the end disk.
-    model : {"rod", "arc"}
-        The statics of `bowstring.solve`, or constant curvature from tendon lengths (from force
-        where the rows have tensions), segments keeping their lengths.
+    model : RodModel or "arc", optional
+        Of the statics of `bowstring.solve`, with one element if it does not say how many; or
+        constant curvature from tendon lengths (from force where the rows have tensions), segments
+        keeping their lengths.
     start : mapping from name to float, optional
         SI; where parameters begin, and what others are held at.
     rows : array_like of bool (K,), optional
         Rows to fit; the others only lead the path. All with a measured tip if left out.
     loss : {"linear", "soft_l1", "huber"}
         Robust losses turn at two standard deviations, found by the data.
-    theory : str
-        Of the rod, as for `bowstring.solve`.
 
     Returns
     -------
@@ -357,8 +356,9 @@ def fit(
     measuring frame as large as it is there.
     """
     check_robot(robot)
-    if model not in ("rod", "arc"):
-        raise InputError(f'model is {shown(model)}, it must be "rod" or "arc"')
+    if isinstance(model, str) and model != "arc":
+        raise InputError.of("model", shown(model), 'a bowstring.RodModel or "arc"')
+    rod = None if isinstance(model, str) else as_model(model)
     if loss not in ("linear", "soft_l1", "huber"):
         raise InputError(f'loss is {shown(loss)}, it must be "linear", "soft_l1" or "huber"')
     said = dict(zip(("tool.x", "tool.y", "tool.z"), observations.tool(data).tolist(), strict=True))
@@ -366,12 +366,12 @@ def fit(
     unknowns = Unknowns(robot, parameters, begin)
     if not unknowns.items:
         raise InputError("parameters is empty; name one at least, as segments.0.backbone.E")
-    if model == "rod" and any(name.startswith("bend_gain") for name in unknowns.names):
+    if rod is not None and any(name.startswith("bend_gain") for name in unknowns.names):
         raise InputError('bend_gain is of constant curvature; give model="arc"')
     commands = observations.commands(data, unknowns.robot)
     measured = observations.tips(data, len(commands))
     used = observations.fitted_rows(rows, measured)
-    if model == "rod" and len(commands) > _MOST_ROWS:
+    if rod is not None and len(commands) > _MOST_ROWS:
         raise InputError(
             f"{len(commands)} rows are too many to fit statics to, {_MOST_ROWS} are possible; keep "
             f"one row of {-(-len(commands) // _MOST_ROWS)}"
@@ -386,11 +386,11 @@ def fit(
     if any(name == "delay" for name in unknowns.names):
         commands.clock()
     sigma = observations.sigmas(data, len(commands))
-    work = _Work(TipModel(unknowns, commands, model, theory), measured, used, sigma)
+    work = _Work(TipModel(unknowns, commands, rod), measured, used, sigma)
     first = work.begin(start or {})
     work.take(first)
-    if model == "rod" and commands.pulled.any() and work.has_friction(first):
-        options: dict[str, Any] = {"rows": rows, "loss": loss, "theory": theory}
+    if rod is not None and commands.pulled.any() and work.has_friction(first):
+        options: dict[str, Any] = {"rows": rows, "loss": loss, "model": rod}
         first = _from_frictionless(work, first, robot, data, parameters, start, options)
     work.refuse_without_effect(first)
     search = _Search(work, loss)
@@ -398,7 +398,7 @@ def fit(
     own = {*unknowns.names, *(start or {})}
     tool_said = np.array([not own & {"tool", f"tool.{axis}"} for axis in "xyz"])
     group = observations.groups(data, len(commands))
-    return _result(search, found, group, theory, tool_said)
+    return _result(search, found, group, tool_said)
 
 
 def _from_frictionless(
@@ -645,7 +645,7 @@ class _Work:
 
     def _at(self, scaled: Floats) -> Prediction:
         if self._last is None or not np.array_equal(self._last[0], scaled):
-            at = self.model.predict(scaled * self.step, keep=self.model.model == "rod")
+            at = self.model.predict(scaled * self.step, keep=self.model.rod is not None)
             self._last = scaled.copy(), at
         return self._last[1]
 
@@ -858,7 +858,7 @@ def _linear(work: _Work, residuals: Floats, jacobian: Floats, loss: str, turn: f
     )
 
 
-def _result(search: _Search, found: Any, group: NDArray[Any], theory: str, tool_said: Bools) -> Fit:
+def _result(search: _Search, found: Any, group: NDArray[Any], tool_said: Bools) -> Fit:
     work, loss, turn = search.work, search.loss, search.turn
     items = work.items
     residuals = work.residuals(found.x)
@@ -927,7 +927,7 @@ def _result(search: _Search, found: Any, group: NDArray[Any], theory: str, tool_
     converged = found.status > 0 and not (lost or stuck or astray)
     excess, excess_chance = _excess(errors, work.used, work.sigma, len(items))
     return Fit(
-        model=work.model.model,
+        model="arc" if work.model.rod is None else "rod",
         robot=at.setting.robot,
         estimates=estimates,
         correlation=correlation,
@@ -958,7 +958,7 @@ def _result(search: _Search, found: Any, group: NDArray[Any], theory: str, tool_
         _unknowns=work.model.unknowns,
         _values=values,
         linear=_linear(work, residuals, jacobian, loss, turn),
-        _theory=theory,
+        _rod=work.model.rod,
         _tool_said=tool_said,
     )
 
@@ -1183,11 +1183,10 @@ def cross_validate(
     parameters: Sequence[str],
     *,
     folds: int = 5,
-    model: Model = "rod",
+    model: RodModel | Literal["arc"] | None = None,
     start: Mapping[str, float] | None = None,
     rows: ArrayLike | None = None,
     loss: Loss = "soft_l1",
-    theory: str = "cosserat",
 ) -> CrossValidation:
     """Fit without a part of the rows and predict that part, for each part.
 
@@ -1198,7 +1197,7 @@ def cross_validate(
 
     Parameters
     ----------
-    robot, data, parameters, model, start, rows, loss, theory
+    robot, data, parameters, model, start, rows, loss
         As for `fit`.
     folds : int
         Number of parts.
@@ -1229,7 +1228,6 @@ def cross_validate(
             start=start,
             rows=used & ~out,
             loss=loss,
-            theory=theory,
         )
         predicted[out] = found.predict(data)[out]
         scores.append(score(predicted[out], measured[out]))

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +26,14 @@ from bowstring.calibration.fitting import (
     hold_out,
     score,
 )
-from bowstring.calibration.tip_model import Model
 from bowstring.data.measurements import Measurements
 from bowstring.data.tendon_check import TendonCheck, check_tendons
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import Robot
+from bowstring.statics.model import RodModel
 
-__all__ = ["BESIDE", "Calibration", "calibrate", "read_start"]
+__all__ = ["BESIDE", "Calibration", "Validation", "calibrate", "read_start"]
 
 Progress = Callable[[str, float], None]
 
@@ -215,17 +215,45 @@ def _scores(of: Score) -> dict[str, Any]:
     }
 
 
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """How a calibration is checked on rows that its fit never saw: one of three ways.
+
+    Parameters
+    ----------
+    holdout : float, optional
+        Share of the rows, the last ones, that is kept from the fit and predicted by it, as
+        `bowstring.calibration.fitting.hold_out` chooses them.
+    folds : int, optional
+        The fit is to all rows, and this many more leave out a part of them each.
+    other : Measurements, optional
+        Another table of the same bench, predicted once by the fit; nothing is aligned to it. Its
+        rows are a path of their own.
+
+    Raises
+    ------
+    InputError
+        If more than one is given.
+    """
+
+    holdout: float | None = None
+    folds: int | None = None
+    other: Measurements | None = None
+
+    def __post_init__(self) -> None:
+        if sum(way is not None for way in (self.holdout, self.folds, self.other)) > 1:
+            raise InputError("holdout, folds and other are ways to validate; give one")
+
+
 def calibrate(
     robot: Robot,
     data: Measurements,
     parameters: Sequence[str],
     *,
-    model: Model = "rod",
+    model: RodModel | Literal["arc"] | None = None,
     loss: Loss = "soft_l1",
-    holdout: float | None = None,
-    folds: int | None = None,
-    validate: Measurements | None = None,
     start: Mapping[str, float] | None = None,
+    validation: Validation | None = None,
     progress: Progress | None = None,
 ) -> Calibration:
     """Fit parameters to measurements, and check the fit on rows that it never saw.
@@ -234,16 +262,10 @@ def calibrate(
     ----------
     robot, data, parameters, model, loss, start
         As for `bowstring.fit`.
-    holdout : float, optional
-        Share of the rows, the last ones, that is kept from the fit and predicted by it, as
-        `bowstring.calibration.fitting.hold_out` chooses them.
-    folds : int, optional
-        Instead: the fit is to all rows, and this many more leave out a part of them each.
-    validate : Measurements, optional
-        Instead: another table of the same bench, predicted once by the fit; nothing is aligned to
-        it. Its rows are a path of their own.
+    validation : Validation, optional
+        How the fit is checked; not at all if left out.
     progress : callable, optional
-        Is told what is being done and the share that is done, from 0 to 1.
+        Called with what is being done and the share that is done, from 0 to 1.
 
     Returns
     -------
@@ -256,8 +278,8 @@ def calibrate(
     NoSolutionError
         If the model has no answer to a row to begin with.
     """
-    if sum(way is not None for way in (holdout, folds, validate)) > 1:
-        raise InputError("holdout, folds and validate are ways to validate; give one")
+    check = validation or Validation()
+    holdout, folds, validate = check.holdout, check.folds, check.other
     if validate is not None and data.sha256 is not None and validate.sha256 == data.sha256:
         raise InputError(
             f"{validate.name} is the table that is fitted, and validates nothing; name another"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,10 @@ from bowstring.statics import actuation
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 
-__all__ = ["Commands", "Model", "Prediction", "TipModel", "paths_of", "rotation"]
+__all__ = ["Commands", "Prediction", "TipModel", "paths_of", "rotation"]
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-Model = Literal["rod", "arc"]
 
 _NO_LOAD: Final = Load()  # beside the robot's gravity
 #: Share of a natural step of a parameter for differences; more where friction jumps.
@@ -161,18 +160,14 @@ class TipModel:
     ----------
     unknowns : Unknowns
     commands : Commands
-    model : {"rod", "arc"}
-    theory : str
-        Of the rod.
+    rod : RodModel or None
+        Statics, with one element if it does not say how many; None is constant curvature.
     """
 
-    def __init__(
-        self, unknowns: Unknowns, commands: Commands, model: Model, theory: str = "cosserat"
-    ) -> None:
+    def __init__(self, unknowns: Unknowns, commands: Commands, rod: RodModel | None) -> None:
         self.unknowns = unknowns
         self.commands = commands
-        self.model = model
-        self.rod = RodModel(theory, elements=1)
+        self.rod = None if rod is None else rod.replace(elements=rod.elements or 1)
         self.solves = 0
         #: The last prediction with its derivatives, as far as they were asked for.
         self._kept: tuple[Prediction, _Exact | None, dict[int, _Column]] | None = None
@@ -188,9 +183,9 @@ class TipModel:
         setting = self.unknowns.setting(values)
         given = self.commands.effective(setting)
         self.solves += 1
-        if self.model == "arc":
+        if self.rod is None:
             return self._arcs(setting, given)
-        return self._rod(setting, given, keep)
+        return self._rod(self.rod, setting, given, keep)
 
     def jacobian(self, values: Floats, at: Prediction) -> Floats:
         """Derivatives (K, 3, P) of the measured point.
@@ -252,7 +247,7 @@ class TipModel:
         exact = self._exact(at)
         known: dict[int, _Column] = {} if self._kept is None else self._kept[2]
         if exact is None:
-            friction = self.model == "rod" and at.setting.robot.has_friction
+            friction = self.rod is not None and at.setting.robot.has_friction
             known = self._along_paths(values, at) if friction else {}
         for i in range(len(values)):
             if i not in known:
@@ -261,11 +256,11 @@ class TipModel:
 
     # -- the models --------------------------------------------------------------------------
 
-    def _rod(self, setting: Setting, given: Floats, keep: bool) -> Prediction:
+    def _rod(self, rod: RodModel, setting: Setting, given: Floats, keep: bool) -> Prediction:
         robot = setting.robot
         pulled = self.commands.pulled
         given = np.where(pulled, given, np.maximum(given, 0.0))
-        way = actuation.Path(robot, self.rod)
+        way = actuation.Path(robot, rod)
         if robot.has_friction:
             return self._paths(way, setting, given)
         if not keep:
@@ -355,9 +350,9 @@ class TipModel:
     def _state(self, setting: Setting) -> Floats:
         """Point, tensions and slack lengths (K, 3 + 2 T); of constant curvature the point alone."""
         given = self.commands.effective(setting)
-        if self.model == "arc":
+        if self.rod is None:
             return self._arcs(setting, given).point
-        found = self._rod(setting, given, keep=False)
+        found = self._rod(self.rod, setting, given, keep=False)
         assert found.tensions is not None and found.slack is not None
         return np.concatenate((found.point, found.tensions, found.slack), axis=1)
 
@@ -394,6 +389,7 @@ class TipModel:
         return out
 
     def _home(self, setting: Setting) -> Floats:
+        assert self.rod is not None
         home = actuation.home_lengths(setting.robot, self.rod)
         if home is None:
             return np.full(len(setting.robot.tendons.segment), np.nan)

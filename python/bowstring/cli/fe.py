@@ -127,6 +127,7 @@ def fe(
     from bowstring.fem import report
     from bowstring.fem import run as finite_elements
     from bowstring.fem.run import Settings
+    from bowstring.statics.load import Load
     from bowstring.viz.result_folder import check_folder
 
     settings = Settings(of_flag("--mesh", _fineness, mesh), stiffness, grip)
@@ -136,11 +137,11 @@ def fe(
     if keep is not None:
         of_flag("--keep", finite_elements.check_keep, keep)
     rows = _rows(last, loads)
-    seconds = (
+    motion = finite_elements.Motion(
         positive("--rise", rise or "1", "s"),
         not_negative("--hold", hold or "0", "s"),
+        mass_damping=not_negative("--mass-damping", mass_damping or "0", "1/s"),
     )
-    damping = not_negative("--mass-damping", mass_damping or "0", "1/s")
     limit: Convergence | None = None
     run: BrickRun
     interrupted = False
@@ -153,7 +154,7 @@ def fe(
                     model,
                     last if dynamic else rows,
                     settings=settings,
-                    motion=(*seconds, damping) if dynamic else None,
+                    motion=motion if dynamic else None,
                     progress=tell,
                 )
                 run = limit.run
@@ -161,9 +162,8 @@ def fe(
                 run = finite_elements.ramp(
                     model,
                     last,
-                    *seconds,
-                    mass_damping=damping,
-                    gravity=weight,
+                    motion,
+                    load=Load(gravity=weight),
                     settings=settings,
                     keep=keep,
                     progress=tell,
@@ -172,8 +172,7 @@ def fe(
                 run = finite_elements.sweep(
                     model,
                     rows,
-                    tip_force=force,
-                    gravity=weight,
+                    load=Load(gravity=weight, tip_force=force),
                     settings=settings,
                     keep=keep,
                     progress=tell,

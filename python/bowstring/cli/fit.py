@@ -155,12 +155,10 @@ def fit(
             known,
             table,
             parameter,
-            model=model,
+            model="arc" if model == "arc" else None,
             loss=loss,
-            holdout=share,
-            folds=folds,
-            validate=other,
             start=begin,
+            validation=table_fit.Validation(share, folds, other),
             progress=tell,
         )
     if found.tendons.alarm:

@@ -4,6 +4,7 @@ from bowstring.fem.comparison import BesideRod, beside_rod
 from bowstring.fem.mesh import Fineness
 from bowstring.fem.run import (
     BrickRun,
+    Motion,
     RunInterrupted,
     Settings,
     cache_folder,
@@ -16,6 +17,7 @@ __all__ = [
     "BesideRod",
     "BrickRun",
     "Fineness",
+    "Motion",
     "RunInterrupted",
     "Settings",
     "beside_rod",

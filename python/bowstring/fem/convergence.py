@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from bowstring.errors import InputError
-from bowstring.fem.run import DEFAULT_DT, BrickRun, Settings, ramp, sweep
+from bowstring.fem.run import BrickRun, Motion, Settings, ramp, sweep
 from bowstring.robot.model import Robot
 
 __all__ = ["Convergence", "Refinement", "extrapolated", "study"]
@@ -89,7 +89,7 @@ def study(
     tensions: ArrayLike,
     *,
     settings: Settings | None = None,
-    motion: tuple[float, float, float] | None = None,
+    motion: Motion | None = None,
     progress: Progress | None = None,
 ) -> Convergence:
     """Run what is asked for, and finer and coarser beside it.
@@ -102,8 +102,8 @@ def study(
     settings : Settings, optional
         Of the run; refined are half its bricks along a module, its number of them and twice that,
         and so on.
-    motion : tuple of float, optional
-        Rise and hold in s, damping in 1/s; a ramp in place of a sweep.
+    motion : Motion, optional
+        A ramp in place of a sweep.
     progress : callable, optional
 
     Returns
@@ -155,7 +155,7 @@ def study(
                 "time step",
                 1,
                 [
-                    (share, f"{1e3 * share * DEFAULT_DT:g} ms", coarse, share)
+                    (share, f"{1e3 * share * motion.dt:g} ms", coarse, share)
                     for share in (2.0, 1.0, 0.5)
                 ],
             )
@@ -177,17 +177,8 @@ def study(
         if motion is None:
             found = sweep(robot, tensions, settings=chosen, progress=part)
         else:
-            rise, hold, damping = motion
-            found = ramp(
-                robot,
-                tensions,
-                rise,
-                hold,
-                dt=step * DEFAULT_DT,
-                mass_damping=damping,
-                settings=chosen,
-                progress=part,
-            )
+            stepped = replace(motion, dt=step * motion.dt)
+            found = ramp(robot, tensions, stepped, settings=chosen, progress=part)
         return found.raise_for_status()
 
     run = one("as asked", settings, 1.0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -37,6 +37,7 @@ from bowstring.fem.mesh import BrickMesh, Fineness, brick_mesh, check_robot
 from bowstring.fem.steps import Job, work
 from bowstring.robot.model import Robot
 from bowstring.robot.model import check_robot as check_a_robot
+from bowstring.statics.load import Load, as_load
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -309,10 +310,9 @@ def check_keep(folder: str | Path) -> Path:
 
 def sweep(
     robot: Robot,
-    tensions: ArrayLike,
+    tensions: ArrayLike | None = None,
     *,
-    tip_force: Sequence[float] = _NONE,
-    gravity: Sequence[float] | None = None,
+    load: Load | None = None,
     settings: Settings | None = None,
     keep: str | Path | None = None,
     progress: Progress | None = None,
@@ -322,18 +322,16 @@ def sweep(
     Parameters
     ----------
     robot : Robot
-        Its disks must clamp some backbone, its tendons not rub.
+        Its disks must clamp some backbone, its tendons be without friction.
     tensions : array_like (K, T)
-        In N, in the order in which they are put on.
-    tip_force : sequence of 3 floats
-        Dead, base axes, N.
-    gravity : sequence of 3 floats, optional
-        In m/s^2; the robot's if not given.
+        In N, in the order in which they are put on: short for ``load=Load(tensions)``.
+    load : Load, optional
+        Tensions, gravity and tip force (3,); no other actuation and no tip moment.
     settings : Settings, optional
     keep : str or Path, optional
         Folder, new or empty, that gets the files of CalculiX; else they are removed.
     progress : callable, optional
-        Is told what is being done and the share that is done, from 0 to 1.
+        Called with what is being done and the share that is done, from 0 to 1.
 
     Returns
     -------
@@ -344,12 +342,13 @@ def sweep(
     Raises
     ------
     InputError
-        If an argument is none, the robot cannot be meshed, there is no CalculiX, or `keep` holds
+        If an argument is wrong, the robot cannot be meshed, there is no CalculiX, or `keep` holds
         anything.
     RunInterrupted
         On Ctrl-C.
     """
-    rows = _tension_rows(robot, tensions)
+    load = as_load(tensions, load)
+    rows = _tension_rows(robot, load.tensions)
     turn = _turn(robot, np.diff(rows, axis=0, prepend=0.0 * rows[:1]))
     first = np.minimum(1.0, _TURN / np.maximum(turn, 1e-9)).tolist()
     steps = [
@@ -357,20 +356,63 @@ def sweep(
         for row, share in zip(rows.tolist(), first, strict=True)
     ]
     asked = {"rise_s": None, "dt_s": None}
-    time = np.arange(len(rows), dtype=float)
-    return _run(robot, steps, time, asked, tip_force, gravity, settings, keep, progress)
+    plan = _Plan(steps, np.arange(len(rows), dtype=float), asked)
+    return _run(robot, plan, load, settings, keep, progress)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion by finite elements: tensions rise from none, straight over time, and stay.
+
+    Parameters
+    ----------
+    rise, hold : float
+        In s.
+    dt : float
+        Longest time step, in s.
+    every : float
+        Longest time between two outputs, in s; rise and hold have whole numbers of them.
+    mass_damping : float
+        Mass-proportional damping in 1/s, as of `bowstring.Integrator`.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or the motion has too many steps.
+    """
+
+    rise: float
+    hold: float = 0.0
+    dt: float = DEFAULT_DT
+    every: float = DEFAULT_EVERY
+    mass_damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, unit, zero in (
+            ("rise", "s", False),
+            ("hold", "s", True),
+            ("dt", "s", False),
+            ("every", "s", False),
+            ("mass_damping", "1/s", True),
+        ):
+            value = validation.number(name, getattr(self, name), unit, zero=zero)
+            object.__setattr__(self, name, value)
+        if self.rise < _SHORTEST:
+            raise InputError.of("rise", f"{self.rise:g} s", f"{_SHORTEST:g} s or more")
+        shortest, what = min((self.dt, "dt"), (self.every, "every"))
+        if self.rise + self.hold > _MOST_STEPS * shortest:
+            raise InputError(
+                f"rise and hold are {self.rise + self.hold:g} s, which is more than {_MOST_STEPS} "
+                f"times {what} ({shortest:g} s); choose a shorter motion"
+            )
 
 
 def ramp(
     robot: Robot,
-    tensions: ArrayLike,
-    rise: float,
-    hold: float = 0.0,
+    tensions: ArrayLike | None,
+    motion: Motion,
     *,
-    dt: float = DEFAULT_DT,
-    every: float = DEFAULT_EVERY,
-    mass_damping: float = 0.0,
-    gravity: Sequence[float] | None = None,
+    load: Load | None = None,
     settings: Settings | None = None,
     keep: str | Path | None = None,
     progress: Progress | None = None,
@@ -383,55 +425,39 @@ def ramp(
     ----------
     robot : Robot
     tensions : array_like (T,)
-        After the rise, in N.
-    rise, hold : float
-        In s.
-    dt : float
-        Longest time step, in s.
-    every : float
-        Longest time between two outputs, in s; rise and hold have whole numbers of them.
-    mass_damping : float
-        Against the velocity of all mass, in 1/s, as of `bowstring.simulate`.
-    gravity, settings, keep, progress
-        As of `sweep`. Under gravity the motion starts at rest in equilibrium.
+        After the rise, in N: short for ``load=Load(tensions)``.
+    motion : Motion
+    load : Load, optional
+        Tensions and gravity. Under gravity the motion starts at rest in equilibrium.
+    settings, keep, progress
+        As of `sweep`.
 
     Returns
     -------
     BrickRun
         Its time begins with the first output after 0.
     """
-    last = _tension_rows(robot, tensions, one=True)[0]
-    rise = validation.number("rise", rise, "s")
-    hold = validation.number("hold", hold, "s", zero=True)
-    dt = validation.number("dt", dt, "s")
-    every = validation.number("every", every, "s")
-    if rise < _SHORTEST:
-        raise InputError(f"rise is {rise:g} s, it must be {_SHORTEST:g} s or more")
-    shortest, what = min((dt, "dt"), (every, "every"))
-    if rise + hold > _MOST_STEPS * shortest:
-        raise InputError(
-            f"rise and hold are {rise + hold:g} s, which is more than {_MOST_STEPS} times {what} "
-            f"({shortest:g} s); choose a shorter motion"
-        )
-    damping = validation.number("mass_damping", mass_damping, "1/s", zero=True)
+    load = as_load(tensions, load)
+    last = _tension_rows(robot, load.tensions, one=True)[0]
     lengths, shares = [], []
-    for length, ends in ((rise, (0.0, 1.0)), (hold, (1.0, 1.0))):
-        count = math.ceil(length / every - 1e-9)
+    for length, ends in ((motion.rise, (0.0, 1.0)), (motion.hold, (1.0, 1.0))):
+        count = math.ceil(length / motion.every - 1e-9)
         lengths += [length / count] * count if count else []
         shares += np.linspace(*ends, count + 1)[1:].tolist()
+    dt = motion.dt
     steps = [
         deck.Step(tuple(row), length, min(1.0, dt / length), min(1.0, dt / length))
         for row, length in zip(np.outer(shares, last).tolist(), lengths, strict=True)
     ]
-    time = np.cumsum(np.array(lengths, dtype=np.float64))
     asked = {
-        "rise_s": rise,
-        "hold_s": hold,
-        "dt_s": dt,
-        "every_s": every,
-        "mass_damping_per_s": damping,
+        "rise_s": motion.rise,
+        "hold_s": motion.hold,
+        "dt_s": motion.dt,
+        "every_s": motion.every,
+        "mass_damping_per_s": motion.mass_damping,
     }
-    return _run(robot, steps, time, asked, _NONE, gravity, settings, keep, progress)
+    plan = _Plan(steps, np.cumsum(np.array(lengths, dtype=np.float64)), asked)
+    return _run(robot, plan, load.replace(tip_force=None), settings, keep, progress)
 
 
 def _tension_rows(robot: Robot, tensions: ArrayLike, *, one: bool = False) -> Floats:
@@ -463,24 +489,35 @@ def _turn(robot: Robot, change: Floats) -> Floats:
 # -- one run -----------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class _Plan:
+    """Steps of CalculiX, the time at their ends, and what was asked for."""
+
+    steps: list[deck.Step]
+    time: Floats
+    asked: dict[str, Any]
+
+
 def _run(
     robot: Robot,
-    steps: list[deck.Step],
-    time: Floats,
-    asked: dict[str, Any],
-    tip_force: Sequence[float],
-    gravity: Sequence[float] | None,
+    plan: _Plan,
+    load: Load,
     settings: Settings | None,
     keep: str | Path | None,
     progress: Progress | None,
 ) -> BrickRun:
+    steps, asked = plan.steps, plan.asked
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
         raise InputError(f"settings is {validation.shown(settings)}, it must be Settings")
     settings.check()
+    if not load.is_tension_controlled or load.tip_moment is not None:
+        raise InputError("finite elements take tensions, gravity and a tip force only")
     keep = None if keep is None else check_keep(keep)
     tell = progress or (lambda what, share: None)
-    weight = validation.row("gravity", robot.gravity if gravity is None else gravity, 3, "m/s^2")
+    gravity = robot.gravity if load.gravity is None else load.gravity
+    weight = validation.row("gravity", gravity, 3, "m/s^2")
+    tip_force = (0.0, 0.0, 0.0) if load.tip_force is None else load.tip_force
     force = validation.row("tip_force", tip_force, 3, "N")
     loading = deck.Loading(
         tuple(weight.tolist()),
@@ -507,7 +544,7 @@ def _run(
         **asked,
     }
     tensions = np.array([step.tensions for step in steps])
-    found = BrickRun(robot, mesh, given, time, tensions)
+    found = BrickRun(robot, mesh, given, plan.time, tensions)
     # what needs no solver: no load bends nothing
     idle = 0
     while not dead and not motion and idle < len(steps) and not any(steps[idle].tensions):

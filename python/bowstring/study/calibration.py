@@ -240,7 +240,7 @@ def _friction(robot: Robot) -> list[str]:
 
 
 def _fit(robot: Robot, data: Measurements, names: list[str], theory: Theory) -> Fit:
-    return fit_.fit(robot, data, names, theory=theory)
+    return fit_.fit(robot, data, names, model=RodModel(theory))
 
 
 def _without_the_untold(
