@@ -1,5 +1,6 @@
 //! Strain of a round section, and stress at its surface.
 
+use crate::math::real::vectorize;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// What strain and stress of a section follow from, SI.
@@ -91,26 +92,10 @@ type Lanes = [f64; WIDTH];
 
 /// Strain and stress of all sections; what `out` holds is replaced.
 pub fn derive(given: Sections, out: &mut Derived) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2")]
-        fn with_avx512(given: Sections, out: &mut Derived) {
-            derive_here(given, out);
-        }
-        #[target_feature(enable = "avx2")]
-        fn with_avx2(given: Sections, out: &mut Derived) {
-            derive_here(given, out);
-        }
-        if crate::math::simd::has_avx512() {
-            // SAFETY: the processor has just been found to have the features of the function
-            return unsafe { with_avx512(given, out) };
-        }
-        if crate::math::simd::has_avx2() {
-            // SAFETY: as above
-            return unsafe { with_avx2(given, out) };
-        }
-    }
-    derive_here(given, out);
+    vectorize(
+        #[inline(always)]
+        || derive_here(given, out),
+    );
 }
 
 #[inline(always)]

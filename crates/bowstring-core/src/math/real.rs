@@ -8,6 +8,9 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 /// What the mechanics needs of a number.
 pub trait Real:
     Copy
+    + Send
+    + Sync
+    + 'static
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
@@ -97,8 +100,8 @@ impl Real for f64 {
     }
 }
 
-/// Which numbers lie side by side.
-pub trait Layout {
+/// Which numbers lie side by side. A value of it proves that the processor has them.
+pub trait Layout: Copy + Send + Sync + 'static {
     /// Number for what modules do by themselves: `WIDTH` modules side by side.
     type Module: Real;
     /// Number for what goes from module to module.
@@ -106,6 +109,9 @@ pub trait Layout {
     const WIDTH: usize;
     fn get(m: &Self::Module, i: usize) -> Self::Chain;
     fn put(m: &mut Self::Module, i: usize, c: Self::Chain);
+    /// Runs `f` compiled for the instructions of these numbers: `f` and all that it calls on the
+    /// way to them must be `#[inline(always)]`.
+    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R;
 }
 
 /// One robot, one module after the other: any processor.
@@ -124,4 +130,24 @@ impl Layout for Scalar {
     fn put(m: &mut f64, _: usize, c: f64) {
         *m = c;
     }
+    #[inline(always)]
+    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {
+        f()
+    }
+}
+
+/// Runs `f` compiled for the widest instructions of this processor, see [`Layout::vectorize`].
+#[inline(always)]
+pub(crate) fn vectorize<R>(f: impl FnOnce() -> R) -> R {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use crate::math::simd::{Avx2, Avx512, Simd};
+        if let Some(simd) = Avx512::detect() {
+            return simd.vectorize(f);
+        }
+        if let Some(simd) = Avx2::detect() {
+            return simd.vectorize(f);
+        }
+    }
+    f()
 }

@@ -296,8 +296,14 @@ const HISTORY: usize = 4;
 const NEARLY_RIGID: f64 = 1e-5;
 
 impl<L: Layout, const A: usize> Motion<L, A> {
-    pub fn new(robot: &Robot, model: Model, gravity: [f64; 3], damping: Damping) -> Self {
-        let mut rod = Rod::new(robot, model);
+    pub fn new(
+        layout: L,
+        robot: &Robot,
+        model: Model,
+        gravity: [f64; 3],
+        damping: Damping,
+    ) -> Self {
+        let mut rod = Rod::new(layout, robot, model);
         if model.theory == Theory::Kirchhoff {
             rod.make_yielding(NEARLY_RIGID);
         }
@@ -414,6 +420,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// Of an iteration, in units of `interrupt::work`.
     pub fn work(&self) -> usize {
         A * self.module_count() * (8 + self.rod.tendons.len())
+    }
+
+    pub fn layout(&self) -> L {
+        self.rod.layout
     }
 
     pub fn module_count(&self) -> usize {
@@ -1650,7 +1660,7 @@ mod tests {
             material: 0.0,
         };
         let model = Model::default();
-        let mut motion = Motion::<Scalar, 2>::new(&robot, model, [0.0; 3], still);
+        let mut motion = Motion::<Scalar, 2>::new(Scalar, &robot, model, [0.0; 3], still);
         assert!(motion.settle());
         let points = motion.masses.iter().zip(&motion.place.points);
         let lumped: f64 = points.map(|(m, p)| m * p.0[2].powi(2)).sum();
@@ -1704,7 +1714,8 @@ mod tests {
             material: 2e-3,
         };
         for rho in [1.0, 0.8, 0.5] {
-            let mut motion = Motion::<Scalar, 2>::new(&robot, Model::default(), gravity.0, damping);
+            let mut motion =
+                Motion::<Scalar, 2>::new(Scalar, &robot, Model::default(), gravity.0, damping);
             let tensions = [20.0, 0.0, 5.0];
             let mut load = Load {
                 tensions: &tensions,

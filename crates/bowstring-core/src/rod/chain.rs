@@ -16,6 +16,8 @@ use crate::rod::module::{Constants, Gradient, Hessian, Response, Span, State, Te
 /// A robot under load, with its scratch memory: no pass of a solve allocates.
 #[derive(Clone)]
 pub(crate) struct Rod<L: Layout, const A: usize> {
+    /// Proof that the processor has these numbers.
+    pub layout: L,
     /// By groups of `L::WIDTH` modules; the last may hold idle ones.
     pub constants: Vec<Constants<L::Module>>,
     pub states: Vec<State<L::Module, A>>,
@@ -188,7 +190,7 @@ pub(crate) fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) ->
 }
 
 impl<L: Layout, const A: usize> Rod<L, A> {
-    pub fn new(robot: &Robot, model: Model) -> Self {
+    pub fn new(layout: L, robot: &Robot, model: Model) -> Self {
         let n = robot.module_count();
         let groups = n.div_ceil(L::WIDTH);
         let modules: Vec<_> = (0..n)
@@ -196,6 +198,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             .collect();
         let zero = [Vec3::zero(); A];
         Rod {
+            layout,
             constants: (0..groups)
                 .map(|g| {
                     Constants::gather(|i| {
@@ -778,11 +781,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Negative eigenvalues of the second variation that was eliminated last.
-    pub fn negative_pivots(&self) -> usize {
-        self.eliminated.iter().map(|e| e.negative_pivots()).sum()
-    }
-
     /// Sets the tension of every span, by module and tendon.
     pub fn set_span_tensions(&mut self, tension: impl Fn(usize, usize) -> f64) {
         let count = self.tendons.len();
@@ -809,13 +807,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             force += L::get(t, 0).lane(robot);
         }
         force * length
-    }
-
-    /// Takes the step as the next right-hand side: inverse iteration.
-    pub fn step_to_gradient(&mut self, scale: f64) {
-        for (gradient, step) in self.gradients.iter_mut().zip(&self.step) {
-            gradient.g = step.map(|v| v * L::Module::splat(scale));
-        }
     }
 
     /// Sets the right-hand side of the next step, arc by arc from base to tip.
@@ -924,14 +915,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 let w = get::<L>(v, k % L::WIDTH);
                 visit(k * A + a, Vec3([w[0].lane(0), w[1].lane(0), w[2].lane(0)]));
             }
-        }
-    }
-
-    /// Contact force of every module, in the frame of its start.
-    pub fn contact_forces(&self, mut visit: impl FnMut(usize, Vec3)) {
-        for k in 0..self.dead.len() {
-            let n = get::<L>(&self.states[k / L::WIDTH].n, k % L::WIDTH);
-            visit(k, Vec3([n[0].lane(0), n[1].lane(0), n[2].lane(0)]));
         }
     }
 

@@ -7,7 +7,7 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::{InputError, Robot};
 use crate::statics::adaptive::Adaptive;
 #[cfg(target_arch = "x86_64")]
-use crate::statics::lanes::SideBySide;
+use crate::statics::lanes::{side_by_side, SideBySide};
 use crate::statics::solver::{Outcome, Pose, Status};
 
 /// What to solve with.
@@ -158,7 +158,7 @@ pub fn solve_batch(
     let scratch = || Scratch {
         solver: settings.solver(robot).expect("checked above"),
         #[cfg(target_arch = "x86_64")]
-        lanes: SideBySide::new(robot, settings.model, settings.elements),
+        lanes: side_by_side(robot, settings.model, settings.elements),
     };
     for_each(&mut chunks, threads, scratch, |scratch, chunk| {
         chunk.fill(scratch, loads)
@@ -170,7 +170,7 @@ pub fn solve_batch(
 struct Scratch {
     solver: Adaptive,
     #[cfg(target_arch = "x86_64")]
-    lanes: Option<SideBySide>,
+    lanes: Option<Box<dyn SideBySide>>,
 }
 
 /// Loads that one thread takes at a time: whole sets of lanes.

@@ -596,8 +596,8 @@ impl Solver {
     }
 
     /// The present state in plain numbers, evaluated.
-    fn plain(&self) -> Plain {
-        let mut plain = Plain::new(&self.robot, self.model, self.elements)
+    fn plain(&self) -> Box<dyn Plain> {
+        let mut plain = dispatch::plain(&self.robot, self.model, self.elements)
             .expect("elements were checked when the solver was made");
         plain.take(&self.load.borrow(), &*self.engine, self.history[0].len());
         plain
@@ -859,15 +859,12 @@ mod tests {
     fn engines_agree() {
         let robot = robot();
         let model = Model::default();
-        let mut engines = vec![Plain::new(&robot, model, 1).unwrap().boxed()];
+        let mut engines: Vec<Box<dyn Passes>> = vec![dispatch::plain(&robot, model, 1).unwrap()];
         #[cfg(target_arch = "x86_64")]
         {
-            if crate::math::simd::has_avx2() {
-                engines.push(dispatch::avx2(&robot, model));
-            }
-            if crate::math::simd::has_avx512() {
-                engines.push(dispatch::avx512(&robot, model));
-            }
+            use crate::math::simd::{Avx2, Avx512, Simd};
+            engines.extend(Avx2::detect().map(|s| dispatch::side_by_side(s, &robot, model)));
+            engines.extend(Avx512::detect().map(|s| dispatch::side_by_side(s, &robot, model)));
         }
         for (tip_force, tip_moment) in [([0.3, -0.2, 0.1], [0.0; 3]), ([0.0; 3], [0.05, 0.1, 0.1])]
         {
