@@ -147,9 +147,7 @@ fn solve<S: Simd>(
                         error: Some(verdict.error),
                         iterations: iterations[lane],
                         residual: residual.lane(lane),
-                        left_unstable: false,
-                        fraction: 1.0,
-                        collision: None,
+                        ..Outcome::pending()
                     });
                 }
             }

@@ -5,4 +5,5 @@ pub mod batch;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod lanes;
 pub mod path;
+pub mod path_batch;
 pub mod solver;

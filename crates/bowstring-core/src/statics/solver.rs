@@ -74,6 +74,22 @@ pub struct Outcome {
     pub error: Option<ErrorEstimate>,
 }
 
+impl Outcome {
+    /// Of a load that is not solved yet.
+    pub(crate) fn pending() -> Self {
+        Outcome {
+            status: Status::MaxIterations,
+            stable: None,
+            iterations: 0,
+            residual: f64::INFINITY,
+            left_unstable: false,
+            fraction: 1.0,
+            collision: None,
+            error: None,
+        }
+    }
+}
+
 /// A robot, its physics, and scratch memory for one solve after another.
 ///
 /// ```
@@ -349,16 +365,7 @@ impl Solver {
 
     /// From the strain that the engine holds; with `patience` also by continuation.
     fn equilibrium(&mut self, load: &Load, patience: bool) -> Outcome {
-        let mut outcome = Outcome {
-            status: Status::MaxIterations,
-            stable: None,
-            iterations: 0,
-            residual: f64::INFINITY,
-            left_unstable: false,
-            fraction: 1.0,
-            collision: None,
-            error: None,
-        };
+        let mut outcome = Outcome::pending();
         let attempt = newton(&mut *self.engine, &self.settings, &mut outcome);
         let mut attempt = self.judged(attempt, load, false);
         if patience && !attempt.is_sound() {
