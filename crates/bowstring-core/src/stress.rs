@@ -1,5 +1,6 @@
 //! Strain of a round section, and stress at its surface.
 
+use crate::interrupt;
 use crate::math::real::vectorize;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -65,7 +66,7 @@ pub struct Derived {
 
 impl Derived {
     /// Appends those of further sections, `total` in all.
-    pub fn append(&mut self, other: &Derived, total: usize) {
+    fn append(&mut self, other: &Derived, total: usize) {
         for (to, from, width) in [
             (&mut self.curvature, &other.curvature, 3),
             (&mut self.strain, &other.strain, 3),
@@ -84,6 +85,73 @@ impl Derived {
             to.extend_from_slice(from);
         }
     }
+}
+
+/// Sections between two looks for an interruption.
+const BLOCK: usize = 1 << 15;
+
+/// As [`derive`], of many times, in blocks between which it can be interrupted.
+pub fn derive_all(given: Sections) -> Derived {
+    let total = given.force.len() / 3;
+    // whole times, so that each begins with the first section
+    let size = BLOCK.div_ceil(given.sections.len()) * given.sections.len();
+    let (mut found, mut block) = (Derived::default(), Derived::default());
+    for start in (0..total).step_by(size) {
+        if interrupt::work(8 * size) {
+            break;
+        }
+        let end = total.min(start + size);
+        let part = Sections {
+            sections: given.sections,
+            position: &given.position[3 * start..3 * end],
+            rotation: &given.rotation[9 * start..9 * end],
+            force: &given.force[3 * start..3 * end],
+            moment: &given.moment[3 * start..3 * end],
+        };
+        derive(part, &mut block);
+        found.append(&block, total);
+    }
+    found
+}
+
+/// Coefficients of normal and shear stress around sections (Pa), (2, 3, K) flat, from force (N)
+/// and moment (N m) in body axes, (K, 3) flat; the sections repeat.
+pub fn surface_stress(sections: &[Section], force: &[f64], moment: &[f64]) -> Vec<f64> {
+    let total = force.len() / 3;
+    let mut out = vec![0.0; 6 * total];
+    for i in 0..total {
+        if interrupt::work(8) {
+            break;
+        }
+        let three = |v: &[f64]| [v[3 * i], v[3 * i + 1], v[3 * i + 2]];
+        let found = sections[i % sections.len()].stress(three(force), three(moment));
+        for (q, v) in found.as_flattened().iter().enumerate() {
+            out[q * total + i] = *v;
+        }
+    }
+    out
+}
+
+/// Largest von Mises stress around each of K sections (Pa), and cosine and sine of its place,
+/// (3, K) flat; from coefficients of normal and shear stress (Pa), (3, K) flat.
+pub fn von_mises(sigma: &[f64], tau: &[f64]) -> Vec<f64> {
+    let count = sigma.len() / 3;
+    let mut out = vec![0.0; 3 * count];
+    for start in (0..count).step_by(BLOCK) {
+        if interrupt::work(8 * BLOCK) {
+            break;
+        }
+        let end = count.min(start + BLOCK);
+        let rows = [0, 1, 2].map(|q| q * count + start..q * count + end);
+        let found = largest_of_many(
+            rows.clone().map(|row| &sigma[row]),
+            rows.map(|row| &tau[row]),
+        );
+        for (q, row) in found.iter().enumerate() {
+            out[q * count + start..][..row.len()].copy_from_slice(row);
+        }
+    }
+    out
 }
 
 /// Sections worked on side by side.
@@ -180,7 +248,7 @@ fn derive_here(given: Sections, out: &mut Derived) {
 }
 
 /// [`largest_von_mises`] of many sections at once.
-pub fn largest_of_many(sigma: [&[f64]; 3], tau: [&[f64]; 3]) -> [Vec<f64>; 3] {
+fn largest_of_many(sigma: [&[f64]; 3], tau: [&[f64]; 3]) -> [Vec<f64>; 3] {
     let total = sigma[0].len();
     let mut out = [vec![0.0; total], vec![0.0; total], vec![0.0; total]];
     for start in (0..total).step_by(WIDTH) {
@@ -301,7 +369,7 @@ fn angles_side_by_side(cosine: &Lanes, sine: &Lanes) -> Lanes {
 /// `a + b cos(psi) + c sin(psi)`, in Pa: the value, and cosine and sine of its place.
 ///
 /// Exact to 1e-12 of the value.
-pub fn largest_von_mises(sigma: [f64; 3], tau: [f64; 3]) -> [f64; 3] {
+fn largest_von_mises(sigma: [f64; 3], tau: [f64; 3]) -> [f64; 3] {
     let ([s0, s1, s2], [t0, t1, t2]) = (sigma, tau);
     // With u = (cos, sin) the square is u.Q u + 2 b.u + const. In the axes of Q, with values
     // q1 >= q2, the maximum lies in the quadrant of b, and is the only stationary point there.
