@@ -171,7 +171,7 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
         Rod::set_gradient(self, value);
     }
     fn step_to_gradient(&mut self, scale: f64) {
-        for (gradient, step) in self.gradients.iter_mut().zip(&self.step) {
+        for (gradient, step) in self.gradients.iter_mut().zip(&self.newton.step) {
             gradient.g = step.map(|v| v * L::Module::splat(scale));
         }
     }
@@ -179,16 +179,20 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
         Rod::save(self);
     }
     fn negative_pivots(&self) -> usize {
-        self.eliminated.iter().map(|e| e.negative_pivots()).sum()
+        self.newton
+            .eliminated
+            .iter()
+            .map(|e| e.negative_pivots())
+            .sum()
     }
     fn span_tension(&self, k: usize, i: usize) -> f64 {
         Rod::span_tension(self, k, i)
     }
     fn length(&self, i: usize) -> f64 {
-        self.lengths[i].lane(0)
+        self.placed.lengths[i].lane(0)
     }
     fn length_error(&self, i: usize) -> f64 {
-        self.length_errors[i].lane(0)
+        self.errors.lengths[i].lane(0)
     }
     fn disk(&self, k: usize) -> Pose {
         Rod::disk(self, k, 0)
@@ -224,10 +228,10 @@ impl<L: Layout, const A: usize> Strung for Rod<L, A> {
         )
     }
     fn span_lengths(&self) -> &[f64] {
-        &self.span_lengths
+        &self.spans.lengths
     }
     fn angles(&self) -> &[f64] {
-        &self.angles
+        &self.spans.angles
     }
     fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
         Rod::beyond(self, hole, tendon, out);
@@ -351,7 +355,7 @@ impl<const A: usize> Plain for Rod<Scalar, A> {
                 let local = state.point(c, j as f64 / per_module as f64);
                 points.push(from + self.rotations[k] * local);
             }
-            from = self.positions[k];
+            from = self.placed.positions[k];
             points.push(from);
         }
         points

@@ -447,7 +447,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// Sets tensions and tip load; gravity stays.
     pub fn set_load(&mut self, load: &Load) {
         self.rod.set_tensions(|i| L::Chain::splat(load.tensions[i]));
-        self.rod.tip_moment = Vec3::splat(load.tip_moment);
+        self.rod.dead.tip_moment = Vec3::splat(load.tip_moment);
         self.tip_force = Vec3::splat(load.tip_force);
     }
 
@@ -725,7 +725,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         let splat = L::Chain::splat;
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let [start, end] = self.rod.modules[k].clamp;
+            let [start, end] = self.rod.fixed.modules[k].clamp;
             let rotation = self.rod.rotations[k];
             total += self.force[k * A + A - 1] + self.disk_force[k];
             let state = &mut self.rod.states[g];
@@ -758,7 +758,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 state.load_moment += state.inside(a).cross(self.inertia[g].force[a]);
             }
         }
-        let mut lambda = -self.rod.rotations[n].tr_mul(self.rod.tip_moment);
+        let mut lambda = -self.rod.rotations[n].tr_mul(self.rod.dead.tip_moment);
         for k in (0..n).rev() {
             let (state, i) = (&mut self.rod.states[k / L::WIDTH], k % L::WIDTH);
             lambda -= self.rod.rotations[k + 1].tr_mul(self.moment[k]);
@@ -813,7 +813,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                     *place = next.inside(a);
                 }
             }
-            let [start, end] = self.rod.modules[k].clamp;
+            let [start, end] = self.rod.fixed.modules[k].clamp;
             let ahead = frame.column(2) * L::Chain::splat(start);
             let base = position + ahead;
             for a in 0..A - 1 {
@@ -924,7 +924,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
             let c = &self.constants[g];
             let (state, gradient) = (&self.rod.states[g], &self.rod.gradients[g]);
-            let hessian = &mut self.rod.hessians[g];
+            let hessian = &mut self.rod.newton.hessians[g];
             let response = state.hessian::<false>(c, &t, gradient, hessian);
             let inertia = &mut self.inertia[g];
             let stiffness = state.compliance(c).inverse();
@@ -948,11 +948,11 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let (across, along) = (splat(stiff * (e1 + e3)), splat(stiff * 2.0 * e1));
             value[0][0] = value[0][0].add_diagonal([across, across, along]);
             value[1][1] = value[1][1].add_diagonal([splat(stiff * self.masses[k * A + A - 1]); 3]);
-            let (state, hessian) = (&self.rod.states[g], &self.rod.hessians[g]);
+            let (state, hessian) = (&self.rod.states[g], &self.rod.newton.hessians[g]);
             let inertia = &self.inertia[g];
             let s = get_mat::<L>(&state.s, i);
             let back = s.transpose();
-            let [start, end] = self.rod.modules[k].clamp;
+            let [start, end] = self.rod.fixed.modules[k].clamp;
             let mut rr = s * value[0][0] * back;
             let mut tr = s * value[1][0] * back;
             let tt = s * value[1][1] * back;
@@ -1036,7 +1036,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             column
         });
         // as in statics: a rotation in its log chart sees half of the moment
-        let moment = self.rod.rotations[n].tr_mul(self.rod.tip_moment);
+        let moment = self.rod.rotations[n].tr_mul(self.rod.dead.tip_moment);
         let stiffness = (moment * L::Chain::splat(-0.5)).skew();
         let back = (stiffness * flexibility).add_diagonal([L::Chain::splat(1.0); 3]);
         Swivel {
@@ -1128,7 +1128,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let (state, inertia) = (&self.rod.states[g], &self.inertia[g]);
             let joint = &mut self.joints[k];
             let s = get_mat::<L>(&state.s, i);
-            let [start, end] = self.rod.modules[k].clamp;
+            let [start, end] = self.rod.fixed.modules[k].clamp;
             let push = s * p[1];
             let turn = s * p[0] + (s.column(2) * splat(end)).cross(push);
             let mut o = get::<L>(&state.rho, i);
@@ -1161,7 +1161,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             }
             let u = joint.arcs.forward(&answer, &x);
             let mut pulled = joint.x * x[0] + joint.t * x[1];
-            let [start, end] = self.rod.modules[k].clamp;
+            let [start, end] = self.rod.fixed.modules[k].clamp;
             let s = get_mat::<L>(&state.s, i);
             let mut o = get::<L>(&state.rho, i);
             o.0[2] += splat(start);
@@ -1195,7 +1195,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
 
     /// Of the tendons at the holes, where forces balance, rad.
     pub fn angles(&self) -> &[f64] {
-        &self.rod.angles
+        &self.rod.spans.angles
     }
 
     /// Change of a tendon's length from a hole on, by each of the answers.
@@ -1243,7 +1243,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             for j in 0..count {
                 let span = self.rod.span(g, j);
                 let rate = span.direction.dot(moved + turn.cross(span.arm)) * ahead;
-                let rate = rate * self.rod.passes[g * count + j];
+                let rate = rate * self.rod.fixed.passes[g * count + j];
                 let out = &mut column.rates[(j * groups + g) * L::WIDTH..][..L::WIDTH];
                 for (i, out) in out.iter_mut().enumerate() {
                     *out = L::get(&rate, i).lane(0);

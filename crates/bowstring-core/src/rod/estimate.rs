@@ -144,7 +144,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let mut weight = Vec3::zero();
             for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
                 let k = g * L::WIDTH + i;
-                put::<L>(&mut weight, i, self.rotations[k].tr_mul(self.dead[k][3]));
+                put::<L>(
+                    &mut weight,
+                    i,
+                    self.rotations[k].tr_mul(self.dead.modules[k][3]),
+                );
             }
             let weight = weight * (c.per_flexible * L::Module::splat((A / 2) as f64));
             let t = in_group(&self.tendons, &self.tensions, self.path, g);
@@ -155,7 +159,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 compression = compression.max(L::get(&defect.compression, i));
                 folded = folded.max(L::get(&defect.folded, i));
             }
-            self.defects[g] = defect;
+            self.errors.defects[g] = defect;
         }
         let mut missing = Vec3::<L::Chain>::zero();
         for k in (0..n).rev() {
@@ -165,9 +169,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 let sum = get::<L>(rhs, i) + missing;
                 put::<L>(rhs, i, sum);
             }
-            missing -= get::<L>(&self.defects[g].moment, i);
+            missing -= get::<L>(&self.errors.defects[g].moment, i);
         }
-        if self.symmetric {
+        if self.newton.symmetric {
             self.rotations_of_step::<true>();
         } else {
             self.rotations_of_step::<false>();
@@ -184,17 +188,17 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn correction(&mut self) -> L::Chain {
         let n = self.module_count();
-        for length in &mut self.length_errors {
+        for length in &mut self.errors.lengths {
             *length = L::Chain::zero();
         }
         let mut motion = L::Chain::zero();
         let mut x = Vec3::<L::Chain>::zero();
         for g in 0..self.states.len() {
             let (c, state, gradient) = (&self.constants[g], &self.states[g], &self.gradients[g]);
-            let (mut turn, mut moved) = (Vec3::zero(), self.defects[g].place);
+            let (mut turn, mut moved) = (Vec3::zero(), self.errors.defects[g].place);
             for a in 0..A {
-                turn += self.step[g][a];
-                moved += gradient.r[a] * self.step[g][a];
+                turn += self.newton.step[g][a];
+                moved += gradient.r[a] * self.newton.step[g][a];
             }
             let here = L::WIDTH.min(n - g * L::WIDTH);
             for (j, tendon) in self.tendons.iter().enumerate() {
@@ -202,7 +206,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 let longer = span.direction.dot(moved + turn.cross(span.arm));
                 for i in 0..here {
                     if g * L::WIDTH + i <= tendon.end_disk {
-                        self.length_errors[j] += L::get(&longer, i);
+                        self.errors.lengths[j] += L::get(&longer, i);
                     }
                 }
             }

@@ -84,7 +84,7 @@ impl<S: Simd> SideBySide for Lanes<S> {
     }
 
     fn tendon_length(&self, i: usize, lane: usize) -> f64 {
-        self.rod.lengths[i].lane(lane)
+        self.rod.placed.lengths[i].lane(lane)
     }
 }
 
