@@ -578,6 +578,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         Step { slope, largest }
     }
 
+    /// The same by the last elimination, symmetric or not.
+    #[inline(always)]
+    pub(crate) fn rotations_of_last_elimination(&mut self) {
+        if self.newton.symmetric {
+            self.rotations_of_step::<true>();
+        } else {
+            self.rotations_of_step::<false>();
+        }
+    }
+
     /// Lengths of all spans, and where asked the angles of the tendons at the holes.
     #[inline(always)]
     pub fn measure_spans(&mut self, angles: bool) {
@@ -604,9 +614,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 self.spans.spans[g * count + j] = span;
             }
         }
-        if !angles {
-            return;
+        if angles {
+            self.measure_angles();
         }
+    }
+
+    #[inline(always)]
+    fn measure_angles(&mut self) {
+        let count = self.tendons.len();
         for j in 0..count {
             // before the base hole it is parallel to z
             let mut last = Vec3::<L::Chain>::ez();
@@ -664,11 +679,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Answers the own gradient alone, with the modules in the lanes.
     #[inline(always)]
     fn respond_to_gradient(&mut self) {
-        if self.newton.symmetric {
-            self.rotations_of_step::<true>();
-        } else {
-            self.rotations_of_step::<false>();
-        }
+        self.rotations_of_last_elimination();
         let (n, count) = (self.module_count(), self.tendons.len());
         let out = &mut self.spans.answers[0];
         let mut x = Vec3::<L::Chain>::zero();
@@ -712,29 +723,59 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Goes through the chain with some of the columns.
     #[inline(always)]
     fn substitute(&mut self, part: usize, columns: std::ops::Range<usize>, sources: &Sources) {
+        self.substitute_backward(part, columns, sources);
+        self.substitute_forward(part);
+        let count = self.tendons.len();
+        let out = &mut self.spans.answers[part].beyond;
+        for at in (0..out.len() - count).rev() {
+            let further = out[at + count];
+            out[at] += further;
+        }
+    }
+
+    /// Force on the end of module `k` by the sources in some columns, and its arm.
+    #[inline(always)]
+    fn source_force(
+        &self,
+        k: usize,
+        columns: std::ops::Range<usize>,
+        sources: &Sources,
+    ) -> [Vec3<L::Module>; 2] {
         let (n, count) = (self.module_count(), self.tendons.len());
-        let out = &mut self.spans.answers[part];
-        let mut p = Vec3::<L::Module>::zero();
-        for k in (0..n).rev() {
-            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let (state, response) = (&self.states[g], &self.newton.responses[g]);
-            let mut force = Vec3::<L::Module>::zero();
-            let mut arm = Vec3::<L::Module>::zero();
-            for (lane, column) in columns.clone().enumerate() {
-                if column == 0 {
-                    continue;
-                }
-                let w = sources.tensions[(column - 1) * n + k];
-                if w == 0.0 {
-                    continue;
-                }
-                let span = &self.spans.spans[g * count + sources.tendons[column - 1]];
-                for q in 0..3 {
-                    let along = L::get(&span.direction.0[q], i).lane(0);
-                    force.0[q].set_lane(lane, -along * w);
-                    arm.0[q].set_lane(lane, L::get(&span.arm.0[q], i).lane(0));
-                }
+        let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+        let mut force = Vec3::<L::Module>::zero();
+        let mut arm = Vec3::<L::Module>::zero();
+        for (lane, column) in columns.enumerate() {
+            if column == 0 {
+                continue;
             }
+            let w = sources.tensions[(column - 1) * n + k];
+            if w == 0.0 {
+                continue;
+            }
+            let span = &self.spans.spans[g * count + sources.tendons[column - 1]];
+            for q in 0..3 {
+                let along = L::get(&span.direction.0[q], i).lane(0);
+                force.0[q].set_lane(lane, -along * w);
+                arm.0[q].set_lane(lane, L::get(&span.arm.0[q], i).lane(0));
+            }
+        }
+        [force, arm]
+    }
+
+    /// From tip to base: right-hand sides of the arcs, eliminated.
+    #[inline(always)]
+    fn substitute_backward(
+        &mut self,
+        part: usize,
+        columns: std::ops::Range<usize>,
+        sources: &Sources,
+    ) {
+        let mut p = Vec3::<L::Module>::zero();
+        for k in (0..self.module_count()).rev() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let [force, arm] = self.source_force(k, columns.clone(), sources);
+            let (state, response) = (&self.states[g], &self.newton.responses[g]);
             let moved = same_mat::<L>(&response.d_hat, i) * force;
             let turned = same_mat::<L>(&response.k, i) * moved - arm.cross(force);
             let on_end = same_mat::<L>(&response.m, i).tr_mul(force);
@@ -758,11 +799,19 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 eliminated.backward::<false>(&mut answer, &mut start);
             }
             p = start[0] + same::<L>(&state.stretching_load(), i).cross(moved);
+            let out = &mut self.spans.answers[part];
             out.u[k] = answer;
             out.force[k] = force;
         }
+    }
+
+    /// From base to tip: rotations of the arcs, and how they lengthen the spans.
+    #[inline(always)]
+    fn substitute_forward(&mut self, part: usize) {
+        let count = self.tendons.len();
+        let out = &mut self.spans.answers[part];
         let mut x = Vec3::<L::Module>::zero();
-        for k in 0..n {
+        for k in 0..self.dead.modules.len() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let (state, response) = (&self.states[g], &self.newton.responses[g]);
             let eliminated = self.newton.eliminated[k].map(|m| widen::<L>(&m));
@@ -787,10 +836,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
             out.u[k] = u;
             x = same_mat::<L>(&state.s, i).tr_mul(x + turn);
-        }
-        for at in (0..(n - 1) * count).rev() {
-            let further = out.beyond[at + count];
-            out.beyond[at] += further;
         }
     }
 

@@ -171,11 +171,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             }
             missing -= get::<L>(&self.errors.defects[g].moment, i);
         }
-        if self.newton.symmetric {
-            self.rotations_of_step::<true>();
-        } else {
-            self.rotations_of_step::<false>();
-        }
+        self.rotations_of_last_elimination();
         Correction {
             motion: self.correction(),
             compression,
