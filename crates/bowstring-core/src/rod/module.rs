@@ -89,7 +89,15 @@ impl<T: Real> Constants<T> {
         }
     }
 
-    /// Stiffness of an element times a rotation vector, N m.
+    /// Share of an element's stiffness about the axes (N m).
+    #[inline(always)]
+    fn share_of_stiffness(&self, share: f64) -> [T; 3] {
+        let [bending, torsion] = self.stiffness;
+        let (b, t) = (bending * T::splat(share), torsion * T::splat(share));
+        [b, b, t]
+    }
+
+    /// Stiffness of an element times a rotation vector (N m).
     #[inline(always)]
     pub fn moment(&self, w: Vec3<T>) -> Vec3<T> {
         let [bending, torsion] = self.stiffness;
@@ -105,14 +113,20 @@ pub(crate) struct Tendons<'a, T> {
     pub path: TendonPath,
 }
 
+/// An arc of constant curvature in its module.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arc<T> {
+    pub map: ArcMap<T>,
+    /// Rotation from the module's start to the start of the arc.
+    pub prefix: Mat3<T>,
+}
+
 /// State of a module at its present strain.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct State<T, const A: usize> {
     /// Rotation vectors of the arcs: the unknown.
     pub w: [Vec3<T>; A],
-    pub arcs: [ArcMap<T>; A],
-    /// Rotation from the module's start to the start of each arc.
-    pub prefix: [Mat3<T>; A],
+    pub arcs: [Arc<T>; A],
     /// From the end of each arc to the end of the flexible part, without compliance.
     pub tail: [Vec3<T>; A],
     /// Relative rotation and end of the flexible part, without and with compliance.
@@ -195,8 +209,10 @@ impl<T: Real, const A: usize> State<T, A> {
         let zero = Vec3::zero();
         State {
             w: [zero; A],
-            arcs: [ArcMap::new(zero, T::zero()); A],
-            prefix: [Mat3::identity(); A],
+            arcs: [Arc {
+                map: ArcMap::new(zero, T::zero()),
+                prefix: Mat3::identity(),
+            }; A],
             tail: [zero; A],
             s: Mat3::identity(),
             rho0: zero,
@@ -218,17 +234,17 @@ impl<T: Real, const A: usize> State<T, A> {
         let arc_length = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
         for i in 0..A {
             let arc = ArcMap::new(self.w[i], arc_length);
+            let mut prefix = Mat3::identity();
             if i == 0 {
-                self.prefix[0] = Mat3::identity();
                 self.rho0 = arc.end;
                 self.s = arc.rotation;
             } else {
-                self.prefix[i] = self.s;
+                prefix = self.s;
                 self.rho0 += self.s * arc.end;
                 self.s = self.s * arc.rotation;
             }
             self.tail[i] = self.rho0;
-            self.arcs[i] = arc;
+            self.arcs[i] = Arc { map: arc, prefix };
         }
         for i in 0..A {
             self.tail[i] = self.rho0 - self.tail[i];
@@ -401,16 +417,15 @@ impl<T: Real, const A: usize> State<T, A> {
         out.nu = self.end_force + on_end;
         let elastic = self.elastic_gradient(c, t);
         for i in 0..A {
-            let arc = &self.arcs[i];
+            let Arc { map: arc, prefix } = &self.arcs[i];
             let (q, inverse) = (arc.end_jacobian(), arc.left_jacobian_inverse());
             let tail = self.tail[i].skew();
             if i == 0 {
                 out.to_strain[0] = inverse;
                 out.r[0] = q * inverse - tail;
             } else {
-                let p = &self.prefix[i];
-                out.to_strain[i] = inverse * p.transpose();
-                out.r[i] = *p * (q * out.to_strain[i]) - tail;
+                out.to_strain[i] = inverse * prefix.transpose();
+                out.r[i] = *prefix * (q * out.to_strain[i]) - tail;
             }
             out.g[i] = out.to_strain[i].tr_mul(elastic[i]) + out.torque - out.r[i].tr_mul(out.nu);
             for node in i / 2 + 1..A / 2 {
@@ -448,15 +463,71 @@ impl<T: Real, const A: usize> State<T, A> {
         grad: &Gradient<T, A>,
         out: &mut Hessian<T, A>,
     ) -> Response<T, A> {
-        let half = T::splat(0.5);
-        let one = T::splat(1.0);
-        let tangent = self.s.column(2);
-        let (mean, change) = self.tangents(c);
-        let [_, d1, d2, d3] = c.d;
-        let n = self.n;
-        let (_, on_tangent) = self.compliance_forces(c);
+        let (g, k, mut e) = self.span_stiffness(c, t);
+        e += self.tangent_stiffness(c);
+        let (mut m, mut d_hat, mut g_hat) = (Mat3::identity(), Mat3::zero(), g);
+        let (mut km, mut kd, mut core) = (k, Mat3::zero(), e);
+        if CONDENSED {
+            let compliance = self.compliance(c);
+            m = (compliance * g).add_diagonal([T::splat(1.0); 3]).inverse();
+            d_hat = (m * compliance).symmetric_part();
+            g_hat = (g * m).symmetric_part();
+            km = k * m;
+            kd = k * d_hat;
+            core -= kd * k.transpose();
+        }
+        let j = self.end_motions(c, grad);
+        let mut kmj = [Mat3::zero(); A];
+        for i in 0..A {
+            kmj[i] = km * j[i];
+        }
+        let rank1 = c.d[1] * c.per_flexible * c.per_flexible;
+        for i in 0..A {
+            let pulled = g_hat * j[i];
+            let rn = grad.r[i].tr_mul(self.n);
+            for b in i..A {
+                let mut block =
+                    j[b].transpose().mul_add(pulled, core) + kmj[i] + kmj[b].transpose();
+                block -= (grad.r[b].tr_mul(self.n) * rank1).outer(rn);
+                if b > i {
+                    self.add_stiffness_between(c, t, grad, [i, b], &mut block);
+                } else {
+                    self.add_own_stiffness(c, t, grad, i, &mut block);
+                }
+                out.uu[b][i] = block;
+            }
+        }
+        let on_x =
+            -(self.f[1].cross_mat(self.s.column(2).skew())) - (self.lambda * T::splat(0.5)).skew();
+        let mut moved = j;
+        for i in 0..A {
+            if CONDENSED {
+                moved[i] = m.mul_add(j[i], -kd.transpose());
+            }
+            out.xu[i] = self.f[0].cross_mat(moved[i]) + on_x;
+        }
+        out.xx = self.start_stiffness::<CONDENSED>(&d_hat);
+        if A > 2 {
+            let mut weights = [Vec3::zero(); A];
+            for node in 1..A / 2 {
+                weights[2 * node - 1] = self.f[3];
+            }
+            self.add_dead_loads(grad, &weights, &moved, out);
+        }
+        Response {
+            j,
+            m,
+            d_hat,
+            g_hat,
+            k,
+        }
+    }
 
-        // stiffness of the spans: translation g, rotation e, and between them k
+    /// Stiffness of the spans against the end's translation, between rotation and translation,
+    /// and against its rotation.
+    #[inline(always)]
+    fn span_stiffness(&self, c: &Constants<T>, t: &Tendons<T>) -> (Mat3<T>, Mat3<T>, Mat3<T>) {
+        let half = T::splat(0.5);
         let (mut g, mut k, mut e) = (Mat3::zero(), Mat3::zero(), Mat3::zero());
         if t.path == TendonPath::Straight {
             for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
@@ -472,109 +543,100 @@ impl<T: Real, const A: usize> State<T, A> {
                     .add_diagonal([d; 3]);
             }
         }
-        // dead loads and compliance act on the end tangent
-        let f2 = self.f[1] + on_tangent;
-        let turn = n.cross(tangent);
-        let bubble = d3 * n.norm2();
-        let pulled = tangent * bubble - f2;
-        e += (pulled.outer(tangent).symmetric_part() - (turn * d2).outer(turn))
-            .add_diagonal([f2.dot(tangent) - bubble; 3]);
+        (g, k, e)
+    }
 
-        let (mut m, mut d_hat, mut g_hat) = (Mat3::identity(), Mat3::zero(), g);
-        if CONDENSED {
-            let compliance = self.compliance(c);
-            m = (compliance * g).add_diagonal([one; 3]).inverse();
-            d_hat = (m * compliance).symmetric_part();
-            g_hat = (g * m).symmetric_part();
-        }
+    /// Stiffness of the dead loads and the compliance that act on the end tangent.
+    #[inline(always)]
+    fn tangent_stiffness(&self, c: &Constants<T>) -> Mat3<T> {
+        let tangent = self.s.column(2);
+        let [_, _, d2, d3] = c.d;
+        let (_, on_tangent) = self.compliance_forces(c);
+        let f2 = self.f[1] + on_tangent;
+        let turn = self.n.cross(tangent);
+        let bubble = d3 * self.n.norm2();
+        let pulled = tangent * bubble - f2;
+        (pulled.outer(tangent).symmetric_part() - (turn * d2).outer(turn))
+            .add_diagonal([f2.dot(tangent) - bubble; 3])
+    }
+
+    /// Motion of the end by the rotation that each arc adds, at constant contact force.
+    #[inline(always)]
+    fn end_motions(&self, c: &Constants<T>, grad: &Gradient<T, A>) -> [Mat3<T>; A] {
+        let (mean, change) = self.tangents(c);
+        let [_, d1, d2, d3] = c.d;
+        let n = self.n;
         let x = (mean * (d1 * c.per_flexible))
             .outer(n)
-            .add_diagonal([one + d1 * mean.dot(n) * c.per_flexible; 3]);
+            .add_diagonal([T::splat(1.0) + d1 * mean.dot(n) * c.per_flexible; 3]);
         // motion of the end with its tangent, which a rotation u turns by u x tangent
         let by_tangent = ((change * d2).outer(n) + (n * (d3 + d3)).outer(change))
             .add_diagonal([d2 * change.dot(n); 3]);
+        let tangent = self.s.column(2);
         let y = tangent.cross_mat(by_tangent.transpose()).transpose();
         let mut j = [Mat3::zero(); A];
         for i in 0..A {
             j[i] = x.mul_add(grad.r[i], y);
         }
-        let (mut km, mut kd, mut core) = (k, Mat3::zero(), e);
-        if CONDENSED {
-            km = k * m;
-            kd = k * d_hat;
-            core -= kd * k.transpose();
-        }
+        j
+    }
 
-        let nu = -grad.nu;
-        let half_torque = (grad.torque * half).skew();
-        let rank1 = d1 * c.per_flexible * c.per_flexible;
-        let [bending, torsion] = c.stiffness;
-        let (b, t3) = (bending * T::splat(1.75), torsion * T::splat(1.75));
-        let own = [b, b, t3];
-        let (b, t3) = (bending * T::splat(0.25), torsion * T::splat(0.25));
-        let beside = [b, b, t3];
-        let (f1, stretching) = (self.f[0], self.stretching_load());
-        let on_x = -(self.f[1].cross_mat(tangent.skew())) - (self.lambda * half).skew();
-        let mut moved = j;
-        let mut kmj = [Mat3::zero(); A];
-        for i in 0..A {
-            kmj[i] = km * j[i];
+    /// Adds to the block between two arcs what their chain and a common element stiffen.
+    #[inline(always)]
+    fn add_stiffness_between(
+        &self,
+        c: &Constants<T>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        [i, b]: [usize; 2],
+        block: &mut Mat3<T>,
+    ) {
+        let half_torque = (grad.torque * T::splat(0.5)).skew();
+        *block -= ((-grad.nu).cross_mat(grad.r[b]) + half_torque).transpose();
+        if i % 2 == 0 && b == i + 1 {
+            let between =
+                self.continuous_blocks(c, t, i)[1].add_diagonal(c.share_of_stiffness(0.25));
+            *block += grad.to_strain[b].tr_mat(between * grad.to_strain[i]);
         }
-        for i in 0..A {
-            let pulled = g_hat * j[i];
-            let rn = grad.r[i].tr_mul(n);
-            for b in i..A {
-                let mut block =
-                    j[b].transpose().mul_add(pulled, core) + kmj[i] + kmj[b].transpose();
-                block -= (grad.r[b].tr_mul(n) * rank1).outer(rn);
-                if b > i {
-                    block -= (nu.cross_mat(grad.r[b]) + half_torque).transpose();
-                    if i % 2 == 0 && b == i + 1 {
-                        let between = self.coupling(c, t, i).add_diagonal(beside);
-                        block += grad.to_strain[b].tr_mat(between * grad.to_strain[i]);
-                    }
-                } else {
-                    let tail = self.tail[i];
-                    let p = &self.prefix[i];
-                    let local = self.arcs[i]
-                        .hessian(p.tr_mul(nu), p.tr_mul(grad.torque + tail.cross(nu)))
-                        .add_diagonal(own)
-                        + self.continuous_block(c, t, i);
-                    block += grad.to_strain[i].tr_mat(local * grad.to_strain[i]);
-                    block += nu
-                        .outer(tail)
-                        .symmetric_part()
-                        .add_diagonal([-nu.dot(tail); 3]);
-                }
-                out.uu[b][i] = block;
-            }
-            if CONDENSED {
-                moved[i] = m.mul_add(j[i], -kd.transpose());
-            }
-            out.xu[i] = f1.cross_mat(moved[i]) + on_x;
-        }
+    }
+
+    /// Adds to the block of an arc its own stiffness.
+    #[inline(always)]
+    fn add_own_stiffness(
+        &self,
+        c: &Constants<T>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        i: usize,
+        block: &mut Mat3<T>,
+    ) {
+        let (nu, tail) = (-grad.nu, self.tail[i]);
+        let Arc { map, prefix: p } = &self.arcs[i];
+        let continuous = self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)];
+        let local = map
+            .hessian(p.tr_mul(nu), p.tr_mul(grad.torque + tail.cross(nu)))
+            .add_diagonal(c.share_of_stiffness(1.75))
+            + continuous;
+        *block += grad.to_strain[i].tr_mat(local * grad.to_strain[i]);
+        *block += nu
+            .outer(tail)
+            .symmetric_part()
+            .add_diagonal([-nu.dot(tail); 3]);
+    }
+
+    /// Second derivative by the start's rotation.
+    #[inline(always)]
+    fn start_stiffness<const CONDENSED: bool>(&self, d_hat: &Mat3<T>) -> Mat3<T> {
         let mut xx = Mat3::zero();
         if CONDENSED {
-            xx -= stretching.cross_mat(stretching.cross_mat(d_hat).transpose());
+            let stretching = self.stretching_load();
+            xx -= stretching.cross_mat(stretching.cross_mat(*d_hat).transpose());
         }
+        let tangent = self.s.column(2);
         for (f, v) in self.f.iter().zip([self.rho, tangent, Vec3::ez()]) {
             xx += (-f.outer(v).symmetric_part()).add_diagonal([f.dot(v); 3]);
         }
-        out.xx = xx;
-        if A > 2 {
-            let mut weights = [Vec3::zero(); A];
-            for node in 1..A / 2 {
-                weights[2 * node - 1] = self.f[3];
-            }
-            self.add_dead_loads(grad, &weights, &moved, out);
-        }
-        Response {
-            j,
-            m,
-            d_hat,
-            g_hat,
-            k,
-        }
+        xx
     }
 
     /// Adds the second derivatives of dead loads on the points inside, by the arc at whose end
@@ -603,8 +665,8 @@ impl<T: Real, const A: usize> State<T, A> {
             // sum of load x (lever u) by the rotation u of an arc before the points
             crossed[i] = load.cross_mat(grad.r[i]) + product.transpose().add_diagonal([-trace; 3]);
             let moment = load.cross(self.tail[i]) - Vec3([y[2] - z[1], z[0] - x[2], x[1] - y[0]]);
-            let p = &self.prefix[i];
-            let local = self.arcs[i].hessian(p.tr_mul(-load), p.tr_mul(moment));
+            let Arc { map, prefix: p } = &self.arcs[i];
+            let local = map.hessian(p.tr_mul(-load), p.tr_mul(moment));
             let lever = load.dot(self.tail[i]) - trace;
             out.uu[i][i] += grad.to_strain[i].tr_mat(local * grad.to_strain[i])
                 + (product - load.outer(self.tail[i]))
@@ -625,18 +687,8 @@ impl<T: Real, const A: usize> State<T, A> {
         stretching
     }
 
-    /// Continuous tendons: second derivative by one arc's rotation vector.
-    #[inline(always)]
-    fn continuous_block(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> Mat3<T> {
-        self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)]
-    }
-
-    /// Continuous tendons: second derivative between the two arcs of an element.
-    #[inline(always)]
-    fn coupling(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> Mat3<T> {
-        self.continuous_blocks(c, t, i)[1]
-    }
-
+    /// Continuous tendons: second derivatives by the rotation vectors of the two arcs of an
+    /// element: first-first, second-first, second-second.
     #[inline(always)]
     fn continuous_blocks(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
         let mut blocks = [Mat3::zero(); 3];
@@ -673,12 +725,12 @@ impl<T: Real, const A: usize> State<T, A> {
         let at = fraction * A as f64;
         let i = (at as usize).min(A - 1);
         let part = T::splat(at - i as f64);
-        let arc = ArcMap::new(self.w[i] * part, self.arcs[i].length() * part);
+        let arc = ArcMap::new(self.w[i] * part, self.arcs[i].map.length() * part);
         let mut from = (self.rho - self.rho0) * T::splat(fraction);
         for j in 0..i {
-            from += self.prefix[j] * self.arcs[j].end;
+            from += self.arcs[j].prefix * self.arcs[j].map.end;
         }
-        let prefix = self.prefix[i];
+        let prefix = self.arcs[i].prefix;
         (from + prefix * arc.end, prefix * arc.rotation)
     }
 }
