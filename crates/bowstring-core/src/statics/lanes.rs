@@ -12,7 +12,8 @@ use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
 use crate::rod::estimate::Verdict;
 use crate::statics::solver::{
-    is_minimum_nearby, Outcome, Pose, Settings, Status, MAX_STEP, TOLERANCE,
+    is_minimum_nearby, Outcome, Pose, Settings, Status, ENERGY_NOISE, MAX_STEP,
+    SUFFICIENT_DECREASE, TOLERANCE,
 };
 
 /// Newton steps after which a load is left to the careful solver.
@@ -120,7 +121,7 @@ fn solve<S: Simd>(
         plain[lane] = of(lane).tip_moment == [0.0; 3];
         let scale = rod.energy_scale(settings.length, lane);
         stiffening[lane] = scale / rod.module_count() as f64;
-        noise.set_lane(lane, 1e-14 * (scale + energy.lane(lane).abs()));
+        noise.set_lane(lane, ENERGY_NOISE * (scale + energy.lane(lane).abs()));
     }
     let mut minimum_nearby = [false; 8];
     let mut iterations = [0; 8];
@@ -160,7 +161,7 @@ fn solve<S: Simd>(
         // a lane that is left to the careful solver stays where it is
         rod.advance(S::Vector::from_fn(|lane| f64::from(plain[lane])));
         let trial = rod.evaluate();
-        let bound = energy + step.slope * S::Vector::splat(1e-4) + noise;
+        let bound = energy + step.slope * S::Vector::splat(SUFFICIENT_DECREASE) + noise;
         for lane in 0..S::Vector::LANES {
             if !(residual.lane(lane) <= TOLERANCE) {
                 iterations[lane] = round + 1;

@@ -7,6 +7,7 @@ use crate::math::linalg::Vec3;
 use crate::model::load::{Load, Model, OwnedLoad};
 use crate::model::robot::{InputError, Robot};
 use crate::motion::oscillation::{self, Equilibrium};
+use crate::rod::chain::Step;
 use crate::rod::estimate::{ErrorEstimate, Verdict};
 use crate::rod::module::Constants;
 use crate::rod::sensitivity::Jacobians;
@@ -37,19 +38,62 @@ impl Status {
     }
 }
 
+// Newton's method.
+
 /// Largest moment imbalance over (bending stiffness / length) that counts as converged.
 pub const TOLERANCE: f64 = 1e-10;
+/// Newton steps before giving up.
+pub const MAX_ITERATIONS: usize = 200;
+/// Newton steps on the residual for one load.
+const MAX_RESIDUAL_STEPS: usize = 40;
+/// Largest rotation that an arc may add in one step (rad).
+pub(crate) const MAX_STEP: f64 = 1.0;
+/// Times that a step is halved: what does not help at a millionth is lost in rounding.
+const MAX_HALVINGS: usize = 20;
+/// Share of the slope's promise that the energy must fall by (Armijo's condition).
+pub(crate) const SUFFICIENT_DECREASE: f64 = 1e-4;
+/// Rounding of the energy over the terms that it is a small difference of.
+pub(crate) const ENERGY_NOISE: f64 = 1e-14;
+/// Fall of the residual that a shortened step must bring, over its fraction, and the least
+/// fraction.
+const RESIDUAL_DECREASE: f64 = 1e-3;
+/// Factor by which a full step may let the residual grow.
+const RESIDUAL_GROWTH: f64 = 2.0;
+/// Times that the shift is quadrupled in search of a minimum.
+const MAX_SHIFTS: usize = 40;
+/// Attempts at leaving unstable equilibria.
+const MAX_ESCAPES: usize = 4;
+/// Least pivot of a minimum over the unit of the shift; a smaller one is lost in rounding.
+const LEAST_PIVOT: f64 = 1e-12;
+
+// Stability under a tip moment.
+
+/// Negative pivot over the unit of the shift that may still be one of a minimum, by rounding.
+const LOST_PIVOT: f64 = 1e-8;
 /// Damping ratio that keeps small oscillations under a tip moment from growing where it counts as
 /// stable. Without any, a moment along a round backbone lets them grow however small it is
 /// (Nikolai's paradox).
-pub const FLUTTER_DAMPING: f64 = 0.01;
+pub(crate) const FLUTTER_DAMPING: f64 = 0.01;
 /// The same where no damping helps: what grows hardly oscillates.
 const HOPELESS: f64 = 0.5;
 /// Least moment over (bending stiffness / length) that may lead from a stable equilibrium to one
 /// that is not.
 const LEADS: f64 = 0.1;
-/// Newton steps before giving up.
-pub const MAX_ITERATIONS: usize = 200;
+
+// Load stepping and extrapolation.
+
+/// First increment of all the load, as a share of it.
+const FIRST_INCREMENT: f64 = 0.25;
+/// Factor of the increment after one that converged.
+const LONGER: f64 = 1.5;
+/// Factor of the increment after one that did not.
+const SHORTER: f64 = 0.3;
+/// Increment below which the load is given up.
+const LEAST_INCREMENT: f64 = 1e-3;
+/// Newton steps in all after which smaller increments are not tried.
+const MAX_CONTINUATION: usize = 3 * MAX_ITERATIONS;
+/// Largest change of an arc's rotation vector by extrapolation (rad).
+const MAX_EXTRAPOLATION: f64 = 0.3;
 
 /// What a solve found, its numbers aside.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -369,35 +413,7 @@ impl Solver {
         let attempt = newton(&mut *self.engine, &self.settings, &mut outcome);
         let mut attempt = self.judged(attempt, load, false);
         if patience && !attempt.is_sound() {
-            // what continuation cannot mend keeps its first verdict
-            let first = outcome;
-            let mut continued = Attempt::Stuck;
-            if load.tip_moment != [0.0; 3] {
-                let rest = Load {
-                    tip_moment: [0.0; 3],
-                    ..*load
-                };
-                let rest = self.equilibrium(&rest, true);
-                outcome.iterations += rest.iterations;
-                if rest.status == Status::Converged {
-                    continued = self.continuation(load, false, &mut outcome);
-                    let unstable = Some(false);
-                    if !matches!(continued, Attempt::Converged { stable, .. } if stable == unstable)
-                    {
-                        outcome.left_unstable |= matches!(attempt, Attempt::Saddle);
-                        outcome.left_unstable |= rest.left_unstable;
-                    }
-                }
-            }
-            if !continued.is_sound() {
-                outcome.left_unstable = first.left_unstable;
-                continued = self.continuation(load, true, &mut outcome);
-            }
-            if continued.is_sound() {
-                attempt = continued;
-            } else if !matches!(attempt, Attempt::Stuck) {
-                outcome.residual = first.residual;
-            }
+            attempt = self.continued(attempt, load, &mut outcome);
         }
         match attempt {
             Attempt::Converged {
@@ -419,6 +435,41 @@ impl Solver {
         }
         self.settled = outcome.status == Status::Converged;
         outcome
+    }
+
+    /// What continuation makes of an attempt that is not sound: of the tip moment alone, then of
+    /// all the load.
+    fn continued(&mut self, attempt: Attempt, load: &Load, outcome: &mut Outcome) -> Attempt {
+        // what continuation cannot mend keeps its first verdict
+        let first = *outcome;
+        let mut continued = Attempt::Stuck;
+        if load.tip_moment != [0.0; 3] {
+            let rest = Load {
+                tip_moment: [0.0; 3],
+                ..*load
+            };
+            let rest = self.equilibrium(&rest, true);
+            outcome.iterations += rest.iterations;
+            if rest.status == Status::Converged {
+                continued = self.continuation(load, false, outcome);
+                let unstable = Some(false);
+                if !matches!(continued, Attempt::Converged { stable, .. } if stable == unstable) {
+                    outcome.left_unstable |= matches!(attempt, Attempt::Saddle);
+                    outcome.left_unstable |= rest.left_unstable;
+                }
+            }
+        }
+        if !continued.is_sound() {
+            outcome.left_unstable = first.left_unstable;
+            continued = self.continuation(load, true, outcome);
+        }
+        if continued.is_sound() {
+            return continued;
+        }
+        if !matches!(attempt, Attempt::Stuck) {
+            outcome.residual = first.residual;
+        }
+        attempt
     }
 
     /// An equilibrium under a tip moment with its stability, which Newton's method does not tell.
@@ -443,47 +494,18 @@ impl Solver {
     /// plane across the moment, squared frequencies lie within `|moment| sqrt(det C) / 2` of the
     /// real axis, as an angle. That settles small moments. Larger ones take the frequencies.
     fn stability(&mut self, load: &Load) -> Option<bool> {
-        let per_module = 2 * self.elements;
-        let rod = &mut *self.engine;
-        let n = rod.module_count();
-        rod.linearise();
-        let pivot = rod.eliminate(true, 0.0);
-        // a pivot that is lost in rounding tells nothing; a NaN is no minimum
+        self.engine.linearise();
+        let pivot = self.engine.eliminate(true, 0.0);
         let unit = self.settings.shift_unit;
+        // a pivot that is lost in rounding tells nothing; a NaN is no minimum
         let mut stable = match pivot {
-            p if p > 1e-12 * unit => Some(true),
-            p if p > -1e-8 * unit => None,
+            p if p > LEAST_PIVOT * unit => Some(true),
+            p if p > -LOST_PIVOT * unit => None,
             _ => Some(false),
         };
-        if pivot > 1e-12 * unit {
-            let moment = Vec3(load.tip_moment);
-            let size = moment.norm();
-            let along = moment * (1.0 / size);
-            let least = (0..3).min_by(|a, b| along[*a].abs().total_cmp(&along[*b].abs()));
-            let mut axis = Vec3::zero();
-            axis[least.unwrap_or(0)] = 1.0;
-            let first = along.cross(axis);
-            let first = first * (1.0 / first.norm());
-            let second = along.cross(first);
-            // twice the energy that a unit moment on the tip puts in
-            let mut answer = |unit: Vec3| {
-                let local: Vec<_> = (0..n)
-                    .map(|k| match k {
-                        0 => unit,
-                        _ => rod.disk(k - 1).rotation.tr_mul(unit),
-                    })
-                    .collect();
-                rod.set_gradient(&|i| local[i / per_module]);
-                -rod.newton_step(true).slope
-            };
-            let (a, b, both) = (answer(first), answer(second), answer(first + second));
-            let between = 0.5 * (both - a - b);
-            let determinant = f64::max(a * b - between * between, 0.0);
-            let angle = 0.5 * size * determinant.sqrt();
-            // a NaN is not small
-            if !(angle <= 2.0 * FLUTTER_DAMPING) {
-                stable = self.stability_of_motion(load, true);
-            }
+        // a NaN is not small
+        if stable == Some(true) && !(self.flutter_angle(load) <= 2.0 * FLUTTER_DAMPING) {
+            stable = self.stability_of_motion(load, true);
         }
         if stable == Some(false) {
             stable = self.stability_of_motion(load, false);
@@ -492,6 +514,37 @@ impl Solver {
         self.engine.gradient();
         self.engine.eliminate(false, 0.0);
         stable
+    }
+
+    /// Bound of the angle between squared frequencies under a tip moment and the real axis (rad),
+    /// by the last elimination.
+    fn flutter_angle(&mut self, load: &Load) -> f64 {
+        let per_module = 2 * self.elements;
+        let rod = &mut *self.engine;
+        let moment = Vec3(load.tip_moment);
+        let size = moment.norm();
+        let along = moment * (1.0 / size);
+        let least = (0..3).min_by(|a, b| along[*a].abs().total_cmp(&along[*b].abs()));
+        let mut axis = Vec3::zero();
+        axis[least.unwrap_or(0)] = 1.0;
+        let first = along.cross(axis);
+        let first = first * (1.0 / first.norm());
+        let second = along.cross(first);
+        // twice the energy that a unit moment on the tip puts in
+        let mut answer = |unit: Vec3| {
+            let local: Vec<_> = (0..rod.module_count())
+                .map(|k| match k {
+                    0 => unit,
+                    _ => rod.disk(k - 1).rotation.tr_mul(unit),
+                })
+                .collect();
+            rod.set_gradient(&|i| local[i / per_module]);
+            -rod.newton_step(true).slope
+        };
+        let (a, b, both) = (answer(first), answer(second), answer(first + second));
+        let between = 0.5 * (both - a - b);
+        let determinant = f64::max(a * b - between * between, 0.0);
+        0.5 * size * determinant.sqrt()
     }
 
     /// The same by the frequencies; `oscillates` as in [`oscillation::growth`].
@@ -510,40 +563,26 @@ impl Solver {
     /// Raises the load from zero by steps that adapt, all of it or, from the equilibrium of the
     /// rest that the engine holds, its tip moment alone; tells how far it came.
     fn continuation(&mut self, load: &Load, all: bool, outcome: &mut Outcome) -> Attempt {
-        let mut tensions = load.tensions.to_vec();
+        let mut part = OwnedLoad::default();
         let mut start = vec![Vec3::zero(); self.history[0].len()];
-        let (mut reached, mut increment) = (0.0, if all { 0.25 } else { 1.0 });
+        let (mut reached, mut increment) = (0.0, if all { FIRST_INCREMENT } else { 1.0 });
         if !all {
             self.engine.strains(&mut |i, w| start[i] = w);
         }
         loop {
             let fraction = f64::min(reached + increment, 1.0);
             let share = if all { fraction } else { 1.0 };
-            for (t, full) in tensions.iter_mut().zip(load.tensions) {
-                *t = full * share;
-            }
-            let part_load = Load {
-                tensions: &tensions,
-                gravity: load.gravity.map(|g| g * share),
-                tip_force: load.tip_force.map(|f| f * share),
-                tip_moment: load.tip_moment.map(|m| m * fraction),
-            };
-            self.engine.load(&part_load);
-            self.engine.make_straight();
-            self.engine.set_strains(&|i| start[i]);
-            let mut part = Outcome {
-                iterations: 0,
-                ..*outcome
-            };
-            let mut attempt = newton(&mut *self.engine, &self.settings, &mut part);
+            part.set(load);
+            part.tensions.iter_mut().for_each(|t| *t *= share);
+            part.gravity = load.gravity.map(|g| g * share);
+            part.tip_force = load.tip_force.map(|f| f * share);
+            part.tip_moment = load.tip_moment.map(|m| m * fraction);
+            let mut attempt = self.attempt_from(&start, &part.borrow(), outcome);
             if fraction == 1.0 {
                 let leads =
                     !all && Vec3(load.tip_moment).norm() > LEADS * self.settings.moment_scale;
                 attempt = self.judged(attempt, load, leads);
             }
-            outcome.iterations += part.iterations;
-            outcome.residual = part.residual;
-            outcome.left_unstable |= part.left_unstable;
             let sound = attempt.is_sound();
             if sound && fraction == 1.0 {
                 outcome.fraction = 1.0;
@@ -552,23 +591,40 @@ impl Solver {
             if sound {
                 self.engine.strains(&mut |i, w| start[i] = w);
                 reached = fraction;
-                increment *= 1.5;
+                increment *= LONGER;
             } else {
-                increment *= 0.3;
+                increment *= SHORTER;
             }
+            outcome.fraction = reached;
             if fraction == 1.0 && matches!(attempt, Attempt::Saddle) && load.tip_moment != [0.0; 3]
             {
                 // found, and told to be unstable: smaller increments come to the same
-                outcome.fraction = reached;
                 return attempt;
             }
             // a load that is past hope must not take long to say so
-            if increment < 1e-3 || outcome.iterations > MAX_CONTINUATION || interrupt::interrupted()
+            if increment < LEAST_INCREMENT
+                || outcome.iterations > MAX_CONTINUATION
+                || interrupt::interrupted()
             {
-                outcome.fraction = reached;
                 return Attempt::Stuck;
             }
         }
+    }
+
+    /// Newton's method from a strain, as a part of the way that `outcome` tells of.
+    fn attempt_from(&mut self, start: &[Vec3], load: &Load, outcome: &mut Outcome) -> Attempt {
+        self.engine.load(load);
+        self.engine.make_straight();
+        self.engine.set_strains(&|i| start[i]);
+        let mut part = Outcome {
+            iterations: 0,
+            ..*outcome
+        };
+        let attempt = newton(&mut *self.engine, &self.settings, &mut part);
+        outcome.iterations += part.iterations;
+        outcome.residual = part.residual;
+        outcome.left_unstable |= part.left_unstable;
+        attempt
     }
 
     /// Pose of the tip, which is the last disk; `None`, as all that follow, unless the last
@@ -611,21 +667,6 @@ impl Solver {
     }
 }
 
-/// Newton steps in all after which continuation does not try smaller increments.
-const MAX_CONTINUATION: usize = 3 * MAX_ITERATIONS;
-/// Times that a step is halved: what does not help at a millionth is lost in rounding.
-const MAX_HALVINGS: usize = 20;
-/// Largest change of an arc's rotation vector by extrapolation, rad.
-const MAX_EXTRAPOLATION: f64 = 0.3;
-/// Times that the shift is quadrupled in search of a minimum.
-const MAX_SHIFTS: usize = 40;
-/// Largest rotation that an arc may add in one step, rad.
-pub(crate) const MAX_STEP: f64 = 1.0;
-/// Attempts at leaving unstable equilibria.
-const MAX_ESCAPES: usize = 4;
-/// Newton steps on the residual for one load.
-const MAX_RESIDUAL_STEPS: usize = 40;
-
 fn converged(rod: &mut dyn Passes, stable: Option<bool>) -> Attempt {
     rod.finish();
     Attempt::Converged {
@@ -651,8 +692,8 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
     }
     let mut shift = 0.0;
     let mut escapes = 0;
-    // rounding of the energy, which is a small difference of large terms
-    let noise = 1e-14 * (rod.energy_scale(settings.length) + energy.abs());
+    // the energy is a small difference of large terms
+    let noise = ENERGY_NOISE * (rod.energy_scale(settings.length) + energy.abs());
     let stiffening = rod.energy_scale(settings.length) / rod.module_count() as f64;
     // the last elimination still tells the inertia if the step after it was short
     let mut minimum_nearby = false;
@@ -661,36 +702,17 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
             return Attempt::Stuck;
         }
         outcome.residual = rod.gradient() / settings.moment_scale;
-        let settled = outcome.residual <= TOLERANCE;
-        if settled && minimum_nearby {
-            return converged(rod, Some(true));
-        }
-        if !settled {
-            if outcome.iterations == MAX_ITERATIONS || !outcome.residual.is_finite() {
-                return Attempt::Stuck;
+        if outcome.residual <= TOLERANCE {
+            if minimum_nearby {
+                return converged(rod, Some(true));
             }
-            outcome.iterations += 1;
-        }
-        rod.linearise();
-        let mut shifts = 0;
-        let pivot = loop {
-            let added = if settled { 0.0 } else { shift };
-            let pivot = rod.eliminate(true, added);
-            if pivot > 0.0 || settled {
-                break pivot;
-            }
-            shift = if shift == 0.0 { unit } else { shift * 4.0 };
-            shifts += 1;
-            if shifts > MAX_SHIFTS || interrupt::work(settings.work) {
-                return Attempt::Stuck;
-            }
-        };
-        if settled {
+            rod.linearise();
+            let pivot = rod.eliminate(true, 0.0);
             if pivot.is_nan() {
                 return Attempt::Stuck;
             }
             // a pivot that is lost in rounding is no proof of a minimum
-            if pivot > 1e-12 * unit {
+            if pivot > LEAST_PIVOT * unit {
                 return converged(rod, Some(true));
             }
             if escapes == MAX_ESCAPES {
@@ -701,34 +723,70 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
             energy = leave_saddle(rod, settings, escapes, energy);
             continue;
         }
-        let step = rod.newton_step(true);
-        let (slope, largest) = (step.slope, step.largest);
-        if !largest.is_finite() {
+        if outcome.iterations == MAX_ITERATIONS || !outcome.residual.is_finite() {
             return Attempt::Stuck;
         }
-        minimum_nearby = shift == 0.0 && is_minimum_nearby(largest, pivot, unit, stiffening);
-        rod.save();
-        let mut fraction = (MAX_STEP / largest).min(1.0);
-        let mut halvings = 0;
-        loop {
-            rod.advance(fraction);
-            let trial = rod.evaluate();
-            if trial <= energy + 1e-4 * fraction * slope + noise {
-                energy = trial;
-                break;
-            }
-            fraction *= 0.5;
-            halvings += 1;
-            if halvings > MAX_HALVINGS || interrupt::work(settings.work) {
-                return Attempt::Stuck;
-            }
+        outcome.iterations += 1;
+        rod.linearise();
+        let Some(pivot) = eliminate_shifted(rod, settings, &mut shift) else {
+            return Attempt::Stuck;
+        };
+        let step = rod.newton_step(true);
+        if !step.largest.is_finite() {
+            return Attempt::Stuck;
         }
+        minimum_nearby = shift == 0.0 && is_minimum_nearby(step.largest, pivot, unit, stiffening);
+        let Some(fraction) = backtrack(rod, settings, &step, noise, &mut energy) else {
+            return Attempt::Stuck;
+        };
         shift = if fraction == 1.0 && shift <= unit {
             0.0
         } else {
             shift * 0.25
         };
     }
+}
+
+/// Eliminates with the shift, raised until all pivots are positive; returns the least.
+fn eliminate_shifted(rod: &mut dyn Passes, settings: &Settings, shift: &mut f64) -> Option<f64> {
+    let mut pivot = rod.eliminate(true, *shift);
+    for _ in 0..MAX_SHIFTS {
+        if pivot > 0.0 || interrupt::work(settings.work) {
+            break;
+        }
+        *shift = if *shift == 0.0 {
+            settings.shift_unit
+        } else {
+            *shift * 4.0
+        };
+        pivot = rod.eliminate(true, *shift);
+    }
+    (pivot > 0.0).then_some(pivot)
+}
+
+/// Takes a fraction of the step that lowers the energy enough, and returns it.
+fn backtrack(
+    rod: &mut dyn Passes,
+    settings: &Settings,
+    step: &Step<f64>,
+    noise: f64,
+    energy: &mut f64,
+) -> Option<f64> {
+    rod.save();
+    let mut fraction = (MAX_STEP / step.largest).min(1.0);
+    for halvings in 0.. {
+        rod.advance(fraction);
+        let trial = rod.evaluate();
+        if trial <= *energy + SUFFICIENT_DECREASE * fraction * step.slope + noise {
+            *energy = trial;
+            return Some(fraction);
+        }
+        fraction *= 0.5;
+        if halvings == MAX_HALVINGS || interrupt::work(settings.work) {
+            break;
+        }
+    }
+    None
 }
 
 /// Newton's method where there is no energy: a step is accepted if the residual falls.
@@ -753,29 +811,36 @@ fn newton_on_residual(rod: &mut dyn Passes, settings: &Settings, outcome: &mut O
         if !largest.is_finite() {
             break;
         }
-        rod.save();
-        let mut fraction = (MAX_STEP / largest).min(1.0);
-        loop {
-            rod.advance(fraction);
-            rod.evaluate();
-            let trial = rod.gradient() / settings.moment_scale;
-            // a full step may turn the whole chain: let the residual grow a little
-            let most = if fraction == 1.0 {
-                2.0
-            } else {
-                1.0 - 1e-3 * fraction
-            };
-            if trial <= residual * most {
-                residual = trial;
-                break;
-            }
-            fraction *= 0.5;
-            if !(fraction > 1e-3) || interrupt::work(settings.work) {
-                return Attempt::Stuck;
-            }
+        match shorten(rod, settings, largest, residual) {
+            Some(trial) => residual = trial,
+            None => break,
         }
     }
     Attempt::Stuck
+}
+
+/// Takes a fraction of the step that lowers the residual, and returns what is left of it.
+fn shorten(rod: &mut dyn Passes, settings: &Settings, largest: f64, residual: f64) -> Option<f64> {
+    rod.save();
+    let mut fraction = (MAX_STEP / largest).min(1.0);
+    loop {
+        rod.advance(fraction);
+        rod.evaluate();
+        let trial = rod.gradient() / settings.moment_scale;
+        // a full step may turn the whole chain: let the residual grow a little
+        let most = if fraction == 1.0 {
+            RESIDUAL_GROWTH
+        } else {
+            1.0 - RESIDUAL_DECREASE * fraction
+        };
+        if trial <= residual * most {
+            return Some(trial);
+        }
+        fraction *= 0.5;
+        if !(fraction > RESIDUAL_DECREASE) || interrupt::work(settings.work) {
+            return None;
+        }
+    }
 }
 
 /// Whether an elimination before a step still tells that the place after it is a minimum: the
