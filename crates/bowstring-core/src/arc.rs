@@ -68,7 +68,9 @@ pub type Hole = [f64; 2];
 /// Position (m) and rotation (maps body to base), in the frame at the arc's start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
+    /// Position (m).
     pub position: [f64; 3],
+    /// Rotation from body to base, by rows.
     pub rotation: [[f64; 3]; 3],
 }
 

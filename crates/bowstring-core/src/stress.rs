@@ -7,16 +7,17 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// What strain and stress of a section follow from, SI.
 #[derive(Clone, Copy, Debug)]
 pub struct Section {
-    /// Of the surface.
+    /// Radius of the surface (m).
     pub radius: f64,
+    /// Area (m^2).
     pub area: f64,
-    /// Second moment of area over the radius.
+    /// Section modulus (m^3): second moment of area over the radius.
     pub modulus: f64,
-    /// Largest shear stress over transverse force.
+    /// Largest shear stress over transverse force (1/m^2).
     pub shear: f64,
-    /// Curvature over moment about x and y, and twist over torsion.
+    /// Curvature over moment about x and y, and twist over torsion (1/(N m^2)).
     pub bending_compliance: [f64; 3],
-    /// Shear over transverse force, and extension over axial force.
+    /// Shear over transverse force along x and y, and extension over axial force (1/N).
     pub force_compliance: [f64; 3],
 }
 
@@ -36,31 +37,40 @@ impl Section {
 /// the other; vectors flat.
 #[derive(Clone, Copy, Debug)]
 pub struct Sections<'a> {
+    /// Sections from base to tip.
     pub sections: &'a [Section],
+    /// Positions (m).
     pub position: &'a [f64],
-    /// Body to base, by rows.
+    /// Rotations from body to base, by rows.
     pub rotation: &'a [f64],
-    /// Internal, in body axes.
+    /// Internal forces in body axes (N).
     pub force: &'a [f64],
+    /// Internal moments in body axes (N m).
     pub moment: &'a [f64],
 }
 
 /// Strain and stress of sections, SI; vectors flat.
 #[derive(Clone, Debug, Default)]
 pub struct Derived {
+    /// Curvatures about x and y, and twist (rad/m).
     pub curvature: Vec<f64>,
+    /// Shear along x and y, and extension.
     pub strain: Vec<f64>,
-    /// Mean normal stress, and the largest of bending, of both, of transverse shear and of
-    /// torsion at the surface.
+    /// Mean normal stress (Pa).
     pub axial: Vec<f64>,
+    /// Largest normal stress of bending at the surface (Pa).
     pub bending: Vec<f64>,
+    /// Largest normal stress at the surface (Pa).
     pub normal: Vec<f64>,
+    /// Largest shear stress of transverse force at the surface (Pa).
     pub shear: Vec<f64>,
+    /// Shear stress of torsion at the surface (Pa).
     pub torsion: Vec<f64>,
-    /// The largest around the surface, and where it is: the angle from x towards y, and the
-    /// point of the surface, base frame.
+    /// Largest von Mises stress around the surface (Pa).
     pub von_mises: Vec<f64>,
+    /// Angle of its place from x towards y (rad).
     pub angle: Vec<f64>,
+    /// Its place on the surface, base frame (m).
     pub place: Vec<f64>,
 }
 

@@ -27,14 +27,18 @@ pub trait Real:
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self;
     /// One lane.
     fn lane(&self, i: usize) -> f64;
+    /// Sets one lane.
     fn set_lane(&mut self, i: usize, x: f64);
+    /// Square root.
     fn sqrt(self) -> Self;
+    /// Absolute value.
     fn abs(self) -> Self;
     /// The larger of two; NaN if either is NaN.
     fn max(self, other: Self) -> Self;
     /// `self * a + b`, fused where the processor can.
     fn mul_add(self, a: Self, b: Self) -> Self;
 
+    /// Zero in every lane.
     #[inline(always)]
     fn zero() -> Self {
         Self::splat(0.0)
@@ -101,13 +105,16 @@ impl Real for f64 {
 }
 
 /// Which numbers lie side by side. A value of it proves that the processor has them.
-pub trait Layout: Copy + Send + Sync + 'static {
+pub(crate) trait Layout: Copy + Send + Sync + 'static {
     /// Number for what modules do by themselves: `WIDTH` modules side by side.
     type Module: Real;
     /// Number for what goes from module to module.
     type Chain: Real;
+    /// Modules side by side.
     const WIDTH: usize;
+    /// Number of one module.
     fn get(m: &Self::Module, i: usize) -> Self::Chain;
+    /// Sets the number of one module.
     fn put(m: &mut Self::Module, i: usize, c: Self::Chain);
     /// Runs `f` compiled for the instructions of these numbers: `f` and all that it calls on the
     /// way to them must be `#[inline(always)]`.
@@ -116,7 +123,7 @@ pub trait Layout: Copy + Send + Sync + 'static {
 
 /// One robot, one module after the other: any processor.
 #[derive(Clone, Copy, Debug)]
-pub struct Scalar;
+pub(crate) struct Scalar;
 
 impl Layout for Scalar {
     type Module = f64;

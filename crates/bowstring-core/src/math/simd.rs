@@ -9,7 +9,7 @@ use core::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 /// Proof that the processor has the instructions of a vector.
-pub trait Simd: Copy + Send + Sync + 'static {
+pub(crate) trait Simd: Copy + Send + Sync + 'static {
     /// Numbers that one instruction takes.
     type Vector: Real;
     /// The proof, where the processor has the instructions.
@@ -20,7 +20,7 @@ pub trait Simd: Copy + Send + Sync + 'static {
 
 /// Proof of AVX2 and FMA, which [`F64x4`] and [`Fused`] need.
 #[derive(Clone, Copy, Debug)]
-pub struct Avx2(());
+pub(crate) struct Avx2(());
 
 impl Simd for Avx2 {
     type Vector = F64x4;
@@ -42,7 +42,7 @@ impl Simd for Avx2 {
 
 /// Proof of AVX-512 F, VL and DQ beside AVX2 and FMA, which [`F64x8`] needs.
 #[derive(Clone, Copy, Debug)]
-pub struct Avx512(());
+pub(crate) struct Avx512(());
 
 impl Simd for Avx512 {
     type Vector = F64x8;
@@ -68,17 +68,17 @@ impl Simd for Avx512 {
 /// A scalar whose `mul_add` is one instruction.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct Fused(f64);
+pub(crate) struct Fused(f64);
 
 /// Four numbers: AVX2 and FMA.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct F64x4(__m256d);
+pub(crate) struct F64x4(__m256d);
 
 /// Eight numbers: AVX-512.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct F64x8(__m512d);
+pub(crate) struct F64x8(__m512d);
 
 macro_rules! operator {
     ($type:ident, $trait:ident, $method:ident, $a:ident, $b:ident => $value:expr) => {
@@ -281,7 +281,7 @@ vector!(
 
 /// One robot, its modules side by side.
 #[derive(Clone, Copy, Debug)]
-pub struct Modules<S>(pub S);
+pub(crate) struct Modules<S>(pub S);
 
 impl<S: Simd> Layout for Modules<S> {
     type Module = S::Vector;
@@ -303,7 +303,7 @@ impl<S: Simd> Layout for Modules<S> {
 
 /// Several robots side by side.
 #[derive(Clone, Copy, Debug)]
-pub struct Robots<S>(pub S);
+pub(crate) struct Robots<S>(pub S);
 
 impl<S: Simd> Layout for Robots<S> {
     type Module = S::Vector;

@@ -192,10 +192,11 @@ pub struct Damping {
 /// Energies and work, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energies {
+    /// Kinetic energy (J).
     pub kinetic: f64,
-    /// Of the backbone, and of tendons that are pulled by a length.
+    /// Elastic energy of the backbone, and of tendons that are pulled by a length (J).
     pub elastic: f64,
-    /// Zero with all mass at the base.
+    /// Energy of weight (J): zero with all mass at the base.
     pub gravity: f64,
     /// Done by motors, tip load and forces on disks since the start.
     pub work: f64,

@@ -13,18 +13,18 @@ use crate::rod::module::Span;
 /// Estimated discretisation error of an equilibrium.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ErrorEstimate {
-    /// Of the position of any disk, the tip's among them, m.
+    /// Largest error of a disk's position, the tip's among them (m).
     pub tip: f64,
-    /// Of the tension of a tendon that is pulled by a length, N.
+    /// Largest error of the tension of a tendon that is pulled by a length (N).
     pub tension: f64,
 }
 
 /// Estimated error of the tip, over the robot's length, that elements are chosen for.
-pub const TIP_TOLERANCE: f64 = 1e-5;
+const TIP_TOLERANCE: f64 = 1e-5;
 /// The same of tensions, over the largest.
-pub const TENSION_TOLERANCE: f64 = 1e-4;
+const TENSION_TOLERANCE: f64 = 1e-4;
 /// Elements to choose from.
-pub const LEVELS: [usize; 4] = [1, 2, 4, 8];
+pub(crate) const LEVELS: [usize; 4] = [1, 2, 4, 8];
 /// Compression of a module (force times squared length over bending stiffness; between two disks
 /// it buckles at pi^2) above which stability depends on the elements.
 const NEAR_BUCKLING: f64 = 5.0;

@@ -13,6 +13,7 @@ use crate::statics::solver::{Outcome, Pose, Solver, Status};
 /// What to solve with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Settings {
+    /// Physics.
     pub model: Model,
     /// Elements of fourth order in a module: 1, 2, 4 or 8; `None` chooses them load by load.
     pub elements: Option<usize>,
@@ -30,11 +31,13 @@ impl Settings {
 pub struct Loads<'a> {
     /// Number of rows.
     pub count: usize,
-    /// One for each tendon in each row.
+    /// Tensions (N), one for each tendon in each row.
     pub tensions: &'a [f64],
-    /// Three numbers, or three in each row; so are the next two.
+    /// Gravity (m/s^2): three numbers, or three in each row.
     pub gravity: &'a [f64],
+    /// Force on the tip (N), as gravity.
     pub tip_force: &'a [f64],
+    /// Moment on the tip (N m), as gravity.
     pub tip_moment: &'a [f64],
 }
 
@@ -91,16 +94,17 @@ impl<'a> Loads<'a> {
 /// Rows that did not converge hold NaN. A rotation is its matrix row by row and maps body to base.
 #[derive(Clone, Debug)]
 pub struct Solutions {
+    /// What each row found.
     pub outcomes: Vec<Outcome>,
-    /// n x 3
+    /// Positions of the tip (m), n x 3.
     pub tip_position: Vec<f64>,
-    /// n x 9
+    /// Rotations of the tip, n x 9.
     pub tip_rotation: Vec<f64>,
-    /// n x tendons
+    /// Lengths of the tendons (m), n x tendons.
     pub tendon_length: Vec<f64>,
-    /// n x disks x 3; empty unless asked for.
+    /// Positions of the disks (m), n x disks x 3; empty unless asked for.
     pub disk_position: Vec<f64>,
-    /// n x disks x 9; empty unless asked for.
+    /// Rotations of the disks, n x disks x 9; empty unless asked for.
     pub disk_rotation: Vec<f64>,
 }
 

@@ -43,7 +43,7 @@ impl Status {
 /// Largest moment imbalance over (bending stiffness / length) that counts as converged.
 pub const TOLERANCE: f64 = 1e-10;
 /// Newton steps before giving up.
-pub const MAX_ITERATIONS: usize = 200;
+const MAX_ITERATIONS: usize = 200;
 /// Newton steps on the residual for one load.
 const MAX_RESIDUAL_STEPS: usize = 40;
 /// Largest rotation that an arc may add in one step (rad).
@@ -98,13 +98,15 @@ const MAX_EXTRAPOLATION: f64 = 0.3;
 /// What a solve found, its numbers aside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
+    /// How the solve ended.
     pub status: Status,
     /// Whether the equilibrium is a minimum of the energy. Under a tip moment, which has no
-    /// potential: whether small motions that are damped by [`FLUTTER_DAMPING`] die out, false with
+    /// potential: whether small motions at a damping ratio of 0.01 die out, false with
     /// [`Status::Converged`] where it is the moment that leads from a stable equilibrium to one where
-    /// they do not, as it does beyond half a turn; `None` where that takes more damping, or the masses of a robot that has none, and where the
-    /// answer is lost in rounding.
+    /// they do not, as it does beyond half a turn; `None` where that takes more damping, or the
+    /// masses of a robot that has none, and where the answer is lost in rounding.
     pub stable: Option<bool>,
+    /// Newton steps.
     pub iterations: usize,
     /// Largest moment imbalance over (bending stiffness / length).
     pub residual: f64,
