@@ -200,7 +200,7 @@ impl Arc {
     }
 
     /// Derivative of the end's pose by (bend x, bend y, length). Rows 0 to 2: position, m. Rows 3
-    /// to 5: rotation vector in base axes, rad (dR = [w] R).
+    /// to 5: rotation vector in base axes, rad (dR = w x R).
     pub fn pose_jacobian(&self) -> [[f64; 3]; 6] {
         let [x, y] = self.bend;
         let l = self.length;

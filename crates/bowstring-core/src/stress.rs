@@ -33,7 +33,7 @@ impl Section {
     }
 }
 
-/// Sections as [`derive`] takes them: one after the other along the backbone, for one time after
+/// Sections as [`derive()`] takes them: one after the other along the backbone, for one time after
 /// the other; vectors flat.
 #[derive(Clone, Copy, Debug)]
 pub struct Sections<'a> {
@@ -100,7 +100,7 @@ impl Derived {
 /// Sections between two looks for an interruption.
 const BLOCK: usize = 1 << 15;
 
-/// As [`derive`], of many times, in blocks between which it can be interrupted.
+/// As [`derive()`], of many times, in blocks between which it can be interrupted.
 pub fn derive_all(given: Sections) -> Derived {
     let total = given.force.len() / 3;
     // whole times, so that each begins with the first section

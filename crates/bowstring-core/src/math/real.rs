@@ -1,6 +1,6 @@
 //! The scalar of the mechanics: one `f64`, or several numbers side by side in SIMD lanes.
 //!
-//! A solve puts modules side by side, a batch puts robots side by side; [`Layout`] names the
+//! A solve puts modules side by side, a batch puts robots side by side; `Layout` names the
 //! two kinds of number that this takes. The mechanics is written once, over [`Real`].
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};

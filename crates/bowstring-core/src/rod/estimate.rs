@@ -1,6 +1,6 @@
 //! How far a converged answer is from the rod's differential equation.
 //!
-//! The elements of each module miss something ([`crate::rod::defect`]). One substitution by the
+//! The elements of each module miss something (`defect`). One substitution by the
 //! last Newton step's elimination gives the change of the whole rod that takes all defects away,
 //! and so the error of tip and lengths, also where a load near buckling magnifies it (defect
 //! correction: Stetter 1978).
