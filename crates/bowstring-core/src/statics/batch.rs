@@ -318,43 +318,46 @@ pub(super) struct Chunk<'a> {
 impl Chunk<'_> {
     /// Solves every row from straight: side by side where that can be, else one by one.
     fn fill(&mut self, scratch: &mut Scratch, loads: &Loads) {
-        let rows = self.outcomes.len();
         #[cfg(target_arch = "x86_64")]
         if let Some(lanes) = &mut scratch.lanes {
-            let width = lanes.width();
-            for start in (0..rows).step_by(width) {
-                if interrupt::interrupted() {
-                    return;
-                }
-                let set = start..(start + width).min(rows);
-                let row = |lane: usize| {
-                    let i = (start + lane).min(set.end - 1);
-                    loads.row(self.first + i, self.tendons)
-                };
-                let side_by_side: [Load; 8] = std::array::from_fn(row);
-                let outcomes = lanes.solve(&side_by_side[..set.len()]);
-                for i in set {
-                    match outcomes[i - start] {
-                        Some(outcome) => {
-                            self.outcomes[i] = outcome;
-                            let lane = i - start;
-                            self.write(
-                                i,
-                                |k| lanes.disk(k, lane),
-                                |j| lanes.tendon_length(j, lane),
-                            );
-                        }
-                        None => self.solve(i, &mut scratch.solver, loads, false),
-                    }
-                }
-            }
-            return;
+            return self.fill_side_by_side(&mut **lanes, &mut scratch.solver, loads);
         }
-        for i in 0..rows {
+        for i in 0..self.outcomes.len() {
             if interrupt::interrupted() {
                 return;
             }
             self.solve(i, &mut scratch.solver, loads, false);
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn fill_side_by_side(
+        &mut self,
+        lanes: &mut dyn SideBySide,
+        careful: &mut Adaptive,
+        loads: &Loads,
+    ) {
+        let (rows, width) = (self.outcomes.len(), lanes.width());
+        for start in (0..rows).step_by(width) {
+            if interrupt::interrupted() {
+                return;
+            }
+            let count = width.min(rows - start);
+            let side_by_side: [Load; 8] = std::array::from_fn(|lane| {
+                let i = start + lane.min(count - 1);
+                loads.row(self.first + i, self.tendons)
+            });
+            let outcomes = lanes.solve(&side_by_side[..count]);
+            for (lane, outcome) in outcomes[..count].iter().enumerate() {
+                let i = start + lane;
+                let Some(outcome) = outcome else {
+                    self.solve(i, careful, loads, false);
+                    continue;
+                };
+                self.outcomes[i] = *outcome;
+                let length = |j| lanes.tendon_length(j, lane);
+                self.write(i, |k| lanes.disk(k, lane), length);
+            }
         }
     }
 
