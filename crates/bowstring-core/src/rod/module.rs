@@ -28,18 +28,19 @@ use crate::model::robot::{Robot, Tendon};
 /// What a module is, whatever its load.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Constants<T> {
-    /// Elastic length and its inverse, m and 1/m.
+    /// Elastic length (m).
     pub flexible: T,
+    /// Inverse of the elastic length (1/m).
     pub per_flexible: T,
-    /// Rigid lengths at start and end, m.
+    /// Rigid lengths at start and end (m).
     pub clamp: [T; 2],
-    /// rho A, kg/m.
+    /// Mass per length rho A (kg/m).
     pub mass_per_length: T,
-    /// Bending and torsion stiffness over the length of an element, N m.
+    /// Bending and torsion stiffness over the length of an element (N m).
     pub stiffness: [T; 2],
-    /// 1 / EA where the theory has extension.
+    /// Axial compliance 1 / EA where the theory has extension (1/N).
     axial_compliance: T,
-    /// `D = d0 I + d1 t t' + d2 s s' + d3 |s|^2 I`, `t` mean tangent, `s` change of tangent.
+    /// Compliance (m/N): `D = d0 I + d1 t t' + d2 s s' + d3 |s|^2 I`, `t` mean tangent, `s` change of tangent.
     pub d: [T; 4],
 }
 
@@ -124,29 +125,33 @@ pub(crate) struct Arc<T> {
 /// State of a module at its present strain.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct State<T, const A: usize> {
-    /// Rotation vectors of the arcs: the unknown.
+    /// Rotation vectors of the arcs (rad): the unknown.
     pub w: [Vec3<T>; A],
     pub arcs: [Arc<T>; A],
-    /// From the end of each arc to the end of the flexible part, without compliance.
+    /// From the end of each arc to the end of the flexible part, without compliance (m).
     pub tail: [Vec3<T>; A],
-    /// Relative rotation and end of the flexible part, without and with compliance.
+    /// Rotation from the start to the end of the flexible part.
     pub s: Mat3<T>,
+    /// End of the flexible part without compliance (m).
     pub rho0: Vec3<T>,
+    /// End of the flexible part (m).
     pub rho: Vec3<T>,
-    /// Contact force, mean over the module, and the force of tendons and loads on the end.
+    /// Contact force, mean over the module (N).
     pub n: Vec3<T>,
+    /// Force of tendons and loads on the end (N).
     pub end_force: Vec3<T>,
-    /// Dead loads on the end, the end's tangent and the start's tangent, and the weight of an
-    /// element, which is on every node between two elements.
+    /// Dead loads on the end (N), the end's tangent and the start's tangent (N m), and the weight
+    /// of an element (N), which is on every node between two elements.
     pub f: [Vec3<T>; 4],
-    /// Moment of the spans about the end of the flexible part.
+    /// Moment of the spans about the end of the flexible part (N m).
     pub span_torque: Vec3<T>,
-    /// Moment of the dead loads about the start.
+    /// Moment of the dead loads about the start (N m).
     pub load_moment: Vec3<T>,
-    /// Costate: moment from all beyond the end disk.
+    /// Costate: moment from all beyond the end disk (N m).
     pub lambda: Vec3<T>,
-    /// What `rho = rho0 + D N` still lacks, m.
+    /// What `rho = rho0 + D N` still lacks (m).
     pub miss: T,
+    /// Potential energy, tip moment left out (J).
     pub energy: T,
 }
 
@@ -157,10 +162,11 @@ pub(crate) struct Gradient<T, const A: usize> {
     pub to_strain: [Mat3<T>; A],
     /// Motion of `rho0` by the rotation that each arc adds.
     pub r: [Mat3<T>; A],
-    /// Moment at the end, costate included, and force on `rho0`.
+    /// Moment at the end, costate included (N m).
     torque: Vec3<T>,
+    /// Force on `rho0` (N).
     nu: Vec3<T>,
-    /// Moment imbalance of each arc.
+    /// Moment imbalance of each arc (N m).
     pub g: [Vec3<T>; A],
 }
 
@@ -814,8 +820,9 @@ impl<T: Real, const A: usize> Hessian<T, A> {
 /// A straight piece of tendon between two neighbouring holes.
 #[derive(Clone)]
 pub(crate) struct Span<T> {
-    /// From the end of the flexible backbone to the end hole.
+    /// From the end of the flexible backbone to the end hole (m).
     pub arm: Vec3<T>,
+    /// Length (m).
     pub length: T,
     pub per_length: T,
     pub direction: Vec3<T>,

@@ -173,11 +173,11 @@ pub struct Solver {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Settings {
-    /// Measure of moments, N m.
+    /// Measure of moments: bending stiffness over length (N m).
     pub moment_scale: f64,
-    /// Diagonal shift worth a tenth of an arc's bending stiffness, N m.
+    /// Diagonal shift worth a tenth of an arc's bending stiffness (N m).
     pub shift_unit: f64,
-    /// Measure of length, m.
+    /// Length of the robot (m).
     pub length: f64,
     /// Work of a Newton iteration, in units of `interrupt::work`.
     pub work: usize,
