@@ -206,6 +206,8 @@ pub(crate) fn share<T: Real, const A: usize>(arc: usize) -> T {
     T::splat((arc + 1) as f64 / A as f64)
 }
 
+/// What `rho` may lack over the module's length.
+const SETTLED: f64 = 1e-13;
 /// Rounds for `rho` and `N`; two are usual.
 const MAX_ROUNDS: usize = 12;
 
@@ -261,45 +263,13 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     pub fn balance(&mut self, c: &Constants<T>, t: &Tendons<T>) {
         let tangent = self.s.column(2);
-        let compliance = self.compliance(c);
-        let stretching = self.stretching_load();
-        let mut cable = T::zero();
-        self.span_torque = Vec3::zero();
-        match t.path {
-            TendonPath::Continuous => {
-                self.n = stretching;
-                self.rho = self.rho0 + compliance * self.n;
-                let stretch = c.stretch(t);
-                for i in (0..A).step_by(2) {
-                    for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
-                        let path =
-                            ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
-                        cable += tension * path.length;
-                    }
-                }
-            }
-            TendonPath::Straight => {
-                // rho and N together; the compliance is small, so this settles at once
-                self.rho = self.rho0 + compliance * self.n;
-                for round in 1..=MAX_ROUNDS {
-                    let (pull, g);
-                    (cable, pull, self.span_torque, g) = self.spans(c, t);
-                    self.n = stretching - pull;
-                    let miss = self.rho0 + compliance * self.n - self.rho;
-                    // a NaN passes on to the energy, where it is seen
-                    self.miss = miss.max_abs();
-                    let size = (self.miss * c.per_flexible).largest_number();
-                    if !(size > 1e-13) || round == MAX_ROUNDS {
-                        break;
-                    }
-                    let unit = [T::splat(1.0); 3];
-                    self.rho += (compliance * g).add_diagonal(unit).inverse() * miss;
-                }
-            }
-        }
+        let cable = match t.path {
+            TendonPath::Continuous => self.balance_continuous(c, t),
+            TendonPath::Straight => self.balance_straight(c, t),
+        };
         self.end_force = self.n;
         if A > 2 {
-            self.end_force -= stretching - self.f[0];
+            self.end_force -= self.stretching_load() - self.f[0];
         }
         self.energy = self.elastic_energy(c) + cable
             - self.f[0].dot(self.rho)
@@ -311,6 +281,48 @@ impl<T: Real, const A: usize> State<T, A> {
             let place = self.inside(2 * node - 1);
             self.energy -= self.f[3].dot(place);
             self.load_moment += place.cross(self.f[3]);
+        }
+    }
+
+    /// Contact force and end beside continuous tendons; returns tension times length of all.
+    #[inline(always)]
+    fn balance_continuous(&mut self, c: &Constants<T>, t: &Tendons<T>) -> T {
+        self.span_torque = Vec3::zero();
+        self.n = self.stretching_load();
+        self.rho = self.rho0 + self.compliance(c) * self.n;
+        let stretch = c.stretch(t);
+        let mut cable = T::zero();
+        for i in (0..A).step_by(2) {
+            for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                let path = ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
+                cable += tension * path.length;
+            }
+        }
+        cable
+    }
+
+    /// Contact force and end beside straight spans; returns tension times length of all.
+    #[inline(always)]
+    fn balance_straight(&mut self, c: &Constants<T>, t: &Tendons<T>) -> T {
+        let compliance = self.compliance(c);
+        let stretching = self.stretching_load();
+        // rho and N together; the compliance is small, so this settles at once
+        self.rho = self.rho0 + compliance * self.n;
+        let mut round = 1;
+        loop {
+            let (cable, pull, torque, g) = self.spans(c, t);
+            self.span_torque = torque;
+            self.n = stretching - pull;
+            let miss = self.rho0 + compliance * self.n - self.rho;
+            // a NaN passes on to the energy, where it is seen
+            self.miss = miss.max_abs();
+            let size = (self.miss * c.per_flexible).largest_number();
+            if !(size > SETTLED) || round == MAX_ROUNDS {
+                return cable;
+            }
+            let unit = [T::splat(1.0); 3];
+            self.rho += (compliance * g).add_diagonal(unit).inverse() * miss;
+            round += 1;
         }
     }
 
