@@ -11,10 +11,10 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
 use crate::rod::estimate::Verdict;
-use crate::statics::solver::{
-    is_minimum_nearby, Outcome, Pose, Settings, Status, ENERGY_NOISE, MAX_STEP,
-    SUFFICIENT_DECREASE, TOLERANCE,
+use crate::statics::newton::{
+    is_minimum_nearby, ENERGY_NOISE, MAX_STEP, SUFFICIENT_DECREASE, TOLERANCE,
 };
+use crate::statics::solver::{Outcome, Pose, Settings, Status};
 
 /// Newton steps after which a load is left to the careful solver.
 const MAX_PLAIN_STEPS: usize = 10;

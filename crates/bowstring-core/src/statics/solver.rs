@@ -1,4 +1,4 @@
-//! Static equilibrium: Newton's method on the strain, globalised, with an honest status.
+//! Static equilibrium: Newton's method, load stepping where it fails, and a status.
 
 use crate::dispatch::{self, Passes, Plain};
 use crate::interrupt;
@@ -6,11 +6,13 @@ pub use crate::math::lie::Pose;
 use crate::math::linalg::Vec3;
 use crate::model::load::{Load, Model, OwnedLoad};
 use crate::model::robot::{InputError, Robot};
-use crate::motion::oscillation::{self, Equilibrium};
-use crate::rod::chain::Step;
+use crate::motion::oscillation::Equilibrium;
 use crate::rod::estimate::{ErrorEstimate, Verdict};
 use crate::rod::module::Constants;
 use crate::rod::sensitivity::Jacobians;
+pub(crate) use crate::statics::newton::MAX_STEP;
+pub use crate::statics::newton::TOLERANCE;
+use crate::statics::newton::{newton, Attempt, MAX_ITERATIONS};
 
 /// How a solve ended. Only [`Status::Converged`] comes with a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,50 +40,9 @@ impl Status {
     }
 }
 
-// Newton's method.
-
-/// Largest moment imbalance over (bending stiffness / length) that counts as converged.
-pub const TOLERANCE: f64 = 1e-10;
-/// Newton steps before giving up.
-const MAX_ITERATIONS: usize = 200;
-/// Newton steps on the residual for one load.
-const MAX_RESIDUAL_STEPS: usize = 40;
-/// Largest rotation that an arc may add in one step (rad).
-pub(crate) const MAX_STEP: f64 = 1.0;
-/// Times that a step is halved: what does not help at a millionth is lost in rounding.
-const MAX_HALVINGS: usize = 20;
-/// Share of the slope's promise that the energy must fall by (Armijo's condition).
-pub(crate) const SUFFICIENT_DECREASE: f64 = 1e-4;
-/// Rounding of the energy over the terms that it is a small difference of.
-pub(crate) const ENERGY_NOISE: f64 = 1e-14;
-/// Fall of the residual that a shortened step must bring, over its fraction, and the least
-/// fraction.
-const RESIDUAL_DECREASE: f64 = 1e-3;
-/// Factor by which a full step may let the residual grow.
-const RESIDUAL_GROWTH: f64 = 2.0;
-/// Times that the shift is quadrupled in search of a minimum.
-const MAX_SHIFTS: usize = 40;
-/// Attempts at leaving unstable equilibria.
-const MAX_ESCAPES: usize = 4;
-/// Least pivot of a minimum over the unit of the shift; a smaller one is lost in rounding.
-const LEAST_PIVOT: f64 = 1e-12;
-
-// Stability under a tip moment.
-
-/// Negative pivot over the unit of the shift that may still be one of a minimum, by rounding.
-const LOST_PIVOT: f64 = 1e-8;
-/// Damping ratio that keeps small oscillations under a tip moment from growing where it counts as
-/// stable. Without any, a moment along a round backbone lets them grow however small it is
-/// (Nikolai's paradox).
-pub(crate) const FLUTTER_DAMPING: f64 = 0.01;
-/// The same where no damping helps: what grows hardly oscillates.
-const HOPELESS: f64 = 0.5;
 /// Least moment over (bending stiffness / length) that may lead from a stable equilibrium to one
 /// that is not.
 const LEADS: f64 = 0.1;
-
-// Load stepping and extrapolation.
-
 /// First increment of all the load, as a share of it.
 const FIRST_INCREMENT: f64 = 0.25;
 /// Factor of the increment after one that converged.
@@ -157,11 +118,11 @@ impl Outcome {
 /// ```
 #[derive(Clone)]
 pub struct Solver {
-    robot: Robot,
+    pub(super) robot: Robot,
     model: Model,
-    elements: usize,
+    pub(super) elements: usize,
     pub(crate) engine: Box<dyn Passes>,
-    settings: Settings,
+    pub(super) settings: Settings,
     /// The last load, kept for what is asked after the solve.
     load: OwnedLoad,
     /// Strain of the points before, latest first, for extrapolation along a sweep.
@@ -199,28 +160,6 @@ impl Settings {
     /// Tip moment that the tolerance of the residual does not tell from none, N m.
     pub fn least_moment(&self) -> f64 {
         TOLERANCE * self.moment_scale
-    }
-}
-
-/// How one attempt at a load ended.
-enum Attempt {
-    Converged {
-        stable: Option<bool>,
-        collision: Option<usize>,
-    },
-    Saddle,
-    Stuck,
-}
-
-impl Attempt {
-    fn is_sound(&self) -> bool {
-        matches!(
-            self,
-            Attempt::Converged {
-                collision: None,
-                ..
-            }
-        )
     }
 }
 
@@ -474,94 +413,6 @@ impl Solver {
         attempt
     }
 
-    /// An equilibrium under a tip moment with its stability, which Newton's method does not tell.
-    /// An unstable one counts where the moment alone `leads` there from a stable one.
-    fn judged(&mut self, attempt: Attempt, load: &Load, leads: bool) -> Attempt {
-        let Attempt::Converged {
-            stable: None,
-            collision,
-        } = attempt
-        else {
-            return attempt;
-        };
-        match self.stability(load) {
-            Some(false) if !leads => Attempt::Saddle,
-            stable => Attempt::Converged { stable, collision },
-        }
-    }
-
-    /// Whether small damped motions under a tip moment die out. The moment adds half of itself as
-    /// a skew stiffness against the tip's rotation to a symmetric tangent. Where that is positive
-    /// definite, nothing leaves without an oscillation; and with the tip's flexibility `C` in the
-    /// plane across the moment, squared frequencies lie within `|moment| sqrt(det C) / 2` of the
-    /// real axis, as an angle. That settles small moments. Larger ones take the frequencies.
-    fn stability(&mut self, load: &Load) -> Option<bool> {
-        self.engine.linearise();
-        let pivot = self.engine.eliminate(true, 0.0);
-        let unit = self.settings.shift_unit;
-        // a pivot that is lost in rounding tells nothing; a NaN is no minimum
-        let mut stable = match pivot {
-            p if p > LEAST_PIVOT * unit => Some(true),
-            p if p > -LOST_PIVOT * unit => None,
-            _ => Some(false),
-        };
-        // a NaN is not small
-        if stable == Some(true) && !(self.flutter_angle(load) <= 2.0 * FLUTTER_DAMPING) {
-            stable = self.stability_of_motion(load, true);
-        }
-        if stable == Some(false) {
-            stable = self.stability_of_motion(load, false);
-        }
-        // whoever asks next finds the tangent of Newton's last step
-        self.engine.gradient();
-        self.engine.eliminate(false, 0.0);
-        stable
-    }
-
-    /// Bound of the angle between squared frequencies under a tip moment and the real axis (rad),
-    /// by the last elimination.
-    fn flutter_angle(&mut self, load: &Load) -> f64 {
-        let per_module = 2 * self.elements;
-        let rod = &mut *self.engine;
-        let moment = Vec3(load.tip_moment);
-        let size = moment.norm();
-        let along = moment * (1.0 / size);
-        let least = (0..3).min_by(|a, b| along[*a].abs().total_cmp(&along[*b].abs()));
-        let mut axis = Vec3::zero();
-        axis[least.unwrap_or(0)] = 1.0;
-        let first = along.cross(axis);
-        let first = first * (1.0 / first.norm());
-        let second = along.cross(first);
-        // twice the energy that a unit moment on the tip puts in
-        let mut answer = |unit: Vec3| {
-            let local: Vec<_> = (0..rod.module_count())
-                .map(|k| match k {
-                    0 => unit,
-                    _ => rod.disk(k - 1).rotation.tr_mul(unit),
-                })
-                .collect();
-            rod.set_gradient(&|i| local[i / per_module]);
-            -rod.newton_step(true).slope
-        };
-        let (a, b, both) = (answer(first), answer(second), answer(first + second));
-        let between = 0.5 * (both - a - b);
-        let determinant = f64::max(a * b - between * between, 0.0);
-        0.5 * size * determinant.sqrt()
-    }
-
-    /// The same by the frequencies; `oscillates` as in [`oscillation::growth`].
-    fn stability_of_motion(&self, load: &Load, oscillates: bool) -> Option<bool> {
-        let growth = dispatch::check_moving(&self.robot, self.elements)
-            .ok()
-            .and_then(|()| oscillation::growth(&self.at_rest(), load, oscillates));
-        match growth {
-            Some(growth) if growth <= FLUTTER_DAMPING => Some(true),
-            Some(growth) if growth >= HOPELESS => Some(false),
-            None if !oscillates => Some(false),
-            _ => None,
-        }
-    }
-
     /// Raises the load from zero by steps that adapt, all of it or, from the equilibrium of the
     /// rest that the engine holds, its tip moment alone; tells how far it came.
     fn continuation(&mut self, load: &Load, all: bool, outcome: &mut Outcome) -> Attempt {
@@ -667,231 +518,6 @@ impl Solver {
         plain.take(&self.load.borrow(), &*self.engine, self.history[0].len());
         plain
     }
-}
-
-fn converged(rod: &mut dyn Passes, stable: Option<bool>) -> Attempt {
-    rod.finish();
-    Attempt::Converged {
-        stable,
-        collision: rod.collision(),
-    }
-}
-
-fn newton(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
-    if rod.has_tip_moment() {
-        newton_on_residual(rod, settings, outcome)
-    } else {
-        newton_on_energy(rod, settings, outcome)
-    }
-}
-
-/// Minimises the energy: a diagonal shift until all pivots are positive, and backtracking.
-fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
-    let unit = settings.shift_unit;
-    let mut energy = rod.evaluate();
-    if !energy.is_finite() {
-        return Attempt::Stuck;
-    }
-    let mut shift = 0.0;
-    let mut escapes = 0;
-    // the energy is a small difference of large terms
-    let noise = ENERGY_NOISE * (rod.energy_scale(settings.length) + energy.abs());
-    let stiffening = rod.energy_scale(settings.length) / rod.module_count() as f64;
-    // the last elimination still tells the inertia if the step after it was short
-    let mut minimum_nearby = false;
-    loop {
-        if interrupt::work(settings.work) {
-            return Attempt::Stuck;
-        }
-        outcome.residual = rod.gradient() / settings.moment_scale;
-        if outcome.residual <= TOLERANCE {
-            if minimum_nearby {
-                return converged(rod, Some(true));
-            }
-            rod.linearise();
-            let pivot = rod.eliminate(true, 0.0);
-            if pivot.is_nan() {
-                return Attempt::Stuck;
-            }
-            // a pivot that is lost in rounding is no proof of a minimum
-            if pivot > LEAST_PIVOT * unit {
-                return converged(rod, Some(true));
-            }
-            if escapes == MAX_ESCAPES {
-                return Attempt::Saddle;
-            }
-            escapes += 1;
-            outcome.left_unstable = true;
-            energy = leave_saddle(rod, settings, escapes, energy);
-            continue;
-        }
-        if outcome.iterations == MAX_ITERATIONS || !outcome.residual.is_finite() {
-            return Attempt::Stuck;
-        }
-        outcome.iterations += 1;
-        rod.linearise();
-        let Some(pivot) = eliminate_shifted(rod, settings, &mut shift) else {
-            return Attempt::Stuck;
-        };
-        let step = rod.newton_step(true);
-        if !step.largest.is_finite() {
-            return Attempt::Stuck;
-        }
-        minimum_nearby = shift == 0.0 && is_minimum_nearby(step.largest, pivot, unit, stiffening);
-        let Some(fraction) = backtrack(rod, settings, &step, noise, &mut energy) else {
-            return Attempt::Stuck;
-        };
-        shift = if fraction == 1.0 && shift <= unit {
-            0.0
-        } else {
-            shift * 0.25
-        };
-    }
-}
-
-/// Eliminates with the shift, raised until all pivots are positive; returns the least.
-fn eliminate_shifted(rod: &mut dyn Passes, settings: &Settings, shift: &mut f64) -> Option<f64> {
-    let mut pivot = rod.eliminate(true, *shift);
-    for _ in 0..MAX_SHIFTS {
-        if pivot > 0.0 || interrupt::work(settings.work) {
-            break;
-        }
-        *shift = if *shift == 0.0 {
-            settings.shift_unit
-        } else {
-            *shift * 4.0
-        };
-        pivot = rod.eliminate(true, *shift);
-    }
-    (pivot > 0.0).then_some(pivot)
-}
-
-/// Takes a fraction of the step that lowers the energy enough, and returns it.
-fn backtrack(
-    rod: &mut dyn Passes,
-    settings: &Settings,
-    step: &Step<f64>,
-    noise: f64,
-    energy: &mut f64,
-) -> Option<f64> {
-    rod.save();
-    let mut fraction = (MAX_STEP / step.largest).min(1.0);
-    for halvings in 0.. {
-        rod.advance(fraction);
-        let trial = rod.evaluate();
-        if trial <= *energy + SUFFICIENT_DECREASE * fraction * step.slope + noise {
-            *energy = trial;
-            return Some(fraction);
-        }
-        fraction *= 0.5;
-        if halvings == MAX_HALVINGS || interrupt::work(settings.work) {
-            break;
-        }
-    }
-    None
-}
-
-/// Newton's method where there is no energy: a step is accepted if the residual falls.
-fn newton_on_residual(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
-    rod.evaluate();
-    let mut residual = rod.gradient() / settings.moment_scale;
-    for step in 0..=MAX_RESIDUAL_STEPS {
-        outcome.residual = residual;
-        if interrupt::work(settings.work) {
-            break;
-        }
-        if residual <= TOLERANCE {
-            return converged(rod, None);
-        }
-        if !residual.is_finite() || step == MAX_RESIDUAL_STEPS {
-            break;
-        }
-        outcome.iterations += 1;
-        rod.linearise();
-        rod.eliminate(false, 0.0);
-        let largest = rod.newton_step(false).largest;
-        if !largest.is_finite() {
-            break;
-        }
-        match shorten(rod, settings, largest, residual) {
-            Some(trial) => residual = trial,
-            None => break,
-        }
-    }
-    Attempt::Stuck
-}
-
-/// Takes a fraction of the step that lowers the residual, and returns what is left of it.
-fn shorten(rod: &mut dyn Passes, settings: &Settings, largest: f64, residual: f64) -> Option<f64> {
-    rod.save();
-    let mut fraction = (MAX_STEP / largest).min(1.0);
-    loop {
-        rod.advance(fraction);
-        rod.evaluate();
-        let trial = rod.gradient() / settings.moment_scale;
-        // a full step may turn the whole chain: let the residual grow a little
-        let most = if fraction == 1.0 {
-            RESIDUAL_GROWTH
-        } else {
-            1.0 - RESIDUAL_DECREASE * fraction
-        };
-        if trial <= residual * most {
-            return Some(trial);
-        }
-        fraction *= 0.5;
-        if !(fraction > RESIDUAL_DECREASE) || interrupt::work(settings.work) {
-            return None;
-        }
-    }
-}
-
-/// Whether an elimination before a step still tells that the place after it is a minimum: the
-/// step must be short, and what it changes of the second derivatives small beside the pivots.
-#[inline(always)]
-pub(crate) fn is_minimum_nearby(largest: f64, pivot: f64, unit: f64, stiffening: f64) -> bool {
-    largest < 1e-4 && pivot > 0.01 * unit && largest * stiffening < 0.1 * pivot
-}
-
-/// Moves off an unstable equilibrium, to the side where the energy is lower; returns it.
-///
-/// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start looks for the
-/// lowest mode, so that the same load always takes the same branch.
-#[cold]
-fn leave_saddle(rod: &mut dyn Passes, settings: &Settings, attempt: usize, energy: f64) -> f64 {
-    let mut shift = 1e-6 * settings.shift_unit;
-    for _ in 0..MAX_SHIFTS {
-        if rod.eliminate(true, shift) > 0.0 || interrupt::work(settings.work) {
-            break;
-        }
-        shift *= 2.0;
-    }
-    rod.set_gradient(&|i| {
-        let phase = i as f64;
-        Vec3([0.3 + 0.01 * phase.cos(), -1.0, 0.02 * phase.sin()])
-    });
-    let mut largest = 1.0;
-    for round in 0..9 {
-        if interrupt::work(settings.work) {
-            break;
-        }
-        if round > 0 {
-            rod.step_to_gradient(1.0 / largest);
-        }
-        largest = rod.newton_step(true).largest;
-    }
-    rod.save();
-    let modules = rod.module_count() as f64;
-    let mut amount = 0.2 * attempt as f64 / (largest * modules.sqrt());
-    let mut least = energy;
-    for _ in 0..2 {
-        rod.advance(amount);
-        least = rod.evaluate();
-        if least < energy {
-            break;
-        }
-        amount = -amount;
-    }
-    least
 }
 
 #[cfg(test)]
