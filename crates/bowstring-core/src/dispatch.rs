@@ -242,27 +242,51 @@ impl<L: Layout, const A: usize> Strung for Rod<L, A> {
     }
 }
 
-/// The quickest rod of this processor. Lanes are for the default of one element alone: finer
-/// rods serve to check it.
+/// Something to make in the numbers of a layout, with `A` arcs in a module.
+trait Build {
+    type Built;
+    fn build<L: Layout, const A: usize>(self, layout: L) -> Self::Built;
+}
+
+/// Makes it in the quickest numbers of this processor. Lanes are for the default of one element
+/// alone: finer rods serve to check it.
+fn build<B: Build>(elements: usize, of: B) -> Result<B::Built, InputError> {
+    #[cfg(target_arch = "x86_64")]
+    if elements == 1 {
+        if let Some(simd) = Avx512::detect() {
+            return Ok(of.build::<_, 2>(Modules(simd)));
+        }
+        if let Some(simd) = Avx2::detect() {
+            return Ok(of.build::<_, 2>(Modules(simd)));
+        }
+    }
+    Ok(match elements {
+        1 => of.build::<_, 2>(Scalar),
+        2 => of.build::<_, 4>(Scalar),
+        4 => of.build::<_, 8>(Scalar),
+        8 => of.build::<_, 16>(Scalar),
+        n => return Err(wrong_elements(n)),
+    })
+}
+
+/// The quickest rod of this processor.
 pub(crate) fn quickest(
     robot: &Robot,
     model: Model,
     elements: usize,
 ) -> Result<Box<dyn Passes>, InputError> {
-    #[cfg(target_arch = "x86_64")]
-    if elements == 1 {
-        if let Some(simd) = Avx512::detect() {
-            return Ok(side_by_side(simd, robot, model));
-        }
-        if let Some(simd) = Avx2::detect() {
-            return Ok(side_by_side(simd, robot, model));
+    struct AtRest<'a>(&'a Robot, Model);
+    impl Build for AtRest<'_> {
+        type Built = Box<dyn Passes>;
+        fn build<L: Layout, const A: usize>(self, layout: L) -> Self::Built {
+            Box::new(Rod::<L, A>::new(layout, self.0, self.1))
         }
     }
-    Ok(plain(robot, model, elements)?)
+    build(elements, AtRest(robot, model))
 }
 
 /// A rod with its modules in lanes.
-#[cfg(target_arch = "x86_64")]
+#[cfg(all(test, target_arch = "x86_64"))]
 pub(crate) fn side_by_side<S: Simd>(simd: S, robot: &Robot, model: Model) -> Box<dyn Passes> {
     Box::new(Rod::<_, 2>::new(Modules(simd), robot, model))
 }
@@ -586,7 +610,7 @@ impl<L: Layout, const A: usize> Strung for Motion<L, A> {
     }
 }
 
-/// The quickest moving rod of this processor, as [`quickest`].
+/// The quickest moving rod of this processor.
 pub(crate) fn moving(
     robot: &Robot,
     model: Model,
@@ -594,28 +618,15 @@ pub(crate) fn moving(
     gravity: [f64; 3],
     damping: Damping,
 ) -> Result<Box<dyn Moving>, InputError> {
-    #[cfg(target_arch = "x86_64")]
-    if elements == 1 {
-        if let Some(simd) = Avx512::detect() {
-            let layout = Modules(simd);
-            return Ok(Box::new(Motion::<_, 2>::new(
-                layout, robot, model, gravity, damping,
-            )));
-        }
-        if let Some(simd) = Avx2::detect() {
-            let layout = Modules(simd);
-            return Ok(Box::new(Motion::<_, 2>::new(
-                layout, robot, model, gravity, damping,
-            )));
+    struct InMotion<'a>(&'a Robot, Model, [f64; 3], Damping);
+    impl Build for InMotion<'_> {
+        type Built = Box<dyn Moving>;
+        fn build<L: Layout, const A: usize>(self, layout: L) -> Self::Built {
+            let InMotion(robot, model, gravity, damping) = self;
+            Box::new(Motion::<L, A>::new(layout, robot, model, gravity, damping))
         }
     }
-    Ok(match elements {
-        1 => Box::new(Motion::<_, 2>::new(Scalar, robot, model, gravity, damping)),
-        2 => Box::new(Motion::<_, 4>::new(Scalar, robot, model, gravity, damping)),
-        4 => Box::new(Motion::<_, 8>::new(Scalar, robot, model, gravity, damping)),
-        8 => Box::new(Motion::<_, 16>::new(Scalar, robot, model, gravity, damping)),
-        n => return Err(wrong_elements(n)),
-    })
+    build(elements, InMotion(robot, model, gravity, damping))
 }
 
 fn wrong_elements(n: usize) -> InputError {
