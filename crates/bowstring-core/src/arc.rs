@@ -68,7 +68,9 @@ pub type Hole = [f64; 2];
 /// Position (m) and rotation (maps body to base), in the frame at the arc's start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
+    /// Position (m).
     pub position: [f64; 3],
+    /// Rotation from body to base, by rows.
     pub rotation: [[f64; 3]; 3],
 }
 
@@ -198,7 +200,7 @@ impl Arc {
     }
 
     /// Derivative of the end's pose by (bend x, bend y, length). Rows 0 to 2: position, m. Rows 3
-    /// to 5: rotation vector in base axes, rad (dR = [w] R).
+    /// to 5: rotation vector in base axes, rad (dR = w x R).
     pub fn pose_jacobian(&self) -> [[f64; 3]; 6] {
         let [x, y] = self.bend;
         let l = self.length;

@@ -1,16 +1,18 @@
-//! A rod in the numbers that suit the processor, behind one face.
+//! Rods in the numbers that suit the processor, behind one interface.
 //!
-//! Each pass is compiled once for each kind of number, with the processor's features; what
+//! Each pass is compiled once for each kind of number, with the instructions that it takes; what
 //! calls one pass after the other is written, and compiled, once.
 
 use crate::math::lie::Pose;
 use crate::math::linalg::Vec3;
-use crate::math::real::{Real, Scalar};
+use crate::math::real::{Layout, Real, Scalar};
+#[cfg(target_arch = "x86_64")]
+use crate::math::simd::{Avx2, Avx512, Modules, Simd};
 use crate::memory;
 use crate::model::load::{Load, Model};
 use crate::model::robot::{InputError, Robot};
 use crate::motion::{Damping, Energies, Fields, Motion};
-use crate::rod::chain::{Rod, Sources, Step};
+use crate::rod::chain::{get, Rod, Sources, Step};
 use crate::rod::estimate::Correction;
 use crate::rod::sensitivity::{self, Jacobians};
 use crate::tendon::transmission::Strung;
@@ -32,14 +34,19 @@ pub(crate) trait Passes: Strung + Send + Sync {
     fn make_straight(&mut self);
     fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3);
     fn strains(&self, visit: &mut dyn FnMut(usize, Vec3));
+    /// Contact force of every module (N), in the frame of its start.
     fn contact_forces(&self, visit: &mut dyn FnMut(usize, Vec3));
     fn set_gradient(&mut self, value: &dyn Fn(usize) -> Vec3);
+    /// Takes the step as the next right-hand side: inverse iteration.
     fn step_to_gradient(&mut self, scale: f64);
     fn save(&mut self);
     fn advance(&mut self, fraction: f64);
+    /// Negative eigenvalues of the second variation that was eliminated last.
     fn negative_pivots(&self) -> usize;
     fn span_tension(&self, k: usize, i: usize) -> f64;
+    /// Length of a tendon as of the last `finish` (m).
     fn length(&self, i: usize) -> f64;
+    /// Its error as of the last `estimate` (m).
     fn length_error(&self, i: usize) -> f64;
     fn disk(&self, k: usize) -> Pose;
     fn collision(&self) -> Option<usize>;
@@ -55,172 +62,233 @@ impl Clone for Box<dyn Passes> {
     }
 }
 
-/// A pass compiled for a kind of number, with the processor's `$feature` that it needs.
-macro_rules! hot {
-    ([$($generic:tt)*] $rod:ty, []; $name:ident($($arg:ident: $type:ty),*) -> $out:ty |$self:ident| $code:expr) => {
-        fn $name(&mut self $(, $arg: $type)*) -> $out {
-            let $self = self;
-            $code
-        }
-    };
-    ([] $rod:ty, [$feature:literal]; $name:ident($($arg:ident: $type:ty),*) -> $out:ty |$self:ident| $code:expr) => {
-        fn $name(&mut self $(, $arg: $type)*) -> $out {
-            #[target_feature(enable = $feature)]
-            fn pass($self: &mut $rod $(, $arg: $type)*) -> $out {
-                $code
-            }
-            // SAFETY: such a rod is made only where the processor has the features
-            unsafe { pass(self $(, $arg)*) }
-        }
-    };
-}
-
-/// Passes of a rod in one kind of number; `$feature` are the processor's that it needs.
-macro_rules! passes {
-    ([$($generic:tt)*] $rod:ty $(, $feature:literal)?) => {
-        impl<$($generic)*> Passes for $rod {
-            hot!([$($generic)*] $rod, [$($feature)?]; evaluate() -> f64 |rod| rod.evaluate().lane(0));
-            hot!([$($generic)*] $rod, [$($feature)?]; balance() -> f64 |rod| rod.balance().lane(0));
-            hot!([$($generic)*] $rod, [$($feature)?]; gradient() -> f64 |rod| rod.gradient().lane(0));
-            hot!([$($generic)*] $rod, [$($feature)?]; linearise() -> () |rod| rod.linearise());
-            hot!([$($generic)*] $rod, [$($feature)?]; eliminate(symmetric: bool, shift: f64) -> f64 |rod| {
+impl<L: Layout, const A: usize> Passes for Rod<L, A> {
+    fn evaluate(&mut self) -> f64 {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.evaluate().lane(0),
+        )
+    }
+    fn balance(&mut self) -> f64 {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.balance().lane(0),
+        )
+    }
+    fn gradient(&mut self) -> f64 {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.gradient().lane(0),
+        )
+    }
+    fn linearise(&mut self) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.linearise(),
+        )
+    }
+    fn eliminate(&mut self, symmetric: bool, shift: f64) -> f64 {
+        self.layout.vectorize(
+            #[inline(always)]
+            || {
                 let shift = Real::splat(shift);
-                if symmetric {
-                    rod.eliminate::<true>(shift).lane(0)
-                } else {
-                    rod.eliminate::<false>(shift).lane(0)
-                }
-            });
-            hot!([$($generic)*] $rod, [$($feature)?]; newton_step(symmetric: bool) -> Step<f64> |rod| {
-                let step = if symmetric {
-                    rod.newton_step::<true>()
-                } else {
-                    rod.newton_step::<false>()
+                let pivot = match symmetric {
+                    true => self.eliminate::<true>(shift),
+                    false => self.eliminate::<false>(shift),
                 };
-                Step { slope: step.slope.lane(0), largest: step.largest.lane(0) }
-            });
-            hot!([$($generic)*] $rod, [$($feature)?]; combine(coefficients: &[f64]) -> f64 |rod| rod.combine(coefficients));
-            hot!([$($generic)*] $rod, [$($feature)?]; advance(fraction: f64) -> () |rod| rod.advance(Real::splat(fraction)));
-            hot!([$($generic)*] $rod, [$($feature)?]; finish() -> () |rod| rod.finish());
-            hot!([$($generic)*] $rod, [$($feature)?]; estimate() -> Correction<f64> |rod| {
-                rod.estimate().of_lane(0)
-            });
-            hot!([$($generic)*] $rod, [$($feature)?]; correct(coefficients: &[f64]) -> f64 |rod| {
-                rod.combine_rotations(coefficients);
-                rod.correction().lane(0)
-            });
+                pivot.lane(0)
+            },
+        )
+    }
+    fn newton_step(&mut self, symmetric: bool) -> Step<f64> {
+        self.layout.vectorize(
+            #[inline(always)]
+            || {
+                let step = match symmetric {
+                    true => self.newton_step::<true>(),
+                    false => self.newton_step::<false>(),
+                };
+                Step {
+                    slope: step.slope.lane(0),
+                    largest: step.largest.lane(0),
+                }
+            },
+        )
+    }
+    fn combine(&mut self, coefficients: &[f64]) -> f64 {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.combine(coefficients),
+        )
+    }
+    fn advance(&mut self, fraction: f64) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.advance(Real::splat(fraction)),
+        )
+    }
+    fn finish(&mut self) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.finish(),
+        )
+    }
+    fn estimate(&mut self) -> Correction<f64> {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.estimate().of_lane(0),
+        )
+    }
+    fn correct(&mut self, coefficients: &[f64]) -> f64 {
+        self.layout.vectorize(
+            #[inline(always)]
+            || {
+                self.combine_rotations(coefficients);
+                self.correction().lane(0)
+            },
+        )
+    }
 
-            fn load(&mut self, load: &Load) {
-                Rod::load(self, load);
-            }
-            fn make_straight(&mut self) {
-                Rod::make_straight(self);
-            }
-            fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3) {
-                Rod::set_strains(self, strain);
-            }
-            fn strains(&self, visit: &mut dyn FnMut(usize, Vec3)) {
-                Rod::strains(self, visit);
-            }
-            fn contact_forces(&self, visit: &mut dyn FnMut(usize, Vec3)) {
-                Rod::contact_forces(self, visit);
-            }
-            fn set_gradient(&mut self, value: &dyn Fn(usize) -> Vec3) {
-                Rod::set_gradient(self, value);
-            }
-            fn step_to_gradient(&mut self, scale: f64) {
-                Rod::step_to_gradient(self, scale);
-            }
-            fn save(&mut self) {
-                Rod::save(self);
-            }
-            fn negative_pivots(&self) -> usize {
-                Rod::negative_pivots(self)
-            }
-            fn span_tension(&self, k: usize, i: usize) -> f64 {
-                Rod::span_tension(self, k, i)
-            }
-            fn length(&self, i: usize) -> f64 {
-                self.lengths[i].lane(0)
-            }
-            fn length_error(&self, i: usize) -> f64 {
-                self.length_errors[i].lane(0)
-            }
-            fn disk(&self, k: usize) -> Pose {
-                Rod::disk(self, k, 0)
-            }
-            fn collision(&self) -> Option<usize> {
-                Rod::collision(self, 0)
-            }
-            fn module_count(&self) -> usize {
-                Rod::module_count(self)
-            }
-            fn has_tip_moment(&self) -> bool {
-                Rod::has_tip_moment(self)
-            }
-            fn energy_scale(&self, length: f64) -> f64 {
-                Rod::energy_scale(self, length, 0)
-            }
-            fn boxed_clone(&self) -> Box<dyn Passes> {
-                Box::new(self.clone())
-            }
+    fn load(&mut self, load: &Load) {
+        Rod::load(self, load);
+    }
+    fn make_straight(&mut self) {
+        Rod::make_straight(self);
+    }
+    fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3) {
+        Rod::set_strains(self, strain);
+    }
+    fn strains(&self, visit: &mut dyn FnMut(usize, Vec3)) {
+        Rod::strains(self, visit);
+    }
+    fn contact_forces(&self, visit: &mut dyn FnMut(usize, Vec3)) {
+        for k in 0..self.module_count() {
+            let n = get::<L>(&self.states[k / L::WIDTH].n, k % L::WIDTH);
+            visit(k, Vec3(n.0.map(|x| x.lane(0))));
         }
-
-        impl<$($generic)*> Strung for $rod {
-            hot!([$($generic)*] $rod, [$($feature)?]; measure_spans(angles: bool) -> () |rod| rod.measure_spans(angles));
-            hot!([$($generic)*] $rod, [$($feature)?]; respond(sources: Sources) -> () |rod| rod.respond(sources));
-            fn span_lengths(&self) -> &[f64] {
-                &self.span_lengths
-            }
-            fn angles(&self) -> &[f64] {
-                &self.angles
-            }
-            fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
-                Rod::beyond(self, hole, tendon, out);
-            }
-            fn set_span_tensions(&mut self, tensions: &[f64]) {
-                let count = self.tendons.len();
-                Rod::set_span_tensions(self, |k, i| tensions[k * count + i]);
-            }
+    }
+    fn set_gradient(&mut self, value: &dyn Fn(usize) -> Vec3) {
+        Rod::set_gradient(self, value);
+    }
+    fn step_to_gradient(&mut self, scale: f64) {
+        for (gradient, step) in self.gradients.iter_mut().zip(&self.newton.step) {
+            gradient.g = step.map(|v| v * L::Module::splat(scale));
         }
-    };
+    }
+    fn save(&mut self) {
+        Rod::save(self);
+    }
+    fn negative_pivots(&self) -> usize {
+        self.newton
+            .eliminated
+            .iter()
+            .map(|e| e.negative_pivots())
+            .sum()
+    }
+    fn span_tension(&self, k: usize, i: usize) -> f64 {
+        Rod::span_tension(self, k, i)
+    }
+    fn length(&self, i: usize) -> f64 {
+        self.placed.lengths[i].lane(0)
+    }
+    fn length_error(&self, i: usize) -> f64 {
+        self.errors.lengths[i].lane(0)
+    }
+    fn disk(&self, k: usize) -> Pose {
+        Rod::disk(self, k, 0)
+    }
+    fn collision(&self) -> Option<usize> {
+        Rod::collision(self, 0)
+    }
+    fn module_count(&self) -> usize {
+        Rod::module_count(self)
+    }
+    fn has_tip_moment(&self) -> bool {
+        Rod::has_tip_moment(self)
+    }
+    fn energy_scale(&self, length: f64) -> f64 {
+        Rod::energy_scale(self, length, 0)
+    }
+    fn boxed_clone(&self) -> Box<dyn Passes> {
+        Box::new(self.clone())
+    }
 }
 
-passes!([const A: usize] Rod<Scalar, A>);
-#[cfg(target_arch = "x86_64")]
-passes!([] Rod<crate::math::simd::Modules<crate::math::simd::F64x4>, 2>, "avx2,fma");
-#[cfg(target_arch = "x86_64")]
-passes!([] Rod<crate::math::simd::Modules<crate::math::simd::F64x8>, 2>, "avx512f,avx512vl,avx512dq,avx2,fma");
+impl<L: Layout, const A: usize> Strung for Rod<L, A> {
+    fn measure_spans(&mut self, angles: bool) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.measure_spans(angles),
+        )
+    }
+    fn respond(&mut self, sources: Sources) {
+        self.layout.vectorize(
+            #[inline(always)]
+            || self.respond(sources),
+        )
+    }
+    fn span_lengths(&self) -> &[f64] {
+        &self.spans.lengths
+    }
+    fn angles(&self) -> &[f64] {
+        &self.spans.angles
+    }
+    fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
+        Rod::beyond(self, hole, tendon, out);
+    }
+    fn set_span_tensions(&mut self, tensions: &[f64]) {
+        let count = self.tendons.len();
+        Rod::set_span_tensions(self, |k, i| tensions[k * count + i]);
+    }
+}
 
-/// The quickest rod of this processor. Lanes are for the default of one element alone: finer
-/// rods serve to check it.
+/// Something to make in the numbers of a layout, with `A` arcs in a module.
+trait Build {
+    type Built;
+    fn build<L: Layout, const A: usize>(self, layout: L) -> Self::Built;
+}
+
+/// Makes it in the quickest numbers of this processor. Lanes are for the default of one element
+/// alone: finer rods serve to check it.
+fn build<B: Build>(elements: usize, of: B) -> Result<B::Built, InputError> {
+    #[cfg(target_arch = "x86_64")]
+    if elements == 1 {
+        if let Some(simd) = Avx512::detect() {
+            return Ok(of.build::<_, 2>(Modules(simd)));
+        }
+        if let Some(simd) = Avx2::detect() {
+            return Ok(of.build::<_, 2>(Modules(simd)));
+        }
+    }
+    Ok(match elements {
+        1 => of.build::<_, 2>(Scalar),
+        2 => of.build::<_, 4>(Scalar),
+        4 => of.build::<_, 8>(Scalar),
+        8 => of.build::<_, 16>(Scalar),
+        n => return Err(wrong_elements(n)),
+    })
+}
+
+/// The quickest rod of this processor.
 pub(crate) fn quickest(
     robot: &Robot,
     model: Model,
     elements: usize,
 ) -> Result<Box<dyn Passes>, InputError> {
-    #[cfg(target_arch = "x86_64")]
-    if elements == 1 {
-        if crate::math::simd::has_avx512() {
-            return Ok(avx512(robot, model));
-        }
-        if crate::math::simd::has_avx2() {
-            return Ok(avx2(robot, model));
+    struct AtRest<'a>(&'a Robot, Model);
+    impl Build for AtRest<'_> {
+        type Built = Box<dyn Passes>;
+        fn build<L: Layout, const A: usize>(self, layout: L) -> Self::Built {
+            Box::new(Rod::<L, A>::new(layout, self.0, self.1))
         }
     }
-    Ok(Plain::new(robot, model, elements)?.boxed())
+    build(elements, AtRest(robot, model))
 }
 
-#[cfg(target_arch = "x86_64")]
-pub(crate) fn avx512(robot: &Robot, model: Model) -> Box<dyn Passes> {
-    assert!(crate::math::simd::has_avx512());
-    Box::new(Rod::<crate::math::simd::Modules<crate::math::simd::F64x8>, 2>::new(robot, model))
-}
-
-#[cfg(target_arch = "x86_64")]
-pub(crate) fn avx2(robot: &Robot, model: Model) -> Box<dyn Passes> {
-    assert!(crate::math::simd::has_avx2());
-    Box::new(Rod::<crate::math::simd::Modules<crate::math::simd::F64x4>, 2>::new(robot, model))
+/// A rod with its modules in lanes.
+#[cfg(all(test, target_arch = "x86_64"))]
+pub(crate) fn side_by_side<S: Simd>(simd: S, robot: &Robot, model: Model) -> Box<dyn Passes> {
+    Box::new(Rod::<_, 2>::new(Modules(simd), robot, model))
 }
 
 /// Memory of a rod in bytes, and of `columns` answers to single tensions; the lanes take about
@@ -283,74 +351,58 @@ pub(crate) fn check_driven(
     memory::check(bytes, what, "use fewer disks, or pull fewer tendons")
 }
 
-/// A rod in plain numbers, by elements in a module.
-pub(crate) enum Plain {
-    One(Box<Rod<Scalar, 2>>),
-    Two(Box<Rod<Scalar, 4>>),
-    Four(Box<Rod<Scalar, 8>>),
-    Eight(Box<Rod<Scalar, 16>>),
-}
-
-/// The same code for whichever rod it is.
-macro_rules! with_plain {
-    ($plain:expr, $rod:ident => $code:expr) => {
-        match $plain {
-            Plain::One($rod) => $code,
-            Plain::Two($rod) => $code,
-            Plain::Four($rod) => $code,
-            Plain::Eight($rod) => $code,
-        }
-    };
-}
-
-impl Plain {
-    pub fn new(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
-        Ok(match elements {
-            1 => Plain::One(Box::new(Rod::new(robot, model))),
-            2 => Plain::Two(Box::new(Rod::new(robot, model))),
-            4 => Plain::Four(Box::new(Rod::new(robot, model))),
-            8 => Plain::Eight(Box::new(Rod::new(robot, model))),
-            n => return Err(wrong_elements(n)),
-        })
-    }
-
-    pub fn boxed(self) -> Box<dyn Passes> {
-        with_plain!(self, rod => rod)
-    }
-
+/// A rod in plain numbers, and what is asked of it beside its passes.
+pub(crate) trait Plain: Passes {
     /// Takes on load, tensions and strain of another rod of `arcs` arcs, and evaluates them.
-    pub fn take(&mut self, load: &Load, from: &dyn Passes, arcs: usize) {
+    fn take(&mut self, load: &Load, from: &dyn Passes, arcs: usize);
+    /// Points of the backbone, `per_module` in each module, base and tip included, m.
+    fn centerline(&self, per_module: usize) -> Vec<Vec3>;
+    fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians>;
+}
+
+impl<const A: usize> Plain for Rod<Scalar, A> {
+    fn take(&mut self, load: &Load, from: &dyn Passes, arcs: usize) {
         let mut strains = vec![Vec3::zero(); arcs];
         from.strains(&mut |i, w| strains[i] = w);
-        with_plain!(self, rod => {
-            rod.load(load);
-            rod.set_span_tensions(|k, i| from.span_tension(k, i));
-            rod.set_strains(|i| strains[i]);
-            rod.evaluate();
-            rod.finish();
-        });
+        self.load(load);
+        Rod::set_span_tensions(self, |k, i| from.span_tension(k, i));
+        self.set_strains(|i| strains[i]);
+        self.evaluate();
+        self.finish();
     }
 
-    /// Points of the backbone, `per_module` in each module, base and tip included, m.
-    pub fn centerline(&self, per_module: usize) -> Vec<Vec3> {
+    fn centerline(&self, per_module: usize) -> Vec<Vec3> {
         let mut points = vec![Vec3::zero()];
         let mut from = Vec3::zero();
-        with_plain!(self, rod => {
-            for (k, (state, c)) in rod.states.iter().zip(&rod.constants).enumerate() {
-                for j in 1..per_module {
-                    let local = state.point(c, j as f64 / per_module as f64);
-                    points.push(from + rod.rotations[k] * local);
-                }
-                from = rod.positions[k];
-                points.push(from);
+        for (k, (state, c)) in self.states.iter().zip(&self.constants).enumerate() {
+            for j in 1..per_module {
+                let local = state.point(c, j as f64 / per_module as f64);
+                points.push(from + self.rotations[k] * local);
             }
-        });
+            from = self.placed.positions[k];
+            points.push(from);
+        }
         points
     }
 
-    pub fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians> {
-        with_plain!(self, rod => sensitivity::jacobians(rod, segments))
+    fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians> {
+        sensitivity::jacobians(self, segments)
     }
+}
+
+/// A rod in plain numbers, by elements in a module.
+pub(crate) fn plain(
+    robot: &Robot,
+    model: Model,
+    elements: usize,
+) -> Result<Box<dyn Plain>, InputError> {
+    Ok(match elements {
+        1 => Box::new(Rod::<_, 2>::new(Scalar, robot, model)),
+        2 => Box::new(Rod::<_, 4>::new(Scalar, robot, model)),
+        4 => Box::new(Rod::<_, 8>::new(Scalar, robot, model)),
+        8 => Box::new(Rod::<_, 16>::new(Scalar, robot, model)),
+        n => return Err(wrong_elements(n)),
+    })
 }
 
 /// The passes of one moving rod, see [`Motion`] for what each does.
@@ -363,9 +415,9 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn combine(&mut self, coefficients: &[f64]);
     fn finish(&mut self, load: &Load);
     fn restore(&mut self, excess: f64) -> bool;
-    fn local_errors(&mut self) -> [f64; 2];
+    fn local_errors(&self) -> [f64; 2];
     fn commit(&mut self);
-    fn record(&mut self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
+    fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
 
     fn begin_at_rest(&mut self);
     fn commit_at_rest(&mut self, tendons: f64);
@@ -393,125 +445,172 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn work(&self) -> usize;
 }
 
-/// The same for a moving rod.
-macro_rules! moving {
-    ([$($generic:tt)*] $motion:ty $(, $feature:literal)?) => {
-        impl<$($generic)*> Moving for $motion {
-            hot!([$($generic)*] $motion, [$($feature)?]; begin(duration: f64, rho: f64) -> () |motion| motion.begin(duration, rho));
-            hot!([$($generic)*] $motion, [$($feature)?]; residual() -> f64 |motion| motion.residual());
-            hot!([$($generic)*] $motion, [$($feature)?]; imbalance() -> f64 |motion| motion.imbalance());
-            hot!([$($generic)*] $motion, [$($feature)?]; ready(anew: bool) -> bool |motion| motion.ready(anew));
-            hot!([$($generic)*] $motion, [$($feature)?]; substitute() -> () |motion| motion.substitute(0, None));
-            hot!([$($generic)*] $motion, [$($feature)?]; combine(coefficients: &[f64]) -> () |motion| motion.combine(coefficients));
-            hot!([$($generic)*] $motion, [$($feature)?]; finish(load: &Load) -> () |motion| motion.finish(load));
-            hot!([$($generic)*] $motion, [$($feature)?]; local_errors() -> [f64; 2] |motion| Motion::local_errors(motion));
-            hot!([$($generic)*] $motion, [$($feature)?]; commit() -> () |motion| motion.commit());
-            hot!([$($generic)*] $motion, [$($feature)?]; record(time: f64, tensions: &[f64], points: usize, out: &mut Fields) -> () |motion| {
-                Motion::record(motion, time, tensions, points, out)
-            });
+impl<L: Layout, const A: usize> Moving for Motion<L, A> {
+    fn begin(&mut self, duration: f64, rho: f64) {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.begin(duration, rho),
+        )
+    }
+    fn residual(&mut self) -> f64 {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.residual(),
+        )
+    }
+    fn imbalance(&mut self) -> f64 {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.imbalance(),
+        )
+    }
+    fn ready(&mut self, anew: bool) -> bool {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.ready(anew),
+        )
+    }
+    fn substitute(&mut self) {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.substitute(0, None),
+        )
+    }
+    fn combine(&mut self, coefficients: &[f64]) {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.combine(coefficients),
+        )
+    }
+    fn finish(&mut self, load: &Load) {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.finish(load),
+        )
+    }
+    fn local_errors(&self) -> [f64; 2] {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.local_errors(),
+        )
+    }
+    fn commit(&mut self) {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.commit(),
+        )
+    }
+    fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields) {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.record(time, tensions, points, out),
+        )
+    }
 
-            fn restore(&mut self, excess: f64) -> bool {
-                Motion::restore(self, excess)
-            }
-            fn begin_at_rest(&mut self) {
-                Motion::begin_at_rest(self);
-            }
-            fn commit_at_rest(&mut self, tendons: f64) {
-                Motion::commit_at_rest(self, tendons);
-            }
-            fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]) {
-                Motion::take_strain(self, |i| strain[i], |k| force[k]);
-            }
-            fn set_load(&mut self, load: &Load) {
-                Motion::set_load(self, load);
-            }
-            fn set_disk_force(&mut self, disk: usize, force: Vec3) {
-                Motion::set_disk_force(self, disk, force);
-            }
-            fn jump_tensions(&mut self, tensions: &[f64]) {
-                Motion::jump_tensions(self, tensions);
-            }
-            fn restart(&mut self) {
-                Motion::restart(self);
-            }
-            fn forget_forces(&mut self) {
-                Motion::forget_forces(self);
-            }
-            fn stop_foreseeing(&mut self) {
-                Motion::stop_foreseeing(self);
-            }
-            fn is_fresh(&self) -> bool {
-                Motion::is_fresh(self)
-            }
-            fn is_apart(&self) -> bool {
-                Motion::is_apart(self)
-            }
-            fn balance_time(&self) -> f64 {
-                Motion::balance_time(self)
-            }
-            fn noise(&self, tensions: &[f64]) -> f64 {
-                Motion::noise(self, tensions)
-            }
-            fn effort(&self, distance: f64) -> f64 {
-                Motion::effort(self, distance)
-            }
-            fn disk(&self, k: usize) -> Vec3 {
-                Motion::disk(self, k)
-            }
-            fn linear_momentum(&self) -> Vec3 {
-                Motion::linear_momentum(self)
-            }
-            fn energies(&self) -> &Energies {
-                &self.energies
-            }
-            fn outlook(&self) -> &Energies {
-                Motion::outlook(self)
-            }
-            fn tendon_work(&self) -> f64 {
-                self.tendon_work
-            }
-            fn account(&mut self, tendons: &Energies) {
-                Motion::account(self, tendons);
-            }
-            fn put_in(&mut self, energy: f64) {
-                self.energies.elastic += energy;
-                self.energies.work += energy;
-            }
-            fn is_stable(&self, held: usize) -> bool {
-                Motion::is_stable(self, held)
-            }
-            fn work(&self) -> usize {
-                Motion::work(self)
-            }
-        }
-
-        impl<$($generic)*> Strung for $motion {
-            hot!([$($generic)*] $motion, [$($feature)?]; measure_spans(angles: bool) -> () |motion| motion.measure_spans(angles));
-            hot!([$($generic)*] $motion, [$($feature)?]; respond(sources: Sources) -> () |motion| motion.respond(sources));
-            fn span_lengths(&self) -> &[f64] {
-                Motion::span_lengths(self)
-            }
-            fn angles(&self) -> &[f64] {
-                Motion::angles(self)
-            }
-            fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
-                Motion::beyond(self, hole, tendon, out);
-            }
-            fn set_span_tensions(&mut self, tensions: &[f64]) {
-                let count = tensions.len() / self.module_count();
-                Motion::set_span_tensions(self, |k, i| tensions[k * count + i]);
-            }
-        }
-    };
+    fn restore(&mut self, excess: f64) -> bool {
+        Motion::restore(self, excess)
+    }
+    fn begin_at_rest(&mut self) {
+        Motion::begin_at_rest(self);
+    }
+    fn commit_at_rest(&mut self, tendons: f64) {
+        Motion::commit_at_rest(self, tendons);
+    }
+    fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]) {
+        Motion::take_strain(self, |i| strain[i], |k| force[k]);
+    }
+    fn set_load(&mut self, load: &Load) {
+        Motion::set_load(self, load);
+    }
+    fn set_disk_force(&mut self, disk: usize, force: Vec3) {
+        Motion::set_disk_force(self, disk, force);
+    }
+    fn jump_tensions(&mut self, tensions: &[f64]) {
+        Motion::jump_tensions(self, tensions);
+    }
+    fn restart(&mut self) {
+        Motion::restart(self);
+    }
+    fn forget_forces(&mut self) {
+        Motion::forget_forces(self);
+    }
+    fn stop_foreseeing(&mut self) {
+        Motion::stop_foreseeing(self);
+    }
+    fn is_fresh(&self) -> bool {
+        Motion::is_fresh(self)
+    }
+    fn is_apart(&self) -> bool {
+        Motion::is_apart(self)
+    }
+    fn balance_time(&self) -> f64 {
+        Motion::balance_time(self)
+    }
+    fn noise(&self, tensions: &[f64]) -> f64 {
+        Motion::noise(self, tensions)
+    }
+    fn effort(&self, distance: f64) -> f64 {
+        Motion::effort(self, distance)
+    }
+    fn disk(&self, k: usize) -> Vec3 {
+        Motion::disk(self, k)
+    }
+    fn linear_momentum(&self) -> Vec3 {
+        Motion::linear_momentum(self)
+    }
+    fn energies(&self) -> &Energies {
+        &self.energies
+    }
+    fn outlook(&self) -> &Energies {
+        Motion::outlook(self)
+    }
+    fn tendon_work(&self) -> f64 {
+        self.tendon_work
+    }
+    fn account(&mut self, tendons: &Energies) {
+        Motion::account(self, tendons);
+    }
+    fn put_in(&mut self, energy: f64) {
+        self.energies.elastic += energy;
+        self.energies.work += energy;
+    }
+    fn is_stable(&self, held: usize) -> bool {
+        Motion::is_stable(self, held)
+    }
+    fn work(&self) -> usize {
+        Motion::work(self)
+    }
 }
 
-moving!([const A: usize] Motion<Scalar, A>);
-#[cfg(target_arch = "x86_64")]
-moving!([] Motion<crate::math::simd::Modules<crate::math::simd::F64x4>, 2>, "avx2,fma");
-#[cfg(target_arch = "x86_64")]
-moving!([] Motion<crate::math::simd::Modules<crate::math::simd::F64x8>, 2>, "avx512f,avx512vl,avx512dq,avx2,fma");
+impl<L: Layout, const A: usize> Strung for Motion<L, A> {
+    fn measure_spans(&mut self, angles: bool) {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.measure_spans(angles),
+        )
+    }
+    fn respond(&mut self, sources: Sources) {
+        self.layout().vectorize(
+            #[inline(always)]
+            || self.respond(sources),
+        )
+    }
+    fn span_lengths(&self) -> &[f64] {
+        Motion::span_lengths(self)
+    }
+    fn angles(&self) -> &[f64] {
+        Motion::angles(self)
+    }
+    fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
+        Motion::beyond(self, hole, tendon, out);
+    }
+    fn set_span_tensions(&mut self, tensions: &[f64]) {
+        let count = tensions.len() / self.module_count();
+        Motion::set_span_tensions(self, |k, i| tensions[k * count + i]);
+    }
+}
 
-/// The quickest moving rod of this processor, as [`quickest`].
+/// The quickest moving rod of this processor.
 pub(crate) fn moving(
     robot: &Robot,
     model: Model,
@@ -519,28 +618,15 @@ pub(crate) fn moving(
     gravity: [f64; 3],
     damping: Damping,
 ) -> Result<Box<dyn Moving>, InputError> {
-    #[cfg(target_arch = "x86_64")]
-    if elements == 1 {
-        if crate::math::simd::has_avx512() {
-            return Ok(Box::new(Motion::<
-                crate::math::simd::Modules<crate::math::simd::F64x8>,
-                2,
-            >::new(robot, model, gravity, damping)));
-        }
-        if crate::math::simd::has_avx2() {
-            return Ok(Box::new(Motion::<
-                crate::math::simd::Modules<crate::math::simd::F64x4>,
-                2,
-            >::new(robot, model, gravity, damping)));
+    struct InMotion<'a>(&'a Robot, Model, [f64; 3], Damping);
+    impl Build for InMotion<'_> {
+        type Built = Box<dyn Moving>;
+        fn build<L: Layout, const A: usize>(self, layout: L) -> Self::Built {
+            let InMotion(robot, model, gravity, damping) = self;
+            Box::new(Motion::<L, A>::new(layout, robot, model, gravity, damping))
         }
     }
-    Ok(match elements {
-        1 => Box::new(Motion::<Scalar, 2>::new(robot, model, gravity, damping)),
-        2 => Box::new(Motion::<Scalar, 4>::new(robot, model, gravity, damping)),
-        4 => Box::new(Motion::<Scalar, 8>::new(robot, model, gravity, damping)),
-        8 => Box::new(Motion::<Scalar, 16>::new(robot, model, gravity, damping)),
-        n => return Err(wrong_elements(n)),
-    })
+    build(elements, InMotion(robot, model, gravity, damping))
 }
 
 fn wrong_elements(n: usize) -> InputError {

@@ -1,6 +1,6 @@
 //! Interruption of long work from outside.
 //!
-//! Loops count their work with [`work`]; after each [`QUANTUM`] of it the caller of [`watched`] is
+//! Loops count their work with [`work`]; after each `QUANTUM` of it the caller of [`watched`] is
 //! asked whether to stop. Between two questions a count costs a subtraction. Interrupted work ends
 //! early, as if it had not converged, and its results are not to be used.
 

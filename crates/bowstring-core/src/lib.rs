@@ -1,6 +1,7 @@
-//! Mechanics and constant-curvature kinematics of tendon-driven continuum robots.
-//!
-//! Each folder uses those above it in this list only.
+#![doc = include_str!("../README.md")]
+#![warn(missing_docs)]
+
+// each folder uses those above it in this list only
 
 pub mod interrupt;
 pub mod math;

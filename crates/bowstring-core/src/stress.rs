@@ -1,20 +1,23 @@
 //! Strain of a round section, and stress at its surface.
 
+use crate::interrupt;
+use crate::math::real::vectorize;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// What strain and stress of a section follow from, SI.
 #[derive(Clone, Copy, Debug)]
 pub struct Section {
-    /// Of the surface.
+    /// Radius of the surface (m).
     pub radius: f64,
+    /// Area (m^2).
     pub area: f64,
-    /// Second moment of area over the radius.
+    /// Section modulus (m^3): second moment of area over the radius.
     pub modulus: f64,
-    /// Largest shear stress over transverse force.
+    /// Largest shear stress over transverse force (1/m^2).
     pub shear: f64,
-    /// Curvature over moment about x and y, and twist over torsion.
+    /// Curvature over moment about x and y, and twist over torsion (1/(N m^2)).
     pub bending_compliance: [f64; 3],
-    /// Shear over transverse force, and extension over axial force.
+    /// Shear over transverse force along x and y, and extension over axial force (1/N).
     pub force_compliance: [f64; 3],
 }
 
@@ -30,41 +33,50 @@ impl Section {
     }
 }
 
-/// Sections as [`derive`] takes them: one after the other along the backbone, for one time after
+/// Sections as [`derive()`] takes them: one after the other along the backbone, for one time after
 /// the other; vectors flat.
 #[derive(Clone, Copy, Debug)]
 pub struct Sections<'a> {
+    /// Sections from base to tip.
     pub sections: &'a [Section],
+    /// Positions (m).
     pub position: &'a [f64],
-    /// Body to base, by rows.
+    /// Rotations from body to base, by rows.
     pub rotation: &'a [f64],
-    /// Internal, in body axes.
+    /// Internal forces in body axes (N).
     pub force: &'a [f64],
+    /// Internal moments in body axes (N m).
     pub moment: &'a [f64],
 }
 
 /// Strain and stress of sections, SI; vectors flat.
 #[derive(Clone, Debug, Default)]
 pub struct Derived {
+    /// Curvatures about x and y, and twist (rad/m).
     pub curvature: Vec<f64>,
+    /// Shear along x and y, and extension.
     pub strain: Vec<f64>,
-    /// Mean normal stress, and the largest of bending, of both, of transverse shear and of
-    /// torsion at the surface.
+    /// Mean normal stress (Pa).
     pub axial: Vec<f64>,
+    /// Largest normal stress of bending at the surface (Pa).
     pub bending: Vec<f64>,
+    /// Largest normal stress at the surface (Pa).
     pub normal: Vec<f64>,
+    /// Largest shear stress of transverse force at the surface (Pa).
     pub shear: Vec<f64>,
+    /// Shear stress of torsion at the surface (Pa).
     pub torsion: Vec<f64>,
-    /// The largest around the surface, and where it is: the angle from x towards y, and the
-    /// point of the surface, base frame.
+    /// Largest von Mises stress around the surface (Pa).
     pub von_mises: Vec<f64>,
+    /// Angle of its place from x towards y (rad).
     pub angle: Vec<f64>,
+    /// Its place on the surface, base frame (m).
     pub place: Vec<f64>,
 }
 
 impl Derived {
     /// Appends those of further sections, `total` in all.
-    pub fn append(&mut self, other: &Derived, total: usize) {
+    fn append(&mut self, other: &Derived, total: usize) {
         for (to, from, width) in [
             (&mut self.curvature, &other.curvature, 3),
             (&mut self.strain, &other.strain, 3),
@@ -85,32 +97,83 @@ impl Derived {
     }
 }
 
+/// Sections between two looks for an interruption.
+const BLOCK: usize = 1 << 15;
+
+/// As [`derive()`], of many times, in blocks between which it can be interrupted.
+pub fn derive_all(given: Sections) -> Derived {
+    let total = given.force.len() / 3;
+    // whole times, so that each begins with the first section
+    let size = BLOCK.div_ceil(given.sections.len()) * given.sections.len();
+    let (mut found, mut block) = (Derived::default(), Derived::default());
+    for start in (0..total).step_by(size) {
+        if interrupt::work(8 * size) {
+            break;
+        }
+        let end = total.min(start + size);
+        let part = Sections {
+            sections: given.sections,
+            position: &given.position[3 * start..3 * end],
+            rotation: &given.rotation[9 * start..9 * end],
+            force: &given.force[3 * start..3 * end],
+            moment: &given.moment[3 * start..3 * end],
+        };
+        derive(part, &mut block);
+        found.append(&block, total);
+    }
+    found
+}
+
+/// Coefficients of normal and shear stress around sections (Pa), (2, 3, K) flat, from force (N)
+/// and moment (N m) in body axes, (K, 3) flat; the sections repeat.
+pub fn surface_stress(sections: &[Section], force: &[f64], moment: &[f64]) -> Vec<f64> {
+    let total = force.len() / 3;
+    let mut out = vec![0.0; 6 * total];
+    for i in 0..total {
+        if interrupt::work(8) {
+            break;
+        }
+        let three = |v: &[f64]| [v[3 * i], v[3 * i + 1], v[3 * i + 2]];
+        let found = sections[i % sections.len()].stress(three(force), three(moment));
+        for (q, v) in found.as_flattened().iter().enumerate() {
+            out[q * total + i] = *v;
+        }
+    }
+    out
+}
+
+/// Largest von Mises stress around each of K sections (Pa), and cosine and sine of its place,
+/// (3, K) flat; from coefficients of normal and shear stress (Pa), (3, K) flat.
+pub fn von_mises(sigma: &[f64], tau: &[f64]) -> Vec<f64> {
+    let count = sigma.len() / 3;
+    let mut out = vec![0.0; 3 * count];
+    for start in (0..count).step_by(BLOCK) {
+        if interrupt::work(8 * BLOCK) {
+            break;
+        }
+        let end = count.min(start + BLOCK);
+        let rows = [0, 1, 2].map(|q| q * count + start..q * count + end);
+        let found = largest_of_many(
+            rows.clone().map(|row| &sigma[row]),
+            rows.map(|row| &tau[row]),
+        );
+        for (q, row) in found.iter().enumerate() {
+            out[q * count + start..][..row.len()].copy_from_slice(row);
+        }
+    }
+    out
+}
+
 /// Sections worked on side by side.
 const WIDTH: usize = 16;
 type Lanes = [f64; WIDTH];
 
 /// Strain and stress of all sections; what `out` holds is replaced.
 pub fn derive(given: Sections, out: &mut Derived) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2")]
-        fn with_avx512(given: Sections, out: &mut Derived) {
-            derive_here(given, out);
-        }
-        #[target_feature(enable = "avx2")]
-        fn with_avx2(given: Sections, out: &mut Derived) {
-            derive_here(given, out);
-        }
-        if crate::math::simd::has_avx512() {
-            // SAFETY: the processor has just been found to have the features of the function
-            return unsafe { with_avx512(given, out) };
-        }
-        if crate::math::simd::has_avx2() {
-            // SAFETY: as above
-            return unsafe { with_avx2(given, out) };
-        }
-    }
-    derive_here(given, out);
+    vectorize(
+        #[inline(always)]
+        || derive_here(given, out),
+    );
 }
 
 #[inline(always)]
@@ -195,7 +258,7 @@ fn derive_here(given: Sections, out: &mut Derived) {
 }
 
 /// [`largest_von_mises`] of many sections at once.
-pub fn largest_of_many(sigma: [&[f64]; 3], tau: [&[f64]; 3]) -> [Vec<f64>; 3] {
+fn largest_of_many(sigma: [&[f64]; 3], tau: [&[f64]; 3]) -> [Vec<f64>; 3] {
     let total = sigma[0].len();
     let mut out = [vec![0.0; total], vec![0.0; total], vec![0.0; total]];
     for start in (0..total).step_by(WIDTH) {
@@ -316,7 +379,7 @@ fn angles_side_by_side(cosine: &Lanes, sine: &Lanes) -> Lanes {
 /// `a + b cos(psi) + c sin(psi)`, in Pa: the value, and cosine and sine of its place.
 ///
 /// Exact to 1e-12 of the value.
-pub fn largest_von_mises(sigma: [f64; 3], tau: [f64; 3]) -> [f64; 3] {
+fn largest_von_mises(sigma: [f64; 3], tau: [f64; 3]) -> [f64; 3] {
     let ([s0, s1, s2], [t0, t1, t2]) = (sigma, tau);
     // With u = (cos, sin) the square is u.Q u + 2 b.u + const. In the axes of Q, with values
     // q1 >= q2, the maximum lies in the quadrant of b, and is the only stationary point there.

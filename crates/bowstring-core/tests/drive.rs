@@ -5,7 +5,9 @@ mod common;
 use bowstring_core::math::linalg::Vec3;
 use bowstring_core::model::load::{Load, Model, Theory};
 use bowstring_core::model::robot::{Robot, Tendon};
+use bowstring_core::statics::batch::Loads;
 use bowstring_core::statics::path::{Command, Drive, DriveOutcome, History, Line};
+use bowstring_core::statics::path_batch::{commands, follow, solve_each, Steps};
 use bowstring_core::statics::solver::{Solver, Status};
 use common::{pull, rao_robot, study_robot, Draw};
 
@@ -592,4 +594,53 @@ fn four_tendons_are_one_too_many() {
         "the part that moves nothing is least: {t:?}"
     );
     assert!((drive.solver().tip().unwrap().position - tip).norm() < 1e-9);
+}
+
+/// Rows in one call are the steps one by one: in order, and each from where the drive stands.
+#[test]
+fn rows_are_the_steps_one_by_one() {
+    let robot = study_robot(9, 0.0);
+    let (rows, m) = (40, robot.tendon_count());
+    let mut draw = Draw(17);
+    let values: Vec<f64> = (0..rows)
+        .flat_map(|i| [1e-4 * i as f64, 5.0, draw.within(0.0, 3.0)])
+        .collect();
+    let displaced = [true, false, false].repeat(rows);
+    let steps = Steps {
+        loads: Loads {
+            count: rows,
+            tensions: &values,
+            gravity: &[0.0, 0.0, -9.81],
+            tip_force: &[0.1, 0.0, 0.0],
+            tip_moment: &[0.0; 3],
+        },
+        displaced: &displaced,
+    };
+    let lines = vec![
+        Line {
+            friction: 0.1,
+            ..Line::default()
+        };
+        m
+    ];
+    let home = Drive::new(&robot, Model::default(), 1, &lines).unwrap();
+    let path = follow(&mut home.clone(), &steps, true).unwrap();
+    let each = solve_each(&mut home.clone(), &steps, 2, false).unwrap();
+    assert!(each.poses.disk_position.is_empty());
+    let mut drive = home.clone();
+    for i in 0..rows {
+        let load = steps.loads.row(i, m);
+        let given = commands(&displaced[i * m..][..m], load.tensions);
+        let mut fresh = home.clone();
+        for (drive, found) in [(&mut drive, &path), (&mut fresh, &each)] {
+            assert_eq!(step(drive, &given, &load).status, Status::Converged);
+            assert_eq!(found.poses.outcomes[i].status, Status::Converged);
+            let tip = drive.solver().tip().unwrap().position;
+            assert_eq!(found.poses.tip_position[3 * i..][..3], tip.0);
+            assert_eq!(found.tensions[i * m..][..m], drive.history().tensions);
+            assert_eq!(found.displacements[i * m], drive.pull(0));
+            let spans = drive.span_tensions();
+            assert_eq!(found.span_tensions[i * spans.len()..][..spans.len()], spans);
+        }
+    }
 }

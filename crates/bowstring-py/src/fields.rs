@@ -3,10 +3,10 @@
 use crate::input::{input_error, refused};
 use crate::interrupt::interruptible;
 use bowstring_core::dynamics::integrator::Fields;
-use bowstring_core::interrupt;
+use bowstring_core::dynamics::records;
 use bowstring_core::memory;
 use bowstring_core::model::robot::Robot;
-use bowstring_core::stress::{self, Derived, Section, Sections};
+use bowstring_core::stress::{self, Section, Sections};
 use numpy::{
     IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArrayDyn, PyUntypedArrayMethods,
@@ -29,23 +29,7 @@ pub fn von_mises<'py>(
     let (sigma, tau) = (sigma.as_slice()?, tau.as_slice()?);
     check_sections(count, 3 + 6)?;
     let (sigma, tau) = (sigma.to_vec(), tau.to_vec());
-    let mut out = vec![0.0; 3 * count];
-    interruptible(py, || {
-        for start in (0..count).step_by(BLOCK) {
-            if interrupt::work(8 * BLOCK) {
-                return;
-            }
-            let end = count.min(start + BLOCK);
-            let rows = [0, 1, 2].map(|q| q * count + start..q * count + end);
-            let found = stress::largest_of_many(
-                rows.clone().map(|row| &sigma[row]),
-                rows.map(|row| &tau[row]),
-            );
-            for (q, row) in found.iter().enumerate() {
-                out[q * count + start..][..row.len()].copy_from_slice(row);
-            }
-        }
-    })?;
+    let out = interruptible(py, || stress::von_mises(&sigma, &tau))?;
     out.into_pyarray(py)
         .reshape([3, count])
         .map(|a| a.to_dyn().clone())
@@ -66,17 +50,7 @@ pub fn surface_stress<'py>(
     let (force, moment) = (force.as_slice()?, moment.as_slice()?);
     let total = force.len() / 3;
     check_sections(total, 6)?;
-    let mut out = vec![0.0; 6 * total];
-    for i in 0..total {
-        if i % BLOCK == BLOCK - 1 {
-            py.check_signals()?;
-        }
-        let three = |v: &[f64]| [v[3 * i], v[3 * i + 1], v[3 * i + 2]];
-        let found = sections[i % sections.len()].stress(three(force), three(moment));
-        for (q, v) in found.as_flattened().iter().enumerate() {
-            out[q * total + i] = *v;
-        }
-    }
+    let out = interruptible(py, || stress::surface_stress(&sections, force, moment))?;
     out.into_pyarray(py).reshape(shape)
 }
 
@@ -100,27 +74,14 @@ pub fn derive<'py>(
     let (force, moment) = (force.as_slice()?, moment.as_slice()?);
     let total = force.len() / 3;
     check_sections(total, 16)?;
-    let mut found = Derived::default();
-    interruptible(py, || {
-        // whole times, so that each begins with the first section
-        let size = BLOCK.div_ceil(sections.len()) * sections.len();
-        let mut block = Derived::default();
-        for start in (0..total).step_by(size) {
-            if interrupt::work(8 * size) {
-                return;
-            }
-            let end = total.min(start + size);
-            let given = Sections {
-                sections: &sections,
-                position: &position[3 * start..3 * end],
-                rotation: &rotation[9 * start..9 * end],
-                force: &force[3 * start..3 * end],
-                moment: &moment[3 * start..3 * end],
-            };
-            stress::derive(given, &mut block);
-            found.append(&block, total);
-        }
-    })?;
+    let given = Sections {
+        sections: &sections,
+        position,
+        rotation,
+        force,
+        moment,
+    };
+    let found = interruptible(py, || stress::derive_all(given))?;
     let mut vector = shape.clone();
     vector.push(3);
     let out = PyDict::new(py);
@@ -141,19 +102,9 @@ pub fn derive<'py>(
     Ok(out)
 }
 
-/// Output times as the file of a run has them: packed one after the other, without the interpreter,
-/// and handed to `append` in a room of Python's whenever that is full.
-///
-/// A record is the time and then all fields in the order of the file, most significant byte first.
+/// Records of a run, handed to `append` in a room of Python's whenever that is full.
 pub(crate) struct Records {
-    sections: Vec<Section>,
-    station: Vec<f64>,
-    /// m, of the straight robot.
-    length: f64,
-    energy_at_start: Option<f64>,
-    derived: Derived,
-    packed: Vec<u8>,
-    filled: usize,
+    inner: records::Records,
     room: Py<PyArray1<u8>>,
     append: Py<PyAny>,
 }
@@ -167,29 +118,18 @@ impl Records {
         room: Bound<'_, PyArray1<u8>>,
         append: Py<PyAny>,
     ) -> PyResult<Self> {
-        let sections = sections_of(sections)?;
-        let (disks, tendons) = (robot.module_count(), robot.tendon_count());
-        let of_disks = 18 * disks + 2 * disks * tendons;
-        // beside these: time, the largest stress and its place, the tip, energies
-        let record = 8 * (1 + 34 * sections.len() + 5 + of_disks + 3 + 4 * tendons + 6);
-        if station.len() != sections.len() || room.is_empty() || room.len() % record != 0 {
-            return Err(refused(
-                "there must be a section for every station, and room for whole records",
-            ));
-        }
+        let (sections, station) = (sections_of(sections)?, station.as_slice()?.to_vec());
+        let inner =
+            records::Records::new(robot, sections, station, room.len()).ok_or_else(|| {
+                refused("there must be a section for every station, and room for whole records")
+            })?;
         if !room.is_contiguous() || room.try_readwrite().is_err() {
             return Err(refused(
                 "the room must be bytes in a row that may be written",
             ));
         }
         Ok(Records {
-            sections,
-            station: station.as_slice()?.to_vec(),
-            length: robot.length(),
-            energy_at_start: None,
-            derived: Derived::default(),
-            packed: vec![0; room.len()],
-            filled: 0,
+            inner,
             room: room.unbind(),
             append,
         })
@@ -197,113 +137,23 @@ impl Records {
 
     /// Packs fields of one time; returns whether there is no room for another.
     pub(crate) fn add(&mut self, fields: &Fields) -> bool {
-        let given = Sections {
-            sections: &self.sections,
-            position: &fields.position,
-            rotation: &fields.rotation,
-            force: &fields.force,
-            moment: &fields.moment,
-        };
-        stress::derive(given, &mut self.derived);
-        let found = &self.derived;
-        let top = first_largest(&found.von_mises);
-        let tip = &fields.disk_position[fields.disk_position.len() - 3..];
-        let energy = &fields.energies[0];
-        let left_over = energy.left();
-        let start = *self.energy_at_start.get_or_insert(left_over);
-        let mut rest = &mut self.packed[self.filled..];
-        let left = rest.len();
-        for values in [
-            &fields.time,
-            given.position,
-            given.rotation,
-            given.force,
-            given.moment,
-            &found.curvature,
-            &found.strain,
-            &found.axial,
-            &found.bending,
-            &found.normal,
-            &found.shear,
-            &found.torsion,
-            &found.von_mises,
-            &found.angle,
-            &found.place,
-            &found.von_mises[top..=top],
-            &self.station[top..=top],
-            &found.place[3 * top..3 * top + 3],
-            &fields.disk_position,
-            &fields.disk_rotation,
-            &fields.disk_velocity,
-            &fields.disk_angular_velocity,
-            &[tip[0], tip[1], tip[2] - self.length],
-            &fields.tension,
-            &fields.tendon_length,
-            &fields.pull,
-            &fields.slack,
-            &fields.span_length,
-            &fields.span_tension,
-            &[energy.kinetic, energy.elastic, energy.gravity],
-            &[energy.work, energy.dissipated, left_over - start],
-        ] {
-            rest = put(rest, values);
-        }
-        self.filled += left - rest.len();
-        rest.is_empty()
+        self.inner.add(fields)
     }
 
     /// Has all that is packed written; after an error it is forgotten.
     pub(crate) fn flush(&mut self, py: Python<'_>) -> PyResult<()> {
-        let filled = std::mem::take(&mut self.filled);
-        if filled > 0 {
+        let packed = self.inner.take();
+        if !packed.is_empty() {
             let room = self.room.bind(py);
             let mut bytes = room.try_readwrite()?;
-            bytes.as_slice_mut()?[..filled].copy_from_slice(&self.packed[..filled]);
+            bytes.as_slice_mut()?[..packed.len()].copy_from_slice(packed);
             drop(bytes);
-            let records = room.get_item(PySlice::new(py, 0, filled as isize, 1))?;
+            let records = room.get_item(PySlice::new(py, 0, packed.len() as isize, 1))?;
             self.append.call1(py, (records,))?;
         }
         Ok(())
     }
 }
-
-/// Writes numbers, most significant byte first, and returns what is left.
-fn put<'a>(out: &'a mut [u8], values: &[f64]) -> &'a mut [u8] {
-    #[inline(always)]
-    fn here(out: &mut [u8], values: &[f64]) {
-        for (bytes, value) in out.as_chunks_mut().0.iter_mut().zip(values) {
-            *bytes = value.to_be_bytes();
-        }
-    }
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn with_avx2(out: &mut [u8], values: &[f64]) {
-        here(out, values);
-    }
-    let (to, rest) = out.split_at_mut(8 * values.len());
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has just been found to have AVX2
-        unsafe { with_avx2(to, values) };
-        return rest;
-    }
-    here(to, values);
-    rest
-}
-
-/// As numpy's argmax: the first of several, and NaN before any number.
-fn first_largest(values: &[f64]) -> usize {
-    let mut top = 0;
-    for (i, value) in values.iter().enumerate() {
-        if !(*value <= values[top]) && !values[top].is_nan() {
-            top = i;
-        }
-    }
-    top
-}
-
-/// Sections between two looks for an interruption.
-const BLOCK: usize = 1 << 15;
 
 /// Checks that so many numbers for each of `count` sections fit into memory.
 fn check_sections(count: usize, numbers: usize) -> PyResult<()> {

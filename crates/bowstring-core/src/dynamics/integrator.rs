@@ -57,7 +57,12 @@ pub enum Step {
     Fixed(f64),
     /// Such that a disk's position errs by about this much in a step, m; a step after a jump of
     /// the load is a twentieth of the longest, for nothing is known of it.
-    Adaptive { tolerance: f64, longest: f64 },
+    Adaptive {
+        /// Error of a disk's position in a step (m).
+        tolerance: f64,
+        /// Longest step (s).
+        longest: f64,
+    },
 }
 
 /// What stays the same over a run.
@@ -65,9 +70,11 @@ pub enum Step {
 pub struct Settings {
     /// m/s^2
     pub gravity: [f64; 3],
+    /// Physical damping.
     pub damping: Damping,
     /// Numerical damping: what a step leaves of the fastest oscillation, 0 to 1 (none).
     pub spectral_radius: f64,
+    /// Length of the time steps.
     pub step: Step,
 }
 
@@ -83,7 +90,9 @@ pub enum Stop {
 /// What a stretch of time took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Count {
+    /// Time steps.
     pub steps: usize,
+    /// Newton steps.
     pub iterations: usize,
     /// Steps done again: shorter, or without numerical damping.
     pub repeated: usize,

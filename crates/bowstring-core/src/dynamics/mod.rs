@@ -2,3 +2,4 @@
 
 pub mod integrator;
 pub mod modal;
+pub mod records;

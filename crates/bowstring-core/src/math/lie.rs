@@ -25,7 +25,7 @@ const LONG_SERIES: f64 = 12.0;
 
 /// Stumpff's `c_0` to `c_7` at `x = |w|^2 >= 0`.
 #[inline(always)]
-pub fn stumpff<T: Real>(x: T) -> [T; 8] {
+pub(crate) fn stumpff<T: Real>(x: T) -> [T; 8] {
     let largest = x.largest();
     if largest < SHORT_SERIES {
         downward(x, 8)
@@ -115,7 +115,7 @@ pub fn log(r: &Mat3<f64>) -> Vec3<f64> {
 
 /// One arc: a rotation vector, its length, and Stumpff's functions there.
 #[derive(Clone, Copy, Debug)]
-pub struct ArcMap<T = f64> {
+pub(crate) struct ArcMap<T = f64> {
     w: Vec3<T>,
     length: T,
     c: [T; 8],
@@ -126,6 +126,7 @@ pub struct ArcMap<T = f64> {
 }
 
 impl<T: Real> ArcMap<T> {
+    /// Arc of a rotation vector (rad) and a length (m).
     #[inline(always)]
     pub fn new(w: Vec3<T>, length: T) -> Self {
         let c = stumpff(w.norm2());
@@ -148,7 +149,7 @@ impl<T: Real> ArcMap<T> {
     }
 
     /// Left Jacobian: `exp(w + dw) = exp(J dw + ...) exp(w)`.
-    #[inline(always)]
+    #[cfg(test)]
     pub fn left_jacobian(&self) -> Mat3<T> {
         let (w, c) = (self.w, &self.c);
         (w * c[2]).skew() + (w * c[3]).outer(w) + Mat3::scalar(c[1])

@@ -16,10 +16,12 @@ pub struct Vec3<T = f64>(pub [T; 3]);
 pub struct Mat3<T = f64>(pub [[T; 3]; 3]);
 
 impl<T: Real> Vec3<T> {
+    /// Zero.
     #[inline(always)]
     pub fn zero() -> Self {
         Vec3([T::zero(); 3])
     }
+    /// The same vector in every lane.
     #[inline(always)]
     pub fn splat(v: [f64; 3]) -> Self {
         Vec3([T::splat(v[0]), T::splat(v[1]), T::splat(v[2])])
@@ -34,15 +36,18 @@ impl<T: Real> Vec3<T> {
             self.0[2].lane(lane),
         ])
     }
+    /// Unit vector along z.
     #[inline(always)]
     pub fn ez() -> Self {
         Self::splat([0.0, 0.0, 1.0])
     }
+    /// Inner product.
     #[inline(always)]
     pub fn dot(self, o: Self) -> T {
         let (a, b) = (self.0, o.0);
         a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
     }
+    /// Cross product.
     #[inline(always)]
     pub fn cross(self, o: Self) -> Self {
         let (a, b) = (self.0, o.0);
@@ -62,10 +67,12 @@ impl<T: Real> Vec3<T> {
             a[2].mul_add(s, b[2]),
         ])
     }
+    /// Squared length.
     #[inline(always)]
     pub fn norm2(self) -> T {
         self.dot(self)
     }
+    /// Length.
     #[inline(always)]
     pub fn norm(self) -> T {
         self.norm2().sqrt()
@@ -124,18 +131,22 @@ impl<T: Real> Vec3<T> {
 }
 
 impl<T: Real> Mat3<T> {
+    /// Zero.
     #[inline(always)]
     pub fn zero() -> Self {
         Mat3([[T::zero(); 3]; 3])
     }
+    /// Identity.
     #[inline(always)]
     pub fn identity() -> Self {
         Self::scalar(T::splat(1.0))
     }
+    /// Identity times a number.
     #[inline(always)]
     pub fn scalar(d: T) -> Self {
         Self::diagonal([d; 3])
     }
+    /// Diagonal matrix.
     #[inline(always)]
     pub fn diagonal(d: [T; 3]) -> Self {
         let mut m = Self::zero();
@@ -144,6 +155,7 @@ impl<T: Real> Mat3<T> {
         }
         m
     }
+    /// Transpose.
     #[inline(always)]
     pub fn transpose(self) -> Self {
         let m = self.0;
@@ -153,11 +165,13 @@ impl<T: Real> Mat3<T> {
             [m[0][2], m[1][2], m[2][2]],
         ])
     }
+    /// Rows.
     #[inline(always)]
     pub fn rows(self) -> [Vec3<T>; 3] {
         let [a, b, c] = self.0;
         [Vec3(a), Vec3(b), Vec3(c)]
     }
+    /// Column `j`.
     #[inline(always)]
     pub fn column(self, j: usize) -> Vec3<T> {
         Vec3([self.0[0][j], self.0[1][j], self.0[2][j]])
@@ -210,6 +224,7 @@ impl<T: Real> Mat3<T> {
         let inverse = Mat3([bc.0, ca.0, ab.0]).transpose() * r;
         (inverse, [self.0[0][0], ab.0[2], det])
     }
+    /// Inverse.
     #[inline(always)]
     pub fn inverse(self) -> Self {
         self.inverse_and_minors().0

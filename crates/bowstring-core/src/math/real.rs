@@ -1,6 +1,6 @@
 //! The scalar of the mechanics: one `f64`, or several numbers side by side in SIMD lanes.
 //!
-//! A solve puts modules side by side, a batch puts robots side by side; [`Layout`] names the
+//! A solve puts modules side by side, a batch puts robots side by side; `Layout` names the
 //! two kinds of number that this takes. The mechanics is written once, over [`Real`].
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -8,6 +8,9 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 /// What the mechanics needs of a number.
 pub trait Real:
     Copy
+    + Send
+    + Sync
+    + 'static
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
@@ -24,14 +27,18 @@ pub trait Real:
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self;
     /// One lane.
     fn lane(&self, i: usize) -> f64;
+    /// Sets one lane.
     fn set_lane(&mut self, i: usize, x: f64);
+    /// Square root.
     fn sqrt(self) -> Self;
+    /// Absolute value.
     fn abs(self) -> Self;
     /// The larger of two; NaN if either is NaN.
     fn max(self, other: Self) -> Self;
     /// `self * a + b`, fused where the processor can.
     fn mul_add(self, a: Self, b: Self) -> Self;
 
+    /// Zero in every lane.
     #[inline(always)]
     fn zero() -> Self {
         Self::splat(0.0)
@@ -97,20 +104,26 @@ impl Real for f64 {
     }
 }
 
-/// Which numbers lie side by side.
-pub trait Layout {
+/// Which numbers lie side by side. A value of it proves that the processor has them.
+pub(crate) trait Layout: Copy + Send + Sync + 'static {
     /// Number for what modules do by themselves: `WIDTH` modules side by side.
     type Module: Real;
     /// Number for what goes from module to module.
     type Chain: Real;
+    /// Modules side by side.
     const WIDTH: usize;
+    /// Number of one module.
     fn get(m: &Self::Module, i: usize) -> Self::Chain;
+    /// Sets the number of one module.
     fn put(m: &mut Self::Module, i: usize, c: Self::Chain);
+    /// Runs `f` compiled for the instructions of these numbers: `f` and all that it calls on the
+    /// way to them must be `#[inline(always)]`.
+    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R;
 }
 
 /// One robot, one module after the other: any processor.
 #[derive(Clone, Copy, Debug)]
-pub struct Scalar;
+pub(crate) struct Scalar;
 
 impl Layout for Scalar {
     type Module = f64;
@@ -124,4 +137,24 @@ impl Layout for Scalar {
     fn put(m: &mut f64, _: usize, c: f64) {
         *m = c;
     }
+    #[inline(always)]
+    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {
+        f()
+    }
+}
+
+/// Runs `f` compiled for the widest instructions of this processor, see [`Layout::vectorize`].
+#[inline(always)]
+pub(crate) fn vectorize<R>(f: impl FnOnce() -> R) -> R {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use crate::math::simd::{Avx2, Avx512, Simd};
+        if let Some(simd) = Avx512::detect() {
+            return simd.vectorize(f);
+        }
+        if let Some(simd) = Avx2::detect() {
+            return simd.vectorize(f);
+        }
+    }
+    f()
 }

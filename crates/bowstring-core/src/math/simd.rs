@@ -1,39 +1,84 @@
-//! SIMD numbers of x86-64 and the layouts made of them.
+//! SIMD numbers of x86-64, the proofs that the processor has them, and layouts of them.
 //!
-//! Only code that runs behind a check of the processor may make these numbers: see
-//! `Solver::new` and `batch`. Everything inlines into functions compiled for the features.
+//! A [`Simd`] value is made by detection alone. A rod in lanes holds one, and runs its passes
+//! through [`Simd::vectorize`]: a function compiled for the instructions, into which everything
+//! inlines.
 
 use crate::math::real::{Layout, Real};
 use core::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// Whether the processor has what [`F64x4`] and [`Fused`] need.
-pub fn has_avx2() -> bool {
-    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")
+/// Proof that the processor has the instructions of a vector.
+pub(crate) trait Simd: Copy + Send + Sync + 'static {
+    /// Numbers that one instruction takes.
+    type Vector: Real;
+    /// The proof, where the processor has the instructions.
+    fn detect() -> Option<Self>;
+    /// Runs `f` compiled for the instructions, see [`Layout::vectorize`].
+    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R;
 }
 
-/// Whether the processor has what [`F64x8`] needs.
-pub fn has_avx512() -> bool {
-    has_avx2()
-        && is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512vl")
-        && is_x86_feature_detected!("avx512dq")
+/// Proof of AVX2 and FMA, which [`F64x4`] and [`Fused`] need.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Avx2(());
+
+impl Simd for Avx2 {
+    type Vector = F64x4;
+    #[inline]
+    fn detect() -> Option<Self> {
+        let found = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+        found.then_some(Avx2(()))
+    }
+    #[inline(always)]
+    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {
+        #[target_feature(enable = "avx2,fma")]
+        fn with_features<R>(f: impl FnOnce() -> R) -> R {
+            f()
+        }
+        // SAFETY: `detect`, which alone makes an `Avx2`, has found the features
+        unsafe { with_features(f) }
+    }
+}
+
+/// Proof of AVX-512 F, VL and DQ beside AVX2 and FMA, which [`F64x8`] needs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Avx512(());
+
+impl Simd for Avx512 {
+    type Vector = F64x8;
+    #[inline]
+    fn detect() -> Option<Self> {
+        let found = Avx2::detect().is_some()
+            && is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512vl")
+            && is_x86_feature_detected!("avx512dq");
+        found.then_some(Avx512(()))
+    }
+    #[inline(always)]
+    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {
+        #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
+        fn with_features<R>(f: impl FnOnce() -> R) -> R {
+            f()
+        }
+        // SAFETY: `detect`, which alone makes an `Avx512`, has found the features
+        unsafe { with_features(f) }
+    }
 }
 
 /// A scalar whose `mul_add` is one instruction.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct Fused(f64);
+pub(crate) struct Fused(f64);
 
 /// Four numbers: AVX2 and FMA.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct F64x4(__m256d);
+pub(crate) struct F64x4(__m256d);
 
 /// Eight numbers: AVX-512.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct F64x8(__m512d);
+pub(crate) struct F64x8(__m512d);
 
 macro_rules! operator {
     ($type:ident, $trait:ident, $method:ident, $a:ident, $b:ident => $value:expr) => {
@@ -113,8 +158,8 @@ impl Real for Fused {
     }
 }
 
-// Why the intrinsics may be called: numbers of these types are made by code that runs behind
-// `has_avx2` or `has_avx512` alone (`Solver::new`, `batch`; the module is private to the crate).
+// Why the intrinsics may be called: these types stand behind `Simd::Vector`, and a rod of them is
+// not made without the proof.
 macro_rules! vector {
     ($type:ident, $n:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident,
      $set:ident, $load:ident, $sqrt:ident, $a:ident, $b:ident => $max:expr, $abs:expr) => {
@@ -236,36 +281,44 @@ vector!(
 
 /// One robot, its modules side by side.
 #[derive(Clone, Copy, Debug)]
-pub struct Modules<M>(core::marker::PhantomData<M>);
+pub(crate) struct Modules<S>(pub S);
 
-impl<M: Real> Layout for Modules<M> {
-    type Module = M;
+impl<S: Simd> Layout for Modules<S> {
+    type Module = S::Vector;
     type Chain = Fused;
-    const WIDTH: usize = M::LANES;
+    const WIDTH: usize = S::Vector::LANES;
     #[inline(always)]
-    fn get(m: &M, i: usize) -> Fused {
+    fn get(m: &S::Vector, i: usize) -> Fused {
         Fused(m.lane(i))
     }
     #[inline(always)]
-    fn put(m: &mut M, i: usize, c: Fused) {
+    fn put(m: &mut S::Vector, i: usize, c: Fused) {
         m.set_lane(i, c.0);
+    }
+    #[inline(always)]
+    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {
+        self.0.vectorize(f)
     }
 }
 
 /// Several robots side by side.
 #[derive(Clone, Copy, Debug)]
-pub struct Robots<M>(core::marker::PhantomData<M>);
+pub(crate) struct Robots<S>(pub S);
 
-impl<M: Real> Layout for Robots<M> {
-    type Module = M;
-    type Chain = M;
+impl<S: Simd> Layout for Robots<S> {
+    type Module = S::Vector;
+    type Chain = S::Vector;
     const WIDTH: usize = 1;
     #[inline(always)]
-    fn get(m: &M, _: usize) -> M {
+    fn get(m: &S::Vector, _: usize) -> S::Vector {
         *m
     }
     #[inline(always)]
-    fn put(m: &mut M, _: usize, c: M) {
+    fn put(m: &mut S::Vector, _: usize, c: S::Vector) {
         *m = c;
+    }
+    #[inline(always)]
+    fn vectorize<R>(self, f: impl FnOnce() -> R) -> R {
+        self.0.vectorize(f)
     }
 }

@@ -26,7 +26,9 @@ pub enum TendonPath {
 /// The physics to solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Model {
+    /// Rod theory of the backbone.
     pub theory: Theory,
+    /// Path of the tendons between disks.
     pub tendon: TendonPath,
     /// Whether the backbone can twist; if not, its torsion stiffness is a million times its own.
     pub twist: bool,
@@ -43,24 +45,28 @@ impl Default for Model {
 }
 
 /// Dead loads in the base frame and the tension of each tendon; SI.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load<'a> {
-    /// N, one for each tendon, none negative.
+    /// Tensions (N), one for each tendon, none negative.
     pub tensions: &'a [f64],
-    /// m/s^2
+    /// Gravity (m/s^2).
     pub gravity: [f64; 3],
-    /// N
+    /// Force on the tip (N).
     pub tip_force: [f64; 3],
-    /// N m
+    /// Moment on the tip (N m).
     pub tip_moment: [f64; 3],
 }
 
 /// A [`Load`] that owns its tensions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnedLoad {
+    /// Tensions (N), one for each tendon.
     pub tensions: Vec<f64>,
+    /// Gravity (m/s^2).
     pub gravity: [f64; 3],
+    /// Force on the tip (N).
     pub tip_force: [f64; 3],
+    /// Moment on the tip (N m).
     pub tip_moment: [f64; 3],
 }
 

@@ -30,30 +30,31 @@ impl fmt::Display for Short {
 /// Elastic section of the backbone in one segment; SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
-    /// E I, N m^2 (the same about both axes).
+    /// Bending stiffness E I (N m^2), the same about both axes.
     pub bending: f64,
-    /// G J, N m^2.
+    /// Torsion stiffness G J (N m^2).
     pub torsion: f64,
-    /// E A, N.
+    /// Axial stiffness E A (N).
     pub axial: f64,
-    /// G A times the shear factor, N.
+    /// Shear stiffness G A times the shear factor (N).
     pub shear: f64,
-    /// rho A, kg/m.
+    /// Mass per length rho A (kg/m).
     pub mass_per_length: f64,
-    /// rho I about a diameter, kg m; twice as much about the axis. Dynamics alone uses it.
+    /// Rotary inertia per length rho I about a diameter (kg m); twice as much about the axis.
+    /// Dynamics alone uses it.
     pub rotary_inertia: f64,
 }
 
 /// A spacer disk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disk {
-    /// Distance from the base along the straight backbone, m.
+    /// Distance from the base along the straight backbone (m).
     pub station: f64,
-    /// Length of backbone that it makes rigid, centred on its station, m.
+    /// Length of backbone that it makes rigid, centred on its station (m).
     pub clamped_length: f64,
-    /// kg
+    /// Mass (kg).
     pub mass: f64,
-    /// About a diameter and about the axis, kg m^2. Dynamics alone uses it.
+    /// Moments of inertia about a diameter and about the axis (kg m^2). Dynamics alone uses them.
     pub inertia: [f64; 2],
     /// Segment that the backbone before this disk belongs to.
     pub segment: usize,
@@ -62,7 +63,7 @@ pub struct Disk {
 /// A tendon: the same hole in the base and in every disk up to its end disk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tendon {
-    /// x and y of its holes in the disk frame, m.
+    /// Place x, y of its holes in the disk frame (m).
     pub hole: [f64; 2],
     /// Index of the disk that it is anchored in.
     pub end_disk: usize,
@@ -71,21 +72,22 @@ pub struct Tendon {
 /// What a [`Robot`] is made of; SI, base frame with z along the straight backbone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotSpec {
+    /// Sections of the backbone, one for each segment.
     pub sections: Vec<Section>,
-    /// From base to tip; the last one is the tip.
+    /// Disks from base to tip; the last one is the tip.
     pub disks: Vec<Disk>,
-    /// Inner segments first.
+    /// Tendons, those of inner segments first.
     pub tendons: Vec<Tendon>,
-    /// m/s^2
+    /// Gravity (m/s^2).
     pub gravity: [f64; 3],
 }
 
 /// The backbone between two neighbouring disks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Module {
-    /// Elastic length between the clamps, m.
+    /// Elastic length between the clamps (m).
     pub flexible: f64,
-    /// Rigid length next to the start and to the end disk, m.
+    /// Rigid lengths next to the start and to the end disk (m).
     pub clamp: [f64; 2],
     /// Index into the sections.
     pub segment: usize,

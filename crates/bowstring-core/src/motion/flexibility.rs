@@ -180,7 +180,7 @@ impl<const A: usize> Motion<Scalar, A> {
             }
             for a in 0..A - 1 {
                 let mut place = state.inside(a);
-                place.0[2] += self.rod.modules[j].clamp[0];
+                place.0[2] += self.rod.fixed.modules[j].clamp[0];
                 let mut moved = start[1] + start[0].cross(place);
                 moved += stretched * share::<f64, A>(a);
                 for i in 0..=a {

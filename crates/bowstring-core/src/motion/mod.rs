@@ -192,10 +192,11 @@ pub struct Damping {
 /// Energies and work, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energies {
+    /// Kinetic energy (J).
     pub kinetic: f64,
-    /// Of the backbone, and of tendons that are pulled by a length.
+    /// Elastic energy of the backbone, and of tendons that are pulled by a length (J).
     pub elastic: f64,
-    /// Zero with all mass at the base.
+    /// Energy of weight (J): zero with all mass at the base.
     pub gravity: f64,
     /// Done by motors, tip load and forces on disks since the start.
     pub work: f64,
@@ -296,8 +297,14 @@ const HISTORY: usize = 4;
 const NEARLY_RIGID: f64 = 1e-5;
 
 impl<L: Layout, const A: usize> Motion<L, A> {
-    pub fn new(robot: &Robot, model: Model, gravity: [f64; 3], damping: Damping) -> Self {
-        let mut rod = Rod::new(robot, model);
+    pub fn new(
+        layout: L,
+        robot: &Robot,
+        model: Model,
+        gravity: [f64; 3],
+        damping: Damping,
+    ) -> Self {
+        let mut rod = Rod::new(layout, robot, model);
         if model.theory == Theory::Kirchhoff {
             rod.make_yielding(NEARLY_RIGID);
         }
@@ -416,6 +423,10 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         A * self.module_count() * (8 + self.rod.tendons.len())
     }
 
+    pub fn layout(&self) -> L {
+        self.rod.layout
+    }
+
     pub fn module_count(&self) -> usize {
         self.directors.len()
     }
@@ -437,7 +448,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// Sets tensions and tip load; gravity stays.
     pub fn set_load(&mut self, load: &Load) {
         self.rod.set_tensions(|i| L::Chain::splat(load.tensions[i]));
-        self.rod.tip_moment = Vec3::splat(load.tip_moment);
+        self.rod.dead.tip_moment = Vec3::splat(load.tip_moment);
         self.tip_force = Vec3::splat(load.tip_force);
     }
 
@@ -715,7 +726,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         let splat = L::Chain::splat;
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let [start, end] = self.rod.modules[k].clamp;
+            let [start, end] = self.rod.fixed.modules[k].clamp;
             let rotation = self.rod.rotations[k];
             total += self.force[k * A + A - 1] + self.disk_force[k];
             let state = &mut self.rod.states[g];
@@ -748,7 +759,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 state.load_moment += state.inside(a).cross(self.inertia[g].force[a]);
             }
         }
-        let mut lambda = -self.rod.rotations[n].tr_mul(self.rod.tip_moment);
+        let mut lambda = -self.rod.rotations[n].tr_mul(self.rod.dead.tip_moment);
         for k in (0..n).rev() {
             let (state, i) = (&mut self.rod.states[k / L::WIDTH], k % L::WIDTH);
             lambda -= self.rod.rotations[k + 1].tr_mul(self.moment[k]);
@@ -803,7 +814,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                     *place = next.inside(a);
                 }
             }
-            let [start, end] = self.rod.modules[k].clamp;
+            let [start, end] = self.rod.fixed.modules[k].clamp;
             let ahead = frame.column(2) * L::Chain::splat(start);
             let base = position + ahead;
             for a in 0..A - 1 {
@@ -914,7 +925,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let t = in_group(&self.rod.tendons, &self.rod.tensions, self.rod.path, g);
             let c = &self.constants[g];
             let (state, gradient) = (&self.rod.states[g], &self.rod.gradients[g]);
-            let hessian = &mut self.rod.hessians[g];
+            let hessian = &mut self.rod.newton.hessians[g];
             let response = state.hessian::<false>(c, &t, gradient, hessian);
             let inertia = &mut self.inertia[g];
             let stiffness = state.compliance(c).inverse();
@@ -938,11 +949,11 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let (across, along) = (splat(stiff * (e1 + e3)), splat(stiff * 2.0 * e1));
             value[0][0] = value[0][0].add_diagonal([across, across, along]);
             value[1][1] = value[1][1].add_diagonal([splat(stiff * self.masses[k * A + A - 1]); 3]);
-            let (state, hessian) = (&self.rod.states[g], &self.rod.hessians[g]);
+            let (state, hessian) = (&self.rod.states[g], &self.rod.newton.hessians[g]);
             let inertia = &self.inertia[g];
             let s = get_mat::<L>(&state.s, i);
             let back = s.transpose();
-            let [start, end] = self.rod.modules[k].clamp;
+            let [start, end] = self.rod.fixed.modules[k].clamp;
             let mut rr = s * value[0][0] * back;
             let mut tr = s * value[1][0] * back;
             let tt = s * value[1][1] * back;
@@ -1026,7 +1037,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             column
         });
         // as in statics: a rotation in its log chart sees half of the moment
-        let moment = self.rod.rotations[n].tr_mul(self.rod.tip_moment);
+        let moment = self.rod.rotations[n].tr_mul(self.rod.dead.tip_moment);
         let stiffness = (moment * L::Chain::splat(-0.5)).skew();
         let back = (stiffness * flexibility).add_diagonal([L::Chain::splat(1.0); 3]);
         Swivel {
@@ -1118,7 +1129,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let (state, inertia) = (&self.rod.states[g], &self.inertia[g]);
             let joint = &mut self.joints[k];
             let s = get_mat::<L>(&state.s, i);
-            let [start, end] = self.rod.modules[k].clamp;
+            let [start, end] = self.rod.fixed.modules[k].clamp;
             let push = s * p[1];
             let turn = s * p[0] + (s.column(2) * splat(end)).cross(push);
             let mut o = get::<L>(&state.rho, i);
@@ -1151,7 +1162,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             }
             let u = joint.arcs.forward(&answer, &x);
             let mut pulled = joint.x * x[0] + joint.t * x[1];
-            let [start, end] = self.rod.modules[k].clamp;
+            let [start, end] = self.rod.fixed.modules[k].clamp;
             let s = get_mat::<L>(&state.s, i);
             let mut o = get::<L>(&state.rho, i);
             o.0[2] += splat(start);
@@ -1185,7 +1196,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
 
     /// Of the tendons at the holes, where forces balance, rad.
     pub fn angles(&self) -> &[f64] {
-        &self.rod.angles
+        &self.rod.spans.angles
     }
 
     /// Change of a tendon's length from a hole on, by each of the answers.
@@ -1233,7 +1244,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             for j in 0..count {
                 let span = self.rod.span(g, j);
                 let rate = span.direction.dot(moved + turn.cross(span.arm)) * ahead;
-                let rate = rate * self.rod.passes[g * count + j];
+                let rate = rate * self.rod.fixed.passes[g * count + j];
                 let out = &mut column.rates[(j * groups + g) * L::WIDTH..][..L::WIDTH];
                 for (i, out) in out.iter_mut().enumerate() {
                     *out = L::get(&rate, i).lane(0);
@@ -1650,7 +1661,7 @@ mod tests {
             material: 0.0,
         };
         let model = Model::default();
-        let mut motion = Motion::<Scalar, 2>::new(&robot, model, [0.0; 3], still);
+        let mut motion = Motion::<Scalar, 2>::new(Scalar, &robot, model, [0.0; 3], still);
         assert!(motion.settle());
         let points = motion.masses.iter().zip(&motion.place.points);
         let lumped: f64 = points.map(|(m, p)| m * p.0[2].powi(2)).sum();
@@ -1704,7 +1715,8 @@ mod tests {
             material: 2e-3,
         };
         for rho in [1.0, 0.8, 0.5] {
-            let mut motion = Motion::<Scalar, 2>::new(&robot, Model::default(), gravity.0, damping);
+            let mut motion =
+                Motion::<Scalar, 2>::new(Scalar, &robot, Model::default(), gravity.0, damping);
             let tensions = [20.0, 0.0, 5.0];
             let mut load = Load {
                 tensions: &tensions,

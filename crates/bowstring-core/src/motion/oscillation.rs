@@ -97,7 +97,7 @@ pub(crate) fn still<const A: usize>(at: &Equilibrium, load: &Load) -> Motion<Sca
         mass: 0.0,
         material: 0.0,
     };
-    let mut motion = Motion::new(at.robot, at.model, load.gravity, undamped);
+    let mut motion = Motion::new(Scalar, at.robot, at.model, load.gravity, undamped);
     motion.take_strain(|i| at.strain[i], |k| at.force[k]);
     motion.set_load(load);
     motion

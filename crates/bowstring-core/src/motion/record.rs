@@ -13,30 +13,38 @@ use crate::rod::module::{Constants, Span, State};
 /// them.
 #[derive(Clone, Debug, Default)]
 pub struct Fields {
-    /// By time.
+    /// Times (s).
     pub time: Vec<f64>,
+    /// Energies by time.
     pub energies: Vec<Energies>,
-    /// By time and point: centreline, and section frames (body to base, by rows).
+    /// Points of the centreline (m), by time and point.
     pub position: Vec<f64>,
+    /// Section frames (body to base, by rows), by time and point.
     pub rotation: Vec<f64>,
-    /// What the part beyond exerts on a section, in the section's own axes.
+    /// Force of the part beyond on a section (N), in the section's own axes.
     pub force: Vec<f64>,
+    /// Moment of the part beyond on a section (N m), in the section's own axes.
     pub moment: Vec<f64>,
-    /// By time and disk; angular velocity in base axes.
+    /// Positions of the disks (m), by time and disk.
     pub disk_position: Vec<f64>,
+    /// Rotations of the disks (body to base, by rows).
     pub disk_rotation: Vec<f64>,
+    /// Velocities of the disks (m/s).
     pub disk_velocity: Vec<f64>,
+    /// Angular velocities of the disks (rad/s), in base axes.
     pub disk_angular_velocity: Vec<f64>,
-    /// By time and tendon.
+    /// Tensions (N), by time and tendon.
     pub tension: Vec<f64>,
+    /// Tendon lengths (m), by time and tendon.
     pub tendon_length: Vec<f64>,
-    /// By time, disk at its end and tendon; NaN where the tendon does not pass.
+    /// Lengths of spans (m), by time, disk at the end and tendon; NaN where the tendon does not
+    /// pass.
     pub span_length: Vec<f64>,
-    /// By time and tendon, of a robot that is driven through its lines: length taken in since
-    /// home, and length that hangs, m.
+    /// Tendon displacements (m), by time and tendon, of a robot that is driven through its lines.
     pub pull: Vec<f64>,
+    /// Slack lengths (m), by time and tendon, of a robot that is driven through its lines.
     pub slack: Vec<f64>,
-    /// As `span_length`: where forces balanced in the last step, N.
+    /// Tensions of spans where forces balanced in the last step (N), as `span_length`.
     pub span_tension: Vec<f64>,
 }
 

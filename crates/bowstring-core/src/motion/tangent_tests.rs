@@ -128,7 +128,7 @@ fn statics<const A: usize>() {
     for (kind, robot, load) in loads() {
         for model in MODELS {
             let n = robot.module_count();
-            let mut rod = Rod::<Scalar, A>::new(&robot, model);
+            let mut rod = Rod::<Scalar, A>::new(Scalar, &robot, model);
             rod.load(&load);
             let strain: Vec<_> = (0..A * n)
                 .map(|_| vector(&mut draw, 0.6 / A as f64))
@@ -203,7 +203,8 @@ fn at_rest<const A: usize>() {
         }
         for model in MODELS {
             let n = robot.module_count();
-            let mut motion = Motion::<Scalar, A>::new(&robot, model, load.gravity, undamped);
+            let mut motion =
+                Motion::<Scalar, A>::new(Scalar, &robot, model, load.gravity, undamped);
             motion.set_load(&load);
             let strain: Vec<_> = (0..A * n)
                 .map(|_| vector(&mut draw, 0.6 / A as f64))

@@ -16,49 +16,95 @@ use crate::rod::module::{Constants, Gradient, Hessian, Response, Span, State, Te
 /// A robot under load, with its scratch memory: no pass of a solve allocates.
 #[derive(Clone)]
 pub(crate) struct Rod<L: Layout, const A: usize> {
-    /// By groups of `L::WIDTH` modules; the last may hold idle ones.
+    /// Proof that the processor has these numbers.
+    pub layout: L,
+    /// By groups of `L::WIDTH` modules; the last may hold idle ones. So are states and gradients.
     pub constants: Vec<Constants<L::Module>>,
     pub states: Vec<State<L::Module, A>>,
     pub gradients: Vec<Gradient<L::Module, A>>,
+    /// Rotations of the disks, base included.
+    pub rotations: Vec<Mat3<L::Chain>>,
+    pub tendons: Vec<Tendon>,
+    pub path: TendonPath,
+    /// Tension of every tendon in every group (N), zero where it does not pass.
+    pub tensions: Vec<L::Module>,
+    pub fixed: Fixed<L::Module>,
+    pub dead: DeadLoads<L::Chain>,
+    pub newton: Newton<L, A>,
+    pub spans: Spans<L, A>,
+    pub placed: Placed<L::Chain>,
+    pub errors: Errors<L>,
+}
+
+/// What the robot is, beside the constants of its modules in lanes.
+#[derive(Clone)]
+pub(crate) struct Fixed<M> {
+    pub modules: Vec<Constants<f64>>,
+    /// Masses of the disks (kg).
+    masses: Vec<f64>,
+    /// First tendon that passes each module.
+    first_tendon: Vec<usize>,
+    /// By groups and tendons: one where the tendon passes, else zero.
+    pub passes: Vec<M>,
+}
+
+/// Dead loads in the base frame.
+#[derive(Clone)]
+pub(crate) struct DeadLoads<C> {
+    /// By modules, see [`State::f`]: forces (N) and moments (N m).
+    pub modules: Vec<[Vec3<C>; 4]>,
+    /// Moment on the tip (N m).
+    pub tip_moment: Vec3<C>,
+}
+
+/// What a Newton step takes.
+#[derive(Clone)]
+pub(crate) struct Newton<L: Layout, const A: usize> {
     pub hessians: Vec<Hessian<L::Module, A>>,
     /// How the ends of modules answer, as of the last `linearise`.
     pub responses: Vec<Response<L::Module, A>>,
-    /// Answers to right-hand sides, see `respond`.
-    answers: Vec<Answers<L, A>>,
-    /// By groups and tendons, as of the last `measure_spans`.
-    spans: Vec<Span<L::Module>>,
-    /// By modules and tendons, as of the last `measure_spans`: length, and angle of the tendon
-    /// at the hole where the span begins; zero where the tendon does not pass.
-    pub span_lengths: Vec<f64>,
-    pub angles: Vec<f64>,
-    pub(crate) step: Vec<[Vec3<L::Module>; A]>,
-    /// By groups and by tendons, as of the last `estimate`.
-    pub(crate) defects: Vec<Defect<L::Module>>,
-    pub(crate) length_errors: Vec<L::Chain>,
-    /// Strain and contact force to go back to: the force is where the next balance starts.
-    saved: Vec<[Vec3<L::Module>; A]>,
-    saved_force: Vec<Vec3<L::Module>>,
-    /// Tension of every tendon in every group, zero where it does not pass.
-    pub tensions: Vec<L::Module>,
-    /// One where it passes.
-    pub passes: Vec<L::Module>,
     /// By modules.
     pub eliminated: Vec<Eliminated<L::Chain, A, 1>>,
-    pub(crate) symmetric: bool,
-    pub(crate) dead: Vec<[Vec3<L::Chain>; 4]>,
-    /// Of the disks, base included.
-    pub rotations: Vec<Mat3<L::Chain>>,
-    /// Of the disks, and the lengths of the tendons, m: as of the last `finish`.
-    pub positions: Vec<Vec3<L::Chain>>,
-    pub lengths: Vec<L::Chain>,
+    /// Whether the last elimination was that of a symmetric tangent.
+    pub symmetric: bool,
+    pub step: Vec<[Vec3<L::Module>; A]>,
+    /// Strain to go back to.
+    saved: Vec<[Vec3<L::Module>; A]>,
+    /// Contact force to go back to (N): the next balance starts there.
+    saved_force: Vec<Vec3<L::Module>>,
+}
+
+/// Spans as of the last `measure_spans`, and how they answer.
+#[derive(Clone)]
+pub(crate) struct Spans<L: Layout, const A: usize> {
+    /// By groups and tendons.
+    spans: Vec<Span<L::Module>>,
+    /// Lengths by modules and tendons (m); zero where the tendon does not pass.
+    pub lengths: Vec<f64>,
+    /// Angles of the tendons at the holes where spans begin, by modules and tendons (rad).
+    pub angles: Vec<f64>,
+    /// Answers to right-hand sides, see `respond`.
+    answers: Vec<Answers<L, A>>,
+}
+
+/// Where everything is, as of the last `finish`.
+#[derive(Clone)]
+pub(crate) struct Placed<C> {
+    /// Positions of the disks (m).
+    pub positions: Vec<Vec3<C>>,
+    /// Lengths of the tendons (m).
+    pub lengths: Vec<C>,
     /// How far a module's chord and its loaded spans point forward, the least of them.
-    forward: Vec<L::Chain>,
-    pub modules: Vec<Constants<f64>>,
-    masses: Vec<f64>,
-    first_tendon: Vec<usize>,
-    pub tendons: Vec<Tendon>,
-    pub path: TendonPath,
-    pub tip_moment: Vec3<L::Chain>,
+    forward: Vec<C>,
+}
+
+/// Discretisation error as of the last `estimate`.
+#[derive(Clone)]
+pub(crate) struct Errors<L: Layout> {
+    /// By groups.
+    pub defects: Vec<Defect<L::Module>>,
+    /// Errors of the tendons' lengths (m).
+    pub lengths: Vec<L::Chain>,
 }
 
 /// Answers of the rod, side by side in the lanes that modules have elsewhere.
@@ -188,57 +234,68 @@ pub(crate) fn lanes<L: Layout>(n: usize, g: usize, of: impl Fn(usize) -> f64) ->
 }
 
 impl<L: Layout, const A: usize> Rod<L, A> {
-    pub fn new(robot: &Robot, model: Model) -> Self {
+    pub fn new(layout: L, robot: &Robot, model: Model) -> Self {
         let n = robot.module_count();
         let groups = n.div_ceil(L::WIDTH);
         let modules: Vec<_> = (0..n)
             .map(|k| Constants::new(robot, k, model, A / 2))
             .collect();
         let zero = [Vec3::zero(); A];
+        let tendons = robot.tendon_count();
+        let passes = (0..groups * tendons).map(|at| {
+            let end = robot.spec().tendons[at % tendons].end_disk;
+            lanes::<L>(n, at / tendons, |k| f64::from(u8::from(k <= end)))
+        });
+        let constants = (0..groups).map(|g| {
+            Constants::gather(|i| {
+                // robots side by side share their modules; idle modules repeat the last
+                let i = if L::WIDTH == 1 { 0 } else { i };
+                modules[(g * L::WIDTH + i).min(n - 1)]
+            })
+        });
         Rod {
-            constants: (0..groups)
-                .map(|g| {
-                    Constants::gather(|i| {
-                        // robots side by side share their modules; idle modules repeat the last
-                        let i = if L::WIDTH == 1 { 0 } else { i };
-                        modules[(g * L::WIDTH + i).min(n - 1)]
-                    })
-                })
-                .collect(),
+            layout,
+            constants: constants.collect(),
             states: vec![State::straight(); groups],
             gradients: vec![Gradient::empty(); groups],
-            hessians: vec![Hessian::empty(); groups],
-            responses: vec![Response::empty(); groups],
-            answers: vec![],
-            spans: vec![],
-            span_lengths: vec![0.0; n * robot.tendon_count()],
-            angles: vec![0.0; n * robot.tendon_count()],
-            step: vec![zero; groups],
-            defects: vec![Defect::none(); groups],
-            length_errors: vec![L::Chain::zero(); robot.tendon_count()],
-            saved: vec![zero; groups],
-            saved_force: vec![Vec3::zero(); groups],
-            tensions: vec![L::Module::zero(); groups * robot.tendon_count()],
-            passes: (0..groups * robot.tendon_count())
-                .map(|at| {
-                    let (g, j) = (at / robot.tendon_count(), at % robot.tendon_count());
-                    let end = robot.spec().tendons[j].end_disk;
-                    lanes::<L>(n, g, |k| f64::from(u8::from(k <= end)))
-                })
-                .collect(),
-            eliminated: vec![Eliminated::empty(); n],
-            symmetric: true,
-            dead: vec![[Vec3::zero(); 4]; n],
             rotations: vec![Mat3::identity(); n + 1],
-            positions: vec![Vec3::zero(); n],
-            lengths: vec![L::Chain::zero(); robot.tendon_count()],
-            forward: vec![L::Chain::splat(1.0); n],
-            masses: robot.spec().disks.iter().map(|d| d.mass).collect(),
-            first_tendon: robot.modules.iter().map(|m| m.first_tendon).collect(),
             tendons: robot.spec().tendons.clone(),
             path: model.tendon,
-            tip_moment: Vec3::zero(),
-            modules,
+            tensions: vec![L::Module::zero(); groups * tendons],
+            fixed: Fixed {
+                masses: robot.spec().disks.iter().map(|d| d.mass).collect(),
+                first_tendon: robot.modules.iter().map(|m| m.first_tendon).collect(),
+                passes: passes.collect(),
+                modules,
+            },
+            dead: DeadLoads {
+                modules: vec![[Vec3::zero(); 4]; n],
+                tip_moment: Vec3::zero(),
+            },
+            newton: Newton {
+                hessians: vec![Hessian::empty(); groups],
+                responses: vec![Response::empty(); groups],
+                eliminated: vec![Eliminated::empty(); n],
+                symmetric: true,
+                step: vec![zero; groups],
+                saved: vec![zero; groups],
+                saved_force: vec![Vec3::zero(); groups],
+            },
+            spans: Spans {
+                spans: vec![],
+                lengths: vec![0.0; n * tendons],
+                angles: vec![0.0; n * tendons],
+                answers: vec![],
+            },
+            placed: Placed {
+                positions: vec![Vec3::zero(); n],
+                lengths: vec![L::Chain::zero(); tendons],
+                forward: vec![L::Chain::splat(1.0); n],
+            },
+            errors: Errors {
+                defects: vec![Defect::none(); groups],
+                lengths: vec![L::Chain::zero(); tendons],
+            },
         }
     }
 
@@ -274,7 +331,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let count = self.tendons.len();
         for i in 0..count {
             let t = tension(i);
-            for (k, first) in self.first_tendon.iter().enumerate() {
+            for (k, first) in self.fixed.first_tendon.iter().enumerate() {
                 if i >= *first {
                     let place = &mut self.tensions[k / L::WIDTH * count + i];
                     L::put(place, k % L::WIDTH, t);
@@ -293,17 +350,17 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         tip_moment: Vec3<L::Chain>,
     ) {
         self.set_tensions(tension);
-        self.tip_moment = tip_moment;
+        self.dead.tip_moment = tip_moment;
         let splat = L::Chain::splat;
         let mut force = tip_force;
-        for (k, c) in self.modules.iter().enumerate().rev() {
+        for (k, c) in self.fixed.modules.iter().enumerate().rev() {
             let (h, [start, end]) = (c.flexible, c.clamp);
             let weight = gravity * splat(c.mass_per_length);
-            force += gravity * splat(self.masses[k]);
+            force += gravity * splat(self.fixed.masses[k]);
             // an element's weight by Hermite's rule: half at each end, and a couple
             let element = h / (A / 2) as f64;
             let couple = element * element / 12.0;
-            self.dead[k] = [
+            self.dead.modules[k] = [
                 force + weight * splat(element / 2.0 + end),
                 force * splat(end) + weight * splat(end * end / 2.0 - couple),
                 force * splat(start) + weight * splat(start * (start / 2.0 + h + end) + couple),
@@ -322,7 +379,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     }
 
     pub fn has_tip_moment(&self) -> bool {
-        self.tip_moment.max_abs().largest() != 0.0
+        self.dead.tip_moment.max_abs().largest() != 0.0
     }
 
     pub fn make_straight(&mut self) {
@@ -348,11 +405,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             state.shape(c, &in_group(tendons, tensions, path, g));
         }
         let mut rotation = Mat3::identity();
-        for k in 0..self.dead.len() {
+        for k in 0..self.module_count() {
             let (state, i) = (&mut self.states[k / L::WIDTH], k % L::WIDTH);
             // the last is for nodes between elements
             let used = if A > 2 { 4 } else { 3 };
-            for (f, dead) in state.f[..used].iter_mut().zip(&self.dead[k]) {
+            for (f, dead) in state.f[..used].iter_mut().zip(&self.dead.modules[k]) {
                 put::<L>(f, i, rotation.tr_mul(*dead));
             }
             rotation = rotation * get_mat::<L>(&state.s, i);
@@ -365,10 +422,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn balance(&mut self) -> L::Chain {
         let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path);
+        let n = self.module_count();
         let mut energy = L::Chain::zero();
         for (g, (state, c)) in self.states.iter_mut().zip(&self.constants).enumerate() {
             state.balance(c, &in_group(tendons, tensions, path, g));
-            for i in 0..L::WIDTH.min(self.dead.len() - g * L::WIDTH) {
+            for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
                 energy += L::get(&state.energy, i);
             }
         }
@@ -378,8 +436,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Backward pass: gradient by the exact costate; returns the largest moment imbalance, N m.
     #[inline(always)]
     pub fn gradient(&mut self) -> L::Chain {
-        let n = self.dead.len();
-        let mut lambda = -self.rotations[n].tr_mul(self.tip_moment);
+        let n = self.module_count();
+        let mut lambda = -self.rotations[n].tr_mul(self.dead.tip_moment);
         for k in (0..n).rev() {
             let (state, i) = (&mut self.states[k / L::WIDTH], k % L::WIDTH);
             lambda = get_mat::<L>(&state.s, i) * lambda;
@@ -417,24 +475,24 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn linearise(&mut self) {
         for g in 0..self.states.len() {
-            self.responses[g] = self.linearise_group(g);
+            self.newton.responses[g] = self.linearise_group(g);
         }
     }
 
     #[inline(always)]
     fn linearise_group(&mut self, g: usize) -> Response<L::Module, A> {
         let t = in_group(&self.tendons, &self.tensions, self.path, g);
-        let out = &mut self.hessians[g];
+        let out = &mut self.newton.hessians[g];
         self.states[g].hessian::<true>(&self.constants[g], &t, &self.gradients[g], out)
     }
 
     /// Backward pass: eliminates every arc; returns the least pivot, positive at a minimum.
     #[inline(always)]
     pub fn eliminate<const SYMMETRIC: bool>(&mut self, shift: L::Chain) -> L::Chain {
-        let n = self.dead.len();
+        let n = self.module_count();
         // in its log chart a rotation sees a dead moment as a skew stiffness
-        self.symmetric = SYMMETRIC;
-        let moment = self.rotations[n].tr_mul(self.tip_moment);
+        self.newton.symmetric = SYMMETRIC;
+        let moment = self.rotations[n].tr_mul(self.dead.tip_moment);
         let mut value = if SYMMETRIC {
             Mat3::zero()
         } else {
@@ -443,7 +501,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let mut least_pivot = L::Chain::splat(f64::INFINITY);
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let all = &self.hessians[g];
+            let all = &self.newton.hessians[g];
             let s = get_mat::<L>(&self.states[g].s, i);
             // of the disk at the end, in the frame of the start
             let p = s * value * s.transpose();
@@ -461,7 +519,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 blocks.ux[a][0] = xu.transpose() + p;
             }
             blocks.xx[0][0] = get_mat::<L>(&all.xx, i) + p;
-            [[value]] = self.eliminated[k].eliminate::<SYMMETRIC>(blocks, &mut least_pivot);
+            [[value]] = self.newton.eliminated[k].eliminate::<SYMMETRIC>(blocks, &mut least_pivot);
         }
         least_pivot
     }
@@ -470,7 +528,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn newton_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
         let step = self.rotations_of_step::<SYMMETRIC>();
-        for (step, gradient) in self.step.iter_mut().zip(&self.gradients) {
+        for (step, gradient) in self.newton.step.iter_mut().zip(&self.gradients) {
             for a in 0..A {
                 step[a] = gradient.to_strain[a] * step[a];
             }
@@ -481,7 +539,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// The same as rotations that arcs add.
     #[inline(always)]
     pub(crate) fn rotations_of_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
-        let n = self.dead.len();
+        let n = self.module_count();
         let mut p = Vec3::zero();
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
@@ -491,9 +549,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 answer[a] = get::<L>(&self.gradients[g].g[a], i) + p;
             }
             let mut start = [p];
-            self.eliminated[k].backward::<SYMMETRIC>(&mut answer, &mut start);
+            self.newton.eliminated[k].backward::<SYMMETRIC>(&mut answer, &mut start);
             for a in 0..A {
-                put::<L>(&mut self.step[g][a], i, answer[a]);
+                put::<L>(&mut self.newton.step[g][a], i, answer[a]);
             }
             [p] = start;
         }
@@ -503,16 +561,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let mut answer = [Vec3::zero(); A];
             for a in 0..A {
-                answer[a] = get::<L>(&self.step[g][a], i);
+                answer[a] = get::<L>(&self.newton.step[g][a], i);
             }
-            let u = self.eliminated[k].forward(&answer, &[x]);
+            let u = self.newton.eliminated[k].forward(&answer, &[x]);
             let mut end = x;
             for a in 0..A {
                 end += u[a];
             }
             x = get_mat::<L>(&self.states[g].s, i).tr_mul(end);
             for a in 0..A {
-                put::<L>(&mut self.step[g][a], i, u[a]);
+                put::<L>(&mut self.newton.step[g][a], i, u[a]);
                 slope += get::<L>(&self.gradients[g].g[a], i).dot(u[a]);
                 largest = largest.max(u[a].max_abs());
             }
@@ -520,17 +578,29 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         Step { slope, largest }
     }
 
+    /// The same by the last elimination, symmetric or not.
+    #[inline(always)]
+    pub(crate) fn rotations_of_last_elimination(&mut self) {
+        if self.newton.symmetric {
+            self.rotations_of_step::<true>();
+        } else {
+            self.rotations_of_step::<false>();
+        }
+    }
+
     /// Lengths of all spans, and where asked the angles of the tendons at the holes.
     #[inline(always)]
     pub fn measure_spans(&mut self, angles: bool) {
-        let (n, count) = (self.dead.len(), self.tendons.len());
+        let (n, count) = (self.module_count(), self.tendons.len());
         let zero = Vec3::zero();
-        self.spans.resize_with(self.states.len() * count, || Span {
-            arm: zero,
-            length: L::Module::zero(),
-            per_length: L::Module::zero(),
-            direction: zero,
-        });
+        self.spans
+            .spans
+            .resize_with(self.states.len() * count, || Span {
+                arm: zero,
+                length: L::Module::zero(),
+                per_length: L::Module::zero(),
+                direction: zero,
+            });
         for (g, (state, c)) in self.states.iter().zip(&self.constants).enumerate() {
             for (j, tendon) in self.tendons.iter().enumerate() {
                 let span = Span::new(c, tendon, &state.s, state.rho);
@@ -539,19 +609,24 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                     if k > tendon.end_disk {
                         break;
                     }
-                    self.span_lengths[k * count + j] = L::get(&span.length, i).lane(0);
+                    self.spans.lengths[k * count + j] = L::get(&span.length, i).lane(0);
                 }
-                self.spans[g * count + j] = span;
+                self.spans.spans[g * count + j] = span;
             }
         }
-        if !angles {
-            return;
+        if angles {
+            self.measure_angles();
         }
+    }
+
+    #[inline(always)]
+    fn measure_angles(&mut self) {
+        let count = self.tendons.len();
         for j in 0..count {
             // before the base hole it is parallel to z
             let mut last = Vec3::<L::Chain>::ez();
             for (g, state) in self.states.iter().enumerate() {
-                let after = self.spans[g * count + j].direction;
+                let after = self.spans.spans[g * count + j].direction;
                 let next = state.s.tr_mul(after);
                 let mut before = next;
                 for i in 0..L::WIDTH {
@@ -564,7 +639,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                     if k > self.tendons[j].end_disk {
                         break;
                     }
-                    self.angles[k * count + j] = L::get(&angle, i).lane(0);
+                    self.spans.angles[k * count + j] = L::get(&angle, i).lane(0);
                 }
             }
         }
@@ -572,7 +647,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// Of a group and tendon, as measured last.
     pub fn span(&self, g: usize, tendon: usize) -> &Span<L::Module> {
-        &self.spans[g * self.tendons.len() + tendon]
+        &self.spans.spans[g * self.tendons.len() + tendon]
     }
 
     /// Answers of the rod, by the present elimination and measured spans: to its own gradient in
@@ -580,13 +655,13 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// there.
     #[inline(always)]
     pub fn respond(&mut self, sources: Sources) {
-        let (n, count) = (self.dead.len(), self.tendons.len());
-        if sources.tendons.is_empty() && !self.answers.is_empty() {
+        let (n, count) = (self.module_count(), self.tendons.len());
+        if sources.tendons.is_empty() && !self.spans.answers.is_empty() {
             return self.respond_to_gradient();
         }
         let total = 1 + sources.tendons.len();
-        while self.answers.len() * L::WIDTH < total {
-            self.answers.push(Answers {
+        while self.spans.answers.len() * L::WIDTH < total {
+            self.spans.answers.push(Answers {
                 u: vec![[Vec3::zero(); A]; n],
                 force: vec![Vec3::zero(); n],
                 beyond: vec![L::Module::zero(); n * count],
@@ -604,18 +679,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Answers the own gradient alone, with the modules in the lanes.
     #[inline(always)]
     fn respond_to_gradient(&mut self) {
-        if self.symmetric {
-            self.rotations_of_step::<true>();
-        } else {
-            self.rotations_of_step::<false>();
-        }
-        let (n, count) = (self.dead.len(), self.tendons.len());
-        let out = &mut self.answers[0];
+        self.rotations_of_last_elimination();
+        let (n, count) = (self.module_count(), self.tendons.len());
+        let out = &mut self.spans.answers[0];
         let mut x = Vec3::<L::Chain>::zero();
         for (g, state) in self.states.iter().enumerate() {
             let here = L::WIDTH.min(n - g * L::WIDTH);
             let mut start = Vec3::<L::Module>::zero();
-            let (response, step) = (&self.responses[g], &self.step[g]);
+            let (response, step) = (&self.newton.responses[g], &self.newton.step[g]);
             let (mut turn, mut moved) = (Vec3::<L::Module>::zero(), Vec3::<L::Module>::zero());
             for a in 0..A {
                 turn += step[a];
@@ -634,9 +705,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let force = state.stretching_load().cross(start) - response.k.tr_mul(turn);
             let rho = response.m * moved + response.d_hat * force;
             for j in 0..count {
-                let span = &self.spans[g * count + j];
+                let span = &self.spans.spans[g * count + j];
                 let longer = span.direction.dot(rho + turn.cross(span.arm));
-                let longer = longer * self.passes[g * count + j];
+                let longer = longer * self.fixed.passes[g * count + j];
                 for i in 0..here {
                     let place = &mut out.beyond[(g * L::WIDTH + i) * count + j];
                     place.set_lane(0, L::get(&longer, i).lane(0));
@@ -652,29 +723,59 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// Goes through the chain with some of the columns.
     #[inline(always)]
     fn substitute(&mut self, part: usize, columns: std::ops::Range<usize>, sources: &Sources) {
-        let (n, count) = (self.dead.len(), self.tendons.len());
-        let out = &mut self.answers[part];
-        let mut p = Vec3::<L::Module>::zero();
-        for k in (0..n).rev() {
-            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let (state, response) = (&self.states[g], &self.responses[g]);
-            let mut force = Vec3::<L::Module>::zero();
-            let mut arm = Vec3::<L::Module>::zero();
-            for (lane, column) in columns.clone().enumerate() {
-                if column == 0 {
-                    continue;
-                }
-                let w = sources.tensions[(column - 1) * n + k];
-                if w == 0.0 {
-                    continue;
-                }
-                let span = &self.spans[g * count + sources.tendons[column - 1]];
-                for q in 0..3 {
-                    let along = L::get(&span.direction.0[q], i).lane(0);
-                    force.0[q].set_lane(lane, -along * w);
-                    arm.0[q].set_lane(lane, L::get(&span.arm.0[q], i).lane(0));
-                }
+        self.substitute_backward(part, columns, sources);
+        self.substitute_forward(part);
+        let count = self.tendons.len();
+        let out = &mut self.spans.answers[part].beyond;
+        for at in (0..out.len() - count).rev() {
+            let further = out[at + count];
+            out[at] += further;
+        }
+    }
+
+    /// Force on the end of module `k` by the sources in some columns, and its arm.
+    #[inline(always)]
+    fn source_force(
+        &self,
+        k: usize,
+        columns: std::ops::Range<usize>,
+        sources: &Sources,
+    ) -> [Vec3<L::Module>; 2] {
+        let (n, count) = (self.module_count(), self.tendons.len());
+        let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+        let mut force = Vec3::<L::Module>::zero();
+        let mut arm = Vec3::<L::Module>::zero();
+        for (lane, column) in columns.enumerate() {
+            if column == 0 {
+                continue;
             }
+            let w = sources.tensions[(column - 1) * n + k];
+            if w == 0.0 {
+                continue;
+            }
+            let span = &self.spans.spans[g * count + sources.tendons[column - 1]];
+            for q in 0..3 {
+                let along = L::get(&span.direction.0[q], i).lane(0);
+                force.0[q].set_lane(lane, -along * w);
+                arm.0[q].set_lane(lane, L::get(&span.arm.0[q], i).lane(0));
+            }
+        }
+        [force, arm]
+    }
+
+    /// From tip to base: right-hand sides of the arcs, eliminated.
+    #[inline(always)]
+    fn substitute_backward(
+        &mut self,
+        part: usize,
+        columns: std::ops::Range<usize>,
+        sources: &Sources,
+    ) {
+        let mut p = Vec3::<L::Module>::zero();
+        for k in (0..self.module_count()).rev() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let [force, arm] = self.source_force(k, columns.clone(), sources);
+            let (state, response) = (&self.states[g], &self.newton.responses[g]);
             let moved = same_mat::<L>(&response.d_hat, i) * force;
             let turned = same_mat::<L>(&response.k, i) * moved - arm.cross(force);
             let on_end = same_mat::<L>(&response.m, i).tr_mul(force);
@@ -691,21 +792,29 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 answer[a] += p;
             }
             let mut start = [p];
-            let eliminated = self.eliminated[k].map(|m| widen::<L>(&m));
-            if self.symmetric {
+            let eliminated = self.newton.eliminated[k].map(|m| widen::<L>(&m));
+            if self.newton.symmetric {
                 eliminated.backward::<true>(&mut answer, &mut start);
             } else {
                 eliminated.backward::<false>(&mut answer, &mut start);
             }
             p = start[0] + same::<L>(&state.stretching_load(), i).cross(moved);
+            let out = &mut self.spans.answers[part];
             out.u[k] = answer;
             out.force[k] = force;
         }
+    }
+
+    /// From base to tip: rotations of the arcs, and how they lengthen the spans.
+    #[inline(always)]
+    fn substitute_forward(&mut self, part: usize) {
+        let count = self.tendons.len();
+        let out = &mut self.spans.answers[part];
         let mut x = Vec3::<L::Module>::zero();
-        for k in 0..n {
+        for k in 0..self.dead.modules.len() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let (state, response) = (&self.states[g], &self.responses[g]);
-            let eliminated = self.eliminated[k].map(|m| widen::<L>(&m));
+            let (state, response) = (&self.states[g], &self.newton.responses[g]);
+            let eliminated = self.newton.eliminated[k].map(|m| widen::<L>(&m));
             let u = eliminated.forward(&out.u[k], &[x]);
             let (mut turn, mut moved) = (Vec3::<L::Module>::zero(), Vec3::<L::Module>::zero());
             for a in 0..A {
@@ -718,7 +827,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 same_mat::<L>(&response.m, i) * moved + same_mat::<L>(&response.d_hat, i) * force;
             for (j, tendon) in self.tendons.iter().enumerate() {
                 out.beyond[k * count + j] = if k <= tendon.end_disk {
-                    let span = &self.spans[g * count + j];
+                    let span = &self.spans.spans[g * count + j];
                     let (arm, along) = (same::<L>(&span.arm, i), same::<L>(&span.direction, i));
                     along.dot(rho + turn.cross(arm))
                 } else {
@@ -728,16 +837,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             out.u[k] = u;
             x = same_mat::<L>(&state.s, i).tr_mul(x + turn);
         }
-        for at in (0..(n - 1) * count).rev() {
-            let further = out.beyond[at + count];
-            out.beyond[at] += further;
-        }
     }
 
     /// Change of a tendon's length from a hole on, by each of the answers.
     pub fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
         let at = hole * self.tendons.len() + tendon;
-        for (part, answers) in out.chunks_mut(L::WIDTH).zip(&self.answers) {
+        for (part, answers) in out.chunks_mut(L::WIDTH).zip(&self.spans.answers) {
             for (lane, value) in part.iter_mut().enumerate() {
                 *value = answers.beyond[at].lane(lane);
             }
@@ -749,7 +854,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn combine(&mut self, coefficients: &[f64]) -> f64 {
         self.combine_rotations(coefficients);
         let mut largest = L::Module::zero();
-        for (step, gradient) in self.step.iter_mut().zip(&self.gradients) {
+        for (step, gradient) in self.newton.step.iter_mut().zip(&self.gradients) {
             for a in 0..A {
                 largest = largest.max(step[a].max_abs());
                 step[a] = gradient.to_strain[a] * step[a];
@@ -761,11 +866,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// The same as rotations that arcs add.
     #[inline(always)]
     pub fn combine_rotations(&mut self, coefficients: &[f64]) {
-        for k in 0..self.dead.len() {
+        for k in 0..self.module_count() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             for a in 0..A {
                 let mut sum = [0.0; 3];
-                for (part, answers) in coefficients.chunks(L::WIDTH).zip(&self.answers) {
+                for (part, answers) in coefficients.chunks(L::WIDTH).zip(&self.spans.answers) {
                     let u = &answers.u[k][a];
                     for (lane, factor) in part.iter().enumerate() {
                         for q in 0..3 {
@@ -773,14 +878,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                         }
                     }
                 }
-                put::<L>(&mut self.step[g][a], i, Vec3::splat(sum));
+                put::<L>(&mut self.newton.step[g][a], i, Vec3::splat(sum));
             }
         }
-    }
-
-    /// Negative eigenvalues of the second variation that was eliminated last.
-    pub fn negative_pivots(&self) -> usize {
-        self.eliminated.iter().map(|e| e.negative_pivots()).sum()
     }
 
     /// Sets the tension of every span, by module and tendon.
@@ -804,23 +904,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn energy_scale(&self, length: f64, robot: usize) -> f64 {
         // all tendons pass the first module, all dead loads pull on it
-        let mut force = self.dead[0][0].norm().lane(robot);
+        let mut force = self.dead.modules[0][0].norm().lane(robot);
         for t in &self.tensions[..self.tendons.len()] {
             force += L::get(t, 0).lane(robot);
         }
         force * length
     }
 
-    /// Takes the step as the next right-hand side: inverse iteration.
-    pub fn step_to_gradient(&mut self, scale: f64) {
-        for (gradient, step) in self.gradients.iter_mut().zip(&self.step) {
-            gradient.g = step.map(|v| v * L::Module::splat(scale));
-        }
-    }
-
     /// Sets the right-hand side of the next step, arc by arc from base to tip.
     pub fn set_gradient(&mut self, value: impl Fn(usize) -> Vec3) {
-        for k in 0..self.dead.len() {
+        for k in 0..self.module_count() {
             for (a, g) in self.gradients[k / L::WIDTH].g.iter_mut().enumerate() {
                 put::<L>(g, k % L::WIDTH, Vec3::splat(value(k * A + a).0));
             }
@@ -829,8 +922,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     pub fn save(&mut self) {
         for (g, state) in self.states.iter().enumerate() {
-            self.saved[g] = state.w;
-            self.saved_force[g] = state.n;
+            self.newton.saved[g] = state.w;
+            self.newton.saved_force[g] = state.n;
         }
     }
 
@@ -839,18 +932,18 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     pub fn advance(&mut self, fraction: L::Module) {
         for (g, state) in self.states.iter_mut().enumerate() {
             for i in 0..A {
-                state.w[i] = self.step[g][i].scaled_add(fraction, self.saved[g][i]);
+                state.w[i] = self.newton.step[g][i].scaled_add(fraction, self.newton.saved[g][i]);
             }
-            state.n = self.saved_force[g];
+            state.n = self.newton.saved_force[g];
         }
     }
 
     /// Places the disks, measures the tendons and how far their spans point forward.
     #[inline(always)]
     pub fn finish(&mut self) {
-        let n = self.dead.len();
+        let n = self.module_count();
         let mut position = Vec3::zero();
-        for length in &mut self.lengths {
+        for length in &mut self.placed.lengths {
             *length = L::Chain::zero();
         }
         for (g, (c, state)) in self.constants.iter().zip(&self.states).enumerate() {
@@ -862,8 +955,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             for i in 0..here {
                 let k = g * L::WIDTH + i;
                 position += self.rotations[k] * get::<L>(&offset, i);
-                self.positions[k] = position;
-                self.forward[k] = L::get(&chord, i);
+                self.placed.positions[k] = position;
+                self.placed.forward[k] = L::get(&chord, i);
             }
             for (j, tendon) in self.tendons.iter().enumerate() {
                 let (length, forward) = match self.path {
@@ -878,13 +971,13 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                     if k > tendon.end_disk {
                         break;
                     }
-                    self.lengths[j] += L::get(&length, i);
+                    self.placed.lengths[j] += L::get(&length, i);
                     let (pull, forward) = (L::get(&t.tensions[j], i), L::get(&forward, i));
                     for robot in 0..L::Chain::LANES {
-                        let least = self.forward[k].lane(robot);
+                        let least = self.placed.forward[k].lane(robot);
                         // a NaN counts as backward
                         if pull.lane(robot) > 0.0 && !(forward.lane(robot) >= least) {
-                            self.forward[k].set_lane(robot, forward.lane(robot));
+                            self.placed.forward[k].set_lane(robot, forward.lane(robot));
                         }
                     }
                 }
@@ -895,11 +988,15 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     /// The first module of a robot in which a loaded span points backward: its two disks would
     /// have to pass through each other. As of the last `finish`.
     pub fn collision(&self, robot: usize) -> Option<usize> {
-        self.forward.iter().position(|f| !(f.lane(robot) > 0.0))
+        self.placed
+            .forward
+            .iter()
+            .position(|f| !(f.lane(robot) > 0.0))
     }
 
+    #[inline(always)]
     pub fn module_count(&self) -> usize {
-        self.dead.len()
+        self.dead.modules.len()
     }
 
     /// Pose of disk `k` in one lane of the chain.
@@ -909,7 +1006,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             position: Vec3::zero(),
         };
         for r in 0..3 {
-            pose.position[r] = self.positions[k][r].lane(lane);
+            pose.position[r] = self.placed.positions[k][r].lane(lane);
             for c in 0..3 {
                 pose.rotation.0[r][c] = self.rotations[k + 1].0[r][c].lane(lane);
             }
@@ -919,7 +1016,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
 
     /// Strains of all arcs from base to tip, of one robot.
     pub fn strains(&self, mut visit: impl FnMut(usize, Vec3)) {
-        for k in 0..self.dead.len() {
+        for k in 0..self.module_count() {
             for (a, v) in self.states[k / L::WIDTH].w.iter().enumerate() {
                 let w = get::<L>(v, k % L::WIDTH);
                 visit(k * A + a, Vec3([w[0].lane(0), w[1].lane(0), w[2].lane(0)]));
@@ -927,16 +1024,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Contact force of every module, in the frame of its start.
-    pub fn contact_forces(&self, mut visit: impl FnMut(usize, Vec3)) {
-        for k in 0..self.dead.len() {
-            let n = get::<L>(&self.states[k / L::WIDTH].n, k % L::WIDTH);
-            visit(k, Vec3([n[0].lane(0), n[1].lane(0), n[2].lane(0)]));
-        }
-    }
-
     pub fn set_strains(&mut self, strain: impl Fn(usize) -> Vec3) {
-        for k in 0..self.dead.len() {
+        for k in 0..self.module_count() {
             for (a, v) in self.states[k / L::WIDTH].w.iter_mut().enumerate() {
                 put::<L>(v, k % L::WIDTH, Vec3::splat(strain(k * A + a).0));
             }

@@ -270,7 +270,7 @@ impl<T: Real, const A: usize> State<T, A> {
             section = element.back(section, force);
             let (rotation, start) = match e {
                 0 => (Mat3::identity(), Vec3::zero()),
-                _ => (self.prefix[2 * e], self.inside(2 * e - 1)),
+                _ => (self.arcs[2 * e].prefix, self.inside(2 * e - 1)),
             };
             // turned so that the starts agree, how far the ends are apart
             let turned = rotation * section.rotation.transpose();

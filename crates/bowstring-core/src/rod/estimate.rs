@@ -1,6 +1,6 @@
 //! How far a converged answer is from the rod's differential equation.
 //!
-//! The elements of each module miss something ([`crate::rod::defect`]). One substitution by the
+//! The elements of each module miss something (`defect`). One substitution by the
 //! last Newton step's elimination gives the change of the whole rod that takes all defects away,
 //! and so the error of tip and lengths, also where a load near buckling magnifies it (defect
 //! correction: Stetter 1978).
@@ -13,18 +13,18 @@ use crate::rod::module::Span;
 /// Estimated discretisation error of an equilibrium.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ErrorEstimate {
-    /// Of the position of any disk, the tip's among them, m.
+    /// Largest error of a disk's position, the tip's among them (m).
     pub tip: f64,
-    /// Of the tension of a tendon that is pulled by a length, N.
+    /// Largest error of the tension of a tendon that is pulled by a length (N).
     pub tension: f64,
 }
 
 /// Estimated error of the tip, over the robot's length, that elements are chosen for.
-pub const TIP_TOLERANCE: f64 = 1e-5;
+const TIP_TOLERANCE: f64 = 1e-5;
 /// The same of tensions, over the largest.
-pub const TENSION_TOLERANCE: f64 = 1e-4;
+const TENSION_TOLERANCE: f64 = 1e-4;
 /// Elements to choose from.
-pub const LEVELS: [usize; 4] = [1, 2, 4, 8];
+pub(crate) const LEVELS: [usize; 4] = [1, 2, 4, 8];
 /// Compression of a module (force times squared length over bending stiffness; between two disks
 /// it buckles at pi^2) above which stability depends on the elements.
 const NEAR_BUCKLING: f64 = 5.0;
@@ -144,7 +144,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let mut weight = Vec3::zero();
             for i in 0..L::WIDTH.min(n - g * L::WIDTH) {
                 let k = g * L::WIDTH + i;
-                put::<L>(&mut weight, i, self.rotations[k].tr_mul(self.dead[k][3]));
+                put::<L>(
+                    &mut weight,
+                    i,
+                    self.rotations[k].tr_mul(self.dead.modules[k][3]),
+                );
             }
             let weight = weight * (c.per_flexible * L::Module::splat((A / 2) as f64));
             let t = in_group(&self.tendons, &self.tensions, self.path, g);
@@ -155,7 +159,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 compression = compression.max(L::get(&defect.compression, i));
                 folded = folded.max(L::get(&defect.folded, i));
             }
-            self.defects[g] = defect;
+            self.errors.defects[g] = defect;
         }
         let mut missing = Vec3::<L::Chain>::zero();
         for k in (0..n).rev() {
@@ -165,13 +169,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 let sum = get::<L>(rhs, i) + missing;
                 put::<L>(rhs, i, sum);
             }
-            missing -= get::<L>(&self.defects[g].moment, i);
+            missing -= get::<L>(&self.errors.defects[g].moment, i);
         }
-        if self.symmetric {
-            self.rotations_of_step::<true>();
-        } else {
-            self.rotations_of_step::<false>();
-        }
+        self.rotations_of_last_elimination();
         Correction {
             motion: self.correction(),
             compression,
@@ -184,17 +184,17 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     #[inline(always)]
     pub fn correction(&mut self) -> L::Chain {
         let n = self.module_count();
-        for length in &mut self.length_errors {
+        for length in &mut self.errors.lengths {
             *length = L::Chain::zero();
         }
         let mut motion = L::Chain::zero();
         let mut x = Vec3::<L::Chain>::zero();
         for g in 0..self.states.len() {
             let (c, state, gradient) = (&self.constants[g], &self.states[g], &self.gradients[g]);
-            let (mut turn, mut moved) = (Vec3::zero(), self.defects[g].place);
+            let (mut turn, mut moved) = (Vec3::zero(), self.errors.defects[g].place);
             for a in 0..A {
-                turn += self.step[g][a];
-                moved += gradient.r[a] * self.step[g][a];
+                turn += self.newton.step[g][a];
+                moved += gradient.r[a] * self.newton.step[g][a];
             }
             let here = L::WIDTH.min(n - g * L::WIDTH);
             for (j, tendon) in self.tendons.iter().enumerate() {
@@ -202,7 +202,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 let longer = span.direction.dot(moved + turn.cross(span.arm));
                 for i in 0..here {
                     if g * L::WIDTH + i <= tendon.end_disk {
-                        self.length_errors[j] += L::get(&longer, i);
+                        self.errors.lengths[j] += L::get(&longer, i);
                     }
                 }
             }

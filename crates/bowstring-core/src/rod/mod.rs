@@ -6,3 +6,4 @@ pub(crate) mod elimination;
 pub mod estimate;
 pub(crate) mod module;
 pub mod sensitivity;
+pub(crate) mod span;

@@ -24,22 +24,25 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::model::load::{Model, TendonPath, Theory};
 use crate::model::robot::{Robot, Tendon};
+use crate::rod::span::ParallelPath;
+pub(crate) use crate::rod::span::Span;
 
 /// What a module is, whatever its load.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Constants<T> {
-    /// Elastic length and its inverse, m and 1/m.
+    /// Elastic length (m).
     pub flexible: T,
+    /// Inverse of the elastic length (1/m).
     pub per_flexible: T,
-    /// Rigid lengths at start and end, m.
+    /// Rigid lengths at start and end (m).
     pub clamp: [T; 2],
-    /// rho A, kg/m.
+    /// Mass per length rho A (kg/m).
     pub mass_per_length: T,
-    /// Bending and torsion stiffness over the length of an element, N m.
+    /// Bending and torsion stiffness over the length of an element (N m).
     pub stiffness: [T; 2],
-    /// 1 / EA where the theory has extension.
+    /// Axial compliance 1 / EA where the theory has extension (1/N).
     axial_compliance: T,
-    /// `D = d0 I + d1 t t' + d2 s s' + d3 |s|^2 I`, `t` mean tangent, `s` change of tangent.
+    /// Compliance (m/N): `D = d0 I + d1 t t' + d2 s s' + d3 |s|^2 I`, `t` mean tangent, `s` change of tangent.
     pub d: [T; 4],
 }
 
@@ -89,7 +92,15 @@ impl<T: Real> Constants<T> {
         }
     }
 
-    /// Stiffness of an element times a rotation vector, N m.
+    /// Share of an element's stiffness about the axes (N m).
+    #[inline(always)]
+    fn share_of_stiffness(&self, share: f64) -> [T; 3] {
+        let [bending, torsion] = self.stiffness;
+        let (b, t) = (bending * T::splat(share), torsion * T::splat(share));
+        [b, b, t]
+    }
+
+    /// Stiffness of an element times a rotation vector (N m).
     #[inline(always)]
     pub fn moment(&self, w: Vec3<T>) -> Vec3<T> {
         let [bending, torsion] = self.stiffness;
@@ -105,34 +116,44 @@ pub(crate) struct Tendons<'a, T> {
     pub path: TendonPath,
 }
 
+/// An arc of constant curvature in its module.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arc<T> {
+    pub map: ArcMap<T>,
+    /// Rotation from the module's start to the start of the arc.
+    pub prefix: Mat3<T>,
+}
+
 /// State of a module at its present strain.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct State<T, const A: usize> {
-    /// Rotation vectors of the arcs: the unknown.
+    /// Rotation vectors of the arcs (rad): the unknown.
     pub w: [Vec3<T>; A],
-    pub arcs: [ArcMap<T>; A],
-    /// Rotation from the module's start to the start of each arc.
-    pub prefix: [Mat3<T>; A],
-    /// From the end of each arc to the end of the flexible part, without compliance.
+    pub arcs: [Arc<T>; A],
+    /// From the end of each arc to the end of the flexible part, without compliance (m).
     pub tail: [Vec3<T>; A],
-    /// Relative rotation and end of the flexible part, without and with compliance.
+    /// Rotation from the start to the end of the flexible part.
     pub s: Mat3<T>,
+    /// End of the flexible part without compliance (m).
     pub rho0: Vec3<T>,
+    /// End of the flexible part (m).
     pub rho: Vec3<T>,
-    /// Contact force, mean over the module, and the force of tendons and loads on the end.
+    /// Contact force, mean over the module (N).
     pub n: Vec3<T>,
+    /// Force of tendons and loads on the end (N).
     pub end_force: Vec3<T>,
-    /// Dead loads on the end, the end's tangent and the start's tangent, and the weight of an
-    /// element, which is on every node between two elements.
+    /// Dead loads on the end (N), the end's tangent and the start's tangent (N m), and the weight
+    /// of an element (N), which is on every node between two elements.
     pub f: [Vec3<T>; 4],
-    /// Moment of the spans about the end of the flexible part.
+    /// Moment of the spans about the end of the flexible part (N m).
     pub span_torque: Vec3<T>,
-    /// Moment of the dead loads about the start.
+    /// Moment of the dead loads about the start (N m).
     pub load_moment: Vec3<T>,
-    /// Costate: moment from all beyond the end disk.
+    /// Costate: moment from all beyond the end disk (N m).
     pub lambda: Vec3<T>,
-    /// What `rho = rho0 + D N` still lacks, m.
+    /// What `rho = rho0 + D N` still lacks (m).
     pub miss: T,
+    /// Potential energy, tip moment left out (J).
     pub energy: T,
 }
 
@@ -143,10 +164,11 @@ pub(crate) struct Gradient<T, const A: usize> {
     pub to_strain: [Mat3<T>; A],
     /// Motion of `rho0` by the rotation that each arc adds.
     pub r: [Mat3<T>; A],
-    /// Moment at the end, costate included, and force on `rho0`.
+    /// Moment at the end, costate included (N m).
     torque: Vec3<T>,
+    /// Force on `rho0` (N).
     nu: Vec3<T>,
-    /// Moment imbalance of each arc.
+    /// Moment imbalance of each arc (N m).
     pub g: [Vec3<T>; A],
 }
 
@@ -186,6 +208,8 @@ pub(crate) fn share<T: Real, const A: usize>(arc: usize) -> T {
     T::splat((arc + 1) as f64 / A as f64)
 }
 
+/// What `rho` may lack over the module's length.
+const SETTLED: f64 = 1e-13;
 /// Rounds for `rho` and `N`; two are usual.
 const MAX_ROUNDS: usize = 12;
 
@@ -195,8 +219,10 @@ impl<T: Real, const A: usize> State<T, A> {
         let zero = Vec3::zero();
         State {
             w: [zero; A],
-            arcs: [ArcMap::new(zero, T::zero()); A],
-            prefix: [Mat3::identity(); A],
+            arcs: [Arc {
+                map: ArcMap::new(zero, T::zero()),
+                prefix: Mat3::identity(),
+            }; A],
             tail: [zero; A],
             s: Mat3::identity(),
             rho0: zero,
@@ -218,17 +244,17 @@ impl<T: Real, const A: usize> State<T, A> {
         let arc_length = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
         for i in 0..A {
             let arc = ArcMap::new(self.w[i], arc_length);
+            let mut prefix = Mat3::identity();
             if i == 0 {
-                self.prefix[0] = Mat3::identity();
                 self.rho0 = arc.end;
                 self.s = arc.rotation;
             } else {
-                self.prefix[i] = self.s;
+                prefix = self.s;
                 self.rho0 += self.s * arc.end;
                 self.s = self.s * arc.rotation;
             }
             self.tail[i] = self.rho0;
-            self.arcs[i] = arc;
+            self.arcs[i] = Arc { map: arc, prefix };
         }
         for i in 0..A {
             self.tail[i] = self.rho0 - self.tail[i];
@@ -239,45 +265,13 @@ impl<T: Real, const A: usize> State<T, A> {
     #[inline(always)]
     pub fn balance(&mut self, c: &Constants<T>, t: &Tendons<T>) {
         let tangent = self.s.column(2);
-        let compliance = self.compliance(c);
-        let stretching = self.stretching_load();
-        let mut cable = T::zero();
-        self.span_torque = Vec3::zero();
-        match t.path {
-            TendonPath::Continuous => {
-                self.n = stretching;
-                self.rho = self.rho0 + compliance * self.n;
-                let stretch = c.stretch(t);
-                for i in (0..A).step_by(2) {
-                    for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
-                        let path =
-                            ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
-                        cable += tension * path.length;
-                    }
-                }
-            }
-            TendonPath::Straight => {
-                // rho and N together; the compliance is small, so this settles at once
-                self.rho = self.rho0 + compliance * self.n;
-                for round in 1..=MAX_ROUNDS {
-                    let (pull, g);
-                    (cable, pull, self.span_torque, g) = self.spans(c, t);
-                    self.n = stretching - pull;
-                    let miss = self.rho0 + compliance * self.n - self.rho;
-                    // a NaN passes on to the energy, where it is seen
-                    self.miss = miss.max_abs();
-                    let size = (self.miss * c.per_flexible).largest_number();
-                    if !(size > 1e-13) || round == MAX_ROUNDS {
-                        break;
-                    }
-                    let unit = [T::splat(1.0); 3];
-                    self.rho += (compliance * g).add_diagonal(unit).inverse() * miss;
-                }
-            }
-        }
+        let cable = match t.path {
+            TendonPath::Continuous => self.balance_continuous(c, t),
+            TendonPath::Straight => self.balance_straight(c, t),
+        };
         self.end_force = self.n;
         if A > 2 {
-            self.end_force -= stretching - self.f[0];
+            self.end_force -= self.stretching_load() - self.f[0];
         }
         self.energy = self.elastic_energy(c) + cable
             - self.f[0].dot(self.rho)
@@ -289,6 +283,48 @@ impl<T: Real, const A: usize> State<T, A> {
             let place = self.inside(2 * node - 1);
             self.energy -= self.f[3].dot(place);
             self.load_moment += place.cross(self.f[3]);
+        }
+    }
+
+    /// Contact force and end beside continuous tendons; returns tension times length of all.
+    #[inline(always)]
+    fn balance_continuous(&mut self, c: &Constants<T>, t: &Tendons<T>) -> T {
+        self.span_torque = Vec3::zero();
+        self.n = self.stretching_load();
+        self.rho = self.rho0 + self.compliance(c) * self.n;
+        let stretch = c.stretch(t);
+        let mut cable = T::zero();
+        for i in (0..A).step_by(2) {
+            for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
+                let path = ParallelPath::new::<A>(c, tendon, stretch, self.w[i], self.w[i + 1]);
+                cable += tension * path.length;
+            }
+        }
+        cable
+    }
+
+    /// Contact force and end beside straight spans; returns tension times length of all.
+    #[inline(always)]
+    fn balance_straight(&mut self, c: &Constants<T>, t: &Tendons<T>) -> T {
+        let compliance = self.compliance(c);
+        let stretching = self.stretching_load();
+        // rho and N together; the compliance is small, so this settles at once
+        self.rho = self.rho0 + compliance * self.n;
+        let mut round = 1;
+        loop {
+            let (cable, pull, torque, g) = self.spans(c, t);
+            self.span_torque = torque;
+            self.n = stretching - pull;
+            let miss = self.rho0 + compliance * self.n - self.rho;
+            // a NaN passes on to the energy, where it is seen
+            self.miss = miss.max_abs();
+            let size = (self.miss * c.per_flexible).largest_number();
+            if !(size > SETTLED) || round == MAX_ROUNDS {
+                return cable;
+            }
+            let unit = [T::splat(1.0); 3];
+            self.rho += (compliance * g).add_diagonal(unit).inverse() * miss;
+            round += 1;
         }
     }
 
@@ -401,16 +437,15 @@ impl<T: Real, const A: usize> State<T, A> {
         out.nu = self.end_force + on_end;
         let elastic = self.elastic_gradient(c, t);
         for i in 0..A {
-            let arc = &self.arcs[i];
+            let Arc { map: arc, prefix } = &self.arcs[i];
             let (q, inverse) = (arc.end_jacobian(), arc.left_jacobian_inverse());
             let tail = self.tail[i].skew();
             if i == 0 {
                 out.to_strain[0] = inverse;
                 out.r[0] = q * inverse - tail;
             } else {
-                let p = &self.prefix[i];
-                out.to_strain[i] = inverse * p.transpose();
-                out.r[i] = *p * (q * out.to_strain[i]) - tail;
+                out.to_strain[i] = inverse * prefix.transpose();
+                out.r[i] = *prefix * (q * out.to_strain[i]) - tail;
             }
             out.g[i] = out.to_strain[i].tr_mul(elastic[i]) + out.torque - out.r[i].tr_mul(out.nu);
             for node in i / 2 + 1..A / 2 {
@@ -448,15 +483,71 @@ impl<T: Real, const A: usize> State<T, A> {
         grad: &Gradient<T, A>,
         out: &mut Hessian<T, A>,
     ) -> Response<T, A> {
-        let half = T::splat(0.5);
-        let one = T::splat(1.0);
-        let tangent = self.s.column(2);
-        let (mean, change) = self.tangents(c);
-        let [_, d1, d2, d3] = c.d;
-        let n = self.n;
-        let (_, on_tangent) = self.compliance_forces(c);
+        let (g, k, mut e) = self.span_stiffness(c, t);
+        e += self.tangent_stiffness(c);
+        let (mut m, mut d_hat, mut g_hat) = (Mat3::identity(), Mat3::zero(), g);
+        let (mut km, mut kd, mut core) = (k, Mat3::zero(), e);
+        if CONDENSED {
+            let compliance = self.compliance(c);
+            m = (compliance * g).add_diagonal([T::splat(1.0); 3]).inverse();
+            d_hat = (m * compliance).symmetric_part();
+            g_hat = (g * m).symmetric_part();
+            km = k * m;
+            kd = k * d_hat;
+            core -= kd * k.transpose();
+        }
+        let j = self.end_motions(c, grad);
+        let mut kmj = [Mat3::zero(); A];
+        for i in 0..A {
+            kmj[i] = km * j[i];
+        }
+        let rank1 = c.d[1] * c.per_flexible * c.per_flexible;
+        for i in 0..A {
+            let pulled = g_hat * j[i];
+            let rn = grad.r[i].tr_mul(self.n);
+            for b in i..A {
+                let mut block =
+                    j[b].transpose().mul_add(pulled, core) + kmj[i] + kmj[b].transpose();
+                block -= (grad.r[b].tr_mul(self.n) * rank1).outer(rn);
+                if b > i {
+                    self.add_stiffness_between(c, t, grad, [i, b], &mut block);
+                } else {
+                    self.add_own_stiffness(c, t, grad, i, &mut block);
+                }
+                out.uu[b][i] = block;
+            }
+        }
+        let on_x =
+            -(self.f[1].cross_mat(self.s.column(2).skew())) - (self.lambda * T::splat(0.5)).skew();
+        let mut moved = j;
+        for i in 0..A {
+            if CONDENSED {
+                moved[i] = m.mul_add(j[i], -kd.transpose());
+            }
+            out.xu[i] = self.f[0].cross_mat(moved[i]) + on_x;
+        }
+        out.xx = self.start_stiffness::<CONDENSED>(&d_hat);
+        if A > 2 {
+            let mut weights = [Vec3::zero(); A];
+            for node in 1..A / 2 {
+                weights[2 * node - 1] = self.f[3];
+            }
+            self.add_dead_loads(grad, &weights, &moved, out);
+        }
+        Response {
+            j,
+            m,
+            d_hat,
+            g_hat,
+            k,
+        }
+    }
 
-        // stiffness of the spans: translation g, rotation e, and between them k
+    /// Stiffness of the spans against the end's translation, between rotation and translation,
+    /// and against its rotation.
+    #[inline(always)]
+    fn span_stiffness(&self, c: &Constants<T>, t: &Tendons<T>) -> (Mat3<T>, Mat3<T>, Mat3<T>) {
+        let half = T::splat(0.5);
         let (mut g, mut k, mut e) = (Mat3::zero(), Mat3::zero(), Mat3::zero());
         if t.path == TendonPath::Straight {
             for (tendon, &tension) in t.tendons.iter().zip(t.tensions) {
@@ -472,109 +563,100 @@ impl<T: Real, const A: usize> State<T, A> {
                     .add_diagonal([d; 3]);
             }
         }
-        // dead loads and compliance act on the end tangent
-        let f2 = self.f[1] + on_tangent;
-        let turn = n.cross(tangent);
-        let bubble = d3 * n.norm2();
-        let pulled = tangent * bubble - f2;
-        e += (pulled.outer(tangent).symmetric_part() - (turn * d2).outer(turn))
-            .add_diagonal([f2.dot(tangent) - bubble; 3]);
+        (g, k, e)
+    }
 
-        let (mut m, mut d_hat, mut g_hat) = (Mat3::identity(), Mat3::zero(), g);
-        if CONDENSED {
-            let compliance = self.compliance(c);
-            m = (compliance * g).add_diagonal([one; 3]).inverse();
-            d_hat = (m * compliance).symmetric_part();
-            g_hat = (g * m).symmetric_part();
-        }
+    /// Stiffness of the dead loads and the compliance that act on the end tangent.
+    #[inline(always)]
+    fn tangent_stiffness(&self, c: &Constants<T>) -> Mat3<T> {
+        let tangent = self.s.column(2);
+        let [_, _, d2, d3] = c.d;
+        let (_, on_tangent) = self.compliance_forces(c);
+        let f2 = self.f[1] + on_tangent;
+        let turn = self.n.cross(tangent);
+        let bubble = d3 * self.n.norm2();
+        let pulled = tangent * bubble - f2;
+        (pulled.outer(tangent).symmetric_part() - (turn * d2).outer(turn))
+            .add_diagonal([f2.dot(tangent) - bubble; 3])
+    }
+
+    /// Motion of the end by the rotation that each arc adds, at constant contact force.
+    #[inline(always)]
+    fn end_motions(&self, c: &Constants<T>, grad: &Gradient<T, A>) -> [Mat3<T>; A] {
+        let (mean, change) = self.tangents(c);
+        let [_, d1, d2, d3] = c.d;
+        let n = self.n;
         let x = (mean * (d1 * c.per_flexible))
             .outer(n)
-            .add_diagonal([one + d1 * mean.dot(n) * c.per_flexible; 3]);
+            .add_diagonal([T::splat(1.0) + d1 * mean.dot(n) * c.per_flexible; 3]);
         // motion of the end with its tangent, which a rotation u turns by u x tangent
         let by_tangent = ((change * d2).outer(n) + (n * (d3 + d3)).outer(change))
             .add_diagonal([d2 * change.dot(n); 3]);
+        let tangent = self.s.column(2);
         let y = tangent.cross_mat(by_tangent.transpose()).transpose();
         let mut j = [Mat3::zero(); A];
         for i in 0..A {
             j[i] = x.mul_add(grad.r[i], y);
         }
-        let (mut km, mut kd, mut core) = (k, Mat3::zero(), e);
-        if CONDENSED {
-            km = k * m;
-            kd = k * d_hat;
-            core -= kd * k.transpose();
-        }
+        j
+    }
 
-        let nu = -grad.nu;
-        let half_torque = (grad.torque * half).skew();
-        let rank1 = d1 * c.per_flexible * c.per_flexible;
-        let [bending, torsion] = c.stiffness;
-        let (b, t3) = (bending * T::splat(1.75), torsion * T::splat(1.75));
-        let own = [b, b, t3];
-        let (b, t3) = (bending * T::splat(0.25), torsion * T::splat(0.25));
-        let beside = [b, b, t3];
-        let (f1, stretching) = (self.f[0], self.stretching_load());
-        let on_x = -(self.f[1].cross_mat(tangent.skew())) - (self.lambda * half).skew();
-        let mut moved = j;
-        let mut kmj = [Mat3::zero(); A];
-        for i in 0..A {
-            kmj[i] = km * j[i];
+    /// Adds to the block between two arcs what their chain and a common element stiffen.
+    #[inline(always)]
+    fn add_stiffness_between(
+        &self,
+        c: &Constants<T>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        [i, b]: [usize; 2],
+        block: &mut Mat3<T>,
+    ) {
+        let half_torque = (grad.torque * T::splat(0.5)).skew();
+        *block -= ((-grad.nu).cross_mat(grad.r[b]) + half_torque).transpose();
+        if i % 2 == 0 && b == i + 1 {
+            let between =
+                self.continuous_blocks(c, t, i)[1].add_diagonal(c.share_of_stiffness(0.25));
+            *block += grad.to_strain[b].tr_mat(between * grad.to_strain[i]);
         }
-        for i in 0..A {
-            let pulled = g_hat * j[i];
-            let rn = grad.r[i].tr_mul(n);
-            for b in i..A {
-                let mut block =
-                    j[b].transpose().mul_add(pulled, core) + kmj[i] + kmj[b].transpose();
-                block -= (grad.r[b].tr_mul(n) * rank1).outer(rn);
-                if b > i {
-                    block -= (nu.cross_mat(grad.r[b]) + half_torque).transpose();
-                    if i % 2 == 0 && b == i + 1 {
-                        let between = self.coupling(c, t, i).add_diagonal(beside);
-                        block += grad.to_strain[b].tr_mat(between * grad.to_strain[i]);
-                    }
-                } else {
-                    let tail = self.tail[i];
-                    let p = &self.prefix[i];
-                    let local = self.arcs[i]
-                        .hessian(p.tr_mul(nu), p.tr_mul(grad.torque + tail.cross(nu)))
-                        .add_diagonal(own)
-                        + self.continuous_block(c, t, i);
-                    block += grad.to_strain[i].tr_mat(local * grad.to_strain[i]);
-                    block += nu
-                        .outer(tail)
-                        .symmetric_part()
-                        .add_diagonal([-nu.dot(tail); 3]);
-                }
-                out.uu[b][i] = block;
-            }
-            if CONDENSED {
-                moved[i] = m.mul_add(j[i], -kd.transpose());
-            }
-            out.xu[i] = f1.cross_mat(moved[i]) + on_x;
-        }
+    }
+
+    /// Adds to the block of an arc its own stiffness.
+    #[inline(always)]
+    fn add_own_stiffness(
+        &self,
+        c: &Constants<T>,
+        t: &Tendons<T>,
+        grad: &Gradient<T, A>,
+        i: usize,
+        block: &mut Mat3<T>,
+    ) {
+        let (nu, tail) = (-grad.nu, self.tail[i]);
+        let Arc { map, prefix: p } = &self.arcs[i];
+        let continuous = self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)];
+        let local = map
+            .hessian(p.tr_mul(nu), p.tr_mul(grad.torque + tail.cross(nu)))
+            .add_diagonal(c.share_of_stiffness(1.75))
+            + continuous;
+        *block += grad.to_strain[i].tr_mat(local * grad.to_strain[i]);
+        *block += nu
+            .outer(tail)
+            .symmetric_part()
+            .add_diagonal([-nu.dot(tail); 3]);
+    }
+
+    /// Second derivative by the start's rotation.
+    #[inline(always)]
+    fn start_stiffness<const CONDENSED: bool>(&self, d_hat: &Mat3<T>) -> Mat3<T> {
         let mut xx = Mat3::zero();
         if CONDENSED {
-            xx -= stretching.cross_mat(stretching.cross_mat(d_hat).transpose());
+            let stretching = self.stretching_load();
+            xx -= stretching.cross_mat(stretching.cross_mat(*d_hat).transpose());
         }
+        let tangent = self.s.column(2);
         for (f, v) in self.f.iter().zip([self.rho, tangent, Vec3::ez()]) {
             xx += (-f.outer(v).symmetric_part()).add_diagonal([f.dot(v); 3]);
         }
-        out.xx = xx;
-        if A > 2 {
-            let mut weights = [Vec3::zero(); A];
-            for node in 1..A / 2 {
-                weights[2 * node - 1] = self.f[3];
-            }
-            self.add_dead_loads(grad, &weights, &moved, out);
-        }
-        Response {
-            j,
-            m,
-            d_hat,
-            g_hat,
-            k,
-        }
+        xx
     }
 
     /// Adds the second derivatives of dead loads on the points inside, by the arc at whose end
@@ -603,8 +685,8 @@ impl<T: Real, const A: usize> State<T, A> {
             // sum of load x (lever u) by the rotation u of an arc before the points
             crossed[i] = load.cross_mat(grad.r[i]) + product.transpose().add_diagonal([-trace; 3]);
             let moment = load.cross(self.tail[i]) - Vec3([y[2] - z[1], z[0] - x[2], x[1] - y[0]]);
-            let p = &self.prefix[i];
-            let local = self.arcs[i].hessian(p.tr_mul(-load), p.tr_mul(moment));
+            let Arc { map, prefix: p } = &self.arcs[i];
+            let local = map.hessian(p.tr_mul(-load), p.tr_mul(moment));
             let lever = load.dot(self.tail[i]) - trace;
             out.uu[i][i] += grad.to_strain[i].tr_mat(local * grad.to_strain[i])
                 + (product - load.outer(self.tail[i]))
@@ -625,18 +707,8 @@ impl<T: Real, const A: usize> State<T, A> {
         stretching
     }
 
-    /// Continuous tendons: second derivative by one arc's rotation vector.
-    #[inline(always)]
-    fn continuous_block(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> Mat3<T> {
-        self.continuous_blocks(c, t, i - i % 2)[2 * (i % 2)]
-    }
-
-    /// Continuous tendons: second derivative between the two arcs of an element.
-    #[inline(always)]
-    fn coupling(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> Mat3<T> {
-        self.continuous_blocks(c, t, i)[1]
-    }
-
+    /// Continuous tendons: second derivatives by the rotation vectors of the two arcs of an
+    /// element: first-first, second-first, second-second.
     #[inline(always)]
     fn continuous_blocks(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
         let mut blocks = [Mat3::zero(); 3];
@@ -673,12 +745,12 @@ impl<T: Real, const A: usize> State<T, A> {
         let at = fraction * A as f64;
         let i = (at as usize).min(A - 1);
         let part = T::splat(at - i as f64);
-        let arc = ArcMap::new(self.w[i] * part, self.arcs[i].length() * part);
+        let arc = ArcMap::new(self.w[i] * part, self.arcs[i].map.length() * part);
         let mut from = (self.rho - self.rho0) * T::splat(fraction);
         for j in 0..i {
-            from += self.prefix[j] * self.arcs[j].end;
+            from += self.arcs[j].prefix * self.arcs[j].map.end;
         }
-        let prefix = self.prefix[i];
+        let prefix = self.arcs[i].prefix;
         (from + prefix * arc.end, prefix * arc.rotation)
     }
 }
@@ -755,254 +827,6 @@ impl<T: Real, const A: usize> Hessian<T, A> {
             uu: [[zero; A]; A],
             xu: [zero; A],
             xx: zero,
-        }
-    }
-}
-
-/// A straight piece of tendon between two neighbouring holes.
-#[derive(Clone)]
-pub(crate) struct Span<T> {
-    /// From the end of the flexible backbone to the end hole.
-    pub arm: Vec3<T>,
-    pub length: T,
-    pub per_length: T,
-    pub direction: Vec3<T>,
-}
-
-impl<T: Real> Span<T> {
-    #[inline(always)]
-    pub fn new(c: &Constants<T>, tendon: &Tendon, s: &Mat3<T>, rho: Vec3<T>) -> Self {
-        let (x, y) = (T::splat(tendon.hole[0]), T::splat(tendon.hole[1]));
-        let [start, end] = c.clamp;
-        let arm = s
-            .column(2)
-            .scaled_add(end, s.column(1).scaled_add(y, s.column(0) * x));
-        let v = rho + arm - Vec3([x, y, -start]);
-        let length = v.norm();
-        let per_length = T::splat(1.0) / length;
-        Span {
-            arm,
-            length,
-            per_length,
-            direction: v * per_length,
-        }
-    }
-
-    /// Geometric stiffness: `T / length (I - d d')`.
-    #[inline(always)]
-    fn stiffness(&self, tension: T) -> Mat3<T> {
-        let s = tension * self.per_length;
-        (self.direction * -s)
-            .outer(self.direction)
-            .add_diagonal([s; 3])
-    }
-}
-
-/// A tendon along a curve parallel to one element, by two Gauss points.
-struct ParallelPath<T> {
-    length: T,
-    hole: Vec3<T>,
-    /// Unit tangent and speed at each Gauss point.
-    points: [(Vec3<T>, T); 2],
-    /// Length that a point stands for.
-    weight: T,
-    /// Derivative of a Gauss point's curvature by the nearer and the farther arc.
-    near: T,
-    far: T,
-}
-
-impl<T: Real> ParallelPath<T> {
-    #[inline(always)]
-    fn new<const A: usize>(
-        c: &Constants<T>,
-        tendon: &Tendon,
-        stretch: T,
-        a: Vec3<T>,
-        b: Vec3<T>,
-    ) -> Self {
-        let elements = A as f64 / 2.0;
-        let slope = 3f64.sqrt() / 2.0;
-        let per_length = c.per_flexible * T::splat(elements);
-        let near = per_length * T::splat(1.0 + slope);
-        let far = per_length * T::splat(1.0 - slope);
-        let weight = c.flexible * T::splat(0.5 / elements);
-        let hole = Vec3::splat([tendon.hole[0], tendon.hole[1], 0.0]);
-        let mut length = T::zero();
-        let points = [(a, b), (b, a)].map(|(first, other)| {
-            let mut q = (first * near + other * far).cross(hole);
-            q.0[2] += stretch;
-            let speed = q.norm();
-            length += speed * weight;
-            (q * (T::splat(1.0) / speed), speed)
-        });
-        ParallelPath {
-            length,
-            hole,
-            points,
-            weight,
-            near,
-            far,
-        }
-    }
-
-    /// By the rotation vectors of the two arcs.
-    #[inline(always)]
-    fn gradient(&self) -> [Vec3<T>; 2] {
-        let [p, q] = self.points.map(|(d, _)| self.hole.cross(d));
-        let (near, far) = (self.near * self.weight, self.far * self.weight);
-        [p * near + q * far, p * far + q * near]
-    }
-
-    /// Blocks: first-first, second-first, second-second.
-    #[inline(always)]
-    fn hessian(&self) -> [Mat3<T>; 3] {
-        let b = self.hole;
-        let [p, q] = self.points.map(|(d, speed)| {
-            let across = b.cross(d);
-            (Mat3::scalar(b.norm2()) - b.outer(b) - across.outer(across)) * (self.weight / speed)
-        });
-        let (n, f) = (self.near, self.far);
-        [
-            p * (n * n) + q * (f * f),
-            (p + q) * (n * f),
-            p * (f * f) + q * (n * n),
-        ]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::math::lie::exp;
-    use crate::model::robot::{Disk, RobotSpec, Section};
-    use crate::random::Draw;
-
-    const STEP: f64 = 1e-6;
-    const HOLE: [f64; 2] = [0.02, -0.013];
-
-    fn constants(elements: usize) -> Constants<f64> {
-        let robot = Robot::new(RobotSpec {
-            sections: vec![Section {
-                bending: 1.07,
-                torsion: 0.83,
-                axial: 6.9e5,
-                shear: 2.6e5,
-                mass_per_length: 0.035,
-                rotary_inertia: 5.5e-8,
-            }],
-            disks: vec![Disk {
-                station: 0.07,
-                clamped_length: 0.004,
-                mass: 0.02,
-                inertia: [5.1e-6, 1.02e-5],
-                segment: 0,
-            }],
-            tendons: vec![tendon()],
-            gravity: [0.0; 3],
-        });
-        Constants::new(&robot.unwrap(), 0, Model::default(), elements)
-    }
-
-    fn tendon() -> Tendon {
-        Tendon {
-            hole: HOLE,
-            end_disk: 0,
-        }
-    }
-
-    fn vector(draw: &mut Draw, size: f64) -> Vec3 {
-        Vec3([0; 3].map(|_| draw.within(-size, size)))
-    }
-
-    /// Change of `f` by a step of either sign along each axis, over twice the step.
-    fn differences<const N: usize>(f: impl Fn(Vec3) -> [f64; N]) -> [[f64; 3]; N] {
-        let mut out = [[0.0; 3]; N];
-        for axis in 0..3 {
-            let step =
-                |sign: f64| Vec3([0, 1, 2].map(|i| if i == axis { sign * STEP } else { 0.0 }));
-            let (up, down) = (f(step(1.0)), f(step(-1.0)));
-            for i in 0..N {
-                out[i][axis] = (up[i] - down[i]) / (2.0 * STEP);
-            }
-        }
-        out
-    }
-
-    fn assert_near(found: [f64; 3], expected: [f64; 3], scale: f64) {
-        for (a, b) in found.iter().zip(expected) {
-            assert!(
-                (a - b).abs() < 1e-7 * scale,
-                "{found:?} against {expected:?}"
-            );
-        }
-    }
-
-    /// The law of a straight span: a motion of the end lengthens it by the direction's share, and
-    /// its tension turns with it.
-    #[test]
-    fn derivatives_of_a_straight_span() {
-        let c = constants(1);
-        for number in 0..50 {
-            let mut draw = Draw::new(31, number);
-            let s = exp(vector(&mut draw, 0.8));
-            let rho = Vec3([0.0, 0.0, 0.066]) + vector(&mut draw, 0.02);
-            let span = Span::new(&c, &tendon(), &s, rho);
-            let moved = differences(|u| [Span::new(&c, &tendon(), &s, rho + u).length]);
-            assert_near(moved[0], span.direction.0, 1.0);
-            let turned = differences(|u| [Span::new(&c, &tendon(), &(exp(u) * s), rho).length]);
-            assert_near(turned[0], span.arm.cross(span.direction).0, 1.0);
-            let pull = |u| {
-                Span::new(&c, &tendon(), &s, rho + u)
-                    .direction
-                    .0
-                    .map(|d| 3.0 * d)
-            };
-            let stiffness = span.stiffness(3.0).rows();
-            for (found, row) in differences(pull).iter().zip(stiffness) {
-                assert_near(*found, row.0, 100.0);
-            }
-        }
-    }
-
-    /// The law of a continuous tendon: derivatives of its length by both arcs of an element.
-    #[test]
-    fn derivatives_of_a_parallel_path() {
-        for (number, elements) in (0..50).zip([1, 2, 4, 8].into_iter().cycle()) {
-            let c = constants(elements);
-            let mut draw = Draw::new(32, number);
-            let [a, b] = [0; 2].map(|_| vector(&mut draw, 0.3 / elements as f64));
-            let path = |a, b| match elements {
-                1 => ParallelPath::new::<2>(&c, &tendon(), 1.01, a, b),
-                2 => ParallelPath::new::<4>(&c, &tendon(), 1.01, a, b),
-                4 => ParallelPath::new::<8>(&c, &tendon(), 1.01, a, b),
-                _ => ParallelPath::new::<16>(&c, &tendon(), 1.01, a, b),
-            };
-            let found = path(a, b);
-            let [by_a, by_b] = found.gradient();
-            assert_near(differences(|u| [path(a + u, b).length])[0], by_a.0, 0.1);
-            assert_near(differences(|u| [path(a, b + u).length])[0], by_b.0, 0.1);
-            let [aa, ba, bb] = found.hessian();
-            let rows = |by: [[f64; 3]; 3], of: Mat3| {
-                for (found, row) in by.iter().zip(of.rows()) {
-                    assert_near(*found, row.0, 0.1);
-                }
-            };
-            rows(differences(|u| path(a + u, b).gradient()[0].0), aa);
-            rows(differences(|u| path(a + u, b).gradient()[1].0), ba);
-            rows(differences(|u| path(a, b + u).gradient()[1].0), bb);
-        }
-    }
-
-    /// On an arc of constant curvature it has the length of the parallel arc.
-    #[test]
-    fn a_parallel_path_of_an_arc_is_the_parallel_arc() {
-        let c = constants(1);
-        for angle in [0.0, 0.1, -0.4, 1.2] {
-            let half = Vec3([0.0, 0.5 * angle, 0.0]);
-            let path = ParallelPath::new::<2>(&c, &tendon(), 1.0, half, half);
-            // a bend about y shortens what is on the side of x
-            let expected = c.flexible - angle * HOLE[0];
-            assert!((path.length - expected).abs() < 1e-12, "{angle}");
         }
     }
 }

@@ -64,7 +64,7 @@ pub(crate) fn jacobians<const A: usize>(
     }
     rod.gradient();
     rod.linearise();
-    let responses = rod.responses.clone();
+    let responses = rod.newton.responses.clone();
     let jacobians = if rod.has_tip_moment() {
         rod.eliminate::<false>(0.0);
         all::<A, false>(rod, &responses, segments)
@@ -100,7 +100,7 @@ fn all<const A: usize, const SYMMETRIC: bool>(
     let by = |p: Parameter| derivative::<A, SYMMETRIC>(rod, responses, segments, &p);
     let count = segments[segments.len() - 1] + 1;
     Jacobians {
-        tensions: (0..rod.lengths.len())
+        tensions: (0..rod.placed.lengths.len())
             .map(|i| by(Parameter::Tension(i)))
             .collect(),
         tip_force: (0..3).map(|i| by(Parameter::Force(i))).collect(),
@@ -179,7 +179,7 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
     parameter: &Parameter,
 ) -> Derivative {
     let n = rod.module_count();
-    if interrupt::work(n * (16 + 2 * rod.lengths.len())) {
+    if interrupt::work(n * (16 + 2 * rod.placed.lengths.len())) {
         return Derivative {
             position: Vec3::splat([f64::NAN; 3]),
             rotation: Vec3::zero(),
@@ -198,15 +198,15 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
         let at_start = rod.states[k].s * p;
         let mut start = [at_start];
         answers[k] = sources[k].moment.map(|m| m + at_start);
-        rod.eliminated[k].backward::<SYMMETRIC>(&mut answers[k], &mut start);
+        rod.newton.eliminated[k].backward::<SYMMETRIC>(&mut answers[k], &mut start);
         p = start[0] + sources[k].start;
     }
     let mut x = Vec3::zero();
     let mut position = Vec3::zero();
-    let mut lengths = vec![0.0; rod.lengths.len()];
+    let mut lengths = vec![0.0; rod.placed.lengths.len()];
     for k in 0..n {
         let (state, c, response) = (&rod.states[k], &rod.constants[k], &responses[k]);
-        let u = rod.eliminated[k].forward(&answers[k], &[x]);
+        let u = rod.newton.eliminated[k].forward(&answers[k], &[x]);
         let mut turn = Vec3::zero();
         let mut moved = sources[k].place;
         for i in 0..A {

@@ -7,12 +7,13 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::{InputError, Robot};
 use crate::statics::adaptive::Adaptive;
 #[cfg(target_arch = "x86_64")]
-use crate::statics::lanes::SideBySide;
-use crate::statics::solver::{Outcome, Pose, Status};
+use crate::statics::lanes::{side_by_side, SideBySide};
+use crate::statics::solver::{Outcome, Pose, Solver, Status};
 
 /// What to solve with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Settings {
+    /// Physics.
     pub model: Model,
     /// Elements of fourth order in a module: 1, 2, 4 or 8; `None` chooses them load by load.
     pub elements: Option<usize>,
@@ -30,11 +31,13 @@ impl Settings {
 pub struct Loads<'a> {
     /// Number of rows.
     pub count: usize,
-    /// One for each tendon in each row.
+    /// Tensions (N), one for each tendon in each row.
     pub tensions: &'a [f64],
-    /// Three numbers, or three in each row; so are the next two.
+    /// Gravity (m/s^2): three numbers, or three in each row.
     pub gravity: &'a [f64],
+    /// Force on the tip (N), as gravity.
     pub tip_force: &'a [f64],
+    /// Moment on the tip (N m), as gravity.
     pub tip_moment: &'a [f64],
 }
 
@@ -91,16 +94,17 @@ impl<'a> Loads<'a> {
 /// Rows that did not converge hold NaN. A rotation is its matrix row by row and maps body to base.
 #[derive(Clone, Debug)]
 pub struct Solutions {
+    /// What each row found.
     pub outcomes: Vec<Outcome>,
-    /// n x 3
+    /// Positions of the tip (m), n x 3.
     pub tip_position: Vec<f64>,
-    /// n x 9
+    /// Rotations of the tip, n x 9.
     pub tip_rotation: Vec<f64>,
-    /// n x tendons
+    /// Lengths of the tendons (m), n x tendons.
     pub tendon_length: Vec<f64>,
-    /// n x disks x 3; empty unless asked for.
+    /// Positions of the disks (m), n x disks x 3; empty unless asked for.
     pub disk_position: Vec<f64>,
-    /// n x disks x 9; empty unless asked for.
+    /// Rotations of the disks, n x disks x 9; empty unless asked for.
     pub disk_rotation: Vec<f64>,
 }
 
@@ -154,11 +158,11 @@ pub fn solve_batch(
     dispatch::check_solvers(robot, elements, 2 * thread_count(threads))?;
     loads.check(robot)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
-    let mut chunks = solutions.chunks(robot, CHUNK);
+    let mut chunks: Vec<_> = solutions.chunks(robot, CHUNK).collect();
     let scratch = || Scratch {
         solver: settings.solver(robot).expect("checked above"),
         #[cfg(target_arch = "x86_64")]
-        lanes: SideBySide::new(robot, settings.model, settings.elements),
+        lanes: side_by_side(robot, settings.model, settings.elements),
     };
     for_each(&mut chunks, threads, scratch, |scratch, chunk| {
         chunk.fill(scratch, loads)
@@ -170,7 +174,7 @@ pub fn solve_batch(
 struct Scratch {
     solver: Adaptive,
     #[cfg(target_arch = "x86_64")]
-    lanes: Option<SideBySide>,
+    lanes: Option<Box<dyn SideBySide>>,
 }
 
 /// Loads that one thread takes at a time: whole sets of lanes.
@@ -238,83 +242,72 @@ fn one_by_one<T, S>(items: &mut [T], scratch: impl Fn() -> S, work: impl Fn(&mut
 
 impl Solutions {
     /// Room for `n` answers, all NaN.
-    fn pending(robot: &Robot, n: usize, disks: bool) -> Result<Self, InputError> {
-        let refused = || {
-            InputError(format!(
-                "the answers of {n} loads do not fit into memory: give fewer at a time or leave the disks out"
-            ))
-        };
+    pub(super) fn pending(robot: &Robot, n: usize, disks: bool) -> Result<Self, InputError> {
+        let refused = || too_many(n);
         let nan = |columns: usize| unknown(n.checked_mul(columns), &refused);
         let all = if disks { robot.module_count() } else { 0 };
         let mut outcomes = Vec::new();
         outcomes.try_reserve_exact(n).map_err(|_| refused())?;
-        let solutions = Solutions {
+        outcomes.resize(n, Outcome::pending());
+        Ok(Solutions {
             outcomes,
             tip_position: nan(3)?,
             tip_rotation: nan(9)?,
             tendon_length: nan(robot.tendon_count())?,
             disk_position: nan(3 * all)?,
             disk_rotation: nan(9 * all)?,
-        };
-        Ok(solutions.with_outcomes(n))
+        })
     }
 
-    /// With so many loads whose outcome is not known yet.
-    fn with_outcomes(mut self, n: usize) -> Self {
-        self.outcomes.resize(
-            n,
-            Outcome {
-                status: Status::MaxIterations,
-                stable: None,
-                iterations: 0,
-                residual: f64::NAN,
-                left_unstable: false,
-                fraction: 0.0,
-                collision: None,
-                error: None,
-            },
-        );
-        self
-    }
-
-    /// Disjoint pieces of `size` rows, the last one perhaps shorter.
-    fn chunks(&mut self, robot: &Robot, size: usize) -> Vec<Chunk<'_>> {
+    /// Disjoint pieces of `rows` rows, the last one perhaps shorter.
+    pub(super) fn chunks(&mut self, robot: &Robot, rows: usize) -> impl Iterator<Item = Chunk<'_>> {
         let (tendons, modules) = (robot.tendon_count(), robot.module_count());
         let disks = if self.disk_position.is_empty() {
             0
         } else {
             modules
         };
-        let mut rest = Chunk {
-            first: 0,
+        let mut tip_position = pieces(&mut self.tip_position, 3 * rows);
+        let mut tip_rotation = pieces(&mut self.tip_rotation, 9 * rows);
+        let mut tendon_length = pieces(&mut self.tendon_length, tendons * rows);
+        let mut disk_position = pieces(&mut self.disk_position, 3 * disks * rows);
+        let mut disk_rotation = pieces(&mut self.disk_rotation, 9 * disks * rows);
+        let chunks = self.outcomes.chunks_mut(rows).enumerate();
+        chunks.map(move |(i, outcomes)| Chunk {
+            first: i * rows,
             tendons,
             modules,
             disks,
-            outcomes: &mut self.outcomes,
-            tip_position: &mut self.tip_position,
-            tip_rotation: &mut self.tip_rotation,
-            tendon_length: &mut self.tendon_length,
-            disk_position: &mut self.disk_position,
-            disk_rotation: &mut self.disk_rotation,
-        };
-        let mut chunks = Vec::new();
-        while !rest.outcomes.is_empty() {
-            let (head, tail) = rest.split(size);
-            chunks.push(head);
-            rest = tail;
-        }
-        chunks
+            outcomes,
+            tip_position: tip_position.next().unwrap_or_default(),
+            tip_rotation: tip_rotation.next().unwrap_or_default(),
+            tendon_length: tendon_length.next().unwrap_or_default(),
+            disk_position: disk_position.next().unwrap_or_default(),
+            disk_rotation: disk_rotation.next().unwrap_or_default(),
+        })
     }
 }
 
+pub(super) fn too_many(n: usize) -> InputError {
+    InputError(format!(
+        "the answers of {n} loads do not fit into memory: give fewer at a time or leave the disks out"
+    ))
+}
+
+/// Pieces of `len` entries of a column, the last one perhaps shorter, and empty ones beyond.
+pub(super) fn pieces<T>(column: &mut [T], len: usize) -> impl Iterator<Item = &mut [T]> {
+    let beyond = std::iter::repeat_with(Default::default);
+    column.chunks_mut(len.max(1)).chain(beyond)
+}
+
 /// Consecutive rows and the place for their answers.
-struct Chunk<'a> {
-    first: usize,
+pub(super) struct Chunk<'a> {
+    pub first: usize,
     tendons: usize,
     modules: usize,
     /// Number of disks to write: all or none.
     disks: usize,
-    outcomes: &'a mut [Outcome],
+    pub outcomes: &'a mut [Outcome],
     tip_position: &'a mut [f64],
     tip_rotation: &'a mut [f64],
     tendon_length: &'a mut [f64],
@@ -322,80 +315,49 @@ struct Chunk<'a> {
     disk_rotation: &'a mut [f64],
 }
 
-impl<'a> Chunk<'a> {
-    fn split(self, rows: usize) -> (Self, Self) {
-        let rows = rows.min(self.outcomes.len());
-        let (outcomes, outcomes_rest) = self.outcomes.split_at_mut(rows);
-        let (tip_position, tip_position_rest) = self.tip_position.split_at_mut(3 * rows);
-        let (tip_rotation, tip_rotation_rest) = self.tip_rotation.split_at_mut(9 * rows);
-        let (tendon_length, tendon_length_rest) =
-            self.tendon_length.split_at_mut(self.tendons * rows);
-        let (disk_position, disk_position_rest) =
-            self.disk_position.split_at_mut(3 * self.disks * rows);
-        let (disk_rotation, disk_rotation_rest) =
-            self.disk_rotation.split_at_mut(9 * self.disks * rows);
-        (
-            Chunk {
-                outcomes,
-                tip_position,
-                tip_rotation,
-                tendon_length,
-                disk_position,
-                disk_rotation,
-                ..self
-            },
-            Chunk {
-                first: self.first + rows,
-                outcomes: outcomes_rest,
-                tip_position: tip_position_rest,
-                tip_rotation: tip_rotation_rest,
-                tendon_length: tendon_length_rest,
-                disk_position: disk_position_rest,
-                disk_rotation: disk_rotation_rest,
-                ..self
-            },
-        )
-    }
-
+impl Chunk<'_> {
     /// Solves every row from straight: side by side where that can be, else one by one.
     fn fill(&mut self, scratch: &mut Scratch, loads: &Loads) {
-        let rows = self.outcomes.len();
         #[cfg(target_arch = "x86_64")]
         if let Some(lanes) = &mut scratch.lanes {
-            let width = lanes.width();
-            for start in (0..rows).step_by(width) {
-                if interrupt::interrupted() {
-                    return;
-                }
-                let set = start..(start + width).min(rows);
-                let row = |lane: usize| {
-                    let i = (start + lane).min(set.end - 1);
-                    loads.row(self.first + i, self.tendons)
-                };
-                let side_by_side: [Load; 8] = std::array::from_fn(row);
-                let outcomes = lanes.solve(&side_by_side[..set.len()]);
-                for i in set {
-                    match outcomes[i - start] {
-                        Some(outcome) => {
-                            self.outcomes[i] = outcome;
-                            let lane = i - start;
-                            self.write(
-                                i,
-                                |k| lanes.disk(k, lane),
-                                |j| lanes.tendon_length(j, lane),
-                            );
-                        }
-                        None => self.solve(i, &mut scratch.solver, loads, false),
-                    }
-                }
-            }
-            return;
+            return self.fill_side_by_side(&mut **lanes, &mut scratch.solver, loads);
         }
-        for i in 0..rows {
+        for i in 0..self.outcomes.len() {
             if interrupt::interrupted() {
                 return;
             }
             self.solve(i, &mut scratch.solver, loads, false);
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn fill_side_by_side(
+        &mut self,
+        lanes: &mut dyn SideBySide,
+        careful: &mut Adaptive,
+        loads: &Loads,
+    ) {
+        let (rows, width) = (self.outcomes.len(), lanes.width());
+        for start in (0..rows).step_by(width) {
+            if interrupt::interrupted() {
+                return;
+            }
+            let count = width.min(rows - start);
+            let side_by_side: [Load; 8] = std::array::from_fn(|lane| {
+                let i = start + lane.min(count - 1);
+                loads.row(self.first + i, self.tendons)
+            });
+            let outcomes = lanes.solve(&side_by_side[..count]);
+            for (lane, outcome) in outcomes[..count].iter().enumerate() {
+                let i = start + lane;
+                let Some(outcome) = outcome else {
+                    self.solve(i, careful, loads, false);
+                    continue;
+                };
+                self.outcomes[i] = *outcome;
+                let length = |j| lanes.tendon_length(j, lane);
+                self.write(i, |k| lanes.disk(k, lane), length);
+            }
         }
     }
 
@@ -410,13 +372,17 @@ impl<'a> Chunk<'a> {
         .expect("all rows were checked");
         self.outcomes[i] = outcome;
         if outcome.status == Status::Converged {
-            let solver = solver.solver();
-            self.write(
-                i,
-                |k| solver.disk(k).expect("it converged"),
-                |j| solver.tendon_length(j).expect("it converged"),
-            );
+            self.write_answer(i, solver.solver());
         }
+    }
+
+    /// Writes the answer of a solver that has converged.
+    pub fn write_answer(&mut self, i: usize, solver: &Solver) {
+        self.write(
+            i,
+            |k| solver.disk(k).expect("it converged"),
+            |j| solver.tendon_length(j).expect("it converged"),
+        );
     }
 
     fn write(

@@ -5,106 +5,93 @@
 
 use crate::interrupt;
 use crate::math::linalg::Vec3;
-use crate::math::real::Real;
-use crate::math::simd::{has_avx2, has_avx512, F64x4, F64x8, Robots};
+use crate::math::real::{Layout, Real};
+use crate::math::simd::{Avx2, Avx512, Robots, Simd};
 use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
 use crate::rod::estimate::Verdict;
-use crate::statics::solver::{
-    is_minimum_nearby, Outcome, Pose, Settings, Status, MAX_STEP, TOLERANCE,
+use crate::statics::newton::{
+    is_minimum_nearby, ENERGY_NOISE, MAX_STEP, SUFFICIENT_DECREASE, TOLERANCE,
 };
+use crate::statics::solver::{Outcome, Pose, Settings, Status};
 
 /// Newton steps after which a load is left to the careful solver.
 const MAX_PLAIN_STEPS: usize = 10;
 
-pub(crate) struct SideBySide {
-    rod: Wide,
+/// Robots in SIMD lanes.
+pub(crate) trait SideBySide {
+    /// How many loads fit side by side.
+    fn width(&self) -> usize;
+    /// Solves up to `width` loads from straight; `None` for those left to the careful solver.
+    fn solve(&mut self, loads: &[Load]) -> [Option<Outcome>; 8];
+    /// Pose of a disk under one of the loads.
+    fn disk(&self, k: usize, lane: usize) -> Pose;
+    /// Length of a tendon under one of the loads, m.
+    fn tendon_length(&self, i: usize, lane: usize) -> f64;
+}
+
+/// For one element in a module, where the processor has lanes.
+pub(crate) fn side_by_side(
+    robot: &Robot,
+    model: Model,
+    elements: Option<usize>,
+) -> Option<Box<dyn SideBySide>> {
+    if elements.unwrap_or(1) != 1 {
+        return None;
+    }
+    if let Some(simd) = Avx512::detect() {
+        return Some(Box::new(Lanes::new(simd, robot, model, elements)));
+    }
+    Some(Box::new(Lanes::new(
+        Avx2::detect()?,
+        robot,
+        model,
+        elements,
+    )))
+}
+
+struct Lanes<S: Simd> {
+    rod: Rod<Robots<S>, 2>,
     settings: Settings,
     /// Elements are chosen: an answer that needs more than one is not let pass.
     automatic: bool,
 }
 
-enum Wide {
-    Avx2(Box<Rod<Robots<F64x4>, 2>>),
-    Avx512(Box<Rod<Robots<F64x8>, 2>>),
-}
-
-impl SideBySide {
-    /// For one element in a module, where the processor has lanes.
-    pub fn new(robot: &Robot, model: Model, elements: Option<usize>) -> Option<Self> {
-        let rod = match elements.unwrap_or(1) {
-            1 if has_avx512() => Wide::Avx512(Box::new(Rod::new(robot, model))),
-            1 if has_avx2() => Wide::Avx2(Box::new(Rod::new(robot, model))),
-            _ => return None,
-        };
-        Some(SideBySide {
-            rod,
+impl<S: Simd> Lanes<S> {
+    fn new(simd: S, robot: &Robot, model: Model, elements: Option<usize>) -> Self {
+        Lanes {
+            rod: Rod::new(Robots(simd), robot, model),
             settings: Settings::new(robot, model, 1),
             automatic: elements.is_none(),
-        })
-    }
-
-    /// How many loads fit side by side.
-    pub fn width(&self) -> usize {
-        match self.rod {
-            Wide::Avx2(_) => F64x4::LANES,
-            Wide::Avx512(_) => F64x8::LANES,
-        }
-    }
-
-    /// Solves up to `width` loads from straight; `None` for those left to the careful solver.
-    pub fn solve(&mut self, loads: &[Load]) -> [Option<Outcome>; 8] {
-        match &mut self.rod {
-            // SAFETY: `new` makes this variant only where the processor has AVX2 and FMA
-            Wide::Avx2(rod) => unsafe { solve_avx2(rod, &self.settings, self.automatic, loads) },
-            // SAFETY: `new` makes this variant only where it has AVX-512 F, VL, DQ as well
-            Wide::Avx512(rod) => unsafe {
-                solve_avx512(rod, &self.settings, self.automatic, loads)
-            },
-        }
-    }
-
-    /// Pose of a disk under one of the loads.
-    pub fn disk(&self, k: usize, lane: usize) -> Pose {
-        match &self.rod {
-            Wide::Avx2(rod) => rod.disk(k, lane),
-            Wide::Avx512(rod) => rod.disk(k, lane),
-        }
-    }
-
-    /// Length of a tendon under one of the loads, m.
-    pub fn tendon_length(&self, i: usize, lane: usize) -> f64 {
-        match &self.rod {
-            Wide::Avx2(rod) => rod.lengths[i].lane(lane),
-            Wide::Avx512(rod) => rod.lengths[i].lane(lane),
         }
     }
 }
 
-#[target_feature(enable = "avx2,fma")]
-fn solve_avx2(
-    rod: &mut Rod<Robots<F64x4>, 2>,
-    settings: &Settings,
-    automatic: bool,
-    loads: &[Load],
-) -> [Option<Outcome>; 8] {
-    solve(rod, settings, automatic, loads)
-}
+impl<S: Simd> SideBySide for Lanes<S> {
+    fn width(&self) -> usize {
+        S::Vector::LANES
+    }
 
-#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx2,fma")]
-fn solve_avx512(
-    rod: &mut Rod<Robots<F64x8>, 2>,
-    settings: &Settings,
-    automatic: bool,
-    loads: &[Load],
-) -> [Option<Outcome>; 8] {
-    solve(rod, settings, automatic, loads)
+    fn solve(&mut self, loads: &[Load]) -> [Option<Outcome>; 8] {
+        self.rod.layout.vectorize(
+            #[inline(always)]
+            || solve(&mut self.rod, &self.settings, self.automatic, loads),
+        )
+    }
+
+    fn disk(&self, k: usize, lane: usize) -> Pose {
+        self.rod.disk(k, lane)
+    }
+
+    fn tendon_length(&self, i: usize, lane: usize) -> f64 {
+        self.rod.placed.lengths[i].lane(lane)
+    }
 }
 
 #[inline(always)]
-fn solve<M: Real>(
-    rod: &mut Rod<Robots<M>, 2>,
+fn solve<S: Simd>(
+    rod: &mut Rod<Robots<S>, 2>,
     settings: &Settings,
     automatic: bool,
     loads: &[Load],
@@ -114,12 +101,12 @@ fn solve<M: Real>(
     let vector = |pick: fn(&Load) -> [f64; 3]| {
         let mut v = Vec3::zero();
         for (q, x) in v.0.iter_mut().enumerate() {
-            *x = M::from_fn(|lane| pick(of(lane))[q]);
+            *x = S::Vector::from_fn(|lane| pick(of(lane))[q]);
         }
         v
     };
     rod.set_load(
-        |i| M::from_fn(|lane| of(lane).tensions[i]),
+        |i| S::Vector::from_fn(|lane| of(lane).tensions[i]),
         vector(|l| l.gravity),
         vector(|l| l.tip_force),
         Vec3::zero(),
@@ -128,24 +115,25 @@ fn solve<M: Real>(
     let mut energy = rod.evaluate();
     // a tip moment has no energy to fall
     let mut plain = [false; 8];
-    let mut noise = M::zero();
+    let mut noise = S::Vector::zero();
     let mut stiffening = [0.0; 8];
-    for lane in 0..M::LANES {
+    for lane in 0..S::Vector::LANES {
         plain[lane] = of(lane).tip_moment == [0.0; 3];
         let scale = rod.energy_scale(settings.length, lane);
         stiffening[lane] = scale / rod.module_count() as f64;
-        noise.set_lane(lane, 1e-14 * (scale + energy.lane(lane).abs()));
+        noise.set_lane(lane, ENERGY_NOISE * (scale + energy.lane(lane).abs()));
     }
     let mut minimum_nearby = [false; 8];
     let mut iterations = [0; 8];
     let mut outcomes = [None; 8];
     for round in 0..=MAX_PLAIN_STEPS {
-        if interrupt::work(M::LANES * settings.work) {
+        if interrupt::work(S::Vector::LANES * settings.work) {
             break;
         }
-        let residual = rod.gradient() * M::splat(1.0 / settings.moment_scale);
+        let residual = rod.gradient() * S::Vector::splat(1.0 / settings.moment_scale);
         let ready = |lane: usize| residual.lane(lane) <= TOLERANCE && minimum_nearby[lane];
-        if round == MAX_PLAIN_STEPS || (0..M::LANES).all(|lane| ready(lane) || !plain[lane]) {
+        if round == MAX_PLAIN_STEPS || (0..S::Vector::LANES).all(|lane| ready(lane) || !plain[lane])
+        {
             rod.finish();
             let found = rod.estimate();
             for lane in 0..loads.len() {
@@ -160,23 +148,21 @@ fn solve<M: Real>(
                         error: Some(verdict.error),
                         iterations: iterations[lane],
                         residual: residual.lane(lane),
-                        left_unstable: false,
-                        fraction: 1.0,
-                        collision: None,
+                        ..Outcome::pending()
                     });
                 }
             }
             break;
         }
         rod.linearise_only();
-        let pivot = rod.eliminate::<true>(M::zero());
+        let pivot = rod.eliminate::<true>(S::Vector::zero());
         let step = rod.newton_step::<true>();
         rod.save();
         // a lane that is left to the careful solver stays where it is
-        rod.advance(M::from_fn(|lane| f64::from(plain[lane])));
+        rod.advance(S::Vector::from_fn(|lane| f64::from(plain[lane])));
         let trial = rod.evaluate();
-        let bound = energy + step.slope * M::splat(1e-4) + noise;
-        for lane in 0..M::LANES {
+        let bound = energy + step.slope * S::Vector::splat(SUFFICIENT_DECREASE) + noise;
+        for lane in 0..S::Vector::LANES {
             if !(residual.lane(lane) <= TOLERANCE) {
                 iterations[lane] = round + 1;
             }

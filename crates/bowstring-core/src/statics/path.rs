@@ -18,10 +18,12 @@ use crate::tendon::transmission::{Slip, Transmission};
 /// What a step found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DriveOutcome {
+    /// How the step ended.
     pub status: Status,
     /// Whether it is a minimum of the energy under the given pulls and tensions; `None` under a
     /// tip moment or friction, which have no potential.
     pub stable: Option<bool>,
+    /// Newton steps.
     pub iterations: usize,
     /// Steps that it took of the path from the last.
     pub increments: usize,
@@ -31,9 +33,9 @@ pub struct DriveOutcome {
     pub length_residual: f64,
     /// Whether the tensions are the smallest of many that hold the same pose.
     pub undetermined: bool,
-    /// Without equilibrium: tendons that pull against each other, and the nearest pulls that
-    /// have one, m.
+    /// Tendons that pull against each other, where there is no equilibrium.
     pub fighting: Vec<usize>,
+    /// Nearest displacements with an equilibrium (m), where there is none.
     pub nearest: Option<Vec<f64>>,
     /// Of a converged answer: estimated discretisation error.
     pub error: Option<ErrorEstimate>,

@@ -1,4 +1,4 @@
-//! Static equilibrium: Newton's method on the strain, globalised, with an honest status.
+//! Static equilibrium: Newton's method, load stepping where it fails, and a status.
 
 use crate::dispatch::{self, Passes, Plain};
 use crate::interrupt;
@@ -6,10 +6,13 @@ pub use crate::math::lie::Pose;
 use crate::math::linalg::Vec3;
 use crate::model::load::{Load, Model, OwnedLoad};
 use crate::model::robot::{InputError, Robot};
-use crate::motion::oscillation::{self, Equilibrium};
+use crate::motion::oscillation::Equilibrium;
 use crate::rod::estimate::{ErrorEstimate, Verdict};
 use crate::rod::module::Constants;
 use crate::rod::sensitivity::Jacobians;
+pub(crate) use crate::statics::newton::MAX_STEP;
+pub use crate::statics::newton::TOLERANCE;
+use crate::statics::newton::{newton, Attempt, MAX_ITERATIONS};
 
 /// How a solve ended. Only [`Status::Converged`] comes with a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,30 +40,34 @@ impl Status {
     }
 }
 
-/// Largest moment imbalance over (bending stiffness / length) that counts as converged.
-pub const TOLERANCE: f64 = 1e-10;
-/// Damping ratio that keeps small oscillations under a tip moment from growing where it counts as
-/// stable. Without any, a moment along a round backbone lets them grow however small it is
-/// (Nikolai's paradox).
-pub const FLUTTER_DAMPING: f64 = 0.01;
-/// The same where no damping helps: what grows hardly oscillates.
-const HOPELESS: f64 = 0.5;
 /// Least moment over (bending stiffness / length) that may lead from a stable equilibrium to one
 /// that is not.
 const LEADS: f64 = 0.1;
-/// Newton steps before giving up.
-pub const MAX_ITERATIONS: usize = 200;
+/// First increment of all the load, as a share of it.
+const FIRST_INCREMENT: f64 = 0.25;
+/// Factor of the increment after one that converged.
+const LONGER: f64 = 1.5;
+/// Factor of the increment after one that did not.
+const SHORTER: f64 = 0.3;
+/// Increment below which the load is given up.
+const LEAST_INCREMENT: f64 = 1e-3;
+/// Newton steps in all after which smaller increments are not tried.
+const MAX_CONTINUATION: usize = 3 * MAX_ITERATIONS;
+/// Largest change of an arc's rotation vector by extrapolation (rad).
+const MAX_EXTRAPOLATION: f64 = 0.3;
 
 /// What a solve found, its numbers aside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
+    /// How the solve ended.
     pub status: Status,
     /// Whether the equilibrium is a minimum of the energy. Under a tip moment, which has no
-    /// potential: whether small motions that are damped by [`FLUTTER_DAMPING`] die out, false with
+    /// potential: whether small motions at a damping ratio of 0.01 die out, false with
     /// [`Status::Converged`] where it is the moment that leads from a stable equilibrium to one where
-    /// they do not, as it does beyond half a turn; `None` where that takes more damping, or the masses of a robot that has none, and where the
-    /// answer is lost in rounding.
+    /// they do not, as it does beyond half a turn; `None` where that takes more damping, or the
+    /// masses of a robot that has none, and where the answer is lost in rounding.
     pub stable: Option<bool>,
+    /// Newton steps.
     pub iterations: usize,
     /// Largest moment imbalance over (bending stiffness / length).
     pub residual: f64,
@@ -72,6 +79,22 @@ pub struct Outcome {
     pub collision: Option<usize>,
     /// Of a converged answer, where it was asked for.
     pub error: Option<ErrorEstimate>,
+}
+
+impl Outcome {
+    /// Of a load that is not solved yet.
+    pub(crate) fn pending() -> Self {
+        Outcome {
+            status: Status::MaxIterations,
+            stable: None,
+            iterations: 0,
+            residual: f64::INFINITY,
+            left_unstable: false,
+            fraction: 1.0,
+            collision: None,
+            error: None,
+        }
+    }
 }
 
 /// A robot, its physics, and scratch memory for one solve after another.
@@ -95,11 +118,11 @@ pub struct Outcome {
 /// ```
 #[derive(Clone)]
 pub struct Solver {
-    robot: Robot,
+    pub(super) robot: Robot,
     model: Model,
-    elements: usize,
+    pub(super) elements: usize,
     pub(crate) engine: Box<dyn Passes>,
-    settings: Settings,
+    pub(super) settings: Settings,
     /// The last load, kept for what is asked after the solve.
     load: OwnedLoad,
     /// Strain of the points before, latest first, for extrapolation along a sweep.
@@ -111,11 +134,11 @@ pub struct Solver {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Settings {
-    /// Measure of moments, N m.
+    /// Measure of moments: bending stiffness over length (N m).
     pub moment_scale: f64,
-    /// Diagonal shift worth a tenth of an arc's bending stiffness, N m.
+    /// Diagonal shift worth a tenth of an arc's bending stiffness (N m).
     pub shift_unit: f64,
-    /// Measure of length, m.
+    /// Length of the robot (m).
     pub length: f64,
     /// Work of a Newton iteration, in units of `interrupt::work`.
     pub work: usize,
@@ -137,28 +160,6 @@ impl Settings {
     /// Tip moment that the tolerance of the residual does not tell from none, N m.
     pub fn least_moment(&self) -> f64 {
         TOLERANCE * self.moment_scale
-    }
-}
-
-/// How one attempt at a load ended.
-enum Attempt {
-    Converged {
-        stable: Option<bool>,
-        collision: Option<usize>,
-    },
-    Saddle,
-    Stuck,
-}
-
-impl Attempt {
-    fn is_sound(&self) -> bool {
-        matches!(
-            self,
-            Attempt::Converged {
-                collision: None,
-                ..
-            }
-        )
     }
 }
 
@@ -349,48 +350,11 @@ impl Solver {
 
     /// From the strain that the engine holds; with `patience` also by continuation.
     fn equilibrium(&mut self, load: &Load, patience: bool) -> Outcome {
-        let mut outcome = Outcome {
-            status: Status::MaxIterations,
-            stable: None,
-            iterations: 0,
-            residual: f64::INFINITY,
-            left_unstable: false,
-            fraction: 1.0,
-            collision: None,
-            error: None,
-        };
+        let mut outcome = Outcome::pending();
         let attempt = newton(&mut *self.engine, &self.settings, &mut outcome);
         let mut attempt = self.judged(attempt, load, false);
         if patience && !attempt.is_sound() {
-            // what continuation cannot mend keeps its first verdict
-            let first = outcome;
-            let mut continued = Attempt::Stuck;
-            if load.tip_moment != [0.0; 3] {
-                let rest = Load {
-                    tip_moment: [0.0; 3],
-                    ..*load
-                };
-                let rest = self.equilibrium(&rest, true);
-                outcome.iterations += rest.iterations;
-                if rest.status == Status::Converged {
-                    continued = self.continuation(load, false, &mut outcome);
-                    let unstable = Some(false);
-                    if !matches!(continued, Attempt::Converged { stable, .. } if stable == unstable)
-                    {
-                        outcome.left_unstable |= matches!(attempt, Attempt::Saddle);
-                        outcome.left_unstable |= rest.left_unstable;
-                    }
-                }
-            }
-            if !continued.is_sound() {
-                outcome.left_unstable = first.left_unstable;
-                continued = self.continuation(load, true, &mut outcome);
-            }
-            if continued.is_sound() {
-                attempt = continued;
-            } else if !matches!(attempt, Attempt::Stuck) {
-                outcome.residual = first.residual;
-            }
+            attempt = self.continued(attempt, load, &mut outcome);
         }
         match attempt {
             Attempt::Converged {
@@ -414,129 +378,64 @@ impl Solver {
         outcome
     }
 
-    /// An equilibrium under a tip moment with its stability, which Newton's method does not tell.
-    /// An unstable one counts where the moment alone `leads` there from a stable one.
-    fn judged(&mut self, attempt: Attempt, load: &Load, leads: bool) -> Attempt {
-        let Attempt::Converged {
-            stable: None,
-            collision,
-        } = attempt
-        else {
-            return attempt;
-        };
-        match self.stability(load) {
-            Some(false) if !leads => Attempt::Saddle,
-            stable => Attempt::Converged { stable, collision },
-        }
-    }
-
-    /// Whether small damped motions under a tip moment die out. The moment adds half of itself as
-    /// a skew stiffness against the tip's rotation to a symmetric tangent. Where that is positive
-    /// definite, nothing leaves without an oscillation; and with the tip's flexibility `C` in the
-    /// plane across the moment, squared frequencies lie within `|moment| sqrt(det C) / 2` of the
-    /// real axis, as an angle. That settles small moments. Larger ones take the frequencies.
-    fn stability(&mut self, load: &Load) -> Option<bool> {
-        let per_module = 2 * self.elements;
-        let rod = &mut *self.engine;
-        let n = rod.module_count();
-        rod.linearise();
-        let pivot = rod.eliminate(true, 0.0);
-        // a pivot that is lost in rounding tells nothing; a NaN is no minimum
-        let unit = self.settings.shift_unit;
-        let mut stable = match pivot {
-            p if p > 1e-12 * unit => Some(true),
-            p if p > -1e-8 * unit => None,
-            _ => Some(false),
-        };
-        if pivot > 1e-12 * unit {
-            let moment = Vec3(load.tip_moment);
-            let size = moment.norm();
-            let along = moment * (1.0 / size);
-            let least = (0..3).min_by(|a, b| along[*a].abs().total_cmp(&along[*b].abs()));
-            let mut axis = Vec3::zero();
-            axis[least.unwrap_or(0)] = 1.0;
-            let first = along.cross(axis);
-            let first = first * (1.0 / first.norm());
-            let second = along.cross(first);
-            // twice the energy that a unit moment on the tip puts in
-            let mut answer = |unit: Vec3| {
-                let local: Vec<_> = (0..n)
-                    .map(|k| match k {
-                        0 => unit,
-                        _ => rod.disk(k - 1).rotation.tr_mul(unit),
-                    })
-                    .collect();
-                rod.set_gradient(&|i| local[i / per_module]);
-                -rod.newton_step(true).slope
+    /// What continuation makes of an attempt that is not sound: of the tip moment alone, then of
+    /// all the load.
+    fn continued(&mut self, attempt: Attempt, load: &Load, outcome: &mut Outcome) -> Attempt {
+        // what continuation cannot mend keeps its first verdict
+        let first = *outcome;
+        let mut continued = Attempt::Stuck;
+        if load.tip_moment != [0.0; 3] {
+            let rest = Load {
+                tip_moment: [0.0; 3],
+                ..*load
             };
-            let (a, b, both) = (answer(first), answer(second), answer(first + second));
-            let between = 0.5 * (both - a - b);
-            let determinant = f64::max(a * b - between * between, 0.0);
-            let angle = 0.5 * size * determinant.sqrt();
-            // a NaN is not small
-            if !(angle <= 2.0 * FLUTTER_DAMPING) {
-                stable = self.stability_of_motion(load, true);
+            let rest = self.equilibrium(&rest, true);
+            outcome.iterations += rest.iterations;
+            if rest.status == Status::Converged {
+                continued = self.continuation(load, false, outcome);
+                let unstable = Some(false);
+                if !matches!(continued, Attempt::Converged { stable, .. } if stable == unstable) {
+                    outcome.left_unstable |= matches!(attempt, Attempt::Saddle);
+                    outcome.left_unstable |= rest.left_unstable;
+                }
             }
         }
-        if stable == Some(false) {
-            stable = self.stability_of_motion(load, false);
+        if !continued.is_sound() {
+            outcome.left_unstable = first.left_unstable;
+            continued = self.continuation(load, true, outcome);
         }
-        // whoever asks next finds the tangent of Newton's last step
-        self.engine.gradient();
-        self.engine.eliminate(false, 0.0);
-        stable
-    }
-
-    /// The same by the frequencies; `oscillates` as in [`oscillation::growth`].
-    fn stability_of_motion(&self, load: &Load, oscillates: bool) -> Option<bool> {
-        let growth = dispatch::check_moving(&self.robot, self.elements)
-            .ok()
-            .and_then(|()| oscillation::growth(&self.at_rest(), load, oscillates));
-        match growth {
-            Some(growth) if growth <= FLUTTER_DAMPING => Some(true),
-            Some(growth) if growth >= HOPELESS => Some(false),
-            None if !oscillates => Some(false),
-            _ => None,
+        if continued.is_sound() {
+            return continued;
         }
+        if !matches!(attempt, Attempt::Stuck) {
+            outcome.residual = first.residual;
+        }
+        attempt
     }
 
     /// Raises the load from zero by steps that adapt, all of it or, from the equilibrium of the
     /// rest that the engine holds, its tip moment alone; tells how far it came.
     fn continuation(&mut self, load: &Load, all: bool, outcome: &mut Outcome) -> Attempt {
-        let mut tensions = load.tensions.to_vec();
+        let mut part = OwnedLoad::default();
         let mut start = vec![Vec3::zero(); self.history[0].len()];
-        let (mut reached, mut increment) = (0.0, if all { 0.25 } else { 1.0 });
+        let (mut reached, mut increment) = (0.0, if all { FIRST_INCREMENT } else { 1.0 });
         if !all {
             self.engine.strains(&mut |i, w| start[i] = w);
         }
         loop {
             let fraction = f64::min(reached + increment, 1.0);
             let share = if all { fraction } else { 1.0 };
-            for (t, full) in tensions.iter_mut().zip(load.tensions) {
-                *t = full * share;
-            }
-            let part_load = Load {
-                tensions: &tensions,
-                gravity: load.gravity.map(|g| g * share),
-                tip_force: load.tip_force.map(|f| f * share),
-                tip_moment: load.tip_moment.map(|m| m * fraction),
-            };
-            self.engine.load(&part_load);
-            self.engine.make_straight();
-            self.engine.set_strains(&|i| start[i]);
-            let mut part = Outcome {
-                iterations: 0,
-                ..*outcome
-            };
-            let mut attempt = newton(&mut *self.engine, &self.settings, &mut part);
+            part.set(load);
+            part.tensions.iter_mut().for_each(|t| *t *= share);
+            part.gravity = load.gravity.map(|g| g * share);
+            part.tip_force = load.tip_force.map(|f| f * share);
+            part.tip_moment = load.tip_moment.map(|m| m * fraction);
+            let mut attempt = self.attempt_from(&start, &part.borrow(), outcome);
             if fraction == 1.0 {
                 let leads =
                     !all && Vec3(load.tip_moment).norm() > LEADS * self.settings.moment_scale;
                 attempt = self.judged(attempt, load, leads);
             }
-            outcome.iterations += part.iterations;
-            outcome.residual = part.residual;
-            outcome.left_unstable |= part.left_unstable;
             let sound = attempt.is_sound();
             if sound && fraction == 1.0 {
                 outcome.fraction = 1.0;
@@ -545,23 +444,40 @@ impl Solver {
             if sound {
                 self.engine.strains(&mut |i, w| start[i] = w);
                 reached = fraction;
-                increment *= 1.5;
+                increment *= LONGER;
             } else {
-                increment *= 0.3;
+                increment *= SHORTER;
             }
+            outcome.fraction = reached;
             if fraction == 1.0 && matches!(attempt, Attempt::Saddle) && load.tip_moment != [0.0; 3]
             {
                 // found, and told to be unstable: smaller increments come to the same
-                outcome.fraction = reached;
                 return attempt;
             }
             // a load that is past hope must not take long to say so
-            if increment < 1e-3 || outcome.iterations > MAX_CONTINUATION || interrupt::interrupted()
+            if increment < LEAST_INCREMENT
+                || outcome.iterations > MAX_CONTINUATION
+                || interrupt::interrupted()
             {
-                outcome.fraction = reached;
                 return Attempt::Stuck;
             }
         }
+    }
+
+    /// Newton's method from a strain, as a part of the way that `outcome` tells of.
+    fn attempt_from(&mut self, start: &[Vec3], load: &Load, outcome: &mut Outcome) -> Attempt {
+        self.engine.load(load);
+        self.engine.make_straight();
+        self.engine.set_strains(&|i| start[i]);
+        let mut part = Outcome {
+            iterations: 0,
+            ..*outcome
+        };
+        let attempt = newton(&mut *self.engine, &self.settings, &mut part);
+        outcome.iterations += part.iterations;
+        outcome.residual = part.residual;
+        outcome.left_unstable |= part.left_unstable;
+        attempt
     }
 
     /// Pose of the tip, which is the last disk; `None`, as all that follow, unless the last
@@ -596,228 +512,12 @@ impl Solver {
     }
 
     /// The present state in plain numbers, evaluated.
-    fn plain(&self) -> Plain {
-        let mut plain = Plain::new(&self.robot, self.model, self.elements)
+    fn plain(&self) -> Box<dyn Plain> {
+        let mut plain = dispatch::plain(&self.robot, self.model, self.elements)
             .expect("elements were checked when the solver was made");
         plain.take(&self.load.borrow(), &*self.engine, self.history[0].len());
         plain
     }
-}
-
-/// Newton steps in all after which continuation does not try smaller increments.
-const MAX_CONTINUATION: usize = 3 * MAX_ITERATIONS;
-/// Times that a step is halved: what does not help at a millionth is lost in rounding.
-const MAX_HALVINGS: usize = 20;
-/// Largest change of an arc's rotation vector by extrapolation, rad.
-const MAX_EXTRAPOLATION: f64 = 0.3;
-/// Times that the shift is quadrupled in search of a minimum.
-const MAX_SHIFTS: usize = 40;
-/// Largest rotation that an arc may add in one step, rad.
-pub(crate) const MAX_STEP: f64 = 1.0;
-/// Attempts at leaving unstable equilibria.
-const MAX_ESCAPES: usize = 4;
-/// Newton steps on the residual for one load.
-const MAX_RESIDUAL_STEPS: usize = 40;
-
-fn converged(rod: &mut dyn Passes, stable: Option<bool>) -> Attempt {
-    rod.finish();
-    Attempt::Converged {
-        stable,
-        collision: rod.collision(),
-    }
-}
-
-fn newton(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
-    if rod.has_tip_moment() {
-        newton_on_residual(rod, settings, outcome)
-    } else {
-        newton_on_energy(rod, settings, outcome)
-    }
-}
-
-/// Minimises the energy: a diagonal shift until all pivots are positive, and backtracking.
-fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
-    let unit = settings.shift_unit;
-    let mut energy = rod.evaluate();
-    if !energy.is_finite() {
-        return Attempt::Stuck;
-    }
-    let mut shift = 0.0;
-    let mut escapes = 0;
-    // rounding of the energy, which is a small difference of large terms
-    let noise = 1e-14 * (rod.energy_scale(settings.length) + energy.abs());
-    let stiffening = rod.energy_scale(settings.length) / rod.module_count() as f64;
-    // the last elimination still tells the inertia if the step after it was short
-    let mut minimum_nearby = false;
-    loop {
-        if interrupt::work(settings.work) {
-            return Attempt::Stuck;
-        }
-        outcome.residual = rod.gradient() / settings.moment_scale;
-        let settled = outcome.residual <= TOLERANCE;
-        if settled && minimum_nearby {
-            return converged(rod, Some(true));
-        }
-        if !settled {
-            if outcome.iterations == MAX_ITERATIONS || !outcome.residual.is_finite() {
-                return Attempt::Stuck;
-            }
-            outcome.iterations += 1;
-        }
-        rod.linearise();
-        let mut shifts = 0;
-        let pivot = loop {
-            let added = if settled { 0.0 } else { shift };
-            let pivot = rod.eliminate(true, added);
-            if pivot > 0.0 || settled {
-                break pivot;
-            }
-            shift = if shift == 0.0 { unit } else { shift * 4.0 };
-            shifts += 1;
-            if shifts > MAX_SHIFTS || interrupt::work(settings.work) {
-                return Attempt::Stuck;
-            }
-        };
-        if settled {
-            if pivot.is_nan() {
-                return Attempt::Stuck;
-            }
-            // a pivot that is lost in rounding is no proof of a minimum
-            if pivot > 1e-12 * unit {
-                return converged(rod, Some(true));
-            }
-            if escapes == MAX_ESCAPES {
-                return Attempt::Saddle;
-            }
-            escapes += 1;
-            outcome.left_unstable = true;
-            energy = leave_saddle(rod, settings, escapes, energy);
-            continue;
-        }
-        let step = rod.newton_step(true);
-        let (slope, largest) = (step.slope, step.largest);
-        if !largest.is_finite() {
-            return Attempt::Stuck;
-        }
-        minimum_nearby = shift == 0.0 && is_minimum_nearby(largest, pivot, unit, stiffening);
-        rod.save();
-        let mut fraction = (MAX_STEP / largest).min(1.0);
-        let mut halvings = 0;
-        loop {
-            rod.advance(fraction);
-            let trial = rod.evaluate();
-            if trial <= energy + 1e-4 * fraction * slope + noise {
-                energy = trial;
-                break;
-            }
-            fraction *= 0.5;
-            halvings += 1;
-            if halvings > MAX_HALVINGS || interrupt::work(settings.work) {
-                return Attempt::Stuck;
-            }
-        }
-        shift = if fraction == 1.0 && shift <= unit {
-            0.0
-        } else {
-            shift * 0.25
-        };
-    }
-}
-
-/// Newton's method where there is no energy: a step is accepted if the residual falls.
-fn newton_on_residual(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
-    rod.evaluate();
-    let mut residual = rod.gradient() / settings.moment_scale;
-    for step in 0..=MAX_RESIDUAL_STEPS {
-        outcome.residual = residual;
-        if interrupt::work(settings.work) {
-            break;
-        }
-        if residual <= TOLERANCE {
-            return converged(rod, None);
-        }
-        if !residual.is_finite() || step == MAX_RESIDUAL_STEPS {
-            break;
-        }
-        outcome.iterations += 1;
-        rod.linearise();
-        rod.eliminate(false, 0.0);
-        let largest = rod.newton_step(false).largest;
-        if !largest.is_finite() {
-            break;
-        }
-        rod.save();
-        let mut fraction = (MAX_STEP / largest).min(1.0);
-        loop {
-            rod.advance(fraction);
-            rod.evaluate();
-            let trial = rod.gradient() / settings.moment_scale;
-            // a full step may turn the whole chain: let the residual grow a little
-            let most = if fraction == 1.0 {
-                2.0
-            } else {
-                1.0 - 1e-3 * fraction
-            };
-            if trial <= residual * most {
-                residual = trial;
-                break;
-            }
-            fraction *= 0.5;
-            if !(fraction > 1e-3) || interrupt::work(settings.work) {
-                return Attempt::Stuck;
-            }
-        }
-    }
-    Attempt::Stuck
-}
-
-/// Whether an elimination before a step still tells that the place after it is a minimum: the
-/// step must be short, and what it changes of the second derivatives small beside the pivots.
-#[inline(always)]
-pub(crate) fn is_minimum_nearby(largest: f64, pivot: f64, unit: f64, stiffening: f64) -> bool {
-    largest < 1e-4 && pivot > 0.01 * unit && largest * stiffening < 0.1 * pivot
-}
-
-/// Moves off an unstable equilibrium, to the side where the energy is lower; returns it.
-///
-/// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start looks for the
-/// lowest mode, so that the same load always takes the same branch.
-#[cold]
-fn leave_saddle(rod: &mut dyn Passes, settings: &Settings, attempt: usize, energy: f64) -> f64 {
-    let mut shift = 1e-6 * settings.shift_unit;
-    for _ in 0..MAX_SHIFTS {
-        if rod.eliminate(true, shift) > 0.0 || interrupt::work(settings.work) {
-            break;
-        }
-        shift *= 2.0;
-    }
-    rod.set_gradient(&|i| {
-        let phase = i as f64;
-        Vec3([0.3 + 0.01 * phase.cos(), -1.0, 0.02 * phase.sin()])
-    });
-    let mut largest = 1.0;
-    for round in 0..9 {
-        if interrupt::work(settings.work) {
-            break;
-        }
-        if round > 0 {
-            rod.step_to_gradient(1.0 / largest);
-        }
-        largest = rod.newton_step(true).largest;
-    }
-    rod.save();
-    let modules = rod.module_count() as f64;
-    let mut amount = 0.2 * attempt as f64 / (largest * modules.sqrt());
-    let mut least = energy;
-    for _ in 0..2 {
-        rod.advance(amount);
-        least = rod.evaluate();
-        if least < energy {
-            break;
-        }
-        amount = -amount;
-    }
-    least
 }
 
 #[cfg(test)]
@@ -859,15 +559,12 @@ mod tests {
     fn engines_agree() {
         let robot = robot();
         let model = Model::default();
-        let mut engines = vec![Plain::new(&robot, model, 1).unwrap().boxed()];
+        let mut engines: Vec<Box<dyn Passes>> = vec![dispatch::plain(&robot, model, 1).unwrap()];
         #[cfg(target_arch = "x86_64")]
         {
-            if crate::math::simd::has_avx2() {
-                engines.push(dispatch::avx2(&robot, model));
-            }
-            if crate::math::simd::has_avx512() {
-                engines.push(dispatch::avx512(&robot, model));
-            }
+            use crate::math::simd::{Avx2, Avx512, Simd};
+            engines.extend(Avx2::detect().map(|s| dispatch::side_by_side(s, &robot, model)));
+            engines.extend(Avx512::detect().map(|s| dispatch::side_by_side(s, &robot, model)));
         }
         for (tip_force, tip_moment) in [([0.3, -0.2, 0.1], [0.0; 3]), ([0.0; 3], [0.05, 0.1, 0.1])]
         {

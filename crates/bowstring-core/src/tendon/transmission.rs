@@ -97,17 +97,18 @@ pub enum Command {
 pub struct History {
     /// Before the base hole, N.
     pub tensions: Vec<f64>,
-    /// By modules and tendons: drop of the logarithm of tension at the hole where the span
-    /// begins, and length of the span less its creep, m.
+    /// Drops of the logarithm of tension at the holes where spans begin, by modules and tendons.
     pub drops: Vec<f64>,
+    /// Lengths of the spans less their creep (m), by modules and tendons.
     pub spans: Vec<f64>,
     /// Taken in since home, m.
     pub pulls: Vec<f64>,
     /// Strain of the backbone, where the next step starts from.
     pub(crate) strain: Vec<Vec3>,
     pub(crate) slip: Vec<Slip>,
-    /// Of the last step; the load is gravity, tip force and tip moment.
+    /// Commands of the last step.
     pub commands: Vec<Command>,
+    /// Gravity (m/s^2), tip force (N) and tip moment (N m) of the last step.
     pub load: [[f64; 3]; 3],
 }
 

@@ -1,0 +1,256 @@
+//! A tendon between two disks: a straight span, or a path parallel to the backbone.
+
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::Real;
+use crate::model::robot::Tendon;
+use crate::rod::module::Constants;
+
+/// A straight piece of tendon between two neighbouring holes.
+#[derive(Clone)]
+pub(crate) struct Span<T> {
+    /// From the end of the flexible backbone to the end hole (m).
+    pub arm: Vec3<T>,
+    /// Length (m).
+    pub length: T,
+    pub per_length: T,
+    pub direction: Vec3<T>,
+}
+
+impl<T: Real> Span<T> {
+    #[inline(always)]
+    pub fn new(c: &Constants<T>, tendon: &Tendon, s: &Mat3<T>, rho: Vec3<T>) -> Self {
+        let (x, y) = (T::splat(tendon.hole[0]), T::splat(tendon.hole[1]));
+        let [start, end] = c.clamp;
+        let arm = s
+            .column(2)
+            .scaled_add(end, s.column(1).scaled_add(y, s.column(0) * x));
+        let v = rho + arm - Vec3([x, y, -start]);
+        let length = v.norm();
+        let per_length = T::splat(1.0) / length;
+        Span {
+            arm,
+            length,
+            per_length,
+            direction: v * per_length,
+        }
+    }
+
+    /// Geometric stiffness: `T / length (I - d d')`.
+    #[inline(always)]
+    pub fn stiffness(&self, tension: T) -> Mat3<T> {
+        let s = tension * self.per_length;
+        (self.direction * -s)
+            .outer(self.direction)
+            .add_diagonal([s; 3])
+    }
+}
+
+/// A tendon along a curve parallel to one element, by two Gauss points.
+pub(crate) struct ParallelPath<T> {
+    pub length: T,
+    hole: Vec3<T>,
+    /// Unit tangent and speed at each Gauss point.
+    points: [(Vec3<T>, T); 2],
+    /// Length that a point stands for.
+    weight: T,
+    /// Derivative of a Gauss point's curvature by the nearer and the farther arc.
+    near: T,
+    far: T,
+}
+
+impl<T: Real> ParallelPath<T> {
+    #[inline(always)]
+    pub fn new<const A: usize>(
+        c: &Constants<T>,
+        tendon: &Tendon,
+        stretch: T,
+        a: Vec3<T>,
+        b: Vec3<T>,
+    ) -> Self {
+        let elements = A as f64 / 2.0;
+        let slope = 3f64.sqrt() / 2.0;
+        let per_length = c.per_flexible * T::splat(elements);
+        let near = per_length * T::splat(1.0 + slope);
+        let far = per_length * T::splat(1.0 - slope);
+        let weight = c.flexible * T::splat(0.5 / elements);
+        let hole = Vec3::splat([tendon.hole[0], tendon.hole[1], 0.0]);
+        let mut length = T::zero();
+        let points = [(a, b), (b, a)].map(|(first, other)| {
+            let mut q = (first * near + other * far).cross(hole);
+            q.0[2] += stretch;
+            let speed = q.norm();
+            length += speed * weight;
+            (q * (T::splat(1.0) / speed), speed)
+        });
+        ParallelPath {
+            length,
+            hole,
+            points,
+            weight,
+            near,
+            far,
+        }
+    }
+
+    /// By the rotation vectors of the two arcs.
+    #[inline(always)]
+    pub fn gradient(&self) -> [Vec3<T>; 2] {
+        let [p, q] = self.points.map(|(d, _)| self.hole.cross(d));
+        let (near, far) = (self.near * self.weight, self.far * self.weight);
+        [p * near + q * far, p * far + q * near]
+    }
+
+    /// Blocks: first-first, second-first, second-second.
+    #[inline(always)]
+    pub fn hessian(&self) -> [Mat3<T>; 3] {
+        let b = self.hole;
+        let [p, q] = self.points.map(|(d, speed)| {
+            let across = b.cross(d);
+            (Mat3::scalar(b.norm2()) - b.outer(b) - across.outer(across)) * (self.weight / speed)
+        });
+        let (n, f) = (self.near, self.far);
+        [
+            p * (n * n) + q * (f * f),
+            (p + q) * (n * f),
+            p * (f * f) + q * (n * n),
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::lie::exp;
+    use crate::model::load::Model;
+    use crate::model::robot::{Disk, Robot, RobotSpec, Section};
+    use crate::random::Draw;
+
+    const STEP: f64 = 1e-6;
+    const HOLE: [f64; 2] = [0.02, -0.013];
+
+    fn constants(elements: usize) -> Constants<f64> {
+        let robot = Robot::new(RobotSpec {
+            sections: vec![Section {
+                bending: 1.07,
+                torsion: 0.83,
+                axial: 6.9e5,
+                shear: 2.6e5,
+                mass_per_length: 0.035,
+                rotary_inertia: 5.5e-8,
+            }],
+            disks: vec![Disk {
+                station: 0.07,
+                clamped_length: 0.004,
+                mass: 0.02,
+                inertia: [5.1e-6, 1.02e-5],
+                segment: 0,
+            }],
+            tendons: vec![tendon()],
+            gravity: [0.0; 3],
+        });
+        Constants::new(&robot.unwrap(), 0, Model::default(), elements)
+    }
+
+    fn tendon() -> Tendon {
+        Tendon {
+            hole: HOLE,
+            end_disk: 0,
+        }
+    }
+
+    fn vector(draw: &mut Draw, size: f64) -> Vec3 {
+        Vec3([0; 3].map(|_| draw.within(-size, size)))
+    }
+
+    /// Change of `f` by a step of either sign along each axis, over twice the step.
+    fn differences<const N: usize>(f: impl Fn(Vec3) -> [f64; N]) -> [[f64; 3]; N] {
+        let mut out = [[0.0; 3]; N];
+        for axis in 0..3 {
+            let step =
+                |sign: f64| Vec3([0, 1, 2].map(|i| if i == axis { sign * STEP } else { 0.0 }));
+            let (up, down) = (f(step(1.0)), f(step(-1.0)));
+            for i in 0..N {
+                out[i][axis] = (up[i] - down[i]) / (2.0 * STEP);
+            }
+        }
+        out
+    }
+
+    fn assert_near(found: [f64; 3], expected: [f64; 3], scale: f64) {
+        for (a, b) in found.iter().zip(expected) {
+            assert!(
+                (a - b).abs() < 1e-7 * scale,
+                "{found:?} against {expected:?}"
+            );
+        }
+    }
+
+    /// The law of a straight span: a motion of the end lengthens it by the direction's share, and
+    /// its tension turns with it.
+    #[test]
+    fn derivatives_of_a_straight_span() {
+        let c = constants(1);
+        for number in 0..50 {
+            let mut draw = Draw::new(31, number);
+            let s = exp(vector(&mut draw, 0.8));
+            let rho = Vec3([0.0, 0.0, 0.066]) + vector(&mut draw, 0.02);
+            let span = Span::new(&c, &tendon(), &s, rho);
+            let moved = differences(|u| [Span::new(&c, &tendon(), &s, rho + u).length]);
+            assert_near(moved[0], span.direction.0, 1.0);
+            let turned = differences(|u| [Span::new(&c, &tendon(), &(exp(u) * s), rho).length]);
+            assert_near(turned[0], span.arm.cross(span.direction).0, 1.0);
+            let pull = |u| {
+                Span::new(&c, &tendon(), &s, rho + u)
+                    .direction
+                    .0
+                    .map(|d| 3.0 * d)
+            };
+            let stiffness = span.stiffness(3.0).rows();
+            for (found, row) in differences(pull).iter().zip(stiffness) {
+                assert_near(*found, row.0, 100.0);
+            }
+        }
+    }
+
+    /// The law of a continuous tendon: derivatives of its length by both arcs of an element.
+    #[test]
+    fn derivatives_of_a_parallel_path() {
+        for (number, elements) in (0..50).zip([1, 2, 4, 8].into_iter().cycle()) {
+            let c = constants(elements);
+            let mut draw = Draw::new(32, number);
+            let [a, b] = [0; 2].map(|_| vector(&mut draw, 0.3 / elements as f64));
+            let path = |a, b| match elements {
+                1 => ParallelPath::new::<2>(&c, &tendon(), 1.01, a, b),
+                2 => ParallelPath::new::<4>(&c, &tendon(), 1.01, a, b),
+                4 => ParallelPath::new::<8>(&c, &tendon(), 1.01, a, b),
+                _ => ParallelPath::new::<16>(&c, &tendon(), 1.01, a, b),
+            };
+            let found = path(a, b);
+            let [by_a, by_b] = found.gradient();
+            assert_near(differences(|u| [path(a + u, b).length])[0], by_a.0, 0.1);
+            assert_near(differences(|u| [path(a, b + u).length])[0], by_b.0, 0.1);
+            let [aa, ba, bb] = found.hessian();
+            let rows = |by: [[f64; 3]; 3], of: Mat3| {
+                for (found, row) in by.iter().zip(of.rows()) {
+                    assert_near(*found, row.0, 0.1);
+                }
+            };
+            rows(differences(|u| path(a + u, b).gradient()[0].0), aa);
+            rows(differences(|u| path(a + u, b).gradient()[1].0), ba);
+            rows(differences(|u| path(a, b + u).gradient()[1].0), bb);
+        }
+    }
+
+    /// On an arc of constant curvature it has the length of the parallel arc.
+    #[test]
+    fn a_parallel_path_of_an_arc_is_the_parallel_arc() {
+        let c = constants(1);
+        for angle in [0.0, 0.1, -0.4, 1.2] {
+            let half = Vec3([0.0, 0.5 * angle, 0.0]);
+            let path = ParallelPath::new::<2>(&c, &tendon(), 1.0, half, half);
+            // a bend about y shortens what is on the side of x
+            let expected = c.flexible - angle * HOLE[0];
+            assert!((path.length - expected).abs() < 1e-12, "{angle}");
+        }
+    }
+}

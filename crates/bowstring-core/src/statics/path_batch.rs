@@ -1,0 +1,255 @@
+//! Many steps of a drive in one call: in order along a path, or independent over all cores.
+
+use crate::interrupt;
+use crate::memory::unknown;
+use crate::model::load::Load;
+use crate::model::robot::{InputError, Robot};
+use crate::statics::batch::{for_each, pieces, thread_count, too_many, Chunk, Loads, Solutions};
+use crate::statics::path::{Command, Drive, DriveOutcome};
+use crate::statics::solver::{Outcome, Status};
+
+/// Commands of all tendons: the displacement (m) of those that are `displaced`, the tension (N)
+/// of the others.
+pub fn commands(displaced: &[bool], values: &[f64]) -> Vec<Command> {
+    let both = displaced.iter().zip(values);
+    both.map(|(displaced, value)| match displaced {
+        true => Command::Pull(*value),
+        false => Command::Tension(*value),
+    })
+    .collect()
+}
+
+/// Tensions that commands give (N); NaN for tendons that are displaced.
+pub fn commanded_tensions(commands: &[Command]) -> Vec<f64> {
+    let tension = |c: &Command| match *c {
+        Command::Tension(t) => t,
+        Command::Pull(_) => f64::NAN,
+    };
+    commands.iter().map(tension).collect()
+}
+
+impl Drive {
+    /// Tensions of all spans by modules and tendons (N).
+    pub fn span_tensions(&self) -> Vec<f64> {
+        let (n, m) = (self.robot().module_count(), self.robot().tendon_count());
+        (0..n * m)
+            .map(|at| self.span_tension(at / m, at % m))
+            .collect()
+    }
+}
+
+impl From<&DriveOutcome> for Outcome {
+    fn from(found: &DriveOutcome) -> Self {
+        Outcome {
+            status: found.status,
+            stable: match found.status {
+                Status::NoEquilibrium => None,
+                _ => found.stable,
+            },
+            iterations: found.iterations,
+            residual: found.residual,
+            error: found.error,
+            ..Outcome::pending()
+        }
+    }
+}
+
+/// Steps as flat arrays, row by row.
+#[derive(Clone, Copy, Debug)]
+pub struct Steps<'a> {
+    /// Loads, with a displacement (m) in the place of the tension of a tendon that is displaced.
+    pub loads: Loads<'a>,
+    /// Whether each tendon is displaced, by rows and tendons.
+    pub displaced: &'a [bool],
+}
+
+impl<'a> Steps<'a> {
+    /// Commands and load of a row, for a robot with so many tendons.
+    fn row(&self, i: usize, tendons: usize) -> (Vec<Command>, Load<'a>) {
+        let load = self.loads.row(i, tendons);
+        let displaced = &self.displaced[i * tendons..][..tendons];
+        (commands(displaced, load.tensions), load)
+    }
+
+    /// Checks every row; the error names the first bad one, counted from 0.
+    fn check(&self, drive: &mut Drive) -> Result<(), InputError> {
+        let tendons = drive.robot().tendon_count();
+        for i in 0..self.loads.count {
+            if interrupt::work(10 + tendons) {
+                break;
+            }
+            let (commands, load) = self.row(i, tendons);
+            drive
+                .check(&commands, &load)
+                .map_err(|e| InputError(format!("row {i}: {e}")))?;
+        }
+        Ok(())
+    }
+}
+
+/// Tendons that pull against each other, and the nearest displacements with an equilibrium (m).
+pub type Conflict = (Vec<usize>, Option<Vec<f64>>);
+
+/// What a step found beside its numbers.
+#[derive(Clone, Debug)]
+pub struct Detail {
+    /// Whether the tensions are the smallest of many that hold the same pose.
+    pub undetermined: bool,
+    /// Largest length that a displaced tendon lacks (m).
+    pub length_residual: f64,
+    /// Why there is no equilibrium, where tendons pull against each other.
+    pub conflict: Option<Box<Conflict>>,
+}
+
+/// Answers as flat arrays, row by row; NaN where a row did not converge.
+#[derive(Clone, Debug)]
+pub struct PathSolutions {
+    /// Outcomes, poses and tendon lengths.
+    pub poses: Solutions,
+    /// Tensions before the base hole (N), n x tendons; as commanded where a row did not converge.
+    pub tensions: Vec<f64>,
+    /// Tendon displacements (m), n x tendons.
+    pub displacements: Vec<f64>,
+    /// Slack lengths (m), n x tendons.
+    pub slack: Vec<f64>,
+    /// Tensions of spans (N), n x modules x tendons.
+    pub span_tensions: Vec<f64>,
+    /// What else there is to say of each row.
+    pub details: Vec<Detail>,
+}
+
+/// Steps in order, each from where the drive has come to.
+///
+/// # Errors
+/// If a row does not fit the robot, or the answers do not fit into memory.
+pub fn follow(drive: &mut Drive, steps: &Steps, disks: bool) -> Result<PathSolutions, InputError> {
+    steps.check(drive)?;
+    let count = steps.loads.count;
+    let mut solutions = PathSolutions::pending(drive.robot(), count, disks)?;
+    for part in &mut solutions.parts(drive.robot(), count.max(1)) {
+        part.fill(steps, drive, |_| ());
+    }
+    Ok(solutions)
+}
+
+/// Independent steps, each from where the drive stands, over `threads` cores (0: all there are).
+///
+/// # Errors
+/// As [`follow`], or if the copies of the drive do not fit into memory.
+pub fn solve_each(
+    drive: &mut Drive,
+    steps: &Steps,
+    threads: usize,
+    disks: bool,
+) -> Result<PathSolutions, InputError> {
+    steps.check(drive)?;
+    let count = steps.loads.count;
+    let mut solutions = PathSolutions::pending(drive.robot(), count, disks)?;
+    drive.check_copies(2 * thread_count(threads).min(count))?;
+    let drive = &*drive;
+    let mut parts = solutions.parts(drive.robot(), PART);
+    for_each(
+        &mut parts,
+        threads,
+        || drive.clone(),
+        |copy, part| part.fill(steps, copy, |copy| copy.clone_from(drive)),
+    );
+    Ok(solutions)
+}
+
+/// Rows that one thread takes at a time.
+const PART: usize = 16;
+
+impl PathSolutions {
+    /// Room for `n` answers, all NaN.
+    fn pending(robot: &Robot, n: usize, disks: bool) -> Result<Self, InputError> {
+        let refused = || too_many(n);
+        let m = robot.tendon_count();
+        let nan = |columns: usize| unknown(n.checked_mul(columns), &refused);
+        let mut details = Vec::new();
+        details.try_reserve_exact(n).map_err(|_| refused())?;
+        let detail = || Detail {
+            undetermined: false,
+            length_residual: f64::NAN,
+            conflict: None,
+        };
+        details.resize_with(n, detail);
+        Ok(PathSolutions {
+            poses: Solutions::pending(robot, n, disks)?,
+            tensions: nan(m)?,
+            displacements: nan(m)?,
+            slack: nan(m)?,
+            span_tensions: nan(robot.module_count() * m)?,
+            details,
+        })
+    }
+
+    /// Disjoint pieces of `rows` rows, the last one perhaps shorter.
+    fn parts(&mut self, robot: &Robot, rows: usize) -> Vec<Part<'_>> {
+        let m = robot.tendon_count();
+        let mut tensions = pieces(&mut self.tensions, rows * m);
+        let mut displacements = pieces(&mut self.displacements, rows * m);
+        let mut slack = pieces(&mut self.slack, rows * m);
+        let of_spans = rows * robot.module_count() * m;
+        let mut span_tensions = pieces(&mut self.span_tensions, of_spans);
+        let mut details = pieces(&mut self.details, rows);
+        let part = |poses| Part {
+            poses,
+            tensions: tensions.next().unwrap_or_default(),
+            displacements: displacements.next().unwrap_or_default(),
+            slack: slack.next().unwrap_or_default(),
+            span_tensions: span_tensions.next().unwrap_or_default(),
+            details: details.next().unwrap_or_default(),
+        };
+        self.poses.chunks(robot, rows).map(part).collect()
+    }
+}
+
+/// Consecutive rows and the place for their answers.
+struct Part<'a> {
+    poses: Chunk<'a>,
+    tensions: &'a mut [f64],
+    displacements: &'a mut [f64],
+    slack: &'a mut [f64],
+    span_tensions: &'a mut [f64],
+    details: &'a mut [Detail],
+}
+
+impl Part<'_> {
+    /// Steps to all rows, with what is done to the drive before each.
+    fn fill(&mut self, steps: &Steps, drive: &mut Drive, before: impl Fn(&mut Drive)) {
+        for i in 0..self.details.len() {
+            if interrupt::interrupted() {
+                return;
+            }
+            before(drive);
+            self.step(i, steps, drive);
+        }
+    }
+
+    fn step(&mut self, i: usize, steps: &Steps, drive: &mut Drive) {
+        let m = drive.robot().tendon_count();
+        let (commands, load) = steps.row(self.poses.first + i, m);
+        let found = drive.step(&commands, &load).expect("all rows were checked");
+        let put = |to: &mut [f64], from: &[f64]| {
+            to[i * from.len()..][..from.len()].copy_from_slice(from);
+        };
+        if found.status == Status::Converged {
+            self.poses.write_answer(i, drive.solver());
+            put(self.tensions, &drive.history().tensions);
+            let displacements: Vec<f64> = (0..m).map(|j| drive.pull(j)).collect();
+            put(self.displacements, &displacements);
+            put(self.slack, drive.slack());
+            put(self.span_tensions, &drive.span_tensions());
+        } else {
+            put(self.tensions, &commanded_tensions(&commands));
+        }
+        self.poses.outcomes[i] = Outcome::from(&found);
+        let tells = !found.fighting.is_empty() || found.nearest.is_some();
+        self.details[i] = Detail {
+            undetermined: found.undetermined,
+            length_residual: found.length_residual,
+            conflict: tells.then(|| Box::new((found.fighting, found.nearest))),
+        };
+    }
+}

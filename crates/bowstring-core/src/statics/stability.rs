@@ -1,0 +1,107 @@
+//! Stability of an equilibrium under a tip moment, which has no potential.
+
+use crate::dispatch;
+use crate::math::linalg::Vec3;
+use crate::model::load::Load;
+use crate::motion::oscillation;
+use crate::statics::newton::{Attempt, LEAST_PIVOT};
+use crate::statics::solver::Solver;
+
+/// Negative pivot over the unit of the shift that may still be one of a minimum, by rounding.
+const LOST_PIVOT: f64 = 1e-8;
+/// Damping ratio that keeps small oscillations under a tip moment from growing where it counts as
+/// stable. Without any, a moment along a round backbone lets them grow however small it is
+/// (Nikolai's paradox).
+const FLUTTER_DAMPING: f64 = 0.01;
+/// The same where no damping helps: what grows hardly oscillates.
+const HOPELESS: f64 = 0.5;
+
+impl Solver {
+    /// An equilibrium under a tip moment with its stability, which Newton's method does not tell.
+    /// An unstable one counts where the moment alone `leads` there from a stable one.
+    pub(super) fn judged(&mut self, attempt: Attempt, load: &Load, leads: bool) -> Attempt {
+        let Attempt::Converged {
+            stable: None,
+            collision,
+        } = attempt
+        else {
+            return attempt;
+        };
+        match self.stability(load) {
+            Some(false) if !leads => Attempt::Saddle,
+            stable => Attempt::Converged { stable, collision },
+        }
+    }
+
+    /// Whether small damped motions under a tip moment die out. The moment adds half of itself as
+    /// a skew stiffness against the tip's rotation to a symmetric tangent. Where that is positive
+    /// definite, nothing leaves without an oscillation; and with the tip's flexibility `C` in the
+    /// plane across the moment, squared frequencies lie within `|moment| sqrt(det C) / 2` of the
+    /// real axis, as an angle. That settles small moments. Larger ones take the frequencies.
+    fn stability(&mut self, load: &Load) -> Option<bool> {
+        self.engine.linearise();
+        let pivot = self.engine.eliminate(true, 0.0);
+        let unit = self.settings.shift_unit;
+        // a pivot that is lost in rounding tells nothing; a NaN is no minimum
+        let mut stable = match pivot {
+            p if p > LEAST_PIVOT * unit => Some(true),
+            p if p > -LOST_PIVOT * unit => None,
+            _ => Some(false),
+        };
+        // a NaN is not small
+        if stable == Some(true) && !(self.flutter_angle(load) <= 2.0 * FLUTTER_DAMPING) {
+            stable = self.stability_of_motion(load, true);
+        }
+        if stable == Some(false) {
+            stable = self.stability_of_motion(load, false);
+        }
+        // whoever asks next finds the tangent of Newton's last step
+        self.engine.gradient();
+        self.engine.eliminate(false, 0.0);
+        stable
+    }
+
+    /// Bound of the angle between squared frequencies under a tip moment and the real axis (rad),
+    /// by the last elimination.
+    fn flutter_angle(&mut self, load: &Load) -> f64 {
+        let per_module = 2 * self.elements;
+        let rod = &mut *self.engine;
+        let moment = Vec3(load.tip_moment);
+        let size = moment.norm();
+        let along = moment * (1.0 / size);
+        let least = (0..3).min_by(|a, b| along[*a].abs().total_cmp(&along[*b].abs()));
+        let mut axis = Vec3::zero();
+        axis[least.unwrap_or(0)] = 1.0;
+        let first = along.cross(axis);
+        let first = first * (1.0 / first.norm());
+        let second = along.cross(first);
+        // twice the energy that a unit moment on the tip puts in
+        let mut answer = |unit: Vec3| {
+            let local: Vec<_> = (0..rod.module_count())
+                .map(|k| match k {
+                    0 => unit,
+                    _ => rod.disk(k - 1).rotation.tr_mul(unit),
+                })
+                .collect();
+            rod.set_gradient(&|i| local[i / per_module]);
+            -rod.newton_step(true).slope
+        };
+        let (a, b, both) = (answer(first), answer(second), answer(first + second));
+        let between = 0.5 * (both - a - b);
+        let determinant = f64::max(a * b - between * between, 0.0);
+        0.5 * size * determinant.sqrt()
+    }
+
+    /// The same by the frequencies; `oscillates` as in [`oscillation::growth`].
+    fn stability_of_motion(&self, load: &Load, oscillates: bool) -> Option<bool> {
+        let growth = dispatch::check_moving(&self.robot, self.elements)
+            .ok()
+            .and_then(|()| oscillation::growth(&self.at_rest(), load, oscillates));
+        match growth {
+            Some(growth) if growth <= FLUTTER_DAMPING => Some(true),
+            Some(growth) if growth >= HOPELESS => Some(false),
+            None if !oscillates => Some(false),
+            _ => None,
+        }
+    }
+}
