@@ -127,7 +127,7 @@ def fe(
     from bowstring.fem import report
     from bowstring.fem import run as finite_elements
     from bowstring.fem.run import Settings
-    from bowstring.viz.result_folder import check_folder
+    from bowstring.result_folder import check_folder
 
     settings = Settings(of_flag("--mesh", _fineness, mesh), stiffness, grip)
     of_flag("--stiffness", Settings.check, settings)

@@ -112,10 +112,10 @@ def study(
     pulled = None if tendon is None else _shares(tendon, model)
 
     from bowstring.fem.run import RunInterrupted, Settings
+    from bowstring.result_folder import check_folder
     from bowstring.study import report
     from bowstring.study.study import run_study
     from bowstring.study.terminal import print_study
-    from bowstring.viz.result_folder import check_folder
 
     folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
     try:

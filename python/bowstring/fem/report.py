@@ -13,8 +13,8 @@ from bowstring.fem import figures as pictures
 from bowstring.fem.comparison import BesideRod
 from bowstring.fem.run import BrickRun
 from bowstring.fem.vtk import write_vtk
-from bowstring.viz.result_folder import check_folder, save_figures, write_listing
-from bowstring.viz.style import figure_style
+from bowstring.result_folder import check_folder, write_listing
+from bowstring.viz.style import figure_style, save_figures
 
 __all__ = ["write"]
 

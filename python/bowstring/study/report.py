@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from bowstring.atomic_io import write_whole
 from bowstring.formatting import number, signed
 from bowstring.processes import for_each
+from bowstring.result_folder import check_folder, write_listing
 from bowstring.robot.model import Robot
 from bowstring.study.comparison import COMPARISONS, MEANINGS
 from bowstring.study.error_budget import Side
@@ -22,8 +23,7 @@ from bowstring.study.study import Study
 from bowstring.study.tables import simulated, study_tables, write_csv
 from bowstring.units import printable
 from bowstring.viz.colours import COLOURS
-from bowstring.viz.result_folder import check_folder, save_figure, write_listing
-from bowstring.viz.style import figure_style, svg
+from bowstring.viz.style import figure_style, save_figure, svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
