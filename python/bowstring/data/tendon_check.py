@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.constant_curvature import arcs as arc
+from bowstring.data.rigid import align
 from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, listed, significant
 from bowstring.robot.model import check_robot
@@ -505,10 +506,7 @@ def _spread(points: Floats) -> float:
 
 
 def _rigid(predicted: Floats, measured: Floats) -> _Fit:
-    """Least-squares rotation and translation without a mirror (Kabsch 1976)."""
-    a = predicted - predicted.mean(axis=0)
-    b = measured - measured.mean(axis=0)
-    u, _, vt = np.linalg.svd(b.T @ a)
-    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
-    left = np.sqrt(((b - a @ turn.T) ** 2).sum(axis=1).mean())
-    return _Fit(min(float(left) / _spread(measured), 1.0), turn)
+    """The fit of the best rigid motion."""
+    frame = align(predicted, measured)
+    left = np.sqrt(((frame.apply(predicted) - measured) ** 2).sum(axis=1).mean())
+    return _Fit(min(float(left) / _spread(measured), 1.0), frame.rotation)

@@ -14,7 +14,6 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from bowstring.calibration import fitting as fit_
 from bowstring.calibration.fitting import Fit
@@ -25,6 +24,7 @@ from bowstring.display import short_repr
 from bowstring.errors import BowstringError
 from bowstring.robot.model import Robot
 from bowstring.robot.parts import TendonRing
+from bowstring.significance import EXTRA_LOAD, explained_p
 from bowstring.statics import rod
 from bowstring.study.comparison import Theory
 
@@ -33,7 +33,6 @@ __all__ = ["ArcCalibration", "StudyCalibration", "calibrate", "calibrate_arc", "
 Array = NDArray[np.float64]
 GravityFrom = Literal["file", "assumed", "calibrated"]
 
-_CHANCE: Final = 1e-6  # that gravity explains as much by chance
 _EARTHLY: Final = 0.03  # of standard gravity, beside four standard errors
 _MOST_SLOW: Final = 1200  # rows times tendons on which friction and gravity are fitted, in seconds
 _ASKEW: Final = 2.0  # deg, by which a base may stand beside what its file says
@@ -366,7 +365,7 @@ def _clearly_better(plain: Fit, richer: Fit) -> bool:
     dof = 3 * int(richer.used.sum()) - len(richer.estimates)
     if dof <= 0 or after >= before:
         return False
-    return bool(special.fdtrc(more, dof, (before - after) / more / (after / dof)) < _CHANCE)
+    return explained_p(before, after, more, dof) < EXTRA_LOAD
 
 
 def _gravity(found: Fit) -> tuple[Array, Array]:
