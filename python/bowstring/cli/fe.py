@@ -125,8 +125,7 @@ def fe(
         raise InputError("--study is for tensions alone; leave out the other loads and --keep.")
 
     from bowstring.fem import report
-    from bowstring.fem import run as finite_elements
-    from bowstring.fem.run import Settings
+    from bowstring.fem.run import RunInterrupted, Settings, check_keep, ramp, sweep
     from bowstring.result_folder import check_folder
 
     settings = Settings(of_flag("--mesh", _fineness, mesh), stiffness, grip)
@@ -134,7 +133,7 @@ def fe(
     if out is not None:
         out = of_flag("--out", lambda path: check_folder(path, "fe"), out)
     if keep is not None:
-        of_flag("--keep", finite_elements.check_keep, keep)
+        of_flag("--keep", check_keep, keep)
     rows = _rows(last, loads)
     seconds = (
         positive("--rise", rise or "1", "s"),
@@ -158,7 +157,7 @@ def fe(
                 )
                 run = limit.run
             elif dynamic:
-                run = finite_elements.ramp(
+                run = ramp(
                     model,
                     last,
                     *seconds,
@@ -169,7 +168,7 @@ def fe(
                     progress=tell,
                 )
             else:
-                run = finite_elements.sweep(
+                run = sweep(
                     model,
                     rows,
                     tip_force=force,
@@ -178,7 +177,7 @@ def fe(
                     keep=keep,
                     progress=tell,
                 )
-        except finite_elements.RunInterrupted as stopped:
+        except RunInterrupted as stopped:
             run, interrupted = stopped.run, True
 
     if interrupted:

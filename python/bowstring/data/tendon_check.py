@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.constant_curvature import arcs as arc
+from bowstring import constant_curvature
 from bowstring.data.rigid import align
 from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, listed, significant
@@ -494,7 +494,9 @@ def _tips(robot: Robot, bends: Floats, tool: Floats) -> tuple[Floats, Floats]:
     position, rotation = np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3))
     for j, segment in enumerate(robot.segments):
         x, y = bends[:, j].T
-        pose = arc.pose(np.hypot(x, y) / segment.length, np.arctan2(y, x), segment.length)
+        pose = constant_curvature.pose(
+            np.hypot(x, y) / segment.length, np.arctan2(y, x), segment.length
+        )
         position = position + (rotation @ pose.position[..., None])[..., 0]
         rotation = rotation @ pose.rotation
     return position + rotation @ tool, rotation[..., 2]

@@ -15,8 +15,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.calibration import fitting as fit_
-from bowstring.calibration.fitting import Fit
+from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.tip_model import paths_of
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements
 from bowstring.data.rigid import Rigid
@@ -198,9 +197,7 @@ def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) 
         back = frame.inverse()
         place = (*back.translation.tolist(), *back.rotation_vector.tolist())
         held = {f"base.{axis}": value for axis, value in zip(_BASE, place, strict=True)}
-    fits = [
-        fit_.fit(robot, data, names, model="arc", start={**held, names[0]: gain}) for gain in _GAINS
-    ]
+    fits = [fit(robot, data, names, model="arc", start={**held, names[0]: gain}) for gain in _GAINS]
     found = min(fits, key=lambda each: each.score.mean)
     gains = {name: v for name, v in found.values.items() if name.startswith("bend_gain")}
     if frame is None:
@@ -239,7 +236,7 @@ def _friction(robot: Robot) -> list[str]:
 
 
 def _fit(robot: Robot, data: Measurements, names: list[str], theory: Theory) -> Fit:
-    return fit_.fit(robot, data, names, theory=theory)
+    return fit(robot, data, names, theory=theory)
 
 
 def _without_the_untold(

@@ -16,7 +16,7 @@ from bowstring.formatting import in_mm, listed
 from bowstring.robot.model import Robot
 
 if TYPE_CHECKING:
-    from bowstring.study.validation import AgainstData
+    from bowstring.study.data_validation import AgainstData
 
 __all__ = ["FiniteElements", "at_data", "check", "solve"]
 

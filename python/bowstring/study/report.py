@@ -28,7 +28,7 @@ from bowstring.viz.style import figure_style, save_figure, svg
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bowstring.study.validation import AgainstData
+    from bowstring.study.data_validation import AgainstData
 
 __all__ = ["default_folder", "write"]
 
@@ -174,7 +174,7 @@ def _budget_page(study: Study, side: Side, title: str, where: str) -> dict[str, 
 
 def _data_page(found: AgainstData) -> dict[str, Any]:
     """What the page shows of the verdict on data."""
-    from bowstring.study.validation import FRAMES
+    from bowstring.study.data_validation import FRAMES
 
     label = found.label[0].upper() + found.label[1:]
     return {

@@ -14,7 +14,7 @@
    a path of loading and unloading (`bowstring.study.actuation_budget`);
 6. a verdict at a stated tolerance (`bowstring.study.verdict`);
 7. with measurements, every model against them, registered and not, what explains the error, and
-   whether what is left is noise (`bowstring.study.validation`).
+   whether what is left is noise (`bowstring.study.data_validation`).
 
 Budget and verdict are about statics, which needs no rise time and no damping to be chosen. Friction
 at the holes is in the part of the budget that is about the drive, and nowhere else.
@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bowstring._core as _core
-from bowstring.constant_curvature import arcs as arc
+from bowstring import constant_curvature
 from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
@@ -65,8 +65,8 @@ if TYPE_CHECKING:
     from bowstring.data.mapping import Mapping
     from bowstring.data.measurements import Measurements
     from bowstring.fem import Settings as FeSettings
+    from bowstring.study.data_validation import AgainstData
     from bowstring.study.finite_elements import FiniteElements
-    from bowstring.study.validation import AgainstData
 
 __all__ = [
     "DATA_FIGURES",
@@ -569,7 +569,7 @@ def run_study(
         In dynamics, of the slowest modes; a share of critical damping.
     measurements : Measurements, str or Path, optional
         Of this robot, or the table of them; all models are compared with them as well
-        (`bowstring.study.validation`).
+        (`bowstring.study.data_validation`).
     mapping : str, Path or Mapping, optional
         Of a table that is not in the tidy format, as for `bowstring.data.measurements`.
     solid : bool
@@ -610,13 +610,13 @@ def run_study(
         check_cad()
         sizes_of(robot)
     if fe is not None:
-        from bowstring.study import finite_elements as third
+        from bowstring.study import finite_elements
 
-        third.check(robot)
+        finite_elements.check(robot)
         fe.check()
     data = None
     if measurements is not None:
-        from bowstring.study.validation import judge_data
+        from bowstring.study.data_validation import judge_data
 
         tell("measurements", 0.0)
         data = judge_data(
@@ -666,7 +666,7 @@ def run_study(
 
     bricks, by_bricks = None, {}
     if fe is not None:
-        bricks = third.solve(
+        bricks = finite_elements.solve(
             robot,
             model.tensions(statics.tension),
             statics.tip_position,
@@ -677,7 +677,7 @@ def run_study(
             statics.tension, bricks.tip_position, bricks.tendon_lengths, tuple(COMPARISONS), "fe"
         )
         if data is not None:
-            bricks = third.at_data(bricks, statics.tension, model.shares, data)
+            bricks = finite_elements.at_data(bricks, statics.tension, model.shares, data)
     whole("done", 1.0)
     return Study(
         robot=robot,
@@ -872,9 +872,9 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     """Shorten the pulled tendon as the linear law would, the others follow at constant length."""
     robot = model.robot
     tension = np.linspace(0.0, settings.max_tension, settings.points)
-    arcs = arc.robot_from_tensions(robot, model.tensions(model.arc_scale * tension))
+    arcs = constant_curvature.robot_from_tensions(robot, model.tensions(model.arc_scale * tension))
     try:
-        lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+        lengths = constant_curvature.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
     except BowstringError:
         turns = settings.max_tension * model.linear_bend_of_all / math.tau
         raise InputError(
@@ -885,7 +885,7 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     # Eq. 5 proper: from the lengths. It needs three tendons a segment and lengths that some arc
     # has; a robot without them keeps the arcs the lengths came from, which are the same ones.
     with suppress(InputError):
-        arcs = arc.robot_fk(robot, lengths)
+        arcs = constant_curvature.robot_fk(robot, lengths)
     straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
     return GeometricSweep(
         pull=straight - lengths[:, settings.tendon],
@@ -899,7 +899,7 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     )
 
 
-def _backbone(arcs: arc.RobotArcs, per_segment: int = 24) -> Array:
+def _backbone(arcs: constant_curvature.RobotArcs, per_segment: int = 24) -> Array:
     """Points along the arcs (n, P, 3), the base first, m."""
     n, segments = arcs.kappa.shape
     start, turn = np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3))
@@ -907,7 +907,7 @@ def _backbone(arcs: arc.RobotArcs, per_segment: int = 24) -> Array:
     share = np.arange(1, per_segment + 1) / per_segment
     for k in range(segments):
         kappa, phi, length = (v[:, k, None] for v in (arcs.kappa, arcs.phi, arcs.length))
-        pose = arc.pose(kappa, phi, length, length * share)
+        pose = constant_curvature.pose(kappa, phi, length, length * share)
         points = start[:, None] + np.einsum("nij,npj->npi", turn, pose.position)
         parts.append(points)
         start, turn = points[:, -1], turn @ pose.rotation[:, -1]
