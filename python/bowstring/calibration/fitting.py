@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import formatting
 from bowstring.calibration import observations
 from bowstring.calibration.bootstrap import Linear
-from bowstring.calibration.observations import Data, Measured, Score, score
+from bowstring.calibration.observations import Measured, Score, score
 from bowstring.calibration.parameters import Unknown, Unknowns
 from bowstring.calibration.pieces import Landscape, Minimum, Pieces
 from bowstring.calibration.residual_tests import autocorrelation
@@ -32,14 +32,12 @@ from bowstring.validation import is_whole, shown
 
 __all__ = [
     "CrossValidation",
-    "Data",
     "Estimate",
     "Fit",
-    "Score",
+    "Loss",
     "cross_validate",
     "fit",
     "hold_out",
-    "score",
 ]
 
 Floats = NDArray[np.float64]

@@ -38,7 +38,6 @@ from bowstring.validation import floats, number, numbers, shown, vectors
 
 __all__ = [
     "Registration",
-    "Rigid",
     "fit_fiducials",
     "fit_model",
     "known",

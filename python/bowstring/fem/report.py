@@ -16,7 +16,7 @@ from bowstring.fem.vtk import write_vtk
 from bowstring.result_folder import check_folder, write_listing
 from bowstring.viz.style import figure_style, save_figures
 
-__all__ = ["write"]
+__all__ = ["rows", "write"]
 
 Progress = Callable[[str, float], None]
 

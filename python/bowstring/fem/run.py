@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from bowstring.statics.fields import Frames
 
 __all__ = [
+    "DEFAULT_DT",
     "BrickRun",
     "RunInterrupted",
     "Settings",

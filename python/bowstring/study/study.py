@@ -47,8 +47,8 @@ from bowstring.formatting import in_mm, in_percent, listed, plain, round_down, s
 from bowstring.robot.model import Robot, check_robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
-from bowstring.study.comparison import COMPARISONS, Case, Model, Physics, Theory
-from bowstring.study.error_budget import Budget, BudgetRow, error_budget
+from bowstring.study.comparison import COMPARISONS, Model, Theory
+from bowstring.study.error_budget import Budget, error_budget
 from bowstring.study.ramp_response import (
     MODAL_DAMPING,
     Surface,
@@ -58,7 +58,7 @@ from bowstring.study.ramp_response import (
     surface_at_rest,
     transient,
 )
-from bowstring.study.verdict import Meaning, Verdict, judge
+from bowstring.study.verdict import Verdict, judge
 from bowstring.validation import is_whole, shown
 
 if TYPE_CHECKING:
@@ -72,21 +72,12 @@ __all__ = [
     "DATA_FIGURES",
     "FE_FIGURES",
     "FIGURES",
-    "Budget",
-    "BudgetRow",
-    "Case",
-    "Comparison",
     "Figure",
     "GeometricSweep",
-    "Meaning",
-    "Physics",
     "PublishedClaim",
     "Settings",
     "Statics",
     "Study",
-    "Surface",
-    "Transient",
-    "Verdict",
     "run_study",
 ]
 
@@ -610,9 +601,9 @@ def run_study(
         check_cad()
         sizes_of(robot)
     if fe is not None:
-        from bowstring.study import finite_elements
+        from bowstring.fem.run import check
 
-        finite_elements.check(robot)
+        check(robot)
         fe.check()
     data = None
     if measurements is not None:
@@ -666,6 +657,8 @@ def run_study(
 
     bricks, by_bricks = None, {}
     if fe is not None:
+        from bowstring.study import finite_elements
+
         bricks = finite_elements.solve(
             robot,
             model.tensions(statics.tension),
