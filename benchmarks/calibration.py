@@ -23,8 +23,8 @@ from typing import Literal
 import numpy as np
 
 import bowstring as bs
-from bowstring.calibration.fitting import Data, Fit, cross_validate, fit, score
-from bowstring.calibration.observations import commands
+from bowstring.calibration.fitting import Fit, cross_validate, fit
+from bowstring.calibration.observations import Data, commands, score
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import TipModel
 

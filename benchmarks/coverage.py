@@ -22,7 +22,8 @@ import time
 import numpy as np
 
 import bowstring as bs
-from bowstring.calibration.fitting import Data, Fit, Loss, fit
+from bowstring.calibration.fitting import Fit, Loss, fit
+from bowstring.calibration.observations import Data
 from bowstring.data.rigid import Rigid
 from bowstring.data.synthetic import STUDY, set_up
 

@@ -27,15 +27,15 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.reader import load_robot
 from bowstring.study import calibration as study_calibration
 from bowstring.study import report
-from bowstring.study.settings import Loading
-from bowstring.study.study import DATA_FIGURES, Study, run_study
-from bowstring.study.validation import (
+from bowstring.study.data_validation import (
     DATA_MODELS,
     FRAMES,
     AgainstData,
     check_measurements,
     judge_data,
 )
+from bowstring.study.settings import Loading
+from bowstring.study.study import DATA_FIGURES, Study, run_study
 from shell import Shell
 from test_report import read
 

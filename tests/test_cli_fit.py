@@ -20,7 +20,8 @@ import pytest
 
 import bowstring as bs
 from bowstring.calibration.figures import draw_fit
-from bowstring.calibration.fitting import fit, hold_out, score
+from bowstring.calibration.fitting import fit, hold_out
+from bowstring.calibration.observations import score
 from bowstring.calibration.table_fit import Validation, calibrate, read_start
 from bowstring.cli.fit import _fit_tables
 from bowstring.data import synthetic

@@ -506,7 +506,8 @@ def test_each_recording_is_a_path_of_its_own(tmp_path: Path) -> None:
 
 
 def test_backlash_and_delay_begin_anew_with_each_recording() -> None:
-    from bowstring.calibration.fitting import Data, fit
+    from bowstring.calibration.fitting import fit
+    from bowstring.calibration.observations import Data
 
     robot = bs.load_robot("amouri2019")
     pulls = np.outer([2, 4, 6, 4, 3], [1e-3, -0.5e-3, -0.5e-3])

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from bowstring.calibration.residual_tests import CHANCE, noise_test
+from bowstring.calibration.residual_tests import noise_test
+from bowstring.significance import NOISE
 
 SIGMA = 2e-5
 ROWS = 99
@@ -28,9 +29,9 @@ def test_noise_is_called_noise_as_often_as_the_tests_say() -> None:
     for seed in range(300):
         residual, run, cell = made(seed)
         alarms += not noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA)).is_noise
-    # two tests decide, each at CHANCE; 300 draws of 1 % give 8 with a chance of 1 %
+    # two tests decide, each at NOISE; 300 draws of 1 % give 8 with a chance of 1 %
     assert alarms <= 8
-    assert pytest.approx(0.005) == CHANCE
+    assert pytest.approx(0.005) == NOISE
 
 
 def test_a_course_along_the_load_is_not_noise() -> None:
@@ -52,7 +53,7 @@ def test_a_course_without_repeats_or_sigma_is_still_seen() -> None:
 def test_a_stated_sigma_that_is_too_small_is_told_from_a_wrong_model() -> None:
     residual, run, cell = made(3)
     found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA / 2))
-    assert found.size_chance < CHANCE and found.is_noise is True
+    assert found.size_chance < NOISE and found.is_noise is True
     assert "stated uncertainty is too small" in found.text
     # without repeats nothing else can be to blame
     alone = noise_test(residual, run, np.arange(ROWS), 0, np.full(ROWS, SIGMA / 2))
@@ -107,7 +108,7 @@ def test_repeats_that_are_none_are_no_mistyped_rows() -> None:
     residual, run, cell = made(10)
     residual[::9] += 1e-3
     found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA))
-    assert found.wrong_lines == () and found.size_chance < CHANCE
+    assert found.wrong_lines == () and found.size_chance < NOISE
 
 
 def test_too_little_is_not_tested() -> None:

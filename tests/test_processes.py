@@ -5,7 +5,11 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -69,29 +73,26 @@ def test_what_a_lost_process_left_is_done_here(
 
 def test_a_stop_ends_the_other_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(processes, "_cores", lambda: 2)
-    here = os.getpid()
 
-    def do(i: int) -> None:
-        if os.getpid() == here:
-            raise KeyboardInterrupt
-        time.sleep(600.0)
+    def stop(share: float) -> None:
+        raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        processes.for_each(range(2), do)
+        processes.for_each(range(2), lambda i: time.sleep(600.0), tell=stop)
     assert not multiprocessing.active_children()
 
 
 def test_a_stop_while_processes_start_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
     """An interrupt between the start of one and its entry in the list would leave it alone."""
     monkeypatch.setattr(processes, "_cores", lambda: 3)
-    start = processes._start
+    submit = ProcessPoolExecutor.submit
 
     def interrupted(*arguments: Any) -> Any:
-        process = start(*arguments)
+        future = submit(*arguments)
         signal.raise_signal(signal.SIGINT)
-        return process
+        return future
 
-    monkeypatch.setattr(processes, "_start", interrupted)
+    monkeypatch.setattr(ProcessPoolExecutor, "submit", interrupted)
     with pytest.raises(KeyboardInterrupt):
         processes.for_each(range(3), lambda i: time.sleep(600.0))
     assert not multiprocessing.active_children()
@@ -126,3 +127,34 @@ def test_a_process_that_hangs_is_not_waited_for_long(
 
     processes.for_each(range(2), do)
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_processes_end_when_the_first_one_is_killed(tmp_path: Path) -> None:
+    program = f"""
+import os, pathlib, time
+from bowstring import processes
+processes._cores = lambda: 3
+def do(i):
+    pathlib.Path({str(tmp_path)!r}, str(os.getpid())).touch()
+    time.sleep(600.0)
+processes.for_each(range(3), do)
+"""
+    first = subprocess.Popen([sys.executable, "-c", program], start_new_session=True)
+    _until(lambda: len(list(tmp_path.iterdir())) == 3)
+    first.kill()
+    first.wait()
+    _until(lambda: not any(map(_runs, tmp_path.iterdir())))
+
+
+def _runs(known: Path) -> bool:
+    try:
+        return ") Z " not in Path("/proc", known.name, "stat").read_text()
+    except OSError:
+        return False
+
+
+def _until(met: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60.0
+    while not met():
+        assert time.monotonic() < end
+        time.sleep(0.05)

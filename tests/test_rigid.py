@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bowstring.data.rigid import Rigid
+from bowstring.data.rigid import Rigid, align
 from bowstring.errors import InputError
 
 
@@ -45,6 +45,22 @@ def test_it_maps_as_written() -> None:
     assert "(0, 0, 90) deg" in repr(motion)
     assert motion.to_dict()["translation_m"] == [10.0, 0, 0]
     assert Rigid.identity() != motion and Rigid.identity() != 1
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 8])
+@pytest.mark.parametrize("spread", ["space", "line", "place"])
+def test_points_are_aligned(count: int, spread: str) -> None:
+    rng = np.random.default_rng(count)
+    shape = {"space": np.eye(3), "line": np.diag([1.0, 0.0, 0.0]), "place": np.zeros((3, 3))}
+    points = rng.normal(size=(count, 3)) @ shape[spread] + 1.0
+    targets = motions()[-1].apply(points)
+    np.testing.assert_allclose(align(points, targets).apply(points), targets, atol=1e-14)
+
+
+def test_the_heavier_points_are_aligned_better() -> None:
+    points = np.eye(3)
+    frame = align(points, points * [1.0, 1.0, 2.0], np.array([1.0, 1.0, 1e-9]))
+    np.testing.assert_allclose(frame.apply(points)[:2], points[:2], atol=1e-6)
 
 
 def test_immutable_and_its_own() -> None:

@@ -30,6 +30,7 @@ __all__ = [
     "folder_beside",
     "has_mark",
     "not_overwritten",
+    "readable",
     "resolved",
     "sweep",
     "write_whole",

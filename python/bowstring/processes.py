@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
 import signal
 import sys
-import time
+import threading
 import warnings
 from collections.abc import Callable, Sequence
-from multiprocessing.process import BaseProcess
-from typing import TypeVar
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from typing import Any, TypeVar
 
 from bowstring import interrupts
 
@@ -20,7 +19,9 @@ __all__ = ["for_each"]
 T = TypeVar("T")
 
 _MOST = 4  # processes; each holds a copy of what it changes
-_PATIENCE = 5.0  # s, beyond what our own share tells
+_PATIENCE = 60.0  # s without any finished item: the processes hang
+
+_do: Callable[[int], None]  # what a forked process does with the item of an index
 
 
 def for_each(
@@ -40,35 +41,17 @@ def for_each(
         Is given one item; doing it twice must be the same as doing it once. It must not use the
         compiled core, whose threads are not there in a forked process.
     tell : callable, optional
-        Is told the share that is done, from 0 to 1.
+        Progress callback: the share that is done, from 0 to 1.
     """
+    tell = tell or (lambda share: None)
     # a process of a pool may start none itself
     may_fork = sys.platform == "linux" and not multiprocessing.current_process().daemon
-    count = min(_cores(), _MOST, max(len(items), 1)) if may_fork else 1
-    own, *shares = (items[k::count] for k in range(count))
-    began = time.monotonic()
-    helpers: list[BaseProcess | None] = []
-    try:
-        for share in shares:
-            with interrupts.held():  # one that is started is known, hence ended below
-                helpers.append(_start(share, do))
-        for i, item in enumerate(own):
-            if tell is not None:
-                tell(i / len(own))
-            do(item)
-        # shares are alike: one that takes ten times as long as ours hangs
-        until = time.monotonic() + 10.0 * (time.monotonic() - began) + _PATIENCE
-        for share, helper in zip(shares, helpers, strict=True):
-            if helper is not None:
-                helper.join(max(until - time.monotonic(), 0.0))
-            if helper is None or helper.exitcode != 0:
-                for item in share:
-                    do(item)
-    finally:
-        for helper in helpers:
-            if helper is not None:
-                helper.kill()
-                helper.join()
+    count = min(_cores(), _MOST, len(items)) if may_fork else 1
+    done = _in_processes(items, do, count, tell) if count > 1 else set()
+    left = [i for i in range(len(items)) if i not in done]
+    for before, i in enumerate(left, len(done)):
+        tell(before / len(items))
+        do(items[i])
 
 
 def _cores() -> int:
@@ -76,28 +59,55 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
-def _start(share: Sequence[T], do: Callable[[T], None]) -> BaseProcess | None:
-    """A process that does a share, or none where the system refuses one."""
+def _in_processes(
+    items: Sequence[T], do: Callable[[T], None], count: int, tell: Callable[[float], None]
+) -> set[int]:
+    """Do the items in forked processes; return the indices of those that are done."""
+    former = multiprocessing.active_children()
+    futures: dict[Future[None], int] = {}
+    pool = None
+    try:
+        # an interrupt between a fork and its entry among the children would lose a process
+        with interrupts.held(), warnings.catch_warnings():
+            # newer Pythons warn of threads; those there are hold no lock that the work needs
+            warnings.simplefilter("ignore", DeprecationWarning)
+            pool = ProcessPoolExecutor(
+                count, multiprocessing.get_context("fork"), _begin, (lambda i: do(items[i]),)
+            )
+            futures.update((pool.submit(_work, i), i) for i in range(len(items)))
+        pending = set(futures)
+        while pending:
+            tell(1.0 - len(pending) / len(items))
+            finished, pending = wait(pending, _PATIENCE, FIRST_COMPLETED)
+            if not finished:
+                break
+    except (OSError, ImportError, NotImplementedError):  # the system refuses processes or locks
+        pass
+    finally:
+        for child in multiprocessing.active_children():
+            if child not in former:
+                child.kill()
+        if pool is not None:
+            pool.shutdown(cancel_futures=True)
+    return {i for f, i in futures.items() if not (f.cancelled() or f.exception())}
 
-    def work() -> None:
-        # leaves at once: clean-up and output that was forked with us belong to the first process
-        code = 1
-        # the first process ends it; where its threads held a lock, Python's own handlers never run
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        try:
-            for item in share:
-                do(item)
-            code = 0
-        except BaseException:
-            pass  # it is met again where it can be told
-        finally:
-            os._exit(code)
 
-    process = multiprocessing.get_context("fork").Process(target=work, daemon=True)
-    with warnings.catch_warnings(), contextlib.suppress(OSError):
-        # newer Pythons warn of threads; those there are hold no lock that the work needs
-        warnings.simplefilter("ignore", DeprecationWarning)
-        process.start()
-        return process
-    return None
+def _begin(do: Callable[[int], None]) -> None:
+    """Prepare a forked process."""
+    global _do
+    _do = do
+    # the first process ends it; where its threads held a lock, Python's own handlers never run
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End a process whose parent was killed: it would wait for work without end."""
+    parent: Any = multiprocessing.parent_process()
+    parent.join()
+    os._exit(1)
+
+
+def _work(i: int) -> None:
+    _do(i)

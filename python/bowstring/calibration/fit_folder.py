@@ -8,9 +8,9 @@ from typing import Any
 
 from bowstring.atomic_io import write_whole
 from bowstring.calibration.table_fit import BESIDE, Calibration
+from bowstring.result_folder import check_folder, write_json, write_listing
 from bowstring.robot.writer import to_yaml
-from bowstring.viz.result_folder import check_folder, save_figures, write_json, write_listing
-from bowstring.viz.style import figure_style
+from bowstring.viz.style import figure_style, save_figures
 
 __all__ = ["write_fit"]
 

@@ -17,28 +17,28 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring import formatting
 from bowstring.calibration import observations
 from bowstring.calibration.bootstrap import Linear
-from bowstring.calibration.observations import Data, Measured, Score, score
+from bowstring.calibration.observations import Measured, Score, score
 from bowstring.calibration.parameters import Unknown, Unknowns
 from bowstring.calibration.pieces import Landscape, Minimum, Pieces
-from bowstring.calibration.residual_tests import CHANCE, autocorrelation
-from bowstring.calibration.tip_model import Prediction, TipModel, rotation
+from bowstring.calibration.residual_tests import autocorrelation
+from bowstring.calibration.tip_model import Prediction, TipModel
+from bowstring.data.rigid import align
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
 from bowstring.formatting import plain
 from bowstring.robot.model import Robot, check_robot
+from bowstring.significance import NOISE, chi_square_p, explained_p
 from bowstring.statics.model import RodModel, as_model
 from bowstring.validation import is_whole, shown
 
 __all__ = [
     "CrossValidation",
-    "Data",
     "Estimate",
     "Fit",
-    "Score",
+    "Loss",
     "cross_validate",
     "fit",
     "hold_out",
-    "score",
 ]
 
 Floats = NDArray[np.float64]
@@ -641,7 +641,8 @@ class _Work:
         if len(base) < 6 or any(name.startswith("base") for name in start) or not known.any():
             return
         local = at.position + at.rotation @ at.setting.tool
-        values[base] = _aligned(local[known], self.measured[known])
+        motion = align(local[known], self.measured[known])
+        values[base] = np.concatenate((motion.translation, motion.rotation_vector))
 
     def _at(self, scaled: Floats) -> Prediction:
         if self._last is None or not np.array_equal(self._last[0], scaled):
@@ -1083,7 +1084,7 @@ def _message(
     signs = []
     if _is_alike(alike):
         signs.append(f"neighbours correlate by {alike[0]:.2f}")
-    if excess[0] > _EXCESS and excess[1] < CHANCE:
+    if excess[0] > _EXCESS and excess[1] < NOISE:
         signs.append(
             f"they are {formatting.significant(excess[0], 2)} times the stated uncertainty"
         )
@@ -1114,20 +1115,18 @@ def _alike(
 
 def _is_alike(alike: tuple[float, float]) -> bool:
     """Whether neighbours err more alike than noise does."""
-    return alike[0] > _ALIKE and alike[1] < CHANCE
+    return alike[0] > _ALIKE and alike[1] < NOISE
 
 
 def _excess(
     errors: Floats, used: Bools, sigma: Floats | None, parameters: int
 ) -> tuple[float, float]:
     """Root of the reduced chi squared, and the chance of one as large from noise."""
-    from scipy.special import chdtrc
-
     free = 3 * int(used.sum()) - parameters
     if sigma is None or free < 1:
         return float("nan"), float("nan")
     square = float(((errors[used] / sigma[used, None]) ** 2).sum())
-    return float(np.sqrt(square / free)), float(chdtrc(free, square))
+    return float(np.sqrt(square / free)), chi_square_p(square, free)
 
 
 def _rigid_offset(work: _Work, at: Prediction) -> str:
@@ -1137,15 +1136,12 @@ def _rigid_offset(work: _Work, at: Prediction) -> str:
     if free < 1 or base <= {item.name for item in work.items}:
         return ""
     predicted, measured = at.point[work.used], work.measured[work.used]
-    motion = _aligned(predicted, measured)
-    moved = predicted @ rotation(motion[3:]).T + motion[:3]
+    moved = align(predicted, measured).apply(predicted)
     before = float(((predicted - measured) ** 2).sum())
     after = float(((moved - measured) ** 2).sum())
-    from scipy.special import fdtrc
-
     if before < len(measured) * _EXACT**2 or after * (free + 6) > _RIGID * before * free:
         return ""
-    if fdtrc(6, free, (before - after) / 6 / max(after / free, 1e-300)) > CHANCE:
+    if explained_p(before, after, 6, free) > NOISE:
         return ""
     rms = [formatting.in_mm(math.sqrt(each / len(measured))) for each in (before, after)]
     return (
@@ -1159,17 +1155,6 @@ def _rigid_offset(work: _Work, at: Prediction) -> str:
 def _score_before(work: _Work) -> Score:
     known = work.before[work.used & np.isfinite(work.before).all(axis=1)]
     return score(known, np.zeros_like(known)) if len(known) else Score(0, *[np.nan] * 5)
-
-
-def _aligned(local: Floats, measured: Floats) -> Floats:
-    """The rigid motion (6,) that takes points nearest to others (Kabsch, Acta Cryst. A32, 1976)."""
-    from scipy.spatial.transform import Rotation
-
-    a, b = local.mean(axis=0), measured.mean(axis=0)
-    u, _, v = np.linalg.svd((local - a).T @ (measured - b))
-    turn = v.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(v.T @ u.T))]) @ u.T
-    rotvec: Floats = Rotation.from_matrix(turn).as_rotvec()
-    return np.concatenate((b - turn @ a, rotvec))
 
 
 # --------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from bowstring.robot.parts import Backbone, Disks, Segment, Tendon, TendonRing
 from bowstring.units import Quantity, read_number, unit_of_size
 from bowstring.validation import shown
 
-__all__ = ["Setting", "Unknown", "Unknowns"]
+__all__ = ["DRIVE", "Setting", "Unknown", "Unknowns"]
 
 Floats = NDArray[np.float64]
 

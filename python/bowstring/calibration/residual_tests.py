@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from scipy import special
 
 from bowstring.formatting import in_mm, listed, significant
+from bowstring.significance import NOISE, chi_square_p, variance_ratio_p
 
-__all__ = ["CHANCE", "NoiseTest", "autocorrelation", "noise_test"]
+__all__ = ["NoiseTest", "autocorrelation", "noise_test"]
 
 Array = NDArray[np.float64]
 
-CHANCE: Final = 0.005
-"""Below this probability a test says that residuals are not noise."""
 _FEW: Final = 8  # pairs of neighbours, below which they tell nothing
 _FAR: Final = 5.0  # standard deviations of a coordinate
 _WRONG: Final = 10.0  # robust ones, beyond which repeats that are not there call a row a mistake
@@ -66,13 +65,13 @@ class NoiseTest:
     def wrong_size(self) -> bool:
         """Whether the residuals are larger than noise: repeats decide where there are any."""
         if math.isfinite(self.fit_chance):
-            return self.fit_chance < CHANCE
-        return self.size_chance < CHANCE  # False for NaN
+            return self.fit_chance < NOISE
+        return self.size_chance < NOISE  # False for NaN
 
     @property
     def in_order(self) -> bool:
         """Whether neighbours err alike."""
-        return self.order_chance < CHANCE
+        return self.order_chance < NOISE
 
     @property
     def nothing_left(self) -> bool:
@@ -132,7 +131,7 @@ class NoiseTest:
         said = "; ".join(parts)
         if self.is_noise:
             out = f"The residuals are noise, as far as these data can tell: {said}."
-            if self.size_chance < CHANCE:
+            if self.size_chance < NOISE:
                 out += " The stated uncertainty is too small: the repeats scatter by more."
         else:
             out = (
@@ -169,7 +168,7 @@ class NoiseTest:
             "fit_chance": self.fit_chance,
             "autocorrelation": self.autocorrelation,
             "order_chance": self.order_chance,
-            "chance_below_which_not_noise": CHANCE,
+            "chance_below_which_not_noise": NOISE,
             "far_rows": self.far,
             "lines_against_their_repeats": list(self.wrong_lines),
             "other_load": self.other_load,
@@ -283,7 +282,7 @@ def noise_test(
         spread = sigma[good]
         stated = float(np.sqrt(np.mean(spread**2)))
         chi_square = float(np.sum((e / spread[:, None]) ** 2))
-        size_chance = float(special.chdtrc(dof, chi_square))
+        size_chance = chi_square_p(chi_square, dof)
 
     scatter, ratio, fit_chance = math.nan, math.nan, math.nan
     _, place, size = np.unique(cells, return_inverse=True, return_counts=True)
@@ -295,7 +294,7 @@ def noise_test(
         scatter = math.sqrt(within)
         if common > 0 and within > 0.0:
             ratio = float(size @ np.sum(means**2, axis=1)) / common / within
-            fit_chance = float(special.fdtrc(common, own, ratio))
+            fit_chance = variance_ratio_p(ratio, common, own)
 
     correlation, order_chance = autocorrelation(e, runs[1:] == runs[:-1])
 

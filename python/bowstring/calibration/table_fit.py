@@ -20,12 +20,11 @@ from bowstring.calibration.fitting import (
     CrossValidation,
     Fit,
     Loss,
-    Score,
     cross_validate,
     fit,
     hold_out,
-    score,
 )
+from bowstring.calibration.observations import Score, score
 from bowstring.data.measurements import Measurements
 from bowstring.data.tendon_check import TendonCheck, check_tendons
 from bowstring.display import short_repr

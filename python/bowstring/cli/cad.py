@@ -55,8 +55,8 @@ def cad(
     except for the drawing.
     """
     from bowstring.cad import export
-    from bowstring.cad import picture as pictures
     from bowstring.cad.drawing import check_drawing_file, write_drawing
+    from bowstring.cad.picture import check_picture_file, write_picture
     from bowstring.cad.solid import check_cad, make_solid
     from bowstring.robot.sizes import sizes_of
     from bowstring.statics import rod
@@ -68,7 +68,7 @@ def cad(
     acting = None if wanted == (None, None, None) else actuated_by(model, *wanted)
     for flag, check, file in (
         ("--out", export.check_solid_file, out),
-        ("--picture", pictures.check_picture_file, picture),
+        ("--picture", check_picture_file, picture),
         ("--drawing", check_drawing_file, drawing),
     ):
         if file is not None:
@@ -91,7 +91,7 @@ def cad(
                     files["solid"] = export.write_solid(solid, out)
                 if picture is not None:
                     tell("picture", 0.5)
-                    files["picture"] = pictures.write_picture(solid, picture)
+                    files["picture"] = write_picture(solid, picture)
             if drawing is not None:
                 tell("drawing", 0.9)
                 files["drawing"] = write_drawing(model, drawing)

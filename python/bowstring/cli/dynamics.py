@@ -289,7 +289,7 @@ def modes(
     from bowstring.dynamics import modal
 
     if out is not None:
-        from bowstring.viz.result_folder import check_folder
+        from bowstring.result_folder import check_folder
 
         out = of_flag("--out", lambda path: check_folder(path, "modes"), out)
     provenance = provenance_of(

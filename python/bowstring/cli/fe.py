@@ -125,19 +125,18 @@ def fe(
         raise InputError("--study is for tensions alone; leave out the other loads and --keep.")
 
     from bowstring.fem import report
-    from bowstring.fem import run as finite_elements
-    from bowstring.fem.run import Settings
+    from bowstring.fem.run import Motion, RunInterrupted, Settings, check_keep, ramp, sweep
+    from bowstring.result_folder import check_folder
     from bowstring.statics.load import Load
-    from bowstring.viz.result_folder import check_folder
 
     settings = Settings(of_flag("--mesh", _fineness, mesh), stiffness, grip)
     of_flag("--stiffness", Settings.check, settings)
     if out is not None:
         out = of_flag("--out", lambda path: check_folder(path, "fe"), out)
     if keep is not None:
-        of_flag("--keep", finite_elements.check_keep, keep)
+        of_flag("--keep", check_keep, keep)
     rows = _rows(last, loads)
-    motion = finite_elements.Motion(
+    motion = Motion(
         positive("--rise", rise or "1", "s"),
         not_negative("--hold", hold or "0", "s"),
         mass_damping=not_negative("--mass-damping", mass_damping or "0", "1/s"),
@@ -159,7 +158,7 @@ def fe(
                 )
                 run = limit.run
             elif dynamic:
-                run = finite_elements.ramp(
+                run = ramp(
                     model,
                     last,
                     motion,
@@ -169,7 +168,7 @@ def fe(
                     progress=tell,
                 )
             else:
-                run = finite_elements.sweep(
+                run = sweep(
                     model,
                     rows,
                     load=Load(gravity=weight, tip_force=force),
@@ -177,7 +176,7 @@ def fe(
                     keep=keep,
                     progress=tell,
                 )
-        except finite_elements.RunInterrupted as stopped:
+        except RunInterrupted as stopped:
             run, interrupted = stopped.run, True
 
     if interrupted:

@@ -136,7 +136,7 @@ def fit(
         raise InputError(f"--folds: got {folds}; must be 2 or more.")
     known = load(robot, overrides)
     if out is not None:
-        from bowstring.viz.result_folder import check_folder
+        from bowstring.result_folder import check_folder
 
         of_flag("--out", lambda path: check_folder(path, "fit"), out)
     begin = None if start is None else table_fit.read_start(start)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 import typer
 
+from bowstring import constant_curvature
 from bowstring.cli.driving import (
     Angle,
     Pull,
@@ -48,7 +49,6 @@ from bowstring.cli.output import (
     write_json,
     write_tables,
 )
-from bowstring.constant_curvature import arcs as arc
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot, robot_names, robot_schema
@@ -109,7 +109,7 @@ def fk(
     values = per_tendon("--lengths", lengths, "m", model, above_zero=True)
     check_bare("--lengths", lengths, "m", model, _FAR * model.length, "mm")
     try:
-        arcs = arc.robot_fk(model, values, "chord" if chord else None)
+        arcs = constant_curvature.robot_fk(model, values, "chord" if chord else None)
     except InputError as error:
         raise InputError(f"--lengths: {error}") from None
     segments = _segments(arcs)
@@ -148,7 +148,7 @@ def ik(
             f"{model.name} has {len(model.segments)} segments; ik is for robots of one segment."
         )
     if free_length:
-        kappa, phi, length = arc.through_tip(point)
+        kappa, phi, length = constant_curvature.through_tip(point)
         miss = 0.0
     else:
         distance, reach = math.hypot(*point), model.length
@@ -157,12 +157,12 @@ def ik(
                 f"--tip: got a point {number_with_unit(distance, 'm')} from the base, out of "
                 f"reach: {model.name} is {number_with_unit(reach, 'm')} long."
             )
-        kappa, phi, nearest_miss = arc.nearest_tip(point, model.length)
+        kappa, phi, nearest_miss = constant_curvature.nearest_tip(point, model.length)
         length, miss = np.asarray(model.length), float(nearest_miss)
-    tendons = arc.robot_lengths(
+    tendons = constant_curvature.robot_lengths(
         model, kappa[None], phi[None], length[None], "chord" if chord else None
     )
-    position, rotation = arc.pose(kappa, phi, length)
+    position, rotation = constant_curvature.pose(kappa, phi, length)
     segment = {
         "kappa_per_m": float(kappa),
         "phi_rad": float(phi),
@@ -264,7 +264,7 @@ def solve(
         )
 
 
-def _segments(arcs: arc.RobotArcs) -> list[dict[str, float]]:
+def _segments(arcs: constant_curvature.RobotArcs) -> list[dict[str, float]]:
     columns = (arcs.kappa, arcs.phi, arcs.theta, arcs.length)
     names = ("kappa_per_m", "phi_rad", "theta_rad", "length_m")
     return [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]

@@ -98,11 +98,11 @@ def study(
 
     from bowstring.data.measurements import Measurements, read_measurements
     from bowstring.fem.run import RunInterrupted, Settings
+    from bowstring.result_folder import check_folder
     from bowstring.study import report
     from bowstring.study.settings import Extras, Loading, Ramp
     from bowstring.study.study import run_study
     from bowstring.study.terminal import print_study
-    from bowstring.viz.result_folder import check_folder
 
     loading, ramp = Loading(limit, points, pulled), Ramp(seconds, damping)
     extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None)

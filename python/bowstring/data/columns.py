@@ -26,6 +26,7 @@ __all__ = [
     "TOOL",
     "Column",
     "Layout",
+    "Part",
     "check_stations",
     "factor_of",
     "nearest",

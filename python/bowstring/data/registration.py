@@ -28,16 +28,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg, optimize, special
 from scipy.spatial.transform import Rotation
 
-from bowstring.data.rigid import SKEW, Rigid
+from bowstring.data.rigid import SKEW, Rigid, align
 from bowstring.data.tip_errors import Comparison
 from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import plain
+from bowstring.significance import MIRROR, chi_square_p, variance_ratio_limit
 from bowstring.validation import floats, number, numbers, shown, vectors
 
 __all__ = [
     "Registration",
-    "Rigid",
     "fit_fiducials",
     "fit_model",
     "known",
@@ -67,7 +67,6 @@ _WEAK: Final = 0.02  # of the largest: fifty times less well known
 _HUBER: Final = 2.5  # standard deviations; 90 % of distances in space are nearer
 _FEW: Final = 10  # points: with fewer, fits with an offset have many minima
 _MEDIAN: Final = 1.5382  # median distance in space, over the standard deviation along an axis
-_CHANCE: Final = 1e-4  # that noise alone looks like a mirror
 _CLEARLY: Final = 3.0  # times the sum of squares: what a model does wrong is no noise
 
 
@@ -137,10 +136,7 @@ class Registration:
     @property
     def chance(self) -> float:
         """Probability of such a `misfit` from noise alone; NaN if no sigma was given."""
-        misfit = self.misfit
-        if math.isnan(misfit):
-            return math.nan
-        return float(special.chdtrc(self.dof, misfit * self.dof))
+        return chi_square_p(self.misfit * self.dof, self.dof)
 
     @property
     def standard_error(self) -> Array:
@@ -298,9 +294,10 @@ def fit_fiducials(
             f"the measured fiducials span {sizes[0]:.4g} m and those of the base {sizes[1]:.4g} m: "
             "give both in m, and in the same order"
         )
-    frame, left, mirror_left = _kabsch(ours, theirs, weight)
+    frame = align(ours, theirs, weight)
     dof = 3 * len(ours) - 6
-    _check_handed(left, mirror_left, dof, ours, theirs, weight)
+    left = _left(frame, ours, theirs, weight)
+    _check_handed(left, _mirror_left(ours, theirs, weight), dof, ours, theirs, weight)
     moved = frame.apply(ours)
     pivot = weight @ moved / weight.sum()
     return _registration(
@@ -333,19 +330,14 @@ def _check_fiducials(name: str, points: Array) -> None:
         )
 
 
-def _kabsch(measured: Array, base: Array, weight: Array) -> tuple[Rigid, float, float]:
-    """The best motion, and the weighted sums of squares that it and the best mirror leave."""
-    total = weight.sum()
-    middle, target = weight @ measured / total, weight @ base / total
-    a, b = measured - middle, base - target
-    u, _, v = np.linalg.svd((b * weight[:, None]).T @ a)
-    handed = np.sign(np.linalg.det(u) * np.linalg.det(v))
-    ways = []
-    for sign in (handed, -handed):
-        turn = (u * np.array([1.0, 1.0, sign])) @ v
-        ways.append(float(weight @ np.sum((a @ turn.T - b) ** 2, axis=1)))
-    turn = (u * np.array([1.0, 1.0, handed])) @ v
-    return Rigid(turn, target - turn @ middle), ways[0], ways[1]
+def _left(frame: Rigid, measured: Array, base: Array, weight: Array) -> float:
+    """The weighted sum of squares that a motion leaves."""
+    return float(weight @ np.sum((frame.apply(measured) - base) ** 2, axis=1))
+
+
+def _mirror_left(measured: Array, base: Array, weight: Array) -> float:
+    """The weighted sum of squares that the best motion of the mirror image leaves."""
+    return _left(align(-measured, base, weight), -measured, base, weight)
 
 
 def _check_handed(
@@ -367,7 +359,7 @@ def _check_handed(
 
 def _doubtful(dof: int) -> float:
     """How many times the sum of squares of a mirror does not yet make it the better fit."""
-    return max(_CLEARLY, float(special.fdtri(dof, dof, 1.0 - _CHANCE)))
+    return max(_CLEARLY, variance_ratio_limit(MIRROR, dof, dof))
 
 
 def _handed_cause(measured: Array, base: Array, weight: Array) -> str:
@@ -383,7 +375,7 @@ def _handed_cause(measured: Array, base: Array, weight: Array) -> str:
         changes[f"swap its {'xyz'[i]} and {'xyz'[j]}"] = swap
     turns = {}
     for words, change in changes.items():
-        frame, _, _ = _kabsch(measured @ change.T, base, weight)
+        frame = align(measured @ change.T, base, weight)
         turns[words] = float(np.linalg.norm(frame.rotation_vector))
     best = min(turns, key=lambda words: turns[words])
     if turns[best] < math.radians(20.0):
@@ -470,7 +462,7 @@ def fit_model(
     best = _search(ours, theirs, turns, weight, start)
     dof = 3 * len(ours) - unknowns
     if turns is None:
-        mirrored = _kabsch(ours, theirs, weight)[2]
+        mirrored = _mirror_left(ours, theirs, weight)
     elif best.left > _doubtful(dof) * best.bound:
         # a mirrored measuring frame: the same with one axis turned round
         mirrored = _search(ours * [1.0, 1.0, -1.0], theirs, turns, weight, None).left
@@ -516,17 +508,19 @@ def _search(
     """The best frame and offset for these weights."""
     middle = weight @ measured / weight.sum()
     if start is None:
-        start, left, _ = _kabsch(measured, predicted, weight)
+        start = align(measured, predicted, weight)
         values = np.linalg.svd((predicted - predicted.mean(axis=0)), compute_uv=False)
         if values[1] <= _LOST * values[0]:  # on a line: nothing says how to turn about it
             start = Rigid(np.eye(3), weight @ predicted / weight.sum() - middle)
         elif turns is None:
-            return _Best(start, np.zeros(3), left)
+            return _Best(start, np.zeros(3), _left(start, measured, predicted, weight))
         else:
             starts, bound = _starts(measured, predicted, turns, weight, start)
             best = _refined(measured, predicted, turns, weight, starts[0])
             few = 3 * len(measured) - 15  # degrees of freedom of the affine map
-            limit = special.fdtri(few + 6, few, 1.0 - _CHANCE) * (few + 6) / few if few > 0 else 0.0
+            limit = 0.0
+            if few > 0:
+                limit = variance_ratio_limit(MIRROR, few + 6, few) * (few + 6) / few
             for way in starts[1:]:
                 if best.left <= limit * bound:  # as good as noise lets it be
                     break

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, Final
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from bowstring.errors import InputError
 from bowstring.validation import numbers, shown, vectors
 
-__all__ = ["SKEW", "Rigid"]
+__all__ = ["SKEW", "Rigid", "align"]
 
 Array = NDArray[np.float64]
 
@@ -140,6 +141,24 @@ class Rigid:
             "rotation_vector_rad": self.rotation_vector.tolist(),
             "translation_m": self._translation.tolist(),
         }
+
+
+def align(points: Array, targets: Array, weight: Array | None = None) -> Rigid:
+    """The motion that takes points (K, 3) nearest to targets (K, 3): rigid registration.
+
+    Weighted least squares without a mirror (Kabsch, Acta Cryst. A32, 1976; Umeyama 1991). Where the
+    points leave a turn open, as on a line, it is one of those that fit.
+    """
+    from scipy.spatial.transform import Rotation
+
+    middle, target = (np.average(each, axis=0, weights=weight) for each in (points, targets))
+    if len(points) == 1:
+        return Rigid(np.eye(3), target - middle)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Optimal rotation is not uniquely", UserWarning)
+        turn, _ = Rotation.align_vectors(targets - target, points - middle, weight)
+    matrix = turn.as_matrix()
+    return Rigid(matrix, target - matrix @ middle)
 
 
 def _restored(rotation: Array, translation: Array) -> Rigid:

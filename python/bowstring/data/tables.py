@@ -22,7 +22,7 @@ from bowstring.data import motive
 from bowstring.errors import InputError
 from bowstring.units import NUMBER, quote
 
-__all__ = ["Form", "Table", "UnknownColumnsError", "open_table"]
+__all__ = ["Form", "Row", "Table", "UnknownColumnsError", "open_table"]
 
 MOST_ROWS: Final = 2_000_000
 MOST_SHEET_ROWS: Final = 200_000  # a spreadsheet is read at a tenth of the speed of text

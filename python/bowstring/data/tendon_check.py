@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.constant_curvature import arcs as arc
+from bowstring import constant_curvature
+from bowstring.data.rigid import align
 from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, listed, significant
 from bowstring.robot.model import check_robot
@@ -494,7 +495,9 @@ def _tips(robot: Robot, bends: Floats, tool: Floats) -> tuple[Floats, Floats]:
     position, rotation = np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3))
     for j, segment in enumerate(robot.segments):
         x, y = bends[:, j].T
-        pose = arc.pose(np.hypot(x, y) / segment.length, np.arctan2(y, x), segment.length)
+        pose = constant_curvature.pose(
+            np.hypot(x, y) / segment.length, np.arctan2(y, x), segment.length
+        )
         position = position + (rotation @ pose.position[..., None])[..., 0]
         rotation = rotation @ pose.rotation
     return position + rotation @ tool, rotation[..., 2]
@@ -506,10 +509,7 @@ def _spread(points: Floats) -> float:
 
 
 def _rigid(predicted: Floats, measured: Floats) -> _Fit:
-    """Least-squares rotation and translation without a mirror (Kabsch 1976)."""
-    a = predicted - predicted.mean(axis=0)
-    b = measured - measured.mean(axis=0)
-    u, _, vt = np.linalg.svd(b.T @ a)
-    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
-    left = np.sqrt(((b - a @ turn.T) ** 2).sum(axis=1).mean())
-    return _Fit(min(float(left) / _spread(measured), 1.0), turn)
+    """The fit of the best rigid motion."""
+    frame = align(predicted, measured)
+    left = np.sqrt(((frame.apply(predicted) - measured) ** 2).sum(axis=1).mean())
+    return _Fit(min(float(left) / _spread(measured), 1.0), frame.rotation)

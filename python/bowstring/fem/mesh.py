@@ -25,7 +25,7 @@ from bowstring.fem.elements import MASS_POINTS, POINTS, brick_shape, quad_shape
 from bowstring.robot.model import Robot
 from bowstring.validation import is_whole, shown
 
-__all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_robot"]
+__all__ = ["BrickMesh", "Fineness", "brick_mesh", "check_meshable"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -142,13 +142,13 @@ def brick_mesh(robot: Robot, fineness: Fineness, *, mass_arms: bool = False) -> 
         a tube, a Poisson's ratio near 0.5, holes so near the backbone that no arm fits.
     """
     fineness.check()
-    check_robot(robot)
+    check_meshable(robot)
     mesh = _Builder(robot, fineness, mass_arms).mesh()
     _check_bricks(robot, mesh)
     return mesh
 
 
-def check_robot(robot: Robot) -> None:
+def check_meshable(robot: Robot) -> None:
     """Raise `InputError` where a robot cannot be meshed; see `brick_mesh`."""
     loose = [k for k, s in enumerate(robot.segments) if s.disks.clamped_length == 0]
     if loose:

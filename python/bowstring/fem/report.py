@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from bowstring.atomic_io import write_whole
-from bowstring.fem import figures as pictures
 from bowstring.fem.comparison import BesideRod
+from bowstring.fem.figures import draw
 from bowstring.fem.run import BrickRun
 from bowstring.fem.vtk import write_vtk
-from bowstring.viz.result_folder import check_folder, save_figures, write_listing
-from bowstring.viz.style import figure_style
+from bowstring.result_folder import check_folder, write_listing
+from bowstring.viz.style import figure_style, save_figures
 
-__all__ = ["write"]
+__all__ = ["rows", "write"]
 
 Progress = Callable[[str, float], None]
 
@@ -54,7 +54,7 @@ def write(
         run.to_dataset().to_netcdf(new / "fe.nc")
         write_vtk(run, new / "vtk", progress=tell)
         with figure_style():
-            save_figures(pictures.draw(run, beside), new, lambda share: tell("figures", share))
+            save_figures(draw(run, beside), new, lambda share: tell("figures", share))
         write_listing(new / "fe.json", content)
 
     write_whole(folder, "finite elements", fill, lambda: check_folder(folder, "fe"))

@@ -33,10 +33,9 @@ from bowstring.fem.fields import (
     span_tension,
     strain_in_base,
 )
-from bowstring.fem.mesh import BrickMesh, Fineness, brick_mesh, check_robot
+from bowstring.fem.mesh import BrickMesh, Fineness, brick_mesh, check_meshable
 from bowstring.fem.steps import Job, work
-from bowstring.robot.model import Robot
-from bowstring.robot.model import check_robot as check_a_robot
+from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.load import Load, as_load
 
 if TYPE_CHECKING:
@@ -46,6 +45,7 @@ if TYPE_CHECKING:
     from bowstring.statics.fields import Frames
 
 __all__ = [
+    "DEFAULT_DT",
     "BrickRun",
     "RunInterrupted",
     "Settings",
@@ -260,9 +260,9 @@ class BrickRun:
 
     @cached_property
     def _dataset(self) -> xr.Dataset:
-        from bowstring.statics import fields as labelled
+        from bowstring.statics.fields import to_dataset
 
-        found = labelled.to_dataset(
+        found = to_dataset(
             self.robot, self.frames, self.settings, status=self.status, reason=self.reason
         )
         found.attrs["data_origin"] = "simulated by finite elements"
@@ -287,8 +287,8 @@ def check(robot: Robot) -> None:
     InputError
         If it cannot be meshed, or there is no CalculiX.
     """
-    check_a_robot(robot)
     check_robot(robot)
+    check_meshable(robot)
     ccx.version(ccx.find())
 
 
@@ -462,7 +462,7 @@ def ramp(
 
 def _tension_rows(robot: Robot, tensions: ArrayLike, *, one: bool = False) -> Floats:
     """Tensions (K, T), or the only row of them (1, T)."""
-    check_a_robot(robot)
+    check_robot(robot)
     count = len(robot.tendons.end_disk)
     try:
         given = validation.floats(tensions)

@@ -10,7 +10,7 @@ import contextlib
 import errno
 import shutil
 import tempfile
-import time as clock
+import time
 import zipfile
 import zlib
 from bisect import bisect_left
@@ -98,7 +98,7 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
         check_place(kept, f"cannot write the kept results to {kept}")
     except InputError as error:
         raise InputError(f"{error}; name another place by XDG_CACHE_HOME") from None
-    started = clock.perf_counter()
+    started = time.perf_counter()
     try:
         with _folder(keep) as folder:
             run = _Run(job, folder, kept, ended, tell)
@@ -116,7 +116,7 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
         full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         ended.status = "no_space" if full else "failed"
         ended.why = f"files cannot be written: {error.strerror}"
-    ended.wall_s = clock.perf_counter() - started
+    ended.wall_s = time.perf_counter() - started
     if len(ended.states) == len(job.steps):
         ended.status, ended.why, ended.share = "converged", "", 0.0
         _drop_restarts(kept)

@@ -14,10 +14,8 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
-from bowstring.calibration import fitting as fit_
-from bowstring.calibration.fitting import Fit
+from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.tip_model import paths_of
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements
 from bowstring.data.rigid import Rigid
@@ -25,6 +23,7 @@ from bowstring.display import short_repr
 from bowstring.errors import BowstringError
 from bowstring.robot.model import Robot
 from bowstring.robot.parts import TendonRing
+from bowstring.significance import EXTRA_LOAD, explained_p
 from bowstring.statics import rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
@@ -36,7 +35,6 @@ __all__ = ["ArcCalibration", "StudyCalibration", "calibrate", "calibrate_arc", "
 Array = NDArray[np.float64]
 GravityFrom = Literal["file", "assumed", "calibrated"]
 
-_CHANCE: Final = 1e-6  # that gravity explains as much by chance
 _EARTHLY: Final = 0.03  # of standard gravity, beside four standard errors
 _MOST_SLOW: Final = 1200  # rows times tendons on which friction and gravity are fitted, in seconds
 _ASKEW: Final = 2.0  # deg, by which a base may stand beside what its file says
@@ -199,9 +197,7 @@ def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) 
         back = frame.inverse()
         place = (*back.translation.tolist(), *back.rotation_vector.tolist())
         held = {f"base.{axis}": value for axis, value in zip(_BASE, place, strict=True)}
-    fits = [
-        fit_.fit(robot, data, names, model="arc", start={**held, names[0]: gain}) for gain in _GAINS
-    ]
+    fits = [fit(robot, data, names, model="arc", start={**held, names[0]: gain}) for gain in _GAINS]
     found = min(fits, key=lambda each: each.score.mean)
     gains = {name: v for name, v in found.values.items() if name.startswith("bend_gain")}
     if frame is None:
@@ -240,7 +236,7 @@ def _friction(robot: Robot) -> list[str]:
 
 
 def _fit(robot: Robot, data: Measurements, names: list[str], theory: Theory) -> Fit:
-    return fit_.fit(robot, data, names, model=RodModel(theory))
+    return fit(robot, data, names, model=RodModel(theory))
 
 
 def _without_the_untold(
@@ -366,7 +362,7 @@ def _clearly_better(plain: Fit, richer: Fit) -> bool:
     dof = 3 * int(richer.used.sum()) - len(richer.estimates)
     if dof <= 0 or after >= before:
         return False
-    return bool(special.fdtrc(more, dof, (before - after) / more / (after / dof)) < _CHANCE)
+    return explained_p(before, after, more, dof) < EXTRA_LOAD
 
 
 def _gravity(found: Fit) -> tuple[Array, Array]:

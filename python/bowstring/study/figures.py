@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.data.tip_errors import known_max
-from bowstring.fem import figures as brick_plots
+from bowstring.fem.figures import field, stress_along
 from bowstring.formatting import in_mm
 from bowstring.statics.model import RodModel
 from bowstring.study.actuation_budget import COMMANDED, DriveBudget
@@ -668,12 +668,12 @@ def _disk(study: Study) -> Figure:
 
 def _fe_stress(study: Study) -> Figure:
     assert study.bricks is not None
-    return brick_plots.stress_along(study.bricks.run, study.bricks.beside)
+    return stress_along(study.bricks.run, study.bricks.beside)
 
 
 def _fe_field(study: Study) -> Figure:
     assert study.bricks is not None
-    return brick_plots.field(study.bricks.run)
+    return field(study.bricks.run)
 
 
 _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.fem.comparison import BesideRod, beside_rod
-from bowstring.fem.run import BrickRun, Settings, check, sweep
+from bowstring.fem.run import BrickRun, Settings, sweep
 from bowstring.formatting import in_mm, listed
 from bowstring.robot.model import Robot
 
 if TYPE_CHECKING:
-    from bowstring.study.validation import AgainstData
+    from bowstring.study.data_validation import AgainstData
 
-__all__ = ["FiniteElements", "at_data", "check", "solve"]
+__all__ = ["FiniteElements", "at_data", "solve"]
 
 Array = NDArray[np.float64]
 

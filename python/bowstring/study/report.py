@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from bowstring.atomic_io import write_whole
 from bowstring.formatting import number, signed
 from bowstring.processes import for_each
+from bowstring.result_folder import check_folder, write_listing
 from bowstring.robot.model import Robot
 from bowstring.study.comparison import COMPARISONS, MEANINGS
 from bowstring.study.error_budget import Side
@@ -22,13 +23,12 @@ from bowstring.study.study import Study
 from bowstring.study.tables import simulated, study_tables, write_csv
 from bowstring.units import printable
 from bowstring.viz.colours import COLOURS
-from bowstring.viz.result_folder import check_folder, save_figure, write_listing
-from bowstring.viz.style import figure_style, svg
+from bowstring.viz.style import figure_style, save_figure, svg
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from bowstring.study.validation import AgainstData
+    from bowstring.study.data_validation import AgainstData
 
 __all__ = ["default_folder", "write"]
 
@@ -174,7 +174,7 @@ def _budget_page(study: Study, side: Side, title: str, where: str) -> dict[str, 
 
 def _data_page(found: AgainstData) -> dict[str, Any]:
     """What the page shows of the verdict on data."""
-    from bowstring.study.validation import FRAMES
+    from bowstring.study.data_validation import FRAMES
 
     label = found.label[0].upper() + found.label[1:]
     return {

@@ -14,7 +14,7 @@
    a path of loading and unloading (`bowstring.study.actuation_budget`);
 6. a verdict at a stated tolerance (`bowstring.study.verdict`);
 7. with measurements, every model against them, registered and not, what explains the error, and
-   whether what is left is noise (`bowstring.study.validation`).
+   whether what is left is noise (`bowstring.study.data_validation`).
 
 Budget and verdict are about statics, which needs no rise time and no damping to be chosen. Friction
 at the holes is in the part of the budget that is about the drive, and nowhere else.
@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bowstring._core as _core
-from bowstring.constant_curvature import arcs as arc
+from bowstring import constant_curvature
 from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
@@ -46,8 +46,8 @@ from bowstring.formatting import in_mm, in_percent, plain, round_down, significa
 from bowstring.robot.model import Robot, check_robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics import limits
-from bowstring.study.comparison import COMPARISONS, Case, Model, Physics, Theory
-from bowstring.study.error_budget import Budget, BudgetRow, error_budget
+from bowstring.study.comparison import COMPARISONS, Model, Theory
+from bowstring.study.error_budget import Budget, error_budget
 from bowstring.study.ramp_response import (
     Surface,
     Transient,
@@ -57,33 +57,24 @@ from bowstring.study.ramp_response import (
     transient,
 )
 from bowstring.study.settings import Extras, Loading, Ramp, Settings
-from bowstring.study.verdict import Meaning, Verdict, judge
+from bowstring.study.verdict import Verdict, judge
 from bowstring.validation import choice, number, shown
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
+    from bowstring.study.data_validation import AgainstData
     from bowstring.study.finite_elements import FiniteElements
-    from bowstring.study.validation import AgainstData
 
 __all__ = [
     "DATA_FIGURES",
     "FE_FIGURES",
     "FIGURES",
-    "Budget",
-    "BudgetRow",
-    "Case",
-    "Comparison",
     "Figure",
     "GeometricSweep",
-    "Meaning",
-    "Physics",
     "PublishedClaim",
     "Settings",
     "Statics",
     "Study",
-    "Surface",
-    "Transient",
-    "Verdict",
     "run_study",
 ]
 
@@ -508,7 +499,7 @@ def run_study(
         Rise of the tension and damping in dynamics.
     measurements : Measurements, str or Path, optional
         Of this robot, or the table of them; all models are compared with them as well
-        (`bowstring.study.validation`). A table that is not in the tidy format is read by
+        (`bowstring.study.data_validation`). A table that is not in the tidy format is read by
         `bowstring.read_measurements` with a mapping.
     extras : Extras, optional
         A solid in the report, finite elements.
@@ -539,13 +530,13 @@ def run_study(
         check_cad()
         sizes_of(robot)
     if fe is not None:
-        from bowstring.study import finite_elements as third
+        from bowstring.fem.run import check
 
-        third.check(robot)
+        check(robot)
         fe.check()
     data = None
     if measurements is not None:
-        from bowstring.study.validation import judge_data
+        from bowstring.study.data_validation import judge_data
 
         tell("measurements", 0.0)
         data = judge_data(
@@ -595,7 +586,9 @@ def run_study(
 
     bricks, by_bricks = None, {}
     if fe is not None:
-        bricks = third.solve(
+        from bowstring.study import finite_elements
+
+        bricks = finite_elements.solve(
             robot,
             model.tensions(statics.tension),
             statics.tip_position,
@@ -606,7 +599,7 @@ def run_study(
             statics.tension, bricks.tip_position, bricks.tendon_lengths, tuple(COMPARISONS), "fe"
         )
         if data is not None:
-            bricks = third.at_data(bricks, statics.tension, model.shares, data)
+            bricks = finite_elements.at_data(bricks, statics.tension, model.shares, data)
     whole("done", 1.0)
     return Study(
         robot=robot,
@@ -747,9 +740,9 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     """Shorten the pulled tendon as the linear law would, the others follow at constant length."""
     robot = model.robot
     tension = np.linspace(0.0, settings.max_tension, settings.points)
-    arcs = arc.robot_from_tensions(robot, model.tensions(model.arc_scale * tension))
+    arcs = constant_curvature.robot_from_tensions(robot, model.tensions(model.arc_scale * tension))
     try:
-        lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+        lengths = constant_curvature.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
     except BowstringError:
         turns = settings.max_tension * model.linear_bend_of_all / math.tau
         raise InputError(
@@ -760,7 +753,7 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     # Eq. 5 proper: from the lengths. It needs three tendons a segment and lengths that some arc
     # has; a robot without them keeps the arcs the lengths came from, which are the same ones.
     with suppress(InputError):
-        arcs = arc.robot_fk(robot, lengths)
+        arcs = constant_curvature.robot_fk(robot, lengths)
     straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
     return GeometricSweep(
         pull=straight - lengths[:, settings.tendon],
@@ -774,7 +767,7 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     )
 
 
-def _backbone(arcs: arc.RobotArcs, per_segment: int = 24) -> Array:
+def _backbone(arcs: constant_curvature.RobotArcs, per_segment: int = 24) -> Array:
     """Points along the arcs (n, P, 3), the base first, m."""
     n, segments = arcs.kappa.shape
     start, turn = np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3))
@@ -782,7 +775,7 @@ def _backbone(arcs: arc.RobotArcs, per_segment: int = 24) -> Array:
     share = np.arange(1, per_segment + 1) / per_segment
     for k in range(segments):
         kappa, phi, length = (v[:, k, None] for v in (arcs.kappa, arcs.phi, arcs.length))
-        pose = arc.pose(kappa, phi, length, length * share)
+        pose = constant_curvature.pose(kappa, phi, length, length * share)
         points = start[:, None] + np.einsum("nij,npj->npi", turn, pose.position)
         parts.append(points)
         start, turn = points[:, -1], turn @ pose.rotation[:, -1]

@@ -16,7 +16,7 @@ from bowstring.study.shapes import backbones
 from bowstring.study.study import Study
 
 if TYPE_CHECKING:
-    from bowstring.study.validation import AgainstData
+    from bowstring.study.data_validation import AgainstData
 
 __all__ = ["simulated", "study_tables", "write_csv"]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from bowstring.study.validation import AgainstData
+    from bowstring.study.data_validation import AgainstData
 
 __all__ = ["print_study"]
 
@@ -190,7 +190,7 @@ def _print_data(found: AgainstData, console: Console, table: Callable[..., Table
     from rich.padding import Padding
     from rich.text import Text
 
-    from bowstring.study.validation import FRAMES
+    from bowstring.study.data_validation import FRAMES
 
     errors = table(
         f"Tip error against the data; {found.label}",

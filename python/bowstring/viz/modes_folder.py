@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from bowstring.atomic_io import write_whole
 from bowstring.dynamics.modal import Modes
 from bowstring.processes import for_each
-from bowstring.viz.result_folder import check_folder, save_figure, write_listing
-from bowstring.viz.style import figure_style
+from bowstring.result_folder import check_folder, write_listing
+from bowstring.viz.style import figure_style, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from bowstring.processes import for_each
 from bowstring.viz.colours import COLOURS
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ __all__ = [
     "figure_style",
     "legend_above",
     "save",
+    "save_figure",
+    "save_figures",
     "subplots",
     "svg",
 ]
@@ -46,6 +49,7 @@ MARKS: Final = {
     ".svg": b"<dc:title>Bowstring</dc:title>",
 }
 """What `save` leaves in a file, by its suffix: it tells our files from those of others."""
+_DPI: Final = 160
 _ABOUT: Final[dict[str, dict[str, Any]]] = {
     ".png": {"Software": "Bowstring"},
     ".pdf": {"Creator": "Bowstring", "CreationDate": None},
@@ -87,7 +91,7 @@ def figure_style() -> Iterator[None]:
             "lines.markersize": 4.5,
             "svg.fonttype": "none",
             "svg.hashsalt": "bowstring",
-            "pdf.fonttype": 42,
+            "pdf.fonttype": 42,  # TrueType: IEEE refuses papers with fonts of Type 3
         }
     ):
         yield
@@ -96,6 +100,22 @@ def figure_style() -> Iterator[None]:
 def save(figure: Figure, file: Path, dpi: float) -> None:
     """Save a figure as PNG, PDF or SVG, by the suffix, without a date and with our mark."""
     figure.savefig(file, dpi=dpi, metadata=_ABOUT[file.suffix.lower()])
+
+
+def save_figures(
+    drawings: Iterable[tuple[str, Figure]], folder: Path, tell: Callable[[float], None]
+) -> None:
+    """Each as PNG and PDF under its stem."""
+    for_each(list(drawings), lambda each: save_figure(each[1], folder / each[0]), tell=tell)
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """As PNG and PDF; `path` has no ending."""
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")  # laid out once, not in each file format again
+    for suffix in (".png", ".pdf"):
+        save(figure, Path(f"{path}{suffix}"), _DPI)
 
 
 def svg(stem: str, figure: Figure) -> str:

@@ -37,7 +37,7 @@ from bowstring.validation import is_whole, shown
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Part", "Tendons", "check_folder", "write_series", "write_vtk"]
+__all__ = ["Part", "Tendons", "check_data", "check_folder", "holes", "write_series", "write_vtk"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

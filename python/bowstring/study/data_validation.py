@@ -48,8 +48,13 @@ from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError
 from bowstring.formatting import in_mm, in_percent, listed, significant, with_error
 from bowstring.robot.model import Robot, with_tendons
-from bowstring.study import calibration as study_calibration
-from bowstring.study.calibration import ArcCalibration, StudyCalibration
+from bowstring.study.calibration import (
+    ArcCalibration,
+    StudyCalibration,
+    calibrate,
+    calibrate_arc,
+    predicted,
+)
 from bowstring.study.comparison import Theory
 
 __all__ = [
@@ -471,7 +476,7 @@ def judge_data(
     notes: list[str] = []
     calibration: StudyCalibration | None = None
     try:
-        calibration = study_calibration.calibrate(robot, data, theory)
+        calibration = calibrate(robot, data, theory)
         notes += calibration.notes
         if data.left_out and calibration.robot.has_friction:
             rows = "a row was" if data.left_out == 1 else f"{data.left_out} rows were"
@@ -514,7 +519,7 @@ def judge_data(
     gains: dict[str, float] = {}
     raw: Array | None = None
     try:
-        calibrated = study_calibration.calibrate_arc(robot, data)
+        calibrated = calibrate_arc(robot, data)
         problem = _is_worse(calibrated, points, own, data)
         if problem:
             notes.append(f"Calibrated constant curvature is left out: {problem}.")
@@ -524,7 +529,7 @@ def judge_data(
             points["cc_calibrated"] = frame.apply(
                 calibrated.frame.inverse().apply(calibrated.point)
             )
-            raw = study_calibration.calibrate_arc(robot, data, Rigid.identity()).point
+            raw = calibrate_arc(robot, data, Rigid.identity()).point
     except BowstringError as error:
         of = " that is not registered" if "cc_calibrated" in points else ""
         notes.append(f"Calibrated constant curvature{of} is left out: {str(error).rstrip('.')}.")
@@ -599,7 +604,7 @@ def _points(
     """
     why = []
     out: dict[str, Array] = {}
-    file = study_calibration.predicted(robot, data, theory)
+    file = predicted(robot, data, theory)
     sweeps = [(file, "the rod as the robot file has it")]
     if np.any(file.converged):
         out["rod"] = file.tip_position + file.tip_rotation @ data.tool
@@ -607,7 +612,7 @@ def _points(
         why.append("The rod as the robot file has it has no equilibrium at any row.")
     if calibration is not None:
         out["rod_calibrated"] = calibration.point
-        best = study_calibration.predicted(calibration.robot, data, theory, calibration.gain)
+        best = predicted(calibration.robot, data, theory, calibration.gain)
         sweeps.insert(0, (best, "the calibrated rod"))
     lengths_of = "measurement"
     if not np.isnan(data.pulls).any():
@@ -755,7 +760,7 @@ def _decomposition(
                 {f"segments.{k}.backbone.E": s.backbone.E for k, s in enumerate(robot.segments)}
             )
         gain = calibration.gain if "gain" in on else 1.0
-        sweep = study_calibration.predicted(made, data, theory, gain)
+        sweep = predicted(made, data, theory, gain)
         point = sweep.tip_position + sweep.tip_rotation @ data.tool
         frame = calibration.frame if "registration" in on else Rigid.identity()
         return np.asarray(point - frame.apply(data.tip))

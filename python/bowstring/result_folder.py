@@ -1,26 +1,20 @@
-"""Folders of results: what may be replaced, figures and JSON files, and a list of all files."""
+"""Folders of results: what may be replaced, JSON files, and a list of all files."""
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from bowstring.atomic_io import check_place, check_replaceable, resolved
 from bowstring.errors import InputError
-from bowstring.processes import for_each
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+__all__ = ["check_folder", "write_json", "write_listing"]
 
-__all__ = ["check_folder", "save_figure", "save_figures", "write_json", "write_listing"]
-
-_DPI: Final = 160
 _CALLED: Final = {"fe": "finite elements"}  # what is not called as its file
 
 
@@ -122,40 +116,6 @@ def write_listing(file: Path, content: dict[str, Any]) -> None:
     hashes = {name: _sha256(file.parent / name) for name in written}
     files = sorted([*written, file.name])
     write_json(file, {**content, "files": files, "sha256": hashes})
-
-
-def save_figures(
-    drawings: Iterable[tuple[str, Figure]], folder: Path, tell: Callable[[float], None]
-) -> None:
-    """Each as PNG and PDF under its stem."""
-    for_each(list(drawings), lambda each: save_figure(each[1], folder / each[0]), tell=tell)
-
-
-def save_figure(figure: Figure, path: Path) -> None:
-    """As PNG and PDF; `path` has no ending."""
-    if (engine := figure.get_layout_engine()) is not None:
-        engine.execute(figure)
-        figure.set_layout_engine("none")  # laid out once, not in each file format again
-    figure.savefig(f"{path}.png", dpi=_DPI)
-    with _glyphs_alone():
-        figure.savefig(f"{path}.pdf", metadata={"CreationDate": None, "Creator": "Bowstring"})
-
-
-@contextlib.contextmanager
-def _glyphs_alone() -> Iterator[None]:
-    """Fonts in a PDF without the tables that lay out text: a PDF numbers and places glyphs itself.
-
-    To cut them down takes matplotlib three quarters of the time of a font, 0.1 s.
-    """
-    from fontTools.subset import Options
-
-    name = "_drop_tables_default"  # one without it keeps the tables
-    former = getattr(Options, name, [])
-    setattr(Options, name, [*former, "GDEF", "GPOS", "GSUB", "MATH", "kern"])
-    try:
-        yield
-    finally:
-        setattr(Options, name, former)
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:

@@ -1,0 +1,48 @@
+"""Chi-square and F tests, and the significance level of each decision that rests on one."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from scipy import special
+
+__all__ = [
+    "EXTRA_LOAD",
+    "MIRROR",
+    "NOISE",
+    "chi_square_p",
+    "explained_p",
+    "variance_ratio_limit",
+    "variance_ratio_p",
+]
+
+NOISE: Final = 0.005
+"""Below this p-value a test says that residuals are not noise."""
+MIRROR: Final = 1e-4
+"""That noise alone looks like a mirror image: such a frame is refused, which ends the work."""
+EXTRA_LOAD: Final = 1e-6
+"""That gravity explains as much by chance: the errors of a model are not quite normal."""
+
+
+def chi_square_p(square: float, dof: int) -> float:
+    """P-value of a sum of squares over their variances; NaN without degrees of freedom."""
+    return float(special.chdtrc(dof, square)) if dof > 0 else math.nan
+
+
+def variance_ratio_p(ratio: float, dof: int, noise_dof: int) -> float:
+    """P-value of a ratio of two variances (F test), `noise_dof` those of the denominator."""
+    return float(special.fdtrc(dof, noise_dof, ratio))
+
+
+def variance_ratio_limit(level: float, dof: int, noise_dof: int) -> float:
+    """The ratio of two variances whose p-value is the level."""
+    return float(special.fdtri(dof, noise_dof, 1.0 - level))
+
+
+def explained_p(before: float, after: float, more: int, dof: int) -> float:
+    """P-value of a sum of squares that more parameters lower (F test of nested models).
+
+    `dof` are the degrees of freedom that are left with them.
+    """
+    return variance_ratio_p((before - after) / more / max(after / dof, 1e-300), more, dof)
