@@ -338,14 +338,25 @@ def fitted(made: Bench, derivative: Array, truth: Array, noisy: Array) -> tuple[
     return truth + STEPS * step, STEPS * np.sqrt((solve**2 * variance).sum(axis=1))
 
 
-def test_intervals_of_400_benches(robot: bs.Robot, truth: Array, derivative: Array) -> None:
-    """Each parameter lies inside its own 95 % interval in 95 +- 3 % of them."""
+@pytest.mark.parametrize(
+    ("benches", "least", "most"),
+    [(60, 0.87, 1.01), pytest.param(400, 0.92, 0.98, marks=pytest.mark.slow)],
+)
+def test_intervals_of_benches(
+    robot: bs.Robot,
+    truth: Array,
+    derivative: Array,
+    benches: int,
+    least: float,
+    most: float,
+) -> None:
+    """Each parameter lies inside its own 95 % interval, in 95 +- 3 % of 400 benches."""
     made = bench_of(robot, truth)
     rng = np.random.default_rng(1)
-    found = [fitted(made, derivative, truth, made.measure(rng).tip) for _ in range(400)]
+    found = [fitted(made, derivative, truth, made.measure(rng).tip) for _ in range(benches)]
     values, errors = (np.array(column) for column in zip(*found, strict=True))
     inside = np.mean(np.abs(values - truth) < 1.985 * errors, axis=0)  # Student's t, 97
-    assert ((inside > 0.92) & (inside < 0.98)).all(), inside
+    assert ((inside > least) & (inside < most)).all(), inside
 
 
 @pytest.mark.parametrize(

@@ -418,13 +418,27 @@ def test_bad_robot_file(shell: Shell, tmp_path: Path, content: bytes, says: str)
     assert says in shell.error("solve", str(path), "--tension", "1,2,3")
 
 
-@settings(max_examples=150, deadline=None)
-@given(
+any_text = given(
     command=st.sampled_from([["fk", "--lengths"], ["solve", "--tension"], ["ik", "--tip"]]),
     text=st.text("0123456789.,-+eE nafi kgNm*/^%µ\n\0\u0663", max_size=40)
     | st.lists(st.floats(), min_size=3, max_size=3).map(lambda v: ",".join(map(repr, v))),
 )
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@any_text
+def test_some_texts_are_answered_or_refused(command: list[str], text: str) -> None:
+    answered_or_refused(command, text)
+
+
+@pytest.mark.slow
+@settings(max_examples=150, deadline=None)
+@any_text
 def test_any_text_is_answered_or_refused(command: list[str], text: str) -> None:
+    answered_or_refused(command, text)
+
+
+def answered_or_refused(command: list[str], text: str) -> None:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main.run([command[0], "amouri2019", f"{command[1]}={text}", "--json"])
