@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,14 +12,30 @@ import pytest
 
 from bowstring import interrupts
 from bowstring.robot.reader import load_robot
+from bowstring.study import report
 from bowstring.study.study import Study, run_study
+from made_once import common_folder, made_once
 from shell import Shell
 
 
 @pytest.fixture(scope="session")
-def paper() -> Study:
-    """The study of the paper's own robot."""
-    return run_study(load_robot("amouri2019"))
+def paper(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    """The study of the paper's own robot: one for all processes that share the tests."""
+    place = made_once(
+        common_folder(tmp_path_factory) / "study.pickle",
+        lambda part: part.write_bytes(pickle.dumps(run_study(load_robot("amouri2019")))),
+    )
+    found = pickle.loads(place.read_bytes())
+    assert isinstance(found, Study)
+    return found
+
+
+@pytest.fixture(scope="session")
+def written(paper: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of its report, which no test changes."""
+    return made_once(
+        common_folder(tmp_path_factory) / "written", lambda part: report.write(paper, part)
+    )
 
 
 @pytest.fixture(autouse=True)

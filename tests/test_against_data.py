@@ -27,6 +27,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.reader import load_robot
 from bowstring.study import calibration as study_calibration
 from bowstring.study import report
+from bowstring.study import study as study_module
 from bowstring.study.data_validation import (
     DATA_MODELS,
     FRAMES,
@@ -37,6 +38,7 @@ from bowstring.study.data_validation import (
 from bowstring.study.settings import Loading
 from bowstring.study.study import DATA_FIGURES, Study, run_study
 from shell import Shell
+from stages import Stages
 from test_report import read
 
 NOISE = 2e-5
@@ -508,7 +510,8 @@ def test_a_mean_over_some_rows_says_so(robot: bs.Robot, bench: Measurements) -> 
 
 @pytest.fixture(scope="module")
 def whole(robot: bs.Robot, bench: Measurements) -> Study:
-    return bs.run_study(robot, measurements=bench, loading=Loading(points=5))  # type: ignore[operator]
+    """The whole study with measurements."""
+    return run_study(robot, measurements=bench, loading=Loading(points=5))
 
 
 @pytest.fixture(scope="module")
@@ -551,8 +554,9 @@ def test_the_json_has_the_comparisons_and_the_block(written: Path, whole: Study)
     assert content["data"] == "simulated; synthetic: a made bench"
     assert whole.comparison("rod_calibrated", "measurement").registered  # type: ignore[attr-defined]
     # the simulated part is the one without measurements
+    alone = Stages(whole.robot, points=5)
     assert [c for c in content["comparisons"] if c["against"] != "measurement"] == [
-        c.to_dict() for c in run_study(whole.robot, loading=Loading(points=5)).comparisons
+        c.to_dict() for c in (*alone.comparisons.values(), *alone.in_time.values())
     ]
 
 
@@ -596,13 +600,19 @@ def test_the_tables_say_in_each_row_what_the_data_are(written: Path, whole: Stud
 
 @pytest.mark.slow
 def test_without_a_calibration_the_rest_is_there(
-    robot: bs.Robot, bench: Measurements, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    robot: bs.Robot,
+    bench: Measurements,
+    whole: Study,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def fails(*_: Any) -> None:
         raise NoSolutionError("99 rows have no solution to begin with")
 
     monkeypatch.setattr(study_calibration, "calibrate", fails)
-    found = run_study(robot, measurements=bench, loading=Loading(points=3))
+    judged = judge_data(robot, bench, 0.01)
+    simulated = (c for c in whole.comparisons if c.against != "measurement")
+    found = replace(whole, data=judged, comparisons=(*simulated, *judged.comparisons))
     assert found.data is not None
     assert "rod_calibrated" not in found.data.models and found.data.frame_by == "rod"
     assert {"cc_from_force", "cc_calibrated", "rod"} <= set(found.data.models)
@@ -626,8 +636,23 @@ def test_the_fewest_rows_are_judged(robot: bs.Robot, bench: Measurements) -> Non
 
 
 @pytest.mark.slow
-def test_the_command(shell: Shell, bench: Measurements, tmp_path: Path) -> None:
+def test_the_command(
+    shell: Shell,
+    bench: Measurements,
+    whole: Study,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     table = write_measurements(bench.select(bench.repeat == 1), tmp_path / "bench.csv")
+
+    def run(robot: bs.Robot, **asked: Any) -> Study:
+        """The study with other measurements, after those that were asked for are read."""
+        assert robot.hash == whole.robot.hash and asked["points"] == 3
+        read_here = study_module._read(robot, asked["measurements"], asked["mapping"])
+        assert read_here.tip == pytest.approx(bench.tip[bench.repeat == 1], abs=1e-9)
+        return whole
+
+    monkeypatch.setattr(study_module, "run_study", run)
     set_gravity = ("--set", "gravity=0 0 -9.81 m/s^2")
     code, out, _ = shell(
         "study", "amouri2019", "--measurements", str(table), "--points", "3", *set_gravity,

@@ -6,13 +6,19 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import bowstring as bs
+from bowstring.robot.model import Robot
+from bowstring.study import study as study_module
+from bowstring.study.study import Study
 from shell import Shell, refuses
+from stages import Stages
 
 CAD = ("cad", "amouri2019")
 
@@ -207,8 +213,16 @@ def test_ctrl_c_says_what_is_written(
 
 
 @pytest.mark.cad
-def test_the_study_shows_the_solid(shell: Shell, here: Path) -> None:
+def test_the_study_shows_the_solid(
+    shell: Shell, paper: Study, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
+
+    def run(robot: Robot, **asked: Any) -> Study:
+        assert (asked["points"], asked["rise"], asked["solid"]) == (3, 0.5, True)
+        return replace(Stages(robot, points=3).over(paper), solid=asked["solid"])
+
+    monkeypatch.setattr(study_module, "run_study", run)
     found = shell.json("study", "--points", "3", "--rise", "0.5", "--solid", "--out", "study")
     assert [Path(f["png"]).stem for f in found["figures"]][:2] == ["fig01_robot", "fig02_disk"]
     page = (here / "study" / "report.html").read_text("utf-8")

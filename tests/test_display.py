@@ -16,7 +16,7 @@ import pytest
 import bowstring as bs
 from bowstring.data import datasets, registration, synthetic
 from bowstring.dynamics.load_history import ramp
-from bowstring.study.settings import Loading
+from bowstring.study.study import Study
 
 ROOT = Path(__file__).parents[1]
 
@@ -27,25 +27,24 @@ def robot() -> bs.Robot:
 
 
 @pytest.fixture(scope="module")
-def objects(robot: bs.Robot) -> dict[str, Any]:
+def objects(robot: bs.Robot, paper: Study) -> dict[str, Any]:
     """What the public functions return."""
     solution = bs.solve(robot, [1, 0, 0, 0, 0, 0])
     loads = np.outer(np.linspace(0, 1, 200), [1, 0, 0, 0, 0, 0])
-    study = bs.run_study(bs.load_robot("amouri2019"), loading=Loading(points=5))
     return {
         "robot": robot,
         "solution": solution,
         "sweep": bs.sweep(robot, loads),
         "run": bs.simulate(robot, ramp([0.1, 0, 0, 0, 0, 0], rise=0.01), duration=0.01),
         "modes": bs.modes(robot),
-        "study": study,
+        "study": paper,
         "data": bs.read_measurements(ROOT / "examples" / "bench.csv"),
         "jacobians": bs.jacobians(solution),
         "arcs": bs.constant_curvature.robot_fk(robot, solution.tendon_lengths),
         "tendons": robot.tendons,
         "disks": robot.disks,
-        **{f"study.{name}": value for name, value in vars(study).items()},
-        **{f"study.{c.name}": c for c in study.comparisons},
+        **{f"study.{name}": value for name, value in vars(paper).items()},
+        **{f"study.{c.name}": c for c in paper.comparisons},
     }
 
 

@@ -264,13 +264,14 @@ def test_what_the_model_lacks_is_said_synthetic():
     assert found.autocorrelation > 0.5 and "residuals are not noise" in found.message
 
 
-def test_noise_of_a_short_table_is_called_noise_and_its_size_is_right_synthetic():
+@pytest.mark.parametrize("draws", [10, pytest.param(40, marks=pytest.mark.slow)])
+def test_noise_of_a_short_table_is_called_noise_and_its_size_is_right_synthetic(draws):
     """Few more numbers than parameters: the fit takes a good part of the noise into them."""
     robot = single()
     names = ["segments.0.backbone.E", "base"]
     commands = {"as": "tensions", "x": masses()[:17:2] + SIDE}
     sizes = []
-    for seed in range(40):
+    for seed in range(draws):
         data = synthetic(robot, names, {}, commands, noise=2e-5, seed=seed)
         found = fit(robot, data, names)
         assert found.message == "Converged."

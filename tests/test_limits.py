@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,10 +17,10 @@ from bowstring.robot.reader import load_robot
 from bowstring.robot.writer import to_yaml
 from bowstring.statics import limits
 from bowstring.study import report
-from bowstring.study.settings import Loading
-from bowstring.study.study import Study, run_study
+from bowstring.study.study import Study
 from bowstring.study.terminal import print_study
 from shell import Shell
+from stages import Stages
 
 ROD = "segments.0.backbone."
 
@@ -74,12 +73,9 @@ def test_a_tip_below_the_base_is_named() -> None:
     assert z < 0 and warning.startswith(f"the tip is {-z:.3g} mm below the base (z = {z:.3g} mm)")
 
 
-@pytest.mark.slow
-def test_the_study_warns_of_its_sweep(limited: Robot, tmp_path: Path) -> None:
-    found = run_study(
-        limited.with_({ROD + "yield_strength": "1 GPa"}),
-        loading=Loading(max_tension=200.0, points=5),
-    )
+def test_the_study_warns_of_its_sweep(limited: Robot, paper: Study) -> None:
+    strong = limited.with_({ROD + "yield_strength": "1 GPa"})
+    found = Stages(strong, max_tension=200.0, points=5).over(paper)
     assert found.statics.tip_position[-1, 2] < 0
     below, strain = found.warnings
     assert below.startswith(
@@ -92,7 +88,7 @@ def test_the_study_warns_of_its_sweep(limited: Robot, tmp_path: Path) -> None:
     content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert content["warnings"] == list(found.warnings)
     assert content["backbone_limits"] == list(found.limits_text)
-    page = (report.write(found, tmp_path / "out") / "report.html").read_text(encoding="utf-8")
+    page = report._html(found, found.to_dict(), dict.fromkeys((f.stem for f in found.figures), ""))
     assert below in page and found.limits_text[0] in page
     out = io.StringIO()
     print_study(found, Console(file=out, width=200))
@@ -116,9 +112,9 @@ def test_loads_without_an_equilibrium_are_passed_over(limited: Robot) -> None:
     assert uses[0].endswith("strain 0.3 %, 60 % of strain_limit 0.5 % at 2 N.")
 
 
-def test_stress_is_known_where_a_sweep_takes_more_elements(limited: Robot) -> None:
+def test_stress_is_known_where_a_sweep_takes_more_elements(limited: Robot, paper: Study) -> None:
     few = limited.with_({"segments.0.disks.count": 2})
-    found = run_study(few, loading=Loading(max_tension=80.0, points=3))
+    found = Stages(few, max_tension=80.0, points=3).over(paper)
     assert found.statics.converged.all()
     assert np.isfinite(found.statics.surface.strain).all()
     assert found.warnings[-1].startswith("From 80 N on the backbone is beyond what it can take")

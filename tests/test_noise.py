@@ -24,13 +24,14 @@ def made(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
-def test_noise_is_called_noise_as_often_as_the_tests_say() -> None:
+@pytest.mark.parametrize(("draws", "most"), [(40, 2), pytest.param(300, 8, marks=pytest.mark.slow)])
+def test_noise_is_called_noise_as_often_as_the_tests_say(draws: int, most: int) -> None:
     alarms = 0
-    for seed in range(300):
+    for seed in range(draws):
         residual, run, cell = made(seed)
         alarms += not noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA)).is_noise
-    # two tests decide, each at NOISE; 300 draws of 1 % give 8 with a chance of 1 %
-    assert alarms <= 8
+    # two tests decide, each at NOISE; 300 draws of 1 % give 8, and 40 give 3, with a chance of 1 %
+    assert alarms <= most
     assert pytest.approx(0.005) == NOISE
 
 

@@ -17,25 +17,17 @@ import pytest
 from rich.console import Console
 
 from bowstring import atomic_io
+from bowstring.data.measurements import read_measurements
 from bowstring.errors import InputError
 from bowstring.formatting import signed
 from bowstring.robot.reader import load_robot
 from bowstring.study import figures, report
 from bowstring.study.comparison import MEANINGS
-from bowstring.study.settings import Loading
-from bowstring.study.study import FIGURES, SCHEMA_VERSION, Study, run_study
+from bowstring.study.data_validation import judge_data
+from bowstring.study.study import FIGURES, SCHEMA_VERSION, Study
 from bowstring.study.terminal import print_study
 from bowstring.viz.style import figure_style, svg
-
-
-@pytest.fixture(scope="module")
-def paper() -> Study:
-    return run_study(load_robot("amouri2019"), loading=Loading(points=5))
-
-
-@pytest.fixture(scope="module")
-def written(paper: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return report.write(paper, tmp_path_factory.mktemp("study") / "out")
+from stages import Stages
 
 
 @pytest.fixture
@@ -150,11 +142,11 @@ def test_every_colour_follows_the_theme(written: Path) -> None:
 
 
 @pytest.mark.slow
-def test_names_from_a_robot_file_are_escaped(tmp_path: Path) -> None:
+def test_names_from_a_robot_file_are_escaped(paper: Study, tmp_path: Path) -> None:
     robot = load_robot("amouri2019").with_(
         {"name": "a<b>&c", "description": "<script>alert(1)</script>"}
     )
-    folder = report.write(run_study(robot, loading=Loading(points=3)), tmp_path / "out")
+    folder = report.write(Stages(robot, points=3).over(paper), tmp_path / "out")
     page = read(folder / "report.html")
     assert page.open == [] and "script" not in page.tags
     assert "Is constant curvature good enough for a<b>&c?" in "".join(page.text)
@@ -218,7 +210,7 @@ def test_tables_have_units_and_numbers(written: Path, paper: Study) -> None:
     )
     with (written / "tables" / "errors.csv").open(newline="", encoding="utf-8") as file:
         errors = {(r["name"], r["against"], r["tension_N"]): r for r in csv.DictReader(file)}
-    assert len(errors) == len(paper.comparisons) * 5
+    assert len(errors) == len(paper.comparisons) * 17
     ours = paper.comparison("cc_from_force", "dynamics").error[-1] * 1e3
     row = errors["cc_from_force", "dynamics", "80"]
     assert float(row["error_mm"]) == pytest.approx(ours)
@@ -241,9 +233,11 @@ def test_dynamics_is_shown(written: Path, paper: Study) -> None:
 
 
 @pytest.mark.slow
-def test_a_study_without_dynamics_says_why(tmp_path: Path) -> None:
+def test_a_study_without_dynamics_says_why(paper: Study, tmp_path: Path) -> None:
     light = {"segments.0.disks.mass": "0 g", "segments.0.backbone.density": "0 kg/m^3"}
-    found = run_study(load_robot("amouri2019").with_(light), loading=Loading(points=3))
+    stages = Stages(load_robot("amouri2019").with_(light))
+    motion, why_not = stages.ramp
+    found = replace(stages.over(paper), dynamics=motion, without_dynamics=why_not)
     folder = report.write(found, tmp_path / "out")
     page = " ".join(" ".join(read(folder / "report.html").text).split())
     assert "Dynamics is left out: amouri2019 has no mass" in page
@@ -417,12 +411,13 @@ def test_terminal_page_and_table_have_the_same_contributions(written: Path, pape
 
 
 @pytest.mark.slow
-def test_no_table_is_cut_in_a_window_of_1280_pixels(tmp_path: Path) -> None:
+def test_no_table_is_cut_in_a_window_of_1280_pixels(paper: Study, tmp_path: Path) -> None:
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
         pytest.skip("needs a browser")
     data = Path(__file__).parents[1] / "examples" / "bench.csv"
-    found = run_study(load_robot("amouri2019"), measurements=data)
+    judged = judge_data(paper.robot, read_measurements(data, paper.robot), 0.01)
+    found = replace(paper, data=judged, comparisons=(*paper.comparisons, *judged.comparisons))
     source = report._html(
         found, found.to_dict(), dict.fromkeys((f.stem for f in found.figures), "")
     )

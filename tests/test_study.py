@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,12 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
+from bowstring.study.actuation_budget import drive_budget
 from bowstring.study.comparison import COMPARISONS
 from bowstring.study.settings import Loading, Ramp
 from bowstring.study.shapes import backbones
 from bowstring.study.study import Study, run_study
+from stages import Stages
 
 MM = 1e-3
 EI = 35e9 * math.pi / 64 * 0.005**4  # of the study's robot, N m^2
@@ -57,8 +60,8 @@ def test_the_published_mean_stands_beside_the_studys_robot_only(paper: Study) ->
     assert paper.claim is not None
     assert "4.95" in paper.claim.text and "published mean" in paper.claim.text
     assert "differs" not in paper.claim.text
-    assert run_study(load_robot("amouri2019"), loading=Loading(max_tension=40.0)).claim is None
-    assert run_study(load_robot("rao2021")).claim is None
+    assert Stages(load_robot("amouri2019"), max_tension=40.0).claim() is None
+    assert Stages(load_robot("rao2021")).claim() is None
 
 
 # -- other robots, and settings ----------------------------------------------------------------
@@ -66,24 +69,24 @@ def test_the_published_mean_stands_beside_the_studys_robot_only(paper: Study) ->
 
 def test_two_segments() -> None:
     robot = load_robot("rao2021")
-    got = run_study(robot)
+    got = Stages(robot)
     assert got.settings.tendon == 3
     assert got.statics.converged.all()
     # the outer tendon bends both segments
     assert np.all(got.geometry.theta[-1] > 0.1)
-    assert got.comparison("cc_from_lengths").n == 17
+    assert got.comparisons["cc_from_lengths"].n == 17
     # no printed value: what must hold for straight spans in short modules
-    assert got.comparison("cc_from_lengths").mean < 1e-3 * robot.length
-    assert got.comparison("cc_from_lengths_chord").mean < 1e-5 * robot.length
+    assert got.comparisons["cc_from_lengths"].mean < 1e-3 * robot.length
+    assert got.comparisons["cc_from_lengths_chord"].mean < 1e-5 * robot.length
 
 
-def test_two_tendons_have_a_force_law_but_no_arc_from_lengths() -> None:
+def test_two_tendons_have_a_force_law_but_no_arc_from_lengths(paper: Study) -> None:
     tendons = [{"angle": f"{a} deg", "pitch_radius": "29 mm"} for a in (0, 180)]
-    got = run_study(load_robot("amouri2019").with_({"segments.0.tendons": tendons}))
-    assert got.comparison("cc_from_lengths").n == 0
-    assert got.comparison("cc_from_force").mean / MM == pytest.approx(4.423, abs=5e-3)
-    assert "three tendons" in got.verdict.meanings[0].text
-    assert got.to_dict()["comparisons"][0]["mean_mm"] is None
+    got = Stages(load_robot("amouri2019").with_({"segments.0.tendons": tendons}))
+    assert got.comparisons["cc_from_lengths"].n == 0
+    assert got.comparisons["cc_from_force"].mean / MM == pytest.approx(4.423, abs=5e-3)
+    assert "three tendons" in got.judged(paper.budget).meanings[0].text
+    assert got.over(paper).to_dict()["comparisons"][0]["mean_mm"] is None
 
 
 @pytest.mark.parametrize(
@@ -91,7 +94,7 @@ def test_two_tendons_have_a_force_law_but_no_arc_from_lengths() -> None:
 )
 def test_the_load_range_follows_the_linear_law(stiffness: str, tension: float) -> None:
     robot = load_robot("amouri2019").with_({"segments.0.backbone.E": stiffness})
-    assert run_study(robot, loading=Loading(points=2)).settings.max_tension == tension
+    assert Stages(robot, points=2).settings.max_tension == tension
 
 
 def silicone(gravity: str) -> Robot:
@@ -114,37 +117,40 @@ def silicone(gravity: str) -> Robot:
 
 def test_the_load_range_in_gravity_is_that_of_statics() -> None:
     hanging = silicone("0 0 9.81 m/s^2")
-    got = run_study(hanging, loading=Loading(points=2))
+    got = Stages(hanging, points=2)
     load = got.settings.max_tension
     assert load == 3.0  # the linear law alone would end at 1 N, where the robot bends by 20 degrees
     for tension, bent in ((load, True), (4.0, False)):  # the next round load
         tip = rod.solve(hanging, [tension, 0.0, 0.0]).raise_for_status().tip
         assert tip is not None
         assert (math.degrees(math.acos(tip.rotation[2, 2])) <= 80.0) == bent
-    assert any("by statics in gravity" in note for note in got.notes)
+    assert any("by statics in gravity" in note for note in got.notes())
     # commanded lengths and geometry end where the robot does, not at the linear law's 219 degrees
     assert math.degrees(got.geometry.theta[-1, 0]) == pytest.approx(80.0, abs=1.0)
-    assert any("about the robot's own bend" in note for note in got.notes)
-    assert got.budget.drive.pull_driven.problem is None
+    assert any("about the robot's own bend" in note for note in got.notes())
+    model, tension = got.model, got.statics.tension
+    drive = drive_budget(model, tension, model.case(model.main, tension))
+    assert drive.pull_driven.problem is None
 
 
 def test_gravity_that_bends_further_ends_the_load_range_earlier() -> None:
     upright = load_robot("amouri2019").with_({"gravity": "0 0 -9.81 m/s^2"})
-    got = run_study(upright, loading=Loading(points=2))
+    got = Stages(upright, points=2)
     assert got.settings.max_tension < 80.0
     assert got.geometry.scale == 1.0
 
 
-def test_any_tendon_or_several_can_be_pulled() -> None:
+def test_any_tendon_or_several_can_be_pulled(paper: Study) -> None:
     robot = load_robot("rao2021")
-    inner = run_study(robot, loading=Loading(tendon=1, points=3))
+    inner = Stages(robot, tendon=1, points=3)
     assert inner.settings.tendon == 0 and inner.settings.pulled == "tendon 1"
     assert inner.geometry.theta[-1, 0] > 1.0 and inner.geometry.theta[-1, 1] == pytest.approx(0)
     direct = rod.solve(robot, [inner.settings.max_tension, 0, 0, 0, 0, 0]).raise_for_status().tip
     assert direct is not None
     assert inner.statics.tip_position[-1] == pytest.approx(direct.position, abs=1e-9)
 
-    both = run_study(robot, loading=Loading(tendon={2: 1.0, 4: 0.5}, max_tension=2.0, points=3))
+    stages = Stages(robot, tendon={2: 1.0, 4: 0.5}, max_tension=2.0, points=3)
+    both = stages.over(paper)
     assert both.settings.pulled == "tendons 2 and 4 (at 0.5 of it)"
     sweep = both.to_dict()["sweep"]
     assert sweep["pulled_tendon"] == 2 and sweep["shares"] == [0, 1, 0, 0.5, 0, 0]
@@ -159,15 +165,17 @@ def test_any_tendon_or_several_can_be_pulled() -> None:
     x, y, _ = both.towards
     assert -30.0 < math.degrees(math.atan2(y, x)) < 90.0
     assert both.comparison("cc_from_lengths").mean < 1e-3 * robot.length
-    assert both.budget.drive.row("tendon_elasticity").case.problem is None
+    model, tension = stages.model, stages.statics.tension
+    drive = drive_budget(model, tension, model.case(model.main, tension))
+    assert drive.row("tendon_elasticity").case.problem is None
     force = next(shape for shape in backbones(both).shapes if shape.name == "cc_from_force")
     error = both.comparison("cc_from_force").error[-1]
     assert force.from_statics[-1] == pytest.approx(error, rel=1e-6)
 
 
 def test_the_published_claim_is_of_the_studys_own_tendon() -> None:
-    other = run_study(load_robot("amouri2019"), loading=Loading(tendon=2, points=3))
-    assert other.settings.max_tension == 80.0 and other.claim is None
+    other = Stages(load_robot("amouri2019"), tendon=2, points=3)
+    assert other.settings.max_tension == 80.0 and other.claim() is None
 
 
 @pytest.mark.parametrize(
@@ -186,13 +194,12 @@ def test_bad_tendons(tendon: Any, words: str) -> None:
         run_study(load_robot("amouri2019"), loading=Loading(tendon=tendon))
 
 
-def test_tendons_that_balance_each_other_can_be_studied_to_a_given_load() -> None:
-    got = run_study(
-        load_robot("amouri2019"),
-        loading=Loading(tendon={1: 1, 2: 1, 3: 1}, max_tension=10.0, points=3),
-    )
-    assert got.comparison("cc_from_force").maximum < 1e-4  # shortened alone
-    json.dumps(got.to_dict(), allow_nan=False)
+def test_tendons_that_balance_each_other_can_be_studied_to_a_given_load(paper: Study) -> None:
+    balanced = load_robot("amouri2019")
+    got = Stages(balanced, tendon={1: 1, 2: 1, 3: 1}, max_tension=10.0, points=3)
+    assert got.comparisons["cc_from_force"].maximum < 1e-4  # shortened alone
+    found = replace(got.over(paper), dynamics=got.motion, budget=got.budget, verdict=got.verdict)
+    json.dumps(found.to_dict(), allow_nan=False)
 
 
 def test_a_load_that_winds_the_robot_up_is_named() -> None:
@@ -201,15 +208,15 @@ def test_a_load_that_winds_the_robot_up_is_named() -> None:
         run_study(soft, loading=Loading(max_tension=80.0))
 
 
-@pytest.mark.slow
-def test_loads_beyond_any_arc_count_in_no_mean() -> None:
-    got = run_study(load_robot("amouri2019"), loading=Loading(max_tension=900.0))
-    lengths = got.comparison("cc_from_lengths")
+def test_loads_beyond_any_arc_count_in_no_mean(paper: Study) -> None:
+    got = Stages(load_robot("amouri2019"), max_tension=900.0)
+    lengths = got.comparisons["cc_from_lengths"]
     assert 0 < lengths.n < 17
-    assert any(f"over the other {lengths.n}" in note for note in got.notes)
-    (gap,) = got.verdict.meanings[0].undecided
+    assert any(f"over the other {lengths.n}" in note for note in got.notes())
+    from_lengths = got.judged(paper.budget).meanings[0]
+    (gap,) = from_lengths.undecided
     assert 300.0 < gap[0] < 400.0 and gap[1] == 900.0
-    assert not got.verdict.meanings[0].holds_throughout
+    assert not from_lengths.holds_throughout
 
 
 def test_no_equilibrium_at_all_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -282,8 +289,27 @@ def test_the_contract(paper: Study) -> None:
     assert json.loads(json.dumps(got, allow_nan=False)) == got
 
 
-def test_progress_runs_from_zero_to_one() -> None:
+def test_a_study_is_its_stages_and_tells_its_progress() -> None:
+    """On two modules; other tests run the stages that they are about alone."""
+    robot = load_robot("amouri2019").with_(
+        {"segments.0.disks.count": 2, "segments.0.length": "140 mm"}
+    )
     seen: list[float] = []
-    run_study(load_robot("amouri2019"), progress=lambda what, share: seen.append(share))
+    found = run_study(
+        robot, progress=lambda what, share: seen.append(share), loading=Loading(points=3)
+    )
     assert seen[0] == 0.0 and seen[-1] == 1.0
     assert seen == sorted(seen)
+    alone = Stages(robot, points=3)
+    motion, without = alone.ramp
+    whole = replace(
+        alone.over(found),
+        dynamics=motion,
+        without_dynamics=without,
+        comparisons=(*alone.comparisons.values(), *alone.in_time.values()),
+        budget=alone.budget,
+        verdict=alone.verdict,
+        notes=alone.notes(alone.in_time),
+        claim=alone.claim(alone.in_time),
+    )
+    assert whole.to_dict() == found.to_dict()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +27,9 @@ from bowstring.study.actuation_budget import (
     drive_budget,
 )
 from bowstring.study.comparison import Model
-from bowstring.study.study import Study, run_study
+from bowstring.study.study import Study
 from bowstring.study.terminal import print_study
+from stages import Stages
 
 MM = 1e-3
 UP = np.linspace(0.0, 80.0, 49)
@@ -287,9 +289,15 @@ def test_calibrated_friction_is_that_of_the_budget(amouri: Robot) -> None:
 
 @pytest.mark.slow
 def test_friction_of_the_file_is_not_in_the_sweep_and_the_study_says_so(
-    paper: Study, amouri: Robot, tmp_path: Path
+    paper: Study, amouri: Robot
 ) -> None:
-    found = run_study(amouri.with_({DRIVE + "friction": 0.2}))
+    stages = Stages(amouri.with_({DRIVE + "friction": 0.2}))
+    found = replace(
+        stages.over(paper),
+        dynamics=stages.motion,
+        budget=stages.budget,
+        verdict=stages.verdict,
+    )
     assert found.robot.tendons.friction[0] == 0.2
     assert found.dynamics is not None
     assert found.comparison("cc_from_force").mean == paper.comparison("cc_from_force").mean
@@ -301,8 +309,8 @@ def test_friction_of_the_file_is_not_in_the_sweep_and_the_study_says_so(
     first = found.statics.tension[above][0]
     assert f"from force, loading: at {above.sum()} loads, {first:g} to 80 N" in last
     json.dumps(found.to_dict(), allow_nan=False)
-    folder = report.write(found, tmp_path / "out")
-    assert "without friction" in (folder / "report.html").read_text(encoding="utf-8")
+    page = report._html(found, found.to_dict(), dict.fromkeys((f.stem for f in found.figures), ""))
+    assert "without friction" in page
 
 
 @pytest.mark.parametrize("name", ["rao2021", "crl-ftdcr-v4"])
@@ -351,10 +359,8 @@ def test_fields_of_tendons_are_filled_where_they_lack() -> None:
 # -- report --------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-def test_report_and_terminal_show_it(paper: Study, tmp_path: Path) -> None:
-    folder = report.write(paper, tmp_path / "out")
-    page = (folder / "report.html").read_text(encoding="utf-8")
+def test_report_and_terminal_show_it(paper: Study, written: Path) -> None:
+    page = (written / "report.html").read_text(encoding="utf-8")
     text = " ".join(re.sub(r"<[^>]*>", " ", page).split())
     for row in paper.budget.drive.rows:
         assert row.label in text
@@ -365,7 +371,7 @@ def test_report_and_terminal_show_it(paper: Study, tmp_path: Path) -> None:
     )
     assert 'id="hysteresis"' in page
     for name in ("drive", "hysteresis_by_tension", "hysteresis_by_pull"):
-        assert (folder / "tables" / f"{name}.csv").exists()
+        assert (written / "tables" / f"{name}.csv").exists()
     out = io.StringIO()
     print_study(paper, Console(file=out, width=80))
     assert "How the robot is driven" in out.getvalue()

@@ -17,19 +17,19 @@ from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.error_budget import Side
 from bowstring.study.figures import draw
-from bowstring.study.settings import Loading
 from bowstring.study.shapes import backbones
-from bowstring.study.study import DATA_FIGURES, FIGURES, Study, run_study
+from bowstring.study.study import DATA_FIGURES, FIGURES, Study
 from bowstring.viz.style import LIGHT, figure_style
+from stages import Stages
 
 SILICONE = Path(__file__).parent / "silicone.yaml"
 SIDES: tuple[Side, Side] = ("in_sweep", "removed")
 
 
 @pytest.fixture(scope="module")
-def soft() -> Study:
-    """A robot whose constant curvature from force is far off."""
-    return run_study(load_robot(SILICONE), loading=Loading(points=9))
+def soft(paper: Study) -> Study:
+    """The sweep of a robot whose constant curvature from force is far off."""
+    return Stages(load_robot(SILICONE), points=9).over(paper)
 
 
 def drawn(found: Study, stem: str) -> Figure:
@@ -67,7 +67,7 @@ def scale(axes: Axes) -> float:
 @pytest.mark.slow
 def test_an_inset_magnifies_and_covers_nothing(name: str, paper: Study, soft: Study) -> None:
     known = {"amouri2019": paper, "silicone": soft}
-    found = known[name] if name in known else run_study(load_robot(name), loading=Loading(points=9))
+    found = known[name] if name in known else Stages(load_robot(name), points=9).over(paper)
     (axes,) = (figure := drawn(found, "fig10_overlay")).axes
     assert len(axes.child_axes) == (0 if name == "silicone" else 1)
     x, z = np.array(axes.get_xlim()), np.array(axes.get_ylim())
@@ -93,7 +93,7 @@ def test_an_inset_magnifies_and_covers_nothing(name: str, paper: Study, soft: St
 @pytest.mark.slow
 def test_no_disk_hides_the_label_of_a_tip(name: str, paper: Study, soft: Study) -> None:
     known = {"amouri2019": paper, "silicone": soft}
-    found = known[name] if name in known else run_study(load_robot(name), loading=Loading(points=9))
+    found = known[name] if name in known else Stages(load_robot(name), points=9).over(paper)
     figure = drawn(found, "fig07_configurations")
     axes: Any = figure.axes[0]
     labels = [t for t in axes.texts if t.get_text()]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +18,11 @@ from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import COMPARISONS, Theory
 from bowstring.study.ramp_response import Transient
-from bowstring.study.settings import Loading, Ramp
-from bowstring.study.study import FIGURES, Study, run_study
+from bowstring.study.study import FIGURES, Study
+from stages import Stages
 
 MM = 1e-3
 FREQUENCY = 2.2804  # Hz, of the study's robot, from shared references of other programs
-
-
-def moving(
-    robot: Robot, theory: Theory = "cosserat", loading: Loading | None = None, **ramp: float
-) -> tuple[Study, Transient]:
-    found = run_study(robot, theory=theory, loading=loading, ramp=Ramp(**ramp))
-    assert found.dynamics is not None, found.without_dynamics
-    return found, found.dynamics
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +48,7 @@ def test_the_slow_ramp_is_near_statics(slow: Transient, paper: Study) -> None:
     largest, at = slow.max_difference
     assert largest < 6e-3 * paper.length and at < 5.0
     # twice as slow rings half as high and for half as many of the loads
-    _, slower = moving(paper.robot, rise=2 * slow.rise)
+    slower = Stages(paper.robot, rise=2 * slow.rise).motion
     assert slower.mean_difference < 0.5 * slow.mean_difference
     assert slower.max_difference[0] < 0.6 * slow.max_difference[0]
 
@@ -63,12 +56,14 @@ def test_the_slow_ramp_is_near_statics(slow: Transient, paper: Study) -> None:
 @pytest.mark.parametrize("ratio", [0.02, 0.05, 0.1])
 def test_lag_is_that_of_a_damped_oscillator(paper: Study, ratio: float) -> None:
     # x'' + 2 zeta omega x' + omega^2 x follows a ramp by 2 zeta / omega late
-    _, motion = moving(paper.robot, modal_damping=ratio)
+    motion = Stages(paper.robot, modal_damping=ratio).motion
     assert motion.lag == pytest.approx(2 * ratio / (2 * math.pi * FREQUENCY), rel=0.15)
 
 
 def test_five_percent_is_nearest_to_statics(paper: Study) -> None:
-    apart = {z: moving(paper.robot, modal_damping=z)[1].mean_difference for z in (0.02, 0.05, 0.1)}
+    apart = {
+        z: Stages(paper.robot, modal_damping=z).motion.mean_difference for z in (0.02, 0.05, 0.1)
+    }
     assert min(apart, key=apart.__getitem__) == 0.05
 
 
@@ -96,21 +91,22 @@ def test_overshoot_is_that_of_the_run(slow: Transient, paper: Study) -> None:
 
 
 def test_a_fast_ramp_shows_what_statics_cannot(slow: Transient, paper: Study) -> None:
-    found, fast = moving(paper.robot, rise=0.5)
+    found = Stages(paper.robot, rise=0.5)
+    fast = found.motion
     assert not fast.rise_chosen and slow.rise_chosen
     assert fast.peak is not None and slow.peak is not None
     assert fast.peak[1] > 10 * slow.peak[1]
     assert fast.mean_difference > 10 * slow.mean_difference
-    assert any(f"overshoots by {fast.peak[1] * 1e3:.3g} mm" in s for s in found.dynamics_text)
+    assert any(f"overshoots by {fast.peak[1] * 1e3:.3g} mm" in s for s in fast.text)
     # what needs no time is the same
     assert found.verdict.text == paper.verdict.text
     assert found.budget.to_dict() == paper.budget.to_dict()
     for name in COMPARISONS:
-        assert found.comparison(name).to_dict() == paper.comparison(name).to_dict()
+        assert found.comparisons[name].to_dict() == paper.comparison(name).to_dict()
 
 
 def test_strong_damping_leaves_no_overshoot(paper: Study) -> None:
-    _, motion = moving(paper.robot, modal_damping=0.95)
+    motion = Stages(paper.robot, modal_damping=0.95).motion
     assert motion.peak is not None and 0.0 <= motion.peak[1] < 1e-2 * MM
 
 
@@ -131,7 +127,7 @@ def test_static_stress_is_that_of_the_fields(paper: Study) -> None:
 def test_weight_and_clamps_have_static_stress(gravity: str) -> None:
     source = Path(__file__).parents[1] / "examples" / "my_robot.yaml"
     robot = load_robot(source).with_({"gravity": gravity})
-    found = run_study(robot, loading=Loading(points=3))
+    found = Stages(robot, points=3)
     tensions = [0.0, 0.0, 0.0, 0.0, found.settings.max_tension, 0.0, 0.0, 0.0]
     whole = bs.solve(robot, tensions).fields()
     assert found.statics.surface.von_mises[-1] == pytest.approx(
@@ -172,20 +168,23 @@ def test_other_robots(source: str, theory: Theory) -> None:
         "upright": {"gravity": "0 0 -9.81 m/s^2"},
     }[source]
     robot = load_robot("rao2021" if source == "rao2021" else "amouri2019").with_(changes)
-    found, motion = moving(robot, theory, Loading(points=5))
+    found = Stages(robot, theory=theory, points=5)
+    motion = found.motion
     assert motion.converged
     assert motion.mean_difference < 1e-3 * robot.length
     assert motion.tip_position[0] == pytest.approx(found.statics.tip_position[0], abs=1e-7)
     for name in COMPARISONS:
-        assert found.comparison(name, "dynamics").n == 5
+        assert found.in_time[name].n == 5
 
 
 # -- where there is none, or not all -----------------------------------------------------------
 
 
-def test_a_robot_without_mass_has_its_statics() -> None:
+def test_a_robot_without_mass_has_its_statics(paper: Study) -> None:
     light = {"segments.0.disks.mass": "0 g", "segments.0.backbone.density": "0 kg/m^3"}
-    found = run_study(load_robot("amouri2019").with_(light))
+    stages = Stages(load_robot("amouri2019").with_(light))
+    motion, why_not = stages.ramp
+    found = replace(stages.over(paper), dynamics=motion, without_dynamics=why_not)
     assert found.dynamics is None
     assert found.dynamics_text == (
         "Dynamics is left out: amouri2019 has no mass: it has no natural frequencies.",
@@ -199,7 +198,7 @@ def test_a_robot_without_mass_has_its_statics() -> None:
 
 @pytest.mark.parametrize("reason", ["collision", "step_failed"])
 def test_a_motion_that_stops_is_shown_up_to_there(
-    monkeypatch: pytest.MonkeyPatch, reason: str
+    monkeypatch: pytest.MonkeyPatch, reason: str, paper: Study
 ) -> None:
     whole = simulation.simulate
 
@@ -209,31 +208,34 @@ def test_a_motion_that_stops_is_shown_up_to_there(
         return run
 
     monkeypatch.setattr(simulation, "simulate", stops)
-    found, motion = moving(load_robot("amouri2019"))
+    found = Stages(load_robot("amouri2019"))
+    motion = found.motion
     # 40 % of 25 periods are half of the rise
     assert motion.tension[-1] == pytest.approx(40.0)
     assert motion.peak is None and math.isnan(motion.residual)
-    assert found.comparison("cc_from_force", "dynamics").n == 9
-    assert found.comparison("cc_from_force").n == 17
-    text = " ".join(found.dynamics_text)
+    assert found.in_time["cc_from_force"].n == 9
+    assert found.comparisons["cc_from_force"].n == 17
+    text = " ".join(motion.text)
     assert "The motion stopped at 4.39 s, at 40 N: " + motion.reason in text
     assert "overshoot" not in text
-    assert any("do not compare their means" in note for note in found.notes)
-    assert found.claim is not None and "against dynamics" not in found.claim.text
-    got = found.to_dict()
+    assert any("do not compare their means" in note for note in found.notes(found.in_time))
+    claim = found.claim(found.in_time)
+    assert claim is not None and "against dynamics" not in claim.text
+    got = replace(found.over(paper), dynamics=motion).to_dict()
     assert got["dynamics"]["overshoot_mm"] is None
     json.dumps(got, allow_nan=False)
 
 
 @pytest.mark.slow
 def test_disks_that_meet_end_the_motion() -> None:
-    found, motion = moving(load_robot("amouri2019"), loading=Loading(max_tension=900.0), rise=0.115)
+    found = Stages(load_robot("amouri2019"), max_tension=900.0, rise=0.115)
+    motion = found.motion
     assert motion.status == "collision" and motion.time[-1] < motion.rise
-    assert "two neighbouring disks met" in found.dynamics_text[1]
-    assert 0 < found.comparison("cc_from_force", "dynamics").n < 17
+    assert "two neighbouring disks met" in motion.text[1]
+    assert 0 < found.in_time["cc_from_force"].n < 17
 
 
 @pytest.mark.parametrize("rise", [0.1, 1e6])
 def test_a_rise_beyond_its_range_is_bad_input(rise: float) -> None:
     with pytest.raises(InputError, match=r"must be from 0\.11 to 87\.7 s"):
-        run_study(load_robot("amouri2019"), ramp=Ramp(rise=rise))
+        _ = Stages(load_robot("amouri2019"), rise=rise).ramp

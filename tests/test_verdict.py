@@ -14,8 +14,8 @@ from bowstring.formatting import in_mm
 from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
 from bowstring.study import verdict
-from bowstring.study.settings import Loading
-from bowstring.study.study import Study, run_study
+from bowstring.study.study import Study
+from stages import Stages
 
 MM = 1e-3
 EI = 35e9 * math.pi / 64 * 0.005**4  # of the study's robot, N m^2
@@ -37,45 +37,48 @@ def test_first_crossing_against_an_independent_sweep(paper: Study) -> None:
     assert f"up to {force.holds_to:.3g} N" in force.text
 
 
-def test_clamps_in_the_main_sweep_rise_and_fall() -> None:
+def test_clamps_in_the_main_sweep_rise_and_fall(paper: Study) -> None:
     robot = load_robot("amouri2019").with_({"segments.0.disks.clamped_length": "3 mm"})
-    got = run_study(robot)
-    force = got.comparison("cc_from_force")
+    got = Stages(robot)
+    force = got.comparisons["cc_from_force"]
     assert force.mean / MM == pytest.approx(3.67, abs=5e-3)
     at = dict(zip(got.statics.tension.round(), force.error / MM, strict=True))
     assert [at[40.0], at[50.0], at[60.0], at[80.0]] == pytest.approx([4.9, 5.0, 4.8, 3.4], abs=0.05)
-    assert got.verdict.meanings[1].holds_throughout
+    assert got.judged(paper.budget).meanings[1].holds_throughout
 
     # a tolerance that is crossed on the way up and again on the way down
-    tight = run_study(robot, tolerance=4.6 * MM / got.length).verdict.meanings[1]
+    tight = Stages(robot, tolerance=4.6 * MM / robot.length).judged(paper.budget).meanings[1]
     ((start, end),) = tight.fails
     assert 30.0 < start < 40.0 and 60.0 < end < 80.0
     assert tight.holds_to == start
 
 
-def test_gravity_across_ends_it_at_the_first_load() -> None:
-    got = run_study(load_robot("amouri2019").with_({"gravity": "-9.81 0 0 m/s^2"}))
-    for m in got.verdict.meanings:
+def test_gravity_across_ends_it_at_the_first_load(paper: Study) -> None:
+    got = Stages(load_robot("amouri2019").with_({"gravity": "-9.81 0 0 m/s^2"}))
+    meanings = got.judged(paper.budget).meanings
+    for m in meanings:
         assert m.holds_to is None
         assert m.fails[0][0] == 0.0
-    force = got.verdict.meanings[1]
+    force = meanings[1]
     assert force.ended_by is not None and force.ended_by.effect == "gravity"
-    assert any("gravity (-9.81, 0, 0)" in note for note in got.notes)
+    assert any("gravity (-9.81, 0, 0)" in note for note in got.notes())
 
 
-def test_a_cause_is_named_only_if_the_error_falls_without_it() -> None:
+def test_a_cause_is_named_only_if_the_error_falls_without_it(paper: Study) -> None:
     """In the example's own sweep, clamps and gravity cancel in part: no effect ends the error."""
-    got = run_study(load_robot(Path(__file__).parents[1] / "examples" / "my_robot.yaml"))
-    lengths, force = got.verdict.meanings
+    got = Stages(load_robot(Path(__file__).parents[1] / "examples" / "my_robot.yaml"))
+    lengths, force = got.judged(paper.budget).meanings
     assert abs(lengths.shares[0].share) < 0.1 and lengths.ended_by is None
     assert "No single effect" in lengths.text and "Most of that" not in lengths.text
     assert force.ended_by is not None and "What ends it" in force.text
 
 
-def test_a_correction_that_does_harm_is_not_called_better() -> None:
+def test_a_correction_that_does_harm_is_not_called_better(paper: Study) -> None:
     clamped = {"segments.0.disks.clamped_length": "3 mm"}
-    got = run_study(load_robot("amouri2019").with_(clamped))
-    (words,) = [t for t in got.verdict.text if t.startswith("Corrections in closed form")]
+    got = Stages(load_robot("amouri2019").with_(clamped))
+    (words,) = [
+        t for t in got.judged(paper.budget).text if t.startswith("Corrections in closed form")
+    ]
     assert "from lengths: better" in words and "from force: worse" in words
 
 
@@ -106,6 +109,6 @@ def test_the_costliest_effect_has_the_numbers_of_the_budget(paper: Study) -> Non
 
 
 def test_a_robot_that_hangs_does_not_leave_out_gravity() -> None:
-    got = run_study(load_robot(Path(__file__).parent / "silicone.yaml"), loading=Loading(points=5))
+    got = Stages(load_robot(Path(__file__).parent / "silicone.yaml"), points=3)
     (text,) = [t for t in got.verdict.text if t.startswith("A real robot has effects")]
     assert "gravity" not in text and "E 10 %" in text

@@ -1,0 +1,119 @@
+"""The stages of a study, each run when a test asks for it: none needs the whole study."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+from bowstring.data.tip_errors import Comparison
+from bowstring.robot.model import Robot
+from bowstring.study import study
+from bowstring.study.comparison import COMPARISONS, Model, Theory
+from bowstring.study.error_budget import Budget, error_budget
+from bowstring.study.ramp_response import MODAL_DAMPING, Transient
+from bowstring.study.settings import Loading, Ramp
+from bowstring.study.study import GeometricSweep, Statics, Study
+from bowstring.study.verdict import Verdict, judge
+
+
+class Stages:
+    """What `run_study` computes one after another, with its settings and their defaults."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        tolerance: float = 0.01,
+        theory: Theory = "cosserat",
+        rise: float | None = None,
+        modal_damping: float = MODAL_DAMPING,
+        **loading: Any,
+    ) -> None:
+        self.robot = robot
+        ramp = Ramp(rise, modal_damping)
+        self.settings = study._settings(robot, tolerance, theory, Loading(**loading), ramp)
+
+    @cached_property
+    def model(self) -> Model:
+        chosen = self.settings
+        model = Model(self.robot, chosen.tendon, chosen.theory, chosen.shares)
+        model.arc_scale = study._arc_scale(model, chosen)
+        return model
+
+    @cached_property
+    def geometry(self) -> GeometricSweep:
+        return study._geometric_sweep(self.model, self.settings)
+
+    @cached_property
+    def statics(self) -> Statics:
+        return study._statics(self.model, self.settings)
+
+    @cached_property
+    def comparisons(self) -> dict[str, Comparison]:
+        """By name, against statics."""
+        s = self.statics
+        return self.model.compare(s.tension, s.tip_position, s.tendon_lengths, tuple(COMPARISONS))
+
+    @cached_property
+    def ramp(self) -> tuple[Transient | None, str]:
+        """The motion, or why there is none."""
+        return study._dynamics(self.model, self.settings, self.statics, lambda share: None)
+
+    @property
+    def motion(self) -> Transient:
+        found, why_not = self.ramp
+        assert found is not None, why_not
+        return found
+
+    @cached_property
+    def in_time(self) -> dict[str, Comparison]:
+        """By name, against dynamics."""
+        tension, motion = self.statics.tension, self.motion
+        return self.model.compare(
+            tension, motion.load_tip, motion.load_lengths, tuple(COMPARISONS), "dynamics"
+        )
+
+    @cached_property
+    def budget(self) -> Budget:
+        return error_budget(self.model, self.statics.tension)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        return self.judged(self.budget)
+
+    def judged(self, budget: Budget) -> Verdict:
+        """The verdict beside any budget, of which only its sentences on other effects speak."""
+        chosen = self.settings
+        return judge(self.model, chosen.tolerance, chosen.max_tension, self.comparisons, budget)
+
+    def notes(self, in_time: dict[str, Comparison] | None = None) -> tuple[str, ...]:
+        return study._notes(
+            self.robot,
+            self.settings,
+            self.geometry,
+            self.statics,
+            self.comparisons,
+            in_time or {},
+            None,
+        )
+
+    def claim(self, in_time: dict[str, Comparison] | None = None) -> study.PublishedClaim | None:
+        return study._claim(self.robot, self.settings, self.comparisons, in_time or {}, {})
+
+    def over(self, other: Study) -> Study:
+        """Another study with the sweep of these stages in the place of its own, and no dynamics.
+
+        Budget and verdict stay those of the other one.
+        """
+        return replace(
+            other,
+            robot=self.robot,
+            settings=self.settings,
+            geometry=self.geometry,
+            statics=self.statics,
+            dynamics=None,
+            without_dynamics="Dynamics is left out: it was not asked for.",
+            comparisons=tuple(self.comparisons.values()),
+            claim=self.claim(),
+            notes=self.notes(),
+        )
