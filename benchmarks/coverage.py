@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,7 +26,7 @@ import bowstring as bs
 from bowstring.calibration.fitting import Fit, Loss, fit
 from bowstring.calibration.observations import Data
 from bowstring.data.rigid import Rigid
-from bowstring.data.synthetic import STUDY, set_up
+from bowstring.data.synthetic import STUDY, Mounting, set_up
 
 NAMES = ["segments.0.backbone.E", "segments.0.tendons.friction", "base"]
 #: Of `NAMES`, the base one by one, in the units of the fit: GPa, 1, mm, deg.
@@ -35,13 +36,13 @@ TRUTH = np.array([0.97 * 35.0, 0.1, 1.0, -1.0, 2.0, 0.0, 0.3, 0.0])
 def fits(count: int, loss: Loss, seed: int = 1) -> list[Fit]:
     """Fits to so many benches that differ by their noise alone."""
     robot = bs.load_robot("amouri2019")
-    known = robot.with_({"gravity": STUDY["gravity"]})
+    known = robot.with_({"gravity": STUDY["actual"].gravity})
     turn, shift = np.radians(TRUTH[5:]), 1e-3 * TRUTH[2:5]
     made = set_up(
         robot,
-        **{k: v for k, v in STUDY.items() if k != "tilt"},
-        base=Rigid.from_rotation_vector(turn, shift),
-        actual={"segments.0.backbone.E": 1e9 * float(TRUTH[0])},
+        STUDY["loads"],
+        actual=replace(STUDY["actual"], changes={"segments.0.backbone.E": 1e9 * float(TRUTH[0])}),
+        mounting=Mounting(Rigid.from_rotation_vector(turn, shift)),
     )
     rng = np.random.default_rng(seed)
     return [fit(known, made.measure(rng), NAMES, loss=loss) for _ in range(count)]

@@ -95,7 +95,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         bs.read_measurements(file, robot)
 
     # a bench, its truth and a workbook of it
-    data = synthetic.simulate(robot, masses=(0.0, 1.0, 2.0), tendon=1, repeats=2, seed=1)
+    data = synthetic.simulate(robot, synthetic.Loads(masses=(0.0, 1.0, 2.0), repeats=2), seed=1)
     made, truth = synthetic.write(data, folder / "bench.csv")
     rows = [
         line.split(",") for line in made.read_text("utf-8").splitlines() if not line.startswith("#")

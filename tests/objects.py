@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import bowstring as bs
+from bowstring.data import synthetic
 
 _MODEL = ("theory", "tendon_path", "twist", "elements")
 _LOAD = ("displacements", "angles", "gravity", "tip_force", "tip_moment")
@@ -43,3 +45,29 @@ def objects(**given: Any) -> dict[str, Any]:
     if start:
         out["start"] = bs.Start(**start)
     return out
+
+
+def bench(**given: Any) -> dict[str, Any]:
+    """Arguments of a synthetic bench by name, as objects; others stay as they are."""
+    changes = {"actual": "changes", "pulls": "displacements"}
+    named = {changes.get(name, name): value for name, value in given.items()}
+    out: dict[str, Any] = {}
+    for argument, kind in (
+        ("loads", synthetic.Loads),
+        ("actual", synthetic.Actual),
+        ("mounting", synthetic.Mounting),
+        ("instrument", synthetic.Instrument),
+    ):
+        mine = {f.name: named.pop(f.name) for f in fields(kind) if f.name in named}
+        if mine or argument == "loads":
+            out[argument] = kind(**mine)
+    return {**out, **named}
+
+
+#: The arguments of `synthetic.STUDY` by name.
+STUDY_BY_NAME: dict[str, Any] = {
+    name: value
+    for part in synthetic.STUDY.values()
+    for name, value in vars(part).items()
+    if value is not None
+}

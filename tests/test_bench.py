@@ -27,6 +27,7 @@ from bowstring.data.synthetic import STUDY, Bench, check_table, read_truth, set_
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import Robot
 from bowstring.statics import rod
+from objects import STUDY_BY_NAME, bench
 from shell import Shell, refuses
 
 Array = NDArray[np.float64]
@@ -59,7 +60,7 @@ def all_sides(count: int = 20) -> Array:
 
 def test_clean_is_the_sweep(robot: bs.Robot) -> None:
     tensions = all_sides()
-    found = simulate(robot, tensions, **CLEAN)
+    found = simulate(robot, **bench(tensions=tensions, **CLEAN))
     np.testing.assert_array_equal(found.tip, bs.sweep(robot, tensions).tip_position)
     np.testing.assert_array_equal(found.tensions, tensions)
     assert found.source == "synthetic" and found.sigma is None and np.isnan(found.pulls).all()
@@ -67,18 +68,18 @@ def test_clean_is_the_sweep(robot: bs.Robot) -> None:
 
 
 def test_masses_are_tensions(robot: bs.Robot) -> None:
-    found = simulate(robot, masses=MASSES, tendon=2, **CLEAN)
+    found = simulate(robot, **bench(masses=MASSES, tendon=2, **CLEAN))
     tensions = np.outer(MASSES * STANDARD_GRAVITY, [0, 1, 0])
     np.testing.assert_array_equal(found.tensions, tensions)
     np.testing.assert_array_equal(found.tip, bs.sweep(robot, tensions).tip_position)
-    moon = simulate(robot, masses=MASSES, g=1.62, **CLEAN)
+    moon = simulate(robot, **bench(masses=MASSES, g=1.62, **CLEAN))
     np.testing.assert_allclose(moon.tensions[:, 0], 1.62 * MASSES)
 
 
 def test_pulls_of_three_segments() -> None:
     robot = bs.load_robot("crl-ftdcr-v4")
     pulls = np.outer(np.linspace(0, 3e-3, 6), [1, -1, -1, -2, 2, -2, -2, -2, 1])
-    found = simulate(robot, pulls=pulls, **CLEAN)
+    found = simulate(robot, **bench(pulls=pulls, **CLEAN))
     np.testing.assert_array_equal(found.pulls, pulls)
     np.testing.assert_array_equal(
         found.tip, bs.sweep(robot, load=bs.Load(displacements=pulls)).tip_position
@@ -89,7 +90,7 @@ def test_pulls_of_three_segments() -> None:
 def test_some_tendons_pulled_the_others_by_tension(robot: bs.Robot) -> None:
     pulls = [[0.001 * i, None, None] for i in range(5)]
     tensions = [[None, 1.0, 0.0]] * 5
-    found = simulate(robot, tensions, pulls=pulls, **CLEAN)
+    found = simulate(robot, **bench(tensions=tensions, pulls=pulls, **CLEAN))
     expected = bs.sweep(robot, tensions, load=bs.Load(displacements=pulls))
     np.testing.assert_array_equal(found.tip, expected.tip_position)
     assert found.tensions[0, 1] == 1.0 and np.isnan(found.tensions[:, 0]).all()
@@ -97,18 +98,21 @@ def test_some_tendons_pulled_the_others_by_tension(robot: bs.Robot) -> None:
 
 
 def test_order_of_the_rows(robot: bs.Robot) -> None:
-    found = simulate(robot, masses=[0, 1, 2], repeats=2)
+    found = simulate(robot, **bench(masses=[0, 1, 2], repeats=2))
     one_way = [0, 1, 2, 1, 0]
     np.testing.assert_allclose(found.tensions[:, 0] / STANDARD_GRAVITY, one_way * 2)
     assert found.group.tolist() == (["loading"] * 3 + ["unloading"] * 2) * 2
     assert found.repeat.tolist() == [1] * 5 + [2] * 5
-    assert len(simulate(robot, masses=[3])) == 1
-    assert [len(part) for part in simulate(robot, masses=MASSES).split().values()] == [17, 16]
+    assert len(simulate(robot, **bench(masses=[3]))) == 1
+    assert [len(part) for part in simulate(robot, **bench(masses=MASSES)).split().values()] == [
+        17,
+        16,
+    ]
 
 
 def test_friction_follows_the_path(robot: bs.Robot) -> None:
     """The whole path, all repeats, is one sweep with its history."""
-    made = set_up(robot, masses=MASSES, friction=0.1, repeats=2, noise=0.0)
+    made = set_up(robot, **bench(masses=MASSES, friction=0.1, repeats=2, noise=0.0))
     rubbing = robot.with_({"segments.0.tendons.friction": 0.1})
     expected = bs.sweep(rubbing, made.tensions)
     np.testing.assert_array_equal(made.measure().tip, expected.tip_position)
@@ -117,12 +121,12 @@ def test_friction_follows_the_path(robot: bs.Robot) -> None:
     assert np.linalg.norm(up - down) > 3e-3  # the same load, another pose
     gap = np.linalg.norm(made.points[:17] - made.points[16:33][::-1], axis=1)
     assert made.hysteresis == pytest.approx(gap.max()) and gap.max() > 0.015
-    assert set_up(robot, masses=MASSES, unload=False).hysteresis is None
-    without = set_up(robot, masses=MASSES).hysteresis
+    assert set_up(robot, **bench(masses=MASSES, unload=False)).hysteresis is None
+    without = set_up(robot, **bench(masses=MASSES)).hysteresis
     assert without is not None and without < 1e-9
     # a robot whose file has friction keeps it, or is told to lose it
-    assert set_up(rubbing, masses=MASSES).hysteresis == pytest.approx(made.hysteresis)
-    smooth = set_up(rubbing, masses=MASSES, friction=0.0).hysteresis
+    assert set_up(rubbing, **bench(masses=MASSES)).hysteresis == pytest.approx(made.hysteresis)
+    smooth = set_up(rubbing, **bench(masses=MASSES, friction=0.0)).hysteresis
     assert smooth is not None and smooth < 1e-9
 
 
@@ -159,7 +163,7 @@ def test_registration_finds_the_base(robot: bs.Robot) -> None:
         "shift": [1e-3, -2e-3, 3e-3],
     }
     predicted = bs.sweep(robot, all_sides()).tip_position
-    made = set_up(robot, all_sides(), **{**CLEAN, **where})
+    made = set_up(robot, **bench(tensions=all_sides(), **{**CLEAN, **where}))
     found = fit_model(made.measure().tip, predicted)
     np.testing.assert_allclose(found.frame.rotation, made.frame.rotation, atol=1e-12)
     np.testing.assert_allclose(found.frame.translation, made.frame.translation, atol=1e-12)
@@ -171,7 +175,7 @@ def test_registration_finds_the_base(robot: bs.Robot) -> None:
     assert made.truth["tilt_rad"] == pytest.approx(where["tilt"])
     assert made.truth["tilt_towards_rad"] == pytest.approx(where["tilt_towards"])
     # with noise: within four standard errors, and the residual is the noise
-    noisy = set_up(robot, all_sides(), unload=False, **where).measure(3)
+    noisy = set_up(robot, **bench(tensions=all_sides(), unload=False, **where)).measure(3)
     found = fit_model(noisy.tip, predicted, sigma=noisy.sigma)
     turn = (made.frame @ found.frame.inverse()).rotation_vector
     assert (np.abs(turn) < 4 * np.sqrt(np.diag(found.covariance)[:3])).all()
@@ -181,7 +185,7 @@ def test_registration_finds_the_base(robot: bs.Robot) -> None:
 
 
 def test_any_base(robot: bs.Robot) -> None:
-    made = set_up(robot, all_sides(), base=PLACE, **CLEAN)
+    made = set_up(robot, **bench(tensions=all_sides(), base=PLACE, **CLEAN))
     tips = bs.sweep(robot, all_sides()).tip_position
     np.testing.assert_allclose(made.points, PLACE.apply(tips), atol=1e-15)
     np.testing.assert_allclose(made.frame.apply(made.points), tips, atol=1e-15)
@@ -189,7 +193,9 @@ def test_any_base(robot: bs.Robot) -> None:
 
 def test_a_marker_that_is_not_where_it_is_said_to_be(robot: bs.Robot) -> None:
     tool, error = [0.0, 0.0, 8e-3], [1e-3, -2e-3, 0.5e-3]
-    made = set_up(robot, all_sides(), tool=tool, tool_error=error, base=PLACE, **CLEAN)
+    made = set_up(
+        robot, **bench(tensions=all_sides(), tool=tool, tool_error=error, base=PLACE, **CLEAN)
+    )
     assert made.measure().tool.tolist() == tool
     tips = bs.sweep(robot, all_sides())
     found = fit_model(made.points, tips.tip_position, tips.tip_rotation)
@@ -200,7 +206,7 @@ def test_a_marker_that_is_not_where_it_is_said_to_be(robot: bs.Robot) -> None:
 
 def test_the_actual_robot_is_another(robot: bs.Robot) -> None:
     path = "segments.0.backbone.E"
-    made = set_up(robot, masses=MASSES, actual={path: "+5 %"}, **CLEAN)
+    made = set_up(robot, **bench(masses=MASSES, actual={path: "+5 %"}, **CLEAN))
     stiff = robot.with_({path: 1.05 * 35e9})
     assert made.robot is robot and made.actual.hash == stiff.hash != robot.hash
     expected = bs.sweep(stiff, made.tensions).tip_position
@@ -212,7 +218,7 @@ def test_the_actual_robot_is_another(robot: bs.Robot) -> None:
         "segments.0.backbone.G": "13 GPa",
         "gravity": "0 0 -9.81",
     }
-    made = set_up(robot, masses=MASSES, actual=several, friction=0.2, **CLEAN)
+    made = set_up(robot, **bench(masses=MASSES, actual=several, friction=0.2, **CLEAN))
     found = {d["path"]: (d["told"], d["actual"]) for d in made.truth["differences"]}
     assert found.pop("segments.0.tendons.pitch_radius") == (0.029, pytest.approx(0.029 * 0.99))
     assert found == {
@@ -226,8 +232,8 @@ def test_the_actual_robot_is_another(robot: bs.Robot) -> None:
 
 def test_gravity_turns_with_the_base_or_stays_plumb(robot: bs.Robot) -> None:
     options = {**CLEAN, "tilt": math.radians(0.3), "gravity": (0, 0, -9.81), "masses": MASSES}
-    turning = set_up(robot, **options)
-    plumb = set_up(robot, gravity_frame="measuring", **options)
+    turning = set_up(robot, **bench(**options))
+    plumb = set_up(robot, **bench(gravity_frame="measuring", **options))
     tips = bs.sweep(robot, turning.tensions, load=bs.Load(gravity=(0, 0, -9.81))).tip_position
     np.testing.assert_array_equal(turning.tip_position, tips)
     # leaning towards x, it is pulled towards x
@@ -242,11 +248,11 @@ def test_gravity_turns_with_the_base_or_stays_plumb(robot: bs.Robot) -> None:
 def test_disturbances_that_no_model_has(robot: bs.Robot) -> None:
     force, drift = [0.0, 0.05, 0.0], np.array([0.0, 0.4e-3, 0.0])
     tensions = all_sides()
-    pushed = set_up(robot, tensions, tip_force=force, **CLEAN)
+    pushed = set_up(robot, **bench(tensions=tensions, tip_force=force, **CLEAN))
     expected = bs.sweep(robot, tensions, load=bs.Load(tip_force=force)).tip_position
     np.testing.assert_array_equal(pushed.points, expected)
-    moved = set_up(robot, tensions, drift=drift, base=PLACE, **CLEAN)
-    still = set_up(robot, tensions, base=PLACE, **CLEAN)
+    moved = set_up(robot, **bench(tensions=tensions, drift=drift, base=PLACE, **CLEAN))
+    still = set_up(robot, **bench(tensions=tensions, base=PLACE, **CLEAN))
     ramp = np.outer(np.linspace(0, 1, 20), drift)
     np.testing.assert_allclose(moved.points - still.points, ramp, atol=1e-15)
     assert pushed.truth["disturbances"] == {"tip_force_N": force, "drift_m": [0, 0, 0]}
@@ -270,7 +276,9 @@ def test_a_disturbance_stays_after_registration(
     """Registered residuals are the noise without one, and are not with one."""
     predicted = bs.sweep(robot, all_sides(100)).tip_position
     data = simulate(
-        robot, all_sides(100), unload=False, tilt=math.radians(0.3), seed=5, **disturbance
+        robot,
+        seed=5,
+        **bench(tensions=all_sides(100), unload=False, tilt=math.radians(0.3), **disturbance),
     )
     found = fit_model(data.tip, predicted, sigma=data.sigma)
     chi = float((found.residual**2).sum()) / (0.02e-3) ** 2 / (300 - 6)
@@ -298,8 +306,8 @@ def bench_of(robot: bs.Robot, values: Array, **options: Any) -> Bench:
     """A bench of these `PARAMETERS`."""
     E, mu, *base = values.tolist()
     place = Rigid.from_rotation_vector(base[3:], base[:3])
-    study = {k: v for k, v in STUDY.items() if k != "tilt"} | {"friction": mu} | options
-    return set_up(robot, **study, base=place, actual={"segments.0.backbone.E": E})
+    study = {k: v for k, v in STUDY_BY_NAME.items() if k != "tilt"} | {"friction": mu} | options
+    return set_up(robot, **bench(**study, base=place, actual={"segments.0.backbone.E": E}))
 
 
 @pytest.fixture(scope="module")
@@ -384,7 +392,7 @@ def test_what_calibrated_residuals_show(
 def test_calibration_finds_the_truth(robot: bs.Robot, truth: Array, derivative: Array) -> None:
     """Least squares about the truth are what a calibration comes to, so that the above is its."""
     made = bench_of(robot, truth)
-    known = robot.with_({"gravity": STUDY["gravity"]})
+    known = robot.with_({"gravity": STUDY_BY_NAME["gravity"]})
     for seed in (1, 2):
         data = made.measure(seed)
         names = [*PARAMETERS[:2], "base"]
@@ -458,24 +466,31 @@ def rebuilt(truth: dict[str, Any]) -> Array:
 def test_the_truth_is_complete(robot: bs.Robot, tmp_path: Path) -> None:
     data = simulate(
         robot,
-        **STUDY,
         seed=4,
-        actual={"segments.0.backbone.E": "-3 %"},
-        gravity_frame="measuring",
-        tilt_towards=0.7,
-        shift=[1e-3, 0, 2e-3],
-        tool=[0, 0, 8e-3],
-        tool_error=[1e-3, 0, 0],
-        tip_force=[0, 0.02, 0],
-        drift=[0, 1e-4, 0],
-        theory="kirchhoff",
+        **bench(
+            **{
+                **STUDY_BY_NAME,
+                "actual": {"segments.0.backbone.E": "-3 %"},
+                "gravity_frame": "measuring",
+                "tilt_towards": 0.7,
+                "shift": [1e-3, 0, 2e-3],
+                "tool": [0, 0, 8e-3],
+                "tool_error": [1e-3, 0, 0],
+                "tip_force": [0, 0.02, 0],
+                "drift": [0, 1e-4, 0],
+                "theory": "kirchhoff",
+            }
+        ),
     )
     table, _ = write(data, tmp_path / "bench.csv")
     truth = read_truth(table)
     np.testing.assert_allclose(rebuilt(truth), data.tip, atol=1e-12)
     assert truth["robot_hash"] == robot.hash and truth["source"] == "synthetic"
     frame = Rigid(truth["frame"]["rotation"], truth["frame"]["translation_m"])
-    seen = set_up(robot, masses=[0], tilt=STUDY["tilt"], tilt_towards=0.7, shift=[1e-3, 0, 2e-3])
+    seen = set_up(
+        robot,
+        **bench(masses=[0], tilt=STUDY_BY_NAME["tilt"], tilt_towards=0.7, shift=[1e-3, 0, 2e-3]),
+    )
     np.testing.assert_allclose(frame.rotation, seen.frame.rotation, atol=1e-15)
 
 
@@ -524,7 +539,7 @@ def test_label_and_truth_of_a_part(study: Bench) -> None:
 
 
 def test_no_noise_is_said(robot: bs.Robot, tmp_path: Path) -> None:
-    table, _ = write(simulate(robot, masses=MASSES, **CLEAN), tmp_path / "a.csv")
+    table, _ = write(simulate(robot, **bench(masses=MASSES, **CLEAN)), tmp_path / "a.csv")
     assert "# There is no noise.\n" in table.read_text()
     assert read_measurements(table).sigma is None
 
@@ -609,13 +624,13 @@ def test_what_was_measured_has_no_truth(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"masses": None}, "there is no load: give tensions or pulls"),
+        ({"masses": None}, "there is no load: give tensions or displacements"),
         ({"masses": []}, r"masses is \[\], it must be a list of numbers in kg"),
         ({"masses": "heavy"}, "masses is 'heavy', it must be a list of numbers in kg"),
         ({"masses": [0, -1]}, "masses: number 2 is -1 kg, it must be from 0 to"),
         ({"masses": [1e308]}, "masses: number 1 is 1e.308 kg"),
         ({"masses": [0, math.nan]}, "masses: number 2 is nan kg"),
-        ({"tensions": [[1, 0, 0]]}, "masses are instead of tensions and pulls"),
+        ({"tensions": [[1, 0, 0]]}, "masses are instead of tensions and displacements"),
         ({"masses": None, "tensions": [[1, 0]]}, r"tensions has shape \(1, 2\)"),
         ({"masses": None, "tensions": np.zeros((0, 3))}, "the table has no row"),
         ({"masses": None, "tensions": [[-1, 0, 0]]}, "tendon 1"),
@@ -658,18 +673,18 @@ def test_what_was_measured_has_no_truth(tmp_path: Path) -> None:
 )
 def test_bad_input(robot: bs.Robot, options: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=says) as caught:
-        set_up(robot, **{"masses": MASSES, **options})
+        set_up(robot, **bench(**{"masses": MASSES, **options}))
     assert "\n" not in str(caught.value)
 
 
 def test_more_bad_input(robot: bs.Robot, study: Bench) -> None:
     with pytest.raises(InputError, match="robot is 'amouri2019', it must be a Robot"):
-        set_up("amouri2019", masses=MASSES)  # type: ignore[arg-type]
+        set_up("amouri2019", **bench(masses=MASSES))  # type: ignore[arg-type]
     for seed in (-1, 1.5, "x", True):
         with pytest.raises(InputError, match=r"seed is .*, it must be a whole number from"):
             study.measure(seed)  # type: ignore[arg-type]
     with pytest.raises(NoSolutionError, match="1 of 3 loads have no solution; the first"):
-        simulate(robot, [[1, 0, 0], [1e6, 0, 0]])
+        simulate(robot, **bench(tensions=[[1, 0, 0], [1e6, 0, 0]]))
 
 
 def test_the_place_is_checked(tmp_path: Path) -> None:
@@ -771,9 +786,9 @@ def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.Mo
         (("--masses", "1", "--tendon", "4"), "--tendon: got 4; amouri2019 has 3 tendons"),
         (("--masses", "1", "--tilt", "0.3 mm"), '--tilt: got "0.3 mm", but "mm" is not a unit of'),
         (("--masses", "1", "--tilt", "1,2,3"), "--tilt: got 3 numbers; write an angle"),
-        (("--masses", "1", "--tilt", "-1 deg"), "--tilt: got -0.0174533 rad; must be from 0"),
+        (("--masses", "1", "--tilt", "-1 deg"), "--tilt: got -0.0174533 rad; must be zero or more"),
         (("--masses", "1", "--noise", "-1 mm"), "--noise: got -0.001 m; must be 0 or more"),
-        (("--masses", "1", "--repeats", "0"), "--repeats: got 0; must be 1 or more"),
+        (("--masses", "1", "--repeats", "0"), "--repeats: got 0; must be a whole number from 1"),
         (("--masses", "1", "--seed", "-1"), "--seed: got -1; must be 0 or more"),
         (("--masses", "1", "--friction", "-0.1"), "--friction: got -0.1; must be 0 or more"),
         (("--masses", "1", "--friction", "x"), '--friction: got "x", which is not a number'),

@@ -28,6 +28,7 @@ from bowstring.data import synthetic
 from bowstring.data.measurements import Measurements, read_measurements
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
+from objects import STUDY_BY_NAME, bench
 from shell import Shell, refuses
 
 ROOT = Path(__file__).parents[1]
@@ -160,7 +161,7 @@ def test_validation_in_json(shell: Shell) -> None:
 @pytest.mark.slow
 def test_another_table_is_predicted_once(shell: Shell, robot: Robot, tmp_path: Path) -> None:
     """Two synthetic tables of one bench; the other is moved, and nothing is aligned to it."""
-    made = synthetic.simulate(robot, masses=np.linspace(0, 8, 9), friction=0.1, seed=7)
+    made = synthetic.simulate(robot, seed=7, **bench(masses=np.linspace(0, 8, 9), friction=0.1))
     shift = np.array([3e-3, 0.0, 4e-3])
     file, _ = synthetic.write(replace(made, points=made.points + shift), tmp_path / "other.csv")
     folder = tmp_path / "fit"
@@ -209,7 +210,7 @@ def test_constant_curvature_at_its_best(shell: Shell) -> None:
 
 
 def test_a_part_has_all_repeats_of_its_loads(robot: Robot) -> None:
-    made = synthetic.simulate(robot, masses=[0, 2, 4], repeats=3, seed=1)
+    made = synthetic.simulate(robot, seed=1, **bench(masses=[0, 2, 4], repeats=3))
     found = calibrate(robot, made, [E], validation=Validation(folds=3))
     assert found.folds is not None
     assert found.folds.labels == ("load 1", "load 2", "load 3")
@@ -223,9 +224,9 @@ def test_folds_see_that_a_model_bends_to_the_loads_that_it_was_fitted_to(robot: 
     names = [E, "segments.0.tendons.pitch_radius", "base", "tool"]
     heavy = robot.with_({"gravity": [0.0, 0.0, -9.81]})
     given = {"friction": 0.1, "noise": 0.5e-3}
-    few = synthetic.simulate(heavy, masses=[0, 1.5, 3, 5.5, 8], repeats=3, seed=1, **given)
+    few = synthetic.simulate(heavy, seed=1, **bench(masses=[0, 1.5, 3, 5.5, 8], repeats=3, **given))
     found = calibrate(heavy, few, names, validation=Validation(folds=5), loss="linear")
-    others = synthetic.simulate(heavy, masses=np.arange(0, 8.1, 0.5), seed=2, **given)
+    others = synthetic.simulate(heavy, seed=2, **bench(masses=np.arange(0, 8.1, 0.5), **given))
     real = score(found.fit.predict(others), others.tip).rmse
     assert found.folds is not None
     assert real > 1.2 * found.fit.score.rmse  # what the fit says of itself flatters
@@ -236,7 +237,7 @@ def test_folds_see_that_a_model_bends_to_the_loads_that_it_was_fitted_to(robot: 
 
 
 def test_rows_count_by_their_uncertainty(robot: Robot) -> None:
-    made = synthetic.simulate(robot, masses=np.linspace(0, 8, 17), seed=2)
+    made = synthetic.simulate(robot, seed=2, **bench(masses=np.linspace(0, 8, 17)))
     assert made.sigma is not None
     bad = np.arange(len(made)) % 3 == 0
     scatter = np.random.default_rng(3).normal(0, 2e-3, made.points.shape)
@@ -252,7 +253,7 @@ def test_rows_count_by_their_uncertainty(robot: Robot) -> None:
 
 
 def test_the_tool_of_the_table_is_held(robot: Robot) -> None:
-    made = synthetic.simulate(robot, masses=[0, 3, 6], tool=[0, 0, 0.02], seed=1)
+    made = synthetic.simulate(robot, seed=1, **bench(masses=[0, 3, 6], tool=[0, 0, 0.02]))
     found = fit(robot, made, [E], loss="linear")
     assert found.score.rmse < 3 * 0.02e-3
     assert fit(robot, replace(made, tool=np.zeros(3)), [E]).score.rmse > 1e-3
@@ -274,9 +275,13 @@ def test_points_below_the_tip_and_blanks_are_no_tip(robot: Robot, data: Measurem
 
 def test_disturbances_are_told_from_noise(robot: Robot) -> None:
     names = [E, MU, "base"]
-    study = {k: v for k, v in synthetic.STUDY.items() if k != "repeats"}
-    clean = fit(robot, synthetic.simulate(robot, **study, seed=3), names)
-    drift = fit(robot, synthetic.simulate(robot, **study, drift=[0, 0.4e-3, 0], seed=3), names)
+    study = {k: v for k, v in STUDY_BY_NAME.items() if k != "repeats"}
+    clean = fit(robot, synthetic.simulate(robot, seed=3, **bench(**study)), names)
+    drift = fit(
+        robot,
+        synthetic.simulate(robot, seed=3, **bench(**{**study, "drift": [0, 0.4e-3, 0]})),
+        names,
+    )
     assert "not noise" not in clean.message and clean.excess < 1.3
     assert "not noise" in drift.message and drift.excess > 1.5
 
@@ -380,7 +385,7 @@ def test_swapped_tendons_are_named(shell: Shell, tmp_path: Path) -> None:
     robot = bs.load_robot("amouri2019")
     rng = np.random.default_rng(1)
     tensions = rng.uniform(0, 30, (30, 3)) * (rng.random((30, 3)) < 0.6)
-    made = synthetic.simulate(robot, tensions, unload=False)
+    made = synthetic.simulate(robot, **bench(tensions=tensions, unload=False))
     file, _ = synthetic.write(
         replace(made, tensions=made.tensions[:, [0, 2, 1]]), tmp_path / "b.csv"
     )
@@ -453,7 +458,9 @@ def test_many_rows_are_drawn_thin(robot: Robot, data: Measurements, times: int) 
 
 
 def test_data_without_noise_lack_nothing(robot: Robot) -> None:
-    made = synthetic.simulate(robot, np.outer(np.linspace(0, 60, 13), [1, 0, 0]), noise=0.0)
+    made = synthetic.simulate(
+        robot, **bench(tensions=np.outer(np.linspace(0, 60, 13), [1, 0, 0]), noise=0.0)
+    )
     found = fit(robot, made, [E, "base.x"])
     assert found.score.rmse < 1e-8 and found.message == "Converged."
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,36 +22,11 @@ __all__ = [
     "shown",
     "vectors",
     "whole",
-    "with_options_of",
 ]
 
 Floats = NDArray[np.float64]
 
 _LONGEST = 60  # letters of a value in a sentence
-
-
-Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-def with_options_of(other: Callable[..., Any]) -> Callable[[Function], Function]:
-    """Show the keyword arguments of another function where one passes ``**options`` on to it.
-
-    A decorator; `inspect.signature` and `help` then say what the function takes.
-    """
-
-    def show(function: Function) -> Function:
-        own = inspect.signature(function)
-        kept = [p for p in own.parameters.values() if p.kind is not p.VAR_KEYWORD]
-        names = {p.name for p in kept}
-        passed = [
-            p
-            for p in inspect.signature(other).parameters.values()
-            if p.kind is p.KEYWORD_ONLY and p.name not in names
-        ]
-        setattr(function, "__signature__", own.replace(parameters=[*kept, *passed]))  # noqa: B010
-        return function
-
-    return show
 
 
 def shown(value: object) -> str:

@@ -82,6 +82,10 @@ def check(
     write_tables(*_measurements_tables(found, check))
 
 
+# fields of the objects of a bench that are named otherwise in its settings, or not there
+_NOT_SETTINGS: Final = {"tensions", "displacements", "masses", "changes", "base"}
+
+
 def simulate(
     robot: RobotSource,
     out: Annotated[
@@ -158,7 +162,6 @@ def simulate(
 
     model = load(robot, overrides)
     given = {"--masses": masses, "--tensions": tensions, "--pulls": pulls}
-    loads = _loads_of_one(model, given, tendon)
     angles = numbers_of("--tilt", tilt, "rad")
     if len(angles) > 2:
         raise InputError(f"--tilt: got {len(angles)} numbers; write an angle, and where to.")
@@ -171,42 +174,48 @@ def simulate(
     ):
         check_bare(flag, text, "m", model, most * model.length, "mm")
     lean, towards = angles[0], angles[1] if len(angles) == 2 else 0.0
-    if not 0 <= lean <= math.pi:
-        raise InputError(
-            f"--tilt: got {lean:g} rad; must be from 0 to 180 deg, a second angle says where to."
-        )
-    if repeats < 1:
-        raise InputError(f"--repeats: got {repeats}; must be 1 or more.")
     if seed < 0:
         raise InputError(f"--seed: got {seed}; must be 0 or more.")
-    settings: dict[str, Any] = {
-        **loads,
-        "tendon": tendon,
-        "g": positive("--g", g, "m/s^2"),
-        "repeats": repeats,
-        "unload": unload,
-        "noise": not_negative("--noise", noise, "m"),
-        "friction": None if friction is None else not_negative("--friction", friction, ""),
-        "actual": changes_of("--actual", actual, 'segments.0.backbone.E="+5 %"'),
-        "gravity": None if gravity is None else vector("--gravity", gravity, "m/s^2"),
-        "gravity_frame": gravity_frame,
-        "tilt": lean,
-        "tilt_towards": towards,
-        "shift": vector("--shift", shift, "m"),
-        "tool": vector("--tool", tool, "m"),
-        "tool_error": vector("--tool-error", tool_error, "m"),
-        "tip_force": vector("--tip-force", tip_force, "N"),
-        "drift": vector("--drift", drift, "m"),
-        "theory": theory,
-    }
+    values = _loads_of_one(model, given, tendon)
+    loads = synthetic.Loads(
+        *values,
+        tendon=tendon,
+        g=positive("--g", g, "m/s^2"),
+        repeats=repeats,
+        unload=unload,
+    )
+    really = synthetic.Actual(
+        friction=None if friction is None else not_negative("--friction", friction, ""),
+        changes=changes_of("--actual", actual, 'segments.0.backbone.E="+5 %"'),
+        gravity=None if gravity is None else vector("--gravity", gravity, "m/s^2"),
+        gravity_frame=gravity_frame,
+        tip_force=vector("--tip-force", tip_force, "N"),
+        theory=theory,
+    )
+    mounting = synthetic.Mounting(
+        tilt=lean,
+        tilt_towards=towards,
+        shift=vector("--shift", shift, "m"),
+        drift=vector("--drift", drift, "m"),
+    )
+    instrument = synthetic.Instrument(
+        not_negative("--noise", noise, "m"),
+        vector("--tool", tool, "m"),
+        vector("--tool-error", tool_error, "m"),
+    )
     of_flag("--out", synthetic.check_table, out)
-    made = synthetic.set_up(model, **settings)
+    made = synthetic.set_up(model, loads, actual=really, mounting=mounting, instrument=instrument)
     found = made.measure(seed)
     table, truth = synthetic.write(found, out)
     if as_json:
+        names = ("tensions", "pulls", "masses")
+        settings = {k: v for k, v in zip(names, values, strict=True) if v is not None}
+        for part in (loads, really, mounting, instrument):
+            settings |= {k: v for k, v in vars(part).items() if k not in _NOT_SETTINGS}
+        settings |= {"actual": really.changes, "seed": seed}
         return write_json(
             {
-                **_measurements_json(found, None, model, {**settings, "seed": seed}),
+                **_measurements_json(found, None, model, settings),
                 "hysteresis_m": made.hysteresis,
                 "truth": found.truth,
                 "files": {"table": table, "truth": truth},
@@ -220,8 +229,8 @@ def simulate(
     )
 
 
-def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> dict[str, Any]:
-    """Masses, tensions or pulls of one tendon, as `synthetic.set_up` takes them."""
+def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> tuple[Any, Any, Any]:
+    """Tensions, displacements and masses of one tendon, as `synthetic.Loads` takes them."""
     given = [(flag, text) for flag, text in texts.items() if text is not None]
     if not given:
         raise InputError(
@@ -242,15 +251,15 @@ def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> di
                 f"{flag}: got {value:g} {si}; must be 0 or more, a tendon cannot push."
             )
     if flag == "--masses":
-        return {"masses": values}
+        return None, None, values
     tensions = np.zeros((len(values), count))
     if flag == "--tensions":
         tensions[:, tendon - 1] = values
-        return {"tensions": tensions}
+        return tensions, None, None
     pulls = np.full_like(tensions, np.nan)
     tensions[:, tendon - 1] = np.nan
     pulls[:, tendon - 1] = values
-    return {"tensions": tensions if count > 1 else None, "pulls": pulls}
+    return tensions if count > 1 else None, pulls, None
 
 
 def _measurements_json(

@@ -31,13 +31,17 @@ from bowstring.statics import actuation, rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.units import NUMBER, quote
-from bowstring.validation import floats, is_whole, number, numbers, shown, with_options_of
+from bowstring.validation import choice, floats, is_whole, number, numbers, shown, whole
 
 __all__ = [
     "NOISE",
     "STUDY",
     "TRUTH_SCHEMA_VERSION",
+    "Actual",
     "Bench",
+    "Instrument",
+    "Loads",
+    "Mounting",
     "check_table",
     "read_truth",
     "set_up",
@@ -56,18 +60,6 @@ NOISE: Final = 0.02e-3
 """m, of each coordinate: the study's arm is accurate to 0.020 mm; it does not say whether this is
 one standard deviation, which is how it is taken here."""
 NOISE_IS: Final = "standard deviation of each coordinate; normal, independent"
-STUDY: Final[dict[str, Any]] = {
-    "masses": tuple(0.5 * i for i in range(17)),
-    "tendon": 1,
-    "repeats": 3,
-    "friction": 0.1,
-    "gravity": (0.0, 0.0, -9.81),
-    "tilt": math.radians(0.3),
-    "noise": NOISE,
-}
-"""The loads of the study, 0:0.5:8 kg on cable 1, as a bench with all that disturbs one:
-``simulate(robot, **STUDY)``. Friction, gravity and tilt are assumed, the study gives none."""
-
 _MOST_ROWS: Final = 1_000_000
 _FAR: Final = 1e6  # m
 _HEAVY: Final = 1e9  # kg
@@ -174,39 +166,14 @@ class Bench:
         )
 
 
-def set_up(
-    robot: Robot,
-    tensions: actuation.Given | None = None,
-    *,
-    pulls: actuation.Given | None = None,
-    masses: ArrayLike | None = None,
-    tendon: int = 1,
-    g: float = STANDARD_GRAVITY,
-    repeats: int = 1,
-    unload: bool = True,
-    noise: float = NOISE,
-    friction: float | None = None,
-    actual: Mapping[str, Any] | None = None,
-    gravity: ArrayLike | None = None,
-    gravity_frame: GravityFrame = "base",
-    base: Rigid | None = None,
-    tilt: float = 0.0,
-    tilt_towards: float = 0.0,
-    shift: ArrayLike = (0.0, 0.0, 0.0),
-    tool: ArrayLike = (0.0, 0.0, 0.0),
-    tool_error: ArrayLike = (0.0, 0.0, 0.0),
-    tip_force: ArrayLike = (0.0, 0.0, 0.0),
-    drift: ArrayLike = (0.0, 0.0, 0.0),
-    theory: Literal["cosserat", "kirchhoff"] = "cosserat",
-) -> Bench:
-    """Drive the actual robot along the loads, and see it from the measuring frame.
+@dataclass(frozen=True, eq=False)
+class Loads:
+    """The loads of a bench in order, and how often they are run through.
 
     Parameters
     ----------
-    robot : Robot
-        As its user knows it.
-    tensions, pulls : array_like (K, T), optional
-        Loads in order in N or m, as for `bowstring.sweep`; NaN where a tendon is driven otherwise.
+    tensions, displacements : array_like (K, T), optional
+        In N or m, as of `bowstring.Load`; NaN where a tendon has the other.
     masses : array_like (K,), optional
         Instead of these: kg hung on one tendon, nothing on the others.
     tendon : int
@@ -214,14 +181,34 @@ def set_up(
     g : float
         Gravity that makes tensions of masses, m/s^2.
     repeats : int
-        How often the loads are run through; the path goes on, and so does what friction remembers.
+        How often the loads are run through; the path goes on, and so does the history of friction.
     unload : bool
         Each time also back to the first load; the last one is measured once.
-    noise : float
-        Standard deviation of each measured coordinate, m; normal, the same to all sides.
+    """
+
+    tensions: actuation.Given | None = None
+    displacements: actuation.Given | None = None
+    masses: ArrayLike | None = None
+    tendon: int = 1
+    g: float = STANDARD_GRAVITY
+    repeats: int = 1
+    unload: bool = True
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.unload, bool):
+            raise InputError.of("unload", shown(self.unload), "True or False")
+        whole("repeats", self.repeats, 1, _MOST_ROWS)
+
+
+@dataclass(frozen=True, eq=False)
+class Actual:
+    """In what the actual robot and its surroundings differ from what the user knows.
+
+    Parameters
+    ----------
     friction : float, optional
         Of all tendons of the actual robot, in place of the robot's own.
-    actual : mapping from path to value, optional
+    changes : mapping from path to value, optional
         In what else the actual robot differs, as for `Robot.with_`; a text such as ``"+5 %"`` is a
         share of the robot's own number: ``{"segments.0.backbone.E": "+5 %"}``.
     gravity : array_like (3,), optional
@@ -229,22 +216,91 @@ def set_up(
     gravity_frame : {"base", "measuring"}
         In whose axes gravity is given: turns with the robot when the base is tilted, or stays plumb
         on a levelled measuring device, so that a tilted robot feels it aslant.
+    tip_force : array_like (3,)
+        A disturbance that no model has: a dead force at the tip, base axes, N.
+    theory : {"cosserat", "kirchhoff"}
+        Of the rod that is solved.
+    """
+
+    friction: float | None = None
+    changes: Mapping[str, Any] | None = None
+    gravity: ArrayLike | None = None
+    gravity_frame: GravityFrame = "base"
+    tip_force: ArrayLike = (0.0, 0.0, 0.0)
+    theory: Literal["cosserat", "kirchhoff"] = "cosserat"
+
+
+@dataclass(frozen=True, eq=False)
+class Mounting:
+    """Where the base is in the measuring frame.
+
+    Parameters
+    ----------
     base : Rigid, optional
         The robot's base in the measuring frame (base to measuring); instead of the next three.
     tilt, tilt_towards : float
         Angle by which the base leans, and where to, from x counter-clockwise, rad.
     shift : array_like (3,)
         Of the base in the measuring frame, m.
+    drift : array_like (3,)
+        A disturbance that no model has: how far the base has moved at the last row, evenly over
+        the rows, measuring frame, m.
+    """
+
+    base: Rigid | None = None
+    tilt: float = 0.0
+    tilt_towards: float = 0.0
+    shift: ArrayLike = (0.0, 0.0, 0.0)
+    drift: ArrayLike = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Instrument:
+    """What measures the tip.
+
+    Parameters
+    ----------
+    noise : float
+        Standard deviation of each measured coordinate, m; normal, the same to all sides.
     tool : array_like (3,)
         Measured point seen from the tip, in its axes, m; the data say so.
     tool_error : array_like (3,)
         By how much it is elsewhere, which the data do not say, m.
-    tip_force : array_like (3,)
-        A disturbance that no model has: a dead force at the tip, base axes, N.
-    drift : array_like (3,)
-        Another: how far the base has moved at the last row, evenly over the rows, measuring frame,
-        m.
-    theory : {"cosserat", "kirchhoff"}
+    """
+
+    noise: float = NOISE
+    tool: ArrayLike = (0.0, 0.0, 0.0)
+    tool_error: ArrayLike = (0.0, 0.0, 0.0)
+
+
+STUDY: Final[dict[str, Any]] = {
+    "loads": Loads(masses=tuple(0.5 * i for i in range(17)), repeats=3),
+    "actual": Actual(friction=0.1, gravity=(0.0, 0.0, -9.81)),
+    "mounting": Mounting(tilt=math.radians(0.3)),
+    "instrument": Instrument(),
+}
+"""The loads of the study, 0:0.5:8 kg on cable 1, as a bench with all that disturbs one:
+``simulate(robot, **STUDY)``. Friction, gravity and tilt are assumed, the study gives none."""
+
+
+def set_up(
+    robot: Robot,
+    loads: Loads,
+    *,
+    actual: Actual | None = None,
+    mounting: Mounting | None = None,
+    instrument: Instrument | None = None,
+) -> Bench:
+    """Solve the actual robot along the loads, and see it from the measuring frame.
+
+    Parameters
+    ----------
+    robot : Robot
+        As its user knows it.
+    loads : Loads
+    actual : Actual, optional
+    mounting : Mounting, optional
+    instrument : Instrument, optional
 
     Returns
     -------
@@ -258,28 +314,25 @@ def set_up(
         If a load has no solution.
     """
     check_robot(robot)
-    if not isinstance(unload, bool):
-        raise InputError(f"unload is {shown(unload)}, it must be True or False")
-    by_tension, by_pull, loads = _loads(robot, tensions, pulls, masses, tendon, g)
-    if not is_whole(repeats) or not 1 <= repeats <= _MOST_ROWS:
-        raise InputError(f"repeats is {shown(repeats)}, it must be a whole number from 1")
-    rows, group, repeat = _path(len(by_tension), int(repeats), unload)
-    sigma = number("noise", noise, "m", zero=True)
+    actual, mounting = actual or Actual(), mounting or Mounting()
+    instrument = instrument or Instrument()
+    theory, gravity_frame = actual.theory, actual.gravity_frame
+    by_tension, by_displacement, told = _loads(robot, loads)
+    rows, group, repeat = _path(len(by_tension), int(loads.repeats), loads.unload)
+    sigma = number("noise", instrument.noise, "m", zero=True)
     _lengths("noise", (sigma, 0.0, 0.0))
-    other = _actual(robot, friction, actual)
-    given = numbers("gravity", other.gravity if gravity is None else gravity, (3,), "m/s^2")
-    pose = _pose(base, tilt, tilt_towards, shift)
-    if gravity_frame not in ("base", "measuring"):
-        raise InputError(
-            f'gravity_frame is {shown(gravity_frame)}, it must be "base" or "measuring"'
-        )
+    other = _actual(robot, actual.friction, actual.changes)
+    gravity = other.gravity if actual.gravity is None else actual.gravity
+    given = numbers("gravity", gravity, (3,), "m/s^2")
+    pose = _pose(mounting)
+    choice("gravity_frame", gravity_frame, ("base", "measuring"))
     felt = given if gravity_frame == "base" else pose.rotation.T @ given
-    said = _lengths("tool", tool)
-    there = said + _lengths("tool_error", tool_error)
-    force = numbers("tip_force", tip_force, (3,), "N")
-    moves = _lengths("drift", drift)
+    said = _lengths("tool", instrument.tool)
+    there = said + _lengths("tool_error", instrument.tool_error)
+    force = numbers("tip_force", actual.tip_force, (3,), "N")
+    moves = _lengths("drift", mounting.drift)
 
-    driven = by_tension[rows], by_pull[rows]
+    driven = by_tension[rows], by_displacement[rows]
     found = rod.sweep(
         other,
         load=Load(
@@ -305,7 +358,7 @@ def set_up(
         "differences": list(_differences(_tree(robot), _tree(other))),
         "actual_robot": _tree(other),
         "theory": theory,
-        "loads": {**loads, "repeats": int(repeats), "unload": unload},
+        "loads": {**told, "repeats": int(loads.repeats), "unload": loads.unload},
         "gravity_m_per_s2": given.tolist(),
         "gravity_frame": gravity_frame,
         "gravity_in_base_m_per_s2": felt.tolist(),
@@ -340,20 +393,12 @@ def set_up(
     )
 
 
-@with_options_of(set_up)
-def simulate(
-    robot: Robot,
-    tensions: actuation.Given | None = None,
-    *,
-    seed: Seed = 0,
-    **setup: Any,
-) -> Measurements:
+def simulate(robot: Robot, loads: Loads, *, seed: Seed = 0, **setup: Any) -> Measurements:
     """Make synthetic measurements of a robot.
 
     Parameters
     ----------
-    robot, tensions, pulls, masses, tendon, g, repeats, unload, noise, friction, actual, gravity, \
-gravity_frame, base, tilt, tilt_towards, shift, tool, tool_error, tip_force, drift, theory
+    robot, loads, actual, mounting, instrument
         As for `set_up`.
     seed : int, Generator or None
         As for `Bench.measure`.
@@ -381,41 +426,38 @@ gravity_frame, base, tilt, tilt_towards, shift, tool, tool_error, tip_force, dri
     >>> data.source, len(data), data.truth["differences"][0]["actual"]
     ('synthetic', 99, 0.1)
     """
-    return set_up(robot, tensions, **setup).measure(seed)
+    return set_up(robot, loads, **setup).measure(seed)
 
 
 # -- what is driven, and from where it is seen ---------------------------------------------------
 
 
-def _loads(
-    robot: Robot,
-    tensions: actuation.Given | None,
-    pulls: actuation.Given | None,
-    masses: ArrayLike | None,
-    tendon: int,
-    g: float,
-) -> tuple[Floats, Floats, dict[str, Any]]:
-    """Tensions and pulls (K, T), NaN where there is none, and what the truth says of them."""
-    count = len(robot.tendons.angle_rad)
-    gravity = number("g", g, "m/s^2")
+def _loads(robot: Robot, given: Loads) -> tuple[Floats, Floats, dict[str, Any]]:
+    """Tensions and displacements (K, T), NaN where there is none, and what the truth says of it."""
+    if not isinstance(given, Loads):
+        raise InputError(f"loads is {shown(given)}, it must be Loads")
+    tensions, displacements, masses = given.tensions, given.displacements, given.masses
+    tendon, count = given.tendon, len(robot.tendons.angle_rad)
+    gravity = number("g", given.g, "m/s^2")
     if not is_whole(tendon) or not 1 <= tendon <= count:
         raise InputError(
             f"tendon is {shown(tendon)}, it must be a whole number from 1 to {count}, the tendons "
             f"of {robot.name}"
         )
     if masses is None:
-        if tensions is None and pulls is None:
+        if tensions is None and displacements is None:
             raise InputError(
-                "there is no load: give tensions or pulls (K, T), or masses (K,) on a tendon"
+                "there is no load: give tensions or displacements (K, T), or masses (K,) on a "
+                "tendon"
             )
-        pulled, values = actuation.commands(robot, Load(tensions, pulls), rows=True)
+        pulled, values = actuation.commands(robot, Load(tensions, displacements), rows=True)
         if not len(values):
             raise InputError("there is no load: the table has no row")
-        loads = {"by": " and ".join(n for n, v in (("tensions", tensions), ("pulls", pulls))
+        loads = {"by": " and ".join(n for n, v in (("tensions", tensions), ("pulls", displacements))
                                     if v is not None)}  # fmt: skip
         return np.where(pulled, np.nan, values), np.where(pulled, values, np.nan), loads
-    if tensions is not None or pulls is not None:
-        raise InputError("masses are instead of tensions and pulls; give either")
+    if tensions is not None or displacements is not None:
+        raise InputError("masses are instead of tensions and displacements; give either")
     try:
         hung = floats(masses)
     except TypeError:
@@ -450,12 +492,13 @@ def _path(count: int, repeats: int, unload: bool) -> tuple[Ints, NDArray[np.str_
     return np.tile(way, repeats), np.tile(label, repeats), run
 
 
-def _pose(base: Rigid | None, tilt: float, towards: float, shift: ArrayLike) -> Rigid:
+def _pose(mounting: Mounting) -> Rigid:
     """The base in the measuring frame."""
-    moved = _lengths("shift", shift)
-    angle = number("tilt", tilt, "rad", zero=True)
+    base, towards = mounting.base, mounting.tilt_towards
+    moved = _lengths("shift", mounting.shift)
+    angle = number("tilt", mounting.tilt, "rad", zero=True)
     if angle > math.pi:
-        raise InputError(f"tilt is {angle:g} rad, it must be up to pi")
+        raise InputError.of("tilt", f"{angle:g} rad", "up to pi")
     if not isinstance(towards, (float, int, np.number)) or not math.isfinite(towards):
         raise InputError(f"tilt_towards is {shown(towards)}, it must be a finite number in rad")
     direction = float(towards)
