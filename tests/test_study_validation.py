@@ -38,7 +38,7 @@ from bowstring.study.validation import (
 )
 from shell import Shell
 from stages import Stages
-from test_report import read
+from test_study_report import read
 
 NOISE = 2e-5
 GRAVITY = (0.0, 0.0, -9.81)

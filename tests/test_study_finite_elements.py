@@ -21,7 +21,7 @@ from bowstring.study import study as study_module
 from bowstring.study.finite_elements import solve
 from bowstring.study.study import COMPARISONS, Study, run_study
 from bowstring.study.terminal import print_study
-from bricks import needs_ccx, small_robot
+from fem_robots import needs_ccx, small_robot
 from shell import Shell
 from stages import Stages
 from test_cli_fe import ROBOT
