@@ -610,6 +610,7 @@ def test_without_a_calibration_the_rest_is_there(
 
     monkeypatch.setattr(study_calibration, "calibrate", fails)
     judged = judge_data(robot, bench, 0.01)
+    assert study_module._calibrated_friction(judged) is None
     simulated = (c for c in whole.comparisons if c.against != "measurement")
     found = replace(whole, data=judged, comparisons=(*simulated, *judged.comparisons))
     assert found.data is not None
