@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from bricks import needs_ccx
+from fem_robots import needs_ccx
 from shell import Shell, refuses
 
 ROBOT = """

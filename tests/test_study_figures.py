@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from bowstring.robot.reader import load_robot
 from bowstring.study.comparison import MEANINGS
 from bowstring.study.error_budget import Side
-from bowstring.study.figures import draw
+from bowstring.study.figures import _DRAWINGS
 from bowstring.study.shapes import backbones
 from bowstring.study.study import DATA_FIGURES, FIGURES, Study
 from bowstring.viz.style import LIGHT, figure_style
@@ -35,7 +35,7 @@ def soft(paper: Study) -> Study:
 def drawn(found: Study, stem: str) -> Figure:
     """One figure, laid out as for a file."""
     with figure_style():
-        figure = dict(draw(found))[stem]
+        figure = _DRAWINGS[stem](found)
         figure.draw_without_rendering()
     return figure
 

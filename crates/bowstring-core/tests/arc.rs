@@ -1,4 +1,4 @@
-//! Constant curvature from Rust alone; the 50-digit reference is in tests/test_arc.py.
+//! Constant curvature from Rust alone; the 50-digit reference is in tests/test_constant_curvature_arcs.py.
 
 use bowstring_core::arc::{lever_arm_law, linear_law, Arc, Error, Hole, Spans, TendonFit};
 use proptest::prelude::*;

@@ -7,7 +7,7 @@ import numpy as np
 from bowstring.fem import BrickRun, deck, figures
 from bowstring.fem.fields import State
 from bowstring.fem.mesh import Fineness, brick_mesh
-from bricks import small_robot, two_segments
+from fem_robots import small_robot, two_segments
 
 
 def test_the_side_that_is_seen_is_so_where_the_backbone_leaves_its_plane() -> None:

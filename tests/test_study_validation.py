@@ -39,7 +39,7 @@ from bowstring.study.settings import Loading
 from bowstring.study.study import DATA_FIGURES, Study, run_study
 from shell import Shell
 from stages import Stages
-from test_report import read
+from test_study_report import read
 
 NOISE = 2e-5
 GRAVITY = (0.0, 0.0, -9.81)
@@ -611,6 +611,7 @@ def test_without_a_calibration_the_rest_is_there(
 
     monkeypatch.setattr(study_calibration, "calibrate", fails)
     judged = judge_data(robot, bench, 0.01)
+    assert study_module._calibrated_friction(judged) is None
     simulated = (c for c in whole.comparisons if c.against != "measurement")
     found = replace(whole, data=judged, comparisons=(*simulated, *judged.comparisons))
     assert found.data is not None

@@ -15,7 +15,7 @@ from bowstring.fem import BrickRun, deck
 from bowstring.fem.fields import State
 from bowstring.fem.mesh import Fineness, brick_mesh
 from bowstring.fem.vtk import von_mises, write_vtk
-from bricks import small_robot
+from fem_robots import small_robot
 
 YOUNG = 35e9
 

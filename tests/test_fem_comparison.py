@@ -9,7 +9,7 @@ import pytest
 
 from bowstring.fem import sweep
 from bowstring.fem.comparison import BesideRod, beside_rod
-from bricks import COARSE, needs_ccx, small_robot
+from fem_robots import COARSE, needs_ccx, small_robot
 
 
 def beside(middle: list[list[float]], rod: list[list[float]], edge: list[list[float]]) -> BesideRod:

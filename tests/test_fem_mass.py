@@ -7,7 +7,7 @@ import pytest
 
 from bowstring.fem.mass import disk_points, gravity_energy, kinetic_energy
 from bowstring.fem.mesh import Fineness, brick_mesh
-from bricks import two_segments
+from fem_robots import two_segments
 
 ROBOT = two_segments()
 MESH = brick_mesh(ROBOT, Fineness(2, 8, 1), mass_arms=True)

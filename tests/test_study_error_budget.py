@@ -11,7 +11,7 @@ import pytest
 
 from bowstring.formatting import plain
 from bowstring.robot.reader import load_robot
-from bowstring.study.comparison import Physics
+from bowstring.study.comparison import Case, Model, Physics
 from bowstring.study.error_budget import BudgetRow, Side
 from bowstring.study.study import Study
 from stages import Stages
@@ -108,6 +108,21 @@ def test_a_robot_that_buckles_says_so_and_the_study_goes_on() -> None:
             known = np.isfinite(case.tip_position).all(axis=1)
             assert (case.problem is None) == known.all()
     json.dumps(plain(got.budget.to_dict()), allow_nan=False)
+
+
+def test_a_robot_that_cannot_stand_hangs_in_the_full_model(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    real = Model.case
+
+    def case(model: Model, physics: Physics, tension: np.ndarray) -> Case:
+        found = real(model, physics, tension)
+        return replace(found, problem="it buckles") if physics.gravity[2] < 0.0 else found
+
+    monkeypatch.setattr(Model, "case", case)
+    budget = Stages(load_robot("rao2021"), points=2).budget
+    assert "gravity (hanging)" in budget.fullest_is
+    assert budget.fullest.problem is None and budget.fullest.physics.gravity[2] > 0.0
 
 
 # -- contributions -----------------------------------------------------------------------------

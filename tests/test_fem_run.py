@@ -38,7 +38,7 @@ from bowstring.fem.mesh import Fineness
 from bowstring.robot.writer import to_yaml
 from bowstring.statics import rod
 from bowstring.study import finite_elements as third
-from bricks import COARSE, needs_ccx, small_robot, two_segments
+from fem_robots import COARSE, needs_ccx, small_robot, two_segments
 from objects import objects
 
 LOADS = [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [40.0, 0.0, 10.0]]

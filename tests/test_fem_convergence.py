@@ -11,7 +11,7 @@ from bowstring.errors import InputError
 from bowstring.fem import Settings
 from bowstring.fem.convergence import extrapolated, study
 from bowstring.fem.mesh import Fineness
-from bricks import COARSE, needs_ccx, small_robot
+from fem_robots import COARSE, needs_ccx, small_robot
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 3.7])

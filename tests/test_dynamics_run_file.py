@@ -184,7 +184,7 @@ LIMITED = """
     import sys
     sys.path.insert(0, sys.argv[2])
     from bowstring.errors import InputError
-    from test_runfile import ROBOT, chunk, made_file
+    from test_dynamics_run_file import ROBOT, chunk, made_file
     import resource
     run = made_file(sys.argv[1], ROBOT, {})
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), resource.RLIM_INFINITY))

@@ -10,7 +10,7 @@ import pytest
 
 from bowstring.fem import deck
 from bowstring.fem.mesh import Fineness, brick_mesh
-from bricks import small_robot, two_segments
+from fem_robots import small_robot, two_segments
 
 LOADING = deck.Loading((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1000.0, True, 1e-4)
 

@@ -14,8 +14,8 @@ from bowstring import simulate
 from bowstring.fem import BrickRun, sweep
 from bowstring.fem.fields import VOIGT, strain_in_base
 from bowstring.statics import rod
-from bricks import COARSE, needs_ccx, small_robot
-from test_bricks_vtk import YOUNG, stretched
+from fem_robots import COARSE, needs_ccx, small_robot
+from test_fem_vtk import YOUNG, stretched
 
 STRAIN = 1e-4
 

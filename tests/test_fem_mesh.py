@@ -11,7 +11,7 @@ from bowstring.errors import InputError
 from bowstring.fem.elements import POINTS, brick_shape
 from bowstring.fem.mesh import Fineness, brick_mesh
 from bowstring.robot.model import Robot
-from bricks import small_robot, two_segments
+from fem_robots import small_robot, two_segments
 
 
 def volumes(mesh: object, which: np.ndarray) -> np.ndarray:

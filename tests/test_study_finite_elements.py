@@ -22,7 +22,7 @@ from bowstring.study.finite_elements import solve
 from bowstring.study.settings import Extras
 from bowstring.study.study import COMPARISONS, Study, run_study
 from bowstring.study.terminal import print_study
-from bricks import needs_ccx, small_robot
+from fem_robots import needs_ccx, small_robot
 from shell import Shell
 from stages import Stages
 from test_cli_fe import ROBOT
