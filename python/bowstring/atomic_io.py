@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from bowstring.errors import InputError
+from bowstring.formatting import listed
 
 try:
     import fcntl
@@ -286,9 +287,7 @@ def check_file(file: Path, content: str, suffixes: Sequence[str], mark: bytes) -
     """
     why = f"cannot write the {content} to {file}"
     if file.suffix.lower() not in suffixes:
-        *most, last = suffixes
-        names = f"{', '.join(most)} or {last}" if most else last
-        raise InputError(f"{why}: its name must end in {names}")
+        raise InputError(f"{why}: its name must end in {listed(suffixes, 'or')}")
     try:
         found = resolved(file, why)
         check_parent(found, why)

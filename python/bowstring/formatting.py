@@ -54,9 +54,9 @@ def with_error(value: float, error: float) -> str:
     return f"{value:.{digits}f} +- {error:.{digits}f}"
 
 
-def in_percent(share: float) -> str:
-    """Two significant digits of percent."""
-    return f"{significant(share * 100.0, 2)} %"
+def in_percent(share: float, digits: int = 2) -> str:
+    """Percent, to two significant digits if not said otherwise."""
+    return f"{significant(share * 100.0, digits)} %"
 
 
 def in_newtons(a: float, b: float) -> str:
@@ -64,9 +64,9 @@ def in_newtons(a: float, b: float) -> str:
     return f"{significant(a)} N" if a == b else f"{significant(a)} to {significant(b)} N"
 
 
-def listed(parts: Sequence[str]) -> str:
-    """Parts of a sentence: with commas, and "and" before the last."""
-    return parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1]
+def listed(parts: Sequence[str], word: str = "and") -> str:
+    """Parts of a sentence: with commas, and "and" or another word before the last."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {word} {parts[-1]}"
 
 
 def round_down(value: float) -> float:

@@ -34,7 +34,7 @@ from bowstring.cli.output import (
     write_tables,
 )
 from bowstring.errors import InputError
-from bowstring.formatting import plain
+from bowstring.formatting import in_percent, plain
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -299,7 +299,7 @@ def _tables(
             fixed(1e-6 * beside.edge[i].max(), 1),
         )
     yield table
-    yield f"span forces are the tensions to {100 * run.span_error:.1g} %"
+    yield f"span forces are the tensions to {in_percent(run.span_error, 1)}"
     if limit is not None:
         yield _refinements(limit)
     if folder is not None:

@@ -14,13 +14,13 @@ import shutil
 import stat
 import threading
 import urllib.parse
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from bowstring.atomic_io import check_replaceable, folder_beside, readable, resolved, write_whole
 from bowstring.errors import InputError
+from bowstring.formatting import listed
 from bowstring.units import quote
 
 __all__ = ["DataFile", "DataSet", "available", "copy", "describe", "path", "table"]
@@ -236,7 +236,7 @@ def describe(name: str) -> DataSet:
         return _SETS[name]
     near = difflib.get_close_matches(str(name).lower(), available(), n=1, cutoff=0.4)
     hint = f"did you mean {near[0]}? There" if near else "there"
-    raise InputError(f"there is no data set {quote(name)}; {hint} are {_listed(available())}.")
+    raise InputError(f"there is no data set {quote(name)}; {hint} are {listed(available())}.")
 
 
 def path(name: str) -> Path:
@@ -283,13 +283,13 @@ def table(name: str, part: str | None = None) -> Path:
             f'its files are in bowstring.data.datasets.path("{name}")'
         )
     if part is None and len(found.parts) > 1:
-        raise InputError(f"{name} has the parts {_listed(found.parts)}; name one")
+        raise InputError(f"{name} has the parts {listed(found.parts)}; name one")
     for file in found.files:
         if file.part is not None and part in (None, file.part):
             return _file(found, file)
     near = difflib.get_close_matches(str(part), found.parts, n=1)
     hint = f"did you mean {near[0]}? " if near else ""
-    raise InputError(f"{name} has no part {quote(part)}; {hint}It has {_listed(found.parts)}.")
+    raise InputError(f"{name} has no part {quote(part)}; {hint}It has {listed(found.parts)}.")
 
 
 def copy(name: str, folder: str | Path) -> Path:
@@ -342,10 +342,6 @@ def _check_copy(found: DataSet, target: Path) -> None:
                 )
     except OSError as error:
         raise InputError(f"{target} cannot be read: {error.strerror}") from None
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else names[0]
 
 
 # -- where files are ---------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.data.tables import Row, Table
+from bowstring.data.tables import Row, Table, cell_number
 from bowstring.errors import InputError
 from bowstring.units import quote
 
@@ -54,7 +54,7 @@ class Clock:
         cell = cells[self.index] if self.index < len(cells) else ""
         if self.is_date:
             return seconds_of(cell) + self.shift
-        return _number(cell) * self.factor + self.shift
+        return cell_number(cell) * self.factor + self.shift
 
 
 def seconds_of(cell: str) -> float:
@@ -171,7 +171,9 @@ class _Samples:
         steps = steps[steps > 0]
         self.step = float(np.median(steps)) if len(steps) else 0.0
         self.largest_gap = float(steps.max()) if len(steps) else 0.0
-        numbers = [[_number(cell) for cell in column] for column in zip(*self.cells, strict=True)]
+        numbers = [
+            [cell_number(cell) for cell in column] for column in zip(*self.cells, strict=True)
+        ]
         self.numbers: Floats = np.array(numbers).reshape(width, len(times)).T
 
     def at(self, times: Floats, how: How, within: float | None) -> list[list[str] | None]:
@@ -216,7 +218,7 @@ class _Samples:
 
 def _between(nearest: str, other: str) -> str:
     """Text at a time between two samples: that of the nearest, unless one alone is a number."""
-    is_number = [np.isfinite(_number(cell)) for cell in (nearest, other)]
+    is_number = [np.isfinite(cell_number(cell)) for cell in (nearest, other)]
     return "" if any(is_number) else nearest
 
 
@@ -263,13 +265,3 @@ def _joined(
             "values of it"
         )
         out.notes.append((where, text))
-
-
-def _number(cell: str) -> float:
-    cell = cell.strip()
-    if not cell.isascii() or "_" in cell:
-        return float("nan")
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")

@@ -26,10 +26,10 @@ from bowstring.data.columns import SOURCES, Column, Layout, check_stations, tidy
 from bowstring.data.joining import seconds_of
 from bowstring.data.mapping import Mapping, load_mapping
 from bowstring.data.mapping_draft import draft
-from bowstring.data.tables import Row, Table, UnknownColumnsError, open_table
+from bowstring.data.tables import Row, Table, UnknownColumnsError, cell_number, open_table
 from bowstring.display import short_repr
 from bowstring.errors import InputError
-from bowstring.formatting import in_mm
+from bowstring.formatting import in_mm, listed
 from bowstring.robot.model import Robot, check_robot
 from bowstring.units import printable, quote
 
@@ -108,10 +108,7 @@ class Measurements:
 
     def __post_init__(self) -> None:
         if self.source not in SOURCES:
-            raise InputError(
-                f"source is {quote(self.source)}, it must be {', '.join(SOURCES[:-1])} or "
-                f"{SOURCES[-1]}"
-            )
+            raise InputError(f"source is {quote(self.source)}, it must be {listed(SOURCES, 'or')}")
         for name in _ARRAYS:
             if (value := getattr(self, name)) is not None:
                 array = np.asarray(value, dtype=_TYPES.get(name, float)).view()
@@ -553,7 +550,7 @@ class _Reader:
         if column.is_date:
             return np.array([seconds_of(cell) for cell in cells], dtype=float)
         if self.table.own is not None and column.index >= self.table.own:  # written by a join
-            return np.array([_number(cell) for cell in cells], dtype=float)
+            return np.array([cell_number(cell) for cell in cells], dtype=float)
         text = "".join(cells)
         if "." in text and self.point is None:
             self.point = next(n for n, c in zip(lines, cells, strict=True) if "." in c)
@@ -568,7 +565,7 @@ class _Reader:
                 return np.array(list(map(float, cells)), dtype=float)
             except ValueError:
                 pass
-        return np.array([_number(cell) for cell in cells], dtype=float)
+        return np.array([cell_number(cell) for cell in cells], dtype=float)
 
     def shapes(self, cells: Sequence[str], lines: list[int], good: NDArray[np.bool_]) -> Floats:
         """Points (n, P, 3) from cells of JSON; the first good row says how many."""
@@ -638,17 +635,7 @@ def _part(values: Floats, column: Column) -> Floats:
 
 def _same(cell: str, wanted: str) -> bool:
     """Whether a cell says what is wanted, as text or as a number: 1 and 1.0 are the same."""
-    return cell.strip() == wanted or _number(cell) == _number(wanted)
-
-
-def _number(cell: str) -> float:
-    cell = cell.strip()
-    if not cell.isascii() or "_" in cell:
-        return np.nan
-    try:
-        return float(cell)
-    except ValueError:
-        return np.nan
+    return cell.strip() == wanted or cell_number(cell) == cell_number(wanted)
 
 
 def _reason(column: Column, cell: str, value: float, why: str) -> str:

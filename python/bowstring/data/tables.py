@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import math
 import re
 import warnings
 import zipfile
@@ -22,7 +23,7 @@ from bowstring.data import motive
 from bowstring.errors import InputError
 from bowstring.units import NUMBER, quote
 
-__all__ = ["Form", "Row", "Table", "UnknownColumnsError", "open_table"]
+__all__ = ["Form", "Row", "Table", "UnknownColumnsError", "cell_number", "open_table"]
 
 MOST_ROWS: Final = 2_000_000
 MOST_SHEET_ROWS: Final = 200_000  # a spreadsheet is read at a tenth of the speed of text
@@ -63,6 +64,15 @@ class Form:
     has_header: bool = True
     names: tuple[str, ...] = ()
     separator: str | None = None
+
+
+def cell_number(cell: str) -> float:
+    """The number of a cell; NaN where it has none, also for digits that are not ASCII."""
+    cell = cell.strip()
+    try:
+        return float(cell) if cell.isascii() and "_" not in cell else math.nan
+    except ValueError:
+        return math.nan
 
 
 class UnknownColumnsError(InputError):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.formatting import in_percent
 from bowstring.study.study import Study
 from bowstring.viz.style import AXES, LIGHT, TINY, legend_above, subplots
 
@@ -146,7 +147,7 @@ def measured_comparison(study: Study) -> Figure:
         study.settings.tolerance * study.length * 1e3,
         color=LIGHT["amber"],
         linestyle=":",
-        label=f"tolerance {study.settings.tolerance * 100:.3g} %",
+        label=f"tolerance {in_percent(study.settings.tolerance, 3)}",
     )
     axes.set_xscale("log")
     axes.grid(axis="x", which="major")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bowstring.fem.comparison import BesideRod, beside_rod
 from bowstring.fem.run import BrickRun, Settings, sweep
-from bowstring.formatting import in_mm, listed
+from bowstring.formatting import in_mm, in_percent, listed
 from bowstring.robot.model import Robot
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class FiniteElements:
         apart = float(np.nanmax(self.apart))
         found = (
             f"Its tip is at most {in_mm(apart)} from that of statics "
-            f"({100 * apart / run.robot.length:.2g} % of the length). The mesh has an error of its "
+            f"({in_percent(apart / run.robot.length)} of the length). The mesh has an error of its "
             "own, which bowstring fe --study tells"
         )
         if asked["grip"] == "bonded":
@@ -88,7 +88,7 @@ class FiniteElements:
             )
         found += "."
         ratio = beside.stress_ratio[np.isfinite(beside.stress_ratio)]
-        more = f"Forces of the spans are the tensions to {100 * run.span_error:.1g} %."
+        more = f"Forces of the spans are the tensions to {in_percent(run.span_error, 1)}."
         if ratio.size:
             more += (
                 " In the middle of the modules the largest axial stress is "

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from bowstring.formatting import number, signed
+from bowstring.formatting import in_percent, number, signed
 from bowstring.study.actuation_budget import COMMANDED
 from bowstring.study.comparison import COMPARISONS, MEANINGS, Case
 from bowstring.study.error_budget import Side
@@ -173,7 +173,7 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
 
     if study.data is not None:
         _print_data(study.data, console, table)
-    percent = f"{study.verdict.tolerance * 100:.3g} % of length"
+    percent = f"{in_percent(study.verdict.tolerance, 3)} of length"
     console.print(Text(f"Verdict at {percent}", style="bold"))
     for sentence in study.verdict.text:
         console.print(Padding(Text(sentence), (0, 0, 0, 2)))

@@ -266,7 +266,7 @@ def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def _in_words(
     m: Meaning, tolerance: float, length: float, max_tension: float, without: Sequence[str]
 ) -> str:
-    percent = f"{tolerance * 100:.3g} % of length ({in_mm(tolerance * length)})"
+    percent = f"{in_percent(tolerance, 3)} of length ({in_mm(tolerance * length)})"
     top = f"{max_tension:.4g} N"
     source = {
         "cc_from_lengths": "From tendon lengths (Eq. 5)",
@@ -366,7 +366,7 @@ def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float
     whose = "the calibrated one" if calibrated else "that of the file"
     return [
         f"The ranges above are without friction. With {whose}, {budget.drive.friction:.4g}, "
-        f"the error is above {tolerance * 100:.3g} % of length at these of the sweep's "
+        f"the error is above {in_percent(tolerance, 3)} of length at these of the sweep's "
         f"{len(tension)} loads: {'; '.join(parts)}."
     ]
 

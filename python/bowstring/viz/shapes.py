@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.errors import InputError
+from bowstring.formatting import in_percent
 from bowstring.viz.style import LIGHT, legend_above, subplots
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ def backbone_shapes(fits: Sequence[ArcFit], source: str) -> Figure:
         label = "one arc" if fit.pieces == 1 else f"{fit.pieces} arcs"
         own_look: dict[str, Any] = {"color": LIGHT[colour], "linestyle": line}
         percent = 100.0 * where.fraction
-        rms = f"{label}: RMS {100.0 * fit.rms.mean():.3g} %"
+        rms = f"{label}: RMS {in_percent(fit.rms.mean(), 3)}"
         error.plot(percent, where.mean * 100.0, marker=marker, label=rms, **own_look)
         error.plot(percent, where.maximum * 100.0, linewidth=0.8, **own_look)
         bending.plot(percent, where.bent_more, marker=marker, label=label, **own_look)
