@@ -103,7 +103,7 @@ def test_meshes_are_as_near_to_the_surface_as_promised_at_any_size(tmp_path, sha
     assert 30_000 < len(corners) < 80_000
     # on the backbone, away from its ends and the bores of the disks, which it has the radius of
     corners = corners / robot.length
-    path = np.concatenate(pose.fields(points=401)["position"].to_numpy()) / robot.length
+    path = np.concatenate(pose.to_dataset(points=401)["position"].to_numpy()) / robot.length
     radius = 0.5 * robot.segments[0].backbone.diameter / robot.length
     tree = cKDTree(path)
     share_of = np.random.default_rng(1).dirichlet([1, 1, 1], 10)

@@ -165,7 +165,7 @@ def test_the_backbone_ends_at_the_tip(bent):
 
 def test_the_backbone_runs_through_frames_between_those_it_was_made_of(bent):
     solution, solid = bent
-    data = solution.fields(points=18).isel(time=0)
+    data = solution.to_dataset(points=18).isel(time=0)
     robot = solution.robot
     module, points = data["module"].to_numpy(), data["position"].to_numpy()
     rods = of_kind(solid, "backbone")

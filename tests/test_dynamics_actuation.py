@@ -347,7 +347,7 @@ def test_modes_of_angles_and_of_a_mix() -> None:
 )
 def test_fields_of_an_equilibrium_are_the_solutions(robot: bs.Robot, given: dict[str, Any]) -> None:
     solution = bs.solve(robot, **objects(**given)).raise_for_status()
-    fields = solution.fields().isel(time=0)
+    fields = solution.to_dataset().isel(time=0)
     assert solution.tendon_lengths is not None
     for name, expected, error in (
         ("tension", solution.tensions, 1e-9),

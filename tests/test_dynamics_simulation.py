@@ -222,7 +222,7 @@ def test_segments_and_gravity_start_at_rest() -> None:
 
 
 def test_static_stress_is_that_of_the_internal_wrench() -> None:
-    data = bs.solve(ROBOT, pulled(80)).fields()
+    data = bs.solve(ROBOT, pulled(80)).to_dataset()
     diameter = 5e-3
     area, inertia = math.pi * diameter**2 / 4, math.pi * diameter**4 / 64
     moment, force = data.moment.values[0], data.force.values[0]
@@ -243,7 +243,10 @@ def test_static_stress_is_that_of_the_internal_wrench() -> None:
 
 def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
     """The part beyond the middle of a module pulls with 80 N along the span, at its distance."""
-    data = bs.solve(ROBOT, pulled(80), model=bs.RodModel("kirchhoff", elements=4)).fields(points=3)
+    model = bs.RodModel("kirchhoff", elements=4)
+    data = bs.solve(ROBOT, pulled(80), model=model).to_dataset(points=3)
+        points=3
+    )
     solution = bs.solve(ROBOT, pulled(80), model=bs.RodModel("kirchhoff", elements=4))
     positions, rotations = solution.disk_positions, solution.disk_rotations
     assert positions is not None and rotations is not None
@@ -261,7 +264,7 @@ def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
 
 def test_fields_fit_the_weight_beyond() -> None:
     """Hanging straight, every section carries what is below it."""
-    data = bs.solve(ROBOT, pulled(0), load=bs.Load(gravity=[0, 0, 9.81])).fields()
+    data = bs.solve(ROBOT, pulled(0), load=bs.Load(gravity=[0, 0, 9.81])).to_dataset()
     density = 1800 * math.pi * 2.5e-3**2
     for s, module, force in zip(
         data.arc_length.values, data.module.values, data.force.values[0], strict=True
@@ -314,7 +317,7 @@ def test_tensions_along_the_backbone_may_jump(dt: float, start: float, end: floa
     data = run.to_dataset()
     bent = bs.solve(
         ROBOT, pulled(max(start, end)), model=bs.RodModel(tendon_path="continuous")
-    ).fields()
+    ).to_dataset()
     assert run.repeated == 0
     assert float(abs(data.energy_balance).max()) < 3e-4 * float(bent.elastic_energy[0])
     # slow at first: the force on it, less what it was, over the mass, and time
@@ -878,8 +881,8 @@ def test_tendons_along_the_backbone_move_as_well(dt: float) -> None:
     assert run.converged
     data = run.to_dataset()
     assert abs(data.energy_balance).max() < 1e-4 * float(data.work.max())
-    still = bs.solve(ROBOT, pulled(40), model=bs.RodModel(tendon_path="continuous")).fields()
-    straight = bs.solve(ROBOT, pulled(40)).fields()
+    still = bs.solve(ROBOT, pulled(40), model=bs.RodModel(tendon_path="continuous")).to_dataset()
+    straight = bs.solve(ROBOT, pulled(40)).to_dataset()
     # the backbone carries what the tendon pulls
     np.testing.assert_allclose(still.force.values[0, :, 2], -40.0, rtol=1e-9)
     assert float(still.von_mises_max[0]) == pytest.approx(

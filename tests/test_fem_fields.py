@@ -53,7 +53,7 @@ def test_energy_of_a_robot_that_bends_far_is_the_rods(
     run = sweep(robot, [[40.0, 0.0, 0.0]], settings=COARSE).raise_for_status()
     by_rod = rod.solve(robot, [40.0, 0.0, 0.0], model=bs.RodModel(elements=4))
     assert by_rod.tip is not None and by_rod.tip.rotation[2, 2] < 0.5
-    theirs = by_rod.fields(9).elastic_energy.item()
+    theirs = by_rod.to_dataset(9).elastic_energy.item()
     assert run.to_dataset().elastic_energy.item() == pytest.approx(theirs, rel=0.06)  # coarse
     # stress and strain have one set of axes: Hooke's law holds as they are, but for large strain
     (state,) = run.states
@@ -88,7 +88,7 @@ def test_a_pull_is_the_rods() -> None:
     for name, robot in (("soft", soft), ("stiff", stiff)):
         run = stretched(STRAIN)
         run.robot, run.wanted_tensions = robot, np.array([[20.0, 0.0, 5.0]])
-        by_rod = rod.solve(robot, [20.0, 0.0, 5.0]).fields(3)
+        by_rod = rod.solve(robot, [20.0, 0.0, 5.0]).to_dataset(3)
         pulls[name] = run.to_dataset().pull.to_numpy()[0], by_rod.pull.to_numpy()[0]
     ours, theirs = (pulls["soft"][k] - pulls["stiff"][k] for k in (0, 1))
     assert ours[0] > 2e-3

@@ -79,7 +79,7 @@ class TestSweep:
     def test_forces_in_the_backbone_are_the_rods(self, found: BrickRun) -> None:
         """Integrals of stress over sections, against a theory that knows no stress."""
         bricks = found.to_dataset().isel(time=-1)
-        rods = rod.solve(found.robot, found.tensions[-1]).fields(9).isel(time=0)
+        rods = rod.solve(found.robot, found.tensions[-1]).to_dataset(9).isel(time=0)
         for module in (1, 2):
             ours = bricks.isel(station=np.flatnonzero(bricks.module == module))
             theirs = rods.isel(station=np.flatnonzero(rods.module == module))
@@ -101,13 +101,13 @@ class TestSweep:
         assert (beside.edge[1:] > 0.9 * beside.middle[1:]).all()
 
     def test_energy_is_the_rods(self, found: BrickRun) -> None:
-        theirs = float(rod.solve(found.robot, found.tensions[-1]).fields().elastic_energy[0])
+        theirs = float(rod.solve(found.robot, found.tensions[-1]).to_dataset().elastic_energy[0])
         assert float(found.to_dataset().elastic_energy[-1]) == pytest.approx(theirs, rel=0.02)
 
     def test_fields_have_the_layout_of_the_rod(self, found: BrickRun, tmp_path: Path) -> None:
         import xarray as xr
 
-        rods = rod.solve(found.robot, found.tensions[-1]).fields()
+        rods = rod.solve(found.robot, found.tensions[-1]).to_dataset()
         assert set(found.to_dataset().variables) == set(rods.variables)
         for name, variable in rods.data_vars.items():
             assert found.to_dataset()[name].dims == variable.dims

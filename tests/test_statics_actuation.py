@@ -392,8 +392,8 @@ def test_shape_and_copies_of_a_driven_robot(rubbing, robot):
 
 def test_fields_are_those_of_the_tensions(robot):
     found = bs.solve(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]))
-    fields = found.fields()
-    alone = bs.solve(robot, found.tensions).fields()
+    fields = found.to_dataset()
+    alone = bs.solve(robot, found.tensions).to_dataset()
     # a tendon that hangs is paid out farther; bent by one tendon, all modules are loaded alike
     differ = {"pull", "slack", "von_mises_max_arc_length", "von_mises_max_place"}
     np.testing.assert_allclose(fields.pull + fields.slack, alone.pull, rtol=0, atol=1e-12)

@@ -14,6 +14,7 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import bowstring as bs
 from bowstring import Robot, load_robot
 from bowstring.errors import InputError
 from bowstring.statics import fields
@@ -270,3 +271,22 @@ def test_heavy_imports_wait():
     code += "print([m for m in ('xarray', 'netCDF4', 'matplotlib', 'pandas') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_rows_and_modes_have_labels_and_units() -> None:
+    robot = bs.load_robot("rao2021")
+    rows = bs.sweep(robot, [[0, 0, 0, 0, 0, 0], [2, 0, 0, 1, 0, 0]])
+    data = rows.to_dataset()
+    np.testing.assert_array_equal(data.tip_position.sel(load=2), rows.tip_position[1])
+    np.testing.assert_array_equal(data.disk_position.sel(disk=20), rows.tip_position)
+    assert data.tension.dims == ("load", "tendon") and data.tension.units == "N"
+    assert data.tension.sel(load=2, tendon=4).item() == 1.0
+    assert data.status.values.tolist() == rows.status and data.converged.all()
+    assert data.attrs["robot_hash"] == robot.hash and "station" not in data.dims
+    bare = bs.sweep(robot, [[0.0] * 6], disks=False).to_dataset()
+    assert "disk_position" not in bare and bare.sizes["load"] == 1
+    found = bs.modes(robot, count=3)
+    modes = found.to_dataset()
+    assert modes.displacement.dims == ("mode", "disk", "axis")
+    np.testing.assert_array_equal(modes.frequency, found.frequency_hz)
+    assert modes.frequency.units == "Hz" and modes.kind.values.tolist() == found.kind

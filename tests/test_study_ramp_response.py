@@ -114,7 +114,7 @@ def test_strong_damping_leaves_no_overshoot(paper: Study) -> None:
 
 
 def test_static_stress_is_that_of_the_fields(paper: Study) -> None:
-    whole = bs.solve(paper.robot, [80.0, 0.0, 0.0]).fields(points=9)
+    whole = bs.solve(paper.robot, [80.0, 0.0, 0.0]).to_dataset(points=9)
     surface = paper.statics.surface
     assert surface.von_mises[-1] == pytest.approx(float(whole.von_mises_max[0]), rel=1e-6)
     assert surface.normal_stress[-1] == pytest.approx(float(whole.normal_stress.max()), rel=1e-6)
@@ -129,7 +129,7 @@ def test_weight_and_clamps_have_static_stress(gravity: str) -> None:
     robot = load_robot(source).with_({"gravity": gravity})
     found = Stages(robot, points=3)
     tensions = [0.0, 0.0, 0.0, 0.0, found.settings.max_tension, 0.0, 0.0, 0.0]
-    whole = bs.solve(robot, tensions).fields()
+    whole = bs.solve(robot, tensions).to_dataset()
     assert found.statics.surface.von_mises[-1] == pytest.approx(
         float(whole.von_mises_max[0]), rel=1e-3
     )

@@ -241,7 +241,7 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
 def _one_time(robot: Robot, pose: Any) -> xr.Dataset:
     data: xr.Dataset = pose
     if hasattr(pose, "raise_for_status"):
-        data = pose.fields(points=_SECTIONS + 1)
+        data = pose.to_dataset(points=_SECTIONS + 1)
     elif not hasattr(pose, "sizes"):
         raise InputError(f"pose is {shown(pose)}, it must be a solution or the fields of a run")
     check_data(robot, data)

@@ -24,8 +24,11 @@ from bowstring.statics.load import Load, as_load
 from bowstring.statics.model import as_model
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from bowstring._core import Flexibility, RodModel
     from bowstring.robot.model import Robot
+    from bowstring.statics.fields import Labelled
 
 __all__ = ["Modes", "modes"]
 
@@ -83,6 +86,21 @@ class Modes:
 
         header = ("mode", "frequency, Hz", "kind")
         return html_table(f"Modes of {self.robot.name}", in_few_rows(len(self), row), header)
+
+    def to_dataset(self) -> xr.Dataset:
+        """All modes with labels and units, along the dimension ``mode``."""
+        from bowstring.statics.fields import rows_to_dataset
+
+        vectors = ("disk", "axis")
+        turned = "small rotation of the disks in their own axes, by the displacement's m"
+        others: dict[str, Labelled] = {
+            "frequency": ((), self.frequency_hz, "Hz", "natural frequency"),
+            "kind": ((), np.array(self.kind, dtype=str), "1", "bending, torsion or axial"),
+            "displacement": (vectors, self.displacement, "1", "of the disks, the largest is 1"),
+            "rotation": (vectors, self.rotation, "rad/m", turned),
+        }
+        tensions = {"tensions_N": self.tensions}
+        return rows_to_dataset(self.robot, "mode", {}, others, tensions)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``bowstring modes --json``."""

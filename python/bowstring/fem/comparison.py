@@ -121,7 +121,7 @@ def _at_rest(run: BrickRun, modules: int) -> tuple[Floats, Floats]:
         if solution.tip is None:
             continue
         tip[i] = solution.tip.position
-        normal = solution.fields(3).normal_stress.to_numpy()[0]
+        normal = solution.to_dataset(3).normal_stress.to_numpy()[0]
         stress[i] = normal.reshape(modules, 3)[:, 1]
     return tip, stress
 

@@ -117,7 +117,7 @@ def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
     if not run.is_motion and np.isfinite(beside.rod_middle[-1]).all():
         load = Load(gravity=run.settings["gravity"], tip_force=run.settings["tip_force"])
         solution = rod.solve(run.robot, run.tensions[-1], load=load, model=RodModel(elements=4))
-        fields = solution.fields(9)
+        fields = solution.to_dataset(9)
         z, values = fields.arc_length.to_numpy(), fields.normal_stress.to_numpy()[0]
         for m in np.unique(fields.module.to_numpy()).tolist():
             here = fields.module.to_numpy() == m

@@ -432,6 +432,58 @@ def _plain(value: object) -> Any:
     raise TypeError(f"got {type(value).__name__}")
 
 
+Labelled = tuple[tuple[str, ...], Any, str, str]
+"""Further dimensions of a variable, its values, unit and meaning."""
+
+
+def rows_to_dataset(
+    robot: Robot,
+    row: str,
+    values: Mapping[str, Any],
+    others: Mapping[str, Labelled],
+    settings: Mapping[str, Any],
+) -> xr.Dataset:
+    """Label answers row by row: of several loads, or of several modes.
+
+    Parameters
+    ----------
+    robot : Robot
+    row : str
+        Name of the first dimension; its coordinate counts from 1.
+    values : mapping from name to array
+        Variables of `FIELDS`.
+    others : mapping from name to Labelled
+        Variables that are none.
+    settings : mapping
+        What was solved; an attribute, as that of a run.
+
+    Returns
+    -------
+    xarray.Dataset
+    """
+    import xarray as xr
+
+    known = {field.name: field for field in FIELDS}
+    variables: dict[str, Any] = {
+        name: ((row, *known[name].dims), array, field_attributes(known[name]))
+        for name, array in values.items()
+    }
+    for name, (dims, array, units, meaning) in others.items():
+        variables[name] = ((row, *dims), array, {"units": units, "long_name": meaning})
+    count = len(next(iter(variables.values()))[1])
+    used = {dim for dims, *_ in variables.values() for dim in dims}
+    none = np.zeros(0, dtype=np.int64)
+    places = coordinates(robot, np.zeros(0), none)
+    return xr.Dataset(
+        variables,
+        coords={
+            row: (row, np.arange(1, count + 1, dtype=np.int32)),
+            **{name: value for name, value in places.items() if value[0] in used},
+        },
+        attrs=attributes(robot, settings),
+    )
+
+
 def to_dataset(
     robot: Robot,
     frames: Frames,

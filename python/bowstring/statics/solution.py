@@ -362,7 +362,7 @@ class Solution:
                 f"points_per_module is {points_per_module!r}, it must be a whole number from 1"
             ) from None
 
-    def fields(self, points: int = 5) -> xr.Dataset:
+    def to_dataset(self, points: int = 5) -> xr.Dataset:
         """Centreline, strain, internal forces and stress of the equilibrium, with units.
 
         Parameters
@@ -616,6 +616,42 @@ class Sweep:
 
         title = repr(self).strip("<>")
         return html_table(title, in_few_rows(len(self), row), ("", "tensions, N", "tip", "status"))
+
+    def to_dataset(self) -> xr.Dataset:
+        """All rows with labels and units, along the dimension ``load``.
+
+        Returns
+        -------
+        xarray.Dataset
+            ``tip_position``, ``tension``, ``tendon_length``, ``slack``, ``span_tension``, of disks
+            ``disk_position`` and ``disk_rotation`` if they were asked for; how each row ended in
+            ``status``, ``converged``, ``residual``, ``tip_error`` and ``tension_error``.
+        """
+        from bowstring.statics.fields import rows_to_dataset
+
+        values = {
+            "tension": self.tensions,
+            "tendon_length": self.tendon_lengths,
+            "pull": self.displacements(),
+            "slack": self.slack_lengths,
+            "span_tension": self.span_tensions,
+        }
+        if self.disk_positions is not None and self.disk_rotations is not None:
+            values |= {"disk_position": self.disk_positions, "disk_rotation": self.disk_rotations}
+        others = {
+            "tip_position": (("axis",), self.tip_position, "m", "position of the tip"),
+            "residual": (
+                (),
+                self.residual,
+                "1",
+                "moment imbalance over EI / length",
+            ),
+            "tip_error": ((), self.tip_error, "m", "estimated discretisation error of the tip"),
+            "tension_error": ((), self.tension_error, "N", "the same of tensions"),
+            "converged": ((), self.converged, "1", "whether the row has an answer"),
+            "status": ((), np.array(self.status, dtype=str), "1", "how the row ended"),
+        }
+        return rows_to_dataset(self.robot, "load", values, others, self.model.to_dict())
 
     def message(self, row: int) -> str:
         """One sentence on how a row ended, as `Solution.message`."""
