@@ -912,9 +912,9 @@ BAD = {
         two_segments(), [0.2] * 3 + [0.03] * 3
     ),
     "its last dimension must be the 2 segments": lambda: RobotArcs(two_segments(), Arc([1], 0, 1)),
-    "s must lie between 0 and the length of the arcs, 0.4 m": lambda: RobotArcs(
-        two_segments(), Arc([1, 2], 0, 0.2)
-    ).fk([0.1, 0.41]),
+    "s is 0.41 m; it must be 0 to 0.4 m": lambda: RobotArcs(two_segments(), Arc([1, 2], 0, 0.2)).fk(
+        [0.1, 0.41]
+    ),
     "needs equal modules": lambda: Arc.from_tensions(
         [1, 1, 0], Routing(ANGLES, RADIUS, [1, 2]), 1, 1
     ),

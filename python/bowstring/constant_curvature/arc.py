@@ -124,8 +124,8 @@ class Arc:
     length: Array
     """Length of the backbone (...), m."""
     misfit: Array
-    """What the arc leaves of what it is fitted to (...), m: root mean square over tendon lengths
-    (`from_lengths`), distance of its tip from the point (`ik`); zero otherwise."""
+    """Residual of the fit (...), m: root mean square over tendon lengths (`from_lengths`) or
+    distance from the tip to the point (`ik`); zero otherwise."""
     bend: Array = field(repr=False)
     """Bend coordinates (..., 3): theta cos(phi) and theta sin(phi), rad, and the length, m."""
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bowstring.constant_curvature.arc import Arc, Routing, check_option, to_array
+from bowstring.constant_curvature.arc import Arc, Routing, broadcast, check_option, to_array
 from bowstring.constant_curvature.series import Pose, series_jacobian, series_pose
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError, InputError
@@ -79,7 +79,7 @@ class RobotArcs:
 
     @property
     def misfit(self) -> Array:
-        """What each arc leaves of what it is fitted to (..., S), m, see `Arc.misfit`."""
+        """Residual of each arc's fit (..., S), m, see `Arc.misfit`."""
         return self.arc.misfit
 
     def __getitem__(self, index: Any) -> RobotArcs:
@@ -245,11 +245,11 @@ class RobotArcs:
         """
         if s is None:
             return series_pose(self.arc.bend, np.ones(self.length.shape))
-        place, ends = to_array("s", s), np.cumsum(self.length, axis=-1)
-        if not np.all((place >= 0) & (place <= ends[..., -1] * (1 + 1e-14))):
-            raise InputError(
-                f"s must lie between 0 and the length of the arcs, {np.min(ends[..., -1]):g} m"
-            )
+        shape, (place, ends) = broadcast({"s": s}, np.cumsum(self.length, axis=-1))
+        bad = ~((place >= 0) & (place <= ends[:, -1] * (1 + 1e-14)))
+        if bad.any():
+            raise InputError(f"s is {place[bad][0]:g} m; it must be 0 to {ends[bad][0, -1]:g} m")
+        place, ends = place.reshape(shape), ends.reshape(*shape, -1)
         share = (place[..., None] - (ends - self.length)) / self.length
         return series_pose(self.arc.bend, np.clip(share, 0.0, 1.0))
 
@@ -318,7 +318,9 @@ class RobotArcs:
         by_length = np.zeros((*shape, 3, count))
         for segment in _segments(self.robot, self.correction):
             arc, routing = self.arc[..., segment.index], segment.routing
-            fitted = arc.from_lengths_jacobian(routing[segment.own], hold_length=self.hold_length)
+            with segment.named():
+                own = routing[segment.own]
+                fitted = arc.from_lengths_jacobian(own, hold_length=self.hold_length)
             by_length[..., segment.index, :, :] = fitted @ rest[..., segment.own, :]
             spent = arc.lengths_jacobian(routing[segment.further])
             rest[..., segment.further, :] -= spent @ by_length[..., segment.index, :, :]

@@ -74,7 +74,7 @@ def series_jacobian(arcs: Array, share: Array) -> tuple[Pose, Array]:
         pose = pose @ step
         ends.append(pose.position)
     # the arcs beyond are carried along
-    for column, end in zip(columns[:-1], ends, strict=False):
+    for column, end in zip(columns[:-1], ends[:-1], strict=True):
         lever = (pose.position - end)[..., None]
         column[..., :3, :] += np.cross(column[..., 3:, :], lever, axis=-2)
     return pose, np.concatenate(columns, axis=-1)
