@@ -3,6 +3,7 @@
 import numpy as np
 
 import bowstring as bs
+from bowstring.constant_curvature import RobotArcs
 
 np.set_printoptions(precision=3, suppress=True)
 
@@ -17,16 +18,16 @@ print(f"2. tip by statics:               {1e3 * solution.tip.position} mm")
 print(f"   with 3 mm thick disks:        {1e3 * bs.solve(thick, [80, 0, 0]).tip.position} mm")
 
 # 3. Constant curvature has two meanings: fed with the tendon lengths ...
-from_lengths = bs.constant_curvature.robot_fk(robot, solution.tendon_lengths)
+from_lengths = RobotArcs.from_lengths(robot, solution.tendon_lengths)
 print(f"3. arc from its tendon lengths:  {1e3 * from_lengths.tip.position} mm")
 
 # 4. ... or with the force, by the linear law. This is the one that fails.
-from_force = bs.constant_curvature.robot_from_tensions(robot, [80, 0, 0])
+from_force = RobotArcs.from_tensions(robot, [80, 0, 0])
 print(f"4. arc from the force:           {1e3 * from_force.tip.position} mm")
 
 # 5. Both are corrected in closed form: straight spans, and the mean lever arm.
-chord = bs.constant_curvature.robot_fk(robot, solution.tendon_lengths, correction="chord")
-arm = bs.constant_curvature.robot_from_tensions(robot, [80, 0, 0], law="arm")
+chord = RobotArcs.from_lengths(robot, solution.tendon_lengths, correction="chord")
+arm = RobotArcs.from_tensions(robot, [80, 0, 0], law="arm")
 for name, arcs in (("lengths, chords", chord), ("force, mean arm", arm)):
     error = np.linalg.norm(arcs.tip.position - solution.tip.position)
     print(f"5. error from {name}:    {1e3 * error:.4f} mm")

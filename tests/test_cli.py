@@ -61,7 +61,9 @@ def test_fk(shell: Shell) -> None:
     assert set(segment) == {"kappa_per_m", "phi_rad", "theta_rad", "length_m", "misfit_m"}
     assert segment["theta_rad"] == pytest.approx(1.0, rel=1e-12)  # pull = theta r = 29 mm
     assert segment["length_m"] == pytest.approx(0.641, rel=1e-12)
-    expected = bs.constant_curvature.robot_fk(bs.load_robot("amouri2019"), [0.612, 0.6555, 0.6555])
+    expected = bs.constant_curvature.RobotArcs.from_lengths(
+        bs.load_robot("amouri2019"), [0.612, 0.6555, 0.6555]
+    )
     np.testing.assert_array_equal(found["tip"]["position_m"], expected.tip.position)
     np.testing.assert_array_equal(found["tip"]["rotation"], expected.tip.rotation)
 

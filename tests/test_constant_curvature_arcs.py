@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bowstring as bs
-from bowstring.constant_curvature import arcs as arc
+from bowstring.constant_curvature import Arc, RobotArcs, Routing
 from bowstring.errors import InputError, NoSolutionError
 
 LENGTH, RADIUS, MODULES, STIFFNESS = 0.641, 0.029, 9, 1.073786552
 ANGLES = np.radians([0.0, 120.0, 240.0])
+ROUTING = Routing(ANGLES, RADIUS)
 TIGHT = 1e-13
 
 # the rest of a rounding in kappa * length, and all regimes of the series and closed forms
@@ -33,6 +34,12 @@ def arcs() -> list[tuple[float, float, float]]:
         length = 10 ** rng.uniform(-2, 1)
         out.append((rng.uniform(0, 2 * np.pi) / length, rng.uniform(-np.pi, np.pi), length))
     return out
+
+
+def tip_by_lengths(lengths, routing):
+    """Derivative of the tip pose by the tendon lengths."""
+    got = Arc.from_lengths(lengths, routing)
+    return got.jacobian() @ got.from_lengths_jacobian(routing)
 
 
 # -- the reference: the formulas as printed, in 80 digits ----------------------------------------
@@ -163,7 +170,7 @@ def by_place(got, want, floor):
 @pytest.mark.parametrize("case", arcs())
 def test_pose(case):
     tip, rotation = mp_pose(*map(mp.mpf, case))
-    got = arc.pose(*case)
+    got = Arc(*case).fk()
     # a full turn brings the tip back to the base, where only the length is left as a measure
     theta = case[0] * case[2]
     assert error(got.position, tip, None if theta < 6 else case[2]) < TIGHT
@@ -179,30 +186,25 @@ def test_pose(case):
 @pytest.mark.parametrize("case", arcs()[::3])
 def test_pose_anywhere_is_the_pose_of_a_shorter_arc(case):
     s = np.linspace(0, case[2], 5)
-    got = arc.pose(*case, s)
+    got = Arc(*case).fk(s)
     for i, place in enumerate(s):
         kappa, phi = map(mp.mpf, case[:2])
         tip, rotation = mp_pose(kappa, phi, mp.mpf(place))
         assert error(got.position[i], tip, case[2]) < TIGHT
         assert error(got.rotation[i], rotation) < TIGHT
-    frames = arc.disk_frames(*case, 4)
-    np.testing.assert_allclose(frames.position, got.position[1:], atol=1e-15 * case[2])
-    np.testing.assert_allclose(frames.rotation, got.rotation[1:], atol=1e-15)
-    np.testing.assert_array_equal(
-        arc.disk_frames(*case, [1, 1, 2]).position[-1], arc.pose(*case).position
-    )
+    np.testing.assert_array_equal(got.position[-1], Arc(*case).fk().position)
 
 
 @pytest.mark.parametrize("case", arcs())
 def test_pose_jacobian(case):
     at = mp_bend(*case)
     want = mp_pose_derivative(lambda u: mp_pose(*mp_curvature(u)), at)
-    got = arc.jacobian_pose(*case)
+    got = Arc(*case).jacobian()
     assert error(got[:3], want[:3, :]) < TIGHT
     assert error(got[3:], want[3:, :]) < TIGHT
 
     want = mp_pose_derivative(lambda v: mp_pose(*v), [mp.mpf(c) for c in case])
-    got = arc.jacobian_pose(*case, coordinates="curvature")
+    got = Arc(*case).jacobian("curvature")
     assert error(got[:3], want[:3, :]) < TIGHT
     assert error(got[3:], want[3:, :]) < TIGHT
 
@@ -233,33 +235,30 @@ def test_lengths_and_their_fit(routing, theta, straight):
     for phi in PHIS[::3]:
         case = (theta / LENGTH, phi, LENGTH)
         at = mp_bend(*case)
-        got = arc.lengths(*case, angles, radii, modules=modules)
+        got = Arc(*case).lengths(Routing(angles, radii, modules))
         assert by_place(got, mp_lengths(at, holes, shares(modules)), 0) < TIGHT
 
         want = mp_derivative(lambda u: mp_lengths(u, holes, shares(modules)), at)
-        got = arc.jacobian_lengths(*case, angles, radii, modules=modules)
+        got = Arc(*case).lengths_jacobian(Routing(angles, radii, modules))
         assert error(got, want) < TIGHT
         for i in range(2):  # the columns of bend are small beside that of length
             assert error(got[:, i], want[:, i]) < TIGHT
         want = mp_derivative(
             lambda v: mp_lengths(mp_bend(*v), holes, shares(modules)), [mp.mpf(c) for c in case]
         )
-        got = arc.jacobian_lengths(*case, angles, radii, modules=modules, coordinates="curvature")
+        got = Arc(*case).lengths_jacobian(Routing(angles, radii, modules), "curvature")
         assert error(got, want) < TIGHT
 
         if theta > 2 * np.pi - 1e-6:  # lengths rounded to above a full turn may be refused
             case = (0.999999 * case[0], *case[1:])
-        lengths = arc.lengths(*case, angles, radii, modules=modules)
+        lengths = Arc(*case).lengths(Routing(angles, radii, modules))
         u, _ = mp_fit([mp.mpf(x) for x in lengths.tolist()], holes, shares(modules))
-        if modules is None:
-            got = arc.from_lengths(lengths, angles, radii)
-        else:
-            got = arc.from_lengths_chord(lengths, angles, radii, modules)
+        got = Arc.from_lengths(lengths, Routing(angles, radii, modules))
         assert np.all(got.misfit < 1e-15)
         assert abs(float(got.length / u[2]) - 1) < TIGHT
         # redundant lengths carry roundings that are misfit, and the bend is known against those
         known = None if count == 3 and theta else max(np.hypot(*map(float, u[:2])), 1e-2)
-        assert error(arc.bend(*got[:3])[:2], u[:2], known) < TIGHT
+        assert error(got.bend[:2], u[:2], known) < TIGHT
         if count == 3 and theta:
             kappa, phi, _ = mp_curvature(u)
             assert abs(float(got.kappa / kappa) - 1) < TIGHT
@@ -274,22 +273,24 @@ def test_jacobians_by_lengths(routing, theta, modules):
     if theta == 5.5 and isinstance(modules, list):
         modules = [1.0] * 5 + [2.0]
     holes, parts = mp_holes(angles, radii), shares(modules)
-    lengths = arc.lengths(theta / LENGTH, 2.0, LENGTH, angles, radii, modules=modules)
+    lengths = Arc(theta / LENGTH, 2.0, LENGTH).lengths(Routing(angles, radii, modules))
     at = [mp.mpf(x) for x in lengths.tolist()]
     want = mp_derivative(lambda v: mp_fit(v, holes, parts)[0], at)
-    got = arc.jacobian_from_lengths(lengths, angles, radii, modules=modules)
+    got = Arc.from_lengths(lengths, Routing(angles, radii, modules)).from_lengths_jacobian(
+        Routing(angles, radii, modules)
+    )
     assert error(got[:2], want[:2, :]) < TIGHT
     assert error(got[2], want[2, :], max(1.0, float(mp.norm(want[2, :])))) < TIGHT
 
     want = mp_pose_derivative(lambda v: mp_pose(*mp_curvature(mp_fit(v, holes, parts)[0])), at)
-    got = arc.jacobian_tip_from_lengths(lengths, angles, radii, modules=modules)
+    got = tip_by_lengths(lengths, Routing(angles, radii, modules))
     assert error(got[:3], want[:3, :]) < TIGHT
     assert error(got[3:], want[3:, :]) < TIGHT
 
     if theta > 0.1:
         want = mp_derivative(lambda v: mp_curvature(mp_fit(v, holes, parts)[0]), at)
-        got = arc.jacobian_from_lengths(
-            lengths, angles, radii, modules=modules, coordinates="curvature"
+        got = Arc.from_lengths(lengths, Routing(angles, radii, modules)).from_lengths_jacobian(
+            Routing(angles, radii, modules), "curvature"
         )
         assert error(got, want) < TIGHT
 
@@ -304,43 +305,45 @@ def test_printed_equations():
         kappa = 2 * mp.sqrt(q) / (mp.mpf(RADIUS) * (l1 + l2 + l3))
         phi = mp.atan2(mp.sqrt(3) * (l3 - l2), l2 + l3 - 2 * l1)
         mean = (l1 + l2 + l3) / 3
-        got = arc.from_lengths(lengths, ANGLES, RADIUS)
+        got = Arc.from_lengths(lengths, ROUTING)
         assert error([got.kappa, got.phi, got.length], [kappa, phi, mean]) < TIGHT
         tip, _ = mp_pose(kappa, phi, mean)
-        position = arc.tip_from_lengths(lengths, ANGLES, RADIUS).position
+        position = Arc.from_lengths(lengths, ROUTING).fk().position
         assert error(position, tip) < TIGHT
 
         a = 2 * mp.asin(mp.sqrt(q) / (3 * mp.mpf(RADIUS) * MODULES))
         length = mean * (a / 2) / mp.sin(a / 2)
-        got = arc.from_lengths_chord(lengths, ANGLES, RADIUS, MODULES)
+        got = Arc.from_lengths(lengths, Routing(ANGLES, RADIUS, MODULES))
         assert error([got.theta, got.phi, got.length], [MODULES * a, phi, length]) < TIGHT
 
 
 def test_redundant_lengths():
     angles, radii = np.linspace(0, 5, 6), np.linspace(0.01, 0.03, 6)
     rng = np.random.default_rng(3)
-    lengths = arc.lengths(2.0, 1.0, LENGTH, angles, radii) + 1e-3 * rng.standard_normal(6)
+    lengths = Arc(2.0, 1.0, LENGTH).lengths(Routing(angles, radii)) + 1e-3 * rng.standard_normal(6)
     at = [mp.mpf(x) for x in lengths.tolist()]
     u, misfit = mp_fit(at, mp_holes(angles, radii))
-    got = arc.from_lengths(lengths, angles, radii)
-    assert error(arc.bend(*got[:3]), u) < TIGHT
+    got = Arc.from_lengths(lengths, Routing(angles, radii))
+    assert error(got.bend, u) < TIGHT
     assert abs(float(got.misfit - misfit)) < TIGHT * LENGTH
     assert got.misfit > 1e-4
 
     # a true minimum, with the length held as well, and the misfit is what it says
     for length in (None, 0.64):
-        got = arc.from_lengths(lengths, angles, radii, length)
-        left = arc.lengths(*got[:3], angles, radii) - lengths
+        got = Arc.from_lengths(lengths, Routing(angles, radii), length)
+        left = got.lengths(Routing(angles, radii)) - lengths
         assert np.sqrt(np.mean(left**2)) == pytest.approx(float(got.misfit), rel=1e-12)
         if length is not None:
             assert got.length == length
-        slope = arc.jacobian_lengths(*got[:3], angles, radii).T @ left
+        slope = got.lengths_jacobian(Routing(angles, radii)).T @ left
         np.testing.assert_allclose(slope[: 3 if length is None else 2], 0, atol=1e-15)
-        jacobian = arc.jacobian_from_lengths(lengths, angles, radii, length=length)
+        jacobian = Arc.from_lengths(lengths, Routing(angles, radii), length).from_lengths_jacobian(
+            Routing(angles, radii), hold_length=length is not None
+        )
         step = 1e-4 * rng.standard_normal(6)
-        moved = arc.from_lengths(lengths + step, angles, radii, length)
+        moved = Arc.from_lengths(lengths + step, Routing(angles, radii), length)
         np.testing.assert_allclose(  # the map is linear in bend coordinates
-            arc.bend(*moved[:3]) - arc.bend(*got[:3]), jacobian @ step, atol=1e-14
+            moved.bend - got.bend, jacobian @ step, atol=1e-14
         )
 
 
@@ -349,7 +352,7 @@ def test_paper_sweep_directions():
     for i, angle in enumerate(ANGLES):
         lengths = np.full(3, LENGTH + 0.005)
         lengths[i] = LENGTH - 0.01
-        got = arc.tip_from_lengths(lengths, ANGLES, RADIUS)
+        got = Arc.from_lengths(lengths, ROUTING).fk()
         x, y, _ = got.position
         assert np.cos(np.arctan2(y, x) - angle) == pytest.approx(1, abs=1e-14)
 
@@ -358,8 +361,8 @@ def test_paper_sweep_directions():
 
 
 def test_linear_law_is_the_continuous_tendon():
-    got = arc.from_force([[40.0, 0, 0], [80, 0, 0]], ANGLES, RADIUS, LENGTH, STIFFNESS)
-    tips = 1e3 * arc.pose(*got).position
+    got = Arc.from_tensions([[40.0, 0, 0], [80, 0, 0]], ROUTING, LENGTH, STIFFNESS)
+    tips = 1e3 * got.fk().position
     np.testing.assert_allclose(
         tips, [[213.207379, 0, 590.986802], [377.307635, 0, 454.867397]], atol=1e-6
     )
@@ -402,7 +405,7 @@ def test_lever_arm_law_meets_the_physics():
     st.floats(20.0, 50.0),
 )
 def test_lever_arm_law(tensions, modules, stiffness):
-    got = arc.from_force_arm(tensions, ANGLES, RADIUS, LENGTH, stiffness, modules)
+    got = Arc.from_tensions(tensions, Routing(ANGLES, RADIUS, modules), LENGTH, stiffness)
     pull = np.array(tensions)
     moment = RADIUS * (pull @ np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=-1))
     m, a = np.hypot(*moment), got.theta / modules
@@ -412,8 +415,8 @@ def test_lever_arm_law(tensions, modules, stiffness):
         assert np.cos(got.phi - np.arctan2(*moment[::-1])) == pytest.approx(1, abs=1e-12)
     assert got.length == LENGTH
     # many modules: the continuous tendon
-    many = arc.from_force_arm(tensions, ANGLES, RADIUS, LENGTH, stiffness, 100_000)
-    linear = arc.from_force(tensions, ANGLES, RADIUS, LENGTH, stiffness)
+    many = Arc.from_tensions(tensions, Routing(ANGLES, RADIUS, 100_000), LENGTH, stiffness)
+    linear = Arc.from_tensions(tensions, ROUTING, LENGTH, stiffness)
     assert many.theta == pytest.approx(linear.theta, rel=1e-8)
 
 
@@ -423,10 +426,10 @@ def test_lever_arm_law_is_stationary_energy():
 
     def slope(scale):
         tensions = scale * pull
-        got = arc.from_force_arm(tensions, ANGLES, RADIUS, LENGTH, STIFFNESS, n)
-        u = arc.bend(*got)
+        got = Arc.from_tensions(tensions, Routing(ANGLES, RADIUS, n), LENGTH, STIFFNESS)
+        u = got.bend
         # EI/l bend + sum T dl/dbend
-        spans = arc.jacobian_lengths(*got, ANGLES, RADIUS, modules=n)[:, :2]
+        spans = got.lengths_jacobian(Routing(ANGLES, RADIUS, n))[:, :2]
         return np.linalg.norm(STIFFNESS / LENGTH * u[:2] + tensions @ spans) / np.linalg.norm(
             STIFFNESS / LENGTH * u[:2]
         )
@@ -443,49 +446,49 @@ def test_lever_arm_law_is_stationary_energy():
 
 @pytest.mark.parametrize("case", [c for c in arcs() if c[0] * c[2] < 6.2])
 def test_through_tip(case):
-    position = arc.pose(*case).position
+    position = Arc(*case).fk().position
     x, y, z = map(mp.mpf, position.tolist())
     rho = mp.sqrt(x**2 + y**2)
     half = mp.atan2(rho, z)
     distance = mp.sqrt(rho**2 + z**2)
     length = distance * (half / mp.sin(half) if rho else 1)
     phi = mp.atan2(y, x)
-    got = arc.through_tip(position)
+    got = Arc.ik(position)
     want = [2 * half * mp.cos(phi), 2 * half * mp.sin(phi)] if rho else [mp.mpf(0)] * 2
-    assert error(arc.bend(*got)[:2], want) < TIGHT
+    assert error(got.bend[:2], want) < TIGHT
     assert abs(float(got.length / length) - 1) < TIGHT
-    np.testing.assert_allclose(arc.pose(*got).position, position, atol=2e-14 * case[2])
+    np.testing.assert_allclose(got.fk().position, position, atol=2e-14 * case[2])
 
 
 def test_nearest_is_global():
     rng = np.random.default_rng(4)
     points = np.concatenate([rng.uniform(-1.3, 1.3, (300, 3)), 0.1 * rng.standard_normal((60, 3))])
     points[::10, :2] *= 1e-9
-    got = arc.nearest_tip(points, 1.0)
-    tips = arc.pose(got.kappa, got.phi, 1.0).position
-    np.testing.assert_allclose(np.linalg.norm(tips - points, axis=-1), got.miss, atol=1e-14)
+    got = Arc.ik(points, 1.0)
+    tips = Arc(got.kappa, got.phi, 1.0).fk().position
+    np.testing.assert_allclose(np.linalg.norm(tips - points, axis=-1), got.misfit, atol=1e-14)
     assert np.all((got.kappa >= 0) & (got.kappa <= 2 * np.pi * (1 + 1e-15)))
 
     # brute force in the plane of the bend, on either side of the axis
     theta = np.linspace(-2 * np.pi, 2 * np.pi, 8001)
-    curve = arc.pose(theta, 0.0, 1.0).position[:, [0, 2]]
+    curve = Arc(theta, 0.0, 1.0).fk().position[:, [0, 2]]
     flat = np.stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]], axis=-1)
     brute = np.linalg.norm(flat[:, None] - curve, axis=-1).min(axis=1)
-    assert np.all(got.miss <= brute + 1e-15)
-    assert np.all(got.miss > brute - 1e-3)
+    assert np.all(got.misfit <= brute + 1e-15)
+    assert np.all(got.misfit > brute - 1e-3)
     # and over all directions
-    around = arc.pose(theta[::40, None], np.linspace(0, np.pi, 60), 1.0).position.reshape(-1, 3)
+    around = Arc(theta[::40, None], np.linspace(0, np.pi, 60), 1.0).fk().position.reshape(-1, 3)
     for i in range(0, len(points), 12):
-        assert got.miss[i] <= np.linalg.norm(points[i] - around, axis=-1).min() + 1e-15
+        assert got.misfit[i] <= np.linalg.norm(points[i] - around, axis=-1).min() + 1e-15
 
 
 @pytest.mark.parametrize("theta", [1e-12, 1e-8, 0.1, 1.0, 3.0, 5.0, 6.2])
 def test_nearest_digits(theta):
     """A tip finds its own arc; off the curve, the angle is where the distance is stationary."""
-    on = arc.pose(theta / LENGTH, 0.7, LENGTH).position
-    got = arc.nearest_tip(on, LENGTH)
+    on = Arc(theta / LENGTH, 0.7, LENGTH).fk().position
+    got = Arc.ik(on, LENGTH)
     assert got.kappa * LENGTH == pytest.approx(theta, rel=1e-13)
-    assert got.miss < 1e-15
+    assert got.misfit < 1e-15
 
     if theta == 6.2:  # the nearest would be beyond a full turn
         return
@@ -498,15 +501,15 @@ def test_nearest_digits(theta):
         du = LENGTH * (t * mp.sin(t) - 1 + mp.cos(t)) / t**2
         return u * du + v * LENGTH * (t * mp.cos(t) - mp.sin(t)) / t**2
 
-    got = arc.nearest_tip(point, LENGTH)
+    got = Arc.ik(point, LENGTH)
     t = mp.findroot(slope, mp.mpf(float(got.kappa * LENGTH)))
     assert abs(float(got.kappa * LENGTH / t) - 1) < TIGHT
 
 
 def test_nearest_special_points():
     # the base: a full turn reaches it; straight ahead beyond reach: straight; behind: phi = 0
-    got = arc.nearest_tip([[0, 0, 0], [0, 0, 2], [0, 0, 1], [0, 0, -1], [0, 0, 0.1]], 1.0)
-    np.testing.assert_allclose(got.miss[:3], [0, 1, 0], atol=1e-15)
+    got = Arc.ik([[0, 0, 0], [0, 0, 2], [0, 0, 1], [0, 0, -1], [0, 0, 0.1]], 1.0)
+    np.testing.assert_allclose(got.misfit[:3], [0, 1, 0], atol=1e-15)
     np.testing.assert_allclose(got.kappa[:3], [2 * np.pi, 0, 0], atol=1e-7)
     assert np.all(got.phi == 0)
     assert np.all(got.kappa[3:] > 0.5)
@@ -531,21 +534,18 @@ def routings(draw):
 @given(thetas, phis, routings(), module_counts)
 def test_round_trip(theta, phi, routing, modules):
     angles, radii = routing
-    lengths = arc.lengths(theta / LENGTH, phi, LENGTH, angles, radii, modules=modules)
-    if modules is None:
-        got = arc.from_lengths(lengths, angles, radii)
-    else:
-        got = arc.from_lengths_chord(lengths, angles, radii, modules)
+    lengths = Arc(theta / LENGTH, phi, LENGTH).lengths(Routing(angles, radii, modules))
+    got = Arc.from_lengths(lengths, Routing(angles, radii, modules))
     assert got.misfit < 1e-14
-    np.testing.assert_allclose(
-        arc.bend(*got[:3]), arc.bend(theta / LENGTH, phi, LENGTH), atol=1e-11
-    )
-    again = arc.lengths(*got[:3], angles, radii, modules=modules)
+    np.testing.assert_allclose(got.bend, Arc(theta / LENGTH, phi, LENGTH).bend, atol=1e-11)
+    again = got.lengths(Routing(angles, radii, modules))
     np.testing.assert_allclose(again, lengths, rtol=1e-13)
 
     # chained Jacobians of a map and its inverse
-    forth = arc.jacobian_lengths(*got[:3], angles, radii, modules=modules)
-    back = arc.jacobian_from_lengths(lengths, angles, radii, modules=modules)
+    forth = got.lengths_jacobian(Routing(angles, radii, modules))
+    back = Arc.from_lengths(lengths, Routing(angles, radii, modules)).from_lengths_jacobian(
+        Routing(angles, radii, modules)
+    )
     np.testing.assert_allclose(back @ forth, np.eye(3), atol=1e-10)
 
 
@@ -554,25 +554,25 @@ def test_numbering_does_not_matter(theta, phi, routing, random):
     angles, radii = routing
     order = list(range(len(angles)))
     random.shuffle(order)
-    lengths = arc.lengths(theta / LENGTH, phi, LENGTH, angles, radii)
-    a = arc.from_lengths(lengths, angles, radii)
-    b = arc.from_lengths(lengths[order], angles[order], radii[order])
-    np.testing.assert_allclose(arc.bend(*a[:3]), arc.bend(*b[:3]), atol=1e-12)
+    lengths = Arc(theta / LENGTH, phi, LENGTH).lengths(Routing(angles, radii))
+    a = Arc.from_lengths(lengths, Routing(angles, radii))
+    b = Arc.from_lengths(lengths[order], Routing(angles[order], radii[order]))
+    np.testing.assert_allclose(a.bend, b.bend, atol=1e-12)
 
 
 @given(thetas, phis, st.floats(0.01, 10))
 def test_rotation_is_a_rotation(theta, phi, length):
-    position, rotation = arc.pose(theta / length, phi, length)
+    position, rotation = Arc(theta / length, phi, length).fk()
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=2e-15)
     assert np.linalg.det(rotation) == pytest.approx(1, abs=2e-15)
     assert np.linalg.norm(position) <= length * (1 + 1e-15)
     # no twist, and a bend to the other side mirrors
-    mirror = arc.pose(-theta / length, phi, length)
-    other = arc.pose(theta / length, phi + np.pi, length)
+    mirror = Arc(-theta / length, phi, length).fk()
+    other = Arc(theta / length, phi + np.pi, length).fk()
     np.testing.assert_allclose(mirror.position, other.position, atol=1e-14 * length)
     if theta < 6:
-        back = arc.through_tip(position)
-        np.testing.assert_allclose(arc.pose(*back).position, position, atol=1e-13 * length)
+        back = Arc.ik(position)
+        np.testing.assert_allclose(back.fk().position, position, atol=1e-13 * length)
 
 
 @given(phis, st.floats(-16, -0.5), routings(), module_counts)
@@ -583,53 +583,108 @@ def test_continuous_through_straight(phi, exponent, routing, modules):
     theta = 10.0**exponent
     near, straight = (theta / LENGTH, phi, LENGTH), (0.0, phi, LENGTH)
     for f, slope in (
-        (lambda *c: arc.pose(*c).position, 3.0),
-        (lambda *c: arc.pose(*c).rotation, 2.0),
-        (lambda *c: arc.jacobian_pose(*c), 3.0),
-        (lambda *c: arc.jacobian_pose(*c, coordinates="curvature"), 3.0),
-        (lambda *c: arc.lengths(*c, angles, radii, modules=modules), 0.1),
-        (lambda *c: arc.jacobian_lengths(*c, angles, radii, modules=modules), 0.1),
+        (lambda *c: Arc(*c).fk().position, 3.0),
+        (lambda *c: Arc(*c).fk().rotation, 2.0),
+        (lambda *c: Arc(*c).jacobian(), 3.0),
+        (lambda *c: Arc(*c).jacobian("curvature"), 3.0),
+        (lambda *c: Arc(*c).lengths(Routing(angles, radii, modules)), 0.1),
+        (lambda *c: Arc(*c).lengths_jacobian(Routing(angles, radii, modules)), 0.1),
     ):
         assert np.linalg.norm(f(*near) - f(*straight)) <= slope * theta + 1e-15
 
-    lengths = arc.lengths(*near, angles, radii, modules=modules)
-    flat = arc.lengths(*straight, angles, radii, modules=modules)
+    lengths = Arc(*near).lengths(Routing(angles, radii, modules))
+    flat = Arc(*straight).lengths(Routing(angles, radii, modules))
     np.testing.assert_allclose(
-        arc.jacobian_tip_from_lengths(lengths, angles, radii, modules=modules),
-        arc.jacobian_tip_from_lengths(flat, angles, radii, modules=modules),
+        tip_by_lengths(lengths, Routing(angles, radii, modules)),
+        tip_by_lengths(flat, Routing(angles, radii, modules)),
         atol=3e3 * theta + 1e-12,
+    )
+
+
+@pytest.mark.parametrize("theta", [0.0, 1e-8, None])
+@given(st.floats(1e-3, 6.2), phis, st.floats(0.05, 0.95))
+@settings(max_examples=50, deadline=None)
+def test_an_arc_composes_of_its_parts(theta, drawn, phi, share):
+    """Two arcs in series with one curvature and direction are one arc."""
+    theta = drawn if theta is None else theta
+    kappa, cut = theta / LENGTH, share * LENGTH
+    whole = Arc(kappa, phi, LENGTH)
+    first, second = Arc(kappa, phi, [cut, LENGTH - cut])[0], Arc(kappa, phi, LENGTH - cut)
+    tip = first.fk() @ second.fk()
+    np.testing.assert_allclose(tip.position, whole.fk().position, atol=1e-14)
+    np.testing.assert_allclose(tip.rotation, whole.fk().rotation, atol=1e-14)
+    np.testing.assert_allclose(first.fk().position, whole.fk(cut).position, atol=1e-14)
+    robot = RobotArcs(two_segments(), Arc(kappa, phi, [cut, LENGTH - cut]))
+    np.testing.assert_allclose(robot.tip.position, whole.fk().position, atol=1e-14)
+    s = np.linspace(0, LENGTH, 7)
+    np.testing.assert_allclose(robot.fk(s).position, whole.fk(s).position, atol=1e-14)
+    np.testing.assert_allclose(robot.fk(s).rotation, whole.fk(s).rotation, atol=1e-14)
+
+
+@pytest.mark.parametrize("theta", [0.0, 1e-8, None])
+@given(st.floats(1e-3, 6.0), phis)
+@settings(max_examples=50, deadline=None)
+def test_inverse_of_the_pose(theta, drawn, phi):
+    arc = Arc((drawn if theta is None else theta) / LENGTH, phi, LENGTH)
+    for found in (Arc.ik(arc.fk().position), Arc.ik(arc.fk().position, LENGTH)):
+        np.testing.assert_allclose(found.bend, arc.bend, atol=1e-12)
+        assert found.misfit < 1e-14
+    robot = RobotArcs.ik(one_segment(), 0.9 * arc.fk().position, free_length=True)
+    np.testing.assert_allclose(robot.arc.bend[0], arc.bend * [1, 1, 0.9], atol=1e-12)
+
+
+@pytest.mark.parametrize("theta", [0.0, 1e-8, None])
+@given(st.floats(1e-3, 6.2), phis)
+@settings(max_examples=50, deadline=None)
+def test_jacobian_against_differences(theta, drawn, phi):
+    arc = Arc((drawn if theta is None else theta) / LENGTH, phi, LENGTH)
+    step = 1e-6 * np.eye(3)
+    up, down = (Arc.from_bend(arc.bend + sign * step).fk() for sign in (1, -1))
+    spin = (up.rotation - down.rotation) / 2e-6 @ arc.fk().rotation.T
+    moved = np.column_stack(
+        [(up.position - down.position) / 2e-6, spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]]
+    )
+    np.testing.assert_allclose(arc.jacobian(), moved.T, atol=1e-8)
+    routing = Routing(ANGLES, RADIUS, MODULES)
+    changed = [Arc.from_bend(arc.bend + sign * step).lengths(routing) for sign in (1, -1)]
+    np.testing.assert_allclose(
+        arc.lengths_jacobian(routing), (changed[0] - changed[1]).T / 2e-6, atol=1e-8
     )
 
 
 def test_no_jump_where_series_and_closed_form_meet():
     below, above = np.nextafter(1.0, 0), np.nextafter(1.0, 2)
-    for f in (arc.jacobian_pose, lambda *c: arc.pose(*c).position):
+    for f in (lambda *c: Arc(*c).jacobian(), lambda *c: Arc(*c).fk().position):
         np.testing.assert_allclose(f(below, 0.3, 1.0), f(above, 0.3, 1.0), rtol=2e-15, atol=1e-15)
 
 
 def test_arrays_broadcast():
     rng = np.random.default_rng(5)
     kappa, phi = rng.uniform(0, 3, (4, 1)), rng.uniform(-3, 3, 5)
-    position, rotation = arc.pose(kappa, phi, LENGTH)
+    position, rotation = Arc(kappa, phi, LENGTH).fk()
     assert position.shape == (4, 5, 3)
     assert rotation.shape == (4, 5, 3, 3)
-    lengths = arc.lengths(kappa, phi, LENGTH, ANGLES, RADIUS)
+    lengths = Arc(kappa, phi, LENGTH).lengths(ROUTING)
     assert lengths.shape == (4, 5, 3)
-    assert arc.from_lengths(lengths, ANGLES, RADIUS).misfit.shape == (4, 5)
-    assert arc.from_lengths(lengths, ANGLES, RADIUS, np.full(5, LENGTH)).kappa.shape == (4, 5)
-    assert arc.jacobian_tip_from_lengths(lengths, ANGLES, RADIUS).shape == (4, 5, 6, 3)
-    assert arc.disk_frames(kappa, phi, LENGTH, 9).rotation.shape == (4, 5, 9, 3, 3)
-    tip = arc.tip_from_lengths(lengths[::-1, ::2], ANGLES, RADIUS)  # not contiguous
-    np.testing.assert_allclose(tip.position, position[::-1, ::2], atol=1e-14)
-    assert arc.through_tip(position).theta.shape == (4, 5)
-    assert arc.nearest_tip(position, LENGTH).miss.shape == (4, 5)
-    assert arc.pose(np.empty(0), 0.0, LENGTH).position.shape == (0, 3)
-    one = arc.pose(1.0, 0.0, LENGTH)
-    assert one.position.shape == (3,)
-    np.testing.assert_allclose(
-        arc.bend(*arc.from_bend([0.3, -0.4, 0.5])), [0.3, -0.4, 0.5], rtol=1e-15
+    assert Arc.from_lengths(lengths, ROUTING).misfit.shape == (4, 5)
+    assert Arc.from_lengths(lengths, ROUTING, np.full(5, LENGTH)).kappa.shape == (
+        4,
+        5,
     )
-    assert arc.from_bend([-0.0, -0.0, 1.0]).phi == 0
+    assert tip_by_lengths(lengths, ROUTING).shape == (4, 5, 6, 3)
+    places = np.linspace(0, LENGTH, 9)
+    assert Arc(kappa, phi, LENGTH)[..., None].fk(places).rotation.shape == (4, 5, 9, 3, 3)
+    part = Arc(kappa, phi, LENGTH)[1:, 2]
+    np.testing.assert_array_equal(part.fk().position, position[1:, 2])
+    tip = Arc.from_lengths(lengths[::-1, ::2], ROUTING).fk()  # not contiguous
+    np.testing.assert_allclose(tip.position, position[::-1, ::2], atol=1e-14)
+    assert Arc.ik(position).theta.shape == (4, 5)
+    assert Arc.ik(position, LENGTH).misfit.shape == (4, 5)
+    assert Arc(np.empty(0), 0.0, LENGTH).fk().position.shape == (0, 3)
+    one = Arc(1.0, 0.0, LENGTH).fk()
+    assert one.position.shape == (3,)
+    np.testing.assert_allclose(Arc.from_bend([0.3, -0.4, 0.5]).bend, [0.3, -0.4, 0.5], rtol=1e-15)
+    assert Arc.from_bend([-0.0, -0.0, 1.0]).phi == 0
 
 
 # -- robots --------------------------------------------------------------------------------------
@@ -662,35 +717,35 @@ def two_segments():
 
 
 def robot_arcs(robot, tensions, law="linear"):
-    return arc.robot_from_tensions(robot, tensions, law)
+    return RobotArcs.from_tensions(robot, tensions, law)
 
 
 @pytest.mark.parametrize("correction", [None, "chord"])
 def test_one_segment_robot(correction):
     robot = one_segment()
     modules = None if correction is None else 9
-    lengths = arc.lengths([[0.5], [2.0]], [0.1, 2, -2], LENGTH, ANGLES, RADIUS, modules=modules)
-    got = arc.robot_fk(robot, lengths, correction)
+    lengths = Arc([[0.5], [2.0]], [0.1, 2, -2], LENGTH).lengths(Routing(ANGLES, RADIUS, modules))
+    got = RobotArcs.from_lengths(robot, lengths, correction)
     np.testing.assert_allclose(got.kappa, [[[0.5]] * 3, [[2.0]] * 3], rtol=1e-12)
-    tip = arc.tip_from_lengths(lengths, ANGLES, RADIUS, modules=modules)
+    tip = Arc.from_lengths(lengths, Routing(ANGLES, RADIUS, modules)).fk()
     np.testing.assert_allclose(got.tip.position, tip.position, atol=1e-14)
     np.testing.assert_allclose(got.tip.rotation, tip.rotation, atol=1e-14)
     assert got.disk_positions.shape == (2, 3, 9, 3)
     np.testing.assert_allclose(got.disk_positions[..., -1, :], tip.position, atol=1e-15)
     np.testing.assert_allclose(
-        arc.robot_jacobian(robot, lengths, correction),
-        arc.jacobian_tip_from_lengths(lengths, ANGLES, RADIUS, modules=modules),
+        RobotArcs.from_lengths(robot, lengths, correction).jacobian(),
+        tip_by_lengths(lengths, Routing(ANGLES, RADIUS, modules)),
         atol=1e-11,
     )
-    again, miss = arc.robot_ik(robot, got.tip.position, correction)
-    np.testing.assert_allclose(again, lengths, atol=1e-13)
-    assert np.all(miss < 1e-14)
+    again = RobotArcs.ik(robot, got.tip.position, correction)
+    np.testing.assert_allclose(again.lengths(), lengths, atol=1e-13)
+    assert np.all(again.misfit < 1e-14)
 
 
 def test_chord_takes_the_disks_where_they_are():
     uneven = one_segment(LENGTH * np.array([0.1, 0.15, 0.4, 0.8, 1.0]))
-    lengths = arc.robot_lengths(uneven, [2.0], [0.5], None, "chord")
-    got = arc.robot_fk(uneven, lengths, "chord")
+    lengths = RobotArcs(uneven, Arc([2.0], [0.5], LENGTH), "chord").lengths()
+    got = RobotArcs.from_lengths(uneven, lengths, "chord")
     np.testing.assert_allclose([got.kappa[0], got.phi[0], got.length[0]], [2.0, 0.5, LENGTH])
     # the lengths are those from hole to hole
     holes = np.c_[uneven.tendons.hole_m, np.zeros(3)]
@@ -699,7 +754,7 @@ def test_chord_takes_the_disks_where_they_are():
     np.testing.assert_allclose(np.linalg.norm(spans, axis=-1).sum(axis=0), lengths, rtol=1e-14)
     short = one_segment(LENGTH * np.array([0.1, 0.5, 0.9]))
     with pytest.raises(InputError, match="disk at the segment's end"):
-        arc.robot_fk(short, lengths, "chord")
+        RobotArcs.from_lengths(short, lengths, "chord")
 
 
 @pytest.mark.parametrize("correction", [None, "chord"])
@@ -709,13 +764,11 @@ def test_segments_in_series(correction):
     kappa, phi = rng.uniform(0, 8, (20, 2)), rng.uniform(-np.pi, np.pi, (20, 2))
     kappa[0], kappa[1, 0] = 0, 0
     length = rng.uniform(0.19, 0.21, (20, 2))
-    lengths = arc.robot_lengths(robot, kappa, phi, length, correction)
-    got = arc.robot_fk(robot, lengths, correction)
-    np.testing.assert_allclose(
-        arc.bend(got.kappa, got.phi, got.length), arc.bend(kappa, phi, length), atol=1e-12
-    )
-    p1, r1 = arc.pose(kappa[:, 0], phi[:, 0], length[:, 0])
-    p2, r2 = arc.pose(kappa[:, 1], phi[:, 1], length[:, 1])
+    lengths = RobotArcs(robot, Arc(kappa, phi, length), correction).lengths()
+    got = RobotArcs.from_lengths(robot, lengths, correction)
+    np.testing.assert_allclose(got.arc.bend, Arc(kappa, phi, length).bend, atol=1e-12)
+    p1, r1 = Arc(kappa[:, 0], phi[:, 0], length[:, 0]).fk()
+    p2, r2 = Arc(kappa[:, 1], phi[:, 1], length[:, 1]).fk()
     np.testing.assert_allclose(got.tip.position, p1 + (r1 @ p2[..., None])[..., 0], atol=1e-13)
     np.testing.assert_allclose(got.tip.rotation, r1 @ r2, atol=1e-12)
     np.testing.assert_allclose(got.disk_positions[:, 9], p1, atol=1e-13)
@@ -735,18 +788,47 @@ def test_segments_in_series(correction):
     np.testing.assert_allclose(line[:, 10], p1, atol=1e-13)
     np.testing.assert_allclose(line[:, -1], got.tip.position, atol=1e-15)
 
-    jacobian = arc.robot_jacobian(robot, lengths, correction)
+    jacobian = RobotArcs.from_lengths(robot, lengths, correction).jacobian()
     for k in range(6):
         step = np.zeros(6)
         step[k] = 1e-6
-        up = arc.robot_fk(robot, lengths + step, correction).tip
-        down = arc.robot_fk(robot, lengths - step, correction).tip
+        up = RobotArcs.from_lengths(robot, lengths + step, correction).tip
+        down = RobotArcs.from_lengths(robot, lengths - step, correction).tip
         np.testing.assert_allclose(
             jacobian[:, :3, k], (up.position - down.position) / 2e-6, atol=1e-6
         )
         spin = (up.rotation - down.rotation) / 2e-6 @ np.swapaxes(got.tip.rotation, -1, -2)
         vector = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=-1)
         np.testing.assert_allclose(jacobian[:, 3:, k], vector, atol=1e-5)
+
+
+def test_held_lengths_and_their_jacobian():
+    robot = two_segments()
+    rng = np.random.default_rng(8)
+    arc = Arc(rng.uniform(0, 6, (5, 2)), rng.uniform(-3, 3, (5, 2)), 0.2)
+    lengths = RobotArcs(robot, arc).lengths() + 1e-4
+    got = RobotArcs.from_lengths(robot, lengths, hold_length=True)
+    np.testing.assert_array_equal(got.length, 0.2)
+    assert np.all(got.misfit > 1e-5)
+    step = rng.normal(size=6)
+    up, down = (
+        RobotArcs.from_lengths(robot, lengths + sign * 1e-6 * step, hold_length=True).tip.position
+        for sign in (1, -1)
+    )
+    np.testing.assert_allclose(got.jacobian()[:, :3] @ step, (up - down) / 2e-6, atol=1e-6)
+
+
+def test_arcs_are_frozen_and_indexed():
+    robot = two_segments()
+    got = RobotArcs(robot, Arc(np.full((4, 3, 2), 2.0), 0.1, 0.2), "chord")
+    with pytest.raises(ValueError, match="read-only"):
+        got.kappa[0] = 1.0
+    assert got[1].lengths().shape == (3, 6) and got[1].correction == "chord"
+    assert got[..., None].fk([0.0, 0.1]).position.shape == (4, 3, 2, 3)
+    assert got[:, 1:].disk_positions.shape == (4, 2, 20, 3)
+    assert repr(Arc(2, 0, 0.5)) == "Arc(kappa=2, phi=0, length=0.5, misfit=0)"
+    assert len(Routing(ANGLES, RADIUS, 9)[:2]) == 2
+    np.testing.assert_array_equal(Routing.from_holes(ROUTING.holes).holes, ROUTING.holes)
 
 
 def test_outer_tendons_bend_inner_segments():
@@ -761,7 +843,7 @@ def test_outer_tendons_bend_inner_segments():
     hole = robot.tendons.hole_m
     for j, tensions in enumerate(([1.0, 0, 0, 0, 1.0, 0], [0, 0, 0, 0, 1.0, 0])):
         angles, radii = np.arctan2(hole[:, 1], hole[:, 0]), np.hypot(*hole.T)
-        want = arc.from_force_arm(tensions, angles, radii, 0.2, 0.0102, 10)
+        want = Arc.from_tensions(tensions, Routing(angles, radii, 10), 0.2, 0.0102)
         np.testing.assert_allclose(got.theta[j], want.theta, rtol=1e-13)
         np.testing.assert_allclose(got.phi[j], want.phi, rtol=1e-13)
 
@@ -770,63 +852,82 @@ def test_outer_tendons_bend_inner_segments():
 
 SQUARE = [0.0, np.pi / 2, np.pi, -np.pi / 2]
 BAD = {
-    "three tendons": lambda: arc.from_lengths([0.6, 0.6], ANGLES[:2], RADIUS),
-    "tendon 1 must be positive": lambda: arc.from_lengths([0.6, -0.1, 0.6], ANGLES, RADIUS),
-    "tendon 0 must be positive": lambda: arc.from_lengths([0.0, 0.6, 0.6], ANGLES, RADIUS),
-    "row 1: the length of tendon 2": lambda: arc.from_lengths(
-        [[0.6, 0.6, 0.6], [0.6, 0.6, np.nan]], ANGLES, RADIUS
+    "three tendons": lambda: Arc.from_lengths([0.6, 0.6], Routing(ANGLES[:2], RADIUS)),
+    "tendon 1 must be positive": lambda: Arc.from_lengths([0.6, -0.1, 0.6], ROUTING),
+    "tendon 0 must be positive": lambda: Arc.from_lengths([0.0, 0.6, 0.6], ROUTING),
+    "row 1: the length of tendon 2": lambda: Arc.from_lengths(
+        [[0.6, 0.6, 0.6], [0.6, 0.6, np.nan]], ROUTING
     ),
-    "positive and finite, got inf": lambda: arc.from_lengths([np.inf] * 3, ANGLES, RADIUS),
-    "full turn": lambda: arc.from_lengths([0.3, 0.6, 0.6], ANGLES, RADIUS),
-    "inside the pitch radius": lambda: arc.from_lengths([0.001, 0.001, 0.1], ANGLES, RADIUS),
-    "half a turn": lambda: arc.from_lengths_chord([0.5, 0.9, 0.9], ANGLES, RADIUS, 2),
-    "in one plane": lambda: arc.from_lengths([0.6] * 3, [0, np.pi, 0], RADIUS),
-    "all lie in one plane": lambda: arc.from_lengths([0.6] * 4, [1, 1 + np.pi] * 2, RADIUS, 0.6),
-    "misfit of the tendon lengths must be finite": lambda: arc.from_lengths(
-        [1e300, 1, 1, 1], SQUARE, RADIUS
+    "positive and finite, got inf": lambda: Arc.from_lengths([np.inf] * 3, ROUTING),
+    "full turn": lambda: Arc.from_lengths([0.3, 0.6, 0.6], ROUTING),
+    "inside the pitch radius": lambda: Arc.from_lengths([0.001, 0.001, 0.1], ROUTING),
+    "half a turn": lambda: Arc.from_lengths([0.5, 0.9, 0.9], Routing(ANGLES, RADIUS, 2)),
+    "in one plane": lambda: Arc.from_lengths([0.6] * 3, Routing([0, np.pi, 0], RADIUS)),
+    "all lie in one plane": lambda: Arc.from_lengths(
+        [0.6] * 4, Routing([1, 1 + np.pi] * 2, RADIUS), 0.6
     ),
-    "lie in one plane": lambda: arc.from_lengths([0.6] * 3, ANGLES, 0.0),
-    "3 values along": lambda: arc.from_lengths([0.6] * 4, ANGLES, RADIUS),
-    "array of numbers": lambda: arc.from_lengths(["a", 1, 2], ANGLES, RADIUS),
-    "not negative, got": lambda: arc.from_lengths([0.6] * 3, ANGLES, -RADIUS),
-    "one a tendon": lambda: arc.from_lengths([0.6] * 3, ANGLES, [RADIUS, RADIUS]),
-    "angles must be finite": lambda: arc.from_lengths([0.6] * 3, [0, np.nan, 1], RADIUS),
-    "from 1 to 100000, got 0": lambda: arc.from_lengths_chord([0.6] * 3, ANGLES, RADIUS, 0),
-    "from 1 to 100000": lambda: arc.from_lengths_chord([0.6] * 3, ANGLES, RADIUS, 10**12),
-    "positive module lengths": lambda: arc.lengths(1, 0, 1, ANGLES, RADIUS, modules=[1, -1]),
-    "curvature must be finite": lambda: arc.pose(np.nan, 0, 1),
-    "direction of bending must be finite": lambda: arc.pose(1, np.inf, 1),
-    "length must be positive": lambda: arc.pose(1, 0, 0),
-    "bending angle must be below": lambda: arc.pose(1e200, 0, 1e200),
-    "between 0 and its length": lambda: arc.pose(1, 0, 1, [0.5, 1.1]),
-    "place along the arc": lambda: arc.pose(1, 0, 1, np.nan),
-    "do not broadcast": lambda: arc.pose([1, 2], [1, 2, 3], 1),
-    "bends tighter": lambda: arc.lengths(40, 0, 0.6, ANGLES, RADIUS),
-    "cannot be reached": lambda: arc.through_tip([0, 0, 0]),
-    "behind it cannot be reached": lambda: arc.through_tip([0, 0, -0.3]),
-    "no arc of finite length": lambda: arc.through_tip([5e-324, 0, -0.3]),
-    "tip coordinate must be finite": lambda: arc.through_tip([0, np.nan, 1]),
-    "3 values": lambda: arc.through_tip([0, 1]),
-    "coordinate must be finite": lambda: arc.nearest_tip([0, np.inf, 1], 1),
-    "arc's length must be positive": lambda: arc.nearest_tip([0, 0, 1], -1),
-    "tension of tendon 1": lambda: arc.from_force([1, -1, 0], ANGLES, RADIUS, 1, 1),
-    "bending stiffness": lambda: arc.from_force([1, 1, 0], ANGLES, RADIUS, 1, 0),
-    "modules must be a whole": lambda: arc.from_force_arm([1, 1, 0], ANGLES, RADIUS, 1, 1, 2.5),
-    "no derivative at a straight": lambda: arc.jacobian_from_lengths(
-        [0.6] * 3, ANGLES, RADIUS, coordinates="curvature"
+    "misfit of the tendon lengths must be finite": lambda: Arc.from_lengths(
+        [1e300, 1, 1, 1], Routing(SQUARE, RADIUS)
     ),
-    "coordinates must be one of": lambda: arc.jacobian_pose(1, 0, 1, coordinates="polar"),
-    "correction must be one of": lambda: arc.robot_fk(one_segment(), [0.6] * 3, "arc"),
+    "lie in one plane": lambda: Arc.from_lengths([0.6] * 3, Routing(ANGLES, 0.0)),
+    "3 values along": lambda: Arc.from_lengths([0.6] * 4, ROUTING),
+    "array of numbers": lambda: Arc.from_lengths(["a", 1, 2], ROUTING),
+    "not negative, got": lambda: Arc.from_lengths([0.6] * 3, Routing(ANGLES, -RADIUS)),
+    "one a tendon": lambda: Arc.from_lengths([0.6] * 3, Routing(ANGLES, [RADIUS, RADIUS])),
+    "angles must be finite": lambda: Arc.from_lengths([0.6] * 3, Routing([0, np.nan, 1], RADIUS)),
+    "from 1 to 100000, got 0": lambda: Arc.from_lengths([0.6] * 3, Routing(ANGLES, RADIUS, 0)),
+    "from 1 to 100000": lambda: Arc.from_lengths([0.6] * 3, Routing(ANGLES, RADIUS, 10**12)),
+    "positive module lengths": lambda: Arc(1, 0, 1).lengths(Routing(ANGLES, RADIUS, [1, -1])),
+    "curvature must be finite": lambda: Arc(np.nan, 0, 1).fk(),
+    "direction of bending must be finite": lambda: Arc(1, np.inf, 1).fk(),
+    "length must be positive": lambda: Arc(1, 0, 0).fk(),
+    "bending angle must be below": lambda: Arc(1e200, 0, 1e200).fk(),
+    "between 0 and its length": lambda: Arc(1, 0, 1).fk([0.5, 1.1]),
+    "place along the arc": lambda: Arc(1, 0, 1).fk(np.nan),
+    "do not broadcast": lambda: Arc([1, 2], [1, 2, 3], 1).fk(),
+    "bends tighter": lambda: Arc(40, 0, 0.6).lengths(ROUTING),
+    "cannot be reached": lambda: Arc.ik([0, 0, 0]),
+    "behind it cannot be reached": lambda: Arc.ik([0, 0, -0.3]),
+    "no arc of finite length": lambda: Arc.ik([5e-324, 0, -0.3]),
+    "tip coordinate must be finite": lambda: Arc.ik([0, np.nan, 1]),
+    "3 values": lambda: Arc.ik([0, 1]),
+    "coordinate must be finite": lambda: Arc.ik([0, np.inf, 1], 1),
+    "arc's length must be positive": lambda: Arc.ik([0, 0, 1], -1),
+    "tension of tendon 1": lambda: Arc.from_tensions([1, -1, 0], ROUTING, 1, 1),
+    "bending stiffness": lambda: Arc.from_tensions([1, 1, 0], ROUTING, 1, 0),
+    "modules must be a whole": lambda: Arc.from_tensions(
+        [1, 1, 0], Routing(ANGLES, RADIUS, 2.5), 1, 1
+    ),
+    "no derivative at a straight": lambda: Arc.from_lengths(
+        [0.6] * 3, ROUTING
+    ).from_lengths_jacobian(ROUTING, "curvature"),
+    "coordinates must be one of": lambda: Arc(1, 0, 1).jacobian("polar"),
+    "correction must be one of": lambda: RobotArcs.from_lengths(one_segment(), [0.6] * 3, "arc"),
     "law must be one of": lambda: robot_arcs(one_segment(), [0.6] * 3, "cubic"),
-    "tendon 3 must be positive": lambda: arc.robot_fk(one_segment(), [0.6, 0.6, -1]),
-    "segment 1: these tendon lengths would need more": lambda: arc.robot_fk(
-        one_segment(), [0.3, 0.6, 0.6]
+    "tendon 3 is -1 m long, its straight length is 0.641 m; lengths must be 0.0641 m to 6.41 m": (
+        lambda: RobotArcs.from_lengths(one_segment(), [0.6, 0.6, -1])
     ),
-    "tension of tendon 0 must": lambda: robot_arcs(one_segment(), [np.nan, 0.6, 1]),
-    "segment 2: tendon 4 is shorter": lambda: arc.robot_fk(
+    "tendon 1 is 29 m long": lambda: RobotArcs.from_lengths(one_segment(), [[0.6] * 3, [29] * 3]),
+    "tendon 4 is 0.03 m long": lambda: RobotArcs.from_lengths(
+        two_segments(), [0.2] * 3 + [0.03] * 3
+    ),
+    "its last dimension must be the 2 segments": lambda: RobotArcs(two_segments(), Arc([1], 0, 1)),
+    "s is 0.41 m; it must be 0 to 0.4 m": lambda: RobotArcs(two_segments(), Arc([1, 2], 0, 0.2)).fk(
+        [0.1, 0.41]
+    ),
+    "needs equal modules": lambda: Arc.from_tensions(
+        [1, 1, 0], Routing(ANGLES, RADIUS, [1, 2]), 1, 1
+    ),
+    "segment 1: no arc has these tendon lengths: they would bend it by": lambda: (
+        RobotArcs.from_lengths(one_segment(), [0.3, 0.6, 0.6])
+    ),
+    "tension 1 is nan N; tensions must be >= 0 N": lambda: robot_arcs(
+        one_segment(), [np.nan, 0.6, 1]
+    ),
+    "segment 2: tendon 4 is shorter": lambda: RobotArcs.from_lengths(
         two_segments(), [0.2, 0.2, 0.2, 0.1, 0.4, 0.4]
     ),
-    "the inverse is for one segment": lambda: arc.robot_ik(two_segments(), [0, 0, 0.3]),
+    "the inverse is for one segment": lambda: RobotArcs.ik(two_segments(), [0, 0, 0.3]),
 }
 
 
@@ -843,10 +944,12 @@ def test_bad_input(text):
 def test_module_buckling_is_no_solution():
     euler = np.pi**2 * STIFFNESS * MODULES**2 / LENGTH**2  # of the backbone between two disks
     assert euler == pytest.approx(2089, abs=1)
-    arc.from_force_arm([0.999 * euler, 0, 0], ANGLES, RADIUS, LENGTH, STIFFNESS, MODULES)
+    Arc.from_tensions([0.999 * euler, 0, 0], Routing(ANGLES, RADIUS, MODULES), LENGTH, STIFFNESS)
     for share in (1.0, 1.1, 5.0):
         with pytest.raises(NoSolutionError, match="limit 2089"):
-            arc.from_force_arm([share * euler, 0, 0], ANGLES, RADIUS, LENGTH, STIFFNESS, MODULES)
+            Arc.from_tensions(
+                [share * euler, 0, 0], Routing(ANGLES, RADIUS, MODULES), LENGTH, STIFFNESS
+            )
 
 
 def test_the_lever_arm_law_ends_where_the_rod_does():
@@ -859,17 +962,17 @@ def test_the_lever_arm_law_ends_where_the_rod_does():
         straight = exact.converged and np.abs(exact.tip.position[:2]).max() < 1e-6
         assert straight == (status is not None)
         if straight:
-            arc.robot_from_tensions(robot, tensions, law="arm")
+            RobotArcs.from_tensions(robot, tensions, law="arm")
         else:
             with pytest.raises(NoSolutionError, match="buckles the backbone between its disks"):
-                arc.robot_from_tensions(robot, tensions, law="arm")
+                RobotArcs.from_tensions(robot, tensions, law="arm")
 
 
 @pytest.mark.parametrize("bend", [1e-6, 0.1, 0.5])
 def test_the_tip_from_lengths_is_that_of_eq_1(bend):
     """The study prints Eq. 5 with twice the z of its Eq. 1."""
     lengths = LENGTH - bend * RADIUS * np.cos(ANGLES)
-    tip = arc.tip_from_lengths(lengths, ANGLES, RADIUS).position
+    tip = Arc.from_lengths(lengths, ROUTING).fk().position
     kappa = bend / LENGTH
     assert tip == pytest.approx([(1 - np.cos(bend)) / kappa, 0, np.sin(bend) / kappa], abs=1e-9)
 
@@ -884,15 +987,15 @@ def test_the_tip_from_lengths_is_that_of_eq_1(bend):
 def test_hostile_numbers(values, angles, radii, modules):
     """Any floats: an error on purpose, or finite numbers."""
     calls = (
-        lambda: arc.tip_from_lengths(values, angles, radii, modules=modules).position,
-        lambda: arc.tip_from_lengths(values, ANGLES, RADIUS).position,
-        lambda: arc.pose(*values).position,
-        lambda: arc.jacobian_pose(*values),
-        lambda: arc.pose(*arc.through_tip(values)).position,
-        lambda: arc.nearest_tip(values, radii).miss,
-        lambda: arc.from_force(values, angles, radii, 1.0, 1.0).theta,
-        lambda: arc.from_force_arm(values, angles, radii, 1.0, 1.0, 3).theta,
-        lambda: arc.lengths(*values, angles, radii, modules=modules),
+        lambda: Arc.from_lengths(values, Routing(angles, radii, modules)).fk().position,
+        lambda: Arc.from_lengths(values, ROUTING).fk().position,
+        lambda: Arc(*values).fk().position,
+        lambda: Arc(*values).jacobian(),
+        lambda: Arc.ik(values).fk().position,
+        lambda: Arc.ik(values, radii).misfit,
+        lambda: Arc.from_tensions(values, Routing(angles, radii), 1.0, 1.0).theta,
+        lambda: Arc.from_tensions(values, Routing(angles, radii, 3), 1.0, 1.0).theta,
+        lambda: Arc(*values).lengths(Routing(angles, radii, modules)),
     )
     for call in calls:
         with contextlib.suppress(InputError, NoSolutionError):

@@ -48,7 +48,7 @@ def space_arcs(kappa: Array, phi: Array, share: Array) -> Array:
         position, rotation = np.zeros(3), np.eye(3)
         for j in range(i + 1):
             part = min(max(s - j / m, 0.0), 1 / m)
-            pose = bs.constant_curvature.pose(kappa[j], phi[j], 1 / m, part)
+            pose = bs.constant_curvature.Arc(kappa[j], phi[j], 1 / m).fk(part)
             position, rotation = position + rotation @ pose.position, rotation @ pose.rotation
         points.append(position)
     return np.array(points)

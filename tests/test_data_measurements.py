@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import bowstring as bs
-from bowstring.constant_curvature import arcs
+from bowstring.constant_curvature import Arc, Routing
 from bowstring.data import datasets
 from bowstring.data.mapping import Mapping, load_mapping, mapping_names
 from bowstring.data.measurements import (
@@ -734,7 +734,8 @@ def test_tamm_spring(public_data: Folder) -> None:
         "unequal",
     ]
     assert found.bend is not None
-    fitted = arcs.from_lengths(0.040 - found.pulls, np.radians([30, 150, 270]), 0.0025)
+    routing = Routing(np.radians([30, 150, 270]), 0.0025)
+    fitted = Arc.from_lengths(0.040 - found.pulls, routing)
     measured = np.degrees(found.bend)
 
     def rmse(predicted: np.ndarray) -> float:

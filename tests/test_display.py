@@ -40,7 +40,7 @@ def objects(robot: bs.Robot, paper: Study) -> dict[str, Any]:
         "study": paper,
         "data": bs.read_measurements(ROOT / "examples" / "bench.csv"),
         "jacobians": bs.jacobians(solution),
-        "arcs": bs.constant_curvature.robot_fk(robot, solution.tendon_lengths),
+        "arcs": bs.constant_curvature.RobotArcs.from_lengths(robot, solution.tendon_lengths),
         "tendons": robot.tendons,
         "disks": robot.disks,
         **{f"study.{name}": value for name, value in vars(paper).items()},

@@ -245,8 +245,6 @@ def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
     """The part beyond the middle of a module pulls with 80 N along the span, at its distance."""
     model = bs.RodModel("kirchhoff", elements=4)
     data = bs.solve(ROBOT, pulled(80), model=model).to_dataset(points=3)
-        points=3
-    )
     solution = bs.solve(ROBOT, pulled(80), model=bs.RodModel("kirchhoff", elements=4))
     positions, rotations = solution.disk_positions, solution.disk_rotations
     assert positions is not None and rotations is not None

@@ -1355,7 +1355,7 @@ def test_a_part_of_what_the_file_left_out_can_be_set() -> None:
         lambda: bs.run_study("amouri2019"),
         lambda: bs.check_tendons("amouri2019", None),
         lambda: bs.read_measurements(ROOT / "examples" / "bench.csv", "amouri2019"),
-        lambda: bs.constant_curvature.robot_fk("amouri2019", [1, 2, 3]),
+        lambda: bs.constant_curvature.RobotArcs.from_lengths("amouri2019", [1, 2, 3]),
         lambda: bs.fem.check("amouri2019"),
         lambda: bs.load_robot(None),
         lambda: bs.load_robot(3),

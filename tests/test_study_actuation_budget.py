@@ -13,7 +13,7 @@ import pytest
 from rich.console import Console
 
 import bowstring as bs
-from bowstring.constant_curvature import arcs as arc
+from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.formatting import plain
 from bowstring.robot.model import Robot, with_tendons
@@ -62,9 +62,9 @@ def amouri() -> Robot:
 
 def pulls_for(robot: Robot, tension: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What the spools are told for the first of three tendons, and the tip that is meant."""
-    arcs = arc.robot_from_tensions(robot, np.outer(tension, [1, 0, 0]))
-    lengths = arc.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
-    meant = arc.robot_fk(robot, lengths).tip.position  # Eq. 5, from the commanded lengths
+    arcs = RobotArcs.from_tensions(robot, np.outer(tension, [1, 0, 0]))
+    lengths = arcs.lengths()
+    meant = RobotArcs.from_lengths(robot, lengths).tip.position  # Eq. 5, from the commanded lengths
     return robot.length - lengths - 0.01 * robot.length * np.array([0, 1, 1]), meant
 
 
@@ -78,7 +78,7 @@ def errors(tips: np.ndarray, others: np.ndarray) -> np.ndarray:
 def test_friction_is_that_of_a_path_up_and_down(paper: Study, amouri: Robot) -> None:
     rubbing = amouri.with_({DRIVE + "friction": ASSUMED_FRICTION})
     path = bs.sweep(rubbing, np.outer(UP_AND_DOWN, [1, 0, 0])).raise_for_status()
-    law = arc.robot_from_tensions(amouri, np.outer(UP[::3], [1, 0, 0])).tip.position
+    law = RobotArcs.from_tensions(amouri, np.outer(UP[::3], [1, 0, 0])).tip.position
     d = paper.budget.drive
     for effect, rows in (
         ("friction_loading", slice(0, 49, 3)),
@@ -88,7 +88,7 @@ def test_friction_is_that_of_a_path_up_and_down(paper: Study, amouri: Robot) -> 
         assert case.tip_position == pytest.approx(path.tip_position[rows], abs=1e-12)
         expected = errors(law, path.tip_position[rows])
         assert case.error("cc_from_force") == pytest.approx(expected, abs=1e-12)
-        from_lengths = arc.robot_fk(amouri, path.tendon_lengths[rows]).tip.position
+        from_lengths = RobotArcs.from_lengths(amouri, path.tendon_lengths[rows]).tip.position
         expected = errors(from_lengths, path.tip_position[rows])
         assert case.error("cc_from_lengths") == pytest.approx(expected, abs=1e-12)
         assert d.row(effect).base is paper.budget.sweep

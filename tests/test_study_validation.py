@@ -21,6 +21,7 @@ import pytest
 
 import bowstring as bs
 from bowstring.calibration.bootstrap import bootstrap
+from bowstring.constant_curvature import Arc, RobotArcs
 from bowstring.data.measurements import STANDARD_GRAVITY, Measurements, load, write_measurements
 from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError, NoSolutionError
@@ -166,13 +167,13 @@ def test_differences_are_model_minus_measurement_in_base_axes(
     raw = verdict.comparison("rod", "as_measured")
     expected = bs.solve_batch(robot, bench.tensions).tip_position - bench.tip
     assert raw.difference == pytest.approx(expected, abs=1e-9)
-    force = bs.constant_curvature.robot_from_tensions(robot, bench.tensions).tip.position
+    force = RobotArcs.from_tensions(robot, bench.tensions).tip.position
     shared = verdict.comparison("cc_from_force")
     assert shared.difference == pytest.approx(force - verdict.frame.apply(bench.tip), abs=1e-12)
     # lengths are those of the calibrated rod, as none were measured
     assert verdict.calibration is not None
     actual = bs.sweep(verdict.calibration.robot, bench.tensions)
-    lengths = bs.constant_curvature.robot_fk(robot, actual.tendon_lengths).tip.position
+    lengths = RobotArcs.from_lengths(robot, actual.tendon_lengths).tip.position
     assert verdict.comparison("cc_from_lengths").tip_position == pytest.approx(lengths, abs=1e-9)
     assert any("lengths were not measured" in note for note in verdict.notes)
 
@@ -182,12 +183,10 @@ def test_calibrated_constant_curvature_has_its_best_gain(
 ) -> None:
     (gain,) = verdict.gains.values()
     own = verdict.own_frames["cc_calibrated"]
-    angle = bs.constant_curvature.robot_from_tensions(robot, bench.tensions)
+    angle = RobotArcs.from_tensions(robot, bench.tensions)
 
     def mean(factor: float) -> float:
-        tips = bs.constant_curvature.pose(
-            factor * angle.kappa[:, 0], angle.phi[:, 0], angle.length[:, 0]
-        ).position
+        tips = Arc(factor * angle.kappa[:, 0], angle.phi[:, 0], robot.length).fk().position
         return float(np.linalg.norm(tips - own.apply(bench.tip), axis=1).mean())
 
     mine = verdict.comparison("cc_calibrated").mean
@@ -375,7 +374,7 @@ def test_a_robot_driven_by_pulls_knows_its_lengths() -> None:
     )
     found = judge_data(robot, data, 0.01)
     assert "cc_from_force" not in found.models
-    expected = bs.constant_curvature.robot_fk(robot, 0.641 - pulls).tip.position
+    expected = RobotArcs.from_lengths(robot, 0.641 - pulls).tip.position
     assert found.comparison("cc_from_lengths").tip_position == pytest.approx(expected)
     assert found.calibration is not None
     assert found.calibration.gain == pytest.approx(1.02, abs=2e-3)

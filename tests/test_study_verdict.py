@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bowstring.constant_curvature import arcs
+from bowstring.constant_curvature import Arc
 from bowstring.formatting import in_mm
 from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
@@ -25,7 +25,7 @@ def test_first_crossing_against_an_independent_sweep(paper: Study) -> None:
     robot = paper.robot
     tension = np.arange(50.0, 65.0, 0.01)
     sweep = rod.sweep(robot, np.column_stack([tension, 0 * tension, 0 * tension]))
-    tip = arcs.pose(tension * 0.029 / EI, 0.0, robot.length).position
+    tip = Arc(tension * 0.029 / EI, 0.0, robot.length).fk().position
     error = np.linalg.norm(tip - sweep.tip_position, axis=1)
     crossing = float(tension[np.argmax(error > 0.01 * robot.length)])
 

@@ -33,6 +33,8 @@ def short_repr(cls: Class) -> Class:
 
 
 def _brief(value: object) -> str:
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
     if isinstance(value, np.ndarray):
         if value.size <= _MOST and value.ndim == 1:
             form = "{:.6g}" if value.dtype.kind == "f" else "{}"

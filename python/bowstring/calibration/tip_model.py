@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bowstring.calibration.parameters import DRIVE, Setting, Unknown, Unknowns
 from bowstring.calibration.pieces import Pieces
-from bowstring.constant_curvature import arcs
+from bowstring.constant_curvature import Arc, RobotArcs
 from bowstring.errors import BowstringError, InputError
 from bowstring.robot.model import Robot
 from bowstring.statics import actuation
@@ -303,14 +303,10 @@ class TipModel:
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Constant curvature: the tendons' arcs, segment by segment, each bend times its gain."""
-        kappa, phi, length = _arcs_of(setting.robot, self.commands.pulled, given)
-        position, turned = np.zeros((len(given), 3)), np.eye(3)
-        bends = kappa * setting.bend_gain
-        for j in range(len(length)):
-            piece = arcs.pose(bends[:, j], phi[:, j], np.full(len(given), length[j]))
-            position = position + np.einsum("...ij,...j->...i", turned, piece.position)
-            turned = turned @ piece.rotation
-        return Prediction(position, np.array(turned), np.ones(len(given), bool), setting, given)
+        arc = _arcs_of(setting.robot, self.commands.pulled, given).arc
+        bent = Arc(arc.kappa * setting.bend_gain, arc.phi, arc.length)
+        position, turned = RobotArcs(setting.robot, bent).tip
+        return Prediction(position, turned, np.ones(len(given), bool), setting, given)
 
     # -- derivatives -------------------------------------------------------------------------
 
@@ -540,26 +536,13 @@ class _Exact:
         return _Column(whole, point, slack, tensions)
 
 
-def _arcs_of(robot: Robot, pulled: Bools, given: Floats) -> tuple[Floats, Floats, Floats]:
-    """Curvature and direction (K, S) of each segment's arc, and the lengths (S,) that they keep."""
-    lengths = np.array([segment.length for segment in robot.segments])
+def _arcs_of(robot: Robot, pulled: Bools, given: Floats) -> RobotArcs:
+    """Arcs (K, S) of segments that keep their lengths."""
     if not pulled.any():
-        by_force = arcs.robot_from_tensions(robot, given)
-        return by_force.kappa, by_force.phi, lengths
+        return RobotArcs.from_tensions(robot, given)
     if not pulled.all():
         raise InputError(
             "constant curvature needs all tendons by pull or all by tension, these rows mix both"
         )
-    tendons = robot.tendons
-    rest = robot.disks.station_m[tendons.end_disk] - given
-    kappa, phi = np.zeros((2, len(given), len(lengths)))
-    for j, length in enumerate(lengths):
-        own = np.flatnonzero(tendons.segment == j)
-        further = np.flatnonzero(tendons.segment > j)
-        angle, radius = tendons.angle_rad, tendons.pitch_radius_m
-        found = arcs.from_lengths(rest[:, own], angle[own], radius[own], length)
-        kappa[:, j], phi[:, j] = found.kappa, found.phi
-        if further.size:
-            holes = angle[further], radius[further]
-            rest[:, further] -= arcs.lengths(found.kappa, found.phi, length, *holes)
-    return kappa, phi, lengths
+    lengths = robot.disks.station_m[robot.tendons.end_disk] - given
+    return RobotArcs.from_lengths(robot, lengths, hold_length=True)

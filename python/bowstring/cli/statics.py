@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 import typer
 
-from bowstring import constant_curvature
 from bowstring.cli.driving import (
     Angle,
     Pull,
@@ -49,6 +48,7 @@ from bowstring.cli.output import (
     write_json,
     write_tables,
 )
+from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot, robot_names, robot_schema
@@ -109,7 +109,7 @@ def fk(
     values = per_tendon("--lengths", lengths, "m", model, above_zero=True)
     check_bare("--lengths", lengths, "m", model, _FAR * model.length, "mm")
     try:
-        arcs = constant_curvature.robot_fk(model, values, "chord" if chord else None)
+        arcs = RobotArcs.from_lengths(model, values, "chord" if chord else None)
     except InputError as error:
         raise InputError(f"--lengths: {error}") from None
     segments = _segments(arcs)
@@ -147,40 +147,28 @@ def ik(
         raise InputError(
             f"{model.name} has {len(model.segments)} segments; ik is for robots of one segment."
         )
-    if free_length:
-        kappa, phi, length = constant_curvature.through_tip(point)
-        miss = 0.0
-    else:
+    if not free_length:
         distance, reach = math.hypot(*point), model.length
         if distance > reach:
             raise InputError(
                 f"--tip: got a point {number_with_unit(distance, 'm')} from the base, out of "
                 f"reach: {model.name} is {number_with_unit(reach, 'm')} long."
             )
-        kappa, phi, nearest_miss = constant_curvature.nearest_tip(point, model.length)
-        length, miss = np.asarray(model.length), float(nearest_miss)
-    tendons = constant_curvature.robot_lengths(
-        model, kappa[None], phi[None], length[None], "chord" if chord else None
-    )
-    position, rotation = constant_curvature.pose(kappa, phi, length)
-    segment = {
-        "kappa_per_m": float(kappa),
-        "phi_rad": float(phi),
-        "theta_rad": float(kappa * length),
-        "length_m": float(length),
-    }
+    arcs = RobotArcs.ik(model, point, "chord" if chord else None, free_length=free_length)
+    segments, tendons, miss = _segments(arcs), arcs.lengths(), float(arcs.misfit[0])
     result = {
-        "segments": [segment],
+        "segments": segments,
         "tendon_lengths_m": tendons,
         "miss_m": miss,
-        "tip": frame(position, rotation),
+        "tip": frame(arcs.tip.position, arcs.tip.rotation),
         **provenance_of(model, tip_m=point, free_length=free_length, chord=chord),
     }
     if as_json:
         return write_json(result)
     write_tables(
-        _arc_table([segment]),
-        tip_line(position, rotation) + f"; misses the point by {1e3 * miss:.3f} mm",
+        _arc_table(segments),
+        tip_line(arcs.tip.position, arcs.tip.rotation)
+        + f"; misses the point by {1e3 * miss:.3f} mm",
         _tendon_table(model, tendons),
     )
 
@@ -264,7 +252,7 @@ def solve(
         )
 
 
-def _segments(arcs: constant_curvature.RobotArcs) -> list[dict[str, float]]:
+def _segments(arcs: RobotArcs) -> list[dict[str, float]]:
     columns = (arcs.kappa, arcs.phi, arcs.theta, arcs.length)
     names = ("kappa_per_m", "phi_rad", "theta_rad", "length_m")
     return [dict(zip(names, map(float, row), strict=True)) for row in zip(*columns, strict=True)]

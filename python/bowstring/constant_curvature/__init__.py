@@ -1,63 +1,8 @@
 """Constant curvature: arcs, tendon lengths, poses, forces; arcs from measured points."""
 
-from bowstring.constant_curvature.arcs import (
-    Arc,
-    FittedArc,
-    NearestArc,
-    Pose,
-    RobotArcs,
-    bend,
-    disk_frames,
-    from_bend,
-    from_force,
-    from_force_arm,
-    from_lengths,
-    from_lengths_chord,
-    jacobian_from_lengths,
-    jacobian_lengths,
-    jacobian_pose,
-    jacobian_tip_from_lengths,
-    lengths,
-    nearest_tip,
-    pose,
-    robot_fk,
-    robot_from_tensions,
-    robot_ik,
-    robot_jacobian,
-    robot_lengths,
-    through_tip,
-    tip_from_lengths,
-)
+from bowstring.constant_curvature.arc import Arc, Routing
+from bowstring.constant_curvature.robot_arcs import RobotArcs
+from bowstring.constant_curvature.series import Pose
 from bowstring.constant_curvature.shape import ArcFit, Profile, fit_arcs
 
-__all__ = [
-    "Arc",
-    "ArcFit",
-    "FittedArc",
-    "NearestArc",
-    "Pose",
-    "Profile",
-    "RobotArcs",
-    "bend",
-    "disk_frames",
-    "fit_arcs",
-    "from_bend",
-    "from_force",
-    "from_force_arm",
-    "from_lengths",
-    "from_lengths_chord",
-    "jacobian_from_lengths",
-    "jacobian_lengths",
-    "jacobian_pose",
-    "jacobian_tip_from_lengths",
-    "lengths",
-    "nearest_tip",
-    "pose",
-    "robot_fk",
-    "robot_from_tensions",
-    "robot_ik",
-    "robot_jacobian",
-    "robot_lengths",
-    "through_tip",
-    "tip_from_lengths",
-]
+__all__ = ["Arc", "ArcFit", "Pose", "Profile", "RobotArcs", "Routing", "fit_arcs"]

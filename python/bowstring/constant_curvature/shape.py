@@ -15,14 +15,15 @@ from 1.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import bowstring._core as _core
+from bowstring.constant_curvature.series import Pose, series_jacobian, series_pose
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.validation import floats, is_whole, shown
 
@@ -30,11 +31,12 @@ __all__ = ["ArcFit", "Profile", "fit_arcs"]
 
 Array = NDArray[np.float64]
 
-_CHUNK: Final = 200_000  # points fitted at once, for memory
 _STARTS: Final = np.linspace(-4.0 * np.pi, 4.0 * np.pi, 51)  # bends tried at first, rad
-_STEPS: Final = 500
-_GAUSS_NEWTON: Final = 30  # steps; what is left over then gets full Newton steps
+_EVALUATIONS: Final = 5000
+_TOLERANCE: Final = 1e-12  # of least squares: relative, on cost, step and gradient
 _STRAIGHT: Final = 1e-12  # rad; no direction of bending below
+_Y: Final = np.array([0.0, 1.0, 0.0])
+_CROSS: Final = np.cross(np.eye(3)[:, None], np.eye(3)).reshape(3, 9)  # a x b = b (a _CROSS)
 
 
 class Profile(NamedTuple):
@@ -74,7 +76,7 @@ class ArcFit:
     plane's first axis is here the third, its second the first."""
     bend: Array
     """Bends (K, m, 2) of the pieces, rad, each over its own length: rotation about y and about -x
-    of the frame that it starts with, as in `bowstring.constant_curvature.arcs`."""
+    of the frame that it starts with, as in `bowstring.constant_curvature.arc`."""
 
     def __len__(self) -> int:
         return len(self.length)
@@ -107,7 +109,7 @@ class ArcFit:
         Shape (K, m, D), rad, in the axes of the points.
         """
         starts = np.arange(self.pieces) / self.pieces
-        _, frames = _chain(self.frame, self.bend, np.broadcast_to(starts, (len(self), self.pieces)))
+        frames = _along(self.frame, self.bend, starts).rotation
         flat = np.concatenate([self.bend, np.zeros_like(self.bend[..., :1])], axis=-1)
         return _from_space((frames @ flat[..., None])[..., 0] * self.pieces, self.dimensions)
 
@@ -144,7 +146,7 @@ class ArcFit:
         spacing = np.diff(self.fraction)
         local = turn / (0.5 * (spacing[:, 1:] + spacing[:, :-1]))[..., None]
         inner = self.fraction[:, 1:-1]
-        _, frames = _chain(self.frame, self.bend, inner)
+        frames = _along(self.frame, self.bend, inner).rotation
         body = (np.swapaxes(frames, -1, -2) @ local[..., None])[..., 0]
         # the axis of a bend towards x is y, towards y it is -x
         shape = np.stack([body[..., 1], -body[..., 0]], axis=-1)
@@ -166,9 +168,8 @@ class ArcFit:
 
     def curve(self, fraction: ArrayLike) -> Array:
         """The arcs (K, n, D) at shares (n,) of their length, over length."""
-        places = floats(fraction)
-        places = np.broadcast_to(places, (len(self), places.size))
-        return _from_space(_chain(self.frame, self.bend, places)[0], self.dimensions)
+        pose = _along(self.frame, self.bend, floats(fraction).reshape(-1))
+        return _from_space(pose.position, self.dimensions)
 
     def profile(self, places: int = 21) -> Profile:
         """Where along the robot the arcs fail.
@@ -240,13 +241,13 @@ def fit_arcs(points: ArrayLike, pieces: int = 1, stations: ArrayLike | None = No
 
     Notes
     -----
-    Levenberg-Marquardt in bend coordinates, which are smooth through the straight shape, on all
-    shapes at once. A single arc starts from the best of many bending angles up to two full turns,
-    each with its best direction in closed form; several pieces start from that arc and from the
-    turns of the polyline, and the better end is kept.
+    Levenberg-Marquardt (`scipy.optimize.least_squares`) in bend coordinates, which are smooth
+    through the straight shape. A single arc starts from the best of many bending angles up to two
+    full turns, each with its best direction in closed form; several pieces start from that arc and
+    from the turns of the polyline, and the better end is kept.
     """
     rows, fraction, length = _checked(points, stations)
-    count, number = fraction.shape
+    number = fraction.shape[1]
     if not is_whole(pieces) or pieces < 1:
         raise InputError(f"pieces is {shown(pieces)}, it must be a whole number of 1 or more")
     m = int(pieces)
@@ -264,18 +265,13 @@ def fit_arcs(points: ArrayLike, pieces: int = 1, stations: ArrayLike | None = No
             )
     dimensions = rows.shape[-1]
     target = _to_space((rows - rows[:, :1]) / length[:, None, None])
-    frame, bend = np.empty((count, 3, 3)), np.empty((count, m, 2))
-    step = max(1, _CHUNK // number)
-    for begin in range(0, count, step):
-        part = slice(begin, begin + step)
-        frame[part], bend[part] = _fit(target[part], fraction[part], m, dimensions == 2, begin)
-    fitted, _ = _chain(frame, bend, fraction)
+    frame, bend = _fit(target, fraction, m, dimensions == 2)
     return ArcFit(
         m,
         length,
         fraction,
         _from_space(target, dimensions),
-        _from_space(fitted, dimensions),
+        _from_space(_along(frame, bend, fraction).position, dimensions),
         frame,
         bend,
     )
@@ -361,94 +357,94 @@ def _interpolated(grid: Array, at: Array, values: Array) -> Array:
 # -- arcs in a row -----------------------------------------------------------------------------
 
 
-def _parts(bend: Array, fraction: Array) -> list[Array]:
-    """What of each piece lies before each point, as bend coordinates (K P, 3)."""
-    m = bend.shape[1]
-    out = []
-    for i in range(m):
-        share = np.clip(fraction * m - i, 0.0, 1.0)[..., None]
-        rows = np.concatenate([share * bend[:, None, i], share / m], axis=-1)
-        out.append(np.ascontiguousarray(rows.reshape(-1, 3)))
-    return out
+def _along(frame: Array, bend: Array, fraction: Array) -> Pose:
+    """Poses (K, P) at shares (K, P) or (P,) of the length of arcs from frames (K, 3, 3)."""
+    arcs = _arcs(bend)[:, None]
+    return Pose(np.zeros(3), frame[:, None]) @ series_pose(arcs, _shares(fraction, bend.shape[1]))
 
 
-def _chain(frame: Array, bend: Array, fraction: Array) -> tuple[Array, Array]:
-    """Positions (K, P, 3) and rotations (K, P, 3, 3) along arcs in a row."""
-    shape = fraction.shape
-    position = np.zeros((*shape, 3))
-    rotation = np.broadcast_to(frame[:, None], (*shape, 3, 3))
-    for rows in _parts(bend, fraction):
-        step, turn = _core.arc_pose(rows)
-        position = position + (rotation @ step.reshape(*shape, 3, 1))[..., 0]
-        rotation = rotation @ turn.reshape(*shape, 3, 3)
-    return position, rotation
+def _arcs(bend: Array) -> Array:
+    """Bend coordinates (..., m, 3) of equal pieces of a backbone of length 1."""
+    m = bend.shape[-2]
+    return np.concatenate([bend, np.full((*bend.shape[:-1], 1), 1.0 / m)], axis=-1)
 
 
-def _jacobian(frame: Array, bend: Array, fraction: Array, planar: bool) -> tuple[Array, Array]:
-    """Positions (K, P, 3), and their derivative (K, P, 3, n) by start direction and bends."""
-    shape, m = fraction.shape, bend.shape[1]
-    end, _ = _chain(frame, bend, fraction)
-    position = np.zeros((*shape, 3))
-    rotation = np.broadcast_to(frame[:, None], (*shape, 3, 3))
-    # turns of the start about its own x and y; in a plane only about y
-    axes = np.swapaxes(frame[:, :, 1:2] if planar else frame[:, :, :2], 1, 2)[:, None]
-    columns = [np.swapaxes(np.cross(axes, end[:, :, None]), -1, -2)]
-    for i, rows in enumerate(_parts(bend, fraction)):
-        step, turn = _core.arc_pose(rows)
-        share = np.clip(fraction * m - i, 0.0, 1.0)[..., None, None]
-        local = _core.arc_pose_jacobian(rows)[:, :, : 1 if planar else 2].reshape(*shape, 6, -1)
-        position = position + (rotation @ step.reshape(*shape, 3, 1))[..., 0]
-        by = rotation @ (local[..., :3, :] * share)
-        spin = rotation @ (local[..., 3:, :] * share)
-        # what lies beyond is carried along
-        columns.append(by + np.cross(spin, (end - position)[..., None], axis=2))
-        rotation = rotation @ turn.reshape(*shape, 3, 3)
-    return end, np.concatenate(columns, axis=-1)
-
-
-def _rotation(turn: Array) -> Array:
-    """Matrices (K, 3, 3) of rotation vectors (K, 3)."""
-    from scipy.spatial.transform import Rotation  # 0.2 s, which an arc does not need
-
-    return np.asarray(Rotation.from_rotvec(turn).as_matrix())
-
-
-def _moved(frame: Array, bend: Array, step: Array, planar: bool) -> tuple[Array, Array]:
-    turn = np.zeros((len(step), 3))
-    if planar:
-        turn[:, 1] = step[:, 0]
-        bends = np.stack([step[:, 1:], np.zeros_like(step[:, 1:])], axis=-1)
-    else:
-        turn[:, :2] = step[:, :2]
-        bends = step[:, 2:].reshape(bend.shape)
-    return frame @ _rotation(turn), bend + bends
+def _shares(fraction: Array, m: int) -> Array:
+    """Share (..., m) of each piece that lies before each point."""
+    return np.clip(fraction[..., None] * m - np.arange(m), 0.0, 1.0)
 
 
 # -- the fit -----------------------------------------------------------------------------------
 
 
-def _fit(target: Array, fraction: Array, m: int, planar: bool, offset: int) -> tuple[Array, Array]:
+class _Found(NamedTuple):
+    cost: float
+    frame: Array
+    bend: Array
+    converged: bool
+
+
+def _fit(target: Array, fraction: Array, m: int, planar: bool) -> tuple[Array, Array]:
     """Start frames (K, 3, 3) and bends (K, m, 2) of the best arcs."""
-    frame, bend, done = _descend(target, fraction, *_best_start(target, fraction, planar), planar)
+    frame, bend = _best_start(target, fraction, planar)
+    starts = [(frame, np.repeat(bend / m, m, axis=1))]
     if m > 1:
-        whole = frame, np.repeat(bend / m, m, axis=1)
-        turned = _turned_start(target, fraction, m, planar)
-        frame, bend, done = _descend(target, fraction, *whole, planar)
-        others = _descend(target, fraction, *turned, planar)
-        second = _cost(target, fraction, *others[:2]) < _cost(target, fraction, frame, bend)
-        for kept, other in zip((frame, bend, done), others, strict=True):
-            kept[second] = other[second]
-    if not done.all():
-        raise NoSolutionError(
-            f"row {offset + int(np.argmin(done)) + 1}: the best arc was not found in {_STEPS} "
-            "steps, the shape may be none of a backbone"
-        )
-    return frame, bend
+        starts.append(_turned_start(target, fraction, m, planar))
+    frames, bends = np.empty_like(frame), np.empty((len(target), m, 2))
+    for k, share in enumerate(_shares(fraction, m)):
+        ends = [_least_squares(target[k], share, f[k], b[k], planar) for f, b in starts]
+        best = min(ends, key=lambda end: end.cost)
+        if not best.converged:
+            raise NoSolutionError(
+                f"row {k + 1}: the best arc was not found in {_EVALUATIONS} evaluations, the shape "
+                "may be none of a backbone"
+            )
+        frames[k], bends[k] = best.frame, best.bend
+    return frames, bends
 
 
-def _cost(target: Array, fraction: Array, frame: Array, bend: Array) -> Array:
-    """Sums of squares (K,)."""
-    return np.asarray(np.sum((_chain(frame, bend, fraction)[0] - target) ** 2, axis=(1, 2)))
+def _least_squares(points: Array, share: Array, frame: Array, bend: Array, planar: bool) -> _Found:
+    """The arcs nearest to points (P, 3) from a start, by Levenberg-Marquardt (MINPACK).
+
+    Unknowns are turns of the start frame, about its x and then its y, in a plane about y alone, and
+    changes of the bends. Residuals are in the axes of the start frame.
+    """
+    from scipy.optimize import least_squares  # 0.2 s, which an arc does not need
+
+    axes = 1 if planar else 2
+
+    def moved(unknowns: Array) -> tuple[Array, Array]:
+        about_x, about_y = (0.0, *unknowns[:1]) if planar else unknowns[:2]
+        (c, s), (cx, sx) = ((math.cos(a), math.sin(a)) for a in (about_y, about_x))
+        turn = np.array([[c, 0.0, s], [sx * s, cx, -sx * c], [-cx * s, sx, cx * c]])
+        bends = bend.copy()
+        bends[:, :axes] += unknowns[axes:].reshape(-1, axes)
+        return turn, bends
+
+    @lru_cache(maxsize=1)
+    def evaluated(key: bytes) -> tuple[Array, Array]:
+        turn, bends = moved(np.frombuffer(key))
+        pose, by = series_jacobian(_arcs(bends), share)
+        seen = points @ (frame @ turn)
+        # a turn of the frame moves what is seen from it the other way
+        spins = np.array([turn[0], _Y])[-axes:]
+        by_turn = seen @ (spins @ _CROSS).reshape(axes, 3, 3)
+        by_bend = by.reshape(len(share), 6, -1, 3)[:, :3, :, :axes].reshape(len(share), 3, -1)
+        whole = np.concatenate([by_turn.transpose(1, 2, 0), by_bend], axis=-1)
+        return (pose.position - seen).reshape(-1), whole.reshape(seen.size, -1)
+
+    found = least_squares(
+        lambda x: evaluated(x.tobytes())[0],
+        np.zeros(axes * (1 + len(bend))),
+        jac=lambda x: evaluated(x.tobytes())[1],
+        method="lm",
+        ftol=_TOLERANCE,
+        xtol=_TOLERANCE,
+        gtol=_TOLERANCE,
+        max_nfev=_EVALUATIONS,
+    )
+    turn, bends = moved(found.x)
+    return _Found(float(found.cost), frame @ turn, bends, bool(found.success))
 
 
 def _best_start(target: Array, fraction: Array, planar: bool) -> tuple[Array, Array]:
@@ -495,6 +491,8 @@ def _rotation_part(overlap: Array) -> Array:
 
 def _turned_start(target: Array, fraction: Array, m: int, planar: bool) -> tuple[Array, Array]:
     """Pieces that turn as the polyline does, in the best direction."""
+    from scipy.spatial.transform import Rotation
+
     sides = np.diff(target, axis=1)
     frame = _frame_along(sides[:, 0], planar)
     bend = np.zeros((len(target), m, 2))
@@ -505,10 +503,10 @@ def _turned_start(target: Array, fraction: Array, m: int, planar: bool) -> tuple
         body = (np.swapaxes(carried, 1, 2) @ turns[:, p, :, None])[..., 0]
         bend[rows, piece[:, p], 0] += body[:, 1]
         bend[rows, piece[:, p], 1] -= body[:, 0]
-        carried = _rotation(turns[:, p]) @ carried
+        carried = Rotation.from_rotvec(turns[:, p]).as_matrix() @ carried
     if planar:
         bend[..., 1] = 0.0
-    overlap = np.swapaxes(target, 1, 2) @ _chain(frame, bend, fraction)[0]
+    overlap = np.swapaxes(target, 1, 2) @ _along(frame, bend, fraction).position
     if planar:
         return _with_columns(_rotation_part(overlap[..., [0, 2]])) @ frame, bend
     u, _, v = np.linalg.svd(overlap)
@@ -533,68 +531,3 @@ def _turns(before: Array, after: Array) -> Array:
     size = np.linalg.norm(cross, axis=-1, keepdims=True)
     angle = np.arctan2(size, np.sum(before * after, axis=-1, keepdims=True))
     return np.asarray(np.where(size > 0, cross / np.where(size > 0, size, 1.0), 0.0) * angle)
-
-
-def _descend(
-    target: Array, fraction: Array, frame: Array, bend: Array, planar: bool
-) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Levenberg-Marquardt on all shapes at once; the last (K,) says which are done."""
-    frame, bend = frame.copy(), bend.copy()
-    active = np.arange(len(target))
-    damping = np.full(len(target), 1e-3)
-    for n in range(_STEPS):
-        f, b, s, wanted = frame[active], bend[active], fraction[active], target[active]
-        cost, gradient, normal = _slope(wanted, s, f, b, planar)
-        if n >= _GAUSS_NEWTON:  # slow where much is left of the shape
-            normal = _curved(wanted, s, f, b, planar)
-        diagonal = np.einsum("kii->ki", normal)
-        scale = diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True)
-        damped = normal + np.einsum(
-            "ki,ij->kij", damping[active, None] * scale, np.eye(len(scale.T))
-        )
-        step = -np.linalg.solve(damped, gradient[..., None])[..., 0]
-        tried_frame, tried_bend = _moved(f, b, step, planar)
-        tried = _cost(wanted, s, tried_frame, tried_bend)
-        good = tried <= cost
-        to = active[good]
-        frame[to], bend[to] = tried_frame[good], tried_bend[good]
-        damping[active] *= np.where(good, 0.1, 10.0)
-        # done: a full step moves nothing, or promises less than rounding takes
-        small = np.abs(step).max(axis=1) < 1e-12
-        expected = -np.sum(gradient * step, axis=1)
-        rounding = expected <= 1e-16 * cost + 1e-30
-        hopeless = (damping[active] > 1e12) & (expected <= 1e-12 * cost)
-        damping[active] = np.clip(damping[active], 1e-15, 1e15)
-        active = active[~((small & good) | rounding | hopeless)]
-        if not active.size:
-            break
-    done = np.ones(len(target), dtype=bool)
-    done[active] = False
-    return frame, bend, done
-
-
-def _slope(
-    target: Array, fraction: Array, frame: Array, bend: Array, planar: bool
-) -> tuple[Array, Array, Array]:
-    """Sums of squares (K,), half their gradient (K, n), and Gauss-Newton's matrix (K, n, n)."""
-    place, by = _jacobian(frame, bend, fraction, planar)
-    residual = (place - target).reshape(len(target), -1, 1)
-    rows = by.reshape(len(target), -1, by.shape[-1])
-    turned = np.swapaxes(rows, 1, 2)
-    return np.sum(residual[..., 0] ** 2, axis=1), (turned @ residual)[..., 0], turned @ rows
-
-
-def _curved(target: Array, fraction: Array, frame: Array, bend: Array, planar: bool) -> Array:
-    """Newton's matrix (K, n, n) by differences of the gradient, its eigenvalues made positive."""
-    columns = []
-    for unit in np.eye(1 + bend.shape[1] if planar else 2 + 2 * bend.shape[1]) * 1e-5:
-        ahead, behind = (
-            _slope(
-                target, fraction, *_moved(frame, bend, np.tile(by, (len(bend), 1)), planar), planar
-            )[1]
-            for by in (unit, -unit)
-        )
-        columns.append((ahead - behind) / 2e-5)
-    matrix = np.stack(columns, axis=-1)
-    values, vectors = np.linalg.eigh(0.5 * (matrix + np.swapaxes(matrix, 1, 2)))
-    return np.asarray((vectors * np.abs(values)[:, None]) @ np.swapaxes(vectors, 1, 2))

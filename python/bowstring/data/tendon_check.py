@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import constant_curvature
+from bowstring.constant_curvature import Arc, RobotArcs
 from bowstring.data.rigid import align
 from bowstring.errors import BowstringError
 from bowstring.formatting import in_mm, listed, significant
@@ -491,16 +491,10 @@ def _capped(bends: Floats) -> float:
 
 def _tips(robot: Robot, bends: Floats, tool: Floats) -> tuple[Floats, Floats]:
     """Measured point and direction of the tip (n, 3) of segments in series."""
-    n = len(bends)
-    position, rotation = np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3))
-    for j, segment in enumerate(robot.segments):
-        x, y = bends[:, j].T
-        pose = constant_curvature.pose(
-            np.hypot(x, y) / segment.length, np.arctan2(y, x), segment.length
-        )
-        position = position + (rotation @ pose.position[..., None])[..., 0]
-        rotation = rotation @ pose.rotation
-    return position + rotation @ tool, rotation[..., 2]
+    length = [segment.length for segment in robot.segments]
+    x, y = np.moveaxis(bends, -1, 0)
+    tip = RobotArcs(robot, Arc(np.hypot(x, y) / length, np.arctan2(y, x), length)).tip
+    return tip.position + tip.rotation @ tool, tip.rotation[..., 2]
 
 
 def _spread(points: Floats) -> float:

@@ -23,7 +23,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import constant_curvature
+from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
@@ -449,12 +449,10 @@ class _Commanded:
 
     def __init__(self, model: Model, tension: Array) -> None:
         robot = model.robot
-        arcs = constant_curvature.robot_from_tensions(
-            robot, model.tensions(model.arc_scale * tension)
-        )
+        arcs = RobotArcs.from_tensions(robot, model.tensions(model.arc_scale * tension))
         self.tip = arcs.tip.position
         """(n, 3) that constant curvature means by these lengths, m."""
-        self.lengths = constant_curvature.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+        self.lengths = arcs.lengths()
         straight = robot.disks.station_m[robot.tendons.end_disk]
         # A tendon with pretension is meant to stay tight; one without is given room, so that it
         # hangs and does not fight the pulled one over what the arc gets wrong.

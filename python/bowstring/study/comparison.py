@@ -16,7 +16,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.constant_curvature import arcs
+from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison, known_max, known_mean
 from bowstring.display import short_repr
 from bowstring.errors import BowstringError
@@ -245,16 +245,16 @@ class Model:
         return self._rows(lengths, self._from_lengths_chord)
 
     def _from_force(self, tensions: Array) -> Array:
-        return arcs.robot_from_tensions(self.robot, tensions, law="linear").tip.position
+        return RobotArcs.from_tensions(self.robot, tensions, law="linear").tip.position
 
     def _from_force_arm(self, tensions: Array) -> Array:
-        return arcs.robot_from_tensions(self.robot, tensions, law="arm").tip.position
+        return RobotArcs.from_tensions(self.robot, tensions, law="arm").tip.position
 
     def _from_lengths(self, lengths: Array) -> Array:
-        return arcs.robot_fk(self.robot, lengths).tip.position
+        return RobotArcs.from_lengths(self.robot, lengths).tip.position
 
     def _from_lengths_chord(self, lengths: Array) -> Array:
-        return arcs.robot_fk(self.robot, lengths, correction="chord").tip.position
+        return RobotArcs.from_lengths(self.robot, lengths, correction="chord").tip.position
 
     @staticmethod
     def _rows(values: Array, function: Callable[[Array], Array]) -> Array:

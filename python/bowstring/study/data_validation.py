@@ -38,7 +38,7 @@ from bowstring.calibration.bootstrap import (
 )
 from bowstring.calibration.fitting import Estimate
 from bowstring.calibration.residual_tests import NoiseTest, noise_test
-from bowstring.constant_curvature import arcs
+from bowstring.constant_curvature import RobotArcs
 from bowstring.data.measurements import Measurements
 from bowstring.data.registration import fit_model
 from bowstring.data.rigid import Rigid
@@ -628,8 +628,8 @@ def _points(
         )
     for name, correction in (("cc_from_lengths", None), ("cc_from_lengths_chord", "chord")):
 
-        def by_lengths(rows: Array, correction: Any = correction) -> arcs.RobotArcs:
-            return arcs.robot_fk(robot, rows, correction)
+        def by_lengths(rows: Array, correction: Any = correction) -> RobotArcs:
+            return RobotArcs.from_lengths(robot, rows, correction)
 
         out |= _by_arcs(name, by_lengths, lengths, data, why)
     if np.isnan(data.tensions).any():
@@ -640,8 +640,8 @@ def _points(
     else:
         for name, law in (("cc_from_force", "linear"), ("cc_from_force_arm", "arm")):
 
-            def by_force(rows: Array, law: Any = law) -> arcs.RobotArcs:
-                return arcs.robot_from_tensions(robot, rows, law=law)
+            def by_force(rows: Array, law: Any = law) -> RobotArcs:
+                return RobotArcs.from_tensions(robot, rows, law=law)
 
             out |= _by_arcs(name, by_force, data.tensions, data, why)
     for name, found in out.items():
@@ -689,7 +689,7 @@ def _is_worse(
 
 def _by_arcs(
     name: str,
-    function: Callable[[Array], arcs.RobotArcs],
+    function: Callable[[Array], RobotArcs],
     values: Array,
     data: Measurements,
     why: list[str],

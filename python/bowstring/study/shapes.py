@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring import constant_curvature
+from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import BowstringError
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
@@ -75,9 +75,9 @@ def backbones(study: Study) -> Backbones:
     for name in MEANINGS:
         try:
             if name == "cc_from_lengths":
-                arcs = constant_curvature.robot_fk(model.robot, statics.tendon_lengths[last])
+                arcs = RobotArcs.from_lengths(model.robot, statics.tendon_lengths[last])
             else:
-                arcs = constant_curvature.robot_from_tensions(model.robot, tensions)
+                arcs = RobotArcs.from_tensions(model.robot, tensions)
         except BowstringError:  # no arc has these lengths
             continue
         away = np.linalg.norm(arcs.disk_positions - disks, axis=-1)

@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import bowstring._core as _core
-from bowstring import constant_curvature
+from bowstring.constant_curvature import RobotArcs
 from bowstring.data.tip_errors import Comparison
 from bowstring.display import html_table, short_repr
 from bowstring.errors import BowstringError, InputError, NoSolutionError
@@ -85,6 +85,7 @@ SCHEMA_VERSION: Final = 1
 _MAX_BEND: Final = math.radians(80.0)
 _FARTHEST: Final = 16.0  # times the load that the linear law bends so far: no range in gravity ends
 _TRIED: Final = 33  # loads, of which the range in gravity is found
+_BACKBONE_POINTS: Final = 25  # of each segment
 
 
 @dataclass(frozen=True)
@@ -740,9 +741,9 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     """Shorten the pulled tendon as the linear law would, the others follow at constant length."""
     robot = model.robot
     tension = np.linspace(0.0, settings.max_tension, settings.points)
-    arcs = constant_curvature.robot_from_tensions(robot, model.tensions(model.arc_scale * tension))
+    arcs = RobotArcs.from_tensions(robot, model.tensions(model.arc_scale * tension))
     try:
-        lengths = constant_curvature.robot_lengths(robot, arcs.kappa, arcs.phi, arcs.length)
+        lengths = arcs.lengths()
     except BowstringError:
         turns = settings.max_tension * model.linear_bend_of_all / math.tau
         raise InputError(
@@ -753,33 +754,18 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     # Eq. 5 proper: from the lengths. It needs three tendons a segment and lengths that some arc
     # has; a robot without them keeps the arcs the lengths came from, which are the same ones.
     with suppress(InputError):
-        arcs = constant_curvature.robot_fk(robot, lengths)
+        arcs = RobotArcs.from_lengths(robot, lengths)
     straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
     return GeometricSweep(
         pull=straight - lengths[:, settings.tendon],
         tendon_lengths=lengths,
-        theta=arcs.kappa * arcs.length,
+        theta=arcs.theta,
         tip_position=arcs.tip.position,
         disk_positions=arcs.disk_positions,
         disk_rotations=arcs.disk_rotations,
-        backbone=_backbone(arcs),
+        backbone=arcs.centerline(_BACKBONE_POINTS),
         scale=model.arc_scale,
     )
-
-
-def _backbone(arcs: constant_curvature.RobotArcs, per_segment: int = 24) -> Array:
-    """Points along the arcs (n, P, 3), the base first, m."""
-    n, segments = arcs.kappa.shape
-    start, turn = np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3))
-    parts = [start[:, None]]
-    share = np.arange(1, per_segment + 1) / per_segment
-    for k in range(segments):
-        kappa, phi, length = (v[:, k, None] for v in (arcs.kappa, arcs.phi, arcs.length))
-        pose = constant_curvature.pose(kappa, phi, length, length * share)
-        points = start[:, None] + np.einsum("nij,npj->npi", turn, pose.position)
-        parts.append(points)
-        start, turn = points[:, -1], turn @ pose.rotation[:, -1]
-    return np.concatenate(parts, axis=1)
 
 
 def _statics(model: Model, settings: Settings) -> Statics:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from bowstring.robot.model import Robot
 from bowstring.viz.style import LIGHT, WIDTH
@@ -58,7 +59,7 @@ def _mode(modes: Modes, k: int) -> Figure:
     moved = _shape(
         robot,
         modes.position + scale * shift,
-        modes.orientation @ _rotations(scale * turn),
+        modes.orientation @ Rotation.from_rotvec(scale * turn).as_matrix(),
     )
     if modes.kind[k] == "torsion":
         drawn = f"drawn with {math.degrees(scale * spin):.0f} deg at the largest rotation"
@@ -118,15 +119,3 @@ def _shape(robot: Robot, position: Array, frames: Array) -> list[tuple[Array, fl
         last = int(end) + 2
         lines.append((position[:last] + frames[:last] @ hole, 0.8))
     return lines
-
-
-def _rotations(vectors: Array) -> Array:
-    """Rotation matrices (N, 3, 3) of rotation vectors (N, 3), Rodrigues."""
-    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
-    x, y, z = vectors.T
-    none = np.zeros_like(x)
-    cross = np.stack([none, -z, y, z, none, -x, -y, x, none], axis=1).reshape(-1, 3, 3)
-    # sinc(t / pi) is sin(t) / t
-    once, twice = np.sinc(angle / math.pi), 0.5 * np.sinc(angle / math.tau) ** 2
-    result: Array = np.eye(3) + once * cross + twice * cross @ cross
-    return result

@@ -1,0 +1,464 @@
+"""Constant curvature of one segment: tendon lengths or tensions to arcs, arcs to poses, and back.
+
+The backbone of a segment is one circular arc, as in section 3 of the source study [1]_. All of it
+is pure geometry but for the two force laws, and works on arrays: every argument may have leading
+dimensions, which broadcast. All numbers are SI and radians.
+
+An arc has a curvature kappa (1/m), a direction of bending phi (from x towards y) and a length (m);
+its bending angle is theta = kappa * length. Tendon i sits at the angle alpha_i (from x towards y)
+and the pitch radius r_i, so the tendon on the inside of a bend is shorter::
+
+    l_i = length - theta r_i cos(phi - alpha_i)
+
+The frame of a pose is the segment's start, z along the straight backbone; a rotation maps body to
+that frame and holds no twist, Rz(phi) Ry(theta) Rz(-phi).
+
+Curvature and direction are singular where the arc is straight, so the *bend coordinates*
+(theta cos(phi), theta sin(phi), length) carry the computation and are what Jacobians refer to
+unless asked otherwise; in them nothing is special about the straight pose.
+
+The tip is that of the study's Eq. 1, z = sin(theta)/kappa, also from tendon lengths. Its Eq. 5,
+which is Eq. 1 with the lengths put in, is printed with twice this z: it would put the straight
+robot's tip at twice its length.
+
+Bad input raises `bowstring.errors.InputError`; "row" in its text counts along the flattened leading
+dimensions.
+
+References
+----------
+.. [1] Amouri 2019, section 3: forward kinematics under constant curvature, Eq. 1 to 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import bowstring._core as _core
+from bowstring.constant_curvature.series import Pose
+from bowstring.display import short_repr
+from bowstring.errors import InputError
+from bowstring.robot.arrays import frozen
+
+__all__ = ["Arc", "Routing"]
+
+Array = NDArray[np.float64]
+Coordinates = Literal["bend", "curvature"]
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, init=False)
+class Routing:
+    """Routing of the tendons of one segment: their holes, and how they run between disks.
+
+    ``routing[index]`` selects tendons.
+    """
+
+    holes: Array
+    """Positions x, y of the holes (T, 2), m."""
+    shares: Array
+    """Share of each module in the segment's length (n,); empty where tendons run parallel to the
+    backbone."""
+
+    def __init__(
+        self, angles: ArrayLike, radii: ArrayLike, modules: int | ArrayLike | None = None
+    ) -> None:
+        """Make a routing from angles and pitch radii.
+
+        Parameters
+        ----------
+        angles : array_like (T,)
+            Tendon angles alpha, rad from x towards y.
+        radii : array_like (T,) or float
+            Pitch radii, m.
+        modules : int or array_like (n,), optional
+            If given, tendons run straight from disk to disk: number of equal modules, or their
+            lengths in any unit. Otherwise they run parallel to the backbone.
+        """
+        alpha, r = to_array("angles", angles), to_array("radii", radii)
+        if alpha.ndim != 1:
+            raise InputError(f"angles must be a list, one a tendon, got shape {alpha.shape}")
+        if r.shape not in ((), alpha.shape):
+            raise InputError(
+                f"radii must be one number or one a tendon ({alpha.size}), got shape {r.shape}"
+            )
+        if not np.all(np.isfinite(alpha)):
+            raise InputError(f"angles must be finite, got {alpha.tolist()} rad")
+        if not np.all((r >= 0) & np.isfinite(r)):
+            raise InputError(f"radii must be finite and not negative, got {r.tolist()} m")
+        self._set(np.stack([r * np.cos(alpha), r * np.sin(alpha)], axis=-1), _shares(modules))
+
+    @classmethod
+    def from_holes(cls, holes: ArrayLike, modules: int | ArrayLike | None = None) -> Routing:
+        """Make a routing from hole positions (T, 2), m; modules as in the constructor."""
+        routing = cls.__new__(cls)
+        routing._set(to_array("holes", holes, 2), _shares(modules))
+        return routing
+
+    def _set(self, holes: Array, shares: Array) -> None:
+        object.__setattr__(self, "holes", frozen(holes))
+        object.__setattr__(self, "shares", frozen(shares))
+
+    def __len__(self) -> int:
+        return len(self.holes)
+
+    def __getitem__(self, index: Any) -> Routing:
+        routing = Routing.__new__(Routing)
+        routing._set(self.holes[index], self.shares)
+        return routing
+
+
+@short_repr
+@dataclass(frozen=True, eq=False, init=False)
+class Arc:
+    """Circular arcs, an array of any shape; ``arc[index]`` indexes them as NumPy does."""
+
+    kappa: Array
+    """Curvature (...), 1/m."""
+    phi: Array
+    """Direction of bending (...), rad; in (-pi, pi] and 0 where straight, unless given."""
+    length: Array
+    """Length of the backbone (...), m."""
+    misfit: Array
+    """Residual of the fit (...), m: root mean square over tendon lengths (`from_lengths`) or
+    distance from the tip to the point (`ik`); zero otherwise."""
+    bend: Array = field(repr=False)
+    """Bend coordinates (..., 3): theta cos(phi) and theta sin(phi), rad, and the length, m."""
+
+    def __init__(self, kappa: ArrayLike, phi: ArrayLike, length: ArrayLike) -> None:
+        """Make arcs.
+
+        Parameters
+        ----------
+        kappa : array_like (...)
+            Curvature, 1/m; a negative one bends towards phi + pi.
+        phi : array_like (...)
+            Direction of bending, rad from x towards y.
+        length : array_like (...)
+            Length of the backbone, m.
+        """
+        shape, rows = broadcast({"kappa": kappa, "phi": phi, "length": length})
+        self._set(shape, *rows, np.zeros(shape), _core.arc_bend(*rows))
+
+    def _set(self, shape: tuple[int, ...], *values: Array) -> None:
+        names = ("kappa", "phi", "length", "misfit", "bend")
+        for name, value in zip(names, values, strict=True):
+            whole = frozen(value).reshape((*shape, 3) if name == "bend" else shape)
+            object.__setattr__(self, name, whole)
+
+    @classmethod
+    def _of(cls, bend: Array, shape: tuple[int, ...], misfit: Array | None = None) -> Arc:
+        """Arcs of checked bend coordinates."""
+        rows = np.ascontiguousarray(bend).reshape(-1, 3)
+        kappa, phi = _core.arc_curvature(rows).T
+        arc = cls.__new__(cls)
+        arc._set(shape, kappa, phi, rows[:, 2], np.zeros(shape) if misfit is None else misfit, rows)
+        return arc
+
+    # -- constructors --------------------------------------------------------------------------
+
+    @classmethod
+    def from_bend(cls, coordinates: ArrayLike) -> Arc:
+        """Make arcs from bend coordinates.
+
+        Parameters
+        ----------
+        coordinates : array_like (..., 3)
+            theta cos(phi) and theta sin(phi), rad, and the length, m.
+
+        Returns
+        -------
+        Arc
+        """
+        rows = to_array("coordinates", coordinates, 3)
+        if not (np.all(np.isfinite(rows)) and np.all(rows[..., 2] > 0)):
+            raise InputError("bend coordinates must be finite and their length positive")
+        return cls._of(rows, rows.shape[:-1])
+
+    @classmethod
+    def from_lengths(
+        cls, lengths: ArrayLike, routing: Routing, length: ArrayLike | None = None
+    ) -> Arc:
+        """Fit arcs to tendon lengths.
+
+        Parameters
+        ----------
+        lengths : array_like (..., T)
+            Tendon lengths, m; three tendons or more, two if `length` is given.
+        routing : Routing
+        length : array_like (...), optional
+            Holds the arc's length (m) and fits the bend alone, for tendons parallel to the
+            backbone; otherwise the length is free.
+
+        Returns
+        -------
+        Arc
+            Least squares of l_i - (length - theta r_i cos(phi - alpha_i)). Three tendons at 0, 120
+            and 240 degrees: Amouri 2019, Eq. 2-4, with phi in all four quadrants and no misfit.
+            On straight spans (Fig. 4), with n equal modules and q the radicand of Eq. 4, the bend
+            of a module is a = 2 asin(sqrt(q)/(3 r n)) and the length is (mean tendon length)
+            (a/2)/sin(a/2).
+
+        Raises
+        ------
+        InputError
+            For lengths that no arc can have: a radius of curvature inside the pitch radius, or more
+            than a full turn.
+        """
+        tendons = to_array("lengths", lengths, len(routing))
+        shape, (*held, rows) = broadcast({} if length is None else {"length": length}, tendons)
+        bend, misfit = _core.arc_fit(rows, routing.holes, routing.shares, held[0] if held else None)
+        return cls._of(bend, shape, misfit)
+
+    @classmethod
+    def from_tensions(
+        cls,
+        tensions: ArrayLike,
+        routing: Routing,
+        length: ArrayLike,
+        bending_stiffness: ArrayLike,
+    ) -> Arc:
+        """Make arcs from tensions, by the linear law or with the mean lever arm of straight spans.
+
+        Parameters
+        ----------
+        tensions : array_like (..., T)
+            Tensions, N, not negative.
+        routing : Routing
+            Tendons parallel to the backbone bend it by the linear law, straight spans with their
+            mean lever arm; the latter need equal modules.
+        length : array_like (...)
+            Length of the backbone, m; the arc keeps it.
+        bending_stiffness : array_like (...)
+            E I, N m^2.
+
+        Returns
+        -------
+        Arc
+            Bends along the moment m = sum of T_i r_i (cos alpha_i, sin alpha_i). Linear law: theta
+            = |m| l/(E I), F r l/(E I) for one tendon; a soft backbone winds up. With n modules, a =
+            theta/n and F = sum of T_i: theta = (l/EI) (|m| + F (l/n) a/12 - |m| a^2/8).
+
+        Raises
+        ------
+        NoSolutionError
+            With modules, from the total tension on at which the backbone buckles between its disks,
+            Euler's pi^2 E I n^2/l^2.
+
+        Notes
+        -----
+        The law with the mean lever arm is where the energy of a module is stationary, E I a^2/(2 h)
+        plus tensions times the straight spans 2 sin(a/2) (h/a - r cos(phi - alpha)), h = l/n, to
+        second order in a. It is solved exactly as a quadratic.
+        """
+        given = to_array("tensions", tensions, len(routing))
+        scalars = {"length": length, "bending_stiffness": bending_stiffness}
+        shape, (length_, stiffness, rows) = broadcast(scalars, given)
+        count = routing.shares.size
+        if count and np.ptp(routing.shares) > 1e-9 / count:
+            raise InputError("the law with the mean lever arm needs equal modules: give a number")
+        return cls._of(
+            _core.arc_from_tensions(rows, routing.holes, length_, stiffness, count or None), shape
+        )
+
+    @classmethod
+    def ik(cls, position: ArrayLike, length: ArrayLike | None = None) -> Arc:
+        """Find the arcs that end at points, or nearest to them.
+
+        Parameters
+        ----------
+        position : array_like (..., 3)
+            Wanted tip, m, in the frame of the segment's start.
+        length : array_like (...), optional
+            Length of the arcs, m. If not given it is free and the arcs end at the points.
+
+        Returns
+        -------
+        Arc
+            Of free length: phi = atan2(y, x), theta = 2 atan2(hypot(x, y), z) below 2 pi, length =
+            |tip| (theta/2)/sin(theta/2). Of a given length: the nearest of all arcs with theta from
+            0 to 2 pi, and its distance as `misfit`; phi is 0 where it is not unique (z axis).
+
+        Raises
+        ------
+        InputError
+            With a free length for the points that no arc ends at: the base itself and the axis
+            behind it.
+        """
+        points = to_array("position", position, 3)
+        if length is None:
+            rows = _core.arc_through(points.reshape(-1, 3))
+            return cls._of(rows, points.shape[:-1])
+        shape, (length_, rows) = broadcast({"length": length}, points)
+        bend, miss = _core.arc_nearest(rows, length_)
+        return cls._of(bend, shape, miss)
+
+    # -- maps ----------------------------------------------------------------------------------
+
+    @property
+    def theta(self) -> Array:
+        """Bending angle from base to tip (...), rad."""
+        return np.asarray(self.kappa * self.length)
+
+    def __getitem__(self, index: Any) -> Arc:
+        arc = Arc.__new__(Arc)
+        index = index if isinstance(index, tuple) else (index,)
+        whole = (*index, slice(None)) if any(i is ... for i in index) else index
+        bend = self.bend[whole]
+        scalars = (self.kappa, self.phi, self.length, self.misfit)
+        arc._set(bend.shape[:-1], *(value[index] for value in scalars), bend)
+        return arc
+
+    def fk(self, s: ArrayLike | None = None) -> Pose:
+        """Pose at the tip, or at any arc length.
+
+        Parameters
+        ----------
+        s : array_like (...), optional
+            Arc length from the base, m, within [0, length]; the tip if not given. Broadcasts with
+            the arcs: ``arc[..., None].fk(s)`` gives many places of each.
+
+        Returns
+        -------
+        Pose
+            Position (..., 3), m, and rotation (..., 3, 3), in the frame of the segment's start.
+
+        Notes
+        -----
+        Amouri 2019, Eq. 1: tip = (1 - cos theta)/kappa (cos phi, sin phi), sin theta/kappa.
+        """
+        shape, rows = self.kappa.shape, self.bend.reshape(-1, 3)
+        if s is not None:
+            shape, (s_, rows) = broadcast({"s": s}, self.bend)
+            rows = _core.arc_part(rows, s_)
+        position, rotation = _core.arc_pose(rows)
+        return Pose(position.reshape(*shape, 3), rotation.reshape(*shape, 3, 3))
+
+    def lengths(self, routing: Routing) -> Array:
+        """Tendon lengths (..., T), m.
+
+        They are length - theta r cos(phi - alpha), or the sum of the straight spans 2 sin(a/2)
+        (h/a - r cos(phi - alpha)), a and h the bend and length of a module (Amouri 2019, Fig. 4).
+        """
+        out = _core.arc_lengths(self.bend.reshape(-1, 3), routing.holes, routing.shares)
+        return out.reshape(*self.kappa.shape, len(routing))
+
+    def jacobian(self, coordinates: Coordinates = "bend") -> Array:
+        """Derivative of the tip pose by the arc.
+
+        Parameters
+        ----------
+        coordinates : {"bend", "curvature"}
+            What the columns refer to: (theta cos phi, theta sin phi, length), or (kappa, phi,
+            length).
+
+        Returns
+        -------
+        ndarray (..., 6, 3)
+            Rows 0 to 2: tip position, m. Rows 3 to 5: rotation vector w in the axes of the
+            segment's start, rad, with dR = [w] R. By tendon lengths it is
+            ``arc.jacobian() @ arc.from_lengths_jacobian(routing)``.
+        """
+        return self._by(coordinates, _core.arc_pose_jacobian(self.bend.reshape(-1, 3)))
+
+    def lengths_jacobian(self, routing: Routing, coordinates: Coordinates = "bend") -> Array:
+        """Derivative (..., T, 3) of `lengths` by the arc; coordinates as in `jacobian`."""
+        rows = self.bend.reshape(-1, 3)
+        out = _core.arc_lengths_jacobian(rows, routing.holes, routing.shares)
+        return self._by(coordinates, out)
+
+    def from_lengths_jacobian(
+        self, routing: Routing, coordinates: Coordinates = "bend", *, hold_length: bool = False
+    ) -> Array:
+        """Derivative of `from_lengths` by the tendon lengths, at an arc that it gave.
+
+        Parameters
+        ----------
+        routing : Routing
+        coordinates : {"bend", "curvature"}
+            What the rows refer to: (theta cos phi, theta sin phi, length), or (kappa, phi, length).
+        hold_length : bool
+            Whether the arc's length was held; its row is then zero.
+
+        Returns
+        -------
+        ndarray (..., 3, T)
+
+        Raises
+        ------
+        InputError
+            With coordinates "curvature" at a straight arc, where phi has no derivative.
+        """
+        check_option("coordinates", coordinates, ("bend", "curvature"))
+        rows = self.bend.reshape(-1, 3)
+        out = _core.arc_fit_jacobian(rows, routing.holes, routing.shares, hold_length)
+        if coordinates == "curvature":
+            out = _core.arc_curvature_jacobian(rows) @ out
+        return out.reshape(*self.kappa.shape, 3, len(routing))
+
+    def _by(self, coordinates: Coordinates, by_bend: Array) -> Array:
+        """Derivatives (..., k, 3) by these coordinates, from rows (n, k, 3) by bend coordinates."""
+        check_option("coordinates", coordinates, ("bend", "curvature"))
+        if coordinates == "curvature":
+            scalars = (v.reshape(-1) for v in (self.kappa, self.phi, self.length))
+            by_bend = by_bend @ _core.arc_bend_jacobian(*scalars)
+        return by_bend.reshape(*self.kappa.shape, *by_bend.shape[1:])
+
+
+# -- arguments ---------------------------------------------------------------------------------
+
+
+def to_array(name: str, value: ArrayLike, last: int | None = None) -> Array:
+    """An array of numbers, `last` of them along the last dimension."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be an array of numbers, got {value!r:.60}") from None
+    if last is not None and (array.ndim == 0 or array.shape[-1] != last):
+        raise InputError(
+            f"{name} must have {last} values along the last dimension, got shape {array.shape}"
+        )
+    return array
+
+
+def broadcast(
+    scalars: dict[str, ArrayLike], *vectors: Array
+) -> tuple[tuple[int, ...], list[Array]]:
+    """Common leading shape; scalars flattened to (n,), vectors to (n, k)."""
+    arrays = [to_array(name, value) for name, value in scalars.items()]
+    try:
+        shape = np.broadcast_shapes(*(a.shape for a in arrays), *(v.shape[:-1] for v in vectors))
+    except ValueError:
+        shapes = [str(a.shape) for a in arrays] + [str(v.shape) for v in vectors]
+        raise InputError(f"shapes do not broadcast together: {', '.join(shapes)}") from None
+    flat: list[Array] = [np.broadcast_to(a, shape).reshape(-1) for a in arrays]
+    flat += [np.broadcast_to(v, (*shape, v.shape[-1])).reshape(-1, v.shape[-1]) for v in vectors]
+    return shape, flat
+
+
+def check_option(name: str, value: object, options: Sequence[object]) -> None:
+    """Refuse what is none of the options."""
+    if value not in options:
+        names = ", ".join(repr(o) for o in options)
+        raise InputError(f"{name} must be one of {names}, got {value!r:.60}")
+
+
+def _shares(modules: int | ArrayLike | None) -> Array:
+    """Share of each module in the segment's length; empty for curved tendons."""
+    if modules is None:
+        return np.empty(0)
+    if isinstance(modules, int | np.integer):
+        if not 1 <= modules <= 100_000:
+            raise InputError(f"modules must be from 1 to 100000, got {modules}")
+        return np.full(int(modules), 1.0 / int(modules))
+    parts = to_array("modules", modules)
+    if parts.ndim != 1 or parts.size == 0 or not np.all((parts > 0) & np.isfinite(parts)):
+        raise InputError(
+            "modules must be a whole number or a list of positive module lengths, "
+            f"got {modules!r:.60}"
+        )
+    return np.asarray(parts / parts.sum())

@@ -1,0 +1,388 @@
+"""Constant curvature of a robot: one arc a segment, in series, with its tendon lengths.
+
+Frames, units and words are those of `bowstring.constant_curvature.arc`; poses are in the robot's
+base frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring.constant_curvature.arc import Arc, Routing, broadcast, check_option, to_array
+from bowstring.constant_curvature.series import Pose, series_jacobian, series_pose
+from bowstring.display import short_repr
+from bowstring.errors import BowstringError, InputError
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
+
+__all__ = ["RobotArcs"]
+
+Array = NDArray[np.float64]
+Correction = Literal["chord"]
+Law = Literal["linear", "arm"]
+
+_FAR: Final = 10.0  # times a straight tendon's length or its inverse: surely another unit
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class RobotArcs:
+    """A robot's backbone as one arc a segment, an array of any shape of such robots.
+
+    ``arcs[index]`` indexes the leading dimensions as NumPy does.
+    """
+
+    robot: Robot = field(repr=False)
+    arc: Arc
+    """Arcs (..., S), each in the frame of its segment's start."""
+    correction: Correction | None = None
+    """How tendons run. None: parallel to the backbone (Amouri 2019, Eq. 2-5). "chord": straight
+    from disk to disk (Fig. 4), at the robot's own disk positions."""
+    hold_length: bool = False
+    """Whether tendon lengths bend segments that keep their lengths."""
+
+    def __post_init__(self) -> None:
+        check_option("correction", self.correction, (None, "chord"))
+        count, shape = len(_check_robot(self.robot).segments), self.kappa.shape
+        if shape[-1:] != (count,):
+            raise InputError(
+                f"arc has shape {shape}, its last dimension must be the {count} segments of robot"
+            )
+
+    @property
+    def kappa(self) -> Array:
+        """Curvatures (..., S), 1/m."""
+        return self.arc.kappa
+
+    @property
+    def phi(self) -> Array:
+        """Directions of bending (..., S), rad, in the frame of each segment's start."""
+        return self.arc.phi
+
+    @property
+    def length(self) -> Array:
+        """Lengths (..., S), m."""
+        return self.arc.length
+
+    @property
+    def theta(self) -> Array:
+        """Bending angles (..., S), rad."""
+        return self.arc.theta
+
+    @property
+    def misfit(self) -> Array:
+        """Residual of each arc's fit (..., S), m, see `Arc.misfit`."""
+        return self.arc.misfit
+
+    def __getitem__(self, index: Any) -> RobotArcs:
+        index = (*index, slice(None)) if isinstance(index, tuple) else (index, slice(None))
+        return RobotArcs(self.robot, self.arc[index], self.correction, self.hold_length)
+
+    # -- constructors --------------------------------------------------------------------------
+
+    @classmethod
+    def from_lengths(
+        cls,
+        robot: Robot,
+        lengths: ArrayLike,
+        correction: Correction | None = None,
+        *,
+        hold_length: bool = False,
+    ) -> RobotArcs:
+        """Fit arcs to a robot's tendon lengths.
+
+        Each segment's arc comes from the tendons that end at it. What an outer tendon spends in the
+        inner segments follows from their arcs at its holes and is taken off first.
+
+        Parameters
+        ----------
+        robot : Robot
+        lengths : array_like (..., T)
+            Tendon lengths from the base to each tendon's end disk, m.
+        correction : {None, "chord"}
+            None: tendons parallel to the backbone. "chord": straight from disk to disk.
+        hold_length : bool
+            Whether segments keep their lengths, so that their bends alone are fitted; not with a
+            correction.
+
+        Returns
+        -------
+        RobotArcs
+
+        Raises
+        ------
+        InputError
+            For lengths that no arcs can have, and for those shorter than a tenth or longer than ten
+            times the straight tendon's.
+        """
+        segments = _segments(robot, correction)
+        rest = np.array(to_array("lengths", lengths, len(robot.tendons.segment)))
+        straight = np.cumsum([s.length for s in segments])[robot.tendons.segment]
+        bad = ~((rest >= straight / _FAR) & (rest <= straight * _FAR))
+        if bad.any():
+            at = tuple(np.argwhere(bad)[0])
+            whole = straight[at[-1]]
+            raise InputError(
+                f"tendon {at[-1] + 1} is {rest[at]:g} m long, its straight length is {whole:g} m; "
+                f"lengths must be {whole / _FAR:g} m to {whole * _FAR:g} m: check their unit"
+            )
+        arcs = []
+        for segment in segments:
+            own = rest[..., segment.own]
+            if np.any(own <= 0):
+                t = segment.own[np.argwhere(own <= 0)[0, -1]]
+                raise InputError(
+                    f"segment {segment.index + 1}: tendon {t + 1} is shorter than the bent "
+                    "segments before it, so nothing is left of it for its own"
+                )
+            with segment.named():
+                held = segment.length if hold_length else None
+                arcs.append(Arc.from_lengths(own, segment.routing[segment.own], held))
+                rest[..., segment.further] -= arcs[-1].lengths(segment.routing[segment.further])
+        return cls(robot, _stacked(arcs), correction, hold_length)
+
+    @classmethod
+    def from_tensions(cls, robot: Robot, tensions: ArrayLike, law: Law = "linear") -> RobotArcs:
+        """Make arcs from a robot's tensions; segments keep their lengths.
+
+        Every tendon bends all segments that it passes, not only the one that it ends at.
+
+        Parameters
+        ----------
+        robot : Robot
+        tensions : array_like (..., T)
+            Tensions, N, not negative.
+        law : {"linear", "arm"}
+            The linear law of tendons parallel to the backbone, or the law with the mean lever arm
+            of straight spans, see `Arc.from_tensions`; the latter takes a segment's disks for
+            equally spaced and sets `correction` to "chord".
+
+        Returns
+        -------
+        RobotArcs
+        """
+        check_option("law", law, ("linear", "arm"))
+        segments = _segments(robot)
+        given = to_array("tensions", tensions, len(robot.tendons.segment))
+        bad = ~((given >= 0) & np.isfinite(given))
+        if bad.any():
+            at = tuple(np.argwhere(bad)[0])
+            raise InputError(f"tension {at[-1] + 1} is {given[at]:g} N; tensions must be >= 0 N")
+        arcs = []
+        for segment in segments:
+            passing = np.union1d(segment.own, segment.further)
+            modules = segment.places.size if law == "arm" else None
+            routing = Routing.from_holes(robot.tendons.hole_m[passing], modules)
+            with segment.named():
+                arcs.append(
+                    Arc.from_tensions(
+                        given[..., passing], routing, segment.length, segment.bending_stiffness
+                    )
+                )
+        return cls(robot, _stacked(arcs), "chord" if law == "arm" else None)
+
+    @classmethod
+    def ik(
+        cls,
+        robot: Robot,
+        position: ArrayLike,
+        correction: Correction | None = None,
+        *,
+        free_length: bool = False,
+    ) -> RobotArcs:
+        """Find the arc that brings the tip of a robot with one segment nearest to a point.
+
+        Its tendon lengths are those of `lengths`.
+
+        Parameters
+        ----------
+        robot : Robot
+            With one segment: more have no unique answer.
+        position : array_like (..., 3)
+            Wanted tip position, m, base frame.
+        correction : {None, "chord"}
+            As in `from_lengths`.
+        free_length : bool
+            Whether the arc's length changes so that its tip meets the point.
+
+        Returns
+        -------
+        RobotArcs
+            Its misfit (..., 1) is the distance from the tip to the point, m.
+        """
+        lengths = [segment.length for segment in _check_robot(robot).segments]
+        if len(lengths) != 1:
+            raise InputError(
+                f"the inverse is for one segment, this robot has {len(lengths)}; "
+                "iterate with RobotArcs.jacobian"
+            )
+        points = to_array("position", position, 3)[..., None, :]
+        return cls(robot, Arc.ik(points, None if free_length else lengths), correction)
+
+    # -- maps ----------------------------------------------------------------------------------
+
+    def fk(self, s: ArrayLike | None = None) -> Pose:
+        """Pose at the tip, or at any arc length.
+
+        Parameters
+        ----------
+        s : array_like (...), optional
+            Arc length from the base, m, from 0 to the sum of the arcs' lengths; the tip if not
+            given. Broadcasts with the robots: ``arcs[..., None].fk(s)`` gives many places of each.
+
+        Returns
+        -------
+        Pose
+            Position (..., 3), m, and rotation (..., 3, 3), base frame.
+        """
+        if s is None:
+            return series_pose(self.arc.bend, np.ones(self.length.shape))
+        shape, (place, ends) = broadcast({"s": s}, np.cumsum(self.length, axis=-1))
+        bad = ~((place >= 0) & (place <= ends[:, -1] * (1 + 1e-14)))
+        if bad.any():
+            raise InputError(f"s is {place[bad][0]:g} m; it must be 0 to {ends[bad][0, -1]:g} m")
+        place, ends = place.reshape(shape), ends.reshape(*shape, -1)
+        share = (place[..., None] - (ends - self.length)) / self.length
+        return series_pose(self.arc.bend, np.clip(share, 0.0, 1.0))
+
+    @cached_property
+    def tip(self) -> Pose:
+        """Tip: position (..., 3), m, and rotation (..., 3, 3)."""
+        return self.fk()
+
+    @cached_property
+    def _disks(self) -> Pose:
+        return self._at(np.concatenate([s.index + s.places for s in _segments(self.robot)]))
+
+    @property
+    def disk_positions(self) -> Array:
+        """Disk centres from base to tip, base excluded (..., N, 3), m."""
+        return self._disks.position
+
+    @property
+    def disk_rotations(self) -> Array:
+        """Disk rotations (..., N, 3, 3)."""
+        return self._disks.rotation
+
+    def centerline(self, points_per_segment: int = 65) -> Array:
+        """Backbone from base to tip.
+
+        Parameters
+        ----------
+        points_per_segment : int
+            Points of each arc, both ends counted; two at least.
+
+        Returns
+        -------
+        ndarray (..., S (points_per_segment - 1) + 1, 3)
+            Positions, m.
+        """
+        if points_per_segment < 2:
+            raise InputError(f"points_per_segment must be at least 2, got {points_per_segment}")
+        count = self.kappa.shape[-1]
+        return self._at(np.linspace(0.0, count, count * (points_per_segment - 1) + 1)).position
+
+    def _at(self, places: Array) -> Pose:
+        """Poses (..., n) at places (n,) that count each segment for 1."""
+        share = np.clip(places[:, None] - np.arange(self.kappa.shape[-1]), 0.0, 1.0)
+        return series_pose(self.arc.bend[..., None, :, :], share)
+
+    def lengths(self) -> Array:
+        """Tendon lengths (..., T) from the base to each tendon's end disk, m."""
+        out = np.zeros((*self.kappa.shape[:-1], len(self.robot.tendons.segment)))
+        for segment in _segments(self.robot, self.correction):
+            passing = np.union1d(segment.own, segment.further)
+            with segment.named():
+                out[..., passing] += self.arc[..., segment.index].lengths(segment.routing[passing])
+        return out
+
+    def jacobian(self) -> Array:
+        """Derivative of the tip pose by the tendon lengths, as `from_lengths` maps them.
+
+        Returns
+        -------
+        ndarray (..., 6, T)
+            Rows 0 to 2: tip position, m. Rows 3 to 5: rotation vector in base axes, rad.
+        """
+        shape, count = self.kappa.shape, len(self.robot.tendons.segment)
+        # how the lengths left for a segment change with all lengths
+        rest = np.broadcast_to(np.eye(count), (*shape[:-1], count, count)).copy()
+        by_length = np.zeros((*shape, 3, count))
+        for segment in _segments(self.robot, self.correction):
+            arc, routing = self.arc[..., segment.index], segment.routing
+            with segment.named():
+                own = routing[segment.own]
+                fitted = arc.from_lengths_jacobian(own, hold_length=self.hold_length)
+            by_length[..., segment.index, :, :] = fitted @ rest[..., segment.own, :]
+            spent = arc.lengths_jacobian(routing[segment.further])
+            rest[..., segment.further, :] -= spent @ by_length[..., segment.index, :, :]
+        _, by_arcs = series_jacobian(self.arc.bend, np.ones(shape))
+        return np.asarray(by_arcs @ by_length.reshape(*shape[:-1], 3 * shape[-1], count))
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """One segment as constant curvature sees it."""
+
+    index: int
+    length: float
+    bending_stiffness: float
+    routing: Routing
+    """All tendons of the robot at this segment."""
+    own: NDArray[np.intp]
+    """Tendons that end here."""
+    further: NDArray[np.intp]
+    """Tendons that end further out."""
+    places: Array
+    """Disks as shares of the length."""
+
+    @contextmanager
+    def named(self) -> Iterator[None]:
+        """Name the segment in errors."""
+        try:
+            yield
+        except BowstringError as error:
+            raise type(error)(f"segment {self.index + 1}: {error}") from None
+
+
+def _segments(robot: Robot, correction: Correction | None = None) -> list[_Segment]:
+    check_option("correction", correction, (None, "chord"))
+    out, start = [], 0.0
+    stations, ends = np.asarray(_check_robot(robot).disks.station_m), robot.tendons.segment
+    for j, segment in enumerate(robot.segments):
+        # the stations are sums of lengths and carry their rounding
+        here = (stations[robot.disks.segment == j] - start) / segment.length
+        places = np.clip(here, 0.0, 1.0)
+        if correction is not None and abs(places[-1] - 1.0) > 1e-9:
+            raise InputError(
+                f"segment {j + 1}: the chord correction needs a disk at the segment's end"
+            )
+        modules = None if correction is None else np.diff(places, prepend=0.0)
+        routing = Routing.from_holes(robot.tendons.hole_m, modules)
+        own, further = np.flatnonzero(ends == j), np.flatnonzero(ends > j)
+        stiffness = float(robot.bending_stiffness[j])
+        out.append(_Segment(j, segment.length, stiffness, routing, own, further, places))
+        start += segment.length
+    return out
+
+
+def _check_robot(robot: Robot) -> Robot:
+    if not hasattr(robot, "segments"):
+        raise InputError(
+            f"robot is {robot!r:.60}, it must be a Robot, as bowstring.load_robot gives it"
+        )
+    return robot
+
+
+def _stacked(arcs: list[Arc]) -> Arc:
+    """Arcs (..., S) from arcs (...) of each segment."""
+    bend = np.stack([arc.bend for arc in arcs], axis=-2)
+    return Arc._of(bend, bend.shape[:-1], np.stack([arc.misfit for arc in arcs], axis=-1))
