@@ -9,7 +9,7 @@ use crate::math::real::{Real, Scalar};
 use crate::memory;
 use crate::model::load::{Load, Model};
 use crate::model::robot::{InputError, Robot};
-use crate::motion::{Damping, Energies, Fields, Motion};
+use crate::motion::{Damping, Energies, Fields, Motion, StepError};
 use crate::rod::chain::{Rod, Sources, Step};
 use crate::rod::estimate::Correction;
 use crate::rod::sensitivity::{self, Jacobians};
@@ -363,7 +363,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn combine(&mut self, coefficients: &[f64]);
     fn finish(&mut self, load: &Load);
     fn restore(&mut self, excess: f64) -> bool;
-    fn local_errors(&mut self) -> [f64; 2];
+    fn local_error(&mut self) -> Option<StepError>;
     fn commit(&mut self);
     fn record(&mut self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
 
@@ -374,7 +374,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn set_disk_force(&mut self, disk: usize, force: Vec3);
     fn jump_tensions(&mut self, tensions: &[f64]);
     fn restart(&mut self);
-    fn stop_foreseeing(&mut self);
+    fn reset_predictor(&mut self);
     fn forget_forces(&mut self);
     fn is_fresh(&self) -> bool;
     fn is_apart(&self) -> bool;
@@ -384,7 +384,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn disk(&self, k: usize) -> Vec3;
     fn linear_momentum(&self) -> Vec3;
     fn energies(&self) -> &Energies;
-    fn outlook(&self) -> &Energies;
+    fn next_energies(&self) -> &Energies;
     fn tendon_work(&self) -> f64;
     fn account(&mut self, tendons: &Energies);
     fn put_in(&mut self, energy: f64);
@@ -401,10 +401,10 @@ macro_rules! moving {
             hot!([$($generic)*] $motion, [$($feature)?]; residual() -> f64 |motion| motion.residual());
             hot!([$($generic)*] $motion, [$($feature)?]; imbalance() -> f64 |motion| motion.imbalance());
             hot!([$($generic)*] $motion, [$($feature)?]; ready(anew: bool) -> bool |motion| motion.ready(anew));
-            hot!([$($generic)*] $motion, [$($feature)?]; substitute() -> () |motion| motion.substitute(0, None));
+            hot!([$($generic)*] $motion, [$($feature)?]; substitute() -> () |motion| motion.substitute());
             hot!([$($generic)*] $motion, [$($feature)?]; combine(coefficients: &[f64]) -> () |motion| motion.combine(coefficients));
             hot!([$($generic)*] $motion, [$($feature)?]; finish(load: &Load) -> () |motion| motion.finish(load));
-            hot!([$($generic)*] $motion, [$($feature)?]; local_errors() -> [f64; 2] |motion| Motion::local_errors(motion));
+            hot!([$($generic)*] $motion, [$($feature)?]; local_error() -> Option<StepError> |motion| Motion::local_error(motion));
             hot!([$($generic)*] $motion, [$($feature)?]; commit() -> () |motion| motion.commit());
             hot!([$($generic)*] $motion, [$($feature)?]; record(time: f64, tensions: &[f64], points: usize, out: &mut Fields) -> () |motion| {
                 Motion::record(motion, time, tensions, points, out)
@@ -437,8 +437,8 @@ macro_rules! moving {
             fn forget_forces(&mut self) {
                 Motion::forget_forces(self);
             }
-            fn stop_foreseeing(&mut self) {
-                Motion::stop_foreseeing(self);
+            fn reset_predictor(&mut self) {
+                Motion::reset_predictor(self);
             }
             fn is_fresh(&self) -> bool {
                 Motion::is_fresh(self)
@@ -462,20 +462,19 @@ macro_rules! moving {
                 Motion::linear_momentum(self)
             }
             fn energies(&self) -> &Energies {
-                &self.energies
+                Motion::energies(self)
             }
-            fn outlook(&self) -> &Energies {
-                Motion::outlook(self)
+            fn next_energies(&self) -> &Energies {
+                Motion::next_energies(self)
             }
             fn tendon_work(&self) -> f64 {
-                self.tendon_work
+                Motion::tendon_work(self)
             }
             fn account(&mut self, tendons: &Energies) {
                 Motion::account(self, tendons);
             }
             fn put_in(&mut self, energy: f64) {
-                self.energies.elastic += energy;
-                self.energies.work += energy;
+                Motion::put_in(self, energy);
             }
             fn is_stable(&self, held: usize) -> bool {
                 Motion::is_stable(self, held)

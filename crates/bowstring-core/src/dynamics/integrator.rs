@@ -361,7 +361,7 @@ fn finish(motion: &mut dyn Moving, march: &March) -> (f64, f64) {
         let energies = driven.transmission.energies(motion, motion.tendon_work());
         motion.account(&energies);
     }
-    let energies = motion.outlook();
+    let energies = motion.next_energies();
     (energies.left(), f64::max(march.size, energies.size()))
 }
 
@@ -464,7 +464,9 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
                     (left, size) = finish(motion, march);
                 }
             }
-            [error, tip_error] = motion.local_errors();
+            if let Some(found) = motion.local_error() {
+                (error, tip_error) = (found.largest, found.tip);
+            }
             let grown = left - march.left;
             if !motion.is_fresh() && march.spectral_radius < 1.0 && grown > GROWTH[0] * size {
                 motion.restart();
@@ -475,7 +477,7 @@ fn run(motion: &mut dyn Moving, march: &mut March, task: Task) -> Option<Stop> {
             sound &= grown <= GROWTH[1] * size;
         }
         if !sound {
-            motion.stop_foreseeing();
+            motion.reset_predictor();
             again = true;
             march.next = step / 2.0;
             march.count.repeated += 1;
@@ -769,7 +771,7 @@ impl Simulator {
     pub fn release_disk_forces(&mut self) {
         self.clear_disk_forces();
         self.engine.restart();
-        self.engine.stop_foreseeing();
+        self.engine.reset_predictor();
         self.forget();
     }
 
@@ -853,7 +855,7 @@ impl Simulator {
         }
         self.march.to.set(load);
         self.engine.restart();
-        self.engine.stop_foreseeing();
+        self.engine.reset_predictor();
         self.forget();
         Ok(())
     }
