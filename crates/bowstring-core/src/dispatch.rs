@@ -13,10 +13,10 @@ use crate::motion::{Damping, Energies, Fields, Motion, StepError};
 use crate::rod::chain::{Rod, Sources, Step};
 use crate::rod::estimate::Correction;
 use crate::rod::sensitivity::{self, Jacobians};
-use crate::tendon::transmission::Strung;
+use crate::tendon::RoutedRod;
 
 /// The passes of one rod, see [`Rod`] for what each does.
-pub(crate) trait Passes: Strung + Send + Sync {
+pub(crate) trait Passes: RoutedRod + Send + Sync {
     fn evaluate(&mut self) -> f64;
     fn balance(&mut self) -> f64;
     fn gradient(&mut self) -> f64;
@@ -166,7 +166,7 @@ macro_rules! passes {
             }
         }
 
-        impl<$($generic)*> Strung for $rod {
+        impl<$($generic)*> RoutedRod for $rod {
             hot!([$($generic)*] $rod, [$($feature)?]; measure_spans(angles: bool) -> () |rod| rod.measure_spans(angles));
             hot!([$($generic)*] $rod, [$($feature)?]; respond(sources: Sources) -> () |rod| rod.respond(sources));
             fn span_lengths(&self) -> &[f64] {
@@ -354,7 +354,7 @@ impl Plain {
 }
 
 /// The passes of one moving rod, see [`Motion`] for what each does.
-pub(crate) trait Moving: Strung + Send + Sync {
+pub(crate) trait Moving: RoutedRod + Send + Sync {
     fn begin(&mut self, duration: f64, rho: f64);
     fn residual(&mut self) -> f64;
     fn imbalance(&mut self) -> f64;
@@ -484,7 +484,7 @@ macro_rules! moving {
             }
         }
 
-        impl<$($generic)*> Strung for $motion {
+        impl<$($generic)*> RoutedRod for $motion {
             hot!([$($generic)*] $motion, [$($feature)?]; measure_spans(angles: bool) -> () |motion| motion.measure_spans(angles));
             hot!([$($generic)*] $motion, [$($feature)?]; respond(sources: Sources) -> () |motion| motion.respond(sources));
             fn span_lengths(&self) -> &[f64] {

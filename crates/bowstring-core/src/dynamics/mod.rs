@@ -1,4 +1,14 @@
 //! Motion over time, and small oscillations.
+//!
+//! Each file uses those above it in this list only.
+
+mod actuation;
+mod settings;
+
+mod newton;
+
+mod integration;
 
 pub mod integrator;
+
 pub mod modal;

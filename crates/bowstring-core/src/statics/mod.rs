@@ -4,5 +4,8 @@ pub mod adaptive;
 pub mod batch;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod lanes;
+mod nearest;
 pub mod path;
+mod path_error;
+mod path_step;
 pub mod solver;
