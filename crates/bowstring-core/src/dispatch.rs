@@ -11,14 +11,14 @@ use crate::math::simd::{Avx2, Avx512, Modules, Simd};
 use crate::memory;
 use crate::model::load::{Load, Model};
 use crate::model::robot::{InputError, Robot};
-use crate::motion::{Damping, Energies, Fields, Motion};
+use crate::motion::{Damping, Energies, Fields, Motion, StepError};
 use crate::rod::chain::{get, Rod, Sources, Step};
 use crate::rod::estimate::Correction;
 use crate::rod::sensitivity::{self, Jacobians};
-use crate::tendon::transmission::Strung;
+use crate::tendon::RoutedRod;
 
 /// The passes of one rod, see [`Rod`] for what each does.
-pub(crate) trait Passes: Strung + Send + Sync {
+pub(crate) trait Passes: RoutedRod + Send + Sync {
     fn evaluate(&mut self) -> f64;
     fn balance(&mut self) -> f64;
     fn gradient(&mut self) -> f64;
@@ -214,7 +214,7 @@ impl<L: Layout, const A: usize> Passes for Rod<L, A> {
     }
 }
 
-impl<L: Layout, const A: usize> Strung for Rod<L, A> {
+impl<L: Layout, const A: usize> RoutedRod for Rod<L, A> {
     fn measure_spans(&mut self, angles: bool) {
         self.layout.vectorize(
             #[inline(always)]
@@ -406,7 +406,7 @@ pub(crate) fn plain(
 }
 
 /// The passes of one moving rod, see [`Motion`] for what each does.
-pub(crate) trait Moving: Strung + Send + Sync {
+pub(crate) trait Moving: RoutedRod + Send + Sync {
     fn begin(&mut self, duration: f64, rho: f64);
     fn residual(&mut self) -> f64;
     fn imbalance(&mut self) -> f64;
@@ -415,7 +415,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn combine(&mut self, coefficients: &[f64]);
     fn finish(&mut self, load: &Load);
     fn restore(&mut self, excess: f64) -> bool;
-    fn local_errors(&self) -> [f64; 2];
+    fn local_error(&self) -> Option<StepError>;
     fn commit(&mut self);
     fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
 
@@ -426,7 +426,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn set_disk_force(&mut self, disk: usize, force: Vec3);
     fn jump_tensions(&mut self, tensions: &[f64]);
     fn restart(&mut self);
-    fn stop_foreseeing(&mut self);
+    fn reset_predictor(&mut self);
     fn forget_forces(&mut self);
     fn is_fresh(&self) -> bool;
     fn is_apart(&self) -> bool;
@@ -436,7 +436,7 @@ pub(crate) trait Moving: Strung + Send + Sync {
     fn disk(&self, k: usize) -> Vec3;
     fn linear_momentum(&self) -> Vec3;
     fn energies(&self) -> &Energies;
-    fn outlook(&self) -> &Energies;
+    fn next_energies(&self) -> &Energies;
     fn tendon_work(&self) -> f64;
     fn account(&mut self, tendons: &Energies);
     fn put_in(&mut self, energy: f64);
@@ -473,7 +473,7 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
     fn substitute(&mut self) {
         self.layout().vectorize(
             #[inline(always)]
-            || self.substitute(0, None),
+            || self.substitute(),
         )
     }
     fn combine(&mut self, coefficients: &[f64]) {
@@ -488,10 +488,10 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
             || self.finish(load),
         )
     }
-    fn local_errors(&self) -> [f64; 2] {
+    fn local_error(&self) -> Option<StepError> {
         self.layout().vectorize(
             #[inline(always)]
-            || self.local_errors(),
+            || self.local_error(),
         )
     }
     fn commit(&mut self) {
@@ -534,8 +534,8 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
     fn forget_forces(&mut self) {
         Motion::forget_forces(self);
     }
-    fn stop_foreseeing(&mut self) {
-        Motion::stop_foreseeing(self);
+    fn reset_predictor(&mut self) {
+        Motion::reset_predictor(self);
     }
     fn is_fresh(&self) -> bool {
         Motion::is_fresh(self)
@@ -559,20 +559,19 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
         Motion::linear_momentum(self)
     }
     fn energies(&self) -> &Energies {
-        &self.energies
+        Motion::energies(self)
     }
-    fn outlook(&self) -> &Energies {
-        Motion::outlook(self)
+    fn next_energies(&self) -> &Energies {
+        Motion::next_energies(self)
     }
     fn tendon_work(&self) -> f64 {
-        self.tendon_work
+        Motion::tendon_work(self)
     }
     fn account(&mut self, tendons: &Energies) {
         Motion::account(self, tendons);
     }
     fn put_in(&mut self, energy: f64) {
-        self.energies.elastic += energy;
-        self.energies.work += energy;
+        Motion::put_in(self, energy);
     }
     fn is_stable(&self, held: usize) -> bool {
         Motion::is_stable(self, held)
@@ -582,7 +581,7 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
     }
 }
 
-impl<L: Layout, const A: usize> Strung for Motion<L, A> {
+impl<L: Layout, const A: usize> RoutedRod for Motion<L, A> {
     fn measure_spans(&mut self, angles: bool) {
         self.layout().vectorize(
             #[inline(always)]

@@ -1,5 +1,15 @@
 //! Motion over time, and small oscillations.
+//!
+//! Each file uses those above it in this list only.
+
+mod actuation;
+mod settings;
+
+mod newton;
+
+mod integration;
 
 pub mod integrator;
+
 pub mod modal;
 pub mod records;

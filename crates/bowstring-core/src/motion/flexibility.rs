@@ -1,6 +1,6 @@
 //! Small motions about a rest: how all mass answers forces.
 
-use super::Motion;
+use super::step::Motion;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::math::mlcp::eliminate;
@@ -63,7 +63,7 @@ impl<const A: usize> Motion<Scalar, A> {
                 return true;
             }
             self.ready(true);
-            self.substitute(0, None);
+            self.substitute();
             self.combine(&[1.0]);
         }
         false
@@ -74,9 +74,9 @@ impl<const A: usize> Motion<Scalar, A> {
         let (n, per) = (self.module_count(), 3 * A + 3);
         let mut masses = vec![0.0; n * per];
         for k in 0..n {
-            let [e1, e3] = self.directors[k];
+            let [e1, e3] = self.mass.directors[k];
             for a in 0..A {
-                masses[k * per + 3 * a..][..3].fill(self.masses[k * A + a]);
+                masses[k * per + 3 * a..][..3].fill(self.mass.points[k * A + a]);
             }
             masses[k * per + 3 * A..][..3].copy_from_slice(&[e1 + e3, e1 + e3, 2.0 * e1]);
         }
@@ -90,10 +90,10 @@ impl<const A: usize> Motion<Scalar, A> {
         self.residual();
         self.linearise();
         let mut rest = Rest {
-            force: self.force.clone(),
-            moment: self.moment.clone(),
+            force: self.residual.force.clone(),
+            moment: self.residual.moment.clone(),
             gradients: self.rod.gradients.iter().map(|g| g.g).collect(),
-            deltas: self.inertia.iter().map(|i| i.g_delta).collect(),
+            deltas: self.residual.modules.iter().map(|m| m.imbalance).collect(),
             moved: vec![],
             inverse: vec![],
         };
@@ -116,18 +116,18 @@ impl<const A: usize> Motion<Scalar, A> {
                 Vec3([v[0], v[1], v[2]]) * (1.0 / largest)
             };
             for a in 0..A {
-                self.force[k * A + a] = rest.force[k * A + a] + vector(a);
+                self.residual.force[k * A + a] = rest.force[k * A + a] + vector(a);
             }
-            self.moment[k] = rest.moment[k] + self.rod.rotations[k + 1] * vector(A);
+            self.residual.moment[k] = rest.moment[k] + self.rod.rotations[k + 1] * vector(A);
         }
         self.imbalance();
         for j in 0..n {
             for a in 0..A {
                 self.rod.gradients[j].g[a] -= rest.gradients[j][a];
             }
-            self.inertia[j].g_delta -= rest.deltas[j];
+            self.residual.modules[j].imbalance -= rest.deltas[j];
         }
-        self.substitute(0, None);
+        self.substitute();
         let mut out = self.displacement(0);
         for v in &mut out {
             *v *= largest;
@@ -145,10 +145,13 @@ impl<const A: usize> Motion<Scalar, A> {
             if interrupt::work(self.work() + n * m) {
                 return false;
             }
-            self.substitute(1, Some((lock.tendon, &lock.spans)));
-            self.rate_spans(1);
+            let source = (lock.tendon, &lock.spans[..]);
+            self.response
+                .solve_tension(&self.rod, &mut self.tangent, 1, source);
+            self.response
+                .rate_spans(&self.rod, &self.tangent, &self.scheme, 1);
             rest.moved.extend(self.displacement(1));
-            let rates = &self.columns[1].rates;
+            let rates = &self.response.columns[1].rates;
             for (r, row) in locks.iter().enumerate() {
                 let spans = row.spans.iter().enumerate();
                 let longer: f64 = spans.map(|(k, s)| s * rates[row.tendon * n + k]).sum();
@@ -170,13 +173,14 @@ impl<const A: usize> Motion<Scalar, A> {
     fn displacement(&self, column: usize) -> Vec<f64> {
         let mut out = Vec::with_capacity(self.module_count() * (3 * A + 3));
         let mut start = [Vec3::zero(); 2];
+        let column = &self.response.columns[column];
         for (j, state) in self.rod.states.iter().enumerate() {
             let frame = self.rod.rotations[j];
             // what shear and extension add to the motion of the end
-            let mut stretched = self.columns[column].delta[j];
+            let mut stretched = column.delta[j];
             for i in 0..A {
-                let lever = self.inertia[j].j[i] - self.rod.gradients[j].r[i];
-                stretched += lever * self.columns[column].u[j][i];
+                let lever = self.tangent.contact[j].j[i] - self.rod.gradients[j].r[i];
+                stretched += lever * column.u[j][i];
             }
             for a in 0..A - 1 {
                 let mut place = state.inside(a);
@@ -185,11 +189,11 @@ impl<const A: usize> Motion<Scalar, A> {
                 moved += stretched * share::<f64, A>(a);
                 for i in 0..=a {
                     let lever = self.rod.gradients[j].r[i] + state.tail[a].skew();
-                    moved += lever * self.columns[column].u[j][i];
+                    moved += lever * column.u[j][i];
                 }
                 out.extend((frame * moved).0);
             }
-            start = self.answer[j];
+            start = self.response.disks[j];
             out.extend((self.rod.rotations[j + 1] * start[1]).0);
             out.extend(start[0].0);
         }
@@ -223,7 +227,7 @@ impl<const A: usize> Motion<Scalar, A> {
                 for a in 0..A {
                     out.push(gradient.to_strain[a].inverse().tr_mul(gradient.g[a]));
                 }
-                out.push(motion.inertia[k].g_delta);
+                out.push(motion.residual.modules[k].imbalance);
             }
             out
         };
@@ -244,11 +248,11 @@ impl<const A: usize> Motion<Scalar, A> {
                     let gradient = &mut self.rod.gradients[k];
                     gradient.g[a] = gradient.to_strain[a].tr_mul(change);
                 } else {
-                    self.inertia[k].g_delta = change;
+                    self.residual.modules[k].imbalance = change;
                 }
             }
         }
-        self.substitute(0, None);
+        self.substitute();
         self.combine(&[1.0]);
         let mut worst: f64 = 0.0;
         for k in 0..n {

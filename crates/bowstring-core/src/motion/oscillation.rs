@@ -2,6 +2,9 @@
 //!
 //! With flexibility `F` and masses `M`, the eigenvalues of `sqrt(M) F sqrt(M)` are `1/omega^2`.
 
+use super::flexibility::{Lock, Rest};
+use super::scheme::Damping;
+use super::step::Motion;
 use crate::interrupt;
 use crate::math::eigenvalues;
 use crate::math::linalg::Vec3;
@@ -9,7 +12,6 @@ use crate::math::real::Scalar;
 use crate::memory::unknown;
 use crate::model::load::{Load, Model};
 use crate::model::robot::{InputError, Robot};
-use crate::motion::{Damping, Lock, Motion, Rest};
 
 /// Where a robot rests: what its elements have found.
 pub(crate) struct Equilibrium<'a> {

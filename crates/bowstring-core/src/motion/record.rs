@@ -1,16 +1,19 @@
 //! What a moment of a motion leaves behind: fields along the backbone, disks, tendons, energies.
 
-use super::{plain, plain_mat, Energies, Motion};
+use super::energy::Energies;
+use super::kinematics::of_lane;
+use super::step::Motion;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::TendonPath;
+use crate::model::robot::Tendon;
 use crate::rod::chain::{get, get_mat, in_group, put, put_mat};
-use crate::rod::module::{Constants, Span, State};
+use crate::rod::module::{Constants, Span, State, Tendons};
 
 /// Fields at one time after the other, flat, SI, in the base frame unless said otherwise.
 ///
-/// Points are those of [`Motion::record`], from base to tip, both ends of every module among
-/// them.
+/// Points lie along the flexible part of every module, from base to tip, both ends of every module
+/// among them.
 #[derive(Clone, Debug, Default)]
 pub struct Fields {
     /// Times (s).
@@ -40,7 +43,8 @@ pub struct Fields {
     /// Lengths of spans (m), by time, disk at the end and tendon; NaN where the tendon does not
     /// pass.
     pub span_length: Vec<f64>,
-    /// Tendon displacements (m), by time and tendon, of a robot that is driven through its lines.
+    /// Tendon displacements since home (m), by time and tendon, of a robot that is driven through its
+    /// lines.
     pub pull: Vec<f64>,
     /// Slack lengths (m), by time and tendon, of a robot that is driven through its lines.
     pub slack: Vec<f64>,
@@ -127,95 +131,59 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// among them. With none of them only what disks and tendons do, spans left out.
     #[inline(always)]
     pub fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields) {
-        let n = self.module_count();
         out.time.push(time);
-        out.energies.push(self.energies);
+        out.energies.push(self.balance.now);
         out.tension.extend_from_slice(tensions);
         for j in 0..tensions.len() {
-            let spans = self.spans.iter().skip(j).step_by(tensions.len());
+            let spans = self.spans.now.iter().skip(j).step_by(tensions.len());
             out.tendon_length.push(spans.sum());
         }
-        if points == 0 {
-            for k in 0..n {
-                let place = &self.place.points[k * A + A - 1];
-                self.record_disk(k, place, &self.place.frames[k], out);
-            }
-            return;
+        if points > 0 {
+            return self.record_modules(tensions, points, out);
         }
+        let place = &self.kinematics.position;
+        for k in 0..self.module_count() {
+            self.record_disk(k, &place.points[k * A + A - 1], &place.frames[k], out);
+        }
+    }
+
+    /// Appends disks, spans and sections of all modules.
+    #[inline(always)]
+    fn record_modules(&self, tensions: &[f64], points: usize, out: &mut Fields) {
+        let n = self.module_count();
         let first = out.position.len() / 3;
         for v in [&mut out.position, &mut out.force, &mut out.moment] {
             v.resize(3 * (first + n * points), 0.0);
         }
         out.rotation.resize(9 * (first + n * points), 0.0);
-        let first_span = out.span_length.len();
         let tendons = &self.rod.tendons;
+        let first_span = out.span_length.len();
         out.span_length
             .resize(first_span + n * tendons.len(), f64::NAN);
         let mut here = Vec::with_capacity(tendons.len());
         let mut frame = Mat3::<L::Chain>::identity();
         let mut origin = Vec3::<L::Chain>::zero();
-        for g in 0..self.past[0].len() {
+        for g in 0..self.next.len() {
             let start = g * L::WIDTH;
             let count = L::WIDTH.min(n - start);
+            here.clear();
+            for (tendon, whole) in tendons.iter().zip(tensions) {
+                here.push(tension_in_group::<L>(start, tendon, *whole));
+            }
+            let t = in_group(tendons, &here, self.rod.path, 0);
             let mut c = self.rod.constants[g];
-            if self.rigid {
+            if self.scheme.rigid {
                 // without the device that lets the scheme divide
                 c.d[0] = L::Module::zero();
             }
-            let (now, rate) = (&self.past[0][g], &self.rate[g]);
-            let mut state = State::<L::Module, A>::straight();
-            state.w = now.w;
-            state.n = now.n;
-            let mut strain = now.w;
-            let mut force = now.n;
-            let tau = L::Module::splat(self.damping.material);
-            for a in 0..A {
-                strain[a] = rate.w[a].scaled_add(tau, strain[a]);
-            }
-            if !self.rigid {
-                force = rate.n.scaled_add(tau, force);
-            }
-            here.clear();
-            let mut tension = L::Module::zero();
-            for (tendon, whole) in tendons.iter().zip(tensions) {
-                let own = L::Module::from_fn(|i| {
-                    if start + i <= tendon.end_disk {
-                        *whole
-                    } else {
-                        0.0
-                    }
-                });
-                if self.rod.path == TendonPath::Continuous {
-                    tension += own;
-                }
-                here.push(own);
-            }
-            let t = in_group(tendons, &here, self.rod.path, 0);
-            state.shape(&c, &t);
-            state.rho = state.rho0 + state.compliance(&c) * state.n;
-            let end = state.offset(&c);
-            let mut pieces = Pieces {
-                state,
-                strain,
-                force,
-                tension,
-                load: Vec3::zero(),
-                origin: Vec3::zero(),
-                frame: Mat3::zero(),
-            };
+            let mut pieces = self.pieces(g, &c, &t);
+            let end = pieces.state.offset(&c);
             for i in 0..count {
                 let k = start + i;
                 put::<L>(&mut pieces.origin, i, origin);
                 put_mat::<L>(&mut pieces.frame, i, &frame);
-                let (mut load, mut mass) = (Vec3::zero(), 0.0);
-                for a in 0..A - 1 {
-                    load += self.standing[k * A + a];
-                    mass += self.masses[k * A + a];
-                }
-                if mass > 0.0 {
-                    let by_length = L::get(&c.mass_per_length, i) * L::Chain::splat(1.0 / mass);
-                    put::<L>(&mut pieces.load, i, frame.tr_mul(load) * by_length);
-                }
+                let load = self.load_by_length(k, &frame, L::get(&c.mass_per_length, i));
+                put::<L>(&mut pieces.load, i, load);
                 origin += frame * get::<L>(&end, i);
                 frame = frame * get_mat::<L>(&pieces.state.s, i);
                 self.record_disk(k, &origin, &frame, out);
@@ -235,6 +203,65 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
     }
 
+    /// A group of modules now, not yet placed.
+    #[inline(always)]
+    fn pieces(
+        &self,
+        g: usize,
+        c: &Constants<L::Module>,
+        t: &Tendons<L::Module>,
+    ) -> Pieces<L::Module, A> {
+        let (now, rate) = (&self.strain.start()[g], &self.strain.rate[g]);
+        let mut state = State::<L::Module, A>::straight();
+        state.w = now.w;
+        state.n = now.n;
+        let mut strain = now.w;
+        let mut force = now.n;
+        let tau = L::Module::splat(self.scheme.damping.material);
+        for a in 0..A {
+            strain[a] = rate.w[a].scaled_add(tau, strain[a]);
+        }
+        if !self.scheme.rigid {
+            force = rate.n.scaled_add(tau, force);
+        }
+        let mut tension = L::Module::zero();
+        if t.path == TendonPath::Continuous {
+            for own in t.tensions {
+                tension += *own;
+            }
+        }
+        state.shape(c, t);
+        state.rho = state.rho0 + state.compliance(c) * state.n;
+        Pieces {
+            state,
+            strain,
+            force,
+            tension,
+            load: Vec3::zero(),
+            origin: Vec3::zero(),
+            frame: Mat3::zero(),
+        }
+    }
+
+    /// Weight and inertia of a module's backbone by length, in the frame of its start, N/m.
+    #[inline(always)]
+    fn load_by_length(
+        &self,
+        k: usize,
+        frame: &Mat3<L::Chain>,
+        mass_per_length: L::Chain,
+    ) -> Vec3<L::Chain> {
+        let (mut load, mut mass) = (Vec3::zero(), 0.0);
+        for a in 0..A - 1 {
+            load += self.residual.last_force[k * A + a];
+            mass += self.mass.points[k * A + a];
+        }
+        if mass == 0.0 {
+            return Vec3::zero();
+        }
+        frame.tr_mul(load) * (mass_per_length * L::Chain::splat(1.0 / mass))
+    }
+
     #[inline(always)]
     fn record_disk(
         &self,
@@ -243,10 +270,23 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         frame: &Mat3<L::Chain>,
         out: &mut Fields,
     ) {
-        let velocity = plain(&self.velocity.points[k * A + A - 1]);
-        let turning = plain_mat(&self.velocity.frames[k]);
-        out.disk(plain(position), &plain_mat(frame), velocity, &turning);
+        let velocity = &self.kinematics.velocity;
+        let turning = of_lane(&velocity.frames[k]);
+        let velocity = velocity.points[k * A + A - 1].of_lane(0);
+        out.disk(position.of_lane(0), &of_lane(frame), velocity, &turning);
     }
+}
+
+/// Tension of a tendon in the modules of a group from `start` on; zero where it does not pass.
+#[inline(always)]
+fn tension_in_group<L: Layout>(start: usize, tendon: &Tendon, whole: f64) -> L::Module {
+    L::Module::from_fn(|i| {
+        if start + i <= tendon.end_disk {
+            whole
+        } else {
+            0.0
+        }
+    })
 }
 
 impl<T: Real, const A: usize> Pieces<T, A> {

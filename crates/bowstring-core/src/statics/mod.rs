@@ -4,8 +4,11 @@ pub mod adaptive;
 pub mod batch;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod lanes;
+mod nearest;
 mod newton;
 pub mod path;
 pub mod path_batch;
+mod path_error;
+mod path_step;
 pub mod solver;
 mod stability;

@@ -1,0 +1,469 @@
+//! Time integration over one stretch of time: predictor, Newton's method, step control and balance
+//! of energy.
+
+use super::actuation::Actuation;
+use super::newton::{self, Problem, Tolerances};
+use super::settings::{Count, Settings, Step, Stop};
+use crate::dispatch::Moving;
+use crate::interrupt;
+use crate::model::load::{Load, OwnedLoad};
+use crate::model::robot::Robot;
+use crate::motion::{Energies, StepError};
+use crate::statics::solver;
+
+// Tuned constants of a step. Moments are over (bending stiffness / length).
+
+/// Largest moment imbalance at which a step counts as solved: with numerical damping, and without
+/// it, where errors of energy add up.
+const TOLERANCE: f64 = 1e-6;
+const UNDAMPED_TOLERANCE: f64 = 1e-7;
+/// Share of a step's estimated error that an imbalance may add to it, and the largest imbalance
+/// that may: a step need not be solved better than it follows the motion. Only with numerical
+/// damping, and by tension.
+const SHARE_OF_ERROR: f64 = 5e-3;
+const LOOSEST: f64 = 1e-4;
+/// Shortest step that a cut may reach, over the longest.
+const MOST_CUTS: f64 = 1e-6;
+/// Rounding of a step's forces that still leaves a motion.
+const MOST_NOISE: f64 = 1e-4;
+/// Share of a stretch that counts as none, and of a step that one may be longer to reach the end.
+const NO_TIME: f64 = 1e-12;
+const LONGER: f64 = 1e-4;
+/// Steps, repeated ones too, in one stretch of time: enough for minutes of a stiff robot.
+const MOST_STEPS: usize = 2_000_000;
+
+// Balance of energy. Energies are over the largest so far.
+
+/// Energy that may appear from nowhere before a step is done again without numerical damping,
+/// whose scheme conserves it; and before a step is cut.
+const UNDAMPED_GROWTH: f64 = 1e-3;
+const MOST_GROWTH: f64 = 5e-2;
+/// Without numerical damping: deviation to which energy is kept, and how often a step is solved
+/// again for it.
+const KEPT: f64 = 1e-5;
+const MAX_RESTORATIONS: usize = 3;
+
+// Step control by the estimated error, of third order in the step.
+
+/// Errors of steps add up to that of a motion, but for what each leaves in the velocity, which
+/// shows a quarter of an oscillation later.
+const ERROR_MARGIN: f64 = 3.0;
+/// Safety of a new step; error over the tolerance at which a step is repeated; and the bounds of
+/// the factor to the next step, and of one that is repeated.
+const SAFETY: f64 = 0.9;
+const REPEATED: f64 = 2.0;
+const FACTORS: [f64; 2] = [0.5, 2.0];
+const LEAST_REPEATED_FACTOR: f64 = 0.2;
+/// Factors that change nothing: steps of one length share the tangent.
+const SAME_STEP: std::ops::Range<f64> = 0.85..1.4;
+
+/// Limits of a step, by robot.
+struct Limits {
+    /// Imbalance of a step, of an equilibrium, and the most that may be left by the error of a
+    /// step, N m.
+    step: f64,
+    at_rest: f64,
+    loosest: f64,
+    /// Step below which rounding would hide the motion, s.
+    shortest: f64,
+}
+
+/// Load over the stretch. In the place of a tension, the displacement of a tendon under
+/// displacement control.
+struct LoadRamp {
+    from: OwnedLoad,
+    to: OwnedLoad,
+    /// Where forces balance, and at the end of the step.
+    between: OwnedLoad,
+    end: OwnedLoad,
+}
+
+/// Energy since the last jump of the load, J.
+struct EnergyMonitor {
+    /// Left at the jump, and the least since.
+    start: f64,
+    least: f64,
+    /// Largest so far.
+    largest: f64,
+}
+
+/// Integration of one stretch of time.
+pub(super) struct Integration {
+    step: Step,
+    spectral_radius: f64,
+    limits: Limits,
+    ramp: LoadRamp,
+    /// Beside tensions.
+    pub actuation: Option<Actuation>,
+    /// Step to try next, s.
+    pub next: f64,
+    /// Estimated error of the last step.
+    error: Option<StepError>,
+    /// Steps just before whose error is not known.
+    unknown: usize,
+    energy: EnergyMonitor,
+    pub count: Count,
+    /// How much of the stretch was done, s.
+    elapsed: f64,
+}
+
+/// An equilibrium to find.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Equilibrium {
+    /// Under the tensions at hand, which are those of an equilibrium already.
+    Given,
+    /// Under the load.
+    Loaded,
+}
+
+/// What comes of a step.
+enum Verdict {
+    Accept(Option<StepError>),
+    /// Without numerical damping once more.
+    Undamped,
+    /// Half as long once more.
+    Cut,
+    /// So long once more, s.
+    Shorten(f64),
+    Collide,
+}
+
+impl EnergyMonitor {
+    fn start(&mut self, energies: &Energies) {
+        self.start = energies.left();
+        self.least = energies.left();
+        self.largest = energies.size();
+    }
+
+    fn take(&mut self, energies: &Energies) {
+        self.least = f64::min(self.least, energies.left());
+        self.largest = f64::max(self.largest, energies.size());
+    }
+}
+
+/// Shortest step of a robot, s: 2 / h^2 times mass times length is the largest force whose rounding
+/// is seen.
+pub(super) fn shortest_step(robot: &Robot) -> f64 {
+    let size = 8.0 * f64::EPSILON * robot.mass() * robot.length().powi(2);
+    (size / (MOST_NOISE * robot.moment_scale())).sqrt()
+}
+
+impl Integration {
+    pub fn new(robot: &Robot, settings: &Settings) -> Self {
+        let scale = robot.moment_scale();
+        let undamped = settings.spectral_radius == 1.0;
+        let (tolerance, loosest) = if undamped {
+            (UNDAMPED_TOLERANCE, 0.0)
+        } else {
+            (TOLERANCE, LOOSEST)
+        };
+        let forces = OwnedLoad {
+            tensions: vec![0.0; robot.tendon_count()],
+            ..OwnedLoad::default()
+        };
+        Integration {
+            step: settings.step,
+            spectral_radius: settings.spectral_radius,
+            limits: Limits {
+                step: tolerance * scale,
+                at_rest: solver::TOLERANCE * scale,
+                loosest: loosest * scale,
+                shortest: shortest_step(robot),
+            },
+            ramp: LoadRamp {
+                from: forces.clone(),
+                to: forces.clone(),
+                between: forces.clone(),
+                end: forces,
+            },
+            actuation: None,
+            next: 0.0,
+            error: None,
+            unknown: 0,
+            energy: EnergyMonitor {
+                start: 0.0,
+                least: 0.0,
+                largest: 0.0,
+            },
+            count: Count::default(),
+            elapsed: 0.0,
+        }
+    }
+
+    /// Sets the load at once.
+    pub fn set_load(&mut self, load: &Load) {
+        self.ramp.to.set(load);
+    }
+
+    /// Tensions and displacements now.
+    pub fn values(&self) -> &[f64] {
+        &self.ramp.to.tensions
+    }
+
+    /// Forgets the steps so far: after a jump, or at rest.
+    pub fn restart(&mut self, energies: &Energies) {
+        self.energy.start(energies);
+        self.error = None;
+        self.next = self.step.first();
+    }
+
+    /// Finds an equilibrium; `None` if there is none, else whether it is a minimum of the energy.
+    pub fn settle(&mut self, motion: &mut dyn Moving, which: Equilibrium) -> Option<bool> {
+        self.ramp.from = self.ramp.to.clone();
+        motion.begin_at_rest();
+        self.set_loads(motion, 1.0, 1.0, 1.0);
+        let tolerances = self.tolerances(motion, self.limits.at_rest, self.limits.at_rest);
+        let actuation = match which {
+            Equilibrium::Given => None,
+            Equilibrium::Loaded => self.actuation.as_mut(),
+        };
+        let mut iterations = 0;
+        let problem = Problem::Equilibrium;
+        let found = newton::solve(motion, actuation, tolerances, problem, &mut iterations);
+        if interrupt::interrupted() {
+            return None;
+        }
+        let (mut tendons, mut held) = (0.0, 0);
+        if let Some(actuation) = &mut self.actuation {
+            match which {
+                Equilibrium::Given => actuation.adopt(motion),
+                Equilibrium::Loaded => held = actuation.held_directions(),
+            }
+            tendons = actuation.arrive(motion);
+        }
+        motion.commit_at_rest(tendons);
+        found.then(|| motion.is_stable(held))
+    }
+
+    /// Moves on by `duration` while the load goes in a straight line to the one given; returns how
+    /// long it went, s, and what stopped it before.
+    pub fn advance(
+        &mut self,
+        motion: &mut dyn Moving,
+        duration: f64,
+        load: &Load,
+    ) -> (f64, Option<Stop>) {
+        std::mem::swap(&mut self.ramp.from, &mut self.ramp.to);
+        self.ramp.to.set(load);
+        self.count = Count::default();
+        self.elapsed = 0.0;
+        let stop = self.integrate(motion, duration);
+        if stop.is_none() {
+            return (duration, None);
+        }
+        let reached = if duration > 0.0 {
+            self.elapsed / duration
+        } else {
+            1.0
+        };
+        let ramp = &mut self.ramp;
+        ramp.between.between(&ramp.from, &ramp.to, reached);
+        ramp.to = ramp.between.clone();
+        (self.elapsed, stop)
+    }
+
+    /// Step by step to the end of the stretch.
+    fn integrate(&mut self, motion: &mut dyn Moving, duration: f64) -> Option<Stop> {
+        let mut problem = Problem::Step;
+        while self.elapsed < duration * (1.0 - NO_TIME) {
+            if self.count.steps + self.count.repeated > MOST_STEPS {
+                return Some(Stop::StepFailed);
+            }
+            let step = self.begin(motion, duration);
+            let tolerances = self.step_tolerances(motion);
+            let solved = self.solve(motion, tolerances, problem);
+            if interrupt::interrupted() {
+                return Some(Stop::StepFailed);
+            }
+            self.error = None;
+            let verdict = self.judge(motion, step, solved, tolerances);
+            let cut = matches!(verdict, Verdict::Cut);
+            match verdict {
+                Verdict::Accept(error) => {
+                    self.accept(motion, step, error);
+                    problem = Problem::Step;
+                    continue;
+                }
+                Verdict::Undamped => motion.restart(),
+                Verdict::Shorten(next) => self.next = next,
+                Verdict::Cut => {
+                    motion.reset_predictor();
+                    problem = Problem::CutStep;
+                    self.next = step / 2.0;
+                }
+                Verdict::Collide => return Some(Stop::Collision),
+            }
+            self.count.repeated += 1;
+            if cut && self.next < self.least_step() {
+                return Some(Stop::StepFailed);
+            }
+        }
+        None
+    }
+
+    /// Starts a step: predictor and loads. Returns its length, such that equal steps reach the end.
+    fn begin(&mut self, motion: &mut dyn Moving, duration: f64) -> f64 {
+        let remaining = duration - self.elapsed;
+        let step = remaining / (remaining / self.next - LONGER).ceil().max(1.0);
+        motion.begin(step, self.spectral_radius);
+        let share = motion.balance_time();
+        let fraction = (self.elapsed + share * step) / duration;
+        let end = (self.elapsed + step) / duration;
+        self.set_loads(motion, fraction, end, share);
+        step
+    }
+
+    /// Loads where forces balance and at the end of the step, as fractions of the ramp.
+    fn set_loads(&mut self, motion: &mut dyn Moving, fraction: f64, end: f64, share: f64) {
+        let ramp = &mut self.ramp;
+        ramp.between.between(&ramp.from, &ramp.to, fraction);
+        motion.set_load(&ramp.between.borrow());
+        if let Some(actuation) = &mut self.actuation {
+            ramp.end.between(&ramp.from, &ramp.to, end);
+            actuation.begin(motion, &ramp.between.tensions, &ramp.end.tensions, share);
+        }
+    }
+
+    fn solve(&mut self, motion: &mut dyn Moving, to: Tolerances, problem: Problem) -> bool {
+        let actuation = self.actuation.as_mut();
+        newton::solve(motion, actuation, to, problem, &mut self.count.iterations)
+    }
+
+    /// Tolerances of the step at hand, by the error of the one before.
+    fn step_tolerances(&self, motion: &dyn Moving) -> Tolerances {
+        let tight = self.limits.step;
+        let loose = match &self.error {
+            Some(error) if self.actuation.is_none() => {
+                let left = motion.effort(SHARE_OF_ERROR * error.largest);
+                f64::max(tight, f64::min(left, self.limits.loosest))
+            }
+            _ => tight,
+        };
+        self.tolerances(motion, tight, loose)
+    }
+
+    /// Tolerances no tighter than rounding allows.
+    fn tolerances(&self, motion: &dyn Moving, predicted: f64, corrected: f64) -> Tolerances {
+        let noise = motion.noise(match &self.actuation {
+            Some(actuation) => actuation.last_tensions(),
+            None => &self.ramp.between.tensions,
+        });
+        Tolerances {
+            predicted: f64::max(predicted, noise),
+            corrected: f64::max(corrected, noise),
+        }
+    }
+
+    /// Whether a step is taken, by its energy and error, and how it is repeated if not.
+    fn judge(
+        &mut self,
+        motion: &mut dyn Moving,
+        step: f64,
+        solved: bool,
+        tolerances: Tolerances,
+    ) -> Verdict {
+        if !solved {
+            return Verdict::Cut;
+        }
+        self.finish(motion);
+        let restored = self.spectral_radius < 1.0 || self.restore_energy(motion, tolerances);
+        let (grown, size) = (self.excess(motion, self.energy.least), self.size(motion));
+        if !motion.is_fresh() && self.spectral_radius < 1.0 && grown > UNDAMPED_GROWTH * size {
+            return Verdict::Undamped;
+        }
+        // a NaN is not sound
+        if !(restored && grown <= MOST_GROWTH * size) {
+            return Verdict::Cut;
+        }
+        let error = motion.local_error().filter(|e| e.largest.is_finite());
+        if let (Step::Adaptive { tolerance, .. }, Some(error)) = (self.step, &error) {
+            if error.largest > REPEATED * tolerance && step > self.limits.shortest {
+                let factor = SAFETY * (tolerance / error.largest).cbrt();
+                let shorter = step * f64::max(factor, LEAST_REPEATED_FACTOR);
+                return Verdict::Shorten(f64::max(shorter, self.limits.shortest));
+            }
+        }
+        if !motion.is_apart() {
+            return Verdict::Collide;
+        }
+        Verdict::Accept(error)
+    }
+
+    /// Energies at the end of a step that was solved.
+    fn finish(&self, motion: &mut dyn Moving) {
+        motion.finish(&self.ramp.between.borrow());
+        if let Some(actuation) = &self.actuation {
+            actuation.account(motion);
+        }
+    }
+
+    /// Energy left at the end of the step, less a reference, J.
+    fn excess(&self, motion: &dyn Moving, reference: f64) -> f64 {
+        motion.next_energies().left() - reference
+    }
+
+    /// Largest energy so far, the end of the step included, J.
+    fn size(&self, motion: &dyn Moving) -> f64 {
+        f64::max(self.energy.largest, motion.next_energies().size())
+    }
+
+    /// Solves a step without numerical damping again until its energy is kept; false where that
+    /// fails.
+    fn restore_energy(&mut self, motion: &mut dyn Moving, tolerances: Tolerances) -> bool {
+        // one iteration at least: the force may be lost in the tolerance
+        let again = Tolerances {
+            predicted: 0.0,
+            ..tolerances
+        };
+        for _ in 0..MAX_RESTORATIONS {
+            let excess = self.excess(motion, self.energy.start);
+            if excess.abs() <= KEPT * self.size(motion) || !motion.restore(excess) {
+                break;
+            }
+            if !self.solve(motion, again, Problem::Step) {
+                return false;
+            }
+            self.finish(motion);
+        }
+        true
+    }
+
+    /// Takes the end of a step as the start of the next.
+    fn accept(&mut self, motion: &mut dyn Moving, step: f64, error: Option<StepError>) {
+        if let Some(actuation) = &mut self.actuation {
+            actuation.arrive(motion);
+        }
+        motion.commit();
+        self.error = error;
+        // steps of which nothing is known count as the next
+        self.unknown += 1;
+        if let Some(error) = &error {
+            self.count.error += ERROR_MARGIN * error.tip * self.unknown as f64;
+            self.unknown = 0;
+        }
+        self.energy.take(motion.energies());
+        self.elapsed += step;
+        self.count.steps += 1;
+        self.next = self.next_step(step);
+    }
+
+    /// Length of the step after one that was taken.
+    fn next_step(&self, step: f64) -> f64 {
+        match self.step {
+            // cut steps grow back
+            Step::Fixed(longest) => f64::min(2.0 * self.next, longest),
+            Step::Adaptive { tolerance, longest } => {
+                let factor = self.error.as_ref().map_or(1.0, |error| {
+                    (SAFETY * (tolerance / error.largest).cbrt()).clamp(FACTORS[0], FACTORS[1])
+                });
+                let keep = SAME_STEP.contains(&factor);
+                f64::min(if keep { step } else { step * factor }, longest)
+            }
+        }
+    }
+
+    /// Step below which a cut gives up, s.
+    fn least_step(&self) -> f64 {
+        f64::max(self.step.longest() * MOST_CUTS, self.limits.shortest)
+    }
+}

@@ -1,0 +1,60 @@
+//! Mass and inertia lumped into points and disks.
+
+use crate::math::real::Layout;
+use crate::model::robot::Robot;
+use crate::rod::chain::lanes;
+
+/// Mass in points, from base to tip, the disk last in each module, and in the directors of disks.
+pub(super) struct LumpedMass<L: Layout, const A: usize> {
+    /// Of the points, kg.
+    pub points: Vec<f64>,
+    /// Share of the disks' inertia of each director across the axis, and of that along it, kg m^2.
+    pub directors: Vec<[f64; 2]>,
+    /// Of the points, by groups of modules.
+    pub lanes: Vec<[L::Module; A]>,
+    /// Of all points, kg.
+    pub total: f64,
+}
+
+impl<L: Layout, const A: usize> LumpedMass<L, A> {
+    /// Simpson's rule over each pair of arcs. The mass of a clamp and of the node where it begins
+    /// goes to the clamp's disk, which it is rigid with, and its second moment to the director
+    /// along the axis. Its first moment is zero where both sides of a disk are alike. Elsewhere, as
+    /// at the last disk, it is left out: it couples points with directors, and `M` is diagonal.
+    pub fn new(robot: &Robot) -> Self {
+        let n = robot.module_count();
+        let mut points = vec![0.0; n * A];
+        let mut directors = vec![[0.0; 2]; n];
+        for k in 0..n {
+            let (module, section) = (robot.modules[k], robot.section(k));
+            let arc = module.flexible / A as f64;
+            let lump = section.mass_per_length * arc / 3.0;
+            for a in 0..A {
+                points[k * A + a] += lump * if a % 2 == 0 { 4.0 } else { 2.0 };
+            }
+            points[k * A + A - 1] -= lump;
+            let disk = &robot.spec().disks[k];
+            let held = module.flexible / 2.0 + module.clamp[1];
+            let [across, along] = disk.inertia;
+            let rotary = section.rotary_inertia * held;
+            directors[k][0] += along / 2.0 + rotary;
+            let second =
+                |clamp: f64| section.mass_per_length * clamp.powi(3) / 3.0 + lump * clamp.powi(2);
+            directors[k][1] += f64::max(across - along / 2.0, 0.0) + second(module.clamp[1]);
+            points[k * A + A - 1] += disk.mass + section.mass_per_length * module.clamp[1];
+            if k > 0 {
+                let held = module.flexible / 2.0 + module.clamp[0];
+                directors[k - 1][0] += section.rotary_inertia * held;
+                directors[k - 1][1] += second(module.clamp[0]);
+                points[k * A - 1] += lump + section.mass_per_length * module.clamp[0];
+            }
+        }
+        let group = |g| std::array::from_fn(|a| lanes::<L>(n, g, |k| points[k * A + a]));
+        LumpedMass {
+            lanes: (0..n.div_ceil(L::WIDTH)).map(group).collect(),
+            total: points.iter().sum(),
+            points,
+            directors,
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! Forces on all mass, and the imbalance that they leave in arcs and contact forces.
+
+use super::kinematics::Kinematics;
+use super::mass::LumpedMass;
+use super::scheme::Scheme;
+use super::strain::StrainHistory;
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::{Layout, Real};
+use crate::model::load::TendonPath;
+use crate::rod::chain::{get, get_mat, in_group, put, Rod};
+use crate::rod::module::{share, Constants};
+
+/// Forces on the mass, in the base frame, and what they leave in the modules.
+pub(super) struct Residual<L: Layout, const A: usize> {
+    /// Inertial and gravity forces on points, N, and moments on disks, N m.
+    pub force: Vec<Vec3<L::Chain>>,
+    pub moment: Vec<Vec3<L::Chain>>,
+    /// Forces on points at the end of the step before, N.
+    pub last_force: Vec<Vec3<L::Chain>>,
+    pub gravity: Vec3<L::Chain>,
+    pub disk_force: Vec<Vec3<L::Chain>>,
+    pub tip_force: Vec3<L::Chain>,
+    pub modules: Vec<ModuleForces<L::Module, A>>,
+}
+
+/// Forces of a module, in the frame of its start.
+#[derive(Clone, Copy)]
+pub(super) struct ModuleForces<T, const A: usize> {
+    /// On the nodes inside, N.
+    pub nodes: [Vec3<T>; A],
+    /// Imbalance of the contact force, N.
+    pub imbalance: Vec3<T>,
+}
+
+impl<L: Layout, const A: usize> Residual<L, A> {
+    pub fn new(modules: usize, gravity: [f64; 3]) -> Self {
+        let none = ModuleForces {
+            nodes: [Vec3::zero(); A],
+            imbalance: Vec3::zero(),
+        };
+        Residual {
+            force: vec![Vec3::zero(); modules * A],
+            moment: vec![Vec3::zero(); modules],
+            last_force: vec![Vec3::zero(); modules * A],
+            gravity: Vec3::splat(gravity),
+            disk_force: vec![Vec3::zero(); modules],
+            tip_force: Vec3::zero(),
+            modules: vec![none; modules.div_ceil(L::WIDTH)],
+        }
+    }
+
+    /// Gravity and inertia of all mass; `rotations` are those of the disks where forces balance,
+    /// base included.
+    #[inline(always)]
+    pub fn set_inertial(
+        &mut self,
+        scheme: &Scheme,
+        mass: &LumpedMass<L, A>,
+        motion: &Kinematics<L::Chain, A>,
+        rotations: &[Mat3<L::Chain>],
+    ) {
+        let factor = L::Chain::splat(scheme.acceleration_by_distance());
+        for p in 0..self.force.len() {
+            let moved = motion.next_position.points[p] - motion.position.points[p];
+            let acceleration = moved.scaled_add(factor, motion.bias.points[p]);
+            self.force[p] = (self.gravity - acceleration) * L::Chain::splat(mass.points[p]);
+        }
+        for k in 0..self.moment.len() {
+            let [e1, e3] = mass.directors[k].map(L::Chain::splat);
+            let moved = motion.next_position.frames[k] - motion.position.frames[k];
+            let mut acceleration = moved * factor + motion.bias.frames[k];
+            for row in &mut acceleration.0 {
+                *row = [row[0] * e1, row[1] * e1, row[2] * e3];
+            }
+            // sum of director x acceleration
+            let q = acceleration * rotations[k + 1].transpose();
+            self.moment[k] = Vec3([
+                q.0[1][2] - q.0[2][1],
+                q.0[2][0] - q.0[0][2],
+                q.0[0][1] - q.0[1][0],
+            ]);
+        }
+    }
+
+    /// Imbalance of arcs and contact forces under the present tensions and forces on all mass;
+    /// `constants` hold the stiffness of this step. Returns the largest, N m.
+    #[inline(always)]
+    pub fn evaluate(
+        &mut self,
+        rod: &mut Rod<L, A>,
+        constants: &[Constants<L::Module>],
+        strain: &StrainHistory<L, A>,
+        scheme: &Scheme,
+    ) -> f64 {
+        self.set_resultants(rod);
+        self.set_load_moments(rod, constants);
+        self.set_costate(rod);
+        self.set_gradients(rod, constants, strain, scheme)
+    }
+
+    /// Loads of every module and all beyond it, from the tip, in the frame of its start.
+    #[inline(always)]
+    fn set_resultants(&mut self, rod: &mut Rod<L, A>) {
+        let mut total = self.tip_force;
+        let splat = L::Chain::splat;
+        for k in (0..self.moment.len()).rev() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let [start, end] = rod.fixed.modules[k].clamp;
+            let rotation = rod.rotations[k];
+            total += self.force[k * A + A - 1] + self.disk_force[k];
+            let state = &mut rod.states[g];
+            let here = rotation.tr_mul(total);
+            put::<L>(&mut state.f[0], i, here);
+            put::<L>(&mut state.f[1], i, here * splat(end));
+            for a in 0..A - 1 {
+                let force = self.force[k * A + a];
+                total += force;
+                put::<L>(&mut self.modules[g].nodes[a], i, rotation.tr_mul(force));
+            }
+            put::<L>(&mut state.f[2], i, rotation.tr_mul(total) * splat(start));
+        }
+    }
+
+    /// Moments of the loads about the start of every module, and what spans take of them.
+    #[inline(always)]
+    fn set_load_moments(&self, rod: &mut Rod<L, A>, constants: &[Constants<L::Module>]) {
+        for g in 0..self.modules.len() {
+            let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
+            let state = &mut rod.states[g];
+            state.end_force = state.f[0];
+            state.span_torque = Vec3::zero();
+            if t.path == TendonPath::Straight {
+                let (_, pull, torque, _) = state.spans(&constants[g], &t);
+                state.end_force -= pull;
+                state.span_torque = torque;
+            }
+            let tangent = state.s.column(2);
+            state.load_moment = state.rho.cross(state.f[0])
+                + tangent.cross(state.f[1])
+                + Vec3::ez().cross(state.f[2]);
+            for a in 0..A - 1 {
+                state.load_moment += state.inside(a).cross(self.modules[g].nodes[a]);
+            }
+        }
+    }
+
+    /// Costate of every module's rotation, from the tip.
+    #[inline(always)]
+    fn set_costate(&self, rod: &mut Rod<L, A>) {
+        let n = self.moment.len();
+        let mut lambda = -rod.rotations[n].tr_mul(rod.dead.tip_moment);
+        for k in (0..n).rev() {
+            let (state, i) = (&mut rod.states[k / L::WIDTH], k % L::WIDTH);
+            lambda -= rod.rotations[k + 1].tr_mul(self.moment[k]);
+            lambda = get_mat::<L>(&state.s, i) * lambda;
+            put::<L>(&mut state.lambda, i, lambda);
+            lambda -= get::<L>(&state.load_moment, i);
+        }
+    }
+
+    /// Imbalance of every arc and contact force; returns the largest, N m.
+    #[inline(always)]
+    fn set_gradients(
+        &mut self,
+        rod: &mut Rod<L, A>,
+        constants: &[Constants<L::Module>],
+        strain: &StrainHistory<L, A>,
+        scheme: &Scheme,
+    ) -> f64 {
+        let stiffer = L::Module::splat(scheme.force_factor());
+        let mut largest = L::Module::zero();
+        for g in 0..self.modules.len() {
+            let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
+            let (c, offset) = (&constants[g], &strain.offset[g]);
+            let (state, out) = (&rod.states[g], &mut rod.gradients[g]);
+            state.gradient(c, &t, out);
+            let forces = &mut self.modules[g];
+            let damped = rod.constants[g].bending_moments(&offset.w);
+            for i in 0..A {
+                out.g[i] -= out.to_strain[i].tr_mul(damped[i]);
+                for a in i..A - 1 {
+                    let force = forces.nodes[a];
+                    out.g[i] -= out.r[i].tr_mul(force) - state.tail[a].cross(force);
+                }
+                largest = largest.max(out.g[i].max_abs());
+            }
+            forces.imbalance = state.n * stiffer - offset.n - state.end_force;
+            for a in 0..A - 1 {
+                forces.imbalance -= forces.nodes[a] * share::<_, A>(a);
+            }
+            largest = largest.max(forces.imbalance.max_abs() * c.flexible);
+        }
+        // idle lanes repeat the last module without its loads
+        let mut worst = 0.0;
+        for i in 0..L::WIDTH.min(self.moment.len()) {
+            let value = L::get(&largest, i).largest();
+            worst = Real::max(worst, value);
+        }
+        worst
+    }
+}

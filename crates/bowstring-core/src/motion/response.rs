@@ -1,0 +1,350 @@
+//! Solutions of the eliminated tangent for right-hand sides: the own imbalance, or more tension.
+
+use super::residual::Residual;
+use super::scheme::Scheme;
+use super::tangent::{ModulePose, Tangent};
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::{Layout, Real};
+use crate::rod::chain::{get, get_mat, lanes, put, Rod};
+use crate::rod::module::State;
+
+/// Solutions for the present tangent.
+pub(super) struct Response<L: Layout, const A: usize> {
+    pub columns: Vec<Column<L, A>>,
+    /// Rotation and translation of every disk by the last solution, in its own frame.
+    pub disks: Vec<[Vec3<L::Chain>; 2]>,
+    /// Of the present tangent, at rest under a tip moment.
+    tip_moment: Option<Box<TipMomentCorrection<L, A>>>,
+}
+
+/// One solution: all arcs, contact forces and spans, by groups.
+#[derive(Clone)]
+pub(super) struct Column<L: Layout, const A: usize> {
+    /// Rotation that every arc adds.
+    pub u: Vec<[Vec3<L::Module>; A]>,
+    /// Displacement of the ends by the contact force.
+    pub delta: Vec<Vec3<L::Module>>,
+    /// Change of every span's length at the end of the step, by tendons and modules; zero where a
+    /// tendon does not pass.
+    pub rates: Vec<f64>,
+}
+
+/// What a dead moment at the tip, which has no potential, changes of a solution at rest: in the
+/// tip's frame it is a skew stiffness `S` against the tip's rotation. With the rotations `C` of the
+/// tip by moments, solutions of the symmetric elimination are right once that for a moment
+/// `-(I + S C)^-1 S` times their rotation of the tip is added.
+struct TipMomentCorrection<L: Layout, const A: usize> {
+    /// Solutions for unit moments on the tip about its own axes: arcs, contact forces and disks.
+    columns: [Column<L, A>; 3],
+    disks: [Vec<[Vec3<L::Chain>; 2]>; 3],
+    moment: Mat3<L::Chain>,
+}
+
+impl<L: Layout, const A: usize> Column<L, A> {
+    fn of(rod: &Rod<L, A>) -> Self {
+        let groups = rod.states.len();
+        Column {
+            u: vec![[Vec3::zero(); A]; groups],
+            delta: vec![Vec3::zero(); groups],
+            rates: vec![0.0; groups * L::WIDTH * rod.tendons.len()],
+        }
+    }
+
+    /// Takes the imbalance as right-hand side.
+    #[inline(always)]
+    fn set_imbalance(&mut self, rod: &Rod<L, A>, tangent: &Tangent<L, A>, own: &Residual<L, A>) {
+        for g in 0..self.delta.len() {
+            let (gradient, contact) = (&rod.gradients[g], &tangent.contact[g]);
+            let imbalance = own.modules[g].imbalance;
+            // an arc takes the end along by shear and extension as well
+            for a in 0..A {
+                let lever = contact.j[a] - gradient.r[a];
+                self.u[g][a] = gradient.g[a] + lever.tr_mul(imbalance);
+            }
+            self.delta[g] = imbalance;
+        }
+    }
+
+    /// Takes more tension in a tendon, by modules, as right-hand side.
+    #[inline(always)]
+    fn set_tension(
+        &mut self,
+        rod: &Rod<L, A>,
+        tangent: &Tangent<L, A>,
+        tendon: usize,
+        tension: &[f64],
+    ) {
+        let n = rod.module_count();
+        for g in 0..self.delta.len() {
+            let w = lanes::<L>(n, g, |k| tension[k]);
+            let span = rod.span(g, tendon);
+            let force = span.direction * w;
+            let torque = span.arm.cross(force);
+            for a in 0..A {
+                self.u[g][a] = torque + tangent.contact[g].j[a].tr_mul(force);
+            }
+            self.delta[g] = force;
+        }
+    }
+
+    /// Changes of all span lengths at the end of the step; by the spans where forces balance, which
+    /// is near enough for Newton's method.
+    #[inline(always)]
+    fn set_rates(&mut self, rod: &Rod<L, A>, tangent: &Tangent<L, A>, scheme: &Scheme) {
+        let groups = self.delta.len();
+        let count = rod.tendons.len();
+        let ahead = L::Module::splat(1.0 / scheme.af);
+        for g in 0..groups {
+            let (mut turn, mut moved) = (Vec3::zero(), self.delta[g]);
+            for a in 0..A {
+                turn += self.u[g][a];
+                moved += tangent.contact[g].j[a] * self.u[g][a];
+            }
+            for j in 0..count {
+                let span = rod.span(g, j);
+                let rate = span.direction.dot(moved + turn.cross(span.arm)) * ahead;
+                let rate = rate * rod.fixed.passes[g * count + j];
+                let out = &mut self.rates[(j * groups + g) * L::WIDTH..][..L::WIDTH];
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out = L::get(&rate, i).lane(0);
+                }
+            }
+        }
+    }
+}
+
+impl<L: Layout, const A: usize> Response<L, A> {
+    pub fn new(modules: usize) -> Self {
+        Response {
+            columns: vec![],
+            disks: vec![[Vec3::zero(); 2]; modules],
+            tip_moment: None,
+        }
+    }
+
+    fn reserve(&mut self, rod: &Rod<L, A>, column: usize) {
+        while self.columns.len() <= column {
+            self.columns.push(Column::of(rod));
+        }
+    }
+
+    /// Solves for the present imbalance, in the first column.
+    #[inline(always)]
+    pub fn solve_imbalance(
+        &mut self,
+        rod: &Rod<L, A>,
+        tangent: &mut Tangent<L, A>,
+        own: &Residual<L, A>,
+    ) {
+        self.reserve(rod, 0);
+        self.columns[0].set_imbalance(rod, tangent, own);
+        self.solve(rod, tangent, 0);
+    }
+
+    /// Solves for more tension in a tendon, by modules.
+    #[inline(always)]
+    pub fn solve_tension(
+        &mut self,
+        rod: &Rod<L, A>,
+        tangent: &mut Tangent<L, A>,
+        column: usize,
+        (tendon, tension): (usize, &[f64]),
+    ) {
+        self.reserve(rod, column);
+        self.columns[column].set_tension(rod, tangent, tendon, tension);
+        self.solve(rod, tangent, column);
+    }
+
+    /// How a solution changes the lengths of all spans.
+    #[inline(always)]
+    pub fn rate_spans(
+        &mut self,
+        rod: &Rod<L, A>,
+        tangent: &Tangent<L, A>,
+        scheme: &Scheme,
+        column: usize,
+    ) {
+        self.columns[column].set_rates(rod, tangent, scheme);
+    }
+
+    /// Moves the end of the step by a sum of solutions.
+    #[inline(always)]
+    pub fn combine(
+        &self,
+        rod: &Rod<L, A>,
+        tangent: &Tangent<L, A>,
+        scheme: &Scheme,
+        coefficients: &[f64],
+        next: &mut [State<L::Module, A>],
+    ) {
+        for (column, factor) in self.columns.iter().zip(coefficients) {
+            let ahead = L::Module::splat(factor / scheme.af);
+            for g in 0..next.len() {
+                let (next, contact) = (&mut next[g], &tangent.contact[g]);
+                let gradient = &rod.gradients[g];
+                for a in 0..A {
+                    let step = gradient.to_strain[a] * column.u[g][a];
+                    next.w[a] = step.scaled_add(ahead, next.w[a]);
+                }
+                let step = contact.stiffness * column.delta[g];
+                next.n = step.scaled_add(ahead, next.n);
+            }
+        }
+    }
+
+    /// Drops the correction of an earlier tangent.
+    #[inline(always)]
+    pub fn clear_tip_moment(&mut self) {
+        self.tip_moment = None;
+    }
+
+    /// Prepares the correction of this tangent.
+    #[cold]
+    pub fn prepare_tip_moment(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>) {
+        let n = rod.module_count();
+        let mut flexibility = Mat3::zero();
+        let mut disks = [const { vec![] }; 3];
+        let columns = [0, 1, 2].map(|axis| {
+            let mut column = Column::of(rod);
+            let mut unit = Vec3::zero();
+            unit[axis] = L::Chain::splat(1.0);
+            self.substitute(rod, tangent, &mut column, [-unit, Vec3::zero()]);
+            let turned = self.disks[n - 1][0];
+            for row in 0..3 {
+                flexibility.0[row][axis] = turned[row];
+            }
+            disks[axis] = self.disks.clone();
+            column
+        });
+        // as in statics: a rotation in its log chart sees half of the moment
+        let moment = rod.rotations[n].tr_mul(rod.dead.tip_moment);
+        let stiffness = (moment * L::Chain::splat(-0.5)).skew();
+        let back = (stiffness * flexibility).add_diagonal([L::Chain::splat(1.0); 3]);
+        self.tip_moment = Some(Box::new(TipMomentCorrection {
+            columns,
+            disks,
+            moment: back.inverse() * stiffness * L::Chain::splat(-1.0),
+        }));
+    }
+
+    /// Solves for the right-hand side in a column, which the solution takes the place of.
+    #[inline(always)]
+    fn solve(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>, column: usize) {
+        let empty = Column {
+            u: vec![],
+            delta: vec![],
+            rates: vec![],
+        };
+        let mut out = std::mem::replace(&mut self.columns[column], empty);
+        self.substitute(rod, tangent, &mut out, [Vec3::zero(); 2]);
+        if let Some(correction) = &self.tip_moment {
+            correction.apply(&mut out, &mut self.disks);
+        }
+        self.columns[column] = out;
+    }
+
+    /// Substitution from tip to base and back; `tip` is the right-hand side on the tip.
+    #[inline(always)]
+    fn substitute(
+        &mut self,
+        rod: &Rod<L, A>,
+        tangent: &mut Tangent<L, A>,
+        out: &mut Column<L, A>,
+        tip: [Vec3<L::Chain>; 2],
+    ) {
+        Self::substitute_to_base(rod, tangent, out, tip);
+        self.substitute_to_tip(rod, tangent, out);
+    }
+
+    /// Eliminates the right-hand side, module by module from the tip.
+    #[inline(always)]
+    fn substitute_to_base(
+        rod: &Rod<L, A>,
+        tangent: &mut Tangent<L, A>,
+        out: &mut Column<L, A>,
+        mut p: [Vec3<L::Chain>; 2],
+    ) {
+        for k in (0..rod.module_count()).rev() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let contact = &tangent.contact[g];
+            let module = &mut tangent.eliminated[k];
+            let ModulePose { s, o, b } = ModulePose::of(rod, k);
+            let push = s * p[1];
+            let turn = s * p[0] + b.cross(push);
+            let delta = module.inverse * (get::<L>(&out.delta[g], i) + push);
+            module.solution = delta;
+            let mut u = [Vec3::zero(); A];
+            for a in 0..A {
+                u[a] =
+                    get::<L>(&out.u[g][a], i) + turn + get_mat::<L>(&contact.j[a], i).tr_mul(push)
+                        - module.u[a].tr_mul(delta);
+            }
+            p = [
+                turn + o.cross(push) - module.x.tr_mul(delta),
+                push - module.t.tr_mul(delta),
+            ];
+            module.arcs.backward::<true>(&mut u, &mut p);
+            for a in 0..A {
+                put::<L>(&mut out.u[g][a], i, u[a]);
+            }
+        }
+    }
+
+    /// Solves module by module from the base.
+    #[inline(always)]
+    fn substitute_to_tip(
+        &mut self,
+        rod: &Rod<L, A>,
+        tangent: &Tangent<L, A>,
+        out: &mut Column<L, A>,
+    ) {
+        let mut x = [Vec3::zero(); 2];
+        for k in 0..rod.module_count() {
+            let (g, i) = (k / L::WIDTH, k % L::WIDTH);
+            let (contact, module) = (&tangent.contact[g], &tangent.eliminated[k]);
+            let mut right = [Vec3::zero(); A];
+            for a in 0..A {
+                right[a] = get::<L>(&out.u[g][a], i);
+            }
+            let u = module.arcs.forward(&right, &x);
+            let mut pulled = module.x * x[0] + module.t * x[1];
+            let ModulePose { s, o, b } = ModulePose::of(rod, k);
+            let mut turn = x[0];
+            let mut moved = x[1] + x[0].cross(o);
+            for a in 0..A {
+                pulled += module.u[a] * u[a];
+                turn += u[a];
+                moved += get_mat::<L>(&contact.j[a], i) * u[a];
+                put::<L>(&mut out.u[g][a], i, u[a]);
+            }
+            let delta = -(module.solution + module.inverse * pulled);
+            put::<L>(&mut out.delta[g], i, delta);
+            moved += delta + turn.cross(b);
+            x = [s.tr_mul(turn), s.tr_mul(moved)];
+            self.disks[k] = x;
+        }
+    }
+}
+
+impl<L: Layout, const A: usize> TipMomentCorrection<L, A> {
+    /// Corrects a solution and its motion of the disks.
+    #[inline(always)]
+    fn apply(&self, out: &mut Column<L, A>, disks: &mut [[Vec3<L::Chain>; 2]]) {
+        let moment = self.moment * disks[disks.len() - 1][0];
+        for axis in 0..3 {
+            let part = &self.columns[axis];
+            let share = L::Module::splat(moment[axis].lane(0));
+            for g in 0..out.delta.len() {
+                for a in 0..A {
+                    out.u[g][a] = part.u[g][a].scaled_add(share, out.u[g][a]);
+                }
+                out.delta[g] = part.delta[g].scaled_add(share, out.delta[g]);
+            }
+            for (disk, part) in disks.iter_mut().zip(&self.disks[axis]) {
+                for q in 0..2 {
+                    disk[q] = part[q].scaled_add(moment[axis], disk[q]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Lengths of the tendons' spans over a step.
+
+use crate::math::linalg::Vec3;
+use crate::math::real::{Layout, Real};
+use crate::model::load::TendonPath;
+use crate::rod::chain::{in_group, Rod};
+use crate::rod::module::{Span, State};
+
+/// Length of a span, as a share of its module's, below which its ends have met.
+const CONTACT: f64 = 0.01;
+
+/// Lengths of spans at both ends of a step, m, by modules and tendons; zero where a tendon does
+/// not pass.
+pub(super) struct SpanLengths {
+    pub now: Vec<f64>,
+    pub next: Vec<f64>,
+    /// How far chords and loaded spans point forward at the end of the step, the least of them.
+    pub forward: f64,
+}
+
+impl SpanLengths {
+    pub fn new(spans: usize) -> Self {
+        SpanLengths {
+            now: vec![0.0; spans],
+            next: vec![0.0; spans],
+            forward: 1.0,
+        }
+    }
+
+    /// Measures the spans at the end of the step.
+    #[inline(always)]
+    pub fn measure<L: Layout, const A: usize>(
+        &mut self,
+        rod: &Rod<L, A>,
+        next: &[State<L::Module, A>],
+    ) {
+        let n = rod.module_count();
+        self.forward = f64::INFINITY;
+        for (g, state) in next.iter().enumerate() {
+            let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
+            let c = &rod.constants[g];
+            let here = L::WIDTH.min(n - g * L::WIDTH);
+            let mean = state.s.column(2) + Vec3::ez();
+            let chord = state.rho.dot(mean);
+            for i in 0..here {
+                self.lower_forward(L::get(&chord, i).lane(0));
+            }
+            for (j, tendon) in t.tendons.iter().enumerate() {
+                let (length, forward) = match t.path {
+                    TendonPath::Straight => {
+                        let span = Span::new(c, tendon, &state.s, state.rho);
+                        let gap = span.length * c.per_flexible - L::Module::splat(CONTACT);
+                        let forward = span.direction.dot(mean);
+                        (span.length, -(-gap).max(-forward))
+                    }
+                    TendonPath::Continuous => (state.parallel_length(c, &t, tendon), c.stretch(&t)),
+                };
+                for i in 0..here {
+                    if g * L::WIDTH + i > tendon.end_disk {
+                        break;
+                    }
+                    let at = (g * L::WIDTH + i) * t.tendons.len() + j;
+                    self.next[at] = L::get(&length, i).lane(0);
+                    if L::get(&t.tensions[j], i).lane(0) > 0.0 {
+                        self.lower_forward(L::get(&forward, i).lane(0));
+                    }
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn lower_forward(&mut self, forward: f64) {
+        // a NaN counts as backward
+        self.forward = -Real::max(-self.forward, -forward);
+    }
+}

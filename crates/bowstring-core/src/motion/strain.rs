@@ -1,0 +1,183 @@
+//! Strain of the earlier steps: predictor, and rate for the material damping.
+
+use super::scheme::Scheme;
+use crate::math::linalg::Vec3;
+use crate::math::real::{Layout, Real};
+use crate::rod::module::State;
+
+/// Earlier steps that the predictor extrapolates.
+const HISTORY: usize = 4;
+
+/// The unknown of a module: strain of its arcs and contact force at its end.
+#[derive(Clone, Copy)]
+pub(super) struct Strain<T, const A: usize> {
+    pub w: [Vec3<T>; A],
+    pub n: Vec3<T>,
+}
+
+impl<T: Real, const A: usize> Strain<T, A> {
+    pub fn zero() -> Self {
+        Strain {
+            w: [Vec3::zero(); A],
+            n: Vec3::zero(),
+        }
+    }
+
+    #[inline(always)]
+    pub fn of(state: &State<T, A>) -> Self {
+        Strain {
+            w: state.w,
+            n: state.n,
+        }
+    }
+
+    /// `self * s + o`
+    #[inline(always)]
+    pub fn scaled_add(&self, s: T, o: &Self) -> Self {
+        let mut out = *o;
+        for a in 0..A {
+            out.w[a] = self.w[a].scaled_add(s, o.w[a]);
+        }
+        out.n = self.n.scaled_add(s, o.n);
+        out
+    }
+}
+
+/// Strain and its rate at the ends of the earlier steps, by groups of modules.
+pub(super) struct StrainHistory<L: Layout, const A: usize> {
+    /// Strain, latest first, and the lengths of the steps between, s.
+    past: [Vec<Strain<L::Module, A>>; HISTORY],
+    durations: [f64; HISTORY - 1],
+    /// How many of them hold.
+    known: usize,
+    /// Rate of the strain as the scheme remembers it, 1/s.
+    pub rate: Vec<Strain<L::Module, A>>,
+    /// What the material damping takes off the strain of this step.
+    pub offset: Vec<Strain<L::Module, A>>,
+}
+
+impl<L: Layout, const A: usize> StrainHistory<L, A> {
+    pub fn new(groups: usize) -> Self {
+        let strain = vec![Strain::zero(); groups];
+        StrainHistory {
+            past: std::array::from_fn(|_| strain.clone()),
+            durations: [1.0; HISTORY - 1],
+            known: 0,
+            rate: strain.clone(),
+            offset: strain,
+        }
+    }
+
+    /// Strain at the start of the step.
+    #[inline(always)]
+    pub fn start(&self) -> &[Strain<L::Module, A>] {
+        &self.past[0]
+    }
+
+    /// Replaces the contact force at the start of the step, of a group.
+    pub fn set_start_force(&mut self, g: usize, force: Vec3<L::Module>) {
+        self.past[0][g].n = force;
+    }
+
+    /// Length of the step before, s; none before the second step.
+    #[inline(always)]
+    pub fn last_duration(&self) -> Option<f64> {
+        (self.known >= 2).then_some(self.durations[0])
+    }
+
+    /// Keeps the present strain and its rate for the predictor, where a jump makes earlier ones
+    /// misleading. Where a constraint holds even the rate may mislead.
+    pub fn reset_predictor(&mut self, scheme: &Scheme) {
+        let again = scheme.rigid && self.known <= 2;
+        self.known = self.known.min(if again { 1 } else { 2 });
+    }
+
+    /// Appends a strain.
+    #[inline(always)]
+    pub fn push(&mut self, next: &[State<L::Module, A>]) {
+        self.past.rotate_right(1);
+        for (past, state) in self.past[0].iter_mut().zip(next) {
+            *past = Strain::of(state);
+        }
+    }
+
+    /// Appends a strain at rest, after which no earlier one counts.
+    pub fn push_at_rest(&mut self, next: &[State<L::Module, A>]) {
+        self.push(next);
+        self.known = 1;
+        self.rate.fill(Strain::zero());
+    }
+
+    /// Appends the strain at the end of a step, and updates its rate.
+    #[inline(always)]
+    pub fn commit(&mut self, scheme: &Scheme, next: &[State<L::Module, A>]) {
+        if scheme.damping.material != 0.0 {
+            // a scheme without memory has no use for an old rate, which would never fade
+            let forgets = scheme.fresh || scheme.am == scheme.gamma;
+            let gamma = if forgets { 1.0 } else { scheme.gamma };
+            let per = L::Module::splat(1.0 / (gamma * scheme.duration));
+            let keep = L::Module::splat(-(1.0 - gamma) / gamma);
+            for g in 0..next.len() {
+                let now = Strain::of(&next[g]);
+                let change = self.past[0][g].scaled_add(L::Module::splat(-1.0), &now);
+                let kept = self.rate[g].scaled_add(keep, &Strain::zero());
+                self.rate[g] = change.scaled_add(per, &kept);
+            }
+        }
+        self.push(next);
+        self.known = (self.known + 1).min(HISTORY);
+        self.durations.rotate_right(1);
+        self.durations[0] = scheme.duration;
+    }
+
+    /// Offset of the damped strain: the stress is that of `w + tau rate`, with
+    /// `rate = am per (w - w_n) / af + memory rate_n`.
+    #[inline(always)]
+    pub fn set_offset(&mut self, scheme: &Scheme) {
+        let tau = scheme.damping.material;
+        let by_start = L::Module::splat(tau * scheme.am * scheme.rate_by_change() / scheme.af);
+        let by_rate = L::Module::splat(-tau * scheme.memory());
+        for g in 0..self.offset.len() {
+            let start = self.past[0][g].scaled_add(by_start, &Strain::zero());
+            self.offset[g] = self.rate[g].scaled_add(by_rate, &start);
+            if scheme.rigid {
+                self.offset[g].n = Vec3::zero();
+            }
+        }
+    }
+
+    /// Extrapolates the strain of the earlier steps to the end of this one.
+    #[inline(always)]
+    pub fn predict(&self, scheme: &Scheme, next: &mut [State<L::Module, A>]) {
+        let weight = self.extrapolation(scheme.duration);
+        for g in 0..next.len() {
+            let mut strain = Strain::zero();
+            for q in 0..self.known {
+                strain = self.past[q][g].scaled_add(L::Module::splat(weight[q]), &strain);
+            }
+            next[g].w = strain.w;
+            // what holds a constraint may jump with the load
+            let jumps = scheme.rigid && self.known <= 2;
+            next[g].n = if jumps { self.past[0][g].n } else { strain.n };
+        }
+    }
+
+    /// Weights of Lagrange's polynomial through the earlier steps.
+    #[inline(always)]
+    fn extrapolation(&self, duration: f64) -> [f64; HISTORY] {
+        let mut at = [0.0; HISTORY];
+        for q in 1..HISTORY {
+            at[q] = at[q - 1] - self.durations[q - 1];
+        }
+        let mut weight = [0.0; HISTORY];
+        for q in 0..self.known {
+            weight[q] = 1.0;
+            for r in 0..self.known {
+                if r != q {
+                    weight[q] *= (duration - at[r]) / (at[q] - at[r]);
+                }
+            }
+        }
+        weight
+    }
+}

@@ -1,0 +1,175 @@
+//! Lumped inertia, and the balance of momentum with the base.
+
+use super::{Damping, Motion};
+use crate::math::linalg::Vec3;
+use crate::math::real::Scalar;
+use crate::model::load::{Load, Model};
+use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
+
+/// Turning as a whole, the straight robot has the inertia of its disks and of the whole rod,
+/// clamped lengths included.
+#[test]
+fn inertia_is_that_of_the_rod_with_its_clamps() {
+    let section = Section {
+        bending: 1.1,
+        torsion: 0.8,
+        axial: 7e5,
+        shear: 2.6e5,
+        mass_per_length: 0.035,
+        rotary_inertia: 5.5e-8,
+    };
+    let disks = (0..4).map(|k| Disk {
+        // 20 mm between all clamps; the last disk would clamp on one side alone, and has none
+        station: if k < 3 { 0.045 + 0.07 * k as f64 } else { 0.23 },
+        clamped_length: if k < 3 { 0.05 } else { 0.0 },
+        mass: 0.002,
+        inertia: [5.1e-6, 1.0e-5],
+        segment: 0,
+    });
+    let robot = Robot::new(RobotSpec {
+        sections: vec![section],
+        disks: disks.collect(),
+        tendons: vec![Tendon {
+            hole: [0.02, 0.0],
+            end_disk: 3,
+        }],
+        gravity: [0.0; 3],
+    })
+    .unwrap();
+    let still = Damping {
+        mass: 0.0,
+        material: 0.0,
+    };
+    let model = Model::default();
+    let mut motion = Motion::<Scalar, 2>::new(Scalar, &robot, model, [0.0; 3], still);
+    assert!(motion.settle());
+    let masses = &motion.mass.points;
+    let points = masses.iter().zip(&motion.kinematics.position.points);
+    let lumped: f64 = points.map(|(m, p)| m * p.0[2].powi(2)).sum();
+    // directors across the axis and along it move
+    let turning: f64 = motion.mass.directors.iter().map(|[e1, e3]| e1 + e3).sum();
+    let length = robot.length();
+    let mut whole = section.mass_per_length * length.powi(3) / 3.0;
+    // the first half module's rotary inertia is the base's
+    whole += section.rotary_inertia * (length - robot.modules[0].flexible / 2.0);
+    for disk in &robot.spec().disks {
+        whole += disk.mass * disk.station.powi(2) + disk.inertia[0];
+    }
+    let off = (lumped + turning) / whole - 1.0;
+    assert!(off.abs() < 1e-12, "{off:e}");
+}
+
+/// The change of momentum in one step is the load less what the base holds, by the strain of
+/// the first module and the spans that leave the base. Its node between the arcs, whose
+/// weight goes into the base beside them, is left out on both sides.
+#[test]
+fn momentum_balances_with_the_base() {
+    let section = Section {
+        bending: 1.1,
+        torsion: 0.8,
+        axial: 7e5,
+        shear: 2.6e5,
+        mass_per_length: 0.035,
+        rotary_inertia: 5.5e-8,
+    };
+    let disks = (0..9).map(|k| Disk {
+        station: 0.07 * (k + 1) as f64,
+        clamped_length: 0.0,
+        mass: 0.02,
+        inertia: [5.1e-6, 1.0e-5],
+        segment: 0,
+    });
+    let tendons = (0..3).map(|i| Tendon {
+        hole: [0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()],
+        end_disk: 8,
+    });
+    let robot = Robot::new(RobotSpec {
+        sections: vec![section],
+        disks: disks.collect(),
+        tendons: tendons.collect(),
+        gravity: [0.0; 3],
+    })
+    .unwrap();
+    let gravity = Vec3([1.0, 2.0, -9.0]);
+    let damping = Damping {
+        mass: 0.7,
+        material: 2e-3,
+    };
+    for rho in [1.0, 0.8, 0.5] {
+        let mut motion =
+            Motion::<Scalar, 2>::new(Scalar, &robot, Model::default(), gravity.0, damping);
+        let tensions = [20.0, 0.0, 5.0];
+        let mut load = Load {
+            tensions: &tensions,
+            gravity: gravity.0,
+            tip_force: [0.0, 0.3, 0.1],
+            tip_moment: [0.0; 3],
+        };
+        motion.set_load(&load);
+        assert!(motion.settle());
+        load.tip_force = [0.0; 3];
+        motion.set_load(&load);
+        let duration = 2e-3;
+        let beyond: f64 = motion.mass.points[1..].iter().sum();
+        let mut momentum = Vec3::zero();
+        for step in 0..40 {
+            let start = motion.kinematics.acceleration.clone();
+            motion.begin(duration, rho);
+            for _ in 0..12 {
+                motion.residual();
+                motion.ready(true);
+                motion.substitute();
+                motion.combine(&[1.0]);
+            }
+            motion.residual();
+            motion.finish(&load);
+            // what the strain and the spans of the first module hold
+            let (state, c) = (&motion.rod.states[0], &motion.rod.constants[0]);
+            let strained = state.compliance(c).inverse() * (state.rho - state.rho0);
+            let mut held = strained * motion.scheme.force_factor() - motion.strain.offset[0].n;
+            // that is the mean over the module: half of what is on its node does not reach it
+            held -= motion.residual.modules[0].nodes[0] * 0.5;
+            let end = state.offset(c);
+            for (tendon, tension) in robot.spec().tendons.iter().zip(tensions) {
+                let hole = Vec3([tendon.hole[0], tendon.hole[1], 0.0]);
+                let span = end + state.s * hole - hole;
+                held += span * (tension / span.norm());
+            }
+            // the scheme's acceleration at the balance of forces, and its damping
+            let (am, af) = (motion.scheme.am, motion.scheme.af);
+            let mut changes = Vec3::zero();
+            let fresh = motion.scheme.fresh;
+            motion.commit();
+            for p in 1..motion.mass.points.len() {
+                let ends = if fresh {
+                    motion.kinematics.acceleration.points[p]
+                } else {
+                    start.points[p] * (1.0 - am) + motion.kinematics.acceleration.points[p] * am
+                };
+                let speed = motion.kinematics.next_velocity.points[p] * (1.0 - af)
+                    + motion.kinematics.velocity.points[p] * af;
+                changes += (ends + speed * damping.mass) * motion.mass.points[p];
+            }
+            let force = gravity * beyond - held;
+            let off = (changes - force).norm() / (gravity * beyond).norm();
+            assert!(off < 1e-6, "{rho} {step}: {off:e}");
+            // without numerical damping that is the gain of momentum itself
+            let mut now = Vec3::zero();
+            let mut drag = Vec3::zero();
+            for p in 1..motion.mass.points.len() {
+                let speeds = motion.kinematics.next_velocity.points[p]
+                    + motion.kinematics.velocity.points[p];
+                now += motion.kinematics.velocity.points[p] * motion.mass.points[p];
+                drag += speeds * (0.5 * damping.mass * motion.mass.points[p]);
+            }
+            let gain = (now - momentum) * (1.0 / duration);
+            if rho == 1.0 {
+                let off = (gain + drag - force).norm() / (gravity * beyond).norm();
+                assert!(off < 1e-6, "{step}: {off:e}");
+                assert!(gain.norm() > 1e-3 || step > 0);
+            }
+            momentum = now;
+        }
+        assert!(momentum.norm() > 1e-3, "it moves");
+    }
+}

@@ -1,0 +1,109 @@
+//! Discretisation error of a step of a path.
+
+use crate::rod::chain::Sources;
+use crate::rod::estimate::{ErrorEstimate, Verdict};
+use crate::statics::path_step::{DriveOutcome, PathStep};
+
+/// What the error estimates of tip and tension are multiplied by with friction: it changes span
+/// tensions with the bends, and the estimate keeps them. As measured against finer elements.
+const FRICTION_SAFETY: [f64; 2] = [1.5, 8.0];
+/// Share of the largest diagonal that keeps apart tensions which the rod does not.
+const REGULARISATION: f64 = 1e-10;
+
+impl PathStep {
+    /// Discretisation error of the step that converged, at least `remembered` with friction: at the
+    /// lengths that displacement control holds, tensions take what lengths would lack. Returns the
+    /// elements that the tolerances need.
+    pub fn estimate_error(
+        &mut self,
+        outcome: &mut DriveOutcome,
+        remembered: &ErrorEstimate,
+    ) -> usize {
+        let mut found = self.solver.engine.estimate();
+        let tendons = &self.transmission.tendons;
+        let (commands, tensions) = (&tendons.now.commands, &tendons.now.tensions);
+        let held: Vec<usize> = (0..commands.len())
+            .filter(|&i| commands[i].is_pull() && tensions[i] > 0.0)
+            .collect();
+        let tautest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
+        let mut largest = 0.0;
+        if !held.is_empty() {
+            let changes = self.tension_errors(&held);
+            largest = changes.iter().fold(0.0, |a: f64, t| a.max(t.abs()));
+            if changes.iter().any(|t| !t.is_finite()) {
+                largest = f64::NAN;
+            }
+            let coefficients: Vec<f64> = std::iter::once(1.0).chain(changes).collect();
+            found.motion = self.solver.engine.correct(&coefficients);
+        }
+        let friction = self.transmission.friction.enabled;
+        let safety = if friction { FRICTION_SAFETY } else { [1.0; 2] };
+        found.motion *= safety[0];
+        let verdict = Verdict::new(
+            &found,
+            [largest * safety[1], tautest],
+            outcome.stable,
+            self.solver.robot().length(),
+            self.solver.elements(),
+        );
+        outcome.stable = verdict.stable;
+        let mut error = verdict.error;
+        if friction {
+            error.tip = error.tip.max(remembered.tip);
+            error.tension = error.tension.max(remembered.tension);
+        }
+        outcome.error = Some(error);
+        verdict.needed
+    }
+
+    /// Changes of the tensions that make up for the errors of the lengths held, N.
+    fn tension_errors(&mut self, held: &[usize]) -> Vec<f64> {
+        let (engine, tendons) = (&mut *self.solver.engine, &self.transmission.tendons);
+        let n = engine.module_count();
+        let lacks: Vec<f64> = held.iter().map(|&i| engine.length_error(i)).collect();
+        let mut spans = vec![0.0; held.len() * n];
+        for (c, &i) in held.iter().enumerate() {
+            for k in 0..n {
+                spans[c * n + k] = engine.span_tension(k, i) / tendons.now.tensions[i];
+            }
+        }
+        engine.measure_spans(false);
+        engine.respond(Sources {
+            tendons: held,
+            tensions: &spans,
+        });
+        let size = held.len();
+        let (mut matrix, mut row) = (vec![0.0; size * size], vec![0.0; 1 + size]);
+        for (r, &i) in held.iter().enumerate() {
+            engine.beyond(0, i, &mut row);
+            for c in 0..size {
+                matrix[r * size + c] = -row[1 + c];
+            }
+            matrix[r * size + r] += tendons.whole_compliance(i);
+        }
+        solve_regularised(&mut matrix, lacks)
+    }
+}
+
+/// Solves a symmetric system by Gauss-Jordan elimination without pivoting.
+fn solve_regularised(matrix: &mut [f64], mut rhs: Vec<f64>) -> Vec<f64> {
+    let n = rhs.len();
+    let scale = (0..n).fold(0.0, |a: f64, i| a.max(matrix[i * n + i].abs()));
+    for i in 0..n {
+        matrix[i * n + i] += REGULARISATION * scale;
+    }
+    for i in 0..n {
+        let per = 1.0 / matrix[i * n + i];
+        for r in (0..n).filter(|r| *r != i) {
+            let factor = matrix[r * n + i] * per;
+            for c in i..n {
+                matrix[r * n + c] -= factor * matrix[i * n + c];
+            }
+            rhs[r] -= factor * rhs[i];
+        }
+    }
+    for i in 0..n {
+        rhs[i] /= matrix[i * n + i];
+    }
+    rhs
+}

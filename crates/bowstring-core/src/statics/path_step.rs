@@ -1,0 +1,513 @@
+//! One implicit step of a path: Newton's method on strain, tensions and friction.
+
+use crate::interrupt;
+use crate::math::anderson::Mixing;
+use crate::math::linalg::Vec3;
+use crate::model::load::Load;
+use crate::rod::estimate::ErrorEstimate;
+use crate::statics::solver::{Solver, Status, MAX_STEP, TOLERANCE};
+use crate::tendon::{Command, History, Transmission};
+
+/// What a step found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DriveOutcome {
+    /// How the step ended.
+    pub status: Status,
+    /// Whether it is a minimum of the energy under the given displacements and tensions; `None`
+    /// under a tip moment or friction, which have no potential.
+    pub stable: Option<bool>,
+    /// Newton steps.
+    pub iterations: usize,
+    /// Steps that it took of the path from the last.
+    pub increments: usize,
+    /// Largest moment imbalance over (bending stiffness / length).
+    pub residual: f64,
+    /// Largest length that a tendon under displacement control lacks (m).
+    pub length_residual: f64,
+    /// Whether the tensions are the smallest of many that hold the same pose.
+    pub undetermined: bool,
+    /// Tendons that pull against each other, where there is no equilibrium.
+    pub fighting: Vec<usize>,
+    /// Nearest displacements with an equilibrium (m), where there is none.
+    pub nearest: Option<Vec<f64>>,
+    /// Estimated discretisation error of a converged answer.
+    pub error: Option<ErrorEstimate>,
+}
+
+impl DriveOutcome {
+    /// Of a step that is not solved yet.
+    pub fn pending() -> Self {
+        DriveOutcome {
+            status: Status::MaxIterations,
+            stable: None,
+            iterations: 0,
+            increments: 1,
+            residual: f64::INFINITY,
+            length_residual: f64::INFINITY,
+            undetermined: false,
+            fighting: vec![],
+            nearest: None,
+            error: None,
+        }
+    }
+}
+
+// Tuned constants of the iteration. Lengths are shares of the robot's.
+
+/// Length to which displacements are met: a few units of rounding.
+const LENGTH_TOLERANCE: f64 = 2e-15;
+/// The same where rounding allows no better, and where far less than this is left of tensions
+/// that nothing but the ridge determines.
+const LOOSE: f64 = 1e-12;
+const TIGHT: f64 = 1e-14;
+/// Length that a ridge may make up for: far below any that is measured.
+const MOST_GIVEN_WAY: f64 = 1e-9;
+/// Newton steps; a step that converges takes fewer than ten, with friction twenty.
+const MAX_STEPS: usize = 60;
+/// Residual below which the tangent is kept while it serves, and the share of the residual before
+/// at which it does.
+const NEAR: f64 = 1e-2;
+const CONTRACTION: f64 = 0.3;
+/// Steps in which a hole of a path that begins may turn from slip to slip.
+const FRESH_STEPS: usize = 5;
+/// Pivot, over the unit of the shift, that counts as none; factors by which the shift of the
+/// tangent grows and fades, and where it ends, over the same unit.
+const NO_PIVOT: f64 = 1e-12;
+const SHIFT_GROWTH: f64 = 4.0;
+const LEAST_SHIFT: f64 = 4e-3;
+const MOST_SHIFT: f64 = 1e12;
+/// Largest compliance that limits tensions far from the solution, over that of bending.
+const MOST_CAUTION: f64 = 1e-2;
+/// Newton steps in all, and increments, of the path to a load after which it is given up; the
+/// first increment, the factors after one that converged and one that did not, and the least.
+const MOST_ITERATIONS: usize = 400;
+const MAX_INCREMENTS: usize = 60;
+const FIRST_INCREMENT: f64 = 0.5;
+const INCREMENT_FACTORS: [f64; 2] = [1.5, 0.4];
+const LEAST_INCREMENT: f64 = 1e-3;
+
+/// Solver and tendons of a path, at its last step.
+#[derive(Clone)]
+pub(crate) struct PathStep {
+    pub solver: Solver,
+    pub transmission: Transmission,
+    acceleration: Acceleration,
+}
+
+/// Anderson acceleration of the steps with friction.
+#[derive(Clone)]
+struct Acceleration {
+    mixing: Mixing,
+    /// Where a Newton step begins, and where it leads to.
+    ends: [Vec<f64>; 2],
+    /// Rotation of a module by a newton in a tendon, about: makes the numbers of like size.
+    per_tension: f64,
+}
+
+/// Largest moment imbalance over (bending stiffness / length), and length lacked over the robot's.
+#[derive(Clone, Copy)]
+struct Residuals {
+    moment: f64,
+    length: f64,
+}
+
+/// State of the iteration.
+struct Iteration {
+    symmetric: bool,
+    /// Whether a ridge holds what neither rod nor line does.
+    rigid: bool,
+    /// Unit of the shift.
+    unit: f64,
+    /// Stiffness that is added to the tangent while it is not positive definite.
+    shift: f64,
+    /// Residuals before.
+    last: Residuals,
+    /// Least pivot of the tangent.
+    pivot: f64,
+}
+
+impl Iteration {
+    /// Whether nothing but friction may be left to solve.
+    fn is_settled(&self, now: &Residuals) -> bool {
+        let loose = if self.rigid { TIGHT } else { LOOSE };
+        let stalls = now.length <= loose && now.length > 0.5 * self.last.length;
+        now.moment <= TOLERANCE && (now.length <= LENGTH_TOLERANCE || stalls)
+    }
+
+    /// Whether the tangent is positive definite.
+    fn is_definite(&self) -> bool {
+        self.pivot > NO_PIVOT * self.unit
+    }
+
+    /// Shifts the tangent further; false where that is hopeless.
+    fn raise_shift(&mut self) -> bool {
+        self.shift = if self.shift == 0.0 {
+            self.unit
+        } else {
+            SHIFT_GROWTH * self.shift
+        };
+        self.shift <= MOST_SHIFT * self.unit
+    }
+
+    fn lower_shift(&mut self) {
+        self.shift = if self.shift < LEAST_SHIFT * self.unit {
+            0.0
+        } else {
+            self.shift / SHIFT_GROWTH
+        };
+    }
+}
+
+impl PathStep {
+    pub fn new(solver: Solver, transmission: Transmission) -> Self {
+        let robot = solver.robot();
+        let scale = transmission.tendons.compliance.scale / robot.moment_scale();
+        PathStep {
+            acceleration: Acceleration {
+                mixing: Mixing::default(),
+                ends: Default::default(),
+                per_tension: scale.sqrt() / robot.module_count() as f64,
+            },
+            solver,
+            transmission,
+        }
+    }
+
+    /// Straight to the load, or along a line of increments where that fails.
+    pub fn solve(&mut self, old: &History, commands: &[Command], load: &Load) -> DriveOutcome {
+        let first = self.newton(old, commands, load);
+        if first.status == Status::Converged {
+            return first;
+        }
+        let (mut reached, mut increment) = (0.0, FIRST_INCREMENT);
+        let (mut increments, mut iterations) = (0, first.iterations);
+        let mut from = old.clone();
+        let mut part_commands = commands.to_vec();
+        for _ in 0..MAX_INCREMENTS {
+            let share = f64::min(reached + increment, 1.0);
+            // a motor that changes its kind of command starts from what the tendon has
+            for (i, to) in commands.iter().enumerate() {
+                let start = match to {
+                    Command::Tension(_) => old.tensions[i],
+                    Command::Pull(_) => old.pulls[i],
+                };
+                part_commands[i] = to.with(between(start, to.value(), share));
+            }
+            let part = part_of_load(old, load, share);
+            let found = self.newton(&from, &part_commands, &part);
+            iterations += found.iterations;
+            if iterations > MOST_ITERATIONS || interrupt::interrupted() {
+                break;
+            }
+            if found.status == Status::Converged {
+                increments += 1;
+                if share == 1.0 {
+                    return DriveOutcome {
+                        increments,
+                        iterations,
+                        ..found
+                    };
+                }
+                from = self.transmission.tendons.now.clone();
+                reached = share;
+                increment *= INCREMENT_FACTORS[0];
+            } else {
+                increment *= INCREMENT_FACTORS[1];
+                if increment < LEAST_INCREMENT {
+                    break;
+                }
+            }
+        }
+        DriveOutcome {
+            iterations,
+            ..first
+        }
+    }
+
+    /// One implicit step from `old`; leaves the solution in `self.transmission`.
+    fn newton(&mut self, old: &History, commands: &[Command], load: &Load) -> DriveOutcome {
+        let mut outcome = DriveOutcome::pending();
+        self.start(old, commands, load);
+        let friction = self.transmission.friction.enabled;
+        let fresh = friction && old.drops.iter().all(|y| *y == 0.0);
+        let mut state = Iteration {
+            symmetric: load.tip_moment == [0.0; 3],
+            rigid: self.transmission.tendons.is_rigid(),
+            unit: self.solver.settings().shift_unit,
+            shift: 0.0,
+            last: Residuals {
+                moment: 0.0,
+                length: f64::INFINITY,
+            },
+            pivot: f64::NAN,
+        };
+        // friction has no potential of its own, but a column that buckles is seen all the same
+        let stable = (!friction).then_some(true);
+        let work = self.solver.settings().work * (2 + self.transmission.unknowns.problem.size);
+        for step in 0..=MAX_STEPS {
+            if interrupt::work(work) || !self.solver.engine.evaluate().is_finite() {
+                return outcome;
+            }
+            let mut settled = self.update_tendons(old, fresh && step < FRESH_STEPS);
+            let residuals = self.residuals();
+            outcome.residual = residuals.moment;
+            outcome.length_residual = residuals.length * self.solver.robot().length();
+            settled &= state.is_settled(&residuals);
+            if !residuals.moment.is_finite() || (step == MAX_STEPS && !settled) {
+                return outcome;
+            }
+            if settled && !state.symmetric {
+                // without a potential there is no more to ask
+                return self.finish(outcome, load);
+            }
+            let kept = !settled && self.keeps_tangent(&state, &residuals);
+            state.last = residuals;
+            if !kept {
+                self.make_tangent(&mut state, settled);
+            }
+            if state.pivot.is_nan() {
+                return outcome;
+            }
+            if settled && state.is_definite() && !state.rigid {
+                outcome.stable = stable;
+                return self.finish(outcome, load);
+            }
+            let solved = self.solve_unknowns(old, &state, kept);
+            if interrupt::interrupted() {
+                return outcome;
+            }
+            if self.is_indefinite(&state) {
+                if settled {
+                    outcome.status = Status::Unstable;
+                    outcome.stable = Some(false);
+                    return outcome;
+                }
+                if !state.raise_shift() {
+                    return outcome;
+                }
+                continue;
+            }
+            if settled {
+                outcome.stable = stable;
+                return self.finish(outcome, load);
+            }
+            if !solved {
+                return outcome;
+            }
+            if !kept || (friction && !self.transmission.friction.unchanged) {
+                self.acceleration.mixing.clear();
+            }
+            if !self.advance(state.symmetric) {
+                return outcome;
+            }
+            if state.shift > 0.0 {
+                state.lower_shift();
+            }
+            outcome.iterations += 1;
+        }
+        outcome
+    }
+
+    /// Takes on a load, from the pose and tensions of the step before.
+    fn start(&mut self, old: &History, commands: &[Command], load: &Load) {
+        self.transmission.start(old, commands);
+        let tendons = &mut self.transmission.tendons;
+        tendons.now.load = [load.gravity, load.tip_force, load.tip_moment];
+        let engine = &mut *self.solver.engine;
+        engine.load(&Load {
+            tensions: &tendons.now.tensions,
+            ..*load
+        });
+        engine.make_straight();
+        engine.set_strains(&|i| old.strain[i]);
+        tendons.apply(engine);
+    }
+
+    /// Friction, lengths and slack at the present strain; whether friction is settled.
+    fn update_tendons(&mut self, old: &History, fresh: bool) -> bool {
+        let engine = &mut *self.solver.engine;
+        let friction = self.transmission.friction.enabled;
+        engine.measure_spans(friction);
+        let mut settled = true;
+        if friction {
+            settled = self.transmission.update_friction(engine, old, fresh);
+            engine.balance();
+        }
+        self.transmission.tendons.measure(engine);
+        settled
+    }
+
+    fn residuals(&mut self) -> Residuals {
+        let robot = self.solver.robot();
+        let (scale, length) = (robot.moment_scale(), robot.length());
+        Residuals {
+            moment: self.solver.engine.gradient() / scale,
+            length: self.transmission.tendons.length_residual() / length,
+        }
+    }
+
+    /// Whether the tangent of the step before serves: friction lags behind the bend and gains
+    /// nothing from a new one; what the steps do to each other tells more.
+    fn keeps_tangent(&self, state: &Iteration, now: &Residuals) -> bool {
+        self.transmission.friction.enabled
+            && now.moment < NEAR
+            && now.moment < CONTRACTION * state.last.moment
+            && state.shift == 0.0
+    }
+
+    /// Tangent at the present strain, eliminated: of the energy itself where that is asked.
+    fn make_tangent(&mut self, state: &mut Iteration, settled: bool) {
+        let engine = &mut *self.solver.engine;
+        engine.linearise();
+        let shift = if settled { 0.0 } else { state.shift };
+        state.pivot = engine.eliminate(state.symmetric, shift);
+    }
+
+    /// Solves for the unknown tensions and drops; whether there is a solution.
+    fn solve_unknowns(&mut self, old: &History, state: &Iteration, kept: bool) -> bool {
+        // from afar, tensions that the rod hardly determines are limited
+        let caution = if state.rigid {
+            let scale = self.transmission.tendons.compliance.scale;
+            scale * f64::min(MOST_CAUTION, state.last.length)
+        } else {
+            0.0
+        };
+        let engine = &mut *self.solver.engine;
+        self.transmission.gather(engine, old, caution, kept);
+        self.transmission.unknowns.problem.solve()
+    }
+
+    /// Whether the energy has a direction of descent; those that displacement control holds do not
+    /// count.
+    fn is_indefinite(&mut self, state: &Iteration) -> bool {
+        if !state.symmetric || state.is_definite() {
+            return false;
+        }
+        let held = self.transmission.unknowns.problem.negative_eigenvalues();
+        self.solver.engine.negative_pivots() > held
+    }
+
+    /// Moves strain, tensions and drops by the step that was found; false if it is no number.
+    fn advance(&mut self, symmetric: bool) -> bool {
+        let engine = &mut *self.solver.engine;
+        let largest = if self.transmission.unknowns.is_empty() {
+            engine.newton_step(symmetric).largest
+        } else {
+            engine.combine(self.transmission.coefficients())
+        };
+        if !largest.is_finite() {
+            return false;
+        }
+        let fraction = (MAX_STEP / largest).min(1.0);
+        let accelerates = self.transmission.friction.enabled && fraction == 1.0;
+        if accelerates {
+            self.note(0);
+        }
+        let engine = &mut *self.solver.engine;
+        engine.save();
+        engine.advance(fraction);
+        self.transmission.take(engine, fraction);
+        if accelerates {
+            self.note(1);
+            self.accelerate();
+        }
+        true
+    }
+
+    /// Writes down strain, tensions and drops as numbers of like size.
+    fn note(&mut self, end: usize) {
+        let numbers = &mut self.acceleration.ends[end];
+        numbers.clear();
+        self.solver
+            .engine
+            .strains(&mut |_, w| numbers.extend_from_slice(&w.0));
+        let Transmission {
+            tendons, unknowns, ..
+        } = &self.transmission;
+        unknowns.write(tendons, self.acceleration.per_tension, numbers);
+    }
+
+    /// Goes on from the end of a Newton step to where the steps before point.
+    fn accelerate(&mut self) {
+        let Transmission {
+            tendons, unknowns, ..
+        } = &mut self.transmission;
+        let Acceleration {
+            mixing,
+            ends: [from, to],
+            per_tension,
+        } = &mut self.acceleration;
+        for (to, from) in to.iter_mut().zip(from.iter()) {
+            *to -= from;
+        }
+        if !unknowns.keeps_sides() {
+            mixing.clear();
+        }
+        if !mixing.mix(from, to) {
+            return;
+        }
+        for (to, from) in to.iter_mut().zip(from.iter()) {
+            *to += from;
+        }
+        let engine = &mut *self.solver.engine;
+        let (strains, values) = to.split_at(3 * tendons.now.strain.len());
+        if unknowns.read(tendons, engine, *per_tension, values) {
+            engine.set_strains(&|i| Vec3([strains[3 * i], strains[3 * i + 1], strains[3 * i + 2]]));
+        } else {
+            mixing.clear();
+        }
+    }
+
+    /// Takes the solution as the state of the path.
+    fn finish(&mut self, mut outcome: DriveOutcome, load: &Load) -> DriveOutcome {
+        let Transmission {
+            tendons, unknowns, ..
+        } = &mut self.transmission;
+        let given = tendons.given_way();
+        outcome.length_residual = outcome.length_residual.max(given);
+        if given > MOST_GIVEN_WAY * self.solver.robot().length() {
+            // the ridge has given way to what the rod cannot
+            outcome.stable = None;
+            return outcome;
+        }
+        for (slack, tension) in tendons.slack.iter_mut().zip(&tendons.now.tensions) {
+            if *tension > 0.0 {
+                *slack = 0.0;
+            }
+        }
+        tendons.note_pulls();
+        let strain = &mut tendons.now.strain;
+        self.solver.engine.strains(&mut |i, w| strain[i] = w);
+        outcome.undetermined = unknowns.is_undetermined(tendons);
+        let collision = self.solver.settle(&Load {
+            tensions: &tendons.now.tensions,
+            ..*load
+        });
+        outcome.status = if collision.is_some() {
+            Status::NoEquilibrium
+        } else {
+            Status::Converged
+        };
+        outcome
+    }
+}
+
+/// A share of the way; the end is met exactly.
+fn between(a: f64, b: f64, share: f64) -> f64 {
+    if share == 1.0 {
+        b
+    } else {
+        a + share * (b - a)
+    }
+}
+
+/// A share of the way to a load from that of the step before.
+fn part_of_load<'a>(old: &History, load: &Load<'a>, share: f64) -> Load<'a> {
+    let part = |q: usize, to: [f64; 3]| [0, 1, 2].map(|x| between(old.load[q][x], to[x], share));
+    Load {
+        tensions: load.tensions,
+        gravity: part(0, load.gravity),
+        tip_force: part(1, load.tip_force),
+        tip_moment: part(2, load.tip_moment),
+    }
+}

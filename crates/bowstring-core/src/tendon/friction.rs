@@ -1,0 +1,237 @@
+//! Coulomb friction of the tendons at their holes: stick and slip.
+
+use super::history::{History, Slip};
+use super::line::Command;
+use super::spans::RoutedRod;
+use super::tendons::Tendons;
+use crate::motion::Lock;
+
+/// Drop of the logarithm of a tension that a hole holds in small oscillations: a bend that is none.
+const HOLDS: f64 = 1e-6;
+/// Steps in which a hole changed between stick and slip, after which all holes are unknown
+/// together: local changes have had their chance.
+const LOCAL_STEPS: usize = 8;
+
+/// Below these a change counts as none.
+#[derive(Clone, Copy)]
+pub(crate) struct FrictionTolerance {
+    /// Of a drop.
+    pub drop: f64,
+    /// Of a slip, m.
+    pub slip: f64,
+}
+
+/// Friction at all holes in a step.
+#[derive(Clone)]
+pub(crate) struct Friction {
+    /// Whether any tendon has friction.
+    pub enabled: bool,
+    pub tolerance: FrictionTolerance,
+    /// Displacements that the step starts from, m.
+    from: Vec<f64>,
+    /// By holes of one tendon, m.
+    slipped: Vec<f64>,
+    /// By modules and tendons: largest drop.
+    pub bounds: Vec<f64>,
+    /// Steps in which a hole changed between stick and slip.
+    changes: usize,
+    /// Whether no hole did in the last `update`.
+    pub unchanged: bool,
+}
+
+impl Friction {
+    pub fn new(tendons: &Tendons) -> Self {
+        let (n, m) = (tendons.routing.modules, tendons.lines.len());
+        Friction {
+            enabled: tendons.lines.iter().any(|line| line.friction > 0.0),
+            tolerance: FrictionTolerance {
+                drop: 1e-13,
+                slip: 1e-12 * tendons.routing.length,
+            },
+            from: vec![0.0; m],
+            slipped: vec![0.0; n],
+            bounds: vec![0.0; n * m],
+            changes: 0,
+            unchanged: false,
+        }
+    }
+
+    /// Prepares a step from `old`.
+    pub fn start(&mut self, tendons: &Tendons, old: &History) {
+        if self.enabled {
+            for i in 0..tendons.lines.len() {
+                self.from[i] = if old.tensions[i] > 0.0 {
+                    old.pulls[i]
+                } else {
+                    tendons.pull_of(old, i)
+                };
+            }
+        }
+        self.changes = 0;
+    }
+
+    /// Whether every hole is unknown, not only those that stick.
+    pub fn is_global(&self) -> bool {
+        self.changes > LOCAL_STEPS
+    }
+
+    /// Friction at the present bend: which holes slip, which stick, and the drops of those that
+    /// slip. False while that still changes.
+    ///
+    /// On a `fresh` path, where nothing stuck yet, a hole that slips the wrong way slips the other.
+    pub fn update(
+        &mut self,
+        tendons: &mut Tendons,
+        rod: &dyn RoutedRod,
+        old: &History,
+        fresh: bool,
+    ) -> bool {
+        let mut settled = true;
+        self.unchanged = true;
+        for i in 0..tendons.lines.len() {
+            if tendons.lines[i].friction > 0.0 {
+                self.set_slip(tendons, rod.span_lengths(), old, i);
+                settled &= self.update_tendon(tendons, rod.angles(), old, i, fresh);
+                tendons.carry(i);
+            }
+        }
+        if !self.unchanged && !fresh {
+            self.changes += 1;
+        }
+        settled && self.unchanged
+    }
+
+    /// Slip of a tendon at its holes in this step, towards the base.
+    fn set_slip(&mut self, tendons: &Tendons, lengths: &[f64], old: &History, i: usize) {
+        let m = tendons.lines.len();
+        let mut slipped = 0.0;
+        for k in (0..=tendons.routing.ends[i]).rev() {
+            let at = k * m + i;
+            let creep = tendons.compliance.creep[at];
+            slipped -= lengths[at] - creep * tendons.tensions[at] - old.spans[at];
+            self.slipped[k] = slipped;
+        }
+    }
+
+    /// Friction of one tendon; whether its drops are settled.
+    fn update_tendon(
+        &mut self,
+        tendons: &mut Tendons,
+        angles: &[f64],
+        old: &History,
+        i: usize,
+        fresh: bool,
+    ) -> bool {
+        let m = tendons.lines.len();
+        let slack = tendons.now.tensions[i] == 0.0;
+        let at_base = self.base_slip(tendons, i);
+        let mut settled = true;
+        for k in 0..=tendons.routing.ends[i] {
+            let at = k * m + i;
+            let bound = tendons.lines[i].friction * angles[at];
+            let (drop, slip) = (tendons.now.drops[at], tendons.now.slip[at]);
+            self.bounds[at] = bound;
+            let (next, to) = match at_base {
+                _ if slack => (Slip::Towards, bound),
+                Some(change) if k == 0 => match self.direction(change) {
+                    Slip::Sticks => (Slip::Towards, old.drops[at].clamp(-bound, bound)),
+                    slip => (slip, sliding_drop(slip, bound, 0.0)),
+                },
+                _ => {
+                    let next = self.next_slip(slip, self.slipped[k], fresh);
+                    (next, sliding_drop(next, bound, drop))
+                }
+            };
+            // the bend still moves, or the hole changed between stick and slip
+            settled &= (to - drop).abs() <= self.tolerance.drop;
+            self.unchanged &= next == slip;
+            (tendons.now.slip[at], tendons.now.drops[at]) = (next, to);
+        }
+        settled
+    }
+
+    /// Slip at the base hole where the line gives it: one that does not stretch. Where the motor
+    /// stands still the drop stays.
+    fn base_slip(&self, tendons: &Tendons, i: usize) -> Option<f64> {
+        match tendons.now.commands[i] {
+            Command::Pull(to) if tendons.compliance.before[i] == 0.0 => Some(to - self.from[i]),
+            _ => None,
+        }
+    }
+
+    fn direction(&self, slipped: f64) -> Slip {
+        if slipped > self.tolerance.slip {
+            Slip::Towards
+        } else if slipped < -self.tolerance.slip {
+            Slip::Away
+        } else {
+            Slip::Sticks
+        }
+    }
+
+    /// Slip after the one before, by the length that slipped.
+    fn next_slip(&self, slip: Slip, slipped: f64, fresh: bool) -> Slip {
+        let way = self.direction(slipped);
+        match slip {
+            _ if fresh && way == Slip::Away => Slip::Away,
+            _ if fresh => Slip::Towards,
+            Slip::Towards if way == Slip::Away => Slip::Sticks,
+            Slip::Away if way == Slip::Towards => Slip::Sticks,
+            _ => slip,
+        }
+    }
+
+    /// What keeps its length in small oscillations: tendons under displacement control without
+    /// slack; with friction, every stretch between two holes that hold, for a small motion does not
+    /// make them slip. A hole without bend holds nothing.
+    pub fn locks(&self, tendons: &Tendons) -> Vec<Lock> {
+        let (n, m) = (tendons.routing.modules, tendons.lines.len());
+        let compliance = &tendons.compliance;
+        let mut locks = vec![];
+        for i in 0..m {
+            if tendons.now.tensions[i] == 0.0 {
+                continue;
+            }
+            let friction = tendons.lines[i].friction > 0.0;
+            let holds = |k: usize| friction && self.bounds[k * m + i] > HOLDS;
+            let mut start = 0;
+            for k in 0..=tendons.routing.ends[i] {
+                let last = k == tendons.routing.ends[i];
+                if !last && !holds(k + 1) {
+                    continue;
+                }
+                let free = start == 0 && !holds(0);
+                let from = std::mem::replace(&mut start, k + 1);
+                if free && !tendons.now.commands[i].is_pull() {
+                    continue;
+                }
+                let own = if friction {
+                    &compliance.creep
+                } else {
+                    &compliance.stretch
+                };
+                let mut give: f64 = (from..=k).map(|k| own[k * m + i]).sum();
+                if free {
+                    give += compliance.before[i] + compliance.ridge[i];
+                }
+                locks.push(Lock {
+                    tendon: i,
+                    spans: (0..n)
+                        .map(|at| f64::from(u8::from((from..=k).contains(&at))))
+                        .collect(),
+                    compliance: give,
+                });
+            }
+        }
+        locks
+    }
+}
+
+/// Drop of a hole that slips; that of one which sticks stays within the bound.
+fn sliding_drop(slip: Slip, bound: f64, drop: f64) -> f64 {
+    match slip {
+        Slip::Towards => bound,
+        Slip::Away => -bound,
+        Slip::Sticks => drop.clamp(-bound, bound),
+    }
+}

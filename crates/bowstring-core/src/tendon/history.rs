@@ -1,0 +1,48 @@
+//! State of the tendons after a step: all that friction remembers.
+
+use super::line::Command;
+use crate::math::linalg::Vec3;
+
+/// State of the tendons and of the backbone at the last step of a path.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// Tensions before the base holes (N).
+    pub tensions: Vec<f64>,
+    /// Drops of the logarithm of tension at the holes where spans begin, by modules and tendons.
+    pub drops: Vec<f64>,
+    /// Lengths of the spans less their creep (m), by modules and tendons.
+    pub spans: Vec<f64>,
+    /// Tendon displacements since home (m).
+    pub pulls: Vec<f64>,
+    /// Strain of the backbone, where the next step starts from.
+    pub(crate) strain: Vec<Vec3>,
+    pub(crate) slip: Vec<Slip>,
+    /// Commands of the last step.
+    pub commands: Vec<Command>,
+    /// Gravity (m/s^2), tip force (N) and tip moment (N m) of the last step.
+    pub load: [[f64; 3]; 3],
+}
+
+impl History {
+    /// Takes on another of the same robot; allocates nothing.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.tensions.clone_from(&other.tensions);
+        self.drops.clone_from(&other.drops);
+        self.spans.clone_from(&other.spans);
+        self.pulls.clone_from(&other.pulls);
+        self.strain.clone_from(&other.strain);
+        self.slip.clone_from(&other.slip);
+        self.commands.clone_from(&other.commands);
+        self.load = other.load;
+    }
+}
+
+/// What a tendon does at a hole.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum Slip {
+    /// Towards the base.
+    Towards,
+    Away,
+    #[default]
+    Sticks,
+}

@@ -1,0 +1,59 @@
+//! Lines and their commands.
+
+/// What lies between a motor and the robot's end of a tendon, and the tendon's friction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Axial stiffness E A of the tendon (N); infinite if it does not stretch.
+    pub stiffness: f64,
+    /// Length of tendon before the base hole (m).
+    pub free_length: f64,
+    /// Compliance of the transmission (m/N).
+    pub compliance: f64,
+    /// Coefficient of Coulomb friction at every hole but the anchor.
+    pub friction: f64,
+    /// Tension in the home pose, where the displacement is zero (N).
+    pub pretension: f64,
+}
+
+impl Default for Line {
+    /// Without stretch and friction.
+    fn default() -> Self {
+        Line {
+            stiffness: f64::INFINITY,
+            free_length: 0.0,
+            compliance: 0.0,
+            friction: 0.0,
+            pretension: 0.0,
+        }
+    }
+}
+
+/// What a motor does to its tendon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Command {
+    /// Tension before the base hole (N).
+    Tension(f64),
+    /// Tendon displacement since home (m); negative if it is paid out.
+    Pull(f64),
+}
+
+impl Command {
+    pub(crate) fn is_pull(&self) -> bool {
+        matches!(self, Command::Pull(_))
+    }
+
+    /// The tension or the displacement.
+    pub(crate) fn value(&self) -> f64 {
+        match *self {
+            Command::Tension(value) | Command::Pull(value) => value,
+        }
+    }
+
+    /// The same kind of command with another value.
+    pub(crate) fn with(&self, value: f64) -> Self {
+        match self {
+            Command::Tension(_) => Command::Tension(value),
+            Command::Pull(_) => Command::Pull(value),
+        }
+    }
+}

@@ -1,0 +1,330 @@
+//! The tendons of a robot: tensions, lengths and slack.
+
+use super::compliance::{Compliance, Routing};
+use super::history::{History, Slip};
+use super::line::{Command, Line};
+use super::spans::RoutedRod;
+use crate::math::linalg::Vec3;
+use crate::model::load::{Load, Model, TendonPath};
+use crate::model::robot::{InputError, Robot, Short};
+
+/// Holes with friction: all that stick are unknown together, in a dense matrix.
+const MOST_HOLES: usize = 2000;
+
+/// Lines and routing of all tendons, and their state in a step.
+#[derive(Clone, Default)]
+pub(crate) struct Tendons {
+    pub lines: Vec<Line>,
+    pub routing: Routing,
+    pub compliance: Compliance,
+    /// Length less stretch at home, m.
+    pub home: Vec<f64>,
+    pub now: History,
+    /// Slack length at zero tension, m; times `step.share`.
+    pub slack: Vec<f64>,
+    /// By modules and tendons: what the holes up to there leave of the tension before the base
+    /// hole, zero where the tendon does not pass; and the tension itself, N.
+    pub carried: Vec<f64>,
+    pub tensions: Vec<f64>,
+    pub step: StepStart,
+}
+
+/// What a step starts from.
+#[derive(Clone, Default)]
+pub(crate) struct StepStart {
+    /// Fraction of the step where forces balance.
+    pub share: f64,
+    /// Stretch of each tendon, and its length from base hole to anchor, m.
+    pub stretched: Vec<f64>,
+    pub routed: Vec<f64>,
+    /// Displacements up to which the work of motors is counted, m.
+    pub counted: Vec<f64>,
+}
+
+impl Tendons {
+    /// One line for each tendon; the home pose is still to be found.
+    pub fn new(robot: &Robot, model: Model, lines: &[Line]) -> Result<Self, InputError> {
+        check_lines(robot, model, lines)?;
+        let routing = Routing::new(robot);
+        let compliance = Compliance::new(robot, model, &routing, lines);
+        let (n, m) = (routing.modules, lines.len());
+        if let Some(at) = compliance.stretch.iter().position(|c| !c.is_finite()) {
+            return Err(InputError(format!(
+                "stiffness of tendon {} is {:e} N, too small to reckon with",
+                at % m + 1,
+                lines[at % m].stiffness
+            )));
+        }
+        let passes = |at| f64::from(u8::from(routing.passes(at)));
+        Ok(Tendons {
+            carried: (0..n * m).map(passes).collect(),
+            tensions: vec![0.0; n * m],
+            lines: lines.to_vec(),
+            home: vec![0.0; m],
+            slack: vec![0.0; m],
+            now: History::default(),
+            step: StepStart {
+                share: 1.0,
+                stretched: vec![0.0; m],
+                routed: vec![0.0; m],
+                counted: vec![0.0; m],
+            },
+            routing,
+            compliance,
+        })
+    }
+
+    /// Takes a pose under the pretension alone as home, by its span lengths and strain; returns
+    /// the path that begins there, without friction yet.
+    pub fn go_home(&mut self, lengths: &[f64], strain: Vec<Vec3>) -> History {
+        let (n, m) = (self.routing.modules, self.lines.len());
+        let tensions: Vec<_> = self.lines.iter().map(|line| line.pretension).collect();
+        let compliance = &self.compliance;
+        let spans = (0..n * m).map(|at| lengths[at] - compliance.creep[at] * tensions[at % m]);
+        let spans = spans.collect();
+        for i in 0..m {
+            let stretched =
+                (0..n).map(|k| lengths[k * m + i] - compliance.stretch[k * m + i] * tensions[i]);
+            self.home[i] = stretched.sum::<f64>() - compliance.before[i] * tensions[i];
+        }
+        self.now = History {
+            commands: tensions.iter().map(|t| Command::Tension(*t)).collect(),
+            tensions,
+            drops: vec![0.0; n * m],
+            spans,
+            pulls: vec![0.0; m],
+            strain,
+            slip: vec![Slip::Sticks; n * m],
+            load: [[0.0; 3]; 3],
+        };
+        self.now.clone()
+    }
+
+    /// Whether a ridge holds what neither rod nor line does.
+    pub fn is_rigid(&self) -> bool {
+        self.compliance.ridge.iter().any(|r| *r > 0.0)
+    }
+
+    /// Entries of a tendon, by modules and tendons.
+    fn spans_of(&self, i: usize) -> impl Iterator<Item = usize> {
+        let m = self.lines.len();
+        (0..self.routing.modules).map(move |k| k * m + i)
+    }
+
+    /// Displacement that a tendon without slack has.
+    pub fn pull_of(&self, history: &History, i: usize) -> f64 {
+        let compliance = &self.compliance;
+        let (mut tension, mut routed) = (history.tensions[i], 0.0);
+        for at in self.spans_of(i) {
+            tension *= (-history.drops[at]).exp();
+            routed += history.spans[at] + (compliance.creep[at] - compliance.stretch[at]) * tension;
+        }
+        self.home[i] - routed + compliance.before[i] * history.tensions[i]
+    }
+
+    /// Displacements of the present state, as commanded or as the tensions give them.
+    pub fn note_pulls(&mut self) {
+        for i in 0..self.lines.len() {
+            self.now.pulls[i] = match self.now.commands[i] {
+                Command::Pull(p) => p,
+                Command::Tension(_) => self.pull_of(&self.now, i),
+            };
+        }
+    }
+
+    /// Checks commands and load against the robot.
+    pub fn check(
+        &self,
+        robot: &Robot,
+        commands: &[Command],
+        load: &Load,
+    ) -> Result<(), InputError> {
+        if commands.len() != self.lines.len() {
+            return Err(InputError(format!(
+                "{} commands were given, the robot has {} tendons",
+                commands.len(),
+                self.lines.len()
+            )));
+        }
+        let mut tensions = Vec::with_capacity(commands.len());
+        for (i, command) in commands.iter().enumerate() {
+            tensions.push(match *command {
+                Command::Tension(t) => t,
+                Command::Pull(p) => {
+                    let length = self.routing.straight[i];
+                    if !p.is_finite() {
+                        return Err(InputError(format!(
+                            "pull of tendon {} is {} m, it must be a finite number",
+                            i + 1,
+                            Short(p)
+                        )));
+                    }
+                    if p >= length {
+                        return Err(InputError(format!(
+                            "pull of tendon {} is {} m, it must be less than the tendon's \
+                             length, {} m",
+                            i + 1,
+                            Short(p),
+                            Short(length)
+                        )));
+                    }
+                    0.0
+                }
+            });
+        }
+        Load {
+            tensions: &tensions,
+            ..*load
+        }
+        .check(robot)
+    }
+
+    /// Prepares a step from `old`.
+    pub fn start(&mut self, old: &History, commands: &[Command]) {
+        self.now.copy_from(old);
+        self.now.commands.copy_from_slice(commands);
+        for (i, command) in commands.iter().enumerate() {
+            if let Command::Tension(t) = command {
+                self.now.tensions[i] = *t;
+            }
+            self.carry(i);
+        }
+    }
+
+    /// What the holes of a tendon leave of its tension, by the present drops.
+    pub fn carry(&mut self, i: usize) {
+        let m = self.lines.len();
+        let mut drop = 0.0;
+        for k in 0..=self.routing.ends[i] {
+            drop += self.now.drops[k * m + i];
+            self.carried[k * m + i] = if drop == 0.0 { 1.0 } else { (-drop).exp() };
+        }
+    }
+
+    /// Tensions of all spans by those before the base holes and the drops.
+    pub fn apply(&mut self, rod: &mut dyn RoutedRod) {
+        let m = self.lines.len();
+        for (tensions, carried) in self.tensions.chunks_mut(m).zip(self.carried.chunks(m)) {
+            for ((tension, carried), before) in
+                tensions.iter_mut().zip(carried).zip(&self.now.tensions)
+            {
+                *tension = before * carried;
+            }
+        }
+        rod.set_span_tensions(&self.tensions);
+    }
+
+    /// Lengths less stretch, and slack, at the present pose.
+    pub fn measure(&mut self, rod: &dyn RoutedRod) {
+        let lengths = rod.span_lengths();
+        let compliance = &self.compliance;
+        for (at, span) in self.now.spans.iter_mut().enumerate() {
+            *span = lengths[at] - compliance.creep[at] * self.tensions[at];
+        }
+        for i in 0..self.lines.len() {
+            self.slack[i] = match self.now.commands[i] {
+                Command::Tension(_) => 0.0,
+                Command::Pull(p) => {
+                    let spans = self.spans_of(i);
+                    let carried: f64 = spans
+                        .map(|at| compliance.stretch[at] * self.tensions[at])
+                        .sum();
+                    let before = compliance.before[i] + compliance.ridge[i];
+                    carried + before * self.now.tensions[i]
+                        - (1.0 - self.step.share) * self.step.stretched[i]
+                        - self.step.share * self.stretch_at(lengths, i, p)
+                }
+            };
+        }
+    }
+
+    /// Length of a tendon from base hole to anchor.
+    pub fn length_of(&self, lengths: &[f64], i: usize) -> f64 {
+        self.spans_of(i).map(|at| lengths[at]).sum()
+    }
+
+    /// Stretch of a tendon at a displacement, slack as negative.
+    pub fn stretch_at(&self, lengths: &[f64], i: usize, pull: f64) -> f64 {
+        self.length_of(lengths, i) - self.home[i] + pull
+    }
+
+    /// Largest length by which a tendon is too short, or slack under tension.
+    pub fn length_residual(&self) -> f64 {
+        let mut most: f64 = 0.0;
+        for (i, command) in self.now.commands.iter().enumerate() {
+            if command.is_pull() {
+                let s = self.slack[i];
+                let miss = if self.now.tensions[i] > 0.0 {
+                    s.abs()
+                } else {
+                    -s
+                };
+                most = most.max(miss);
+            }
+        }
+        most / self.step.share
+    }
+
+    /// Compliance of all of a line, m/N.
+    pub fn whole_compliance(&self, i: usize) -> f64 {
+        let spans = self.spans_of(i).map(|at| self.compliance.stretch[at]);
+        self.compliance.before[i] + spans.sum::<f64>()
+    }
+
+    /// Largest length that a ridge made up for, m.
+    pub fn given_way(&self) -> f64 {
+        let give = |i: usize| self.compliance.ridge[i] * self.now.tensions[i];
+        (0..self.lines.len()).map(give).fold(0.0, f64::max)
+    }
+}
+
+fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputError> {
+    let fail = |what: String| Err(InputError(what));
+    let m = robot.tendon_count();
+    if lines.len() != m {
+        return fail(format!(
+            "{} lines were given, the robot has {m} tendons",
+            lines.len()
+        ));
+    }
+    if m == 0 {
+        return fail("a robot without tendons is not driven".into());
+    }
+    let with_friction = (0..m).filter(|&i| lines[i].friction > 0.0);
+    let holes: usize = with_friction
+        .map(|i| robot.spec().tendons[i].end_disk + 1)
+        .sum();
+    if holes > MOST_HOLES {
+        return fail(format!(
+            "tendons rub at {holes} holes; this version solves friction at {MOST_HOLES} or fewer"
+        ));
+    }
+    if model.tendon == TendonPath::Continuous {
+        return fail(
+            "pulls, slack and friction need straight spans; a continuous tendon has none".into(),
+        );
+    }
+    for (i, line) in lines.iter().enumerate() {
+        let place = i + 1;
+        if !(line.stiffness > 0.0) {
+            return fail(format!(
+                "stiffness of tendon {place} is {} N, it must be positive",
+                Short(line.stiffness)
+            ));
+        }
+        for (name, value) in [
+            ("free length", line.free_length),
+            ("compliance of the transmission", line.compliance),
+            ("friction coefficient", line.friction),
+            ("pretension", line.pretension),
+        ] {
+            if !(value >= 0.0 && value.is_finite()) {
+                return fail(format!(
+                    "{name} of tendon {place} is {}, it must not be negative",
+                    Short(value)
+                ));
+            }
+        }
+    }
+    Ok(())
+}
