@@ -295,13 +295,23 @@ def test_an_interval_ends_where_the_parameter_does_synthetic():
     """Three loads hardly tell friction from none, and a hand's weight says nothing of it."""
     robot = bs.load_robot("amouri2019", {"gravity": [0.0, 0.0, -9.81]})
     names = ["segments.0.backbone.E", "segments.0.tendons.friction"]
-    few = bench.simulate(robot, masses=[0, 1, 2], friction=0.002, repeats=2, seed=3)
+    few = bench.simulate(
+        robot,
+        bench.Loads(masses=[0, 1, 2], repeats=2),
+        actual=bench.Actual(friction=0.002),
+        seed=3,
+    )
     found = fit(robot, few, names)
     low, mu = found[names[0]], found[names[1]]
     assert mu.low == 0.0 < mu.value < mu.high and mu.cut and not mu.at_limit
     assert mu.value - 1.9 * mu.standard_error < 0.0 and not low.cut
     assert found.message.endswith(f"Cut at what it may be: the interval of {names[1]}.")
-    light = bench.simulate(robot, masses=[0, 0.002, 0.004], noise=1e-4, repeats=2, seed=3)
+    light = bench.simulate(
+        robot,
+        bench.Loads(masses=[0, 0.002, 0.004], repeats=2),
+        instrument=bench.Instrument(noise=1e-4),
+        seed=3,
+    )
     found = fit(robot, light, names)
     assert found.confused == ((names[1],),)
     assert f"The data say nothing of {names[1]}." in found.message

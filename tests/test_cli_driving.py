@@ -121,7 +121,7 @@ def test_no_equilibrium(shell: Shell, tmp_path: Path) -> None:
         (["--pull", "0.01,,0"], "got nothing"),
         (["--pull", "1 N,0,0"], '"N" is not a unit of length'),
         (["--pull", "nan,0,0"], "not a number"),
-        (["--pull", "1,0,0"], "it must be less than the tendon's length, 0.641 m"),
+        (["--pull", "1,0,0"], "must be less than the tendon's length, 0.641 m"),
         (["--angle", "1,0,0"], "tendon 1 of amouri2019 has no spool_radius"),
         (["--angle", "1 mm,0,0"], "is not a unit of"),
         (["--tension", "1,-,-", "--pull", "0.01,0,0"], "tendon 1 has --tension and --pull"),
@@ -303,7 +303,7 @@ def test_modes_of_pulls(shell: Shell) -> None:
     ("arguments", "says"),
     [
         (["--pull", "0.01,-,0"], 'got "-", which is not a number'),
-        (["--pull", "0.7,0,0"], "it must be less than the tendon's length, 0.641 m"),
+        (["--pull", "0.7,0,0"], "must be less than the tendon's length, 0.641 m"),
         (["--pull", "0.01,0,0", "--rise", "0"], "jumps from 0 m to 0.01 m at 0 s, but its line"),
         (["--tension", "1,-,-", "--pull", "0,0,0"], "tendon 1 has --tension and --pull"),
         (["--tension", "1,0,0", "--from-pull", "0,0,0"], "--from-pull: got 0 for tendon 1, which"),

@@ -634,7 +634,7 @@ def test_what_was_measured_has_no_truth(tmp_path: Path) -> None:
         ({"masses": None, "tensions": [[1, 0]]}, r"tensions has shape \(1, 2\)"),
         ({"masses": None, "tensions": np.zeros((0, 3))}, "the table has no row"),
         ({"masses": None, "tensions": [[-1, 0, 0]]}, "tendon 1"),
-        ({"masses": None, "pulls": [[math.inf, 0, 0]]}, "pull"),
+        ({"masses": None, "pulls": [[math.inf, 0, 0]]}, "displacement"),
         ({"tendon": 4}, "tendon is 4, it must be a whole number from 1 to 3"),
         ({"tendon": 0}, "tendon is 0"),
         ({"g": 0}, "g is 0 m/s.2, it must be positive"),

@@ -494,9 +494,9 @@ def test_what_does_not_know_friction_says_so(rubbing):
         ({"angles": [1, 1, 1]}, "tendon 1 of amouri2019 has no spool_radius"),
         (
             {"displacements": [1, 0, 0]},
-            "pull of tendon 1 is 1 m, it must be less than the tendon's length",
+            "displacement of tendon 1 is 1 m, it must be less than the tendon's length",
         ),
-        ({"displacements": [np.inf, 0, 0]}, "pull of tendon 1 is inf m"),
+        ({"displacements": [np.inf, 0, 0]}, "displacement of tendon 1 is inf m"),
         ({"displacements": [0, 0]}, "displacements has 2 numbers, it must have 3, in m"),
         ({"displacements": [[0, 0, 0]]}, "displacements has shape (1, 3)"),
         ({"displacements": "all"}, "displacements must be numbers of shape (3,) in m"),
@@ -578,7 +578,7 @@ def test_bad_rows(robot):
         ({"displacements": [0, 0, 0]}, "displacements has shape (3,)"),
         ({"displacements": [[0, 0, 0]], "tensions": [[np.nan] * 3] * 2}, "1 of displacements"),
         ({"displacements": [[0, 0, 0], [0, np.nan, 0]]}, "row 1: tendon 2 is driven by nothing"),
-        ({"displacements": [[0, 0, 0], [0, 2, 0]]}, "row 1: pull of tendon 2 is 2 m"),
+        ({"displacements": [[0, 0, 0], [0, 2, 0]]}, "row 1: displacement of tendon 2 is 2 m"),
         ({}, "tensions is None"),
     ):
         for call in (bs.sweep, bs.solve_batch):

@@ -9,8 +9,9 @@ use crate::math::real::{Layout, Real, Scalar};
 #[cfg(target_arch = "x86_64")]
 use crate::math::simd::{Avx2, Avx512, Modules, Simd};
 use crate::memory;
+use crate::model::error::InputError;
 use crate::model::load::{Load, Model};
-use crate::model::robot::{InputError, Robot};
+use crate::model::robot::Robot;
 use crate::motion::{Damping, Energies, Fields, Motion, StepError};
 use crate::rod::chain::{get, Rod, Sources, Step};
 use crate::rod::estimate::Correction;
@@ -629,5 +630,5 @@ pub(crate) fn moving(
 }
 
 fn wrong_elements(n: usize) -> InputError {
-    InputError(format!("elements is {n}, it must be 1, 2, 4 or 8"))
+    InputError::elements(n)
 }

@@ -1,7 +1,7 @@
 //! Estimates of memory, checked before work begins: an allocation that fails ends the process.
 
 use crate::interrupt;
-use crate::model::robot::InputError;
+use crate::model::error::InputError;
 
 /// Bytes below which nothing is checked.
 const SMALL: f64 = 16e6;
@@ -20,7 +20,7 @@ pub fn check(bytes: f64, what: impl FnOnce() -> String, cure: &str) -> Result<()
     if bytes < isize::MAX as f64 && probe.try_reserve_exact(bytes as usize).is_ok() {
         return Ok(());
     }
-    Err(InputError(format!(
+    Err(InputError::other(format!(
         "{} would take {} GB of memory, more than is available; {cure}",
         what(),
         Digits(1e-9 * bytes)
@@ -44,7 +44,7 @@ pub fn unknown(
     let len = len.unwrap_or(0);
     while v.len() < len {
         if interrupt::work(STRIDE / 16) {
-            return Err(InputError("the work was interrupted".into()));
+            return Err(InputError::other("the work was interrupted"));
         }
         v.resize(len.min(v.len() + STRIDE), f64::NAN);
     }
@@ -73,7 +73,7 @@ mod tests {
     fn too_much_memory_is_refused_with_its_size() {
         let refused = check(3e17, || "a matrix".into(), "take less").unwrap_err();
         assert_eq!(
-            refused.0,
+            refused.to_string(),
             "a matrix would take 3.00e8 GB of memory, more than is available; take less"
         );
         assert!(check(f64::INFINITY, || "all".into(), "").is_err());

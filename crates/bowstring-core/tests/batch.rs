@@ -136,7 +136,7 @@ fn input_is_checked_before_work_begins() {
         let a = sweep(&robot, &settings, loads, true, true).unwrap_err();
         let b = solve_batch(&robot, &settings, loads, 0, true).unwrap_err();
         assert_eq!(a, b);
-        a.0
+        a.to_string()
     };
     let mut t = tensions(40);
     t[3 * 17 + 1] = f64::NAN;

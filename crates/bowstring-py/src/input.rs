@@ -2,11 +2,11 @@
 
 use crate::model::DeadLoad;
 use bowstring_core::memory;
-use bowstring_core::model::robot::InputError;
+use bowstring_core::model::error::InputError;
 use bowstring_core::statics::batch::Loads;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PyTuple};
+use pyo3::types::{PyDict, PyList, PyTuple};
 
 mod raised {
     pyo3::import_exception!(bowstring.errors, InputError);
@@ -16,8 +16,23 @@ pub(crate) fn refused(sentence: impl Into<String>) -> PyErr {
     raised::InputError::new_err(sentence.into())
 }
 
+/// The error of the core, with the argument, index, value and rule that it is of.
 pub(crate) fn input_error(e: InputError) -> PyErr {
-    refused(e.0)
+    let sentence = e.to_string();
+    let Some((argument, index, value, rule)) = e.parts() else {
+        return refused(sentence);
+    };
+    let raised = Python::attach(|py| {
+        let parts = PyDict::new(py);
+        parts.set_item("argument", argument)?;
+        parts.set_item("index", index)?;
+        parts.set_item("value", value)?;
+        parts.set_item("rule", rule)?;
+        let error = py.get_type::<raised::InputError>();
+        let made = error.call((sentence,), Some(&parts))?;
+        PyResult::Ok(PyErr::from_value(made))
+    });
+    raised.unwrap_or_else(|other| other)
 }
 
 /// Copies of the arrays: nobody can change them while the interpreter lock is released.

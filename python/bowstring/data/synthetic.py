@@ -393,7 +393,15 @@ def set_up(
     )
 
 
-def simulate(robot: Robot, loads: Loads, *, seed: Seed = 0, **setup: Any) -> Measurements:
+def simulate(
+    robot: Robot,
+    loads: Loads,
+    *,
+    actual: Actual | None = None,
+    mounting: Mounting | None = None,
+    instrument: Instrument | None = None,
+    seed: Seed = 0,
+) -> Measurements:
     """Make synthetic measurements of a robot.
 
     Parameters
@@ -426,7 +434,8 @@ def simulate(robot: Robot, loads: Loads, *, seed: Seed = 0, **setup: Any) -> Mea
     >>> data.source, len(data), data.truth["differences"][0]["actual"]
     ('synthetic', 99, 0.1)
     """
-    return set_up(robot, loads, **setup).measure(seed)
+    made = set_up(robot, loads, actual=actual, mounting=mounting, instrument=instrument)
+    return made.measure(seed)
 
 
 # -- what is driven, and from where it is seen ---------------------------------------------------

@@ -5,8 +5,9 @@ use super::integration::{shortest_step, Equilibrium, Integration};
 pub use super::settings::{Count, Damping, Settings, Step, Stop};
 use crate::dispatch::{self, Moving};
 use crate::math::linalg::Vec3;
+use crate::model::error::{Argument, InputError, Rule};
 use crate::model::load::{Load, Model};
-use crate::model::robot::{InputError, Robot, Short};
+use crate::model::robot::Robot;
 pub use crate::motion::{Energies, Fields};
 use crate::statics::path::{Command, Drive, Line};
 use crate::statics::solver::{Outcome, Solver, Status};
@@ -63,49 +64,41 @@ impl Simulator {
             spectral_radius,
             step,
         } = settings;
-        for (name, unit, value) in [
-            ("mass damping", "1/s", damping.mass),
-            ("material damping", "s", damping.material),
+        for (argument, value) in [
+            (Argument::MassDamping, damping.mass),
+            (Argument::MaterialDamping, damping.material),
         ] {
             if !(value.is_finite() && value >= 0.0) {
-                return Err(InputError(format!(
-                    "{name} is {} {unit}, it must not be negative",
-                    Short(value)
-                )));
+                return Err(InputError::number(argument, None, value, Rule::NotNegative));
             }
         }
         if !(0.0..=1.0).contains(&spectral_radius) {
-            return Err(InputError(format!(
-                "spectral radius is {}, it must lie from 0 (damps fast oscillations at once) to 1 (damps nothing)",
-                Short(spectral_radius)
-            )));
+            let rule =
+                Rule::Other("be from 0 (damps fast oscillations at once) to 1 (damps nothing)");
+            let argument = Argument::SpectralRadius;
+            return Err(InputError::number(argument, None, spectral_radius, rule));
         }
-        let lengths: &[(&str, f64)] = match &step {
-            Step::Fixed(step) => &[("time step", *step)],
-            Step::Adaptive { tolerance, longest } => {
-                &[("tolerance", *tolerance), ("longest time step", *longest)]
-            }
+        let lengths: &[(Argument, f64)] = match &step {
+            Step::Fixed(step) => &[(Argument::TimeStep, *step)],
+            Step::Adaptive { tolerance, longest } => &[
+                (Argument::Tolerance, *tolerance),
+                (Argument::LongestStep, *longest),
+            ],
         };
-        for (name, value) in lengths {
+        for (argument, value) in lengths {
             if !(value.is_normal() && *value > 0.0) {
-                return Err(InputError(format!(
-                    "{name} is {}, it must be positive",
-                    Short(*value)
-                )));
+                return Err(InputError::number(*argument, None, *value, Rule::Positive));
             }
         }
         if !gravity.iter().all(|g| g.is_finite()) {
-            return Err(InputError(format!(
-                "gravity is {gravity:?} m/s^2, it must be three finite numbers"
-            )));
+            return Err(InputError::not_finite(Argument::Gravity, None, &gravity));
         }
         let shortest = shortest_step(robot);
         if let Step::Fixed(step) = step {
             if step < shortest {
-                return Err(InputError(format!(
-                    "time step is {} s; below {shortest:.1e} s rounding would drown the motion of this robot",
-                    Short(step)
-                )));
+                let why = "shorter steps are below numerical resolution for this robot";
+                let rule = Rule::AtLeast(shortest, why);
+                return Err(InputError::number(Argument::TimeStep, None, step, rule));
             }
         }
         dispatch::check_moving(robot, elements)?;
@@ -178,18 +171,18 @@ impl Simulator {
             || drive.solver().model() != self.model
             || history.strain.len() != strain.len()
         {
-            return Err(InputError("the path is one of another robot".into()));
+            return Err(InputError::other("the path is one of another robot"));
         }
         let [gravity, tip_force, tip_moment] = history.load;
         if gravity != self.settings.gravity {
-            return Err(InputError(format!(
+            return Err(InputError::other(format!(
                 "the path was under gravity {gravity:?} m/s^2, the motion is under {:?}",
                 self.settings.gravity
             )));
         }
         if drive.solver().tip().is_none() {
-            return Err(InputError(
-                "the path has not come to an equilibrium to move from".into(),
+            return Err(InputError::other(
+                "the path has not come to an equilibrium to move from",
             ));
         }
         drive.solver().strain_and_force(&mut strain, &mut force);
@@ -216,15 +209,17 @@ impl Simulator {
         increments: usize,
     ) -> Result<Option<Stop>, InputError> {
         if forces.len() != self.robot.module_count() {
-            return Err(InputError(format!(
-                "{} disk forces were given, the robot has {} disks",
-                forces.len(),
-                self.robot.module_count()
-            )));
+            let (given, disks) = (forces.len(), self.robot.module_count());
+            return Err(InputError::count(
+                Argument::DiskForces,
+                given,
+                disks,
+                "disk",
+            ));
         }
         self.check_ready()?;
         if !forces.iter().flatten().all(|f| f.is_finite()) {
-            return Err(InputError("disk forces must be finite numbers".into()));
+            return Err(InputError::other("disk forces must be finite numbers"));
         }
         let increments = increments.max(1);
         for i in 1..=increments {
@@ -259,8 +254,8 @@ impl Simulator {
         if self.ready {
             return Ok(());
         }
-        Err(InputError(
-            "the robot has no state to move from: bring it to rest first".into(),
+        Err(InputError::other(
+            "the robot has no state to move from: bring it to rest first",
         ))
     }
 
@@ -300,8 +295,8 @@ impl Simulator {
             let pairs = load.tensions.iter().zip(self.integration.values());
             for (i, (to, from)) in pairs.enumerate() {
                 if (to - from).abs() > NO_SLIP * self.robot.length() && actuation.is_stiff(i) {
-                    return Err(InputError(format!(
-                        "the pull of tendon {} jumps from {from} m to {to} m, which would take an \
+                    return Err(InputError::other(format!(
+                        "the displacement of tendon {} jumps from {from} m to {to} m, which would take an \
                          infinite force: its line does not stretch; let it take its time",
                         i + 1
                     )));
@@ -329,10 +324,13 @@ impl Simulator {
         self.check_ready()?;
         self.check(load)?;
         if !(duration.is_finite() && duration >= 0.0) {
-            return Err(InputError(format!(
-                "duration is {} s, it must not be negative",
-                Short(duration)
-            )));
+            let argument = Argument::Duration;
+            return Err(InputError::number(
+                argument,
+                None,
+                duration,
+                Rule::NotNegative,
+            ));
         }
         let (reached, stop) = self.integration.advance(&mut *self.engine, duration, load);
         self.time += reached;

@@ -2,8 +2,9 @@
 
 use crate::dispatch;
 use crate::memory;
+use crate::model::error::InputError;
 use crate::model::load::{Load, Model};
-use crate::model::robot::{InputError, Robot};
+use crate::model::robot::Robot;
 pub use crate::motion::oscillation::Flexibility;
 use crate::motion::oscillation::{found, still};
 use crate::statics::path::Drive;
@@ -22,9 +23,7 @@ pub fn flexibility(
         2 => about::<4>(robot, model, load),
         4 => about::<8>(robot, model, load),
         8 => about::<16>(robot, model, load),
-        n => Err(InputError(format!(
-            "elements is {n}, it must be 1, 2, 4 or 8"
-        ))),
+        n => Err(InputError::elements(n)),
     }
 }
 

@@ -1,7 +1,8 @@
 //! Loads and the choice of physics.
 
 use crate::math::linalg::Vec3;
-use crate::model::robot::{InputError, Robot, Short};
+use crate::model::error::{Argument, InputError, Rule};
+use crate::model::robot::Robot;
 
 /// Rod theory of the backbone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,31 +118,33 @@ impl Load<'_> {
 
     /// Checks numbers and their count against the robot.
     pub fn check(&self, robot: &Robot) -> Result<(), InputError> {
-        if self.tensions.len() != robot.tendon_count() {
-            return Err(InputError(format!(
-                "{} tensions were given, the robot has {} tendons",
-                self.tensions.len(),
-                robot.tendon_count()
-            )));
+        let tendons = robot.tendon_count();
+        if self.tensions.len() != tendons {
+            let given = self.tensions.len();
+            return Err(InputError::count(
+                Argument::Tension,
+                given,
+                tendons,
+                "tendon",
+            ));
         }
         for (i, t) in self.tensions.iter().enumerate() {
             if !(t.is_finite() && *t >= 0.0) {
-                return Err(InputError(format!(
-                    "tension of tendon {} is {} N, a tendon can only pull: give zero or more",
-                    i + 1,
-                    Short(*t)
-                )));
+                return Err(InputError::number(
+                    Argument::Tension,
+                    i,
+                    *t,
+                    Rule::TendonsPull,
+                ));
             }
         }
-        for (name, unit, v) in [
-            ("gravity", "m/s^2", &self.gravity),
-            ("tip force", "N", &self.tip_force),
-            ("tip moment", "N m", &self.tip_moment),
+        for (argument, v) in [
+            (Argument::Gravity, &self.gravity),
+            (Argument::TipForce, &self.tip_force),
+            (Argument::TipMoment, &self.tip_moment),
         ] {
             if !v.iter().all(|x| x.is_finite()) {
-                return Err(InputError(format!(
-                    "{name} is {v:?} {unit}, it must be three finite numbers"
-                )));
+                return Err(InputError::not_finite(argument, None, v));
             }
         }
         Ok(())

@@ -1,31 +1,6 @@
 //! The robot as the mechanics sees it: checked once, immutable afterwards.
 
-use std::fmt;
-
-/// Why a robot or a load was refused: one sentence.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct InputError(pub String);
-
-impl fmt::Display for InputError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-impl std::error::Error for InputError {}
-
-/// A number for a sentence: short also where it is tiny or huge.
-pub(crate) struct Short(pub f64);
-
-impl fmt::Display for Short {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Short(x) = self;
-        if *x == 0.0 || !x.is_finite() || (1e-5..1e16).contains(&x.abs()) {
-            write!(f, "{x}")
-        } else {
-            write!(f, "{x:e}")
-        }
-    }
-}
+use crate::model::error::{Argument, InputError, Rule, Value};
 
 /// Elastic section of the backbone in one segment; SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -105,33 +80,28 @@ pub struct Robot {
 impl Robot {
     /// Checks a description; the error says what is wrong, where, and what it may be.
     pub fn new(spec: RobotSpec) -> Result<Self, InputError> {
-        let fail = |what: String| Err(InputError(what));
         if spec.disks.is_empty() || spec.sections.is_empty() {
-            return fail("a robot needs at least one segment with one disk at its end".into());
+            return Err(InputError::other(
+                "a robot needs at least one segment with one disk at its end",
+            ));
         }
         for (i, s) in spec.sections.iter().enumerate() {
-            for (name, value) in [
-                ("bending stiffness", s.bending),
-                ("torsion stiffness", s.torsion),
-                ("axial stiffness", s.axial),
-                ("shear stiffness", s.shear),
+            for (argument, value) in [
+                (Argument::BendingStiffness, s.bending),
+                (Argument::TorsionStiffness, s.torsion),
+                (Argument::AxialStiffness, s.axial),
+                (Argument::ShearStiffness, s.shear),
             ] {
                 if !(value.is_finite() && value > 0.0) {
-                    return fail(format!(
-                        "segment {i}: {name} is {}, it must be positive",
-                        Short(value)
-                    ));
+                    return Err(InputError::number(argument, i, value, Rule::Positive));
                 }
             }
-            for (name, value) in [
-                ("mass per length", s.mass_per_length),
-                ("rotary inertia", s.rotary_inertia),
+            for (argument, value) in [
+                (Argument::MassPerLength, s.mass_per_length),
+                (Argument::RotaryInertia, s.rotary_inertia),
             ] {
                 if !(value.is_finite() && value >= 0.0) {
-                    return fail(format!(
-                        "segment {i}: {name} is {}, it must not be negative",
-                        Short(value)
-                    ));
+                    return Err(InputError::number(argument, i, value, Rule::NotNegative));
                 }
             }
         }
@@ -139,48 +109,46 @@ impl Robot {
         let (mut station, mut clamp_before, mut segment) = (0.0, 0.0, 0);
         for (i, d) in spec.disks.iter().enumerate() {
             if !(d.station.is_finite() && d.station > station) {
-                return fail(format!(
-                    "disk {i} is at {} m, it must lie beyond {} m, where the one before it is",
-                    Short(d.station),
-                    Short(station)
-                ));
+                let rule = Rule::Other("lie beyond that of the disk before it");
+                return Err(InputError::number(Argument::Station, i, d.station, rule));
             }
             let next = if i == 0 { 0 } else { segment + 1 };
             if d.segment >= spec.sections.len() || d.segment < segment || d.segment > next {
-                return fail(format!(
-                    "disk {i} belongs to segment {}, disks must be listed segment by segment",
-                    d.segment
-                ));
+                return Err(InputError::Value {
+                    argument: Argument::Segment,
+                    index: Some(i),
+                    value: Value::Whole(d.segment),
+                    rule: Rule::Other("follow that of the disk before it"),
+                });
             }
-            if !(d.clamped_length.is_finite() && d.clamped_length >= 0.0) {
-                return fail(format!(
-                    "disk {i}: clamped length is {} m, it must not be negative",
-                    Short(d.clamped_length)
-                ));
-            }
-            if !(d.mass.is_finite() && d.mass >= 0.0) {
-                return fail(format!(
-                    "disk {i}: mass is {} kg, it must not be negative",
-                    Short(d.mass)
-                ));
+            for (argument, value) in [
+                (Argument::ClampedLength, d.clamped_length),
+                (Argument::Mass, d.mass),
+            ] {
+                if !(value.is_finite() && value >= 0.0) {
+                    return Err(InputError::number(argument, i, value, Rule::NotNegative));
+                }
             }
             let [across, along] = d.inertia;
             // a body's principal moments of inertia obey the triangle inequality
             let possible = along >= 0.0 && across * (2.0 + 1e-12) >= along;
             if !(across.is_finite() && possible) {
-                return fail(format!(
-                    "disk {i}: moments of inertia are {} kg m^2 about a diameter and \
-                     {} about the axis, no body has these",
-                    Short(across),
-                    Short(along)
-                ));
+                return Err(InputError::Value {
+                    argument: Argument::Inertia,
+                    index: Some(i),
+                    value: Value::Numbers(d.inertia.to_vec()),
+                    rule: Rule::Other("be those of a body, about a diameter and about the axis"),
+                });
             }
             let clamp = [clamp_before, d.clamped_length / 2.0];
             let flexible = d.station - station - clamp[0] - clamp[1];
             if flexible <= 0.0 {
-                return fail(format!(
-                    "disk {i}: clamps leave {} m of flexible backbone before it, some must remain",
-                    Short(flexible)
+                let rule = Rule::Positive;
+                return Err(InputError::number(
+                    Argument::FlexibleLength,
+                    i,
+                    flexible,
+                    rule,
                 ));
             }
             modules.push(Module {
@@ -192,37 +160,39 @@ impl Robot {
             (station, clamp_before, segment) = (d.station, clamp[1], d.segment);
         }
         if segment + 1 != spec.sections.len() {
-            return fail(format!(
+            return Err(InputError::other(format!(
                 "there are {} segments, but disks for {} only",
                 spec.sections.len(),
                 segment + 1
-            ));
+            )));
         }
         let mut end = 0;
         for (i, t) in spec.tendons.iter().enumerate() {
             if !t.hole.iter().all(|x| x.is_finite()) {
-                return fail(format!(
-                    "tendon {i}: hole is at {:?} m, it must be finite",
-                    t.hole
-                ));
+                return Err(InputError::not_finite(Argument::Hole, Some(i), &t.hole));
             }
             if t.end_disk >= spec.disks.len() || t.end_disk < end {
-                return fail(format!(
-                    "tendon {i} ends in disk {}, tendons must be listed from inner to outer segments",
-                    t.end_disk
-                ));
+                return Err(InputError::Value {
+                    argument: Argument::EndDisk,
+                    index: Some(i),
+                    value: Value::Whole(t.end_disk),
+                    rule: Rule::Other("be a disk, and not before that of the tendon before it"),
+                });
             }
             end = t.end_disk;
         }
         if !spec.gravity.iter().all(|g| g.is_finite()) {
-            return fail(format!(
-                "gravity is {:?} m/s^2, it must be finite",
-                spec.gravity
+            return Err(InputError::not_finite(
+                Argument::Gravity,
+                None,
+                &spec.gravity,
             ));
         }
         let robot = Robot { spec, modules };
         if !robot.moment_scale().is_normal() {
-            return fail("bending stiffness over length is beyond what numbers hold".into());
+            return Err(InputError::other(
+                "bending stiffness over length is beyond what numbers hold",
+            ));
         }
         Ok(robot)
     }

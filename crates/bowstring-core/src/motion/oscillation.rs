@@ -10,8 +10,9 @@ use crate::math::eigenvalues;
 use crate::math::linalg::Vec3;
 use crate::math::real::Scalar;
 use crate::memory::unknown;
+use crate::model::error::InputError;
 use crate::model::load::{Load, Model};
-use crate::model::robot::{InputError, Robot};
+use crate::model::robot::Robot;
 
 /// Where a robot rests: what its elements have found.
 pub(crate) struct Equilibrium<'a> {
@@ -58,7 +59,7 @@ impl Flexibility {
     pub fn matrix(&mut self) -> Result<Vec<f64>, InputError> {
         let size = self.masses.len();
         let refused = || {
-            InputError(format!(
+            InputError::other(format!(
                 "a flexibility matrix of {size} rows does not fit into memory; apply it to forces"
             ))
         };

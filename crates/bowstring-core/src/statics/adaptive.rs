@@ -5,8 +5,9 @@
 
 use crate::interrupt;
 use crate::math::linalg::Vec3;
+use crate::model::error::InputError;
 use crate::model::load::{Load, Model};
-use crate::model::robot::{InputError, Robot};
+use crate::model::robot::Robot;
 use crate::rod::estimate::LEVELS;
 use crate::statics::solver::{Outcome, Solver, Status};
 
@@ -76,11 +77,11 @@ impl Adaptive {
         let now = self.solver();
         let mut finer = Solver::new(&self.robot, self.model, elements)?;
         let Some(strain) = now.last_strain() else {
-            return Err(InputError("there is no answer to refine".into()));
+            return Err(InputError::other("there is no answer to refine"));
         };
         if elements < now.elements() {
             let now = now.elements();
-            return Err(InputError(format!(
+            return Err(InputError::other(format!(
                 "elements: {elements} are fewer than the {now} of the answer"
             )));
         }

@@ -3,8 +3,9 @@
 use crate::dispatch;
 use crate::interrupt;
 use crate::memory::unknown;
+use crate::model::error::InputError;
 use crate::model::load::{Load, Model};
-use crate::model::robot::{InputError, Robot};
+use crate::model::robot::Robot;
 use crate::statics::adaptive::Adaptive;
 #[cfg(target_arch = "x86_64")]
 use crate::statics::lanes::{side_by_side, SideBySide};
@@ -60,7 +61,7 @@ impl<'a> Loads<'a> {
     pub fn check(&self, robot: &Robot) -> Result<(), InputError> {
         let (n, tendons) = (self.count, robot.tendon_count());
         if Some(self.tensions.len()) != n.checked_mul(tendons) {
-            return Err(InputError(format!(
+            return Err(InputError::other(format!(
                 "{} tensions were given, {n} loads of a robot with {tendons} tendons need {tendons} each",
                 self.tensions.len()
             )));
@@ -71,7 +72,7 @@ impl<'a> Loads<'a> {
             ("tip moment", self.tip_moment),
         ] {
             if v.len() != 3 && Some(v.len()) != n.checked_mul(3) {
-                return Err(InputError(format!(
+                return Err(InputError::other(format!(
                     "{name} has {} numbers, it must have 3, or 3 for each of the {n} loads",
                     v.len()
                 )));
@@ -82,8 +83,7 @@ impl<'a> Loads<'a> {
                 break;
             }
             let row = self.row(i, tendons);
-            row.check(robot)
-                .map_err(|e| InputError(format!("row {i}: {e}")))?;
+            row.check(robot).map_err(|e| e.in_row(i))?;
         }
         Ok(())
     }
@@ -289,7 +289,7 @@ impl Solutions {
 }
 
 pub(super) fn too_many(n: usize) -> InputError {
-    InputError(format!(
+    InputError::other(format!(
         "the answers of {n} loads do not fit into memory: give fewer at a time or leave the disks out"
     ))
 }

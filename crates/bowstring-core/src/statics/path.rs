@@ -4,8 +4,9 @@
 use crate::dispatch;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
+use crate::model::error::InputError;
 use crate::model::load::{Load, Model};
-use crate::model::robot::{InputError, Robot};
+use crate::model::robot::Robot;
 use crate::rod::estimate::{ErrorEstimate, LEVELS};
 use crate::statics::adaptive::refine_to;
 pub use crate::statics::path_step::DriveOutcome;
@@ -52,7 +53,7 @@ impl Drive {
         };
         let outcome = solver.solve(&load)?;
         if outcome.status != Status::Converged {
-            return Err(InputError(format!(
+            return Err(InputError::other(format!(
                 "there is no home pose: under the pretension alone the robot has no stable \
                  equilibrium ({})",
                 outcome.status.word()
@@ -124,15 +125,15 @@ impl Drive {
             || !numbers.into_iter().all(|v| v.is_finite())
             || tensions.iter().any(|t| *t < 0.0)
         {
-            return Err(InputError(
-                "the history does not belong to this robot".into(),
+            return Err(InputError::other(
+                "the history does not belong to this robot",
             ));
         }
         tendons.check(self.robot(), commands, load)?;
         for at in 0..n * m {
             let most = std::f64::consts::PI * tendons.lines[at % m].friction;
             if drops[at].abs() > 1e-12 + most * (1.0 + 1e-9) {
-                return Err(InputError(format!(
+                return Err(InputError::other(format!(
                     "the history is damaged: tendon {} has lost more at a hole than friction takes",
                     at % m + 1
                 )));
@@ -302,8 +303,8 @@ impl Drive {
         }
         let now = &mut self.tendons().now;
         if strain.len() != now.strain.len() || slips.len() != now.slip.len() || !finite {
-            return Err(InputError(
-                "the history does not belong to this robot".into(),
+            return Err(InputError::other(
+                "the history does not belong to this robot",
             ));
         }
         for (to, from) in now.strain.iter_mut().zip(strain) {

@@ -2,8 +2,9 @@
 
 use crate::interrupt;
 use crate::memory::unknown;
+use crate::model::error::InputError;
 use crate::model::load::Load;
-use crate::model::robot::{InputError, Robot};
+use crate::model::robot::Robot;
 use crate::statics::batch::{for_each, pieces, thread_count, too_many, Chunk, Loads, Solutions};
 use crate::statics::path::{Command, Drive, DriveOutcome};
 use crate::statics::solver::{Outcome, Status};
@@ -79,9 +80,7 @@ impl<'a> Steps<'a> {
                 break;
             }
             let (commands, load) = self.row(i, tendons);
-            drive
-                .check(&commands, &load)
-                .map_err(|e| InputError(format!("row {i}: {e}")))?;
+            drive.check(&commands, &load).map_err(|e| e.in_row(i))?;
         }
         Ok(())
     }

@@ -5,8 +5,9 @@ use super::history::{History, Slip};
 use super::line::{Command, Line};
 use super::spans::RoutedRod;
 use crate::math::linalg::Vec3;
+use crate::model::error::{Argument, InputError, Rule};
 use crate::model::load::{Load, Model, TendonPath};
-use crate::model::robot::{InputError, Robot, Short};
+use crate::model::robot::Robot;
 
 /// Holes with friction: all that stick are unknown together, in a dense matrix.
 const MOST_HOLES: usize = 2000;
@@ -49,11 +50,9 @@ impl Tendons {
         let compliance = Compliance::new(robot, model, &routing, lines);
         let (n, m) = (routing.modules, lines.len());
         if let Some(at) = compliance.stretch.iter().position(|c| !c.is_finite()) {
-            return Err(InputError(format!(
-                "stiffness of tendon {} is {:e} N, too small to reckon with",
-                at % m + 1,
-                lines[at % m].stiffness
-            )));
+            let rule = Rule::Other("be larger: its compliance is beyond what numbers hold");
+            let (i, argument) = (at % m, Argument::TendonStiffness);
+            return Err(InputError::number(argument, i, lines[i].stiffness, rule));
         }
         let passes = |at| f64::from(u8::from(routing.passes(at)));
         Ok(Tendons {
@@ -140,7 +139,7 @@ impl Tendons {
         load: &Load,
     ) -> Result<(), InputError> {
         if commands.len() != self.lines.len() {
-            return Err(InputError(format!(
+            return Err(InputError::other(format!(
                 "{} commands were given, the robot has {} tendons",
                 commands.len(),
                 self.lines.len()
@@ -153,20 +152,16 @@ impl Tendons {
                 Command::Pull(p) => {
                     let length = self.routing.straight[i];
                     if !p.is_finite() {
-                        return Err(InputError(format!(
-                            "pull of tendon {} is {} m, it must be a finite number",
-                            i + 1,
-                            Short(p)
-                        )));
+                        return Err(InputError::number(
+                            Argument::Displacement,
+                            i,
+                            p,
+                            Rule::Finite,
+                        ));
                     }
                     if p >= length {
-                        return Err(InputError(format!(
-                            "pull of tendon {} is {} m, it must be less than the tendon's \
-                             length, {} m",
-                            i + 1,
-                            Short(p),
-                            Short(length)
-                        )));
+                        let rule = Rule::Below(length, "the tendon's length");
+                        return Err(InputError::number(Argument::Displacement, i, p, rule));
                     }
                     0.0
                 }
@@ -279,7 +274,7 @@ impl Tendons {
 }
 
 fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputError> {
-    let fail = |what: String| Err(InputError(what));
+    let fail = |what: String| Err(InputError::other(what));
     let m = robot.tendon_count();
     if lines.len() != m {
         return fail(format!(
@@ -305,24 +300,23 @@ fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputE
         );
     }
     for (i, line) in lines.iter().enumerate() {
-        let place = i + 1;
         if !(line.stiffness > 0.0) {
-            return fail(format!(
-                "stiffness of tendon {place} is {} N, it must be positive",
-                Short(line.stiffness)
+            let argument = Argument::TendonStiffness;
+            return Err(InputError::number(
+                argument,
+                i,
+                line.stiffness,
+                Rule::Positive,
             ));
         }
-        for (name, value) in [
-            ("free length", line.free_length),
-            ("compliance of the transmission", line.compliance),
-            ("friction coefficient", line.friction),
-            ("pretension", line.pretension),
+        for (argument, value) in [
+            (Argument::FreeLength, line.free_length),
+            (Argument::Compliance, line.compliance),
+            (Argument::Friction, line.friction),
+            (Argument::Pretension, line.pretension),
         ] {
             if !(value >= 0.0 && value.is_finite()) {
-                return fail(format!(
-                    "{name} of tendon {place} is {}, it must not be negative",
-                    Short(value)
-                ));
+                return Err(InputError::number(argument, i, value, Rule::NotNegative));
             }
         }
     }

@@ -6,8 +6,9 @@ use super::line::{Command, Line};
 use super::spans::RoutedRod;
 use super::tendons::Tendons;
 use super::unknowns::Unknowns;
+use crate::model::error::InputError;
 use crate::model::load::Model;
-use crate::model::robot::{InputError, Robot};
+use crate::model::robot::Robot;
 use crate::motion::Lock;
 
 /// Tendons, their friction, and the unknowns of a step.

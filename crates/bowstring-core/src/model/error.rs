@@ -1,0 +1,410 @@
+//! Why a robot, a load or a setting was refused: which argument, where, its value and its rule.
+
+use std::fmt;
+
+/// An argument by what it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs)] // each is named by `Argument::words`
+pub enum Argument {
+    Tension,
+    Displacement,
+    Gravity,
+    TipForce,
+    TipMoment,
+    DiskForces,
+    Elements,
+    Duration,
+    TimeStep,
+    Tolerance,
+    LongestStep,
+    SpectralRadius,
+    MassDamping,
+    MaterialDamping,
+    BendingStiffness,
+    TorsionStiffness,
+    AxialStiffness,
+    ShearStiffness,
+    MassPerLength,
+    RotaryInertia,
+    Station,
+    Segment,
+    ClampedLength,
+    FlexibleLength,
+    Mass,
+    Inertia,
+    Hole,
+    EndDisk,
+    TendonStiffness,
+    FreeLength,
+    Compliance,
+    Friction,
+    Pretension,
+}
+
+impl Argument {
+    /// Its name in Python.
+    pub fn name(self) -> &'static str {
+        match self {
+            Argument::Tension => "tensions",
+            Argument::Displacement => "displacements",
+            Argument::TimeStep => "dt",
+            Argument::TipForce => "tip_force",
+            Argument::TipMoment => "tip_moment",
+            Argument::DiskForces => "disk_forces",
+            Argument::LongestStep => "longest_step",
+            Argument::SpectralRadius => "spectral_radius",
+            Argument::MassDamping => "mass_damping",
+            Argument::MaterialDamping => "material_damping",
+            Argument::TendonStiffness => "axial_stiffness",
+            Argument::FreeLength => "free_length",
+            other => other.words(),
+        }
+    }
+
+    /// Its name in a sentence.
+    pub fn words(self) -> &'static str {
+        match self {
+            Argument::Tension => "tension",
+            Argument::Displacement => "displacement",
+            Argument::Gravity => "gravity",
+            Argument::TipForce => "tip force",
+            Argument::TipMoment => "tip moment",
+            Argument::DiskForces => "disk force",
+            Argument::Elements => "elements",
+            Argument::Duration => "duration",
+            Argument::TimeStep => "time step",
+            Argument::Tolerance => "tolerance",
+            Argument::LongestStep => "longest time step",
+            Argument::SpectralRadius => "spectral radius",
+            Argument::MassDamping => "mass damping",
+            Argument::MaterialDamping => "material damping",
+            Argument::BendingStiffness => "bending stiffness",
+            Argument::TorsionStiffness => "torsion stiffness",
+            Argument::AxialStiffness => "axial stiffness",
+            Argument::ShearStiffness => "shear stiffness",
+            Argument::MassPerLength => "mass per length",
+            Argument::RotaryInertia => "rotary inertia",
+            Argument::Station => "distance from the base",
+            Argument::Segment => "segment",
+            Argument::ClampedLength => "clamped length",
+            Argument::FlexibleLength => "flexible length before the disk",
+            Argument::Mass => "mass",
+            Argument::Inertia => "moments of inertia",
+            Argument::Hole => "hole position",
+            Argument::EndDisk => "end disk",
+            Argument::TendonStiffness => "axial stiffness",
+            Argument::FreeLength => "free length",
+            Argument::Compliance => "compliance of the transmission",
+            Argument::Friction => "friction coefficient",
+            Argument::Pretension => "pretension",
+        }
+    }
+
+    fn unit(self) -> &'static str {
+        match self {
+            Argument::Gravity => "m/s^2",
+            Argument::Tension | Argument::TipForce | Argument::DiskForces => "N",
+            Argument::TendonStiffness | Argument::Pretension => "N",
+            Argument::AxialStiffness | Argument::ShearStiffness => "N",
+            Argument::TipMoment => "N m",
+            Argument::BendingStiffness | Argument::TorsionStiffness => "N m^2",
+            Argument::Duration | Argument::TimeStep | Argument::LongestStep => "s",
+            Argument::MaterialDamping => "s",
+            Argument::MassDamping => "1/s",
+            Argument::MassPerLength => "kg/m",
+            Argument::RotaryInertia => "kg m",
+            Argument::Mass => "kg",
+            Argument::Inertia => "kg m^2",
+            Argument::Compliance => "m/N",
+            Argument::Displacement | Argument::Tolerance | Argument::Station => "m",
+            Argument::ClampedLength | Argument::FlexibleLength => "m",
+            Argument::Hole | Argument::FreeLength => "m",
+            _ => "",
+        }
+    }
+
+    /// What its entries are counted by.
+    fn part(self) -> &'static str {
+        match self {
+            Argument::BendingStiffness
+            | Argument::TorsionStiffness
+            | Argument::AxialStiffness
+            | Argument::ShearStiffness
+            | Argument::MassPerLength
+            | Argument::RotaryInertia => "segment",
+            Argument::Station
+            | Argument::Segment
+            | Argument::ClampedLength
+            | Argument::FlexibleLength
+            | Argument::Mass
+            | Argument::Inertia
+            | Argument::DiskForces => "disk",
+            _ => "tendon",
+        }
+    }
+}
+
+/// What was given.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// A number in the unit of the argument.
+    Number(f64),
+    /// Several numbers in the unit of the argument.
+    Numbers(Vec<f64>),
+    /// A whole number.
+    Whole(usize),
+    /// So many numbers.
+    Count(usize),
+}
+
+/// What a value must be.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Rule {
+    /// A finite number.
+    Finite,
+    /// Above zero.
+    Positive,
+    /// Zero or more.
+    NotNegative,
+    /// Zero or more, as a tendon can only pull.
+    TendonsPull,
+    /// One of these numbers.
+    OneOf(&'static [usize]),
+    /// Less than a number, with what that is.
+    Below(f64, &'static str),
+    /// At least a number, with the reason.
+    AtLeast(f64, &'static str),
+    /// So many numbers, one for each of what.
+    Count(usize, &'static str),
+    /// Another, in words after "it must".
+    Other(&'static str),
+}
+
+/// Why a robot, a load or a setting was refused.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InputError {
+    /// A value breaks its rule.
+    Value {
+        /// The argument.
+        argument: Argument,
+        /// Entry (tendon, disk or segment), from 0; `None` for an argument without entries.
+        index: Option<usize>,
+        /// What was given.
+        value: Value,
+        /// What it must be.
+        rule: Rule,
+    },
+    /// A row of several loads is wrong.
+    Row {
+        /// Number of the row, from 0.
+        row: usize,
+        /// What is wrong with it.
+        error: Box<InputError>,
+    },
+    /// Arguments do not go together, or what is asked for does not fit into memory: a sentence.
+    Other(String),
+}
+
+impl InputError {
+    /// A number that breaks its rule.
+    pub(crate) fn number(
+        argument: Argument,
+        index: impl Into<Option<usize>>,
+        value: f64,
+        rule: Rule,
+    ) -> Self {
+        InputError::Value {
+            argument,
+            index: index.into(),
+            value: Value::Number(value),
+            rule,
+        }
+    }
+
+    /// Numbers of which one is not finite.
+    pub(crate) fn not_finite(argument: Argument, index: Option<usize>, value: &[f64]) -> Self {
+        InputError::Value {
+            argument,
+            index,
+            value: Value::Numbers(value.to_vec()),
+            rule: Rule::Finite,
+        }
+    }
+
+    /// A wrong number of entries.
+    pub(crate) fn count(
+        argument: Argument,
+        given: usize,
+        needed: usize,
+        each: &'static str,
+    ) -> Self {
+        InputError::Value {
+            argument,
+            index: None,
+            value: Value::Count(given),
+            rule: Rule::Count(needed, each),
+        }
+    }
+
+    /// A number of elements that there is none of.
+    pub(crate) fn elements(n: usize) -> Self {
+        InputError::Value {
+            argument: Argument::Elements,
+            index: None,
+            value: Value::Whole(n),
+            rule: Rule::OneOf(&[1, 2, 4, 8]),
+        }
+    }
+
+    /// A sentence of its own.
+    pub(crate) fn other(sentence: impl Into<String>) -> Self {
+        InputError::Other(sentence.into())
+    }
+
+    /// The same of a row, from 0.
+    pub(crate) fn in_row(self, row: usize) -> Self {
+        let error = Box::new(self);
+        InputError::Row { row, error }
+    }
+
+    /// The error without the row that it is of.
+    pub fn innermost(&self) -> &Self {
+        match self {
+            InputError::Row { error, .. } => error.innermost(),
+            other => other,
+        }
+    }
+}
+
+impl fmt::Display for InputError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            InputError::Value {
+                argument,
+                index,
+                value,
+                rule,
+            } => {
+                f.write_str(argument.words())?;
+                if let Some(index) = index {
+                    write!(f, " of {} {}", argument.part(), index + 1)?;
+                }
+                let verb = match value {
+                    Value::Count(_) => "has",
+                    _ => "is",
+                };
+                write!(f, " {verb} {}, it must {rule}", value.with(argument.unit()))
+            }
+            InputError::Row { row, error } => write!(f, "row {row}: {error}"),
+            InputError::Other(sentence) => f.write_str(sentence),
+        }
+    }
+}
+
+impl std::error::Error for InputError {}
+
+impl Value {
+    /// As text with its unit.
+    fn with(&self, unit: &str) -> String {
+        let text = match self {
+            Value::Number(x) => Short(*x).to_string(),
+            Value::Numbers(v) => format!("{v:?}"),
+            Value::Whole(n) => n.to_string(),
+            Value::Count(n) => return format!("{n} entries"),
+        };
+        match unit {
+            "" => text,
+            unit => format!("{text} {unit}"),
+        }
+    }
+}
+
+/// A value and a rule as text, for a sentence that is written elsewhere.
+impl InputError {
+    /// Argument, index, value with its unit, and rule; `None` where the sentence is all there is.
+    pub fn parts(&self) -> Option<(&'static str, Option<usize>, String, String)> {
+        match self.innermost() {
+            InputError::Value {
+                argument,
+                index,
+                value,
+                rule,
+            } => {
+                let rule = rule.to_string();
+                let rule = rule.strip_prefix("be ").unwrap_or(&rule);
+                Some((
+                    argument.name(),
+                    *index,
+                    value.with(argument.unit()),
+                    rule.into(),
+                ))
+            }
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Rule {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Rule::Finite => f.write_str("be finite"),
+            Rule::Positive => f.write_str("be positive"),
+            Rule::NotNegative => f.write_str("be zero or more"),
+            Rule::TendonsPull => f.write_str("be zero or more: a tendon can only pull"),
+            Rule::OneOf(numbers) => {
+                f.write_str("be ")?;
+                for (k, n) in numbers.iter().enumerate() {
+                    let before = match k {
+                        0 => "",
+                        k if k + 1 == numbers.len() => " or ",
+                        _ => ", ",
+                    };
+                    write!(f, "{before}{n}")?;
+                }
+                Ok(())
+            }
+            Rule::Below(most, what) => write!(f, "be less than {what}, {} m", Short(*most)),
+            Rule::AtLeast(least, why) => write!(f, "be at least {least:.1e}: {why}"),
+            Rule::Count(needed, each) => write!(f, "have {needed}, one for each {each}"),
+            Rule::Other(words) => f.write_str(words),
+        }
+    }
+}
+
+/// A number for a sentence: short also where it is tiny or huge.
+pub(crate) struct Short(pub f64);
+
+impl fmt::Display for Short {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Short(x) = self;
+        if *x == 0.0 || !x.is_finite() || (1e-5..1e16).contains(&x.abs()) {
+            write!(f, "{x}")
+        } else {
+            write!(f, "{x:e}")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sentence_counts_from_one_and_has_a_unit() {
+        let error = InputError::number(Argument::Tension, 1, -2.0, Rule::TendonsPull);
+        assert_eq!(
+            error.to_string(),
+            "tension of tendon 2 is -2 N, it must be zero or more: a tendon can only pull"
+        );
+        assert_eq!(error.clone().in_row(3).parts(), error.parts());
+        assert!(error.in_row(3).to_string().starts_with("row 3: tension"));
+        let (name, index, value, rule) = InputError::elements(3).parts().unwrap();
+        assert_eq!((name, index, &*value), ("elements", None, "3"));
+        assert_eq!(rule, "1, 2, 4 or 8");
+        let few = InputError::count(Argument::Tension, 2, 3, "tendon");
+        assert!(few
+            .to_string()
+            .contains("2 entries, it must have 3, one for each tendon"));
+        assert_eq!(InputError::other("no").parts(), None);
+    }
+}
