@@ -4,7 +4,7 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use bowstring_core::dynamics::integrator::{Damping, Settings, Simulator, Step};
+use bowstring_core::dynamics::integrator::{Damping, Integrator, Simulator, Step};
 use bowstring_core::model::load::{Model, Theory};
 use common::{pull, study_robot};
 use criterion::{criterion_group, criterion_main, Criterion};
@@ -16,7 +16,7 @@ fn dynamics(c: &mut Criterion) {
         theory: Theory::Cosserat,
         ..Model::default()
     };
-    let settings = Settings {
+    let settings = Integrator {
         gravity: [0.0; 3],
         damping: Damping {
             mass: 0.5,

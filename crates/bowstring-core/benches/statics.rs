@@ -4,8 +4,8 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use bowstring_core::model::load::{Load, Model, Theory};
-use bowstring_core::statics::batch::{solve_batch, Loads, Settings};
+use bowstring_core::model::load::{Load, Model, RodModel, Theory};
+use bowstring_core::statics::batch::{solve_batch, Loads};
 use bowstring_core::statics::solver::{Solver, Status};
 use common::study_robot;
 use criterion::{criterion_group, criterion_main, Criterion};
@@ -40,7 +40,7 @@ fn statics(c: &mut Criterion) {
             b.iter(|| solver.solve(&load(&[80.0, 10.0, 5.0])).unwrap())
         });
         // elements chosen and errors estimated, as in a sweep of Python
-        let settings = Settings {
+        let settings = RodModel {
             model: model(theory),
             elements: None,
         };
@@ -70,7 +70,7 @@ fn statics(c: &mut Criterion) {
         tip_force: &[0.0, 1.0, 0.0],
         tip_moment: &[0.0; 3],
     };
-    let settings = Settings {
+    let settings = RodModel {
         model: model(Theory::Kirchhoff),
         elements: None,
     };

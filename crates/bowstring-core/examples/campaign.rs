@@ -16,10 +16,10 @@
 #[path = "../tests/common/cases.rs"]
 mod cases;
 
-use bowstring_core::model::load::{Load, TendonPath};
+use bowstring_core::model::load::{Load, RodModel, TendonPath};
 use bowstring_core::model::robot::Robot;
 use bowstring_core::statics::adaptive::Adaptive;
-use bowstring_core::statics::batch::{solve_batch, Loads, Settings, Solutions};
+use bowstring_core::statics::batch::{solve_batch, Loads, Solutions};
 use bowstring_core::statics::solver::{Outcome, Solver, Status, TOLERANCE};
 use cases::{hostile, Case, Draw};
 use std::io::Write;
@@ -228,7 +228,7 @@ fn trial(number: usize) -> Counts {
         tip_force: &forces,
         tip_moment: &moments,
     };
-    let settings = Settings {
+    let settings = RodModel {
         model: case.model(),
         elements: None,
     };

@@ -2,8 +2,8 @@
 
 mod common;
 use bowstring_core::interrupt::{watched, Interrupted};
-use bowstring_core::model::load::{Load, Model, Theory};
-use bowstring_core::statics::batch::{solve_batch, sweep, Loads, Settings};
+use bowstring_core::model::load::{Load, Model, RodModel, Theory};
+use bowstring_core::statics::batch::{solve_batch, sweep, Loads};
 use bowstring_core::statics::solver::Status;
 use common::study_robot;
 
@@ -36,9 +36,9 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
         let (t, force) = (tensions(n), tensions(n));
         let force: Vec<f64> = force.iter().map(|f| 0.01 * f).collect();
         let loads = loads(&t, &[0.0, 0.0, -9.81], &force);
-        let settings = Settings {
+        let settings = RodModel {
             elements: Some(elements),
-            ..Settings::default()
+            ..RodModel::default()
         };
         let one = solve_batch(&robot, &settings, &loads, 1, true).unwrap();
         let many = solve_batch(&robot, &settings, &loads, 3, true).unwrap();
@@ -88,7 +88,7 @@ fn warm_sweep_ends_where_cold_solves_do() {
     let t: Vec<f64> = (0..33).flat_map(|i| [2.5 * i as f64, 10.0, 5.0]).collect();
     let loads = loads(&t, &[0.0, 0.0, -9.81], &[0.0, 1.0, 0.0]);
     for theory in [Theory::Kirchhoff, Theory::Cosserat] {
-        let settings = Settings {
+        let settings = RodModel {
             model: Model {
                 theory,
                 ..Model::default()
@@ -111,7 +111,7 @@ fn a_row_that_fails_is_nan_and_the_others_stand() {
     for warm in [false, true] {
         let found = sweep(
             &robot,
-            &Settings::default(),
+            &RodModel::default(),
             &loads(&t, &[0.0; 3], &[0.0; 3]),
             warm,
             true,
@@ -129,9 +129,9 @@ fn a_row_that_fails_is_nan_and_the_others_stand() {
 fn input_is_checked_before_work_begins() {
     let robot = study_robot(9, 0.0);
     let refused = |loads: &Loads, elements: usize| {
-        let settings = Settings {
+        let settings = RodModel {
             elements: Some(elements),
-            ..Settings::default()
+            ..RodModel::default()
         };
         let a = sweep(&robot, &settings, loads, true, true).unwrap_err();
         let b = solve_batch(&robot, &settings, loads, 0, true).unwrap_err();
@@ -160,9 +160,9 @@ fn many_loads_are_interrupted_on_all_threads() {
     let robot = study_robot(9, 0.0);
     let t = tensions(100_000);
     let loads = loads(&t, &[0.0; 3], &[0.0; 3]);
-    let settings = Settings {
+    let settings = RodModel {
         elements: Some(8),
-        ..Settings::default()
+        ..RodModel::default()
     };
     for threads in [1, 3] {
         let batch = || solve_batch(&robot, &settings, &loads, threads, false);

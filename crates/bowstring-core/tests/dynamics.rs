@@ -3,7 +3,7 @@
 mod common;
 
 use bowstring_core::dynamics::integrator::{
-    Count, Damping, Fields, Settings, Simulator, Step, Stop,
+    Count, Damping, Fields, Integrator, Simulator, Step, Stop,
 };
 use bowstring_core::math::linalg::Vec3;
 use bowstring_core::model::load::{Load, Model, TendonPath, Theory};
@@ -11,8 +11,8 @@ use bowstring_core::model::robot::{Disk, Robot, RobotSpec};
 use bowstring_core::statics::solver::{Solver, Status};
 use common::{pull, section, study_robot};
 
-fn settings(step: f64) -> Settings {
-    Settings {
+fn settings(step: f64) -> Integrator {
+    Integrator {
         gravity: [0.0; 3],
         damping: Damping {
             mass: 0.0,
@@ -38,7 +38,7 @@ fn go(simulator: &mut Simulator, duration: f64, load: &Load) -> Count {
 }
 
 /// From rest under the first tension of tendon 1 to a sudden second one.
-fn release(robot: &Robot, model: Model, elements: usize, s: Settings, from: f64) -> Simulator {
+fn release(robot: &Robot, model: Model, elements: usize, s: Integrator, from: f64) -> Simulator {
     let mut simulator = Simulator::new(robot, model, elements, s).unwrap();
     let outcome = simulator.rest(&pull(&[from, 0.0, 0.0])).unwrap();
     assert_eq!(outcome.status, Status::Converged);
@@ -47,7 +47,7 @@ fn release(robot: &Robot, model: Model, elements: usize, s: Settings, from: f64)
 }
 
 /// Tip over the ramp 0 to 80 N in 1 s and hold, at 100 Hz.
-fn ramp(model: Model, elements: usize, s: Settings) -> Vec<Vec3> {
+fn ramp(model: Model, elements: usize, s: Integrator) -> Vec<Vec3> {
     let mut simulator = Simulator::new(&study_robot(9, 0.0), model, elements, s).unwrap();
     simulator.rest(&pull(&[0.0; 3])).unwrap();
     (1..=130)
@@ -493,7 +493,7 @@ fn collision_stops_the_run() {
 #[test]
 fn wrong_settings_are_refused() {
     let robot = study_robot(3, 0.0);
-    let wrong: [fn(&mut Settings); 8] = [
+    let wrong: [fn(&mut Integrator); 8] = [
         |s| s.step = Step::Fixed(0.0),
         |s| s.step = Step::Fixed(f64::NAN),
         |s| {

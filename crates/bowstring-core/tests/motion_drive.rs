@@ -2,15 +2,15 @@
 
 mod common;
 
-use bowstring_core::dynamics::integrator::{Damping, Settings, Simulator, Step};
+use bowstring_core::dynamics::integrator::{Damping, Integrator, Simulator, Step};
 use bowstring_core::model::load::{Load, Model, Theory};
 use bowstring_core::model::robot::Robot;
 use bowstring_core::statics::path::{Command, Drive, Line};
 use bowstring_core::statics::solver::Status;
 use common::{pull, rao_robot, study_robot, Draw};
 
-fn settings(step: f64, rho: f64) -> Settings {
-    Settings {
+fn settings(step: f64, rho: f64) -> Integrator {
+    Integrator {
         gravity: [0.0; 3],
         damping: Damping {
             mass: 0.0,
@@ -29,7 +29,7 @@ fn lines(robot: &Robot, line: Line) -> Vec<Line> {
 fn at_rest(
     robot: &Robot,
     model: Model,
-    s: Settings,
+    s: Integrator,
     line: Line,
     commands: &[Command],
     load: &Load,
@@ -372,7 +372,10 @@ fn wrong_motions_are_refused() {
     let jump = stiff.jump(&pull(&[0.01, 0.0, 0.0])).unwrap_err();
     assert!(jump.to_string().contains("tendon 1 jumps"), "{jump}");
     let long = stiff.advance(0.1, &pull(&[0.7, 0.0, 0.0])).unwrap_err();
-    assert!(long.to_string().contains("less than the tendon's length"), "{long}");
+    assert!(
+        long.to_string().contains("less than the tendon's length"),
+        "{long}"
+    );
     let (mut soft, _) = at_rest(&robot, model, s, elastic(), &pulls(&[0.0; 3]), &nothing);
     soft.jump(&pull(&[0.001, 0.0, 0.0])).unwrap();
     go(&mut soft, 0.01, &pull(&[0.001, 0.0, 0.0]));
@@ -381,5 +384,9 @@ fn wrong_motions_are_refused() {
     let mut heavy = s;
     heavy.gravity = [0.0, 0.0, -9.81];
     let mut other = Simulator::new(&robot, model, 1, heavy).unwrap();
-    assert!(other.rest_at(&drive).unwrap_err().to_string().contains("gravity"));
+    assert!(other
+        .rest_at(&drive)
+        .unwrap_err()
+        .to_string()
+        .contains("gravity"));
 }

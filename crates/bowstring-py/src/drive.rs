@@ -5,7 +5,7 @@ use crate::interrupt::interruptible;
 use crate::model::{DeadLoad, Lines, RodModel};
 use crate::rod::{array, check_rows, Answer, Driven, Robot, Solution, State};
 use bowstring_core::model::load::Load;
-use bowstring_core::statics::batch::Settings;
+use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::statics::path::{self, Command};
 use bowstring_core::statics::path_batch::{self, PathSolutions, Steps};
 use bowstring_core::statics::solver::{Outcome, Status};

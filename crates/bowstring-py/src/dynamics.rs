@@ -7,7 +7,7 @@ use crate::interrupt::interruptible;
 use crate::model::{self, DeadLoad, RodModel};
 use crate::rod::Robot;
 use bowstring_core::dynamics::integrator::{
-    self, Count, Damping, Energies, Fields, Settings, Step, Stop,
+    self, Count, Damping, Energies, Fields, Integrator, Step, Stop,
 };
 use bowstring_core::dynamics::modal;
 use bowstring_core::model::load::Load;
@@ -62,7 +62,7 @@ impl Simulator {
                 "points is 1, it must be 2 or more, or 0 for no fields",
             ));
         }
-        let settings = Settings {
+        let settings = Integrator {
             gravity: model::gravity(robot, gravity)?,
             damping: Damping {
                 mass: scheme.mass_damping,

@@ -1,9 +1,9 @@
 //! Objects of the model as Python gives them: arrays of a robot, rod model, load, history.
 
 use crate::input::{brief, numbers, refused, three};
+use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::model::load::{Model, OwnedLoad, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
-use bowstring_core::statics::batch::Settings;
 use bowstring_core::statics::path::Line;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;

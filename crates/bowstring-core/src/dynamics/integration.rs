@@ -3,7 +3,7 @@
 
 use super::actuation::Actuation;
 use super::newton::{self, Problem, Tolerances};
-use super::settings::{Count, Settings, Step, Stop};
+use super::settings::{Count, Integrator, Step, Stop};
 use crate::dispatch::Moving;
 use crate::interrupt;
 use crate::model::load::{Load, OwnedLoad};
@@ -149,7 +149,7 @@ pub(super) fn shortest_step(robot: &Robot) -> f64 {
 }
 
 impl Integration {
-    pub fn new(robot: &Robot, settings: &Settings) -> Self {
+    pub fn new(robot: &Robot, settings: &Integrator) -> Self {
         let scale = robot.moment_scale();
         let undamped = settings.spectral_radius == 1.0;
         let (tolerance, loosest) = if undamped {

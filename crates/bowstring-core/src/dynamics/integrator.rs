@@ -2,7 +2,7 @@
 
 use super::actuation::{Actuation, NO_SLIP};
 use super::integration::{shortest_step, Equilibrium, Integration};
-pub use super::settings::{Count, Damping, Settings, Step, Stop};
+pub use super::settings::{Count, Damping, Integrator, Step, Stop};
 use crate::dispatch::{self, Moving};
 use crate::math::linalg::Vec3;
 use crate::model::error::{Argument, InputError, Rule};
@@ -24,7 +24,7 @@ use crate::statics::solver::{Outcome, Solver, Status};
 ///     tendons: vec![Tendon { hole: [0.029, 0.0], end_disk: 8 }],
 ///     gravity: [0.0; 3],
 /// })?;
-/// let mut simulator = Simulator::new(&robot, Model::default(), 1, Settings {
+/// let mut simulator = Simulator::new(&robot, Model::default(), 1, Integrator {
 ///     gravity: [0.0; 3],
 ///     damping: Damping { mass: 0.5, material: 0.0 },
 ///     spectral_radius: 1.0,
@@ -42,7 +42,7 @@ pub struct Simulator {
     robot: Robot,
     model: Model,
     elements: usize,
-    settings: Settings,
+    settings: Integrator,
     engine: Box<dyn Moving>,
     time: f64,
     /// Whether there is a state to move on from.
@@ -56,9 +56,9 @@ impl Simulator {
         robot: &Robot,
         model: Model,
         elements: usize,
-        settings: Settings,
+        settings: Integrator,
     ) -> Result<Self, InputError> {
-        let Settings {
+        let Integrator {
             gravity,
             damping,
             spectral_radius,

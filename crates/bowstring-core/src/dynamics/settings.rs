@@ -1,4 +1,4 @@
-//! Settings of a run, and what a stretch of time took.
+//! Integrator of a run, and what a stretch of time took.
 
 pub use crate::motion::Damping;
 
@@ -40,7 +40,7 @@ impl Step {
 
 /// What stays the same over a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct Integrator {
     /// Gravity (m/s^2).
     pub gravity: [f64; 3],
     /// Physical damping.

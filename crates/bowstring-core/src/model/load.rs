@@ -45,6 +45,15 @@ impl Default for Model {
     }
 }
 
+/// How the rod is modelled: its physics and its elements.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RodModel {
+    /// Physics.
+    pub model: Model,
+    /// Elements of fourth order in a module: 1, 2, 4 or 8; `None` chooses them load by load.
+    pub elements: Option<usize>,
+}
+
 /// Dead loads in the base frame and the tension of each tendon; SI.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load<'a> {

@@ -4,24 +4,15 @@ use crate::dispatch;
 use crate::interrupt;
 use crate::memory::unknown;
 use crate::model::error::InputError;
-use crate::model::load::{Load, Model};
+use crate::model::load::{Load, RodModel};
 use crate::model::robot::Robot;
 use crate::statics::adaptive::Adaptive;
 #[cfg(target_arch = "x86_64")]
 use crate::statics::lanes::{side_by_side, SideBySide};
 use crate::statics::solver::{Outcome, Pose, Solver, Status};
 
-/// What to solve with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Settings {
-    /// Physics.
-    pub model: Model,
-    /// Elements of fourth order in a module: 1, 2, 4 or 8; `None` chooses them load by load.
-    pub elements: Option<usize>,
-}
-
-impl Settings {
-    /// A solver with these settings.
+impl RodModel {
+    /// A solver with these model.
     pub fn solver(&self, robot: &Robot) -> Result<Adaptive, InputError> {
         Adaptive::new(robot, self.model, self.elements)
     }
@@ -112,15 +103,15 @@ pub struct Solutions {
 /// where they follow each other closely and stays on the branch of solutions.
 pub fn sweep(
     robot: &Robot,
-    settings: &Settings,
+    model: &RodModel,
     loads: &Loads,
     warm: bool,
     disks: bool,
 ) -> Result<Solutions, InputError> {
-    sweep_with(robot, &mut settings.solver(robot)?, loads, warm, disks)
+    sweep_with(robot, &mut model.solver(robot)?, loads, warm, disks)
 }
 
-/// As [`sweep`], with a solver of the robot and settings.
+/// As [`sweep`], with a solver of the robot and model.
 pub fn sweep_with(
     robot: &Robot,
     solver: &mut Adaptive,
@@ -148,21 +139,21 @@ pub fn sweep_with(
 /// one core.
 pub fn solve_batch(
     robot: &Robot,
-    settings: &Settings,
+    model: &RodModel,
     loads: &Loads,
     threads: usize,
     disks: bool,
 ) -> Result<Solutions, InputError> {
-    settings.solver(robot)?;
-    let elements = settings.elements.unwrap_or(1);
+    model.solver(robot)?;
+    let elements = model.elements.unwrap_or(1);
     dispatch::check_solvers(robot, elements, 2 * thread_count(threads))?;
     loads.check(robot)?;
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     let mut chunks: Vec<_> = solutions.chunks(robot, CHUNK).collect();
     let scratch = || Scratch {
-        solver: settings.solver(robot).expect("checked above"),
+        solver: model.solver(robot).expect("checked above"),
         #[cfg(target_arch = "x86_64")]
-        lanes: side_by_side(robot, settings.model, settings.elements),
+        lanes: side_by_side(robot, model.model, model.elements),
     };
     for_each(&mut chunks, threads, scratch, |scratch, chunk| {
         chunk.fill(scratch, loads)
