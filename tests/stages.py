@@ -117,3 +117,11 @@ class Stages:
             claim=self.claim(),
             notes=self.notes(),
         )
+
+
+def by_name(asked: dict[str, Any]) -> dict[str, Any]:
+    """Arguments of `run_study` with the fields of its objects beside the others."""
+    out = dict(asked)
+    for name in ("loading", "ramp", "extras"):
+        out |= vars(out.pop(name))
+    return out

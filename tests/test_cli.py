@@ -26,7 +26,7 @@ from bowstring.robot.reader import load_robot
 from bowstring.study import study as study_module
 from bowstring.study.study import Study
 from shell import Shell, process, refuses
-from stages import Stages
+from stages import Stages, by_name
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = (
@@ -232,6 +232,7 @@ def test_study_of_an_own_robot(
 
     def run(robot: Robot, **asked: Any) -> Study:
         assert robot.hash == own.hash and robot.name == "my_robot"
+        asked = by_name(asked)
         settings = {name: asked.pop(name) for name in SETTINGS}
         assert settings == {
             "tolerance": pytest.approx(0.02),
@@ -577,6 +578,7 @@ def test_study_of_two_tendons(
     shell: Shell, paper: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def run(robot: Robot, **asked: Any) -> Study:
+        asked = by_name(asked)
         assert asked["tendon"] == {2: 1.0, 4: 0.5}
         return Stages(robot, **{name: asked[name] for name in SETTINGS}).over(paper)
 

@@ -18,7 +18,7 @@ from bowstring.robot.model import Robot
 from bowstring.study import study as study_module
 from bowstring.study.study import Study
 from shell import Shell, refuses
-from stages import Stages
+from stages import Stages, by_name
 
 CAD = ("cad", "amouri2019")
 
@@ -219,6 +219,7 @@ def test_the_study_shows_the_solid(
     pytest.importorskip("build123d", exc_type=ImportError)
 
     def run(robot: Robot, **asked: Any) -> Study:
+        asked = by_name(asked)
         assert (asked["points"], asked["rise"], asked["solid"]) == (3, 0.5, True)
         return replace(Stages(robot, points=3).over(paper), solid=asked["solid"])
 

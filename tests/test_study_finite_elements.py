@@ -43,13 +43,15 @@ def test_constant_curvature_finite_elements_and_rod(
     made: list[Study] = []
 
     def run(robot: Robot, **asked: Any) -> Study:
-        if asked["fe"].grip == "bonded":
+        if asked["extras"].fe.grip == "bonded":
             made.append(run_study(robot, **asked))
             return made[-1]
         (whole,) = made
         loads = Stages(robot, points=3, max_tension=80.0).model.tensions(whole.statics.tension)
         tips = whole.statics.tip_position
-        return replace(whole, bricks=solve(robot, loads, tips, asked["fe"], lambda share: None))
+        return replace(
+            whole, bricks=solve(robot, loads, tips, asked["extras"].fe, lambda share: None)
+        )
 
     monkeypatch.setattr(study_module, "run_study", run)
     monkeypatch.chdir(tmp_path)

@@ -27,7 +27,7 @@ from bowstring.data.rigid import Rigid
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.reader import load_robot
 from bowstring.study import calibration as study_calibration
-from bowstring.study import report
+from bowstring.study import data_validation, report
 from bowstring.study import study as study_module
 from bowstring.study.data_validation import (
     DATA_MODELS,
@@ -234,7 +234,7 @@ def test_calibrated_constant_curvature_that_did_not_settle_is_not_shown(
         found = real(*args)
         return replace(found, point=found.point * [1.3, 1.0, 1.0])
 
-    monkeypatch.setattr(study_calibration, "calibrate_arc", worse)
+    monkeypatch.setattr(data_validation, "calibrate_arc", worse)
     found = judge_data(robot, bench, 0.01)
     assert "cc_calibrated" not in found.models and not found.gains
     assert any("constant curvature is left out: its fit ended at" in n for n in found.notes)
@@ -242,7 +242,7 @@ def test_calibrated_constant_curvature_that_did_not_settle_is_not_shown(
     def unsettled(*args: Any) -> study_calibration.ArcCalibration:
         return replace(real(*args), converged=False, message="Stopped after 50 passes.")
 
-    monkeypatch.setattr(study_calibration, "calibrate_arc", unsettled)
+    monkeypatch.setattr(data_validation, "calibrate_arc", unsettled)
     found = judge_data(robot, bench, 0.01)
     assert "cc_calibrated" not in found.models
     assert any("did not settle. Stopped after 50 passes." in note for note in found.notes)
@@ -608,7 +608,7 @@ def test_without_a_calibration_the_rest_is_there(
     def fails(*_: Any) -> None:
         raise NoSolutionError("99 rows have no solution to begin with")
 
-    monkeypatch.setattr(study_calibration, "calibrate", fails)
+    monkeypatch.setattr(data_validation, "calibrate", fails)
     judged = judge_data(robot, bench, 0.01)
     assert study_module._calibrated_friction(judged) is None
     simulated = (c for c in whole.comparisons if c.against != "measurement")
@@ -647,8 +647,8 @@ def test_the_command(
 
     def run(robot: bs.Robot, **asked: Any) -> Study:
         """The study with other measurements, after those that were asked for are read."""
-        assert robot.hash == whole.robot.hash and asked["points"] == 3
-        read_here = study_module._read(robot, asked["measurements"], asked["mapping"])
+        assert robot.hash == whole.robot.hash and asked["loading"].points == 3
+        read_here = study_module._read(robot, asked["measurements"])
         assert read_here.tip == pytest.approx(bench.tip[bench.repeat == 1], abs=1e-9)
         return whole
 
