@@ -1,7 +1,7 @@
 //! Strain of a round section, and stress at its surface.
 
 use crate::interrupt;
-use crate::math::real::vectorize;
+use crate::math::vectorize;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// What strain and stress of a section follow from, SI.

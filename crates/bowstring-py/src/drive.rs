@@ -1,8 +1,8 @@
 //! Robots driven by pulls, and tendons that rub: `Drive`, one step of a path after another.
 
-use crate::input::{input_error, numbers, refused, three, OwnLoads};
+use crate::input::{input_error, numbers, refused, three};
 use crate::interrupt::interruptible;
-use crate::model::{DeadLoad, Lines, RodModel};
+use crate::model::{DeadLoad, Lines, OwnLoads, RodModel};
 use crate::rod::{array, check_rows, Answer, Driven, Robot, Solution, State};
 use bowstring_core::model::load::Load;
 use bowstring_core::model::load::RodModel as Settings;

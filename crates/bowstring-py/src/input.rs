@@ -1,10 +1,8 @@
 //! Arguments from Python, checked: each refusal is a sentence.
 
-use crate::model::DeadLoad;
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
-use bowstring_core::statics::batch::Loads;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple};
 
@@ -33,72 +31,6 @@ pub(crate) fn input_error(e: InputError) -> PyErr {
         PyResult::Ok(PyErr::from_value(made))
     });
     raised.unwrap_or_else(|other| other)
-}
-
-/// Copies of the arrays: nobody can change them while the interpreter lock is released.
-pub(crate) struct OwnLoads {
-    pub count: usize,
-    tensions: Vec<f64>,
-    gravity: Vec<f64>,
-    tip_force: Vec<f64>,
-    tip_moment: Vec<f64>,
-}
-
-impl OwnLoads {
-    pub fn new(
-        robot: &bowstring_core::model::robot::Robot,
-        tensions: PyReadonlyArray2<f64>,
-        load: &DeadLoad<'_>,
-    ) -> PyResult<Self> {
-        let (count, tendons) = (tensions.shape()[0], tensions.shape()[1]);
-        if tendons != robot.tendon_count() {
-            return Err(refused(format!(
-                "tensions has shape ({count}, {tendons}), it must have one row for each load and {} columns, one for each tendon",
-                robot.tendon_count()
-            )));
-        }
-        let given = 8.0 * (count as f64) * (tendons as f64 + 9.0);
-        memory::check(
-            given,
-            || format!("a copy of {count} loads"),
-            "give fewer at a time",
-        )
-        .map_err(input_error)?;
-        type Given<'a, 'py> = &'a Option<Bound<'py, PyAny>>;
-        let rows = |value: Given, otherwise: [f64; 3], name: &str, unit: &str| {
-            let Some(value) = value else {
-                return Ok(otherwise.to_vec());
-            };
-            match value.extract::<PyReadonlyArray2<f64>>() {
-                Ok(array) if array.shape() == [count, 3] => {
-                    Ok(array.as_array().iter().copied().collect())
-                }
-                Ok(array) => Err(refused(format!(
-                    "{name} has shape ({}, {}), it must be (3,) or ({count}, 3), in {unit}",
-                    array.shape()[0],
-                    array.shape()[1]
-                ))),
-                Err(_) => Ok(three(value, name, unit)?.to_vec()),
-            }
-        };
-        Ok(OwnLoads {
-            count,
-            tensions: tensions.as_array().iter().copied().collect(),
-            gravity: rows(&load.gravity, robot.spec().gravity, "gravity", "m/s^2")?,
-            tip_force: rows(&load.tip_force, [0.0; 3], "tip_force", "N")?,
-            tip_moment: rows(&load.tip_moment, [0.0; 3], "tip_moment", "N m")?,
-        })
-    }
-
-    pub fn borrow(&self) -> Loads<'_> {
-        Loads {
-            count: self.count,
-            tensions: &self.tensions,
-            gravity: &self.gravity,
-            tip_force: &self.tip_force,
-            tip_moment: &self.tip_moment,
-        }
-    }
 }
 
 /// A sequence of `count` numbers: an array, a list, a tuple or what NumPy makes an array of. Its

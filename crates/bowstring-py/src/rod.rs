@@ -1,8 +1,8 @@
 //! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one answer.
 
-use crate::input::{input_error, numbers, refused, OwnLoads};
+use crate::input::{input_error, numbers, refused};
 use crate::interrupt::interruptible;
-use crate::model::{DeadLoad, RobotArrays, RodModel};
+use crate::model::{DeadLoad, OwnLoads, RobotArrays, RodModel};
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
 use bowstring_core::model::load::OwnedLoad;

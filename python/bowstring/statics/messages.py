@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from bowstring.statics.solution import ErrorEstimate
 
 __all__ = ["discretisation", "of_actuation", "of_tensions"]
 
@@ -27,15 +24,19 @@ def _tendons(indices: Sequence[int] | NDArray[np.int64]) -> str:
 
 
 def discretisation(
-    found: ErrorEstimate, tensions: Floats, length: float, elements: int | None
+    error: tuple[float, float], tensions: Floats, length: float, elements: int | None
 ) -> str:
-    """A sentence if an answer is less exact than elements are chosen for, else nothing."""
+    """A sentence if an answer is less exact than elements are chosen for, else nothing.
+
+    ``error`` is that of the tip in m and of tensions in N.
+    """
     largest = float(np.nanmax(tensions, initial=0.0))
-    tip, tension = found.tip > 1e-5 * length, found.tension > 1e-4 * largest
+    of_tip, of_tension = error
+    tip, tension = of_tip > 1e-5 * length, of_tension > 1e-4 * largest
     if not (tip or tension):
         return ""
-    parts = [f"tip by up to {1e3 * found.tip:.2g} mm"] if tip else []
-    parts += [f"tensions by up to {found.tension:.2g} N"] if tension else []
+    parts = [f"tip by up to {1e3 * of_tip:.2g} mm"] if tip else []
+    parts += [f"tensions by up to {of_tension:.2g} N"] if tension else []
     what = " and ".join(parts)
     cure = "" if elements == 8 else " Leave the number of elements out, or take more."
     return f" Discretisation error: the {what} ({elements} per module).{cure}"

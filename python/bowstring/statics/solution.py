@@ -232,7 +232,7 @@ class Solution:
     @property
     def _accuracy(self) -> str:
         """A sentence if the estimated error is above what elements are chosen for, else nothing."""
-        found = self.error_estimate
+        found = self.core.error_estimate
         if found is None:
             return ""
         return messages.discretisation(found, self.tensions, self.robot.length, self.model.elements)

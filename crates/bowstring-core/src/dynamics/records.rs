@@ -1,6 +1,6 @@
 //! Output times of a motion as the file of a run has them.
 
-use crate::math::real::vectorize;
+use crate::math::vectorize;
 use crate::model::robot::Robot;
 use crate::motion::Fields;
 use crate::stress::{self, Derived, Section, Sections};

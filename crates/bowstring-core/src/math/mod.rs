@@ -8,3 +8,19 @@ pub(crate) mod mlcp;
 pub mod real;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod simd;
+
+/// Runs `f` compiled for the widest instructions of this processor, see `Layout::vectorize`.
+#[inline(always)]
+pub(crate) fn vectorize<R>(f: impl FnOnce() -> R) -> R {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use crate::math::simd::{Avx2, Avx512, Simd};
+        if let Some(simd) = Avx512::detect() {
+            return simd.vectorize(f);
+        }
+        if let Some(simd) = Avx2::detect() {
+            return simd.vectorize(f);
+        }
+    }
+    f()
+}

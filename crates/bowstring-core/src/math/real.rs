@@ -142,19 +142,3 @@ impl Layout for Scalar {
         f()
     }
 }
-
-/// Runs `f` compiled for the widest instructions of this processor, see [`Layout::vectorize`].
-#[inline(always)]
-pub(crate) fn vectorize<R>(f: impl FnOnce() -> R) -> R {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use crate::math::simd::{Avx2, Avx512, Simd};
-        if let Some(simd) = Avx512::detect() {
-            return simd.vectorize(f);
-        }
-        if let Some(simd) = Avx2::detect() {
-            return simd.vectorize(f);
-        }
-    }
-    f()
-}

@@ -8,7 +8,8 @@ use crate::math::real::{Layout, Real};
 use crate::model::load::TendonPath;
 use crate::model::robot::Tendon;
 use crate::rod::chain::{get, get_mat, in_group, put, put_mat};
-use crate::rod::module::{Constants, Span, State, Tendons};
+use crate::rod::constants::Constants;
+use crate::rod::module::{Span, State, Tendons};
 
 /// Fields at one time after the other, flat, SI, in the base frame unless said otherwise.
 ///

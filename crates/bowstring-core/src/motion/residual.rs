@@ -8,7 +8,8 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::TendonPath;
 use crate::rod::chain::{get, get_mat, in_group, put, Rod};
-use crate::rod::module::{share, Constants};
+use crate::rod::constants::Constants;
+use crate::rod::module::share;
 
 /// Forces on the mass, in the base frame, and what they leave in the modules.
 pub(super) struct Residual<L: Layout, const A: usize> {

@@ -15,7 +15,8 @@ use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, Model, TendonPath, Theory};
 use crate::model::robot::Robot;
 use crate::rod::chain::{get, get_mat, in_group, put, Rod, Sources};
-use crate::rod::module::{Constants, State};
+use crate::rod::constants::Constants;
+use crate::rod::module::State;
 
 /// Compliance of a Kirchhoff rod's module over that of its bending: small enough not to show,
 /// large enough to divide by.

@@ -9,8 +9,9 @@ use super::scheme::{Coefficients, Scheme};
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::rod::chain::{get, get_mat, in_group, Rod};
+use crate::rod::constants::Constants;
 use crate::rod::elimination::{negative_pivots, Blocks, Eliminated};
-use crate::rod::module::{share, Constants, Gradient, Hessian, State};
+use crate::rod::module::{share, Gradient, Hessian, State};
 
 /// Tangent at the present strain, and its elimination.
 pub(super) struct Tangent<L: Layout, const A: usize> {

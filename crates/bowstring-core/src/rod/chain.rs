@@ -9,9 +9,10 @@ use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::{Robot, Tendon};
+use crate::rod::constants::Constants;
 use crate::rod::defect::Defect;
 use crate::rod::elimination::{Blocks, Eliminated};
-use crate::rod::module::{Constants, Gradient, Hessian, Response, Span, State, Tendons};
+use crate::rod::module::{Gradient, Hessian, Response, Span, State, Tendons};
 
 /// A robot under load, with its scratch memory: no pass of a solve allocates.
 #[derive(Clone)]

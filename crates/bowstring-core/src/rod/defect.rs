@@ -8,7 +8,8 @@
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::model::load::TendonPath;
-use crate::rod::module::{Constants, Gradient, State, Tendons};
+use crate::rod::constants::Constants;
+use crate::rod::module::{Gradient, State, Tendons};
 
 /// Distance of the ends of a module, over its length, below which it counts as folded.
 const FOLDED: f64 = 0.8;

@@ -3,7 +3,7 @@
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::model::robot::Tendon;
-use crate::rod::module::Constants;
+use crate::rod::constants::Constants;
 
 /// A straight piece of tendon between two neighbouring holes.
 #[derive(Clone)]

@@ -11,9 +11,8 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
 use crate::rod::estimate::Verdict;
-use crate::statics::newton::{
-    is_minimum_nearby, ENERGY_NOISE, MAX_STEP, SUFFICIENT_DECREASE, TOLERANCE,
-};
+use crate::statics::newton::{is_minimum_nearby, ENERGY_NOISE, MAX_STEP, SUFFICIENT_DECREASE};
+use crate::statics::outcome::TOLERANCE;
 use crate::statics::solver::{Outcome, Pose, Settings, Status};
 
 /// Newton steps after which a load is left to the careful solver.

@@ -6,6 +6,7 @@ pub mod batch;
 pub(crate) mod lanes;
 mod nearest;
 mod newton;
+mod outcome;
 pub mod path;
 pub mod path_batch;
 mod path_error;

@@ -4,10 +4,8 @@ use crate::dispatch::Passes;
 use crate::interrupt;
 use crate::math::linalg::Vec3;
 use crate::rod::chain::Step;
-use crate::statics::solver::{Outcome, Settings};
+use crate::statics::outcome::{Outcome, Settings, TOLERANCE};
 
-/// Largest moment imbalance over (bending stiffness / length) that counts as converged.
-pub const TOLERANCE: f64 = 1e-10;
 /// Newton steps before giving up.
 pub(super) const MAX_ITERATIONS: usize = 200;
 /// Newton steps on the residual for one load.
