@@ -223,7 +223,7 @@ def _rows(load: Load) -> Load:
         name: None if value is None else _array(value, name, "(3,) or (n, 3)")
         for name, value in given.items()
     }
-    return Load(load.tensions, load.displacements, load.angles, **arrays)
+    return load.replace(**arrays)
 
 
 def _array(values: ArrayLike, name: str, shape: str) -> Floats:
