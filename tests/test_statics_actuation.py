@@ -519,8 +519,8 @@ def test_bad_drives(robot, given, says):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda h: None if h.clear() else h, "the history is none"),
-        (lambda h: 3, "the history is none"),
+        (lambda h: None if h.clear() else h, "this is no history"),
+        (lambda h: 3, "this is no history"),
         (lambda h: h.update(robot_hash="0"), "is of another robot (amouri2019)"),
         (lambda h: h.update(schema_version=99), "schema_version 99"),
         (lambda h: h.update(theory="kirchhoff"), "made with theory 'kirchhoff'"),

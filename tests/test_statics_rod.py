@@ -878,3 +878,72 @@ def test_a_robot_without_mass_does_not_tell_its_stability() -> None:
     robot = bs.load_robot("amouri2019", overrides=light)
     assert bs.solve(robot, [0.0] * 3, load=bs.Load(tip_moment=[0, 0, 0.5])).stable is None
     assert bs.solve(robot, [0.0] * 3, load=bs.Load(tip_moment=[0, 0, 0.01])).stable is True
+
+
+@pytest.mark.parametrize(
+    ("call", "part"),
+    [
+        (lambda r: bs.solve(r, [8, 0, 0]).to_dataset(points=10**9), "points is 1000000000"),
+        (lambda r: bs.solve(r, [8, 0, 0]).to_dataset(points="x"), "points is 'x'"),
+        (
+            lambda r: bs.solve(r, [8, 0, 0], load=bs.Load(tip_force=np.array([0, 0, 1j]))),
+            "it must be 3 numbers, in N",
+        ),
+        (lambda r: bs.solve(r, [True, False, False]), "it must be 3 numbers"),
+        (lambda r: bs.solve(r, np.array([True, False, False])), "it must be 3 numbers"),
+        (lambda r: bs.sweep(r, [["1", "2", "3"]]), "must be numbers of shape"),
+        (lambda r: bs.sweep(r, np.ones((2, 3), bool)), "must be numbers of shape"),
+        (
+            lambda r: bs.sweep(r, np.ma.masked_array([[80.0, 5, 0]], mask=[[0, 1, 0]])),
+            "tension of tendon 2 is NaN N, it must be finite",
+        ),
+        (lambda r: bs.sweep(r, np.ones((2, 3)), warm="x"), "warm is 'x'"),
+        (lambda r: bs.solve_batch(r, np.ones((2, 3)), disks=None), "disks is None"),
+        (lambda r: bs.solve(r, load=[80, 0, 0]), "it must be a bowstring.Load"),
+        (lambda r: bs.solve(r, [80, 0, 0], model="kirchhoff"), "it must be a bowstring.RodModel"),
+        (lambda r: bs.solve(r, [80, 0, 0], load=bs.Load([1, 0, 0])), "give one of them"),
+        (lambda r: bs.simulate(r, [8, 0, 0], 0.05, start=bs.Start([1, 0, 0])), "start.load is"),
+        (lambda r: bs.simulate(r, [8, 0, 0], 0.05, output="run.nc"), "output is 'run.nc'"),
+        (lambda r: bs.run_study(r, loading={"points": 3}), "it must be a Loading"),
+        (lambda r: bs.run_study(r, loading=[]), "it must be a Loading"),
+        (lambda r: bs.run_study(r, extras="solid"), "it must be an Extras"),
+        (lambda r: bs.Ramp(modal_damping="x"), "modal_damping is 'x'"),
+        (lambda r: bs.Loading(tendon=[1, 2]), "the number of a tendon, or a mapping"),
+        (
+            lambda r: bs.solve(r, [8, 0, 0], history=bs.solve(r, [8, 0, 0]).history),
+            "give what the method history",
+        ),
+    ],
+)
+def test_what_is_no_such_object_is_named(robot, call, part):
+    with pytest.raises(InputError) as error:
+        call(robot)
+    assert part in str(error.value) and "\n" not in str(error.value)
+
+
+def test_rows_of_tip_force_may_be_tuples(robot):
+    rows = ((0, 0, 0), (0, 0, 1), (0, 0, 2))
+    found = bs.sweep(robot, np.ones((3, 3)), load=bs.Load(tip_force=rows))
+    expected = bs.sweep(robot, np.ones((3, 3)), load=bs.Load(tip_force=np.array(rows)))
+    assert np.array_equal(found.tip_position, expected.tip_position)
+
+
+def test_errors_name_argument_index_value_and_rule(robot):
+    with pytest.raises(InputError) as error:
+        bs.solve(robot, [1, -2, 3])
+    found = error.value
+    assert (found.argument, found.index, found.value) == ("tensions", 1, "-2 N")
+    assert found.rule == "zero or more: a tendon can only pull"
+
+
+def test_a_load_of_a_solution_gives_the_solution_again(robot):
+    for load in (
+        bs.Load([40, 5, 0], gravity=(0, 0, -9.81), tip_moment=(0, 0, 0.01)),
+        bs.Load([np.nan, 5, 0], [0.02, np.nan, np.nan]),
+    ):
+        model = bs.RodModel("kirchhoff", elements=2)
+        found = bs.solve(robot, load=load, model=model)
+        again = bs.solve(robot, load=found.load, model=found.model)
+        assert np.array_equal(again.tip.position, found.tip.position)
+        assert found.model == model and hash(found.model) == hash(model)
+        assert pickle.loads(pickle.dumps(model)) == model

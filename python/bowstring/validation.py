@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,13 @@ __all__ = [
     "check_values",
     "choice",
     "floats",
+    "instance",
     "is_whole",
     "number",
     "numbers",
     "row",
     "shown",
+    "truth",
     "vectors",
     "whole",
 ]
@@ -50,6 +52,8 @@ def floats(value: Any) -> Floats:
     """
     if _has_truth(value):
         raise TypeError("a boolean is no number")
+    if isinstance(value, np.ma.MaskedArray):
+        value = np.ma.filled(value.astype(float), np.nan)
     try:
         array = np.array(value)
         if array.dtype.kind not in "iufO":
@@ -97,9 +101,29 @@ def whole(name: str, value: Any, low: int, high: int) -> int:
     return int(value)
 
 
+Object = TypeVar("Object")
+
+
+def instance(name: str, value: Object | None, kind: type[Object]) -> Object:
+    """An object of a class, its default for None."""
+    if value is None:
+        return kind()
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        raise InputError.of(name, shown(value), f"{article} {kind.__name__}")
+    return value
+
+
+def truth(name: str, value: Any) -> bool:
+    """True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise InputError.of(name, shown(value), "True or False")
+    return bool(value)
+
+
 def choice(name: str, value: Any, words: Sequence[str]) -> None:
     """Refuse what is none of these words."""
-    if value not in words:
+    if not isinstance(value, str) or value not in words:
         listed = " or ".join(f'"{word}"' for word in words)
         raise InputError.of(name, shown(value), listed)
 

@@ -2,9 +2,9 @@
 
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
-use numpy::{PyReadonlyArray1, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{PyArrayDescrMethods, PyReadonlyArray1, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
+use pyo3::types::{PyBool, PyDict, PyList, PyTuple};
 
 mod raised {
     pyo3::import_exception!(bowstring.errors, InputError);
@@ -63,7 +63,11 @@ pub(crate) fn numbers(
             Ok([len]) if *len != count && *len > SHORT => return Err(wrong_count(*len)),
             Ok([_]) => match array.extract::<PyReadonlyArray1<f64>>() {
                 Ok(array) => Some(array.as_array().iter().copied().collect()),
-                Err(_) => array.extract::<Vec<f64>>().ok(),
+                // truth and complex numbers are none
+                Err(_) => match array.cast::<PyUntypedArray>()?.dtype().kind() {
+                    b'i' | b'u' | b'f' | b'O' => array.extract::<Vec<f64>>().ok(),
+                    _ => None,
+                },
             },
             Ok(shape) if !shape.is_empty() => {
                 let shape: Vec<_> = shape.iter().map(usize::to_string).collect();
@@ -79,7 +83,10 @@ pub(crate) fn numbers(
         if len != count && len > SHORT {
             return Err(wrong_count(len));
         }
-        value.extract::<Vec<f64>>().ok()
+        match has_truth(value)? {
+            true => None,
+            false => value.extract::<Vec<f64>>().ok(),
+        }
     } else {
         None
     };
@@ -99,10 +106,17 @@ pub fn check_memory(bytes: f64, what: &str, cure: &str) -> PyResult<()> {
     memory::check(bytes, || what.into(), cure).map_err(input_error)
 }
 
-pub(crate) fn three(value: &Bound<'_, PyAny>, name: &str, unit: &str) -> PyResult<[f64; 3]> {
-    if let Ok(v) = value.extract::<(f64, f64, f64)>() {
-        return Ok([v.0, v.1, v.2]);
+/// Whether a list or a tuple has True or False in it.
+fn has_truth(values: &Bound<'_, PyAny>) -> PyResult<bool> {
+    for item in values.try_iter()? {
+        if item?.is_instance_of::<PyBool>() {
+            return Ok(true);
+        }
     }
+    Ok(false)
+}
+
+pub(crate) fn three(value: &Bound<'_, PyAny>, name: &str, unit: &str) -> PyResult<[f64; 3]> {
     let v = numbers(value, name, unit, 3)?;
     Ok([v[0], v[1], v[2]])
 }

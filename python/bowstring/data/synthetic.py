@@ -31,7 +31,7 @@ from bowstring.statics import actuation, rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.units import NUMBER, quote
-from bowstring.validation import choice, floats, is_whole, number, numbers, shown, whole
+from bowstring.validation import choice, floats, instance, is_whole, number, numbers, shown, whole
 
 __all__ = [
     "NOISE",
@@ -314,8 +314,8 @@ def set_up(
         If a load has no solution.
     """
     check_robot(robot)
-    actual, mounting = actual or Actual(), mounting or Mounting()
-    instrument = instrument or Instrument()
+    actual, mounting = instance("actual", actual, Actual), instance("mounting", mounting, Mounting)
+    instrument = instance("instrument", instrument, Instrument)
     theory, gravity_frame = actual.theory, actual.gravity_frame
     by_tension, by_displacement, told = _loads(robot, loads)
     rows, group, repeat = _path(len(by_tension), int(loads.repeats), loads.unload)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,8 +54,6 @@ _LONGEST_WHY: Final = 300  # letters of an error of a user's function
 _STILL: Final = 1e-11  # of the length: a pull that does not jump
 _INCREMENTS: Final = 20  # in which forces on disks are put on
 _COARSE: Final = 0.01  # of the length: an error of the steps worth a word
-
-Object = TypeVar("Object")
 
 
 class RunInterrupted(KeyboardInterrupt):
@@ -382,11 +380,12 @@ def simulate(
     load, model = as_load(tensions, load), as_model(model)
     elements = model.elements or 1
     model = model.replace(elements=elements)
-    start, integrator = _as(Start, "start", start), _as(Integrator, "integrator", integrator)
-    output = _as(Output, "output", output)
+    start = validation.instance("start", start, Start)
+    integrator = validation.instance("integrator", integrator, Integrator)
+    output = validation.instance("output", output, Output)
     every = max(float(output.every), integrator.dt or 0.0)
     points = int(output.points)  # numpy's are not for files
-    given, history = start.load or Load(), start.history
+    given, history = validation.instance("start.load", start.load, Load), start.history
     gravity = load.gravity
     if gravity is not None:
         gravity = validation.row("gravity", gravity, 3, "m/s^2").tolist()
@@ -593,15 +592,6 @@ def _why_no_start(status: str) -> str:
         f"there is no equilibrium to start from ({status}); bowstring.solve with the loads at the "
         "start tells more"
     )
-
-
-def _as(cls: type[Object], name: str, value: Object | None) -> Object:
-    if value is None:
-        return cls()
-    if not isinstance(value, cls):
-        shown = validation.shown(value)
-        raise InputError(f"{name} is {shown}, it must be a bowstring.{cls.__name__}")
-    return value
 
 
 def _or_zero(value: OverTime | None) -> OverTime:

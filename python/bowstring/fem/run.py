@@ -438,6 +438,10 @@ def ramp(
         Its time begins with the first output after 0.
     """
     load = as_load(tensions, load)
+    if not isinstance(motion, Motion):
+        raise InputError.of("motion", validation.shown(motion), "a bowstring.fem.Motion")
+    if load.tip_force is not None:
+        raise InputError("a motion by finite elements takes tensions and gravity only")
     last = _tension_rows(robot, load.tensions, one=True)[0]
     lengths, shares = [], []
     for length, ends in ((motion.rise, (0.0, 1.0)), (motion.hold, (1.0, 1.0))):
@@ -457,7 +461,7 @@ def ramp(
         "mass_damping_per_s": motion.mass_damping,
     }
     plan = _Plan(steps, np.cumsum(np.array(lengths, dtype=np.float64)), asked)
-    return _run(robot, plan, load.replace(tip_force=None), settings, keep, progress)
+    return _run(robot, plan, load, settings, keep, progress)
 
 
 def _tension_rows(robot: Robot, tensions: ArrayLike, *, one: bool = False) -> Floats:

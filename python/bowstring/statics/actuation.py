@@ -215,7 +215,7 @@ class Path:
         """Go on from a history of the same robot and settings."""
         if not isinstance(history, Mapping) or "robot_hash" not in history:
             raise InputError(
-                "the history is none: give what the attribute history of a solution was"
+                "this is no history: give what the method history() of a solution returned"
             )
         version = history.get("schema_version")
         if version != HISTORY_SCHEMA_VERSION:

@@ -151,7 +151,8 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
 
     >>> import bowstring as bs
     >>> robot = bs.load_robot("amouri2019")
-    >>> by = bs.displacement_jacobian(bs.solve(robot, pulls=[0.02, -0.03, -0.03]))
+    >>> bent = bs.solve(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]))
+    >>> by = bs.displacement_jacobian(bent)
     >>> by.tip_position_by_displacement[:, 0].round(2)
     array([ 9.63,  0.  , -4.73])
     """
@@ -167,7 +168,7 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
         if np.linalg.cond(block) > 1e10:
             raise InputError(
                 "the taut tendons cannot be pulled one by one, as the backbone does not shorten: "
-                'solve with theory="cosserat", or with fewer taut tendons'
+                "solve with a Cosserat rod (bowstring.RodModel()), or with fewer taut tendons"
             )
         tensions_by_displacement[np.ix_(held, held)] = np.linalg.inv(block)
     tensions_by_displacement[:, ~driven] = np.nan

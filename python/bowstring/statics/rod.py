@@ -49,7 +49,7 @@ def solve(
     model : RodModel, optional
         ``RodModel()`` if left out: a Cosserat rod, straight tendons, elements chosen.
     history : dict, optional
-        `Solution.history` of the step before: its path is continued, which matters with friction.
+        `Solution.history()` of the step before: its path is continued, which matters with friction.
         Without it the path begins in the home pose.
 
     Returns
@@ -132,6 +132,7 @@ def sweep(
     (17, 3)
     """
     check_robot(robot)
+    warm, disks = validation.truth("warm", warm), validation.truth("disks", disks)
     load, model = _rows(as_load(tensions, load)), as_model(model)
     if load.is_tension_controlled and history is None and not robot.has_friction:
         rows = _tensions(robot, load)
@@ -171,6 +172,7 @@ def solve_batch(
     if not (isinstance(threads, int) and 0 <= threads <= 1024):
         raise InputError(f"threads is {threads!r}, it must be a whole number from 0 to 1024")
     check_robot(robot)
+    disks = validation.truth("disks", disks)
     load, model = _rows(as_load(tensions, load)), as_model(model)
     if load.is_tension_controlled and not robot.has_friction:
         rows = _tensions(robot, load)
@@ -217,8 +219,8 @@ def _rows(load: Load) -> Load:
     """The load with gravity, tip force and tip moment as arrays, of all rows or row by row."""
     names = ("gravity", "tip_force", "tip_moment")
     given = {name: getattr(load, name) for name in names}
-    if all(value is None or isinstance(value, tuple) for value in given.values()):
-        return load  # three numbers each, which the core reads quicker than we do
+    if all(value is None or _is_plain_vector(value) for value in given.values()):
+        return load  # the core reads these quicker than we do
     arrays = {
         name: None if value is None else _array(value, name, "(3,) or (n, 3)")
         for name, value in given.items()
@@ -226,14 +228,16 @@ def _rows(load: Load) -> Load:
     return load.replace(**arrays)
 
 
+def _is_plain_vector(value: object) -> bool:
+    return isinstance(value, tuple) and all(type(item) in (int, float) for item in value)
+
+
 def _array(values: ArrayLike, name: str, shape: str) -> Floats:
+    if type(values) is np.ndarray and values.dtype == np.float64:
+        return values
     try:
-        if isinstance(values, np.ndarray) and values.dtype.kind == "c":
-            raise TypeError  # imaginary parts would be dropped, of which NumPy only warns
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
+        return validation.floats(values)
+    except TypeError:
         raise InputError(
             f"{name} must be numbers of shape {shape}, as a list or an array"
         ) from None
-    except MemoryError:
-        raise validation.too_large(values) from None

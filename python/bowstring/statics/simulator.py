@@ -77,7 +77,7 @@ def frames(simulator: Simulator, where: tuple[Floats, Ints]) -> Frames:
 def at_rest(
     robot: Robot, load: Load, model: RodModel, path: actuation.Path | None = None, *, points: int
 ) -> Frames:
-    """Raw fields of an equilibrium, as of a run that has not begun; see `Solution.fields`.
+    """Raw fields of an equilibrium, as of a run that has not begun; see `Solution.to_dataset`.
 
     Of the tensions or, if it is given, that a path has come to.
     """

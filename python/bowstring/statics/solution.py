@@ -21,6 +21,7 @@ from bowstring.formatting import plain
 from bowstring.robot.plausibility import load_advice
 from bowstring.statics import actuation, messages
 from bowstring.statics.load import Load
+from bowstring.validation import whole
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -382,6 +383,7 @@ class Solution:
         """
         from bowstring.statics.fields import to_dataset
 
+        points = whole("points", points, 2, 1000)
         self.raise_for_status()
         frames = self._frames(points)
         core, model = self.core, self.model
@@ -598,7 +600,7 @@ class Sweep:
         return np.zeros(len(self), bool)
 
     def history(self) -> dict[str, Any] | None:
-        """Where the path has come to after the last row, as `Solution.history`.
+        """Where the path has come to after the last row, as `Solution.history()`.
 
         None if the rows were no path: by tensions without friction, or each from home.
         """

@@ -54,6 +54,9 @@ class Loading:
         if self.max_tension is not None:
             number("max_tension", self.max_tension, "N")
         whole("points", self.points, 2, 1000)
+        if self.tendon is not None and not isinstance(self.tendon, (int, np.integer, Mapping)):
+            rule = "the number of a tendon, or a mapping from numbers to shares"
+            raise InputError.of("tendon", shown(self.tendon), rule)
 
     def shares(self, robot: Robot) -> tuple[float, ...]:
         """Share of the sweep's tension in each tendon of a robot."""
@@ -103,7 +106,7 @@ class Ramp:
     def __post_init__(self) -> None:
         if self.rise is not None:
             number("rise", self.rise, "s")
-        if not 0.0 <= self.modal_damping < 1.0:
+        if not number("modal_damping", self.modal_damping, zero=True) < 1.0:
             rule = "from 0 to below 1, a ratio of critical damping"
             raise InputError.of("modal_damping", f"{self.modal_damping:g}", rule)
 

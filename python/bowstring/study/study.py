@@ -58,7 +58,7 @@ from bowstring.study.ramp_response import (
 )
 from bowstring.study.settings import Extras, Loading, Ramp, Settings
 from bowstring.study.verdict import Verdict, judge
-from bowstring.validation import choice, number, shown
+from bowstring.validation import choice, instance, number, shown
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
@@ -521,8 +521,8 @@ def run_study(
     """
     check_robot(robot)
     tell = progress or (lambda what, share: None)
-    loading, extras = loading or Loading(), extras or Extras()
-    settings = _settings(robot, tolerance, theory, loading, ramp or Ramp())
+    loading, extras = instance("loading", loading, Loading), instance("extras", extras, Extras)
+    settings = _settings(robot, tolerance, theory, loading, instance("ramp", ramp, Ramp))
     solid, fe = extras.solid, extras.fe
     if solid:
         from bowstring.cad.solid import check_cad

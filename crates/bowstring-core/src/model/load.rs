@@ -139,12 +139,11 @@ impl Load<'_> {
         }
         for (i, t) in self.tensions.iter().enumerate() {
             if !(t.is_finite() && *t >= 0.0) {
-                return Err(InputError::number(
-                    Argument::Tension,
-                    i,
-                    *t,
-                    Rule::TendonsPull,
-                ));
+                let rule = match t.is_finite() {
+                    true => Rule::TendonsPull,
+                    false => Rule::Finite,
+                };
+                return Err(InputError::number(Argument::Tension, i, *t, rule));
             }
         }
         for (argument, v) in [
