@@ -36,7 +36,7 @@ use crate::statics::solver::{Outcome, Solver, Status};
 /// let (stop, _) = simulator.advance(0.5, &pull(&[40.0]))?;
 /// assert_eq!(stop, None);
 /// assert!((simulator.tip().0[0] - 0.19836).abs() < 1e-3);
-/// # Ok::<(), InputError>(())
+/// # Ok::<(), bowstring_core::model::error::InputError>(())
 /// ```
 pub struct Simulator {
     robot: Robot,

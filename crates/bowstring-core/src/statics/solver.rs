@@ -48,7 +48,7 @@ const MAX_EXTRAPOLATION: f64 = 0.3;
 /// let outcome = solver.solve(&load)?;
 /// assert_eq!(outcome.status, Status::Converged);
 /// assert!((solver.tip().unwrap().position[0] - 0.2164).abs() < 1e-3);
-/// # Ok::<(), InputError>(())
+/// # Ok::<(), bowstring_core::model::error::InputError>(())
 /// ```
 #[derive(Clone)]
 pub struct Solver {
