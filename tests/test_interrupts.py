@@ -114,3 +114,17 @@ def test_further_signals_do_not_break_off_the_clean_up(tmp_path: Path) -> None:
     signals = [signal.SIGTERM, signal.SIGTERM, signal.SIGINT]
     code, out = stop(tmp_path, library, signals)
     assert (code, out) == (130, "cleaned up\nStopped: nothing was written.\n")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_a_command_that_is_over_ignores_signals() -> None:
+    """One that comes while Python ends must not abort it."""
+    code = (
+        "import os, signal, sys, atexit\n"
+        "from bowstring.cli import main\n"
+        "atexit.register(lambda: [os.kill(os.getpid(), signal.SIGTERM) for _ in range(3)])\n"
+        "sys.argv = ['bowstring', 'robots']\n"
+        "main.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "") and "amouri2019" in done.stdout

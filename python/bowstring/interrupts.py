@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
-__all__ = ["HEARD", "answered", "handler", "held", "listen", "pending", "was_stopped"]
+__all__ = ["HEARD", "answered", "handler", "held", "ignore", "listen", "pending", "was_stopped"]
 
 HEARD: Final = (signal.SIGINT, signal.SIGTERM)
 _AGAIN: Final = 0.1  # s between two attempts
@@ -52,6 +52,14 @@ def answered() -> None:
     _first = None
     if hasattr(signal, "setitimer"):
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def ignore() -> None:
+    """Hear no signal any more: the command is over, and one that meets Python's end aborts it."""
+    for number in HEARD:
+        if signal.getsignal(number) is handler:
+            signal.signal(number, signal.SIG_IGN)
+    answered()
 
 
 def pending() -> bool:

@@ -163,5 +163,5 @@ def main() -> None:
     try:
         code = run(sys.argv[1:])
     finally:
-        interrupts.answered()
+        interrupts.ignore()
     sys.exit(code)
