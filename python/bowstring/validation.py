@@ -122,7 +122,7 @@ def truth(name: str, value: Any) -> bool:
 
 
 def choice(name: str, value: Any, words: Sequence[str]) -> None:
-    """Refuse what is none of these words."""
+    """Refuse a word that is not in the list."""
     if not isinstance(value, str) or value not in words:
         listed = " or ".join(f'"{word}"' for word in words)
         raise InputError.of(name, shown(value), listed)

@@ -441,7 +441,7 @@ def broadcast(
 
 
 def check_option(name: str, value: object, options: Sequence[object]) -> None:
-    """Refuse what is none of the options."""
+    """Refuse a keyword that is not an option."""
     if value not in options:
         names = ", ".join(repr(o) for o in options)
         raise InputError(f"{name} must be one of {names}, got {value!r:.60}")

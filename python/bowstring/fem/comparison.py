@@ -115,9 +115,8 @@ def _middle(stress: SectionStress, modules: int) -> Floats:
 def _at_rest(run: BrickRun, modules: int) -> tuple[Floats, Floats]:
     tip = np.full((len(run.states), 3), np.nan)
     stress = np.full((len(run.states), modules), np.nan)
-    load = Load(gravity=run.settings["gravity"], tip_force=run.settings["tip_force"])
     for i, row in enumerate(run.tensions):
-        solution = rod.solve(run.robot, row, load=load, model=RodModel(elements=4))
+        solution = rod.solve(run.robot, row, load=run.load, model=RodModel(elements=4))
         if solution.tip is None:
             continue
         tip[i] = solution.tip.position

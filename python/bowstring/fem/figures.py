@@ -12,7 +12,6 @@ from bowstring.fem.comparison import BesideRod
 from bowstring.fem.fields import VOIGT
 from bowstring.fem.run import BrickRun
 from bowstring.statics import rod
-from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
 from bowstring.viz.colours import COLOURS
 
@@ -115,8 +114,7 @@ def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
             label="finite elements, bending and tension" if once else None,
         )
     if not run.is_motion and np.isfinite(beside.rod_middle[-1]).all():
-        load = Load(gravity=run.settings["gravity"], tip_force=run.settings["tip_force"])
-        solution = rod.solve(run.robot, run.tensions[-1], load=load, model=RodModel(elements=4))
+        solution = rod.solve(run.robot, run.tensions[-1], load=run.load, model=RodModel(elements=4))
         fields = solution.to_dataset(9)
         z, values = fields.arc_length.to_numpy(), fields.normal_stress.to_numpy()[0]
         for m in np.unique(fields.module.to_numpy()).tolist():

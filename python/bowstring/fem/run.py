@@ -175,6 +175,11 @@ class BrickRun:
         return bool(self.settings["rise_s"] is not None)
 
     @property
+    def load(self) -> Load:
+        """The dead load of every step."""
+        return Load(gravity=self.settings["gravity"], tip_force=self.settings["tip_force"])
+
+    @property
     def time(self) -> Floats:
         return self.wanted_time[: len(self.states)]
 

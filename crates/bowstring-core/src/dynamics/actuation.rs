@@ -146,7 +146,8 @@ impl Actuation {
         }
     }
 
-    /// A Newton step on tensions and strain; false where there is none. `made`: the tangent is new.
+    /// A Newton step on tensions and strain; false if its equations are singular.
+    /// `made`: the tangent is new.
     pub fn newton_step(&mut self, motion: &mut dyn Moving, made: bool) -> bool {
         let transmission = &mut self.transmission;
         transmission.gather(motion, &self.old, 0.0, !made);

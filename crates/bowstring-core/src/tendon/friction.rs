@@ -6,7 +6,7 @@ use super::spans::RoutedRod;
 use super::tendons::Tendons;
 use crate::motion::Lock;
 
-/// Drop of the logarithm of a tension that a hole holds in small oscillations: a bend that is none.
+/// Below this drop of the logarithm of a tension, a hole holds nothing: the tendon is straight there.
 const HOLDS: f64 = 1e-6;
 /// Steps in which a hole changed between stick and slip, after which all holes are unknown
 /// together: local changes have had their chance.
