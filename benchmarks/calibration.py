@@ -23,7 +23,8 @@ from typing import Literal
 import numpy as np
 
 import bowstring as bs
-from bowstring.calibration.fitting import Fit, cross_validate, fit
+from bowstring.calibration.cross_validation import cross_validate
+from bowstring.calibration.fitting import Fit, fit
 from bowstring.calibration.observations import Data, commands, score
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import TipModel

@@ -9,7 +9,8 @@ from benchmarks import calibration
 import bowstring as bs
 from bowstring import RodModel
 from bowstring.calibration import observations
-from bowstring.calibration.fitting import cross_validate, fit
+from bowstring.calibration.cross_validation import cross_validate
+from bowstring.calibration.fitting import fit
 from bowstring.calibration.observations import Data, score
 from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import Prediction, TipModel, _delayed, _play

@@ -19,8 +19,9 @@ import numpy as np
 import pytest
 
 import bowstring as bs
+from bowstring.calibration.cross_validation import hold_out
 from bowstring.calibration.figures import draw_fit
-from bowstring.calibration.fitting import fit, hold_out
+from bowstring.calibration.fitting import fit
 from bowstring.calibration.observations import score
 from bowstring.calibration.table_fit import Validation, calibrate, read_start
 from bowstring.cli.fit import _fit_tables
@@ -336,7 +337,7 @@ def test_refusals(
 def test_a_fit_that_does_not_converge(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys.modules["bowstring.calibration.fitting"], "_EVALUATIONS", 2)
+    monkeypatch.setattr(sys.modules["bowstring.calibration.search"], "_EVALUATIONS", 2)
     folder = tmp_path / "fit"
     more = (*FIT, *NAMES, "--loss", "linear", "--out", str(folder))
     got = shell.json(*more, code=1)

@@ -1,13 +1,7 @@
 """Parameters of a robot from measured tips: fits, their statistics, their figures."""
 
-from bowstring.calibration.fitting import (
-    CrossValidation,
-    Estimate,
-    Fit,
-    cross_validate,
-    fit,
-    hold_out,
-)
+from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
+from bowstring.calibration.fitting import Estimate, Fit, fit
 from bowstring.calibration.observations import Data, Score, score
 from bowstring.calibration.table_fit import Calibration, calibrate
 

@@ -27,6 +27,7 @@ __all__ = [
     "fitted_rows",
     "groups",
     "loads",
+    "numbered",
     "score",
     "sigmas",
     "tips",
@@ -115,6 +116,16 @@ class Score:
             f"{mm * self.rmse_centred:.2f} mm, mean {mm * self.mean_centred:.2f} mm"
         )
 
+    def to_dict(self) -> dict[str, float]:
+        """In mm, without the count."""
+        return {
+            "rmse_mm": 1e3 * self.rmse,
+            "mean_mm": 1e3 * self.mean,
+            "max_mm": 1e3 * self.largest,
+            "rmse_centred_mm": 1e3 * self.rmse_centred,
+            "mean_centred_mm": 1e3 * self.mean_centred,
+        }
+
 
 def score(predicted: ArrayLike, measured: ArrayLike) -> Score:
     """Compare points (K, 3) in m; rows with NaN in either are left out.
@@ -132,18 +143,9 @@ def score(predicted: ArrayLike, measured: ArrayLike) -> Score:
         raise InputError("there is no row with both a predicted and a measured point")
     plain = np.linalg.norm(error, axis=1)
     centred = np.linalg.norm(error - error.mean(axis=0), axis=1)
-    return Score(
-        count=len(error),
-        rmse=_rms(plain),
-        mean=float(plain.mean()),
-        largest=float(plain.max()),
-        rmse_centred=_rms(centred),
-        mean_centred=float(centred.mean()),
-    )
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    rmse, rmse_centred = (float(np.sqrt(np.mean(each**2))) for each in (plain, centred))
+    mean, mean_centred = float(plain.mean()), float(centred.mean())
+    return Score(len(error), rmse, mean, float(plain.max()), rmse_centred, mean_centred)
 
 
 def commands(data: Measured, robot: Robot) -> Commands:
@@ -167,30 +169,30 @@ def commands(data: Measured, robot: Robot) -> Commands:
         raise InputError("the measurements have neither tensions nor pulls")
     if len({table.shape for table in given.values()}) > 1:
         raise InputError("tensions and pulls must have one row each for each measurement")
-    given_tensions, given_pulls = given.get("tensions"), given.get("pulls")
-    pulled, values = actuation.commands(robot, Load(given_tensions, given_pulls), rows=True)
+    load = Load(given.get("tensions"), given.get("pulls"))
+    pulled, values = actuation.commands(robot, load, rows=True)
     if not np.isfinite(values).all():
         k, t = np.argwhere(~np.isfinite(values))[0]
         raise InputError(f"row {k}: the command of tendon {t + 1} is {values[k, t]}")
-    time = getattr(data, "time", None)
-    if time is not None:
-        time = np.asarray(time, dtype=float)
-        if time.shape != (len(values),):
-            raise InputError(f"time has shape {time.shape}, it must be ({len(values)},), in s")
-        if not np.isfinite(time).all():
-            time = None
-    return Commands(pulled, values, time, _recording(data, len(values)))
+    time = _column(data, "time", len(values), "s")
+    if time is not None and not np.isfinite(time).all():
+        time = None
+    recording = _column(data, "recording", len(values))
+    if recording is not None:
+        recording = np.unique(recording, return_inverse=True)[1].ravel().astype(np.int64)
+    return Commands(pulled, values, time, recording)
 
 
-def _recording(data: Measured, count: int) -> NDArray[np.int64] | None:
-    """Number (K,) of the recording of each row; None where all rows are one path."""
-    given = getattr(data, "recording", None)
+def _column(data: Measured, name: str, count: int, unit: str = "") -> NDArray[Any] | None:
+    """A value (K,) for each row, numbers where they have a unit; None where there are none."""
+    given = getattr(data, name, None)
     if given is None:
         return None
-    found = np.unique(np.asarray(given), return_inverse=True)[1].ravel()
+    found = np.asarray(given, dtype=float if unit else None)
     if found.shape != (count,):
-        raise InputError(f"recording has shape {np.shape(given)}, it must be ({count},)")
-    return np.asarray(found, dtype=np.int64)
+        what = f", in {unit}" if unit else ""
+        raise InputError(f"{name} has shape {found.shape}, it must be ({count},){what}")
+    return found
 
 
 def tips(data: Measured, count: int) -> Floats:
@@ -220,16 +222,12 @@ def tips(data: Measured, count: int) -> Floats:
 def fitted_rows(rows: ArrayLike | None, measured: Floats) -> Bools:
     """Rows (K,) to fit: those asked for, or all with a measured tip."""
     seen: Bools = np.array(np.isfinite(measured).all(axis=1))
-    if rows is None:
-        used = seen
-    else:
-        asked = np.asarray(rows)
-        if asked.dtype != bool or asked.shape != seen.shape:
-            raise InputError(f"rows must be {len(seen)} booleans, one for each measurement")
-        if (asked & ~seen).any():
-            k = int(np.flatnonzero(asked & ~seen)[0])
-            raise InputError(f"row {k} is to be fitted, and its tip is NaN")
-        used = asked
+    used = seen if rows is None else np.asarray(rows)
+    if used.dtype != bool or used.shape != seen.shape:
+        raise InputError(f"rows must be {len(seen)} booleans, one for each measurement")
+    if (used & ~seen).any():
+        k = int(np.flatnonzero(used & ~seen)[0])
+        raise InputError(f"row {k} is to be fitted, and its tip is NaN")
     if not used.any():
         raise InputError("there is no measured tip to fit")
     return used
@@ -237,10 +235,8 @@ def fitted_rows(rows: ArrayLike | None, measured: Floats) -> Bools:
 
 def groups(data: Measured, count: int) -> NDArray[Any]:
     """The group (K,) of each row, of each repeat one; all alike where none is given."""
-    group = getattr(data, "group", None)
-    found = np.full(count, "") if group is None else np.asarray(group).astype(str)
-    if found.shape != (count,):
-        raise InputError(f"group has shape {found.shape}, it must be ({count},)")
+    group = _column(data, "group", count)
+    found = np.full(count, "") if group is None else group.astype(str)
     repeat = getattr(data, "repeat", None)
     if repeat is None or len(np.unique(repeat)) < 2:
         return found
@@ -255,8 +251,12 @@ def loads(values: Floats) -> NDArray[np.int64]:
     """
     span = np.ptp(values, axis=0)
     scale = np.where(span > 0.0, span, np.maximum(np.abs(values).max(axis=0), 1.0))
-    rounded = np.round(values / scale, 9)
-    _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return numbered(np.round(values / scale, 9))
+
+
+def numbered(labels: NDArray[Any]) -> NDArray[np.int64]:
+    """Number (K,) of the label of each row, from 0 in the order in which labels come first."""
+    _, first, place = np.unique(labels, axis=0, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[place.ravel()], dtype=np.int64)
 
 
@@ -267,13 +267,8 @@ def come_again(load: NDArray[np.int64]) -> bool:
 
 def sigmas(data: Measured, count: int) -> Floats | None:
     """Standard uncertainty (K,) of a measured coordinate in m; None where none is given."""
-    given = getattr(data, "sigma", None)
-    if given is None:
-        return None
-    found = np.asarray(given, dtype=float)
-    if found.shape != (count,):
-        raise InputError(f"sigma has shape {found.shape}, it must be ({count},), in m")
-    if not (found > 0).all():
+    found = _column(data, "sigma", count, "m")
+    if found is not None and not (found > 0).all():
         raise InputError(f"row {int(np.argmin(found > 0))}: sigma must be positive")
     return found
 

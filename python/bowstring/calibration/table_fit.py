@@ -16,14 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.atomic_io import readable
-from bowstring.calibration.fitting import (
-    CrossValidation,
-    Fit,
-    Loss,
-    cross_validate,
-    fit,
-    hold_out,
-)
+from bowstring.calibration.cross_validation import CrossValidation, cross_validate, hold_out
+from bowstring.calibration.fitting import Fit, Loss, fit
 from bowstring.calibration.observations import Score, score
 from bowstring.data.measurements import Measurements
 from bowstring.data.tendon_check import TendonCheck, check_tendons
@@ -204,14 +198,7 @@ def _in_file(name: str) -> bool:
 
 
 def _scores(of: Score) -> dict[str, Any]:
-    return {
-        "rows": of.count,
-        "rmse_mm": 1e3 * of.rmse,
-        "mean_mm": 1e3 * of.mean,
-        "max_mm": 1e3 * of.largest,
-        "rmse_centred_mm": 1e3 * of.rmse_centred,
-        "mean_centred_mm": 1e3 * of.mean_centred,
-    }
+    return {"rows": of.count, **of.to_dict()}
 
 
 @dataclass(frozen=True, eq=False)

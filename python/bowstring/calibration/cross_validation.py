@@ -1,0 +1,177 @@
+"""Checks of a fit on rows that it never saw: cross-validation, and rows held out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bowstring.calibration import observations
+from bowstring.calibration.fitting import fit
+from bowstring.calibration.observations import Measured, Score, score
+from bowstring.calibration.search import Loss
+from bowstring.display import short_repr
+from bowstring.errors import InputError
+from bowstring.robot.model import Robot
+from bowstring.statics.model import RodModel
+from bowstring.validation import is_whole, shown
+
+__all__ = ["CrossValidation", "cross_validate", "hold_out"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@short_repr
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """Errors on rows that were left out; made by `cross_validate`.
+
+    Attributes
+    ----------
+    folds : tuple of Score
+        Each of the rows left out, by a fit to the others.
+    labels : tuple of str
+        What each fold left out.
+    score : Score
+        Of all rows, each predicted by the fit that had not seen it.
+    residuals : ndarray (K, 3)
+        NaN where there is no measurement, or the model has no answer.
+    unanswered : int
+        Rows left out to which the model has no answer; they are in no score.
+    converged : bool
+        Whether all fits did.
+    """
+
+    folds: tuple[Score, ...]
+    labels: tuple[str, ...]
+    score: Score
+    residuals: Floats
+    unanswered: int
+    converged: bool
+
+
+def cross_validate(
+    robot: Robot,
+    data: Measured,
+    parameters: Sequence[str],
+    *,
+    folds: int = 5,
+    model: RodModel | Literal["arc"] | None = None,
+    start: Mapping[str, float] | None = None,
+    rows: ArrayLike | None = None,
+    loss: Loss = "soft_l1",
+) -> CrossValidation:
+    """Fit without a part of the rows and predict that part, for each part.
+
+    Parts are blocks of neighbouring rows that never split a group: neighbours are alike, and
+    single rows left out would be predicted by the rows beside them. Where loads come again, in
+    repeats or, without groups, on the way back, a part has neighbouring loads with all their rows:
+    else each row left out would be predicted by its twin.
+
+    Parameters
+    ----------
+    robot, data, parameters, model, start, rows, loss
+        As for `fit`.
+    folds : int
+        Number of parts.
+
+    Returns
+    -------
+    CrossValidation
+    """
+    if not is_whole(folds) or folds < 2:
+        raise InputError(f"folds is {shown(folds)}, it must be a whole number from 2")
+    commands = observations.commands(data, robot)
+    measured = observations.tips(data, len(commands))
+    used = observations.fitted_rows(rows, measured)
+    group = observations.groups(data, len(commands))
+    load = observations.loads(commands.values)
+    if observations.come_again(load[used]) and not _grouped_alone(data, group):
+        group = np.array([f"load {number}" for number in (1 + load).tolist()])
+    part = _blocks(group, used, int(folds))
+    predicted = np.full_like(measured, np.nan)
+    scores, labels, converged = [], [], True
+    for k in range(int(folds)):
+        out = used & (part == k)
+        others = used & ~out
+        found = fit(robot, data, parameters, model=model, start=start, rows=others, loss=loss)
+        predicted[out] = found.predict(data)[out]
+        scores.append(score(predicted[out], measured[out]))
+        names = list(dict.fromkeys(group[out].tolist()))
+        first, last = 1 + np.flatnonzero(out)[[0, -1]]
+        if len(names) > 1:
+            labels.append(f"{names[0]} to {names[-1]}")
+        elif names[0] in group[others]:
+            labels.append(f"rows {first} to {last}")
+        else:
+            labels.append(names[0])
+        converged &= found.converged
+    return CrossValidation(
+        folds=tuple(scores),
+        labels=tuple(labels),
+        score=score(predicted[used], measured[used]),
+        residuals=predicted - measured,
+        unanswered=int(np.isnan(predicted[used]).any(axis=1).sum()),
+        converged=converged,
+    )
+
+
+def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
+    """The last rows, for a check of a fit to the others by `Fit.predict`.
+
+    Parameters
+    ----------
+    robot, data
+        As for `fit`.
+    share : float
+        Of the rows with a measured tip, about: a run of a group is not split.
+
+    Returns
+    -------
+    ndarray of bool (K,)
+    """
+    if not 0 < share < 1:
+        raise InputError(f"share is {shown(share)}, it must lie between 0 and 1")
+    count = len(observations.commands(data, robot))
+    seen = np.isfinite(observations.tips(data, count)).all(axis=1)
+    group = observations.groups(data, count)[seen]
+    order = np.cumsum(seen)
+    # the end of a run nearest to the share, so that something is left on either side
+    ends = 1 + np.flatnonzero(group[1:] != group[:-1])
+    if not len(ends):
+        ends = np.arange(1, len(group))
+    if not len(ends):
+        raise InputError(f"{len(group)} rows with a measured tip are too few to hold any out")
+    last = ends[np.argmin(np.abs(ends - (1 - share) * len(group)))]
+    out: Bools = seen & (order > last)
+    return out
+
+
+def _grouped_alone(data: Measured, group: NDArray[Any]) -> bool:
+    """Whether rows are in groups, and not because they are repeated."""
+    repeat = getattr(data, "repeat", None)
+    return len(np.unique(group)) > 1 and (repeat is None or len(np.unique(repeat)) < 2)
+
+
+def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
+    """Part (K,) of each row: neighbouring groups together, about as many rows in each part."""
+    number = observations.numbered(group)
+    groups = int(number.max()) + 1
+    if groups == 1:
+        order = np.cumsum(used) - 1
+        return np.array(np.minimum(order * folds // max(int(used.sum()), 1), folds - 1))
+    if groups < folds:
+        raise InputError(f"folds is {folds}, there are only {groups} groups or loads to leave out")
+    counts = np.bincount(number, used)
+    middle = np.cumsum(counts) - counts / 2
+    of_group = np.minimum((middle * folds / counts.sum()).astype(int), folds - 1)
+    if len(np.unique(of_group)) < folds:
+        raise InputError(
+            f"folds is {folds}, but the groups or loads are too unequal for so many parts; take "
+            "fewer"
+        )
+    return np.asarray(of_group[number])

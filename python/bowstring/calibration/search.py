@@ -1,0 +1,387 @@
+"""The search for the parameters of a fit: residuals with their derivatives, and their minima.
+
+K is the number of rows, n that of the rows that are used, P that of parameters; scaled parameters
+are SI over their natural steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.calibration.pieces import Landscape, Pieces
+from bowstring.calibration.tip_model import Prediction, TipModel
+from bowstring.data.rigid import align
+from bowstring.errors import InputError, NoSolutionError
+
+__all__ = ["EXACT", "SAME", "Loss", "Residuals", "Search", "force", "spread"]
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Loss = Literal["linear", "soft_l1", "huber"]
+
+#: Directions of the scaled parameters that move the tip by less than this share are not told apart.
+SAME: Final = 1e-5
+#: Residuals of data without noise, m: no device measures so well.
+EXACT: Final = 1e-8
+#: A robust loss turns from squares to absolute values at so many standard deviations.
+_TURN: Final = 2.0
+_EVALUATIONS: Final = 100
+_RESCALES: Final = 10
+#: Rows without an equilibrium at the start, as a share, with which a fit is refused.
+_MOST_LOST: Final = 0.5
+#: Compliances that a fit begins from where stiffer tendons have no equilibrium, m/N.
+_SOFTER: Final = (1e-5, 1e-4, 1e-3)
+#: Variances of a residual, for each parameter, by which one more step may promise to lower the
+#: cost, at which a fit with friction is not continued by new derivatives.
+_SETTLED: Final = 0.01
+#: Share of a step's change of the residuals that derivatives with friction may miss and be kept.
+_FORETOLD: Final = 0.2
+#: Tolerance of a descent that ended although its derivatives promise more.
+_TIGHT: Final = 1e-9
+#: Times that a fit goes on from a minimum beyond a tendon that becomes taut or slack.
+_PASSES: Final = 10
+#: Such minima that are tried before a fit stays where it is.
+_TRIED: Final = 3
+#: What a lower minimum gains at least: share of the cost, and of the variance of a residual.
+_GAIN: Final = (1e-6, 5e-3)
+
+
+def spread(residuals: Floats, parameters: int) -> float:
+    """Robust standard deviation: 1.4826 times the median absolute value, for the free ones."""
+    share = max(len(residuals) - parameters, 1) / len(residuals)
+    return float(1.4826 * np.median(np.abs(residuals)) / np.sqrt(share))
+
+
+def force(residuals: Floats, loss: Loss, turn: float) -> tuple[Floats, Floats]:
+    """Derivative of half the loss by each residual, and its own derivative."""
+    if loss == "linear":
+        return residuals, np.ones_like(residuals)
+    z = (residuals / turn) ** 2
+    if loss == "soft_l1":
+        return residuals / np.sqrt(1 + z), (1 + z) ** -1.5
+    inside = z <= 1
+    return np.where(inside, residuals, turn * np.sign(residuals)), inside.astype(float)
+
+
+@dataclass(frozen=True)
+class _Tangent:
+    """Residuals and their derivatives at a point."""
+
+    scaled: Floats
+    residuals: Floats
+    jacobian: Floats
+    corrected: bool = False
+
+
+class Residuals:
+    """The residuals in mm of scaled parameters, with the last answer kept for its derivatives.
+
+    Rows count by their uncertainty, the median of which counts once. Rows without an equilibrium
+    where a descent begins are left out of it (`take`); of those that lose it on the way the
+    residuals go on along their last derivatives.
+
+    With friction a derivative costs a path over all rows for each parameter. After the first ones,
+    those that are no frame's are corrected by what each step changed (Broyden, Math. Comp. 19,
+    1965), until new ones are asked for.
+    """
+
+    def __init__(
+        self, model: TipModel, measured: Floats, asked: Bools, sigma: Floats | None
+    ) -> None:
+        self.model, self.measured, self.asked, self.sigma = model, measured, asked, sigma
+        self._weights = np.ones(len(asked)) if sigma is None else np.median(sigma[asked]) / sigma
+        self.used = asked
+        self.before = np.full_like(measured, np.nan)
+        self.items = model.unknowns.items
+        self.step = np.array([item.step for item in self.items])
+        #: Limits (P,) of the scaled parameters.
+        self.low = np.array([item.low for item in self.items]) / self.step
+        self.high = np.array([item.high for item in self.items]) / self.step
+        self._last: tuple[Floats, Prediction] | None = None
+        self._tangent: _Tangent | None = None
+        #: Whether derivatives with friction are corrected, not renewed, after a step.
+        self.corrects = True
+
+    @property
+    def weight(self) -> Floats:
+        """Of each residual (3 n,)."""
+        return np.repeat(self._weights[self.used], 3)
+
+    @property
+    def unsolved(self) -> int:
+        """Rows to fit that have no equilibrium and are left out."""
+        return int((self.asked & ~self.used).sum())
+
+    def begin(self, start: Mapping[str, float]) -> Floats:
+        """Scaled values to begin with, the base put where it fits best."""
+        values = self.model.unknowns.start.copy()
+        at = self.model.predict(values)
+        placed = values.copy()
+        self._align(placed, at, start)
+        self.before = replace(at, setting=self.model.unknowns.setting(placed)).point - self.measured
+        low = np.array([item.low for item in self.items])
+        inside = np.where(values <= low, low + 0.5 * self.step, values)
+        if (inside != values).any():
+            values, at = inside, self.model.predict(inside)
+        values, at = self._softened(values, at)
+        failed = np.flatnonzero(~at.solved & self.asked)
+        if failed.size > _MOST_LOST * self.asked.sum():
+            raise NoSolutionError(
+                f"{self.model.unknowns.robot.name}: {failed.size} of {self.asked.sum()} rows have "
+                f"no solution to begin with, the first is row {failed[0]}; begin from other "
+                "values, such as tendons with some compliance"
+            )
+        self._align(values, at, start)
+        return np.asarray(values / self.step)
+
+    def _softened(self, values: Floats, at: Prediction) -> tuple[Floats, Prediction]:
+        """Compliances to begin with at which more rows have an equilibrium, where some have none.
+
+        Tendons that give way hardly fight, and the fit makes them as stiff as they are.
+        """
+        soft = np.array([item.leaf == "compliance" for item in self.items])
+        for least in _SOFTER if soft.any() else ():
+            lost = int((~at.solved & self.asked).sum())
+            if not lost:
+                break
+            tried = np.where(soft, np.maximum(values, least), values)
+            found = self.model.predict(tried)
+            if (~found.solved & self.asked).sum() < lost:
+                values, at = tried, found
+        return values, at
+
+    def take(self, scaled: Floats) -> bool:
+        """Descend with the rows that have an equilibrium here; whether these are others."""
+        solved = self.prediction(scaled).solved
+        used = self.asked & solved
+        if 3 * used.sum() < len(self.items):
+            raise NoSolutionError(
+                f"{self.model.unknowns.robot.name}: {int((self.asked & ~solved).sum())} of "
+                f"{self.asked.sum()} rows have no solution, too many for "
+                f"{len(self.items)} parameters; begin from other values, such as tendons with "
+                "some compliance"
+            )
+        changed = bool((used != self.used).any())
+        self.used = used
+        if changed:
+            self._tangent = None
+        return changed
+
+    def _align(self, values: Floats, at: Prediction, start: Mapping[str, float]) -> None:
+        base = [i for i, item in enumerate(self.items) if item.name.startswith("base.")]
+        known = self.asked & at.solved
+        if len(base) < 6 or any(name.startswith("base") for name in start) or not known.any():
+            return
+        local = at.position + at.rotation @ at.setting.tool
+        motion = align(local[known], self.measured[known])
+        values[base] = np.concatenate((motion.translation, motion.rotation_vector))
+
+    def prediction(self, scaled: Floats) -> Prediction:
+        """Of all rows, kept for its derivatives."""
+        if self._last is None or not np.array_equal(self._last[0], scaled):
+            at = self.model.predict(scaled * self.step, keep=self.model.rod is not None)
+            self._last = scaled.copy(), at
+        return self._last[1]
+
+    def residuals(self, scaled: Floats) -> Floats:
+        try:
+            at = self.prediction(scaled)
+        except InputError:  # no robot has these numbers
+            return np.full(3 * int(self.used.sum()), 1e6)
+        error = 1e3 * (at.point - self.measured)[self.used].ravel() * self.weight
+        lost = np.repeat(~at.solved[self.used], 3)
+        if lost.any():
+            tangent = self._tangent
+            error[lost] = 0.0
+            if tangent is not None:
+                along = tangent.residuals + tangent.jacobian @ (scaled - tangent.scaled)
+                error[lost] = along[lost]
+        return np.asarray(error)
+
+    def jacobian(self, scaled: Floats, renew: bool = False) -> Floats:
+        """Derivatives (3 n, P); to `renew` is to replace those that were corrected for a step."""
+        last = self._tangent
+        here = last is not None and np.array_equal(last.scaled, scaled)
+        if here and last is not None and not (renew and last.corrected):
+            return last.jacobian
+        residuals, at = self.residuals(scaled), self.prediction(scaled)
+        jacobian = None
+        if last is not None and not here and self.corrects and at.setting.robot.has_friction:
+            step = residuals - last.residuals
+            missed = step - last.jacobian @ (scaled - last.scaled)
+            if np.linalg.norm(missed) < _FORETOLD * np.linalg.norm(step):
+                jacobian = self._corrected(last, scaled, missed, at)
+        corrected = jacobian is not None
+        if jacobian is None:
+            jacobian = self._columns(self.model.jacobian(scaled * self.step, at))
+        jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)
+        lost = np.repeat(~at.solved[self.used], 3)
+        jacobian[lost] = 0.0 if last is None else last.jacobian[lost]
+        self._tangent = _Tangent(scaled.copy(), residuals, jacobian, corrected)
+        return jacobian
+
+    def _columns(self, derivatives: Floats) -> Floats:
+        rows = derivatives[self.used].reshape(-1, len(self.items))
+        return np.asarray(1e3 * rows * self.step * self.weight[:, None])
+
+    def _corrected(self, last: _Tangent, scaled: Floats, missed: Floats, at: Prediction) -> Floats:
+        """The last derivatives, made to tell what they missed of a step (3 n,)."""
+        frames = self.model.of_frames
+        jacobian = np.array(last.jacobian)
+        others = np.where(frames, 0.0, scaled - last.scaled)
+        if others.any():
+            jacobian += np.outer(missed, others) / (others @ others)
+        exact = self._columns(self.model.frame_jacobian(scaled * self.step, at))
+        jacobian[:, frames] = exact[:, frames]
+        return jacobian
+
+    def clearly_below(self, cost: float) -> float:
+        """The cost of a minimum that is lower by more than does not count."""
+        return cost - max(_GAIN[0] * cost, _GAIN[1] * self.variance(cost))
+
+    def variance(self, cost: float) -> float:
+        """Of a residual, mm^2, not below that of data without noise."""
+        free = max(3 * int(self.used.sum()) - len(self.items), 1)
+        return float(max(2.0 * cost / free, (1e3 * EXACT) ** 2))
+
+    def has_friction(self, scaled: Floats) -> bool:
+        return self.prediction(scaled).setting.robot.has_friction
+
+    def refuse_without_effect(self, scaled: Floats) -> None:
+        size = np.linalg.norm(self.jacobian(scaled), axis=0)
+        idle = np.flatnonzero(size <= 1e-9 * np.sqrt(self.used.sum()))
+        pieces = self.pieces(scaled) if idle.size else None
+        for i in idle:
+            # it may have one as soon as slack tendons are taut
+            if pieces is None or not pieces.answers(int(i)):
+                raise InputError(
+                    f"parameter {self.items[i].name} has no effect on the tip in these rows; "
+                    "leave it out"
+                )
+
+    def pieces(self, scaled: Floats) -> Pieces | None:
+        """The piecewise linear model of the rows that count, by scaled parameters."""
+        at = self.prediction(scaled)
+        pieces = self.model.pieces(scaled * self.step, at)
+        return None if pieces is None else pieces.rows(at.solved & self.used).scaled(self.step)
+
+
+class Search:
+    """The search for the lowest minimum of a fit; made once for it."""
+
+    def __init__(self, work: Residuals, loss: Loss) -> None:
+        self.work, self.loss = work, loss
+        #: Residual at which a robust loss turns, mm; infinite while the loss is linear.
+        self.turn = np.inf
+        self.options: dict[str, Any] = {}
+        self._land: tuple[object, Landscape | None] | None = None
+
+    def run(self, first: Floats) -> Any:
+        """The result of `scipy.optimize.least_squares` at the lowest minimum."""
+        fine = {"ftol": 1e-6, "xtol": 1e-6, "max_nfev": _EVALUATIONS}
+        if self.loss == "linear":
+            self.options = fine
+            return self._settled(self._lowest(self._descend(first)))
+        fine["max_nfev"] = _EVALUATIONS // 2
+        self.options = {**fine, "ftol": 1e-3, "xtol": 1e-3}
+        found = self._settled(self._lowest(self._descend(first)))
+        for _ in range(_RESCALES):  # outliers that drew the fit hide in a spread too wide
+            turn = _TURN * max(spread(found.fun, len(first)), 1e-9)
+            if turn > 0.8 * self.turn:
+                break
+            self.turn, self.options = turn, fine
+            found = self._descend(found.x)
+        return self._settled(self._lowest(found))
+
+    @property
+    def _scipy_loss(self) -> dict[str, Any]:
+        """The loss for `scipy.optimize.least_squares`."""
+        return {"loss": self.loss, "f_scale": self.turn} if np.isfinite(self.turn) else {}
+
+    def landscape(self, scaled: Floats) -> Landscape | None:
+        """The cost near a point as far as tendons become taut or slack; None without these."""
+        work = self.work
+        key = scaled.tobytes(), work.used.tobytes(), self.turn
+        if self._land is None or self._land[0] != key:
+            land, pieces = None, work.pieces(scaled)
+            if pieces is not None:
+                count = np.repeat(work.prediction(scaled).solved[work.used], 3)
+                land = Landscape(
+                    pieces,
+                    work.residuals(scaled)[count],
+                    1e3 * work.weight[count],
+                    work.low - scaled,
+                    work.high - scaled,
+                    self._scipy_loss,
+                )
+            self._land = key, land
+        return self._land[1]
+
+    def decrease(self, found: Any) -> float:
+        """Decrease of the cost that one more step of Gauss and Newton from a minimum promises."""
+        free = np.asarray(found.active_mask) == 0
+        if not free.any():
+            return 0.0
+        residuals, jacobian = self.work.residuals(found.x), self.work.jacobian(found.x)[:, free]
+        by, slope = force(residuals, self.loss, self.turn)
+        root = np.sqrt(np.maximum(slope, 1e-12))
+        step = np.linalg.lstsq(root[:, None] * jacobian, by / root, rcond=SAME)[0]
+        return float(0.5 * (jacobian @ step) @ by)
+
+    def _descend(self, begin: Floats) -> Any:
+        from scipy.optimize import least_squares
+
+        low, high = self.work.low, self.work.high
+        return least_squares(
+            self.work.residuals,
+            np.clip(begin, np.nextafter(low, high), np.nextafter(high, low)),
+            # SciPy 1.11 writes the weights of a robust loss into the array that it gets
+            jac=lambda scaled: self.work.jacobian(scaled).copy(),
+            bounds=(low, high),
+            x_scale="jac",
+            gtol=1e-10,
+            **self.options,
+            **self._scipy_loss,
+        )
+
+    def _lowest(self, found: Any) -> Any:
+        """Go on from a minimum to lower ones where other tendons are taut or slack."""
+        for _ in range(_PASSES):
+            land, lower = self.landscape(found.x), self.work.clearly_below(found.cost)
+            minima = [] if land is None else [each for each in land.minima if each.cost < lower]
+            ends = (self._descend(found.x + each.change) for each in minima[:_TRIED])
+            better = next((end for end in ends if end.cost < lower), None)
+            if better is None:
+                break
+            found = better
+        return found
+
+    def _settled(self, found: Any) -> Any:
+        """Go on while rows find or lose their equilibrium, or new derivatives lead farther."""
+        options = self.options
+        for _ in range(_PASSES):
+            if self.work.take(found.x):
+                found = self._descend(found.x)
+                continue
+            if not self.work.has_friction(found.x):
+                break
+            self.work.jacobian(found.x, renew=True)
+            if self.decrease(found) <= _SETTLED * len(found.x) * self.work.variance(found.cost):
+                break
+            better = self._descend(found.x)
+            stuck = better.cost > self.work.clearly_below(found.cost)
+            found = better if better.cost < found.cost else found
+            if stuck and self.options["xtol"] > _TIGHT:
+                self.options = {**self.options, "ftol": _TIGHT, "xtol": _TIGHT}
+            elif stuck and self.work.corrects:
+                self.work.corrects = False  # what steps tell is too little here
+            elif stuck:
+                break
+        self.work.take(found.x)
+        self.options = options
+        return found
