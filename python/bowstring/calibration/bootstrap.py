@@ -9,6 +9,7 @@ rows that it never saw.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,6 +22,7 @@ Array = NDArray[np.float64]
 
 RESAMPLES: Final = 2000
 LEVEL: Final = 0.95
+_TAILS: Final = (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL)
 _SEED: Final = 2019  # the same data give the same report
 _AT_ONCE: Final = 4_000_000  # counts that are held at a time
 _FEWEST: Final = 6  # units; resamples of fewer often do not determine a fit
@@ -73,20 +75,14 @@ def bootstrap(
         rows = np.column_stack([np.ones(len(error)), error, error**2, np.abs(difference)])
         rows[~np.isfinite(error)] = 0.0
         columns.append(rows)
-    width = columns[0].shape[1]
     stacked = np.concatenate(columns, axis=1)
     sums = np.stack([np.bincount(place, column, units) for column in stacked.T], axis=1)
-    random = np.random.default_rng(_SEED)
     drawn = np.empty((resamples, sums.shape[1]))
-    step = max(1, _AT_ONCE // units)
-    for i in range(0, resamples, step):
-        part = slice(i, min(i + step, resamples))
-        counts = random.multinomial(units, np.full(units, 1.0 / units), part.stop - i)
+    for part, counts in _draws(units, resamples, units):
         drawn[part] = counts @ sums
     found = []
-    tails = [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL]
-    for m in range(len(differences)):
-        count, error, square, *axes = drawn[:, m * width : (m + 1) * width].T
+    for of_model in np.split(drawn, len(differences), axis=1):
+        count, error, square, *axes = of_model.T
         some = count > 0
         if not some.any():
             none = np.full(2, np.nan)
@@ -96,13 +92,22 @@ def bootstrap(
         of = count[some]
         found.append(
             Intervals(
-                mean=np.quantile(means[some], tails),
-                rms=np.sqrt(np.quantile(square[some] / of, tails)),
-                mean_by_axis=np.stack([np.quantile(axis[some] / of, tails) for axis in axes]),
+                mean=np.quantile(means[some], _TAILS),
+                rms=np.sqrt(np.quantile(square[some] / of, _TAILS)),
+                mean_by_axis=np.stack([np.quantile(axis[some] / of, _TAILS) for axis in axes]),
                 means=means,
             )
         )
     return found
+
+
+def _draws(units: int, resamples: int, size: int) -> Iterator[tuple[slice, NDArray[np.int64]]]:
+    """How often resamples draw each unit, part by part; `size` are the numbers held for one."""
+    random = np.random.default_rng(_SEED)
+    step = max(1, _AT_ONCE // size)
+    for i in range(0, resamples, step):
+        part = slice(i, min(i + step, resamples))
+        yield part, random.multinomial(units, np.full(units, 1.0 / units), part.stop - i)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +174,8 @@ def refitted(
     np.add.at(force, place, np.einsum("kip,ki->kp", jacobian, fit.force))
     size = np.sqrt(np.einsum("upp->p", normal))
     scale = 1.0 / np.where(size > 0.0, size, 1.0)
-    random = np.random.default_rng(_SEED)
     own, whole = np.empty(resamples), np.empty(resamples)
-    step = max(1, _AT_ONCE // jacobian[..., 0].size)
-    for i in range(0, resamples, step):
-        part = slice(i, min(i + step, resamples))
-        counts = random.multinomial(units, np.full(units, 1.0 / units), part.stop - i)
+    for part, counts in _draws(units, resamples, jacobian[..., 0].size):
         matrix = np.tensordot(counts, normal, 1) * scale[:, None] * scale
         inverse = np.linalg.pinv(matrix, rcond=_LOST, hermitian=True)
         change = -(inverse @ (counts @ force * scale)[..., None])[..., 0] * scale
@@ -184,5 +185,5 @@ def refitted(
         drawn = counts[:, place]
         own[part] = np.sum(drawn * error, axis=1) / (counts @ rows)
     mean = float(np.linalg.norm(residual, axis=1).mean() + np.mean(whole - own))
-    tails = np.quantile(own, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
+    tails = np.quantile(own, _TAILS)
     return Expected(mean, np.maximum(tails - own.mean() + mean, 0.0))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
-from bowstring.robot.parts import Backbone, Disks, Segment, Tendon, TendonRing
+from bowstring.robot.parts import TendonRing
 from bowstring.units import Quantity, read_number, unit_of_size
 from bowstring.validation import shown
 
@@ -27,15 +27,9 @@ Floats = NDArray[np.float64]
 _DEG: Final = np.pi / 180.0
 #: Parameters that no robot file has: start, natural step, least value; people's unit, SI of one
 _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
-    "base.x": (0.0, 1e-3, -np.inf, "mm", 1e-3),
-    "base.y": (0.0, 1e-3, -np.inf, "mm", 1e-3),
-    "base.z": (0.0, 1e-3, -np.inf, "mm", 1e-3),
-    "base.rx": (0.0, 0.02, -np.inf, "deg", _DEG),
-    "base.ry": (0.0, 0.02, -np.inf, "deg", _DEG),
-    "base.rz": (0.0, 0.02, -np.inf, "deg", _DEG),
-    "tool.x": (0.0, 1e-3, -np.inf, "mm", 1e-3),
-    "tool.y": (0.0, 1e-3, -np.inf, "mm", 1e-3),
-    "tool.z": (0.0, 1e-3, -np.inf, "mm", 1e-3),
+    **dict.fromkeys(("base.x", "base.y", "base.z"), (0.0, 1e-3, -np.inf, "mm", 1e-3)),
+    **dict.fromkeys(("base.rx", "base.ry", "base.rz"), (0.0, 0.02, -np.inf, "deg", _DEG)),
+    **dict.fromkeys(("tool.x", "tool.y", "tool.z"), (0.0, 1e-3, -np.inf, "mm", 1e-3)),
     "delay": (0.0, 0.05, -np.inf, "s", 1.0),
     "gain": (1.0, 0.02, 0.0, "", 1.0),
     "offset": (0.0, 1e-4, -np.inf, "mm", 1e-3),
@@ -44,18 +38,11 @@ _EXTRA: Final[dict[str, tuple[float, float, float, str, float]]] = {
     "pitch_radius": (1.0, 0.01, 0.01, "", 1.0),
     "bend_gain": (1.0, 0.02, 0.0, "", 1.0),
 }
-_FRAMES: Final = {
-    "base": ("x", "y", "z", "rx", "ry", "rz"),
-    "tool": ("x", "y", "z"),
-}
+_FRAMES: Final = {"base": ("x", "y", "z", "rx", "ry", "rz"), "tool": ("x", "y", "z")}
 #: Which of the others can be one for all, one for each segment, one for each tendon.
 _EACH: Final = {
-    "gain": ("", "segments", "tendons"),
-    "offset": ("", "segments", "tendons"),
-    "backlash": ("", "segments", "tendons"),
-    "hole_angle": ("", "segments"),
-    "pitch_radius": ("", "segments"),
-    "bend_gain": ("", "segments"),
+    **dict.fromkeys(("gain", "offset", "backlash"), ("", "segments", "tendons")),
+    **dict.fromkeys(("hole_angle", "pitch_radius", "bend_gain"), ("", "segments")),
 }
 #: A natural step of a field that may be zero; others take a share of their value.
 _STEP: Final = {
@@ -161,8 +148,8 @@ class Unknowns:
             raise InputError(
                 f"parameters is {shown(names)}, it must be a list of names of parameters"
             )
-        self._tree = robot.model_dump(mode="json", exclude_none=True)
-        self._leaves = dict(_leaves(self._tree))
+        self._leaves = dict(_leaves(robot.model_dump(mode="json", exclude_none=True)))
+        self._count = {"segments": len(robot.segments), "tendons": len(robot.tendons.segment)}
         self._held: dict[str, float] = {}
         self._robots: dict[tuple[float, ...], Robot] = {}
         given: dict[str, float] = {}
@@ -210,9 +197,6 @@ class Unknowns:
         InputError
             If no robot can have them.
         """
-        tendons = len(self.robot.tendons.segment)
-        count = {"segments": len(self.robot.segments), "tendons": tendons}
-        of_tendon = self.robot.tendons.segment
         extra = dict(self._held)
         overrides: dict[str, Any] = {}
         for item, value in zip(self.items, values.tolist(), strict=True):
@@ -222,32 +206,32 @@ class Unknowns:
                 extra[item.name] = value
 
         def each(name: str, kind: str) -> Floats:
-            found = np.full(count[kind], extra.get(name, _EXTRA[name][0]))
             neutral = _EXTRA[name][0]
-            for i in range(count["segments"]):
-                where = of_tendon == i if kind == "tendons" else np.arange(count[kind]) == i
-                more = extra.get(f"{name}.segments.{i}", neutral)
-                found[where] = found[where] * more if neutral else found[where] + more
+            combine = np.multiply if neutral else np.add
+
+            def own(kind: str) -> list[float]:
+                count = range(self._count[kind])
+                return [extra.get(f"{name}.{kind}.{i}", neutral) for i in count]
+
+            found = combine(extra.get(name, neutral), own("segments"))
             if kind == "tendons":
-                own = [extra.get(f"{name}.tendons.{i}", neutral) for i in range(tendons)]
-                found = found * own if neutral else found + own
-            return found
+                found = combine(found[self.robot.tendons.segment], own("tendons"))
+            return np.asarray(found)
 
         angle, radius = each("hole_angle", "segments"), each("pitch_radius", "segments")
-        robot = self._made(overrides, angle, radius)
-
-        def three(name: str, members: Iterable[str]) -> Floats:
-            return np.array([extra.get(f"{name}.{m}", 0.0) for m in members])
-
+        base, tool = (
+            np.array([extra.get(f"{name}.{member}", 0.0) for member in members])
+            for name, members in _FRAMES.items()
+        )
         return Setting(
-            robot=robot,
+            robot=self._made(overrides, angle, radius),
             gain=each("gain", "tendons"),
             offset=each("offset", "tendons"),
             backlash=each("backlash", "tendons"),
             delay=extra.get("delay", 0.0),
-            position=three("base", "xyz"),
-            turn=three("base", ("rx", "ry", "rz")),
-            tool=three("tool", "xyz"),
+            position=base[:3],
+            turn=base[3:],
+            tool=tool,
             bend_gain=each("bend_gain", "segments"),
         )
 
@@ -271,22 +255,16 @@ class Unknowns:
         head, _, rest = name.partition(".")
         if name in _FRAMES:
             return [f"{name}.{member}" for member in _FRAMES[name]]
-        if head in _FRAMES and f"{head}.{rest}" in _EXTRA:
-            return [name]
-        if name == "delay":
+        if name == "delay" or (head in _FRAMES and name in _EXTRA):
             return [name]
         if head in _EACH:
             kind, _, index = rest.partition(".")
-            count = {
-                "segments": len(self.robot.segments),
-                "tendons": len(self.robot.tendons.segment),
-            }
             if kind in _EACH[head]:
                 if not kind:
                     return [head]
                 if not index:
-                    return [f"{name}.{i}" for i in range(count[kind])]
-                if index.isdecimal() and int(index) < count[kind]:
+                    return [f"{name}.{i}" for i in range(self._count[kind])]
+                if index.isdecimal() and int(index) < self._count[kind]:
                     return [name]
         elif self._paths(name):
             return [name]
@@ -336,24 +314,18 @@ class Unknowns:
             leaf = name.rsplit(".", 1)[-1] if not name.startswith("gravity") else "gravity"
             values = [self._leaves[path] for path in paths]
             start = given.get(name, float(np.mean(values)))
-            quantity = _quantity(leaf, paths[0], self._tree)
-            unit = "" if quantity is None else quantity.example.rpartition(" ")[2]
-            if quantity is None or not quantity.si:
-                unit, per_unit = "", 1.0
-            else:
-                unit = unit_of_size(start, quantity.si, unit)
+            quantity = _quantity(self.robot, leaf, paths[0])
+            unit, per_unit, low, high = "", 1.0, -np.inf, np.inf
+            if quantity is not None:
+                low, high = (read_number(end, quantity.si) for end in (quantity.low, quantity.high))
+            if quantity is not None and quantity.si:
+                unit = unit_of_size(start, quantity.si, quantity.example.rpartition(" ")[2])
                 per_unit = read_number(f"1 {unit}", quantity.si)
-            low = _limit(quantity.low, quantity.si) if quantity else -np.inf
-            high = _limit(quantity.high, quantity.si) if quantity else np.inf
             step = max(_STEP.get(leaf, 0.0), _SHARE * abs(start))
             return Unknown(name, unit, per_unit, start, step or 1.0, low, high, paths)
         key = name if name in _EXTRA else name.partition(".")[0]
         start, step, low, unit, per_unit = _EXTRA[key]
         return Unknown(name, unit, per_unit, given.get(name, start), step, low, np.inf)
-
-
-def _limit(text: str, si: str) -> float:
-    return read_number(text, si)
 
 
 def _finite(name: str, value: object) -> float:
@@ -375,19 +347,12 @@ def _leaves(tree: Any, path: str = "") -> Iterable[tuple[str, float]]:
             yield here, value
 
 
-def _quantity(leaf: str, path: str, tree: Any) -> Quantity | None:
-    if leaf == "gravity":
-        part: Any = Robot
-    elif ".backbone." in path:
-        part = Backbone
-    elif ".disks." in path:
-        part = Disks
-    elif ".tendons." in path:
-        index = int(path.split(".")[1])
-        part = TendonRing if isinstance(tree["segments"][index]["tendons"], dict) else Tendon
-    else:
-        part = Segment
-    field = part.model_fields.get(leaf)
+def _quantity(robot: Robot, leaf: str, path: str) -> Quantity | None:
+    """The mark of the field of a robot file; None where there is none."""
+    part: Any = robot
+    for key in path.split(".")[:-1] if leaf != "gravity" else ():
+        part = part[int(key)] if isinstance(part, tuple) else getattr(part, key)
+    field = None if isinstance(part, tuple) else type(part).model_fields.get(leaf)
     marks = () if field is None else field.metadata
     return next((mark for mark in marks if isinstance(mark, Quantity)), None)
 
@@ -396,18 +361,15 @@ def _moved_holes(robot: Robot, angle: Floats, radius: Floats) -> dict[str, float
     """Overrides that turn the holes of segments and scale their pitch radii."""
     overrides: dict[str, float] = {}
     for i, segment in enumerate(robot.segments):
-        ring = segment.tendons
-        parts = (
-            [(f"segments.{i}.tendons", "first_angle", ring.first_angle, ring.pitch_radius)]
+        where, ring = f"segments.{i}.tendons", segment.tendons
+        holes: dict[str, Any] = (
+            {f"{where}.first_angle": ring}
             if isinstance(ring, TendonRing)
-            else [
-                (f"segments.{i}.tendons.{j}", "angle", t.angle, t.pitch_radius)
-                for j, t in enumerate(ring)
-            ]
+            else {f"{where}.{j}.angle": tendon for j, tendon in enumerate(ring)}
         )
-        for path, name, a, r in parts:
-            overrides[f"{path}.{name}"] = float(np.remainder(a + angle[i] + np.pi, 2 * np.pi)) - (
-                np.pi
-            )
-            overrides[f"{path}.pitch_radius"] = float(r * radius[i])
+        for path, part in holes.items():
+            above, _, name = path.rpartition(".")
+            turned = getattr(part, name) + angle[i]
+            overrides[path] = float(np.remainder(turned + np.pi, 2 * np.pi) - np.pi)
+            overrides[f"{above}.pitch_radius"] = float(part.pitch_radius * radius[i])
     return overrides

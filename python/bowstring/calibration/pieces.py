@@ -13,9 +13,9 @@ rows, T that of tendons, P that of parameters; SI.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -86,11 +86,13 @@ class Pieces:
 
     def tangent(self, taut: Bools) -> Floats:
         """Derivatives (K, 3, P) of the point while these tendons (K, T) are taut."""
-        by = -np.linalg.solve(
-            self._block(taut, self.slack_by_tension),
-            np.where(taut[:, :, None], self.slack_by_parameter, 0.0),
-        )
+        by = self._tensions_by_parameter(taut)
         return np.asarray(self.point_by_parameter + self.point_by_tension @ by)
+
+    def _tensions_by_parameter(self, taut: Bools) -> Floats:
+        """Derivatives (K, T, P) of the tensions while these tendons (K, T) are taut."""
+        held = np.where(taut[:, :, None], self.slack_by_parameter, 0.0)
+        return np.asarray(-np.linalg.solve(self._block(taut, self.slack_by_tension), held))
 
     def moved(self, change: Floats) -> tuple[Floats, Bools]:
         """Change (K, 3) of the point by a change (P,) of the parameters, and who is taut (K, T)."""
@@ -117,10 +119,7 @@ class Pieces:
         gradient (K, T, P) by the parameters; infinite for tendons that are not pulled.
         """
         taut = self.pulled & (self.tensions > 0.0)
-        by = -np.linalg.solve(
-            self._block(taut, self.slack_by_tension),
-            np.where(taut[:, :, None], self.slack_by_parameter, 0.0),
-        )
+        by = self._tensions_by_parameter(taut)
         slack_by = self.slack_by_parameter + self.slack_by_tension @ by
         gradient = np.where(taut[:, :, None], by, slack_by)
         value = np.where(taut, self.tensions, self.slack)
@@ -307,11 +306,17 @@ class Landscape:
         column = inverse[:, i] / np.where(size > 0.0, size, 1.0)
         return np.asarray(column / column[i] if column[i] else np.arange(len(change)) == i, float)
 
+    @cached_property
+    def _moved(self) -> Callable[[bytes], tuple[Floats, Bools]]:
+        """`Pieces.moved` by the bytes of a change; the last is kept, for its derivatives."""
+        return lru_cache(maxsize=1)(lambda change: self.pieces.moved(np.frombuffer(change)))
+
     def _residuals(self, change: Floats) -> Floats:
-        return np.asarray(self.residuals + self.weight * self.pieces.moved(change)[0].ravel())
+        moved, _ = self._moved(change.tobytes())
+        return np.asarray(self.residuals + self.weight * moved.ravel())
 
     def _slope(self, change: Floats) -> Floats:
-        taut = self.pieces.moved(change)[1]
+        _, taut = self._moved(change.tobytes())
         tangent = self.pieces.tangent(taut).reshape(len(self.weight), -1)
         return np.asarray(tangent * self.weight[:, None])
 
@@ -319,30 +324,11 @@ class Landscape:
         from scipy.optimize import least_squares
 
         free = np.arange(len(start)) != held
-        whole = start.copy()
-
-        last: dict[bytes, tuple[Floats, Bools]] = {}
-
-        def moved(part: Floats) -> tuple[Floats, Bools]:
-            change = full(part)
-            key = change.tobytes()
-            if key not in last:
-                last.clear()
-                last[key] = self.pieces.moved(change)
-            return last[key]
-
-        def residuals(part: Floats) -> Floats:
-            return np.asarray(self.residuals + self.weight * moved(part)[0].ravel())
-
-        def slope(part: Floats) -> Floats:
-            tangent = self.pieces.tangent(moved(part)[1]).reshape(len(self.weight), -1)
-            return np.asarray(tangent[:, free] * self.weight[:, None])
 
         def full(part: Floats) -> Floats:
+            whole = np.full(len(start), value)
             whole[free] = part
-            if held >= 0:
-                whole[held] = value
-            return np.array(whole)
+            return whole
 
         if not free.any():
             return Minimum(full(start[free]), self.cost(full(start[free])))
@@ -350,9 +336,9 @@ class Landscape:
         low, high = np.maximum(self.low, -far)[free], np.minimum(self.high, far)[free]
         low, high = np.minimum(low, -1e-12), np.maximum(high, 1e-12)
         end = least_squares(
-            residuals,
+            lambda part: self._residuals(full(part)),
             np.clip(start[free], np.nextafter(low, high), np.nextafter(high, low)),
-            jac=slope,
+            jac=lambda part: self._slope(full(part))[:, free],
             bounds=(low, high),
             x_scale="jac",
             max_nfev=30,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -204,9 +204,12 @@ class TipModel:
     def frame_jacobian(self, values: Floats, at: Prediction) -> Floats:
         """Derivatives (K, 3, P) by base and tool, zero by other parameters."""
         table = np.zeros((len(self.commands), 3, len(values)))
-        for i in np.flatnonzero(self.of_frames):
-            table[:, :, i] = self._difference(int(i), values, lambda setting: _placed(at, setting))
+        for i in np.flatnonzero(self.of_frames).tolist():
+            table[:, :, i] = self._by_frame(i, values, at)
         return table
+
+    def _by_frame(self, i: int, values: Floats, at: Prediction) -> Floats:
+        return self._difference(i, values, lambda setting: replace(at, setting=setting).point)
 
     def pieces(self, values: Floats, at: Prediction) -> Pieces | None:
         """The measured point nearby, also where tendons become taut or slack.
@@ -218,9 +221,7 @@ class TipModel:
         if exact is None:
             return None
         assert at.solutions is not None
-        slack = np.full(exact.tensions.shape, np.nan)
-        for k in np.flatnonzero(at.solved):
-            slack[k] = at.solutions[k].slack_lengths
+        slack = _table(at.solutions, at.solved, "slack_lengths", exact.tensions.shape[1])
         columns = self._columns(values, at)
         by_slack = np.stack([column.slack for column in columns], axis=-1)
         by_tension = np.stack([column.tensions for column in columns], axis=-1)
@@ -260,45 +261,34 @@ class TipModel:
         robot = setting.robot
         pulled = self.commands.pulled
         given = np.where(pulled, given, np.maximum(given, 0.0))
-        way = actuation.Path(robot, rod)
-        if robot.has_friction:
-            return self._paths(way, setting, given)
-        if not keep:
-            found = way.core.follow(pulled, given, _NO_LOAD, False, 0)
-            return Prediction(
-                found["tip_position"],
-                found["tip_rotation"],
-                found["converged"],
-                setting,
-                given,
-                tensions=found["tensions"],
-                slack=found["slack_lengths"],
-            )
+        core = actuation.Path(robot, rod).core
+        if robot.has_friction or not keep:
+            return self._followed(core, setting, given)
         solutions = []
         for held, row in zip(pulled, given, strict=True):
-            way.core.reset()
-            solutions.append(way.core.step(held, row, _NO_LOAD))
+            core.reset()
+            solutions.append(core.step(held, row, _NO_LOAD))
         solved = np.array([s.converged for s in solutions])
-        _continue_from_neighbours(way.core, pulled, given, solutions, solved)
-        position = np.full((len(given), 3), np.nan)
-        turned = np.full((len(given), 3, 3), np.nan)
-        for k in np.flatnonzero(solved):
-            position[k] = solutions[k].tip_position
-            turned[k] = solutions[k].tip_rotation
+        _continue_from_neighbours(core, pulled, given, solutions, solved)
+        position = _table(solutions, solved, "tip_position", 3)
+        turned = _table(solutions, solved, "tip_rotation", 3, 3)
         return Prediction(position, turned, solved, setting, given, solutions)
 
-    def _paths(self, way: actuation.Path, setting: Setting, given: Floats) -> Prediction:
-        """The rod along each path, with friction; a path begins at home."""
-        position = np.full((len(given), 3), np.nan)
-        turned = np.full((len(given), 3, 3), np.nan)
-        solved = np.zeros(len(given), bool)
-        tensions, slack = np.full_like(given, np.nan), np.full_like(given, np.nan)
-        for rows in self.commands.paths:
-            way.core.reset()
-            found = way.core.follow(self.commands.pulled[rows], given[rows], _NO_LOAD, False, None)
-            position[rows], turned[rows] = found["tip_position"], found["tip_rotation"]
-            solved[rows] = found["converged"]
-            tensions[rows], slack[rows] = found["tensions"], found["slack_lengths"]
+    def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
+        """The rod row by row; with friction along each path, which begins at home."""
+        rubs = setting.robot.has_friction
+        paths = self.commands.paths if rubs else [np.arange(len(given))]
+        found = []
+        for rows in paths:
+            core.reset()
+            threads = None if rubs else 0
+            pulled = self.commands.pulled[rows]
+            found.append(core.follow(pulled, given[rows], _NO_LOAD, False, threads))
+        back = np.argsort(np.concatenate(paths))
+        names = ("tip_position", "tip_rotation", "converged", "tensions", "slack_lengths")
+        position, turned, solved, tensions, slack = (
+            np.concatenate([each[name] for each in found])[back] for name in names
+        )
         return Prediction(position, turned, solved, setting, given, tensions=tensions, slack=slack)
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
@@ -315,7 +305,7 @@ class TipModel:
         name = item.name
         none = np.zeros(self.commands.values.shape)
         if name.startswith(("base.", "tool.")):
-            moved = self._difference(i, values, lambda setting: _placed(at, setting))
+            moved = self._by_frame(i, values, at)
             return _Column(moved, moved, none, none)
         still = np.zeros((len(none), 3))
         pulled = self.commands.pulled
@@ -436,9 +426,12 @@ def _continue_from_neighbours(
                 break
 
 
-def _placed(at: Prediction, setting: Setting) -> Floats:
-    moved = Prediction(at.position, at.rotation, at.solved, setting, at.commands)
-    return moved.point
+def _table(solutions: list[Any], solved: Bools, name: str, *shape: int) -> Floats:
+    """A quantity (K, ...) of the core's solutions; NaN in rows that are not solved."""
+    table = np.full((len(solved), *shape), np.nan)
+    for k in np.flatnonzero(solved):
+        table[k] = getattr(solutions[k], name)
+    return table
 
 
 @dataclass(frozen=True)
