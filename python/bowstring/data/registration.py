@@ -19,7 +19,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from typing import Any, Final, Literal, NamedTuple
 
@@ -67,6 +68,7 @@ _WEAK: Final = 0.02  # of the largest: fifty times less well known
 _HUBER: Final = 2.5  # standard deviations; 90 % of distances in space are nearer
 _FEW: Final = 10  # points: with fewer, fits with an offset have many minima
 _MEDIAN: Final = 1.5382  # median distance in space, over the standard deviation along an axis
+_AXES: Final = ((0, "x"), (1, "y"), (2, "z"))
 _CLEARLY: Final = 3.0  # times the sum of squares: what a model does wrong is no noise
 
 
@@ -201,7 +203,6 @@ class Registration:
 
     def to_dict(self) -> dict[str, Any]:
         """The registration for JSON; what is not determined or not known is None."""
-
         errors, width = self.standard_error, self.interval()
         return {
             "kind": self.kind,
@@ -275,8 +276,7 @@ def fit_fiducials(
     fiducials, or any in one plane, fit a left-handed frame as well as a right-handed one, so a
     mistake there goes unseen.
     """
-    ours = _finite_points("measured", measured)
-    theirs = _finite_points("base", base)
+    ours, theirs = _finite_points("measured", measured), _finite_points("base", base)
     if len(ours) != len(theirs):
         raise InputError(
             f"{len(ours)} fiducials are measured and {len(theirs)} given in the base frame: both "
@@ -284,8 +284,7 @@ def fit_fiducials(
         )
     if len(ours) < 3:
         raise InputError(f"{len(ours)} fiducials do not fix a frame: give three or more")
-    spread = _sigma(sigma, len(ours))
-    weight = np.ones(len(ours)) if spread is None else (spread.min() / spread) ** 2
+    spread, weight = _sigma(sigma, len(ours))
     for name, points in (("measured", ours), ("base", theirs)):
         _check_fiducials(name, points)
     sizes = [float(np.linalg.norm(np.ptp(points, axis=0))) for points in (ours, theirs)]
@@ -294,24 +293,10 @@ def fit_fiducials(
             f"the measured fiducials span {sizes[0]:.4g} m and those of the base {sizes[1]:.4g} m: "
             "give both in m, and in the same order"
         )
-    frame = align(ours, theirs, weight)
-    dof = 3 * len(ours) - 6
-    left = _left(frame, ours, theirs, weight)
-    _check_handed(left, _mirror_left(ours, theirs, weight), dof, ours, theirs, weight)
-    moved = frame.apply(ours)
-    pivot = weight @ moved / weight.sum()
-    return _registration(
-        "fiducials",
-        frame,
-        pivot,
-        moved - theirs,
-        _frame_jacobian(moved - pivot),
-        np.ones(len(ours)),
-        spread,
-        None,
-        given=spread is not None,
-        robust=False,
-    )
+    pairs = _Pairs(ours, theirs, weight)
+    best = _search(pairs)
+    _check_handed(pairs, best.left, _search(pairs.mirrored).left)
+    return _registration("fiducials", pairs, best, spread)
 
 
 def _check_fiducials(name: str, points: Array) -> None:
@@ -330,22 +315,11 @@ def _check_fiducials(name: str, points: Array) -> None:
         )
 
 
-def _left(frame: Rigid, measured: Array, base: Array, weight: Array) -> float:
-    """The weighted sum of squares that a motion leaves."""
-    return float(weight @ np.sum((frame.apply(measured) - base) ** 2, axis=1))
-
-
-def _mirror_left(measured: Array, base: Array, weight: Array) -> float:
-    """The weighted sum of squares that the best motion of the mirror image leaves."""
-    return _left(align(-measured, base, weight), -measured, base, weight)
-
-
-def _check_handed(
-    left: float, mirror_left: float, dof: int, measured: Array, base: Array, weight: Array
-) -> None:
+def _check_handed(pairs: _Pairs, left: float, mirror_left: float) -> None:
     """Refuse a frame that a mirror fits better than chance lets it."""
-    if dof <= 0 or left <= _doubtful(dof) * mirror_left:
+    if pairs.dof <= 0 or left <= _doubtful(pairs.dof) * mirror_left:
         return
+    weight, base = pairs.weight, pairs.base
     size = float(weight @ np.sum((base - base.mean(axis=0)) ** 2, axis=1))
     if left <= 1e-20 * size:
         return  # both are exact: flat fiducials
@@ -353,7 +327,7 @@ def _check_handed(
     raise InputError(
         f"the measuring frame is left-handed: its mirror image fits with "
         f"{1e3 * math.sqrt(mirror_left / total):.3g} mm RMS, the frame itself with "
-        f"{1e3 * math.sqrt(left / total):.3g} mm; {_handed_cause(measured, base, weight)}"
+        f"{1e3 * math.sqrt(left / total):.3g} mm; {_handed_cause(pairs)}"
     )
 
 
@@ -362,20 +336,16 @@ def _doubtful(dof: int) -> float:
     return max(_CLEARLY, variance_ratio_limit(MIRROR, dof, dof))
 
 
-def _handed_cause(measured: Array, base: Array, weight: Array) -> str:
+def _handed_cause(pairs: _Pairs) -> str:
     """What would mend it, in words: the change that leaves the frames turned least."""
-    changes = {}
-    for i, axis in enumerate("xyz"):
-        flip = np.eye(3)
-        flip[i, i] = -1.0
-        changes[f"change the sign of its {axis}"] = flip
-    for i, j in combinations(range(3), 2):
-        swap = np.eye(3)
+    same = np.eye(3)
+    changes = {f"change the sign of its {a}": same - 2.0 * np.diag(same[i]) for i, a in _AXES}
+    for (i, a), (j, b) in combinations(_AXES, 2):
+        changes[f"swap its {a} and {b}"] = swap = np.eye(3)
         swap[[i, j]] = swap[[j, i]]
-        changes[f"swap its {'xyz'[i]} and {'xyz'[j]}"] = swap
     turns = {}
     for words, change in changes.items():
-        frame = align(measured @ change.T, base, weight)
+        frame = align(pairs.measured @ change.T, pairs.base, pairs.weight)
         turns[words] = float(np.linalg.norm(frame.rotation_vector))
     best = min(turns, key=lambda words: turns[words])
     if turns[best] < math.radians(20.0):
@@ -443,54 +413,82 @@ def fit_model(
             "each point"
         )
     turns = None if rotations is None else _rotations(rotations, len(ours))
-    spread = _sigma(sigma, len(ours))
+    spread, weight = _sigma(sigma, len(ours))
     if not isinstance(robust, bool):
         raise InputError(f"robust is {shown(robust)}, it must be True or False")
     if start is not None and not isinstance(start, Rigid):
         raise InputError(f"start is {shown(start)}, it must be a Rigid")
-    unknowns = 6 if turns is None else 9
-    if 3 * len(ours) <= unknowns:
+    pairs = _Pairs(ours, theirs, weight, turns)
+    if pairs.dof <= 0:
         what = "a base frame" if turns is None else "a base frame and an offset"
         raise InputError(
-            f"{len(ours)} points have {3 * len(ours)} coordinates, too few for the {unknowns} "
-            f"unknowns of {what} and their errors: give {unknowns // 3 + 1} or more"
+            f"{len(ours)} points have {ours.size} coordinates, too few for the {pairs.unknowns} "
+            f"unknowns of {what} and their errors: give {pairs.unknowns // 3 + 1} or more"
         )
     if float(np.ptp(theirs, axis=0).max()) == 0.0 or float(np.ptp(ours, axis=0).max()) == 0.0:
         raise InputError("all points are in one place: only a robot that moves registers itself")
-    weight = np.ones(len(ours)) if spread is None else (spread.min() / spread) ** 2
 
-    best = _search(ours, theirs, turns, weight, start)
-    dof = 3 * len(ours) - unknowns
-    if turns is None:
-        mirrored = _mirror_left(ours, theirs, weight)
-    elif best.left > _doubtful(dof) * best.bound:
-        # a mirrored measuring frame: the same with one axis turned round
-        mirrored = _search(ours * [1.0, 1.0, -1.0], theirs, turns, weight, None).left
-    else:
-        mirrored = best.left
-    _check_handed(best.left, mirrored, dof, ours, theirs, weight)
-    down, scale = np.ones(len(ours)), spread
-    if robust:
-        best, down, scale = _reweighted(ours, theirs, turns, weight, spread, best)
-    moved = best.frame.apply(ours)
-    pivot = (weight * down) @ moved / (weight @ down)
-    by = _frame_jacobian(moved - pivot)
-    residual = moved - theirs
-    if turns is not None:
-        by = np.concatenate([by, -turns], axis=2)
-        residual = residual - turns @ best.offset
-    return _registration(
-        "model",
-        best.frame,
-        pivot,
-        residual,
-        by,
-        down,
-        scale,
-        None if turns is None else best.offset,
-        given=spread is not None,
-        robust=robust,
-    )
+    best = _search(pairs, start)
+    mirror_left = best.left
+    if turns is None or best.left > _doubtful(pairs.dof) * best.bound:
+        mirror_left = _search(pairs.mirrored).left
+    _check_handed(pairs, best.left, mirror_left)
+    if not robust:
+        return _registration("model", pairs, best, spread)
+    best, down, scale = _reweighted(pairs, spread, best)
+    return _registration("model", pairs, best, scale, down, given=spread is not None)
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Measured points (n, 3), where they are in the base frame, and weights (n,).
+
+    With `turns` (n, 3, 3), the rotations of the tips, the points of the base frame are the tips,
+    and the offset of the measured points from these is unknown too.
+    """
+
+    measured: Array
+    base: Array
+    weight: Array
+    turns: Array | None = None
+
+    @property
+    def unknowns(self) -> int:
+        return 6 if self.turns is None else 9
+
+    @property
+    def dof(self) -> int:
+        return self.base.size - self.unknowns
+
+    @property
+    def mirrored(self) -> _Pairs:
+        return replace(self, measured=-self.measured)
+
+    @cached_property
+    def middle(self) -> Array:
+        """The weighted centroid (3,) of the measured points."""
+        return np.asarray(self.weight @ self.measured / self.weight.sum())
+
+    @property
+    def size(self) -> float:
+        """RMS distance of the measured points from their middle, m."""
+        square = np.sum((self.measured - self.middle) ** 2, axis=1)
+        return math.sqrt(float(self.weight @ square / self.weight.sum()))
+
+    @property
+    def linear(self) -> Array:
+        """Derivative (n, 3, 3 or 6) of the residuals by shift and offset."""
+        shift = np.broadcast_to(np.eye(3), (len(self.base), 3, 3))
+        return shift if self.turns is None else np.concatenate([shift, -self.turns], axis=2)
+
+    def arms(self, frame: Rigid) -> Array:
+        """From the middle to the points (n, 3), in the axes of the base."""
+        return np.asarray((self.measured - self.middle) @ frame.rotation.T)
+
+    def residual(self, frame: Rigid, offset: Array) -> Array:
+        """Registered minus given points (n, 3), m."""
+        found = frame.apply(self.measured) - self.base
+        return found if self.turns is None else np.asarray(found - self.turns @ offset)
 
 
 class _Best(NamedTuple):
@@ -502,50 +500,39 @@ class _Best(NamedTuple):
     """What no frame goes below, left-handed or not: the same for the best affine map."""
 
 
-def _search(
-    measured: Array, predicted: Array, turns: Array | None, weight: Array, start: Rigid | None
-) -> _Best:
+def _search(pairs: _Pairs, start: Rigid | None = None) -> _Best:
     """The best frame and offset for these weights."""
-    middle = weight @ measured / weight.sum()
-    if start is None:
-        start = align(measured, predicted, weight)
-        values = np.linalg.svd((predicted - predicted.mean(axis=0)), compute_uv=False)
-        if values[1] <= _LOST * values[0]:  # on a line: nothing says how to turn about it
-            start = Rigid(np.eye(3), weight @ predicted / weight.sum() - middle)
-        elif turns is None:
-            return _Best(start, np.zeros(3), _left(start, measured, predicted, weight))
-        else:
-            starts, bound = _starts(measured, predicted, turns, weight, start)
-            best = _refined(measured, predicted, turns, weight, starts[0])
-            few = 3 * len(measured) - 15  # degrees of freedom of the affine map
-            limit = 0.0
-            if few > 0:
-                limit = variance_ratio_limit(MIRROR, few + 6, few) * (few + 6) / few
-            for way in starts[1:]:
-                if best.left <= limit * bound:  # as good as noise lets it be
-                    break
-                other = _refined(measured, predicted, turns, weight, way)
-                best = min(best, other, key=lambda end: end.left)
-            return best._replace(bound=bound)
-    return _refined(measured, predicted, turns, weight, start)
+    if start is not None:
+        return _refined(pairs, start)
+    base, weight = pairs.base, pairs.weight
+    start = align(pairs.measured, base, weight)
+    values = np.linalg.svd(base - base.mean(axis=0), compute_uv=False)
+    if values[1] <= _LOST * values[0]:  # on a line: nothing says how to turn about it
+        return _refined(pairs, Rigid(np.eye(3), weight @ base / weight.sum() - pairs.middle))
+    if pairs.turns is None:
+        none = np.zeros(3)
+        return _Best(start, none, float(weight @ np.sum(pairs.residual(start, none) ** 2, axis=1)))
+    starts, bound = _starts(pairs, start)
+    best = _refined(pairs, starts[0])
+    few = base.size - 15  # degrees of freedom of the affine map
+    limit = 0.0
+    if few > 0:
+        limit = variance_ratio_limit(MIRROR, few + 6, few) * (few + 6) / few
+    for way in starts[1:]:
+        if best.left <= limit * bound:  # as good as noise lets it be
+            break
+        best = min(best, _refined(pairs, way), key=lambda end: end.left)
+    return best._replace(bound=bound)
 
 
-def _refined(
-    measured: Array, predicted: Array, turns: Array | None, weight: Array, start: Rigid
-) -> _Best:
+def _refined(pairs: _Pairs, start: Rigid) -> _Best:
     """Least squares from a start; in m, rotations times the size of the points."""
-    middle = weight @ measured / weight.sum()
-    root = np.sqrt(weight)[:, None]
-    arms = (measured - middle) @ start.rotation.T
-    size = _size(measured, middle, weight)
-    linear = [np.broadcast_to(np.eye(3), (len(arms), 3, 3))]
-    if turns is not None:
-        linear.append(-turns)
-    fixed = np.concatenate(linear, axis=2)
+    root = np.sqrt(pairs.weight)[:, None]
+    arms, size, fixed = pairs.arms(start), pairs.size, pairs.linear
 
     def residual(x: Array) -> Array:
         turned = Rotation.from_rotvec(x[:3] / size).apply(arms)
-        return np.ravel(root * (turned + fixed @ x[3:] - predicted))
+        return np.ravel(root * (turned + fixed @ x[3:] - pairs.base))
 
     def jacobian(x: Array) -> Array:
         turned = Rotation.from_rotvec(x[:3] / size).apply(arms)
@@ -554,7 +541,7 @@ def _refined(
         return np.reshape(rows, (-1, rows.shape[-1]))
 
     x = np.zeros(3 + fixed.shape[2])
-    x[3:6] = start.apply(middle)
+    x[3:6] = start.apply(pairs.middle)
     # shift and offset follow from the rotation by linear least squares, as near to none as can be
     x[3:] += np.linalg.lstsq(jacobian(x)[:, 3:], -residual(x), rcond=_LOST)[0]
     full = False
@@ -566,8 +553,7 @@ def _refined(
         if full:
             break
     turn = Rotation.from_rotvec(x[:3] / size).as_matrix() @ start.rotation
-    frame = Rigid(turn, x[3:6] - turn @ middle)
-    return _Best(frame, x[6:] if turns is not None else np.zeros(3), left)
+    return _Best(Rigid(turn, x[3:6] - turn @ pairs.middle), x[6:], left)
 
 
 def _least_squares(
@@ -592,23 +578,18 @@ def _least_squares(
     return x + found.x @ ways, 2.0 * float(found.cost)
 
 
-def _starts(
-    measured: Array, predicted: Array, turns: Array, weight: Array, first: Rigid
-) -> tuple[list[Rigid], float]:
+def _starts(pairs: _Pairs, first: Rigid) -> tuple[list[Rigid], float]:
     """The best of many rotations, for a fit with an offset, and what no map goes below.
 
     A motion without an offset, 59 turns from it spread evenly, and the rotation nearest to the best
     affine map beside an offset, each judged with its best shift and offset.
     """
-    middle = weight @ measured / weight.sum()
-    root = np.sqrt(weight)[:, None, None]
-    arms = (measured - middle) @ first.rotation.T
-    fixed = np.concatenate([np.broadcast_to(np.eye(3), (len(arms), 3, 3)), -turns], axis=2)
+    root = np.sqrt(pairs.weight)[:, None, None]
+    arms, size, fixed = pairs.arms(first), pairs.size, pairs.linear
     # a change of the map, as near to none as the points leave it open
-    size = _size(measured, middle, weight)
     change = np.einsum("ij,kl->kijl", np.eye(3), arms / size).reshape(len(arms), 3, 9)
     rows = (root * np.concatenate([change, fixed], axis=2)).reshape(-1, 15)
-    wanted = (root[..., 0] * (predicted - arms)).ravel()
+    wanted = (root[..., 0] * (pairs.base - arms)).ravel()
     best = np.linalg.lstsq(rows, wanted, rcond=1e-6)[0]
     bound = float(np.sum((wanted - rows @ best) ** 2))
     affine = best[:9].reshape(3, 3) / size
@@ -618,47 +599,35 @@ def _starts(
     u, values, _ = np.linalg.svd((root * fixed).reshape(-1, 6), full_matrices=False)
     u = u[:, values > _LOST * values[0]]
     turned = np.einsum("wij,kj->wki", ways, arms)
-    rest = (root[..., 0] * (predicted - turned)).reshape(len(ways), -1)
+    rest = (root[..., 0] * (pairs.base - turned)).reshape(len(ways), -1)
     left = np.sum(rest**2, axis=1) - np.sum((rest @ u) ** 2, axis=1)
     out = []
-    tried = 5 if len(measured) < _FEW else 2
+    tried = 5 if len(arms) < _FEW else 2
     for way in ways[np.argsort(left, kind="stable")[:tried]]:
         turn = way @ first.rotation
-        out.append(Rigid(turn, first.apply(middle) - turn @ middle))
+        out.append(Rigid(turn, first.apply(pairs.middle) - turn @ pairs.middle))
     return out, bound
 
 
-def _reweighted(
-    measured: Array,
-    predicted: Array,
-    turns: Array | None,
-    weight: Array,
-    spread: Array | None,
-    best: _Best,
-) -> tuple[_Best, Array, Array]:
+def _reweighted(pairs: _Pairs, spread: Array | None, best: _Best) -> tuple[_Best, Array, Array]:
     """Huber's fit: the best, its weights (K,), and the standard deviations (K,)."""
-    count = len(measured)
-    unknowns = 6 if turns is None else 9
-    down = np.ones(count)
+    down = np.ones(len(pairs.base))
     for _ in range(200):
-        residual = best.frame.apply(measured) - predicted
-        if turns is not None:
-            residual = residual - turns @ best.offset
-        distance = np.linalg.norm(residual, axis=1)
+        distance = np.linalg.norm(pairs.residual(best.frame, best.offset), axis=1)
         scale = spread
         if scale is None:
             typical = float(np.median(distance)) / _MEDIAN
-            typical *= math.sqrt(3 * count / (3 * count - unknowns))
+            typical *= math.sqrt(pairs.base.size / pairs.dof)
             # points that fit exactly leave no scale
-            floor = 1e-12 * float(np.ptp(predicted, axis=0).max())
-            scale = np.full(count, max(typical, floor))
+            floor = 1e-12 * float(np.ptp(pairs.base, axis=0).max())
+            scale = np.full(len(down), max(typical, floor))
         ratio = distance / (_HUBER * scale)
         now = 1.0 / np.maximum(ratio, 1.0)
         settled = float(np.abs(now - down).max()) < 1e-6
         down = now
         if settled:
             return best, down, scale
-        best = _refined(measured, predicted, turns, weight * down, best.frame)
+        best = _refined(replace(pairs, weight=pairs.weight * down), best.frame)
     raise NoSolutionError(
         "the weights of the robust fit do not settle: fit without robust, and look at the residuals"
     )
@@ -669,23 +638,25 @@ def _reweighted(
 
 def _registration(
     kind: Kind,
-    frame: Rigid,
-    pivot: Array,
-    residual: Array,
-    by: Array,
-    down: Array,
+    pairs: _Pairs,
+    best: _Best,
     spread: Array | None,
-    offset: Array | None,
-    *,
-    given: bool,
-    robust: bool,
+    down: Array | None = None,
+    given: bool | None = None,
 ) -> Registration:
-    """Covariance and what cannot be told apart, from the derivative (n, 3, p) of the residuals.
+    """Covariance and what cannot be told apart, from the derivative of the residuals.
 
-    `spread` are standard deviations (n,), None where the residuals are to tell them.
+    `spread` are standard deviations (n,), None where the residuals are to tell them; `down` are the
+    weights (n,) of a robust fit, which says whether its standard deviations are `given`.
     """
-    count, unknowns = len(residual), by.shape[2]
-    dof = 3 * count - unknowns
+    robust, given = down is not None, spread is not None if given is None else given
+    down = np.ones(len(pairs.base)) if down is None else down
+    pull = pairs.weight * down
+    moved = best.frame.apply(pairs.measured)
+    pivot = pull @ moved / pull.sum()
+    by = np.concatenate([-_cross(moved - pivot), pairs.linear], axis=2)
+    residual = pairs.residual(best.frame, best.offset)
+    count, unknowns, dof = len(residual), pairs.unknowns, pairs.dof
     square = np.sum(residual**2, axis=1)
     if spread is None:
         spread = np.full(count, math.sqrt(square.sum() / dof))
@@ -715,7 +686,7 @@ def _registration(
             weak.append(f"{_words(direction)}: standard error {_amount(direction, error, size)}")
     return Registration(
         kind,
-        frame,
+        best.frame,
         pivot,
         covariance,
         residual,
@@ -723,9 +694,9 @@ def _registration(
         spread,
         given,
         robust,
-        offset,
-        tuple(_words(d) for d in _simple(directions[lost])),
-        tuple(weak),
+        offset=None if pairs.turns is None else best.offset,
+        undetermined=tuple(_words(d) for d in _simple(directions[lost])),
+        weak=tuple(weak),
     )
 
 
@@ -834,17 +805,6 @@ def with_and_without(
 # -- small pieces ------------------------------------------------------------------------------
 
 
-def _frame_jacobian(arms: Array) -> Array:
-    """Derivative (n, 3, 6) of points by rotation about their pivot, and shift."""
-    shift = np.broadcast_to(np.eye(3), (len(arms), 3, 3))
-    return np.concatenate([-_cross(arms), shift], axis=2)
-
-
-def _size(points: Array, middle: Array, weight: Array) -> float:
-    """RMS distance from the middle, m."""
-    return math.sqrt(float(weight @ np.sum((points - middle) ** 2, axis=1) / weight.sum()))
-
-
 def _cross(vectors: Array) -> Array:
     """Matrices (..., 3, 3) of cross products with vectors (..., 3)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
@@ -888,9 +848,10 @@ def _rotations(value: ArrayLike, count: int) -> Array:
     return found
 
 
-def _sigma(value: ArrayLike | None, count: int) -> Array | None:
+def _sigma(value: ArrayLike | None, count: int) -> tuple[Array | None, Array]:
+    """Standard deviations (n,), None where none are given, and the weights (n,) that they mean."""
     if value is None:
-        return None
+        return None, np.ones(count)
     try:
         found = np.array(np.broadcast_to(floats(value), (count,)))
     except (TypeError, ValueError):
@@ -900,4 +861,4 @@ def _sigma(value: ArrayLike | None, count: int) -> Array | None:
         ) from None
     if not (np.isfinite(found) & (found > 0)).all():
         raise InputError(f"sigma is {shown(value)}, it must be finite and positive, in m")
-    return found
+    return found, (found.min() / found) ** 2
