@@ -165,9 +165,7 @@ class Registration:
         """
         if any(not math.isfinite(x) for x in self.covariance.ravel()):
             return np.full((3, 3), math.inf)
-        arm = numbers("point", point, (3,), "m") - self.pivot
-        by = np.hstack([-_cross(arm), np.eye(3)])
-        return np.asarray(by @ self.covariance[:6, :6] @ by.T)
+        return self.covariance_about(point)[3:, 3:]
 
     def target_error(self, point: ArrayLike) -> float:
         """RMS error with which a point (3,) of the base frame is registered, m."""
@@ -433,10 +431,10 @@ def fit_model(
     if turns is None or best.left > _doubtful(pairs.dof) * best.bound:
         mirror_left = _search(pairs.mirrored).left
     _check_handed(pairs, best.left, mirror_left)
-    if not robust:
-        return _registration("model", pairs, best, spread)
-    best, down, scale = _reweighted(pairs, spread, best)
-    return _registration("model", pairs, best, scale, down, given=spread is not None)
+    down = scale = None
+    if robust:
+        best, down, scale = _reweighted(pairs, spread, best)
+    return _registration("model", pairs, best, spread, down, scale)
 
 
 @dataclass(frozen=True)
@@ -642,14 +640,15 @@ def _registration(
     best: _Best,
     spread: Array | None,
     down: Array | None = None,
-    given: bool | None = None,
+    scale: Array | None = None,
 ) -> Registration:
     """Covariance and what cannot be told apart, from the derivative of the residuals.
 
-    `spread` are standard deviations (n,), None where the residuals are to tell them; `down` are the
-    weights (n,) of a robust fit, which says whether its standard deviations are `given`.
+    `spread` are the given standard deviations (n,), None where the residuals are to tell them;
+    `down` and `scale` are the weights and the standard deviations (n,) of a robust fit.
     """
-    robust, given = down is not None, spread is not None if given is None else given
+    robust, given = down is not None, spread is not None
+    spread = spread if scale is None else scale
     down = np.ones(len(pairs.base)) if down is None else down
     pull = pairs.weight * down
     moved = best.frame.apply(pairs.measured)

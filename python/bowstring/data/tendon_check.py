@@ -8,9 +8,9 @@ as a motion that would have to mirror. What cannot be told apart is not told.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, islice
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
@@ -118,17 +118,16 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
     check_robot(robot)
     if 0 < measurements.without_tip < len(measurements):
         measurements = measurements.select(measurements.seen)
-    problem, bends, measured = _data(robot, measurements)
-    if problem and len(measured) and (doubt := _doubted_size(robot, measurements, bends, measured)):
+    problem, motion = _motion(robot, measurements)
+    if problem and motion is not None and (doubt := _doubted_size(motion)):
         return TendonCheck("unclear", doubt)
-    if problem:
+    if problem or motion is None:
         unchecked = f"The order of the tendons is not checked: {problem}."
         if doubt := _doubted_pulls(robot, measurements):
             return TendonCheck("unclear", f"{doubt} {unchecked}")
         return TendonCheck("unchecked", unchecked)
-    found = _order(robot, measurements, bends, measured)
-    doubt = _doubted_commands(robot, measurements, bends, measured)
-    doubt = doubt or _doubted_size(robot, measurements, bends, measured)
+    found = _order(motion)
+    doubt = _doubted_commands(motion) or _doubted_size(motion)
     if not doubt or found.found in ("swapped", "mirrored"):
         return found
     # what an order that is unclear would say is no news then
@@ -136,41 +135,38 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
     return replace(found, found="unclear", sentence=sentence)
 
 
-def _order(
-    robot: Robot, measurements: Measurements, bends: _Bends, measured: Floats
-) -> TendonCheck:
-    with_tip = measurements.points.shape[1] > 0
-    tool = np.asarray(measurements.tool) if with_tip else np.zeros(3)
-
-    count = measurements.tendon_count
+def _order(motion: _Motion) -> TendonCheck:
+    count = motion.m.tendon_count
     same = np.arange(count)
     # gravity or a wrong unit may hold the robot far straighter than tendons alone would
-    gain, _ = _best_gain(robot, bends(same), measured, tool, with_tip)
-    within = _capped(bends(same))
+    gain, _ = _best_gain(motion, motion.bends(same), motion.measured)
+    within = _capped(motion.bends(same))
     usual = within * min(_GAINS) <= gain <= within * max(_GAINS)
     gains = [] if usual else [gain * factor for factor in _NEAR]
 
     def fit(order: NDArray[np.int64], mirror: bool = False) -> _Fit:
-        return _fit(robot, bends(order), measured, tool, mirror, with_tip, gains)
+        return _fit(motion, motion.bends(order), mirror, gains)
+
+    def check(found: Found, sentence: str, pairs: Sequence[tuple[int, int]] = ()) -> TendonCheck:
+        named = pairs[0] if len(pairs) == 1 else ()
+        return TendonCheck(found, sentence, named, said.left, turn)
 
     said = fit(same)
     turn = float(np.arctan2(said.rotation[1, 0], said.rotation[0, 0]))
-    swaps = {pair: fit(_swapped(count, pair)) for pair in _pairs(count)}
+    pairs = islice(combinations(range(1, count + 1), 2), _MOST_PAIRS)
+    swaps = {pair: fit(_swapped(count, pair)) for pair in pairs}
     mirrored = fit(same, mirror=True)
     best = min([mirrored, *swaps.values()], key=lambda candidate: candidate.left)
     share = f"{100 * said.left:.0f} %"
     if not (best.left < _CLEARLY * said.left and best.left < _GOOD):
         if said.left > _POOR:
-            return TendonCheck(
+            return check(
                 "unclear",
                 f"As the tendons are ordered, constant curvature leaves {share} of the tip's motion"
                 " unexplained, and neither two swapped tendons nor the other sense of numbering "
                 "explain it: check the order and the sign of all tendons, and the robot.",
-                (),
-                said.left,
-                turn,
             )
-        return _agreed(said, swaps, mirrored, turn)
+        return check(*_agreed(said, swaps, mirrored, turn))
     ties = {pair: f for pair, f in swaps.items() if f.left <= _TIE * best.left}
     # the frame that needs least turning is the likelier, as most are roughly registered
     order = sorted(ties, key=lambda pair: ties[pair].angle)
@@ -179,30 +175,25 @@ def _order(
         ties[order[0]].angle < _TURNED and ties[order[1]].angle > 2 * _TURNED
     ):
         named = order
-    after = f"{100 * best.left:.0f} %"
-    less = f"constant curvature then leaves {after} of the tip's motion unexplained, not {share}"
+    less = (
+        f"constant curvature then leaves {100 * best.left:.0f} % of the tip's motion unexplained, "
+        f"not {share}"
+    )
     if mirrored.left <= _TIE * best.left:
         swap = f", or tendons {_or(named)} are swapped" if named else ""
-        return TendonCheck(
+        return check(
             "mirrored",
             "The tip turns the other way round than the tendons do: the measuring frame is "
             f"left-handed, or the tendons are numbered clockwise{swap}; {less}.",
-            named[0] if len(named) == 1 else (),
-            said.left,
-            turn,
+            named,
         )
-    return TendonCheck(
-        "swapped",
-        f"Tendons {_or(named)} look swapped: {less}.",
-        named[0] if len(named) == 1 else (),
-        said.left,
-        turn,
-    )
+    return check("swapped", f"Tendons {_or(named)} look swapped: {less}.", named)
 
 
 def _agreed(
     said: _Fit, swaps: dict[tuple[int, int], _Fit], mirrored: _Fit, turn: float
-) -> TendonCheck:
+) -> tuple[Found, str, list[tuple[int, int]]]:
+    """What is found of an order that explains the motion, in words, and pairs that are doubted."""
     how = "moves" if said.left < _GOOD else "roughly moves"
     text = (
         f"The tip {how} as the tendons say in this order: constant curvature leaves "
@@ -212,7 +203,7 @@ def _agreed(
     if mirrored.left <= _TIE * said.left:
         text += "; numbered in the other sense they would explain it as well, as in any plane"
     if abs(turn) < _TURNED or said.rotation[2, 2] < np.cos(2 * _TURNED):
-        return TendonCheck("as_said", f"{text}.", (), said.left, turn)
+        return "as_said", f"{text}.", []
     named = [pair for pair in alike if swaps[pair].angle < _TURNED]
     swap = f"tendons {_or(named)} are swapped, " if named else ""
     text += (
@@ -220,22 +211,22 @@ def _agreed(
         f"is not, {swap}the tendons are numbered from another one, or the sign of the pulls is "
         "wrong"
     )
-    return TendonCheck("turned", f"{text}.", named[0] if len(named) == 1 else (), said.left, turn)
+    return "turned", f"{text}.", named
 
 
-def _doubted_commands(robot: Robot, m: Measurements, bends: _Bends, measured: Floats) -> str:
+def _doubted_commands(motion: _Motion) -> str:
     """A sentence where tensions or pulls differ from what moves so as a wrong unit makes them."""
-    if not np.isnan(m.pulls).any():
-        return _wound(robot, m, np.linalg.norm(bends(np.arange(m.tendon_count)), axis=2))
-    if np.isnan(m.tensions).any():
-        return ""
-    bend = float(np.linalg.norm(bends(np.arange(m.tendon_count)), axis=2).max())
+    robot, m = motion.robot, motion.m
+    bends = np.linalg.norm(motion.bends(), axis=2)
+    if motion.by_pull:
+        return _wound(robot, m, bends)
+    bend = float(bends.max())
     largest = f"{significant(float(m.tensions.max()))} N, the largest tension,"
     advice = "check the unit of the tensions or masses, and E of the robot file."
     if bend > _WOUND:
         turns = significant(bend / (2 * np.pi), 2)
         return f"By the linear law {largest} would wind {robot.name} {turns} times around: {advice}"
-    moved = _spread(measured) / (robot.length if m.points.shape[1] else 1.0)
+    moved = _spread(motion.measured) / motion.size
     if moved > _UNMOVED * bend:
         return (
             f"By the linear law {largest} would bend {robot.name} by "
@@ -262,42 +253,41 @@ def _wound(robot: Robot, m: Measurements, bends: Floats) -> str:
     )
 
 
-def _doubted_size(robot: Robot, m: Measurements, bends: _Bends, measured: Floats) -> str:
+def _doubted_size(motion: _Motion) -> str:
     """A sentence where the motion is several times larger or smaller than that of the robot file.
 
     The same arcs are fitted to the measured motion and to that which the commands should make, by
     geometry from pulls and by statics from tensions; their gains are compared.
     """
-    with_tip = m.points.shape[1] > 0
-    tool = np.asarray(m.tool) if with_tip else np.zeros(3)
-    reach = robot.length + float(np.linalg.norm(tool))
+    robot, m, measured = motion.robot, motion.m, motion.measured
+    reach = robot.length + float(np.linalg.norm(motion.tool))
     middle = np.median(measured, axis=0)
-    if with_tip and np.linalg.norm(measured - middle, axis=1).max() > 2 * reach:
+    if motion.with_tip and np.linalg.norm(measured - middle, axis=1).max() > 2 * reach:
         return (
             f"The tips lie farther apart than {robot.name} reaches, which is {in_mm(robot.length)} "
             "long: check the unit of the tip's columns."
         )
-    expected, rows = _expected(robot, m, bends, tool, with_tip)
+    expected, rows = _expected(motion)
     if len(rows) < _FEWEST_ROWS:
         return ""
-    order = np.arange(m.tendon_count)
-    measured, bent = measured[rows], bends(order)[rows]
-    still = _STILL * (robot.length if with_tip else 1.0)
+    measured, bent = measured[rows], motion.bends()[rows]
+    still = _STILL * motion.size
     if not bent.any() or max(_spread(measured), _spread(expected)) < still:
         return ""
     moved = _spread(measured) / max(_spread(expected), 1e-12 * still)
     if moved > 1 / _LESS_BY_FAR:  # else too little moves to fit an arc to it
-        gains = [_best_gain(robot, bent, p, tool, with_tip) for p in (measured, expected)]
+        gains = [_best_gain(motion, bent, points) for points in (measured, expected)]
         if max(left for _, left in gains) > _POOR:
             return ""
         moved = gains[0][0] / gains[1][0]
     if 1 / _FACTOR < moved < _FACTOR:
         return ""
-    by_pull = not np.isnan(m.pulls).any()
-    what, largest = ("pulls", m.pulls) if by_pull else ("tensions or masses", m.tensions)
-    amount = float(np.abs(largest).max())
-    shown = in_mm(amount) if by_pull else f"{significant(amount)} N"
-    rest = "the pitch radius" if by_pull else "E and gravity"
+    if motion.by_pull:
+        what, rest = "pulls", "the pitch radius"
+        shown = in_mm(float(np.abs(m.pulls).max()))
+    else:
+        what, rest = "tensions or masses", "E and gravity"
+        shown = f"{significant(float(np.abs(m.tensions).max()))} N"
     if moved < 1e-6:
         how = "does not move, though"
     else:
@@ -309,31 +299,26 @@ def _doubted_size(robot: Robot, m: Measurements, bends: _Bends, measured: Floats
     )
 
 
-def _expected(
-    robot: Robot, m: Measurements, bends: _Bends, tool: Floats, with_tip: bool
-) -> tuple[Floats, NDArray[np.int64]]:
+def _expected(motion: _Motion) -> tuple[Floats, NDArray[np.int64]]:
     """Where the tip should be, and of which rows that is known."""
     from bowstring.statics import rod
     from bowstring.statics.load import Load
 
-    arcs = bends(np.arange(m.tendon_count))
+    arcs = motion.bends()
     rows = np.flatnonzero(np.linalg.norm(arcs, axis=2).max(axis=1) <= _TURN / 2)
     if len(rows) < _FEWEST_ROWS or not arcs[rows].any():  # a wound robot tells less
         rows = np.arange(len(arcs))
     some = np.linspace(0, len(rows) - 1, min(len(rows), _MOST_SOLVED)).round().astype(int)
     rows = rows[np.unique(some)]
-    by_pull = not np.isnan(m.pulls).any()
-    if by_pull and not _stretches(robot):
-        position, axis = _tips(robot, arcs[rows], tool)
-        return (position if with_tip else axis), rows
-    load = Load(**{"displacements" if by_pull else "tensions": bends.driven[rows]})
+    if motion.by_pull and not _stretches(motion.robot):
+        return motion.tips(arcs[rows]), rows
+    load = Load(**{"displacements" if motion.by_pull else "tensions": motion.driven[rows]})
     try:
-        found = rod.solve_batch(robot, load=load, disks=False)
+        found = rod.solve_batch(motion.robot, load=load, disks=False)
     except BowstringError:
         return np.empty((0, 3)), rows[:0]
     good = np.asarray(found.converged)
-    position, rotation = found.tip_position[good], found.tip_rotation[good]
-    return (position + rotation @ tool if with_tip else rotation[..., 2]), rows[good]
+    return motion.seen(found.tip_position[good], found.tip_rotation[good]), rows[good]
 
 
 def _stretches(robot: Robot) -> bool:
@@ -343,9 +328,7 @@ def _stretches(robot: Robot) -> bool:
     return bool(elastic or tendons.compliance_m_per_N.any())
 
 
-def _best_gain(
-    robot: Robot, bends: Floats, measured: Floats, tool: Floats, with_tip: bool
-) -> tuple[float, float]:
+def _best_gain(motion: _Motion, bends: Floats, measured: Floats) -> tuple[float, float]:
     """Factor on all bends with which arcs explain the motion best, and the share left over."""
     largest = float(np.linalg.norm(bends, axis=2).max())
     if largest == 0 or _spread(measured) == 0:
@@ -353,8 +336,7 @@ def _best_gain(
     bent = np.logspace(-5, np.log10(_MOST_BENT), 40)
 
     def left(angle: float) -> float:
-        position, axis = _tips(robot, bends * (angle / largest), tool)
-        return _rigid(position if with_tip else axis, measured).left
+        return _rigid(motion.tips(bends * (angle / largest)), measured).left
 
     for _ in range(2):
         at = int(np.argmin(found := [left(angle) for angle in bent]))
@@ -367,11 +349,6 @@ def _or(pairs: list[tuple[int, int]]) -> str:
     return " or ".join(listed([str(a), str(b)]) for a, b in pairs)
 
 
-def _pairs(count: int) -> Iterator[tuple[int, int]]:
-    for pair, _ in zip(combinations(range(1, count + 1), 2), range(_MOST_PAIRS), strict=False):
-        yield pair
-
-
 def _swapped(count: int, pair: tuple[int, int]) -> NDArray[np.int64]:
     order = np.arange(count)
     order[[pair[0] - 1, pair[1] - 1]] = pair[1] - 1, pair[0] - 1
@@ -381,58 +358,89 @@ def _swapped(count: int, pair: tuple[int, int]) -> NDArray[np.int64]:
 # -- from data to motion -----------------------------------------------------------------------
 
 
-def _data(robot: Robot, m: Measurements) -> tuple[str, _Bends, Floats]:
-    """Why it cannot be checked, or what bends the segments and where the tip was."""
-    nothing = _Bends(np.empty((0, 0)), np.empty((0, 0)))
-    none = np.empty((0, 3))
+@dataclass(frozen=True)
+class _Motion:
+    """What drives a robot, and where the tip was (n, 3), in some of the rows."""
+
+    robot: Robot
+    m: Measurements
+    driven: Floats
+    """(n, T), pulls or tensions."""
+    by_tendon: Floats
+    """(2 S, T), bends of the segments by these, rad."""
+    measured: Floats
+    """Tips; where no point is measured, directions of the tip."""
+
+    @property
+    def by_pull(self) -> bool:
+        return not np.isnan(self.m.pulls).any()
+
+    @property
+    def with_tip(self) -> bool:
+        return self.m.points.shape[1] > 0
+
+    @property
+    def tool(self) -> Floats:
+        return np.asarray(self.m.tool) if self.with_tip else np.zeros(3)
+
+    @property
+    def size(self) -> float:
+        """What a motion is large or small beside."""
+        return self.robot.length if self.with_tip else 1.0
+
+    def bends(self, order: NDArray[np.int64] | None = None) -> Floats:
+        """Bend vectors of all segments (n, S, 2), rad, the tendons in some order.
+
+        By tension they are relative, the largest is a quarter turn.
+        """
+        driven = self.driven if order is None else self.driven[:, order]
+        return np.asarray((driven @ self.by_tendon.T).reshape(len(driven), -1, 2))
+
+    def seen(self, position: Floats, rotation: Floats) -> Floats:
+        """What is measured (n, 3) of tips: the tool or the direction."""
+        return position + rotation @ self.tool if self.with_tip else rotation[..., 2]
+
+    def tips(self, bends: Floats) -> Floats:
+        """What would be measured (n, 3) of segments in series that bend so."""
+        length = [segment.length for segment in self.robot.segments]
+        x, y = np.moveaxis(bends, -1, 0)
+        arcs = RobotArcs(self.robot, Arc(np.hypot(x, y) / length, np.arctan2(y, x), length))
+        return self.seen(arcs.tip.position, arcs.tip.rotation)
+
+
+def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
+    """Why it cannot be checked, and what moves how, as far as that is known."""
     if m.tendon_count == 0:
-        return "the data say of no tendon how it is driven", nothing, none
+        return "the data say of no tendon how it is driven", None
     if m.tendon_count != len(robot.tendons.angle_rad):
         needed = len(robot.tendons.angle_rad)
-        return f"the data have {m.tendon_count} tendons, {robot.name} has {needed}", nothing, none
+        return f"the data have {m.tendon_count} tendons, {robot.name} has {needed}", None
     if m.points.shape[1]:
         if m.scale is None:
-            return "points are in pixels", nothing, none
+            return "points are in pixels", None
         if not m.seen.any():
-            return "no tip is measured", nothing, none
-        measured, size = m.tip, robot.length
+            return "no tip is measured", None
+        measured = m.tip
     elif m.bend is not None and m.direction is not None:
         across = np.sin(m.bend)
         measured = np.stack(
             [across * np.cos(m.direction), across * np.sin(m.direction), np.cos(m.bend)], axis=1
         )
-        size = 1.0
     else:
-        return "no point and no direction of bending is measured", nothing, none
+        return "no point and no direction of bending is measured", None
     if not np.isnan(m.pulls).any():
         driven, by_tendon = m.pulls, _by_pull(robot)
     elif not np.isnan(m.tensions).any():
         driven, by_tendon = m.tensions, _by_tension(robot)
     else:
-        return "some tendons are given by tension and others by pull", nothing, none
+        return "some tendons are given by tension and others by pull", None
     rows = np.unique(np.linspace(0, len(m) - 1, min(len(m), _MOST_ROWS)).round().astype(int))
     rows = rows[np.isfinite(measured[rows]).all(axis=1)]
     if len(rows) < _FEWEST_ROWS:
-        return f"it takes {_FEWEST_ROWS} rows or more", nothing, none
-    measured = measured[rows]
-    if _spread(measured) < _STILL * size:
-        return "the tip hardly moves", _Bends(driven[rows], by_tendon), measured
-    return "", _Bends(driven[rows], by_tendon), measured
-
-
-@dataclass(frozen=True)
-class _Bends:
-    """Bend vectors of all segments (n, S, 2), rad, from commands (n, T), in any order of tendons.
-
-    By tension they are relative, the largest is a quarter turn.
-    """
-
-    driven: Floats
-    by_tendon: Floats
-
-    def __call__(self, order: NDArray[np.int64]) -> Floats:
-        rows = self.driven[:, order] @ self.by_tendon.T
-        return np.asarray(rows.reshape(len(rows), -1, 2))
+        return f"it takes {_FEWEST_ROWS} rows or more", None
+    motion = _Motion(robot, m, driven[rows], by_tendon, measured[rows])
+    still = _spread(motion.measured) < _STILL * motion.size
+    return "the tip hardly moves" if still else "", motion
 
 
 def _by_pull(robot: Robot) -> Floats:
@@ -460,15 +468,7 @@ def _by_tension(robot: Robot) -> Floats:
     return out
 
 
-def _fit(
-    robot: Robot,
-    bends: Floats,
-    measured: Floats,
-    tool: Floats,
-    mirror: bool,
-    with_tip: bool,
-    gains: Sequence[float],
-) -> _Fit:
+def _fit(motion: _Motion, bends: Floats, mirror: bool, gains: Sequence[float]) -> _Fit:
     """The best of the gains, each with the rigid motion that fits it best."""
     largest = float(np.linalg.norm(bends, axis=2).max())
     if largest == 0:
@@ -476,25 +476,14 @@ def _fit(
     cap = _capped(bends)
     fits = []
     for gain in (*(cap * gain for gain in _GAINS), *gains):
-        position, axis = _tips(robot, gain * bends, tool)
-        predicted = position if with_tip else axis
-        if mirror:
-            predicted = predicted * [1.0, -1.0, 1.0]
-        fits.append(_rigid(predicted, measured))
+        predicted = motion.tips(gain * bends) * ([1.0, -1.0, 1.0] if mirror else 1.0)
+        fits.append(_rigid(predicted, motion.measured))
     return min(fits, key=lambda fit: fit.left)
 
 
 def _capped(bends: Floats) -> float:
     """Factor that leaves a bend at most: stiffness may be far from that of the file."""
     return min(1.0, 2.5 / max(float(np.linalg.norm(bends, axis=2).max()), 1e-300))
-
-
-def _tips(robot: Robot, bends: Floats, tool: Floats) -> tuple[Floats, Floats]:
-    """Measured point and direction of the tip (n, 3) of segments in series."""
-    length = [segment.length for segment in robot.segments]
-    x, y = np.moveaxis(bends, -1, 0)
-    tip = RobotArcs(robot, Arc(np.hypot(x, y) / length, np.arctan2(y, x), length)).tip
-    return tip.position + tip.rotation @ tool, tip.rotation[..., 2]
 
 
 def _spread(points: Floats) -> float:
