@@ -28,6 +28,7 @@ __all__ = [
     "Layout",
     "Part",
     "check_stations",
+    "did_you_mean",
     "factor_of",
     "nearest",
     "tidy",
@@ -47,7 +48,6 @@ _SI: Final = {
     "mass": "kg",
     "tension": "N",
     "pull": "m",
-    "tip": "m",
     "point": "m",
     "sigma": "m",
     "time": "s",
@@ -56,10 +56,9 @@ _SI: Final = {
 }
 _EXAMPLE: Final = {"kg": "kg", "N": "N", "m": "mm", "s": "s", "rad": "deg"}
 _PATTERN: Final = re.compile(
-    r"(?P<tendon>mass|tension|pull)_(?P<k>[0-9]{1,4})(?:_(?P<tendon_unit>.+))?"
-    r"|tip_(?P<tip>[xyz])(?:_(?P<tip_unit>.+))?"
-    r"|point_(?P<p>[0-9]{1,4})_(?P<point>[xyz])(?:_(?P<point_unit>.+))?"
-    r"|(?P<one>sigma|time|bend|direction)(?:_(?P<one_unit>.+))?"
+    r"(?:(?P<tendon>mass|tension|pull)_(?P<k>[0-9]{1,4})"
+    r"|(?:tip|point_(?P<p>[0-9]{1,4}))_(?P<axis>[xyz])"
+    r"|(?P<one>sigma|time|bend|direction))(?:_(?P<unit>.+))?"
     r"|(?P<plain>repeat|group|recording|source)"
 )
 _SYNONYMS: Final = {
@@ -116,7 +115,7 @@ class Layout:
     """
 
     tendons: list[tuple[Kind, Column]] = field(default_factory=list)
-    points: list[tuple[Column, Column, Column]] = field(default_factory=list)
+    points: list[tuple[Column, ...]] = field(default_factory=list)
     shape: Column | None = None
     scale: float | None = 1.0
     bend: Column | None = None
@@ -147,6 +146,12 @@ def nearest(name: str, known: Sequence[str]) -> str | None:
     lower = {item.lower(): item for item in reversed(known)}
     near = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.6)
     return lower[near[0]] if near else None
+
+
+def did_you_mean(name: str, known: Sequence[str]) -> str:
+    """The question before what is known, empty where no known name is near."""
+    near = nearest(name, known)
+    return f"did you mean {near}? " if near else ""
 
 
 # -- the tidy format ---------------------------------------------------------------------------
@@ -192,7 +197,7 @@ class _Header:
                 strangers.append(name)
             elif match["tendon"]:
                 kind: Kind = "pull" if match["tendon"] == "pull" else "tension"
-                column = self.column(index, name, match["tendon"], match["tendon_unit"])
+                column = self.column(index, name, match["tendon"], match["unit"])
                 k = int(match["k"])
                 if k in tendons:
                     raise self.fail(
@@ -200,25 +205,22 @@ class _Header:
                         "one of mass, tension and pull"
                     )
                 tendons[k] = (kind, column)
-            elif match["tip"] or match["point"]:
-                place = 0 if match["tip"] else int(match["p"])
-                if match["point"] and place == 0:
+            elif axis := match["axis"]:
+                place = int(match["p"] or 0)
+                if match["p"] and place == 0:
                     raise self.fail(f"got {name}; points are numbered from 1, base to tip")
-                axis = match["tip"] or match["point"]
-                unit = match["tip_unit"] if match["tip"] else match["point_unit"]
-                column = self.column(index, name, "tip" if match["tip"] else "point", unit)
+                column = self.column(index, name, "point", match["unit"])
                 if axis in points.setdefault(place, {}):
                     raise self.fail(f"{points[place][axis].name} and {name} say the same")
                 points[place][axis] = column
             else:
                 what = match["one"] or match["plain"]
-                unit = match["one_unit"]
-                column = (
-                    self.column(index, name, what, unit) if match["one"] else Column(index, name)
-                )
                 target = "label" if what == "source" else what
-                if getattr(found, target) is not None:
-                    raise self.fail(f"{getattr(found, target).name} and {name} say the same")
+                column = Column(index, name)
+                if match["one"]:
+                    column = self.column(index, name, what, match["unit"])
+                if (before := getattr(found, target)) is not None:
+                    raise self.fail(f"{before.name} and {name} say the same")
                 setattr(found, target, column)
         self.strangers = strangers
         found.tendons = self.tendons(tendons)
@@ -261,13 +263,12 @@ class _Header:
                 f"{self.here}: {name} has no unit; write for example {name}_{_EXAMPLE[si]}",
                 self.table,
             )
-        group = "point" if kind in ("tip", "point") else kind
-        before, where = self.units.setdefault(group, (unit, name))
+        before, where = self.units.setdefault(kind, (unit, name))
         if before != unit:
             raise self.fail(
                 f"mixed units: {where} is in {before} and {name} in {unit}; give both in one unit"
             )
-        if unit == PIXELS and group == "point":
+        if unit == PIXELS and kind == "point":
             return Column(index, name)
         try:
             factor = factor_of(unit, si)
@@ -334,7 +335,7 @@ class _Header:
 
     def points(
         self, found: dict[int, dict[str, Column]], layout: Layout
-    ) -> list[tuple[Column, Column, Column]]:
+    ) -> list[tuple[Column, ...]]:
         if not found:
             if layout.bend is not None:
                 return []
@@ -368,7 +369,7 @@ class _Header:
         return check_stations(f"{self.table.path}: the comment '# stations:'", values, count)
 
 
-def check_stations(what: str, values: Sequence[float], count: int) -> Floats:
+def check_stations(what: str, values: Sequence[float] | Floats, count: int) -> Floats:
     """Shares of the length that rise from 0 or more to 1 or less, one for each point."""
     if len(values) != count:
         raise InputError(f"{what} has {len(values)} numbers; there are {count} points")

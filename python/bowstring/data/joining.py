@@ -5,18 +5,19 @@ from __future__ import annotations
 import datetime
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import islice
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.data.tables import Row, Table, cell_number
+from bowstring.data.columns import Column
+from bowstring.data.tables import Row, Table, cell_number, with_point
 from bowstring.errors import InputError
 from bowstring.units import quote
 
-__all__ = ["Clock", "How", "join", "seconds_of"]
+__all__ = ["How", "join", "seconds_of"]
 
 Floats = NDArray[np.float64]
 How = Literal["linear", "nearest", "previous"]
@@ -24,37 +25,6 @@ How = Literal["linear", "nearest", "previous"]
 _CHUNK: Final = 5_000  # rows
 _GAP: Final = 10.0  # median steps between samples
 _SAME: Final = 1e-6  # of a median step: the same time
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Where a table has its time, and what makes it seconds on the clock of both.
-
-    Attributes
-    ----------
-    index : int
-        Of the column.
-    name : str
-    factor : float
-        To s.
-    is_date : bool
-        Whether cells are dates and times of ISO 8601.
-    shift : float
-        Added, s.
-    """
-
-    index: int
-    name: str
-    factor: float = 1.0
-    is_date: bool = False
-    shift: float = 0.0
-
-    def read(self, cells: Sequence[str]) -> float:
-        """Time of a row, s; NaN where its cell has none."""
-        cell = cells[self.index] if self.index < len(cells) else ""
-        if self.is_date:
-            return seconds_of(cell) + self.shift
-        return cell_number(cell) * self.factor + self.shift
 
 
 def seconds_of(cell: str) -> float:
@@ -76,8 +46,22 @@ def seconds_of(cell: str) -> float:
     return found.timestamp() + share
 
 
+def _time(clock: Column, cells: Sequence[str], decimal_comma: bool) -> float:
+    """Time of a row, s; NaN where its cell has none."""
+    cell = cells[clock.index] if clock.index < len(cells) else ""
+    if clock.is_date:
+        return seconds_of(cell)
+    return cell_number(with_point(cell) if decimal_comma else cell) * clock.factor
+
+
 def join(
-    table: Table, clock: Clock, log: Table, log_clock: Clock, how: How, within: float | None
+    table: Table,
+    clock: Column,
+    log: Table,
+    log_clock: Column,
+    how: How,
+    within: float | None,
+    shift: float = 0.0,
 ) -> Table:
     """Put the columns of a log beside the rows of a table, each with the log's value at its time.
 
@@ -85,13 +69,15 @@ def join(
     ----------
     table, log : Table
         The log is read as a whole.
-    clock, log_clock : Clock
-        Of either.
+    clock, log_clock : Column
+        Where either has its time.
     how : {"linear", "nearest", "previous"}
         Between samples: straight, the nearest one, or the last one before. Text is never between.
     within : float or None
         Farther than that from a sample, in s, a row has no value. None: anywhere between the first
         and the last sample, and up to a median step beyond.
+    shift : float
+        Added to the times of the log, s.
 
     Returns
     -------
@@ -103,20 +89,10 @@ def join(
     InputError
         If the log's times are none or go back, or no row lies within them.
     """
-    samples = _Samples(log, log_clock)
+    samples = _Samples(log, log_clock, shift)
     names = [name if name not in table.header else f"log.{name}" for name in log.header]
-    out = Table(
-        table.path,
-        table.sha256,
-        [*table.header, *names],
-        table.line,
-        table.about,
-        table.separator,
-        table.notes,
-        form=table.form,
-        length_unit=table.length_unit or log.length_unit,
-        own=len(table.header),
-    )
+    length_unit, own = table.length_unit or log.length_unit, len(table.header)
+    out = replace(table, header=[*table.header, *names], length_unit=length_unit, own=own)
     if log.length_unit is not None and table.length_unit not in (None, log.length_unit):
         raise InputError(
             f"{table.path} is in {table.length_unit} and {log.path} in {log.length_unit}; export "
@@ -137,7 +113,7 @@ def join(
 class _Samples:
     """A log: times that rise, and cells."""
 
-    def __init__(self, log: Table, clock: Clock) -> None:
+    def __init__(self, log: Table, clock: Column, shift: float) -> None:
         self.path = log.path
         width = len(log.header)
         times: list[float] = []
@@ -145,9 +121,9 @@ class _Samples:
         without, commas = 0, log.separator != ","
         for chunk in log.chunks():
             for line, cells in chunk:
+                time = _time(clock, cells, commas) + shift
                 if commas:
-                    cells = [c.replace(",", ".") if c.count(",") == 1 else c for c in cells]
-                time = clock.read(cells)
+                    cells = list(map(with_point, cells))
                 if np.isnan(time):
                     without += 1
                     continue
@@ -223,7 +199,12 @@ def _between(nearest: str, other: str) -> str:
 
 
 def _joined(
-    out: Table, rows: Iterator[Row], clock: Clock, samples: _Samples, how: How, within: float | None
+    out: Table,
+    rows: Iterator[Row],
+    clock: Column,
+    samples: _Samples,
+    how: How,
+    within: float | None,
 ) -> Iterator[Row]:
     width = out.own or 0
     blank = [""] * (len(out.header) - width)
@@ -231,13 +212,7 @@ def _joined(
     where = 0
     decimal_commas = out.separator != ","
     while chunk := list(islice(rows, _CHUNK)):
-        times = []
-        for _, cells in chunk:
-            cell = cells[clock.index] if clock.index < len(cells) else ""
-            if decimal_commas and cell.count(",") == 1:
-                cell = cell.replace(",", ".")
-            times.append(clock.read([""] * clock.index + [cell]))
-        array = np.array(times)
+        array = np.array([_time(clock, cells, decimal_commas) for _, cells in chunk])
         if np.isfinite(array).any():
             first, last = min(first, np.nanmin(array)), max(last, np.nanmax(array))
         beside = samples.at(array, how, within)

@@ -6,10 +6,10 @@ YAML, checked as a whole: columns, units, order and sign of the tendons, axes of
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,13 @@ from bowstring.data.columns import (
     Layout,
     Part,
     check_stations,
+    did_you_mean,
     factor_of,
     nearest,
 )
-from bowstring.data.joining import Clock, How, join
+from bowstring.data.joining import How, join
 from bowstring.data.motive import TIME
-from bowstring.data.tables import Form, Table, open_table
+from bowstring.data.tables import COLUMN, Form, Name, Table, open_table
 from bowstring.errors import InputError
 from bowstring.robot.safe_yaml import read_yaml, reading, text_of
 from bowstring.units import NUMBER, Quantity, Text, quote, read_number, wrong
@@ -57,23 +58,24 @@ def _scale_of(unit: str, si: str) -> float:
     return factor
 
 
-def _unit(si: str, pixels: bool = False, dates: bool = False) -> BeforeValidator:
+def _check_unit(unit: str, si: str, where: str = "") -> None:
+    try:
+        _scale_of(unit, si)
+    except ValueError as error:
+        raise wrong(f"{where}got {quote(unit)}, {error}") from None
+
+
+def _unit(si: str, besides: str = "") -> BeforeValidator:
     def check(value: object) -> object:
         if not isinstance(value, str):
             raise wrong(f"got {quote(value)}; must be a unit")
-        if (pixels and value == PIXELS) or (dates and value == DATES):
-            return value
-        try:
-            _scale_of(value, si)
-        except ValueError as error:
-            raise wrong(f"got {quote(value)}, {error}") from None
+        if value != besides or not besides:
+            _check_unit(value, si)
         return value
 
     return BeforeValidator(check)
 
 
-_COLUMN = Text(200, "tip_x")
-Name = Annotated[str, _COLUMN]
 #: What YAML writes for nothing.
 _NOTHING: Final = ("", "~", "null", "Null", "NULL")
 #: Unit of a time that is written as a date and a time of day.
@@ -85,7 +87,7 @@ def _name_or_number(value: object) -> object:
         return None
     if isinstance(value, int | float) and not isinstance(value, bool):
         return repr(value)
-    return _COLUMN.read(value)
+    return COLUMN.read(value)
 
 
 class Source(_Part):
@@ -130,49 +132,20 @@ class Source(_Part):
 
 
 Triple = Annotated[tuple[Source, Source, Source], Field(description="Columns of x, y and z.")]
-LengthUnit = Annotated[str, _unit("m", pixels=True)]
-
-
-class TableForm(_Part):
-    """How the table lies in its file: lines to skip, names of columns."""
-
-    skip: Annotated[int, Field(ge=0, le=100_000)] = 0
-    skip_below: Annotated[int, Field(ge=0, le=100_000)] = 0
-    header: Literal["first", "none"] = "first"
-    names: tuple[Name, ...] = ()
-    separator: Literal["comma", "semicolon", "tab", "blanks"] | None = None
-
-    @property
-    def form(self) -> Form:
-        """The same for `open_table`."""
-        marks = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": " "}
-        return Form(
-            skip=self.skip,
-            skip_below=self.skip_below,
-            has_header=self.header == "first",
-            names=self.names,
-            separator=marks[self.separator] if self.separator else None,
-        )
+LengthUnit = Annotated[str, _unit("m", PIXELS)]
 
 
 class Time(_Part):
     """The column of the time; unit ``iso``: dates and times of ISO 8601."""
 
     column: Name
-    unit: Annotated[str, _unit("s", dates=True)]
+    unit: Annotated[str, _unit("s", DATES)]
 
-    def clock(self, table: Table, field: str, shift: float = 0.0) -> Clock:
-        """Where a table has it.
-
-        Raises
-        ------
-        InputError
-            If it is not there.
-        """
-        found = _Finder(table).column(field, self.column)
+    def layout(self, find: _Finder, field: str = "time.column") -> Column:
+        """Where a table has it, with the factor to s."""
         dates = self.unit == DATES
-        factor = 1.0 if dates else _scale_of(self.unit, "s")
-        return Clock(found.index, self.column, factor, dates, shift)
+        found = find.column(field, self.column, 1.0 if dates else _scale_of(self.unit, "s"))
+        return replace(found, is_date=dates)
 
 
 class Join(_Part):
@@ -190,7 +163,7 @@ class Join(_Part):
         Between its samples.
     within : float or None
         Farther from a sample than that, in s, a row has no value of it.
-    table : TableForm or None
+    table : Form or None
         How it lies in its file.
     """
 
@@ -199,7 +172,7 @@ class Join(_Part):
     shift: Annotated[float, Quantity("s", "0.12 s", "-1e10 s", "1e10 s")] = 0.0
     how: How = "linear"
     within: Annotated[float | None, Quantity("s", "0.05 s", "0 s", "1e10 s")] = None
-    table: TableForm | None = None
+    table: Form | None = None
 
 
 class Tendons(_Part):
@@ -212,16 +185,10 @@ class Tendons(_Part):
 
     @model_validator(mode="after")
     def _check(self) -> Tendons:
-        for unit, where in (
-            (self.unit, "unit"),
-            *((each.unit, f"columns[{i}].unit") for i, each in enumerate(self.columns)),
-        ):
-            if unit is None:
-                continue
-            try:
-                _scale_of(unit, self.si)
-            except ValueError as error:
-                raise wrong(f"{where}: got {quote(unit)}, {error}") from None
+        _check_unit(self.unit, self.si, "unit: ")
+        for i, each in enumerate(self.columns):
+            if each.unit is not None:
+                _check_unit(each.unit, self.si, f"columns[{i}].unit: ")
         if self.positive == "paid_out" and self.quantity != "pull":
             raise wrong(f"positive: paid_out is for pulls, a {self.quantity} pulls")
         named = [(s.column, s.sign in ("-1", "-"), s.part) for s in self.columns if not s.is_number]
@@ -252,7 +219,7 @@ class Tip(_Part):
     """Columns of the measured tip, or the name of a body or marker of a Motive export."""
 
     columns: Triple | None = None
-    name: Annotated[str | None, _COLUMN] = None
+    name: Annotated[str | None, COLUMN] = None
     unit: LengthUnit | None = None
 
     @model_validator(mode="after")
@@ -291,10 +258,7 @@ def _check_units(points: Sequence[Sequence[Source]], unit: str | None) -> None:
                 continue
             if unit == PIXELS:
                 raise wrong("columns: a unit of its own has no meaning beside px")
-            try:
-                _scale_of(each.unit, "m")
-            except ValueError as error:
-                raise wrong(f"columns: unit: got {quote(each.unit)}, {error}") from None
+            _check_unit(each.unit, "m", "columns: unit: ")
 
 
 class Shape(_Part):
@@ -308,7 +272,7 @@ class Angles(_Part):
     """Columns of angle and direction of bending."""
 
     bend: Name
-    direction: Annotated[str | None, _COLUMN] = None
+    direction: Annotated[str | None, COLUMN] = None
     unit: Annotated[str, _unit("rad")]
 
 
@@ -390,7 +354,7 @@ class Mapping(_Part):
     ----------
     name, source, description
         ``source`` is measured, synthetic or computed.
-    table : TableForm or None
+    table : Form or None
         How the table lies in its file.
     join : Join or None
         Another table, put beside it by time.
@@ -407,7 +371,7 @@ class Mapping(_Part):
     name: Annotated[str | None, Text(100, "my bench")] = None
     description: Annotated[str, Text(2000, "Tips by motion capture", lines=True)] = ""
     source: Literal["measured", "synthetic", "computed"]
-    table: TableForm | None = None
+    table: Form | None = None
     join: Join | None = None
     tendons: Tendons | None = None
     tip: Tip | None = None
@@ -419,9 +383,9 @@ class Mapping(_Part):
     tool: Annotated[tuple[float, float, float], TOOL] = (0.0, 0.0, 0.0)
     sigma: Annotated[Sigma | float | None, BeforeValidator(_sigma_form)] = None
     time: Time | None = None
-    group: Annotated[str | None, _COLUMN] = None
-    repeat: Annotated[str | None, _COLUMN] = None
-    recording: Annotated[str | None, _COLUMN] = None
+    group: Annotated[str | None, COLUMN] = None
+    repeat: Annotated[str | None, COLUMN] = None
+    recording: Annotated[str | None, COLUMN] = None
     keep: Keep | None = None
 
     @model_validator(mode="after")
@@ -443,14 +407,12 @@ class Mapping(_Part):
         InputError
             If one cannot be read, or its time is not there.
         """
-        table = open_table(path, self.table.form if self.table else None)
+        table = open_table(path, self.table)
         if self.join is None:
             return table
-        beside = Path(path).parent / self.join.file
-        log = open_table(beside, self.join.table.form if self.join.table else None)
-        times = (self.time, table, "time"), (self.join.time, log, "join.time")
+        log = open_table(Path(path).parent / self.join.file, self.join.table)
         clocks = []
-        for (time, of, field), shift in zip(times, (0.0, self.join.shift), strict=True):
+        for time, of, field in (self.time, table, "time"), (self.join.time, log, "join.time"):
             if time is None and TIME in of.header:
                 time = Time(column=TIME, unit="s")
             if time is None:
@@ -458,8 +420,9 @@ class Mapping(_Part):
                     f"mapping: {field}: missing; tables are joined by time, give the column of the "
                     f"time in {of.path} and its unit"
                 )
-            clocks.append(time.clock(of, f"{field}.column", shift))
-        return join(table, clocks[0], log, clocks[1], self.join.how, self.join.within)
+            clocks.append(time.layout(_Finder(of), f"{field}.column"))
+        how, within, shift = self.join.how, self.join.within, self.join.shift
+        return join(table, clocks[0], log, clocks[1], how, within, shift)
 
     def layout(self, table: Table, g: float) -> Layout:
         """Find the columns in a table.
@@ -490,9 +453,8 @@ class Mapping(_Part):
             if self.angles.direction is not None:
                 found.direction = find("angles.direction", self.angles.direction, factor)
         if self.stations is not None:
-            values = list(self.stations)
-            count = len(found.points) or len(values)
-            found.stations = check_stations("mapping: stations", values, count)
+            count = len(found.points) or len(self.stations)
+            found.stations = check_stations("mapping: stations", self.stations, count)
         if self.frame is not None:
             found.rotation = self.frame.matrix
         if isinstance(self.sigma, Sigma):
@@ -500,17 +462,14 @@ class Mapping(_Part):
         else:
             found.sigma_of_all = self.sigma
         if self.time is not None:
-            dates = self.time.unit == DATES
-            factor = 1.0 if dates else _scale_of(self.time.unit, "s")
-            column = find("time.column", self.time.column, factor)
-            found.time = replace(column, is_date=dates)
+            found.time = self.time.layout(finder)
         elif table.length_unit and TIME in table.header:
             found.time = find("time", TIME)
         if self.group is not None:
             found.group = find("group", self.group)
         if self.repeat is not None:
             found.repeat = find("repeat", self.repeat)
-        if self.recording is not None:
+        if self.recording is not None:  # may be another one's column as well
             found.recording = _Finder(table).column("recording", self.recording)
         if self.keep is not None:
             found.keep = (find("keep.column", self.keep.column), self.keep.value)
@@ -518,11 +477,11 @@ class Mapping(_Part):
             found.label = find("source", "source")  # what data say of themselves stays
         return found
 
-    def _points(self, find: _Finder) -> tuple[float | None, list[tuple[Column, Column, Column]]]:
+    def _points(self, find: _Finder) -> tuple[float | None, list[tuple[Column, ...]]]:
         """Scale, and the columns of all points from base to tip."""
         part: Tip | Points | None = self.tip or self.points
         assert part is not None
-        points: tuple[tuple[Source, Source, Source], ...]
+        points: Sequence[Sequence[Source]]
         if isinstance(part, Tip):
             what = "tip"
             points = (part.columns or find.body("tip.name", part.name or ""),)
@@ -542,14 +501,7 @@ class Mapping(_Part):
                 f"are in {said}, leave the unit out"
             )
         where = f"{what}.columns"
-        columns = [
-            (
-                find.source(where, x, unit, "m"),
-                find.source(where, y, unit, "m"),
-                find.source(where, z, unit, "m"),
-            )
-            for x, y, z in points
-        ]
+        columns = [tuple(find.source(where, axis, unit, "m") for axis in p) for p in points]
         if any(all(axis.constant is not None for axis in point) for point in columns):
             raise InputError(
                 f"mapping: {where}: of each point at least one coordinate must be a column of "
@@ -573,11 +525,10 @@ class _Finder:
         """A column by its name; InputError where it is not there, or used by another field."""
         header = self.table.header
         if name not in header:
-            near = nearest(name, header)
-            hint = f"did you mean {near}? " if near else ""
             raise InputError(
                 f"{self.table.path}, line {self.table.line}: there is no column {quote(name)}, "
-                f"which the mapping names at {field}; {hint}the columns are {_listed(header)}"
+                f"which the mapping names at {field}; {did_you_mean(name, header)}the columns are "
+                f"{_listed(header)}"
             )
         if (of := self.used.get(name)) and not (
             of.startswith("tendons.") and field.startswith("tendons.")  # the mapping has checked it
@@ -602,12 +553,10 @@ class _Finder:
         if x.column not in header:
             mark = " Position X"
             known = [item.removesuffix(mark) for item in header if item.endswith(mark)]
-            near = nearest(name, known)
-            hint = f"did you mean {near}? " if near else ""
             have = f"it has {_listed(known)}" if known else "it is no Motive export, give columns"
             raise InputError(
                 f"{self.table.path}: there is no rigid body or marker {quote(name)}, which the "
-                f"mapping names at {field}; {hint}{have}"
+                f"mapping names at {field}; {did_you_mean(name, known)}{have}"
             )
         return x, y, z
 
@@ -658,34 +607,26 @@ def _text(path: Path, label: str, names: Sequence[str]) -> str:
         if path.is_dir():
             raise InputError(f"{label} is a folder; give a mapping file (YAML).")
         if not path.exists():
-            near = nearest(str(path), names)
-            hint = f"did you mean {near}? " if near else ""
             raise InputError(
-                f"{label} is neither a file nor the name of one that comes with Bowstring; {hint}"
-                f"these are {', '.join(names)}."
+                f"{label} is neither a file nor the name of one that comes with Bowstring; "
+                f"{did_you_mean(str(path), names)}these are {', '.join(names)}."
             )
         return text_of(path, label, "mapping")
 
 
-_MODELS: Final[dict[tuple[str, ...], type[BaseModel]]] = {
-    (): Mapping,
-    ("table",): TableForm,
-    ("join",): Join,
-    ("join", "table"): TableForm,
-    ("join", "time"): Time,
-    ("tendons",): Tendons,
-    ("tendons", "columns"): Source,
-    ("tip",): Tip,
-    ("tip", "columns"): Source,
-    ("points",): Points,
-    ("points", "columns"): Source,
-    ("shape",): Shape,
-    ("angles",): Angles,
-    ("frame",): Frame,
-    ("sigma",): Sigma,
-    ("time",): Time,
-    ("keep",): Keep,
-}
+def _model_at(names: Sequence[str]) -> type[BaseModel]:
+    """The model of a set of fields, by the names of the fields that lead to it."""
+    found: type[BaseModel] = Mapping
+    for name in names:
+        found = next(_models_in(found.model_fields[name].annotation))
+    return found
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for each in get_args(annotation):
+        yield from _models_in(each)
 
 
 def _sentence(error: Any) -> str:
@@ -698,7 +639,7 @@ def _sentence(error: Any) -> str:
         return f"{path}: {sentence}" if path else sentence
     names = tuple(step for step in loc if isinstance(step, str))
     if kind == "extra_forbidden":
-        known = list(_MODELS[names[:-1]].model_fields)
+        known = list(_model_at(names[:-1]).model_fields)
         near = nearest(names[-1], known)
         hint = f"; did you mean {near}?" if near else "."
         return f"{path}: unknown field{hint} Known here: {', '.join(known)}"
@@ -707,7 +648,7 @@ def _sentence(error: Any) -> str:
     if kind == "literal_error":
         return f"{path}: got {quote(given)}; must be {error['ctx']['expected']}"
     if kind in ("model_type", "model_attributes_type"):
-        fields = ", ".join(_MODELS[names].model_fields)
+        fields = ", ".join(_model_at(names).model_fields)
         return f"{path}: got {quote(given)}; must be a set of fields: {fields}"
     if kind in ("too_short", "too_long", "tuple_type"):
         return f"{path}: got {quote(given)}; must be a list of columns or numbers of right length"

@@ -50,10 +50,11 @@ def draft(table: Table, tendons: int | None = None) -> str:
     """
     columns = [name for name in table.header if name and _can_be_named(name)]
     lines = ["source: measured        # measured, synthetic or computed"]
-    form = [] if table.form.has_header else ["header: none"]
-    form += ["separator: blanks"] if table.form.separator == " " else []
+    header = table.form.header == "first"
+    form = [] if header else ["header: none"]
+    form += ["separator: blanks"] if table.form.separator == "blanks" else []
     if form:
-        names = "" if table.form.has_header else "   # or names: [t, force, x, y, z], one a column"
+        names = "" if header else "   # or names: [t, force, x, y, z], one a column"
         lines.append(f"table: {{{', '.join(form)}}}{names}")
     left = [name for name in columns if name not in (FRAME, TIME)] if table.length_unit else columns
     time = next(

@@ -11,7 +11,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -26,7 +26,14 @@ from bowstring.data.columns import SOURCES, Column, Layout, check_stations, tidy
 from bowstring.data.joining import seconds_of
 from bowstring.data.mapping import Mapping, load_mapping
 from bowstring.data.mapping_draft import draft
-from bowstring.data.tables import Row, Table, UnknownColumnsError, cell_number, open_table
+from bowstring.data.tables import (
+    Row,
+    Table,
+    UnknownColumnsError,
+    cell_number,
+    open_table,
+    with_point,
+)
 from bowstring.display import short_repr
 from bowstring.errors import InputError
 from bowstring.formatting import in_mm, listed
@@ -114,19 +121,11 @@ class Measurements:
                 array = np.asarray(value, dtype=_TYPES.get(name, float)).view()
                 array.flags.writeable = False
                 object.__setattr__(self, name, array)
-        count = len(self.line)
-        tendons = self.tensions.shape[-1] if self.tensions.ndim == 2 else -1
-        points = self.points.shape[1] if self.points.ndim == 3 else -1
-        shapes: dict[str, tuple[int, ...]] = {
-            "tensions": (count, tendons),
-            "pulls": (count, tendons),
-            "points": (count, points, 3),
-            "tool": (3,),
-            "stations": (points,),
-        }
-        for name in _ARRAYS:
-            array = getattr(self, name)
-            expected = shapes.get(name, (count,))
+        size = {"K": len(self.line), "3": 3}
+        size["T"] = self.tensions.shape[-1] if self.tensions.ndim == 2 else -1
+        size["P"] = self.points.shape[1] if self.points.ndim == 3 else -1
+        for name, letters in _ARRAYS.items():
+            array, expected = getattr(self, name), tuple(size[letter] for letter in letters)
             if array is not None and array.shape != expected:
                 raise InputError(f"{name} has shape {array.shape}, it must be {expected}")
 
@@ -163,32 +162,22 @@ class Measurements:
             Booleans (K,), or indices.
         """
         index = np.arange(len(self))[rows]
-        changed = {
-            name: getattr(self, name)[index] for name in _BY_ROW if getattr(self, name) is not None
-        }
-        return replace(self, **changed)
+        by_row = (name for name, letters in _ARRAYS.items() if letters.startswith("K"))
+        given = {name: array for name in by_row if (array := getattr(self, name)) is not None}
+        return replace(self, **{name: array[index] for name, array in given.items()})
 
     def split(self) -> dict[str, Measurements]:
         """The rows of each group, by its label, in the order of first appearance."""
-        labels, first = np.unique(self.group, return_index=True)
-        order = labels[np.argsort(first)]
-        return {str(label): self.select(self.group == label) for label in order}
+        labels = dict.fromkeys(self.group.tolist())
+        return {label: self.select(self.group == label) for label in labels}
 
 
-_BY_ROW: Final = (
-    "tensions",
-    "pulls",
-    "points",
-    "line",
-    "group",
-    "repeat",
-    "sigma",
-    "bend",
-    "direction",
-    "time",
-    "recording",
-)
-_ARRAYS: Final = (*_BY_ROW, "stations", "tool")
+# shapes of the arrays: K rows, T tendons, P points
+_ARRAYS: Final = {
+    **{"tensions": "KT", "pulls": "KT", "points": "KP3", "stations": "P", "tool": "3"},
+    **dict.fromkeys(("line", "group", "repeat", "recording"), "K"),
+    **dict.fromkeys(("sigma", "bend", "direction", "time"), "K"),
+}
 _TYPES: Final = {"line": np.int64, "repeat": np.int64, "recording": np.int64, "group": str}
 
 
@@ -332,27 +321,25 @@ class _Reader:
         self.point_count = len(layout.points)
 
     def read(self) -> Measurements:
-        parts: dict[str, list[NDArray[Any]]] = {}
-        for chunk in self.table.chunks():
-            found = self.chunk(chunk)
-            if len(found["line"]):
-                for name, array in found.items():
-                    parts.setdefault(name, []).append(array)
-        if not parts:
+        chunks = [found for each in self.table.chunks() if len((found := self.chunk(each))["line"])]
+        if not chunks:
             raise self.nothing()
         self.issues += self.table.notes
-        arrays: dict[str, Any] = {name: np.concatenate(pieces) for name, pieces in parts.items()}
-        if self.comma is not None and self.point is not None:
-            raise InputError(
-                f"{self.table.path}: numbers have a decimal comma in line {self.comma} and a "
-                f"decimal point in line {self.point}; write all with a point"
-            )
-        if self.comma is not None and not self.comma_is_sure:
-            raise InputError(
-                f"{self.table.path}, line {self.comma}: commas in numbers may stand before "
-                "decimals or between thousands; write numbers with a decimal point, and no other"
-            )
+        arrays: dict[str, Any] = {
+            name: np.concatenate([found[name] for found in chunks]) for name in chunks[0]
+        }
         if self.comma is not None:
+            if self.point is not None:
+                raise InputError(
+                    f"{self.table.path}: numbers have a decimal comma in line {self.comma} and a "
+                    f"decimal point in line {self.point}; write all with a point"
+                )
+            if not self.comma_is_sure:
+                raise InputError(
+                    f"{self.table.path}, line {self.comma}: commas in numbers may stand before "
+                    "decimals or between thousands; write numbers with a decimal point, and no "
+                    "other"
+                )
             self.issues.append((self.comma, "numbers have a decimal comma, and are read so"))
         self.note_repeated_rows(arrays["line"], arrays.pop("key"))
         self.note_order(arrays)
@@ -365,13 +352,15 @@ class _Reader:
             self.issues.append((int(arrays["line"][-1]), f"{more} more rows have no measured tip"))
         if self.unseen == len(arrays["line"]) and "bend" not in arrays:
             raise InputError(f"{self.table.path}: no row has a measured tip")
-        sigma = self.layout.sigma_of_all
-        if sigma is not None:
-            arrays["sigma"] = np.full(len(arrays["line"]), sigma)
+        if self.layout.sigma_of_all is not None:
+            arrays["sigma"] = np.full(len(arrays["line"]), self.layout.sigma_of_all)
+        stations = self.layout.stations
+        if stations is not None:
+            check_stations(f"{self.table.path}: stations", stations, self.point_count)
         return Measurements(
             source=self.source(),
             name=printable(self.layout.name or self.table.path.stem),
-            stations=self.stations(),
+            stations=stations,
             scale=self.layout.scale,
             tool=self.layout.tool,
             issues=tuple(sorted(self.issues)),
@@ -424,12 +413,6 @@ class _Reader:
             )
         return found.lower()
 
-    def stations(self) -> Floats | None:
-        found = self.layout.stations
-        if found is not None and len(found) != self.point_count:
-            check_stations(f"{self.table.path}: stations", found.tolist(), self.point_count)
-        return found
-
     # -- rows --
 
     def chunk(self, rows: list[Row]) -> dict[str, NDArray[Any]]:
@@ -440,7 +423,7 @@ class _Reader:
         good = np.ones(len(rows), bool)
 
         def numbers(
-            column: Column, why: str = "", blank: bool | NDArray[np.bool_] = False
+            column: Column, kind: str = "", blank: bool | NDArray[np.bool_] = False
         ) -> Floats:
             if column.constant is not None:
                 return np.full(len(rows), column.constant * column.factor)
@@ -451,16 +434,13 @@ class _Reader:
                 bad &= [bool(cell.strip()) for cell in given]
             elif blank is not False:
                 bad &= ~np.asarray(blank)
-            if why == "tension" and column.part == "all":
-                bad |= values * column.factor < 0
-            elif why == "sigma":
-                bad |= ~(values > 0)
-            elif why == "whole":
-                bad |= (values != np.round(values)) | ~(np.abs(values) < 1e15)
+            si = values * column.factor
+            if kind in _RULES and column.part == "all":
+                bad |= ~_RULES[kind][0](si)
             for i in np.flatnonzero(bad & good):
-                self.leave_out(lines[i], _reason(column, given[i], float(values[i]), why))
+                self.leave_out(lines[i], _reason(column, given[i], float(values[i]), kind))
             good[bad] = False
-            return _part(values * column.factor, column)
+            return _part(si, column)
 
         n, layout = len(rows), self.layout
         tensions = np.full((n, len(layout.tendons)), np.nan)
@@ -484,16 +464,14 @@ class _Reader:
         for name in ("bend", "direction", "sigma", "time"):
             if (one := getattr(layout, name)) is not None:
                 out[name] = numbers(one, name)
-        repeat = numbers(layout.repeat, "whole") if layout.repeat else np.ones(n)
+        repeat = numbers(layout.repeat, "repeat") if layout.repeat else np.ones(n)
         out["repeat"] = np.where(good, repeat, 0).astype(np.int64)
         label = layout.group or layout.recording
-        out["group"] = np.array(
-            [printable(cell.strip()) for cell in columns[label.index]] if label and n else
-            [""] * n, dtype=str,
-        )  # fmt: skip
+        labels = columns[label.index] if label and n else [""] * n
+        out["group"] = np.array([printable(cell.strip()) for cell in labels], dtype=str)
         if layout.recording is not None:
-            named = columns[layout.recording.index] if n else ()
-            out["recording"] = np.array([self.recording(cell) for cell in named], dtype=np.int64)
+            number = [self.recording(cell) for cell in columns[layout.recording.index]] if n else []
+            out["recording"] = np.array(number, dtype=np.int64)
         if layout.label is not None and n:
             for line, cell in zip(lines, columns[layout.label.index], strict=True):
                 if cell.strip() and len(self.labels) < _MOST_LABELS:
@@ -559,7 +537,7 @@ class _Reader:
                 self.comma = next(n for n, c in zip(lines, cells, strict=True) if "," in c)
             if not self.comma_is_sure:
                 self.comma_is_sure = any("," in c and not _THOUSANDS.fullmatch(c) for c in cells)
-            cells = [cell.replace(",", ".") if cell.count(",") == 1 else cell for cell in cells]
+            cells = list(map(with_point, cells))
         if "_" not in text and text.isascii():  # float() takes 1_000 and other scripts' digits
             try:
                 return np.array(list(map(float, cells)), dtype=float)
@@ -627,6 +605,17 @@ def _come_again(labels: Ints, begins: NDArray[np.bool_]) -> Ints:
     return np.asarray(rows[np.setdiff1d(np.arange(len(rows)), first)])
 
 
+# what numbers of a kind must be, and the end of the sentence where one is not
+_RULES: Final[dict[str, tuple[Callable[[Floats], NDArray[np.bool_]], str]]] = {
+    "tension": (lambda si: ~(si < 0), "; a tendon cannot push, give zero or more"),
+    "sigma": (lambda si: si > 0, "; an uncertainty is above zero"),
+    "repeat": (
+        lambda si: (si == np.round(si)) & (np.abs(si) < 1e15),
+        ", which is not a whole number",
+    ),
+}
+
+
 def _part(values: Floats, column: Column) -> Floats:
     if column.part == "positive":
         return np.maximum(values, 0.0)
@@ -638,7 +627,7 @@ def _same(cell: str, wanted: str) -> bool:
     return cell.strip() == wanted or cell_number(cell) == cell_number(wanted)
 
 
-def _reason(column: Column, cell: str, value: float, why: str) -> str:
+def _reason(column: Column, cell: str, value: float, kind: str) -> str:
     if not cell.strip():
         return f"{column.name} is empty"
     if not np.isfinite(value):
@@ -648,11 +637,7 @@ def _reason(column: Column, cell: str, value: float, why: str) -> str:
         return text
     if abs(value) >= _LARGEST:
         return f"{column.name} is {quote(cell)}, which is too large"
-    if why == "tension":
-        return f"{column.name} is {quote(cell)}; a tendon cannot push, give zero or more"
-    if why == "sigma":
-        return f"{column.name} is {quote(cell)}; an uncertainty is above zero"
-    return f"{column.name} is {quote(cell)}, which is not a whole number"
+    return f"{column.name} is {quote(cell)}{_RULES[kind][1]}"
 
 
 def _shape(cell: str) -> Floats | None:

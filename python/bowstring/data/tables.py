@@ -16,14 +16,26 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import chain, islice
 from pathlib import Path
-from typing import IO, Final
+from typing import IO, Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
 
 from bowstring.atomic_io import readable
 from bowstring.data import motive
 from bowstring.errors import InputError
-from bowstring.units import NUMBER, quote
+from bowstring.units import NUMBER, Text, quote
 
-__all__ = ["Form", "Row", "Table", "UnknownColumnsError", "cell_number", "open_table"]
+__all__ = [
+    "COLUMN",
+    "Form",
+    "Name",
+    "Row",
+    "Table",
+    "UnknownColumnsError",
+    "cell_number",
+    "open_table",
+    "with_point",
+]
 
 MOST_ROWS: Final = 2_000_000
 MOST_SHEET_ROWS: Final = 200_000  # a spreadsheet is read at a tenth of the speed of text
@@ -38,11 +50,14 @@ _LAST_SHEET_ROW: Final = 1_048_576  # of Excel
 _LONGEST_SHEET_ROW: Final = 5_000_000  # bytes of XML: a row is held as a whole
 _CHUNK: Final = 200_000  # cells
 
+_MARKS: Final = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": " "}
+
 Row = tuple[int, list[str]]
+COLUMN: Final = Text(200, "tip_x")
+Name = Annotated[str, COLUMN]
 
 
-@dataclass(frozen=True)
-class Form:
+class Form(BaseModel):
     """How a table lies in its file, where that is not a header and rows below it.
 
     Attributes
@@ -51,19 +66,21 @@ class Form:
         Lines (rows of a sheet) above the header, or above the numbers where there is no header.
     skip_below : int
         Rows between the header and the numbers, such as one of units.
-    has_header : bool
+    header : {"first", "none"}
     names : tuple of str
         Of the columns, instead of those of the header; without both they are ``column_1`` and so
         on.
     separator : str or None
-        Between cells; ``" "`` for blanks, None to find it.
+        Between cells, in words; None to find it.
     """
 
-    skip: int = 0
-    skip_below: int = 0
-    has_header: bool = True
-    names: tuple[str, ...] = ()
-    separator: str | None = None
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    skip: Annotated[int, Field(ge=0, le=100_000)] = 0
+    skip_below: Annotated[int, Field(ge=0, le=100_000)] = 0
+    header: Literal["first", "none"] = "first"
+    names: tuple[Name, ...] = ()
+    separator: Literal["comma", "semicolon", "tab", "blanks"] | None = None
 
 
 def cell_number(cell: str) -> float:
@@ -73,6 +90,11 @@ def cell_number(cell: str) -> float:
         return float(cell) if cell.isascii() and "_" not in cell else math.nan
     except ValueError:
         return math.nan
+
+
+def with_point(cell: str) -> str:
+    """A cell with a decimal point, where it may have a decimal comma."""
+    return cell.replace(",", ".") if cell.count(",") == 1 else cell
 
 
 class UnknownColumnsError(InputError):
@@ -124,7 +146,7 @@ class Table:
     separator: str
     notes: list[tuple[int, str]] = field(default_factory=list)
     rows: Iterator[Row] = field(default_factory=lambda: iter(()), repr=False)
-    form: Form = Form()
+    form: Form = field(default_factory=Form)
     length_unit: str | None = None
     own: int | None = None
 
@@ -226,23 +248,22 @@ def _text(path: Path, data: bytes, sha256: str, form: Form) -> Table:
         raise InputError(f"{path}: {what}")
     if motive.is_export(first) and form == Form():
         return _motive(path, file, first, number, sha256)
-    separator = form.separator or _separator(first)
+    separator = _MARKS[form.separator] if form.separator else _separator(first)
     words = first.split()
     if separator not in first and len(words) > 3:
         has_header = not all(re.fullmatch(NUMBER, word) for word in words)
         if not has_header:
             words = [f"column_{i}" for i in range(1, len(words) + 1)]
-        blanks = Form(has_header=has_header, separator=" ")
+        blanks = Form(header="first" if has_header else "none", separator="blanks")
         raise UnknownColumnsError(
             f"{path}, line {number}: the header has blanks between its names; separate cells by "
             "commas, semicolons or tabs",
             Table(path, sha256, words, number, about, " ", form=blanks),
         )
-    lines = _with_first(first, file)
-    rest = _Blanks(lines) if separator == " " else None
-    rows = _text_rows(path, rest or csv.reader(lines, delimiter=separator, strict=True), number - 1)
-    table = Table(path, sha256, [], number, about, separator, [], rows, form)
-    return _named(table)
+    lines = chain([first], file)
+    split = enumerate(map(str.split, lines), 1) if separator == " " else _split(lines, separator)
+    rows = _text_rows(path, split, number - 1)
+    return _named(Table(path, sha256, [], number, about, separator, [], rows, form))
 
 
 def _separator(line: str) -> str:
@@ -254,19 +275,10 @@ def _separator(line: str) -> str:
     return found
 
 
-class _Blanks:
-    """Rows of cells between which there are blanks, as `csv.reader` gives them."""
-
-    def __init__(self, lines: Iterator[str]) -> None:
-        self.lines, self.line_num = lines, 0
-
-    def __iter__(self) -> Iterator[list[str]]:
-        return self
-
-    def __next__(self) -> list[str]:
-        line = next(self.lines)
-        self.line_num += 1
-        return line.split()
+def _split(lines: Iterable[str], separator: str) -> Iterator[Row]:
+    """Number of the line at which a row ends, and cells."""
+    reader = csv.reader(lines, delimiter=separator, strict=True)
+    return ((reader.line_num, cells) for cells in reader)
 
 
 def _named(table: Table) -> Table:
@@ -277,7 +289,7 @@ def _named(table: Table) -> Table:
     except StopIteration:
         raise InputError(f"{table.path}: the table is empty") from None
     below: Iterable[Row] = ()
-    if form.has_header:
+    if form.header == "first":
         table.header = [name.strip() for name in first]
         while table.header and not table.header[-1]:
             table.header.pop()
@@ -293,26 +305,19 @@ def _named(table: Table) -> Table:
                 f"here there are {len(table.header)}"
             )
         table.header = list(form.names)
-    rows = islice(chain(below, table.rows), form.skip_below, None)
-    table.rows = rows
+    table.rows = islice(chain(below, table.rows), form.skip_below, None)
     _check_header(table)
     return table
 
 
 def _motive(path: Path, file: Iterator[str], first: str, line: int, sha256: str) -> Table:
-    reader = csv.reader(_with_first(first, file), strict=True)
-    rows = _text_rows(path, reader, line - 1)
+    rows = _text_rows(path, _split(chain([first], file), ","), line - 1)
     export = motive.read_header(path, rows)
     about = {"name": export.take} if export.take else {}
     table = Table(path, sha256, export.columns, export.line, about, ",", [], rows)
     table.length_unit = export.unit
     _check_header(table)
     return table
-
-
-def _with_first(first: str, rest: Iterator[str]) -> Iterator[str]:
-    yield first
-    yield from rest
 
 
 def _encoding(path: Path, data: bytes) -> str:
@@ -344,12 +349,12 @@ def _remember(line: str, about: dict[str, str]) -> None:
         about.setdefault(key.strip().lower(), value.strip())
 
 
-def _text_rows(path: Path, reader: Iterator[list[str]], skipped: int) -> Iterator[Row]:
+def _text_rows(path: Path, rows: Iterable[Row], skipped: int) -> Iterator[Row]:
     """Number of the line at which a row begins, and cells; `skipped` lines came before."""
     line = 0
     try:
-        for cells in reader:
-            began, line = line + 1, reader.line_num  # type: ignore[attr-defined]
+        for end, cells in rows:
+            began, line = line + 1, end
             if not cells or cells[0].lstrip().startswith("#"):
                 continue
             if not cells[0] and not any(map(str.strip, cells)):
@@ -368,7 +373,7 @@ def _check_header(table: Table) -> None:
             f"{here}: the header has {len(header)} columns; up to {_MOST_COLUMNS} are read"
         )
     if all(re.fullmatch(NUMBER, name) for name in header):
-        table.form = Form(has_header=False)
+        table.form = Form(header="none")
         table.header = [f"column_{i}" for i in range(1, len(header) + 1)]
         raise UnknownColumnsError(
             f"{here}: there are numbers where the names of the columns are expected; write a "

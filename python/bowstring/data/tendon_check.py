@@ -377,7 +377,7 @@ class _Motion:
 
     @property
     def with_tip(self) -> bool:
-        return self.m.points.shape[1] > 0
+        return bool(self.m.points.shape[1])
 
     @property
     def tool(self) -> Floats:
