@@ -93,7 +93,7 @@ def test_exact_derivatives_are_those_of_differences(mixed):
     values = unknowns.start
     at = model.predict(values, keep=True)
     exact = model.jacobian(values, at)
-    plain = Prediction(at.position, at.rotation, at.solved, at.setting, at.commands)
+    plain = Prediction(at.position, at.rotation, at.solved, at.setting)
     differences = model.jacobian(values, plain)
     for i, name in enumerate(unknowns.names):
         size = np.abs(differences[:, :, i]).max()

@@ -35,22 +35,22 @@ class NoiseTest:
 
     rms: float
     """RMS of a coordinate, degrees of freedom counted, m."""
-    sigma: float
-    """Stated standard deviation of a coordinate (RMS over rows), m."""
-    scatter: float
-    """Standard deviation of a coordinate by the repeats' own scatter, m."""
-    chi_square: float
-    """Sum of squares over the stated variance."""
     dof: int
-    size_chance: float
+    sigma: float = math.nan
+    """Stated standard deviation of a coordinate (RMS over rows), m."""
+    scatter: float = math.nan
+    """Standard deviation of a coordinate by the repeats' own scatter, m."""
+    chi_square: float = math.nan
+    """Sum of squares over the stated variance."""
+    size_chance: float = math.nan
     """Probability of residuals as large, if they were noise of the stated size."""
-    fit_ratio: float
+    fit_ratio: float = math.nan
     """F: what repeats have in common, over their own scatter."""
-    fit_chance: float
-    autocorrelation: float
+    fit_chance: float = math.nan
+    autocorrelation: float = math.nan
     """Of neighbours along the load order, of all axes together."""
-    order_chance: float
-    far: int
+    order_chance: float = math.nan
+    far: int = 0
     """Rows with a coordinate beyond five standard deviations."""
     far_lines: tuple[int, ...] = ()
     """Their lines."""
@@ -161,19 +161,19 @@ class NoiseTest:
             "rms_of_a_coordinate_mm": self.rms * 1e3,
             "stated_sigma_mm": self.sigma * 1e3,
             "scatter_of_repeats_mm": self.scatter * 1e3,
-            "chi_square": self.chi_square,
-            "dof": self.dof,
-            "size_chance": self.size_chance,
-            "fit_ratio": self.fit_ratio,
-            "fit_chance": self.fit_chance,
-            "autocorrelation": self.autocorrelation,
-            "order_chance": self.order_chance,
+            **{name: getattr(self, name) for name in _AS_THEY_ARE},
             "chance_below_which_not_noise": NOISE,
             "far_rows": self.far,
             "lines_against_their_repeats": list(self.wrong_lines),
             "other_load": self.other_load,
             "text": self.text,
         }
+
+
+_AS_THEY_ARE: Final = (
+    *("chi_square", "dof", "size_chance", "fit_ratio", "fit_chance"),
+    *("autocorrelation", "order_chance"),
+)
 
 
 def _chance(probability: float) -> str:
@@ -277,40 +277,32 @@ def noise_test(
     dof = 3 * count - parameters
     rms = math.sqrt(float(np.sum(e**2)) / dof) if dof > 0 else math.nan
 
-    stated, chi_square, size_chance = math.nan, math.nan, math.nan
+    tests: dict[str, float] = {}
+    limit = math.nan
     if sigma is not None and dof > 0:
         spread = sigma[good]
-        stated = float(np.sqrt(np.mean(spread**2)))
-        chi_square = float(np.sum((e / spread[:, None]) ** 2))
-        size_chance = chi_square_p(chi_square, dof)
+        limit = float(np.sqrt(np.mean(spread**2)))
+        square = float(np.sum((e / spread[:, None]) ** 2))
+        tests |= {"sigma": limit, "chi_square": square, "size_chance": chi_square_p(square, dof)}
 
-    scatter, ratio, fit_chance = math.nan, math.nan, math.nan
     _, place, size = np.unique(cells, return_inverse=True, return_counts=True)
     own = 3 * (count - len(size))
     common = 3 * len(size) - parameters
     means = np.stack([np.bincount(place, axis) / size for axis in e.T], axis=1)
     if own >= _FEW:
         within = float(np.sum((e - means[place]) ** 2)) / own
-        scatter = math.sqrt(within)
+        tests["scatter"] = limit = math.sqrt(within)
         if common > 0 and within > 0.0:
             ratio = float(size @ np.sum(means**2, axis=1)) / common / within
-            fit_chance = variance_ratio_p(ratio, common, own)
+            tests |= {"fit_ratio": ratio, "fit_chance": variance_ratio_p(ratio, common, own)}
 
     correlation, order_chance = autocorrelation(e, runs[1:] == runs[:-1])
-
-    far = np.zeros(count, dtype=bool)
-    limit = scatter if math.isfinite(scatter) else stated
-    if math.isfinite(limit) and limit > 0.0:
-        far = np.abs(e).max(axis=1) > _FAR * limit
+    # nothing is far where no limit is known
+    far = (np.abs(e) > _FAR * limit).any(axis=1) & (limit > 0.0)
     return NoiseTest(
-        rms=rms,
-        sigma=stated,
-        scatter=scatter,
-        chi_square=chi_square,
-        dof=dof,
-        size_chance=size_chance,
-        fit_ratio=ratio,
-        fit_chance=fit_chance,
+        rms,
+        dof,
+        **tests,
         autocorrelation=correlation,
         order_chance=order_chance,
         far=int(far.sum()),

@@ -9,6 +9,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -87,13 +88,9 @@ class Calibration:
     def correlated(self) -> list[tuple[str, str, float]]:
         """Pairs of parameters whose estimates correlate by 0.9 or more, strongest first."""
         table, names = self.fit.correlation, self.fit.names
-        pairs = [
-            (names[i], names[j], float(table[i, j]))
-            for i in range(len(names))
-            for j in range(i)
-            if abs(table[i, j]) >= _STRONG
-        ]
-        return sorted(((b, a, r) for a, b, r in pairs), key=lambda pair: -abs(pair[2]))
+        pairs = ((a, b, float(table[i, j])) for (i, a), (j, b) in combinations(enumerate(names), 2))
+        strong = (pair for pair in pairs if abs(pair[2]) >= _STRONG)
+        return sorted(strong, key=lambda pair: -abs(pair[2]))
 
     @property
     def far(self) -> list[tuple[int, float]]:

@@ -140,7 +140,6 @@ class Prediction:
     rotation: Floats
     solved: Bools
     setting: Setting
-    commands: Floats
     solutions: list[Any] | None = None
     tensions: Floats | None = None
     slack: Floats | None = None
@@ -193,8 +192,7 @@ class TipModel:
         Exact for what acts on pulls and tensions, for E, base and tool, unless tendons rub; central
         differences for the rest.
         """
-        columns = [column.whole for column in self._columns(values, at)]
-        return np.stack(columns, axis=-1) if columns else np.zeros((len(self.commands), 3, 0))
+        return np.stack([column.whole for column in self._columns(values, at)], axis=-1)
 
     @property
     def of_frames(self) -> Bools:
@@ -272,7 +270,7 @@ class TipModel:
         _continue_from_neighbours(core, pulled, given, solutions, solved)
         position = _table(solutions, solved, "tip_position", 3)
         turned = _table(solutions, solved, "tip_rotation", 3, 3)
-        return Prediction(position, turned, solved, setting, given, solutions)
+        return Prediction(position, turned, solved, setting, solutions)
 
     def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
         """The rod row by row; with friction along each path, which begins at home."""
@@ -289,14 +287,14 @@ class TipModel:
         position, turned, solved, tensions, slack = (
             np.concatenate([each[name] for each in found])[back] for name in names
         )
-        return Prediction(position, turned, solved, setting, given, tensions=tensions, slack=slack)
+        return Prediction(position, turned, solved, setting, tensions=tensions, slack=slack)
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Constant curvature: the tendons' arcs, segment by segment, each bend times its gain."""
         arc = _arcs_of(setting.robot, self.commands.pulled, given).arc
         bent = Arc(arc.kappa * setting.bend_gain, arc.phi, arc.length)
         position, turned = RobotArcs(setting.robot, bent).tip
-        return Prediction(position, turned, np.ones(len(given), bool), setting, given)
+        return Prediction(position, turned, np.ones(len(given), bool), setting)
 
     # -- derivatives -------------------------------------------------------------------------
 

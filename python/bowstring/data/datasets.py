@@ -100,11 +100,20 @@ _OPENCR: Final = (
     "17fff8b125dbb702c8688e1d8ffd723050c284c1",
     "MIT",
 )
-_OPENCR_LICENCE: Final = DataFile(
-    _LICENCE, "66bb402ecef5c4982dffee51187722cae4fac50d75a71ad4457b1684ccf2a203", _LICENCE
-)
+_OPENCR_LICENCE: Final = "66bb402ecef5c4982dffee51187722cae4fac50d75a71ad4457b1684ccf2a203"
 _MOCAP: Final = "data/sysid/ftdcr_v4/tdcr_sysid_20260511-183002_analysis/tdcr_sysid_20260511-183002"
+_MOCAP_TABLES: Final = {
+    "train": "1eddfda64b3cf51a7f6cdf3e88f088cbb70baa944be4e5ebb30ef397f76590af",
+    "val": "a69fd0e11c7e8ddbeb6828d7ca604f01e6c6bc45ea92311ae632e88302a751fe",
+    "keypoints": "80a4b16c32ea20c13bc2952039188b642db59633df10fe3e54a85ac7b270a38c",
+    "tendon_pull": "5931b7e466acf0569debd89011879dee6aee7a816cb75a9721aa0f236e79a3c8",
+}
 _SOROSIM: Final = "data/reference/sorosim"
+
+
+def _licence(sha256: str) -> DataFile:
+    return DataFile(_LICENCE, sha256, _LICENCE)
+
 
 _SETS: Final = {
     item.name: item
@@ -116,36 +125,16 @@ _SETS: Final = {
             "measured",
             *_OPENCR,
             (
-                DataFile(
-                    "ftdcr_v4_train.csv",
-                    "1eddfda64b3cf51a7f6cdf3e88f088cbb70baa944be4e5ebb30ef397f76590af",
-                    f"{_MOCAP}_train.csv",
-                    "train",
-                ),
-                DataFile(
-                    "ftdcr_v4_val.csv",
-                    "a69fd0e11c7e8ddbeb6828d7ca604f01e6c6bc45ea92311ae632e88302a751fe",
-                    f"{_MOCAP}_val.csv",
-                    "val",
-                ),
-                DataFile(
-                    "ftdcr_v4_keypoints.csv",
-                    "80a4b16c32ea20c13bc2952039188b642db59633df10fe3e54a85ac7b270a38c",
-                    f"{_MOCAP}_keypoints.csv",
-                    "keypoints",
-                ),
-                DataFile(
-                    "ftdcr_v4_tendon_pull.csv",
-                    "5931b7e466acf0569debd89011879dee6aee7a816cb75a9721aa0f236e79a3c8",
-                    f"{_MOCAP}_tendon_pull.csv",
-                    "tendon_pull",
+                *(
+                    DataFile(f"ftdcr_v4_{part}.csv", sha256, f"{_MOCAP}_{part}.csv", part)
+                    for part, sha256 in _MOCAP_TABLES.items()
                 ),
                 DataFile(
                     "ftdcr_v4_geometry.json",
                     "6660beccc31900f2458d975a2a8a71ea897cc19e456bf7d48e12d0526dcf0638",
                     "configs/generation/ftdcr_v4_sysid.json",
                 ),
-                _OPENCR_LICENCE,
+                _licence(_OPENCR_LICENCE),
             ),
         ),
         DataSet(
@@ -169,7 +158,7 @@ _SETS: Final = {
                     "c95cf547b2d87ca280e28999dee36a2b0b5115a2ab75b673b42271eaff4412a8",
                     f"{_SOROSIM}/sorosim_dynamics/SpringSteelRodMuJoCo_2.txt",
                 ),
-                _OPENCR_LICENCE,
+                _licence(_OPENCR_LICENCE),
             ),
         ),
         DataSet(
@@ -186,11 +175,7 @@ _SETS: Final = {
                     "figures/visual_model_comparison.py",
                     "bending",
                 ),
-                DataFile(
-                    _LICENCE,
-                    "9a7c606e1627ecaef5bffc73b1550545579720c61e6dea9d9ae6e000b327b888",
-                    _LICENCE,
-                ),
+                _licence("9a7c606e1627ecaef5bffc73b1550545579720c61e6dea9d9ae6e000b327b888"),
             ),
             transcribed="the tuples in figures/visual_model_comparison.py",
         ),
@@ -208,11 +193,7 @@ _SETS: Final = {
                     "data_collection/sample_data.csv",
                     "shapes",
                 ),
-                DataFile(
-                    _LICENCE,
-                    "679a867e6947e8ab542024b14a5065a05a8ff9062879ec34cef340fea79334cb",
-                    _LICENCE,
-                ),
+                _licence("679a867e6947e8ab542024b14a5065a05a8ff9062879ec34cef340fea79334cb"),
             ),
         ),
     )

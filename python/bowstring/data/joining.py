@@ -6,7 +6,7 @@ import datetime
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 from typing import Final, Literal
 
 import numpy as np
@@ -119,21 +119,19 @@ class _Samples:
         times: list[float] = []
         self.cells: list[list[str]] = []
         without, commas = 0, log.separator != ","
-        for chunk in log.chunks():
-            for line, cells in chunk:
-                time = _time(clock, cells, commas) + shift
-                if commas:
-                    cells = list(map(with_point, cells))
-                if np.isnan(time):
-                    without += 1
-                    continue
-                if times and time < times[-1]:
-                    raise InputError(
-                        f"{log.path}, line {line}: {clock.name} goes back; a log that is joined by "
-                        "time stands in the order of its times"
-                    )
-                times.append(time)
-                self.cells.append((cells + [""] * width)[:width])
+        for line, cells in chain.from_iterable(log.chunks()):
+            time = _time(clock, cells, commas) + shift
+            if np.isnan(time):
+                without += 1
+                continue
+            if times and time < times[-1]:
+                raise InputError(
+                    f"{log.path}, line {line}: {clock.name} goes back; a log that is joined by "
+                    "time stands in the order of its times"
+                )
+            times.append(time)
+            cells = list(map(with_point, cells)) if commas else cells
+            self.cells.append((cells + [""] * width)[:width])
         if not times:
             raise InputError(
                 f"{log.path}: no row has a time in {quote(clock.name)}; give its unit, iso for "
@@ -146,11 +144,8 @@ class _Samples:
         steps = np.diff(self.times)
         steps = steps[steps > 0]
         self.step = float(np.median(steps)) if len(steps) else 0.0
-        self.largest_gap = float(steps.max()) if len(steps) else 0.0
-        numbers = [
-            [cell_number(cell) for cell in column] for column in zip(*self.cells, strict=True)
-        ]
-        self.numbers: Floats = np.array(numbers).reshape(width, len(times)).T
+        self.largest_gap = float(steps.max(initial=0.0))
+        self.numbers: Floats = np.array([list(map(cell_number, cells)) for cells in self.cells])
 
     def at(self, times: Floats, how: How, within: float | None) -> list[list[str] | None]:
         """Cells at these times; None where there is no sample."""
@@ -169,27 +164,21 @@ class _Samples:
         if how == "previous":
             far |= known < self.times[0]
         chosen = left if how == "previous" else nearest
-        out: list[list[str] | None] = []
-        span = self.times[right] - self.times[left]
-        # a time that rounding has moved off its sample is not between two
-        inside = (left < right) & (np.minimum(a, b) > _SAME * self.step)
-        share = np.where(inside, (known - self.times[left]) / np.where(span > 0, span, 1.0), 0.0)
-        values = self.numbers[left] + share[:, None] * (self.numbers[right] - self.numbers[left])
-        for k in range(len(times)):
-            if far[k]:
-                out.append(None)
-                continue
-            cells = self.cells[chosen[k]]
-            if how == "linear" and inside[k]:
+        rows = [self.cells[k] for k in chosen]
+        if how == "linear":
+            # a time that rounding has moved off its sample is not between two
+            inside = ~far & (left < right) & (np.minimum(a, b) > _SAME * self.step)
+            for k in np.flatnonzero(inside):
+                here, there = left[k], right[k]
+                share = (known[k] - self.times[here]) / (self.times[there] - self.times[here])
+                values = self.numbers[here] + share * (self.numbers[there] - self.numbers[here])
+                other = self.cells[here + there - chosen[k]]
                 # a number that its neighbour lacks, as an occluded marker, is not invented
-                cells = [
-                    repr(float(value)) if np.isfinite(value) else _between(cell, other)
-                    for value, cell, other in zip(
-                        values[k], cells, self.cells[left[k] + right[k] - chosen[k]], strict=True
-                    )
+                rows[k] = [
+                    repr(float(value)) if np.isfinite(value) else _between(*cells)
+                    for value, *cells in zip(values, rows[k], other, strict=True)
                 ]
-            out.append(cells)
-        return out
+        return [None if lost else cells for lost, cells in zip(far, rows, strict=True)]
 
 
 def _between(nearest: str, other: str) -> str:

@@ -7,14 +7,13 @@ with them everywhere. Points are in the measuring frame; nothing here registers 
 from __future__ import annotations
 
 import csv
-import io
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +53,7 @@ _MOST_LABELS: Final = 100
 _LARGEST: Final = 1e30  # what is larger may overflow on its way to SI
 _REACH: Final = 3.0  # lengths between a tip and the middle of all, at most 1 + root of 3
 _DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?\s*")
-_WRITTEN: Final = "# written by Bowstring"  # tells our tables from those of others
+_WRITTEN: Final = "written by Bowstring"  # tells our tables from those of others
 _THOUSANDS: Final = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
 
 Floats = NDArray[np.float64]
@@ -506,9 +505,7 @@ class _Reader:
     def is_whole(self, row: Row) -> bool:
         """Whether a row has a cell for each column, and is one to keep."""
         line, cells = row
-        if len(cells) < self.width or (
-            len(cells) > self.width and any(cell.strip() for cell in cells[self.width :])
-        ):
+        if len(cells) < self.width or any(cell.strip() for cell in cells[self.width :]):
             text = f"it has {len(cells)} cells, the header has {self.width}"
             if self.table.separator == "," and len(cells) > self.width:
                 text += "; with decimal commas, separate the cells by semicolons"
@@ -694,26 +691,26 @@ def write_measurements(
 
     def fill(new: Path) -> None:
         with new.open("w", encoding="utf-8", newline="") as file:
-            file.writelines(_tidy_lines(m, comments))
+            _write_tidy(file, m, comments)
 
     write_whole_file(path, "table", fill, lambda: _check_table(path))
     return path
 
 
 def _check_table(path: Path) -> None:
-    if path.exists() and not (path.is_file() and has_mark(path, _WRITTEN.encode())):
+    if path.exists() and not (path.is_file() and has_mark(path, f"# {_WRITTEN}".encode())):
         raise not_overwritten(f"cannot write the table to {path}")
 
 
-def _tidy_lines(m: Measurements, comments: Sequence[str]) -> Iterator[str]:
-    yield f"# source: {m.source}\n"
-    yield f"# name: {' '.join(m.name.split())}\n"
-    yield f"{_WRITTEN} {__version__}\n"
+def _write_tidy(file: TextIO, m: Measurements, comments: Sequence[str]) -> None:
+    above = [f"source: {m.source}", f"name: {' '.join(m.name.split())}"]
+    above.append(f"{_WRITTEN} {__version__}")
     if m.tool.any():
-        yield f"# tool: {' '.join(repr(round(1e3 * v, 9)) for v in m.tool.tolist())} mm\n"
+        above.append(f"tool: {' '.join(repr(round(1e3 * v, 9)) for v in m.tool.tolist())} mm")
     if m.stations is not None:
-        yield f"# stations: {' '.join(map(repr, m.stations.tolist()))}\n"
-    yield from (f"# {' '.join(line.split())}\n" for line in comments)
+        above.append(f"stations: {' '.join(map(repr, m.stations.tolist()))}")
+    above += [" ".join(line.split()) for line in comments]
+    file.writelines(f"# {line}\n" for line in above)
     columns: dict[str, Any] = {}
     for k in range(m.tendon_count):
         if np.isnan(m.pulls[:, k]).all():
@@ -726,12 +723,8 @@ def _tidy_lines(m: Measurements, comments: Sequence[str]) -> Iterator[str]:
         name = "tip" if p == count - 1 else f"point_{p + 1:02d}"
         for axis, letter in enumerate("xyz"):
             columns[f"{name}_{letter}_{unit}"] = _rounded(factor * m.points[:, p, axis])
-    units = {
-        "bend_deg": math.degrees(1),
-        "direction_deg": math.degrees(1),
-        "sigma_mm": 1e3,
-        "time_s": 1.0,
-    }
+    degrees = math.degrees(1)
+    units = {"bend_deg": degrees, "direction_deg": degrees, "sigma_mm": 1e3, "time_s": 1.0}
     for name, factor in units.items():
         if (values := getattr(m, name.partition("_")[0])) is not None:
             columns[name] = _rounded(factor * values)
@@ -742,16 +735,10 @@ def _tidy_lines(m: Measurements, comments: Sequence[str]) -> Iterator[str]:
         columns["group"] = m.group
     if m.source != "measured":
         columns["source"] = np.full(len(m), m.source)
-    buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer, lineterminator="\n")
+    writer = csv.writer(file, lineterminator="\n")
     writer.writerow(columns)
-    lists = [values.tolist() for values in columns.values()]
-    for row in zip(*lists, strict=True):
+    for row in zip(*(values.tolist() for values in columns.values()), strict=True):
         writer.writerow("" if isinstance(v, float) and np.isnan(v) else v for v in row)
-        yield buffer.getvalue()
-        buffer.seek(0)
-        buffer.truncate()
-    yield buffer.getvalue()
 
 
 def _rounded(values: Floats) -> Floats:

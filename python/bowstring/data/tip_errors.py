@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -41,35 +40,35 @@ class Comparison:
         """Number of points that both sides have."""
         return int(np.isfinite(self.error).sum())
 
-    def _over_points(self, statistic: Callable[[Array], Any], values: Array) -> Any:
-        return statistic(values[np.isfinite(self.error)]) if self.n else math.nan
-
     @property
     def mean(self) -> float:
         """Mean error, m."""
-        return float(self._over_points(np.mean, self.error))
+        return known_mean(self.error)
 
     @property
     def maximum(self) -> float:
         """Largest error, m."""
-        return float(self._over_points(np.max, self.error))
+        return known_max(self.error)
 
     @property
     def rms(self) -> float:
         """Root mean square over points (never over coordinates), m."""
-        return float(np.sqrt(self._over_points(np.mean, self.error**2)))
+        return math.sqrt(known_mean(self.error**2))
 
     @property
     def mean_by_axis(self) -> Array:
         """Mean absolute error along x, y and z, m."""
-        rows = np.abs(self.difference[np.isfinite(self.error)])
-        return np.asarray(rows.mean(axis=0) if len(rows) else np.full(3, math.nan))
+        return np.array([known_mean(along) for along in self._by_axis])
 
     @property
     def max_by_axis(self) -> Array:
         """Largest absolute error along x, y and z, m."""
-        rows = np.abs(self.difference[np.isfinite(self.error)])
-        return np.asarray(rows.max(axis=0) if len(rows) else np.full(3, math.nan))
+        return np.array([known_max(along) for along in self._by_axis])
+
+    @property
+    def _by_axis(self) -> Array:
+        """Absolute errors (3, n) of points that both sides have."""
+        return np.asarray(np.abs(self.difference[np.isfinite(self.error)]).T)
 
     def to_dict(self) -> dict[str, Any]:
         """The comparison in mm and percent."""
