@@ -630,7 +630,7 @@ def test_what_was_measured_has_no_truth(tmp_path: Path) -> None:
         ({"masses": [0, -1]}, "masses: number 2 is -1 kg, it must be from 0 to"),
         ({"masses": [1e308]}, "masses: number 1 is 1e.308 kg"),
         ({"masses": [0, math.nan]}, "masses: number 2 is nan kg"),
-        ({"tensions": [[1, 0, 0]]}, "masses are instead of tensions and displacements"),
+        ({"tensions": [[1, 0, 0]]}, "masses are given, and tensions or displacements"),
         ({"masses": None, "tensions": [[1, 0]]}, r"tensions has shape \(1, 2\)"),
         ({"masses": None, "tensions": np.zeros((0, 3))}, "the table has no row"),
         ({"masses": None, "tensions": [[-1, 0, 0]]}, "tendon 1"),

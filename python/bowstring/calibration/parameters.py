@@ -7,6 +7,7 @@ number shared), or one of the drive and of the frames, which no robot file has. 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -283,13 +284,11 @@ class Unknowns:
         )
 
     def _no_such(self, name: str) -> InputError:
-        if name.partition(".")[0] in ("segments", "gravity"):
-            leaf = name.rsplit(".", 1)[-1]
-            if leaf == "axial_stiffness" and ".tendons" in name:
-                return InputError(
-                    f"parameter {name} has no value to begin with: give the robot an "
-                    "axial_stiffness, or fit the tendons' compliance"
-                )
+        if re.fullmatch(r"segments\b.*\.tendons\b.*\.axial_stiffness", name):
+            return InputError(
+                f"parameter {name} has no value to begin with: give the robot an "
+                "axial_stiffness, or fit the tendons' compliance"
+            )
         known = [*self._leaves, *_EXTRA, *_FRAMES]
         known += [f"{name}.{kind}" for name, kinds in _EACH.items() for kind in kinds if kind]
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)

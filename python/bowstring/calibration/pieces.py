@@ -354,14 +354,12 @@ def _starts(
 ) -> list[Floats]:
     parameters = gradient.shape[2]
     random = np.random.default_rng(_SEED)
-    order = near[np.argsort([distance[k, t] for k, t in near])]
-    across: dict[int, list[Floats]] = {}
-    for k, t in order:
+    across: dict[int, Floats] = {}
+    for k, t in near[np.argsort(distance[tuple(near.T)])]:
         toward = -gradient[k, t] / np.linalg.norm(gradient[k, t])
-        across.setdefault(int(t), []).append(_BEYOND * distance[k, t] * toward)
-    starts = [np.zeros(parameters)]
-    starts.append(sum((each[0] for each in across.values()), np.zeros(parameters)))
-    starts += [each[0] for each in across.values()]
+        across.setdefault(int(t), _BEYOND * distance[k, t] * toward)
+    none = np.zeros(parameters)
+    starts = [none, sum(across.values(), none), *across.values()]
     starts = starts[: max(2, count // 2)]
     radii = np.geomspace(1.0, _FAR, count - len(starts))
     starts += [radius * random.normal(size=parameters) / parameters**0.5 for radius in radii]

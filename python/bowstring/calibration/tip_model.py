@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -134,6 +135,8 @@ class Prediction:
         Of the core, where derivatives are wanted; of a row that is not solved, it has no pose.
     tensions, slack : ndarray (K, T) or None
         Of the tendons, N and m, where a rod's statics found them.
+    columns : list
+        Derivatives by each parameter, once they were asked for.
     """
 
     position: Floats
@@ -143,6 +146,12 @@ class Prediction:
     solutions: list[Any] | None = None
     tensions: Floats | None = None
     slack: Floats | None = None
+    columns: list[_Column] = field(default_factory=list, repr=False)
+
+    @cached_property
+    def exact(self) -> _Exact | None:
+        """Exact derivatives; None without solutions, or where pulls do not determine tensions."""
+        return None if self.solutions is None else _Exact.of(self.solutions, self)
 
     @property
     def point(self) -> Floats:
@@ -168,8 +177,6 @@ class TipModel:
         self.commands = commands
         self.rod = None if rod is None else rod.replace(elements=rod.elements or 1)
         self.solves = 0
-        #: The last prediction with its derivatives, as far as they were asked for.
-        self._kept: tuple[Prediction, _Exact | None, dict[int, _Column]] | None = None
 
     def predict(self, values: Floats, *, keep: bool = False) -> Prediction:
         """The end disk by these values (P,) of the parameters.
@@ -215,11 +222,10 @@ class TipModel:
         None where no tendon is pulled by a length, where the pulls do not determine the tensions,
         with friction, and for constant curvature. Rows without a solution have NaN.
         """
-        exact = self._exact(at) if self.commands.pulled.any() else None
+        exact = at.exact if self.commands.pulled.any() else None
         if exact is None:
             return None
-        assert at.solutions is not None
-        slack = _table(at.solutions, at.solved, "slack_lengths", exact.tensions.shape[1])
+        assert at.slack is not None
         columns = self._columns(values, at)
         by_slack = np.stack([column.slack for column in columns], axis=-1)
         by_tension = np.stack([column.tensions for column in columns], axis=-1)
@@ -228,30 +234,21 @@ class TipModel:
             # commanded tensions follow the parameters, whoever is slack
             point_by_parameter=by_point + exact.by_tension @ by_tension,
             point_by_tension=exact.by_tension,
-            slack=slack,
+            slack=at.slack,
             tensions=exact.tensions,
             slack_by_parameter=by_slack + exact.slack_by_tension @ by_tension,
             slack_by_tension=exact.slack_by_tension,
             pulled=self.commands.pulled,
         )
 
-    def _exact(self, at: Prediction) -> _Exact | None:
-        if at.solutions is None or at.setting.robot.has_friction:
-            return None
-        if self._kept is None or self._kept[0] is not at:
-            self._kept = at, _Exact.of(at), {}
-        return self._kept[1]
-
     def _columns(self, values: Floats, at: Prediction) -> list[_Column]:
-        exact = self._exact(at)
-        known: dict[int, _Column] = {} if self._kept is None else self._kept[2]
-        if exact is None:
+        """Derivatives by each parameter, kept with the prediction."""
+        if not at.columns:
             friction = self.rod is not None and at.setting.robot.has_friction
             known = self._along_paths(values, at) if friction else {}
-        for i in range(len(values)):
-            if i not in known:
-                known[i] = self._column(i, values, at, exact)
-        return [known[i] for i in range(len(values))]
+            for i in range(len(values)):
+                at.columns.append(known[i] if i in known else self._column(i, values, at))
+        return at.columns
 
     # -- the models --------------------------------------------------------------------------
 
@@ -270,7 +267,8 @@ class TipModel:
         _continue_from_neighbours(core, pulled, given, solutions, solved)
         position = _table(solutions, solved, "tip_position", 3)
         turned = _table(solutions, solved, "tip_rotation", 3, 3)
-        return Prediction(position, turned, solved, setting, solutions)
+        slack = _table(solutions, solved, "slack_lengths", given.shape[1])
+        return Prediction(position, turned, solved, setting, solutions, slack=slack)
 
     def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
         """The rod row by row; with friction along each path, which begins at home."""
@@ -298,8 +296,8 @@ class TipModel:
 
     # -- derivatives -------------------------------------------------------------------------
 
-    def _column(self, i: int, values: Floats, at: Prediction, exact: _Exact | None) -> _Column:
-        item = self.unknowns.items[i]
+    def _column(self, i: int, values: Floats, at: Prediction) -> _Column:
+        item, exact = self.unknowns.items[i], at.exact
         name = item.name
         none = np.zeros(self.commands.values.shape)
         if name.startswith(("base.", "tool.")):
@@ -329,7 +327,7 @@ class TipModel:
 
         self.solves += 2
         change = self._difference(i, values, self._state, self._small(at))
-        return self._by_differences(change, at, exact)
+        return self._by_differences(change, at)
 
     def _state(self, setting: Setting) -> Floats:
         """Point, tensions and slack lengths (K, 3 + 2 T); of constant curvature the point alone."""
@@ -343,8 +341,9 @@ class TipModel:
     def _small(self, at: Prediction) -> float:
         return _SMALL_FRICTION if at.setting.robot.has_friction else _SMALL
 
-    def _by_differences(self, change: Floats, at: Prediction, exact: _Exact | None) -> _Column:
+    def _by_differences(self, change: Floats, at: Prediction) -> _Column:
         """The derivatives that central differences of `_state` mean."""
+        exact = at.exact
         count = self.commands.values.shape[1]
         none = np.zeros(self.commands.values.shape)
         if exact is None:
@@ -369,7 +368,7 @@ class TipModel:
         for n, (i, sides) in enumerate(zip(which, moves, strict=True)):
             apart = sides[0][1] - sides[1][1]
             change = (states[2 * n] - states[2 * n + 1]) / apart
-            out[i] = self._by_differences(change, at, None)
+            out[i] = self._by_differences(change, at)
         return out
 
     def _home(self, setting: Setting) -> Floats:
@@ -477,12 +476,11 @@ class _Exact:
     tensions: Floats
 
     @classmethod
-    def of(cls, at: Prediction) -> _Exact | None:
+    def of(cls, solutions: list[Any], at: Prediction) -> _Exact | None:
         """None where the pulls do not determine the tensions."""
-        assert at.solutions is not None
         if not at.solved.any():
             return None
-        each = [s.jacobians() for s, solved in zip(at.solutions, at.solved, strict=True) if solved]
+        each = [s.jacobians() for s, solved in zip(solutions, at.solved, strict=True) if solved]
         if any(found is None for found in each):
             return None
 
@@ -492,8 +490,8 @@ class _Exact:
             table[at.solved] = [found[name] for found in each]
             return table
 
-        tensions = np.where(at.solved[:, None], [s.tensions for s in at.solutions], 0.0)
-        pulled = np.stack([s.pulled for s in at.solutions])
+        tensions = np.where(at.solved[:, None], [s.tensions for s in solutions], 0.0)
+        pulled = np.stack([s.pulled for s in solutions])
         held = pulled & (tensions > 0)
         by_tension = np.diag(actuation.compliances(at.setting.robot)) - stacked(
             "lengths_by_tension"

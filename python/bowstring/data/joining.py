@@ -168,15 +168,16 @@ class _Samples:
         if how == "linear":
             # a time that rounding has moved off its sample is not between two
             inside = ~far & (left < right) & (np.minimum(a, b) > _SAME * self.step)
+            span = np.where(inside, self.times[right] - self.times[left], 1.0)
+            share = ((known - self.times[left]) / span)[:, None]
+            change = self.numbers[right] - self.numbers[left]
+            values = self.numbers[left] + share * change
             for k in np.flatnonzero(inside):
-                here, there = left[k], right[k]
-                share = (known[k] - self.times[here]) / (self.times[there] - self.times[here])
-                values = self.numbers[here] + share * (self.numbers[there] - self.numbers[here])
-                other = self.cells[here + there - chosen[k]]
+                other = self.cells[left[k] + right[k] - chosen[k]]
                 # a number that its neighbour lacks, as an occluded marker, is not invented
                 rows[k] = [
                     repr(float(value)) if np.isfinite(value) else _between(*cells)
-                    for value, *cells in zip(values, rows[k], other, strict=True)
+                    for value, *cells in zip(values[k], rows[k], other, strict=True)
                 ]
         return [None if lost else cells for lost, cells in zip(far, rows, strict=True)]
 

@@ -317,10 +317,9 @@ class Frame(_Part):
         if self.axes is not None:
             matrix = np.zeros((3, 3))
             for row, text in zip(matrix, self.axes, strict=True):
-                match = re.fullmatch(r"([+-]?)([xyz])", text.strip())
-                if match is None:
+                if not re.fullmatch(r"[+-]?[xyz]", text.strip()):
                     raise wrong(f"axes: got {quote(text)}; must be x, y or z, or one with a minus")
-                row["xyz".index(match[2])] = -1.0 if match[1] == "-" else 1.0
+                row["xyz".index(text.strip()[-1])] = -1.0 if "-" in text else 1.0
         else:
             matrix = np.array(self.rotation, dtype=float)
             if matrix.shape != (3, 3):

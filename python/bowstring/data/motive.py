@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Final
 
@@ -113,13 +114,12 @@ def _columns(axes: list[str], lines: list[list[str]]) -> list[str]:
     out: list[str] = []
     for i, axis in enumerate(axes):
         parts = [FRAME] if i == 0 else [TIME] if i == 1 else [names[i], what[i], axis.strip()]
-        name = " ".join(part for part in parts if part)
+        plain = name = " ".join(part for part in parts if part)
         if name in out and types[i]:
-            name = f"{name} ({types[i]})"
-        again = 2
+            name = f"{plain} ({types[i]})"
+        again = count(2)
         while name in out:
-            name = f"{' '.join(part for part in parts if part)} {again}"
-            again += 1
+            name = f"{plain} {next(again)}"
         out.append(name)
     while out and not out[-1]:
         out.pop()

@@ -35,7 +35,7 @@ from bowstring.display import short_repr
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import plain
 from bowstring.significance import MIRROR, chi_square_p, variance_ratio_limit
-from bowstring.validation import floats, number, numbers, shown, vectors
+from bowstring.validation import floats, instance, number, numbers, shown, truth, vectors
 
 __all__ = [
     "Registration",
@@ -182,7 +182,7 @@ class Registration:
         """Measured points (..., 3) in the base frame, m."""
         return self.frame.apply(points)
 
-    def tips(self, points: ArrayLike, rotations: ArrayLike) -> Array:
+    def tips(self, points: ArrayLike, rotations: ArrayLike | None) -> Array:
         """Tips (..., 3) that belong to measured points, m, base frame: the offset taken off.
 
         Parameters
@@ -190,7 +190,7 @@ class Registration:
         points : array_like (..., 3)
             Measured, m.
         rotations : array_like (..., 3, 3)
-            Rotations of the tip, body to base, as the model has them.
+            Rotations of the tip, body to base, as the model has them; not read without an offset.
         """
         if self.offset is None:
             return self.apply(points)
@@ -412,10 +412,9 @@ def fit_model(
         )
     turns = None if rotations is None else _rotations(rotations, len(ours))
     spread, weight = _sigma(sigma, len(ours))
-    if not isinstance(robust, bool):
-        raise InputError(f"robust is {shown(robust)}, it must be True or False")
-    if start is not None and not isinstance(start, Rigid):
-        raise InputError(f"start is {shown(start)}, it must be a Rigid")
+    truth("robust", robust)
+    if start is not None:
+        instance("start", start, Rigid)
     pairs = _Pairs(ours, theirs, weight, turns)
     if pairs.dof <= 0:
         what = "a base frame" if turns is None else "a base frame and an offset"
@@ -789,12 +788,9 @@ def with_and_without(
         )
     whole = number("length", length, "m")
     before = (nominal or Rigid.identity()).apply(ours)
-    if registration.offset is None:
-        after = registration.apply(ours)
-    elif rotations is None:
+    if registration.offset is not None and rotations is None:
         raise InputError("the registration has an offset: give the rotations of the tips too")
-    else:
-        after = registration.tips(ours, rotations)
+    after = registration.tips(ours, rotations)
     return {
         "unregistered": Comparison(name, "measurement", whole, theirs, theirs - before),
         "registered": Comparison(name, "measurement", whole, theirs, theirs - after),

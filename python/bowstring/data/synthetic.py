@@ -444,7 +444,7 @@ def simulate(
 def _loads(robot: Robot, given: Loads) -> tuple[Floats, Floats, dict[str, Any]]:
     """Tensions and displacements (K, T), NaN where there is none, and what the truth says of it."""
     if not isinstance(given, Loads):
-        raise InputError(f"loads is {shown(given)}, it must be Loads")
+        raise InputError.of("loads", shown(given), "a Loads")
     tensions, displacements, masses = given.tensions, given.displacements, given.masses
     tendon, count = given.tendon, len(robot.tendons.angle_rad)
     gravity = number("g", given.g, "m/s^2")
@@ -466,7 +466,9 @@ def _loads(robot: Robot, given: Loads) -> tuple[Floats, Floats, dict[str, Any]]:
                                     if v is not None)}  # fmt: skip
         return np.where(pulled, np.nan, values), np.where(pulled, values, np.nan), loads
     if tensions is not None or displacements is not None:
-        raise InputError("masses are instead of tensions and displacements; give either")
+        raise InputError(
+            "masses are given, and tensions or displacements as well; give one of them"
+        )
     try:
         hung = floats(masses)
     except TypeError:
@@ -514,8 +516,7 @@ def _pose(mounting: Mounting) -> Rigid:
     if base is None:
         axis = [-math.sin(direction), math.cos(direction), 0.0]
         return Rigid.from_rotation_vector(np.multiply(angle, axis), moved)
-    if not isinstance(base, Rigid):
-        raise InputError(f"base is {shown(base)}, it must be a Rigid")
+    instance("base", base, Rigid)
     if angle or direction or moved.any():
         raise InputError("base says where the base stands: leave out tilt and shift, or base")
     return base
@@ -639,7 +640,7 @@ def check_table(path: str | Path) -> Path:
                 if mark.encode() not in former.read(_HEAD):
                     raise InputError(
                         f"{why}: {place.name} is there and was not made by a virtual bench, and "
-                        "nothing of yours is replaced; name another file"
+                        "existing files are not overwritten; name another file"
                     )
     except (OSError, ValueError) as error:
         if isinstance(error, InputError):
