@@ -152,17 +152,12 @@ class Unknowns:
         self._leaves = dict(_leaves(robot.model_dump(mode="json", exclude_none=True)))
         self._count = {"segments": len(robot.segments), "tendons": len(robot.tendons.segment)}
         self._held: dict[str, float] = {}
-        self._robots: dict[tuple[float, ...], Robot] = {}
-        given: dict[str, float] = {}
-        for name, value in (start or {}).items():
-            value = _finite(name, value)
-            given.update(dict.fromkeys(self._expand(name), value))
-        fitted: list[str] = []
-        for name in names:
-            for each in self._expand(name):
-                if each in fitted:
-                    raise InputError(f"parameter {each} is named twice")
-                fitted.append(each)
+        self._robots: dict[object, Robot] = {}
+        begin = {name: _finite(name, value) for name, value in (start or {}).items()}
+        given = {each: value for name, value in begin.items() for each in self._expand(name)}
+        fitted = [each for name in names for each in self._expand(name)]
+        if twice := [each for each in fitted if fitted.count(each) > 1]:
+            raise InputError(f"parameter {twice[0]} is named twice")
         overrides: dict[str, float] = {}
         for name, value in given.items():
             if name in fitted:
@@ -199,7 +194,7 @@ class Unknowns:
             If no robot can have them.
         """
         extra = dict(self._held)
-        overrides: dict[str, Any] = {}
+        overrides: dict[str, float] = {}
         for item, value in zip(self.items, values.tolist(), strict=True):
             if item.paths:
                 overrides.update(dict.fromkeys(item.paths, value))
@@ -238,16 +233,15 @@ class Unknowns:
 
     def _made(self, overrides: Mapping[str, float], angle: Floats, radius: Floats) -> Robot:
         """The robot of these numbers; most differences leave it as it was."""
-        key = (*overrides.values(), *angle.tolist(), *radius.tolist())
-        if key in self._robots:
-            return self._robots[key]
-        robot = self.robot.with_(overrides) if overrides else self.robot
-        if angle.any() or (radius != 1.0).any():
-            robot = robot.with_(_moved_holes(robot, angle, radius))
-        if len(self._robots) > 8:
-            self._robots.clear()
-        self._robots[key] = robot
-        return robot
+        key = *overrides.values(), *angle.tolist(), *radius.tolist()
+        if key not in self._robots:
+            robot = self.robot.with_(overrides) if overrides else self.robot
+            if angle.any() or (radius != 1.0).any():
+                robot = robot.with_(_moved_holes(robot, angle, radius))
+            if len(self._robots) > 8:
+                self._robots.clear()
+            self._robots[key] = robot
+        return self._robots[key]
 
     # -- names -----------------------------------------------------------------------------
 

@@ -444,7 +444,9 @@ class Mapping(_Part):
         if self.tip is not None or self.points is not None:
             found.scale, found.points = self._points(finder)
         if self.shape is not None:
-            found.scale, factor = _scale(self.shape.unit)
+            in_pixels = self.shape.unit == PIXELS
+            found.scale = None if in_pixels else 1.0
+            factor = 1.0 if in_pixels else _scale_of(self.shape.unit, "m")
             found.shape = find("shape.column", self.shape.column, factor)
         if self.angles is not None:
             factor = _scale_of(self.angles.unit, "rad")
@@ -507,10 +509,6 @@ class Mapping(_Part):
                 f"{find.table.path}"
             )
         return (None if unit == PIXELS else 1.0), columns
-
-
-def _scale(unit: str) -> tuple[float | None, float]:
-    return (None, 1.0) if unit == PIXELS else (1.0, _scale_of(unit, "m"))
 
 
 class _Finder:
