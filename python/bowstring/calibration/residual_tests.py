@@ -64,9 +64,8 @@ class NoiseTest:
     @property
     def wrong_size(self) -> bool:
         """Whether the residuals are larger than noise: repeats decide where there are any."""
-        if math.isfinite(self.fit_chance):
-            return self.fit_chance < NOISE
-        return self.size_chance < NOISE  # False for NaN
+        chance = self.fit_chance if math.isfinite(self.fit_chance) else self.size_chance
+        return chance < NOISE  # False for NaN
 
     @property
     def in_order(self) -> bool:
@@ -144,13 +143,11 @@ class NoiseTest:
             out += f" {rows} more than five standard deviations away ({_lines(self.far_lines)})."
         if self.wrong_lines:
             one = len(self.wrong_lines) == 1
-            how = (
-                f"errs by {in_mm(self.wrong_by)}" if one else f"err by up to {in_mm(self.wrong_by)}"
-            )
+            errs, them = ("errs by", "it") if one else ("err by up to", "them")
             out += (
-                f" {_lines(self.wrong_lines).capitalize()} {how}, and repeats of the same load do "
-                f"not: these tests leave {'it' if one else 'them'} out, all other numbers have "
-                f"{'it' if one else 'them'}; look at {'it' if one else 'them'}."
+                f" {_lines(self.wrong_lines).capitalize()} {errs} {in_mm(self.wrong_by)}, and "
+                f"repeats of the same load do not: these tests leave {them} out, all other numbers "
+                f"have {them}; look at {them}."
             )
         return out
 

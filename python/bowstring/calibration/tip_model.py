@@ -19,7 +19,6 @@ from bowstring.calibration.parameters import DRIVE, Setting, Unknown, Unknowns
 from bowstring.calibration.pieces import Pieces
 from bowstring.constant_curvature import Arc, RobotArcs
 from bowstring.errors import BowstringError, InputError
-from bowstring.robot.model import Robot
 from bowstring.statics import actuation
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
@@ -289,9 +288,19 @@ class TipModel:
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Constant curvature: the tendons' arcs, segment by segment, each bend times its gain."""
-        arc = _arcs_of(setting.robot, self.commands.pulled, given).arc
+        robot, pulled = setting.robot, self.commands.pulled
+        if not pulled.any():
+            arc = RobotArcs.from_tensions(robot, given).arc
+        elif pulled.all():  # segments keep their lengths
+            lengths = robot.disks.station_m[robot.tendons.end_disk] - given
+            arc = RobotArcs.from_lengths(robot, lengths, hold_length=True).arc
+        else:
+            raise InputError(
+                "constant curvature needs all tendons by pull or all by tension, these rows mix "
+                "both"
+            )
         bent = Arc(arc.kappa * setting.bend_gain, arc.phi, arc.length)
-        position, turned = RobotArcs(setting.robot, bent).tip
+        position, turned = RobotArcs(robot, bent).tip
         return Prediction(position, turned, np.ones(len(given), bool), setting)
 
     # -- derivatives -------------------------------------------------------------------------
@@ -374,9 +383,7 @@ class TipModel:
     def _home(self, setting: Setting) -> Floats:
         assert self.rod is not None
         home = actuation.home_lengths(setting.robot, self.rod)
-        if home is None:
-            return np.full(len(setting.robot.tendons.segment), np.nan)
-        return home
+        return np.full(self.commands.values.shape[1], np.nan) if home is None else home
 
     def _same_nu(self, item: Unknown) -> bool:
         segments = self.unknowns.robot.segments
@@ -523,15 +530,3 @@ class _Exact:
         follow = tensions - np.einsum("kst,kt->ks", self.answer, lacks)
         whole = point + np.einsum("kit,kt->ki", self.by_tension, follow)
         return _Column(whole, point, slack, tensions)
-
-
-def _arcs_of(robot: Robot, pulled: Bools, given: Floats) -> RobotArcs:
-    """Arcs (K, S) of segments that keep their lengths."""
-    if not pulled.any():
-        return RobotArcs.from_tensions(robot, given)
-    if not pulled.all():
-        raise InputError(
-            "constant curvature needs all tendons by pull or all by tension, these rows mix both"
-        )
-    lengths = robot.disks.station_m[robot.tendons.end_disk] - given
-    return RobotArcs.from_lengths(robot, lengths, hold_length=True)

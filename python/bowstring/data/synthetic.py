@@ -333,17 +333,9 @@ def set_up(
     moves = _lengths("drift", mounting.drift)
 
     driven = by_tension[rows], by_displacement[rows]
-    found = rod.sweep(
-        other,
-        load=Load(
-            None if np.isnan(driven[0]).all() else driven[0],
-            None if np.isnan(driven[1]).all() else driven[1],
-            gravity=felt,
-            tip_force=force,
-        ),
-        model=RodModel(theory),
-        disks=False,
-    ).raise_for_status()
+    tensions, pulls = (None if np.isnan(table).all() else table for table in driven)
+    load = Load(tensions, pulls, gravity=felt, tip_force=force)
+    found = rod.sweep(other, load=load, model=RodModel(theory), disks=False).raise_for_status()
     points = pose.apply(found.tip_position + found.tip_rotation @ there)
     points = points + np.linspace(0.0, 1.0, len(rows))[:, None] * moves
     x, y, z = pose.rotation[:, 2].tolist()
@@ -371,10 +363,7 @@ def set_up(
         "noise_m": sigma,
         "noise_is": NOISE_IS,
         "disturbances": {"tip_force_N": force.tolist(), "drift_m": moves.tolist()},
-        "rows": {
-            "tip_position_m": found.tip_position.tolist(),
-            "point_m": points.tolist(),
-        },
+        "rows": {"tip_position_m": found.tip_position.tolist(), "point_m": points.tolist()},
     }
     return Bench(
         robot=robot,
@@ -454,7 +443,9 @@ def _loads(robot: Robot, given: Loads) -> tuple[Floats, Floats, dict[str, Any]]:
             f"of {robot.name}"
         )
     if masses is None:
-        if tensions is None and displacements is None:
+        said = {"tensions": tensions, "pulls": displacements}
+        by = " and ".join(name for name, value in said.items() if value is not None)
+        if not by:
             raise InputError(
                 "there is no load: give tensions or displacements (K, T), or masses (K,) on a "
                 "tendon"
@@ -462,9 +453,7 @@ def _loads(robot: Robot, given: Loads) -> tuple[Floats, Floats, dict[str, Any]]:
         pulled, values = actuation.commands(robot, Load(tensions, displacements), rows=True)
         if not len(values):
             raise InputError("there is no load: the table has no row")
-        loads = {"by": " and ".join(n for n, v in (("tensions", tensions), ("pulls", displacements))
-                                    if v is not None)}  # fmt: skip
-        return np.where(pulled, np.nan, values), np.where(pulled, values, np.nan), loads
+        return np.where(pulled, np.nan, values), np.where(pulled, values, np.nan), {"by": by}
     if tensions is not None or displacements is not None:
         raise InputError(
             "masses are given, and tensions or displacements as well; give one of them"
