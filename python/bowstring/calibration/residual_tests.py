@@ -158,19 +158,19 @@ class NoiseTest:
             "rms_of_a_coordinate_mm": self.rms * 1e3,
             "stated_sigma_mm": self.sigma * 1e3,
             "scatter_of_repeats_mm": self.scatter * 1e3,
-            **{name: getattr(self, name) for name in _AS_THEY_ARE},
+            "chi_square": self.chi_square,
+            "dof": self.dof,
+            "size_chance": self.size_chance,
+            "fit_ratio": self.fit_ratio,
+            "fit_chance": self.fit_chance,
+            "autocorrelation": self.autocorrelation,
+            "order_chance": self.order_chance,
             "chance_below_which_not_noise": NOISE,
             "far_rows": self.far,
             "lines_against_their_repeats": list(self.wrong_lines),
             "other_load": self.other_load,
             "text": self.text,
         }
-
-
-_AS_THEY_ARE: Final = (
-    *("chi_square", "dof", "size_chance", "fit_ratio", "fit_chance"),
-    *("autocorrelation", "order_chance"),
-)
 
 
 def _chance(probability: float) -> str:

@@ -6,8 +6,9 @@ YAML, checked as a whole: columns, units, order and sign of the tendons, axes of
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, get_args
 
@@ -229,8 +230,12 @@ class Tip(_Part):
                 "give either columns, those of x, y and z, or name, a rigid body or a marker of a "
                 "Motive export"
             )
-        _check_units((self.columns,) if self.columns else (), self.unit)
+        _check_units(self.columns or (), self.unit)
         return self
+
+    def points(self, find: _Finder) -> Sequence[Sequence[Source]]:
+        """Columns of x, y and z of the tip alone."""
+        return (self.columns or find.body("tip.name", self.name or ""),)
 
 
 class Points(_Part):
@@ -247,18 +252,21 @@ class Points(_Part):
                 "give either columns, a list of those of x, y and z, or names, rigid bodies or "
                 "markers of a Motive export"
             )
-        _check_units(self.columns or (), self.unit)
+        _check_units(chain.from_iterable(self.columns or ()), self.unit)
         return self
 
+    def points(self, find: _Finder) -> Sequence[Sequence[Source]]:
+        """Columns of x, y and z of each point."""
+        return self.columns or [find.body("points.names", name) for name in self.names or ()]
 
-def _check_units(points: Sequence[Sequence[Source]], unit: str | None) -> None:
-    for point in points:
-        for each in point:
-            if each.unit is None:
-                continue
-            if unit == PIXELS:
-                raise wrong("columns: a unit of its own has no meaning beside px")
-            _check_unit(each.unit, "m", "columns: unit: ")
+
+def _check_units(columns: Iterable[Source], unit: str | None) -> None:
+    for each in columns:
+        if each.unit is None:
+            continue
+        if unit == PIXELS:
+            raise wrong("columns: a unit of its own has no meaning beside px")
+        _check_unit(each.unit, "m", "columns: unit: ")
 
 
 class Shape(_Part):
@@ -480,15 +488,10 @@ class Mapping(_Part):
 
     def _points(self, find: _Finder) -> tuple[float | None, list[tuple[Column, ...]]]:
         """Scale, and the columns of all points from base to tip."""
-        part: Tip | Points | None = self.tip or self.points
+        part = self.tip or self.points
         assert part is not None
-        points: Sequence[Sequence[Source]]
-        if isinstance(part, Tip):
-            what = "tip"
-            points = (part.columns or find.body("tip.name", part.name or ""),)
-        else:
-            what = "points"
-            points = part.columns or tuple(find.body("points.names", n) for n in part.names or ())
+        what = "points" if self.tip is None else "tip"
+        points = part.points(find)
         said = find.table.length_unit
         unit = part.unit or said
         if unit is None:

@@ -802,10 +802,7 @@ def with_and_without(
 
 def _cross(vectors: Array) -> Array:
     """Matrices (..., 3, 3) of cross products with vectors (..., 3)."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    none = np.zeros_like(x)
-    rows = np.stack([none, -z, y, z, none, -x, -y, x, none], axis=-1)
-    return rows.reshape(*vectors.shape[:-1], 3, 3)
+    return np.cross(np.eye(3), vectors[..., None, :])
 
 
 def _left_jacobian(vector: Array) -> Array:

@@ -475,10 +475,9 @@ def _check_xml(path: Path, file: IO[bytes]) -> None:
                 "writes, and is not opened; save the table as CSV"
             )
         first = False
-        last = None
-        for last in row.finditer(tail + block):  # noqa: B007
-            pass
-        since = len(tail + block) - last.end() if last else since + len(block)
+        text = tail + block
+        ends = [found.end() for found in row.finditer(text)]
+        since = len(text) - ends[-1] if ends else since + len(block)
         if since > _LONGEST_SHEET_ROW:
             raise InputError(
                 f"{path}: the workbook has a row of more than {_LONGEST_SHEET_ROW // 10**6} MB, "

@@ -451,8 +451,7 @@ def _by_pull(robot: Robot) -> Floats:
     tendons, count = robot.tendons, len(robot.segments)
     rows = np.zeros((len(tendons.angle_rad), 3 * count))
     for i, (hole, segment) in enumerate(zip(tendons.hole_m, tendons.segment, strict=True)):
-        for j in range(segment + 1):
-            rows[i, 2 * j : 2 * j + 2] = hole
+        rows[i, : 2 * (segment + 1)] = np.tile(hole, segment + 1)
         rows[i, 2 * count + segment] = np.linalg.norm(hole)
     return np.asarray(np.linalg.pinv(rows, rcond=1e-9)[: 2 * count])
 
