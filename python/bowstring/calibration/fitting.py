@@ -399,17 +399,7 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
     astray = scored.rmse_centred > at.setting.robot.length
     before = work.before[work.used & np.isfinite(work.before).all(axis=1)]
     excess, excess_chance = _excess(errors, work.used, work.sigma, len(items))
-    values = found.x * work.step
-    estimates = []
-    for i, item in enumerate(items):
-        low, high = values[i] + ends[:, i] * item.step
-        cut = bool(np.isfinite(high - low) and (low < item.low or high > item.high))
-        if cut:
-            low, high = max(low, item.low), min(high, item.high)
-        of_people = np.array([values[i], error[i] * item.step, low, high, item.start])
-        value, wide, low, high, start = (of_people / item.per_unit).tolist()
-        edge = bool(found.active_mask[i] != 0)
-        estimates.append(Estimate(item.name, item.unit, value, wide, low, high, start, edge, cut))
+    estimates = _estimates(work, found, error, ends)
     message = _message(
         work,
         found,
@@ -438,17 +428,33 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
         message=message + ("" if astray else _rigid_offset(work, at)),
         evaluations=work.model.solves,
         unsolved=work.unsolved,
-        # in m; loss and weights of rows in it
+        # in m, with loss and weights of rows
         linear=Linear(
             by_parameter=(1e-3 * jacobian / work.weight[:, None]).reshape(-1, 3, len(items)),
             force=(1e-3 * pull * work.weight).reshape(-1, 3),
             slope=(slope * work.weight**2).reshape(-1, 3),
         ),
         _unknowns=work.model.unknowns,
-        _values=values,
+        _values=found.x * work.step,
         _rod=work.model.rod,
         _tool_said=tool_said,
     )
+
+
+def _estimates(work: Residuals, found: Any, error: Floats, ends: Floats) -> list[Estimate]:
+    """Estimates by scaled standard errors (P,) and ends of intervals (2, P), for people."""
+    estimates = []
+    for i, item in enumerate(work.items):
+        value = found.x[i] * item.step
+        low, high = value + ends[:, i] * item.step
+        cut = bool(np.isfinite(high - low) and (low < item.low or high > item.high))
+        if cut:
+            low, high = max(low, item.low), min(high, item.high)
+        of_people = np.array([value, error[i] * item.step, low, high, item.start]) / item.per_unit
+        edge = bool(found.active_mask[i] != 0)
+        value, wide, low, high, start = of_people.tolist()
+        estimates.append(Estimate(item.name, item.unit, value, wide, low, high, start, edge, cut))
+    return estimates
 
 
 def _message(
