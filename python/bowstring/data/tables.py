@@ -289,13 +289,11 @@ def _named(table: Table) -> Table:
     except StopIteration:
         raise InputError(f"{table.path}: the table is empty") from None
     below: Iterable[Row] = ()
+    while first and not first[-1].strip():
+        first.pop()
     if form.header == "first":
         table.header = [name.strip() for name in first]
-        while table.header and not table.header[-1]:
-            table.header.pop()
     else:
-        while first and not first[-1].strip():
-            first.pop()
         table.header = [f"column_{i}" for i in range(1, len(first) + 1)]
         below = [(table.line, first)]
     if form.names:
