@@ -97,64 +97,36 @@ __all__ = [
 ]
 
 _HOME = {
-    "__version__": "_core",
-    "Fit": "calibration.fitting",
-    "fit": "calibration.fitting",
-    "Calibration": "calibration.table_fit",
-    "calibrate": "calibration.table_fit",
-    "make_solid": "cad.solid",
-    "Measurements": "data.measurements",
-    "read_measurements": "data.measurements",
-    "write_measurements": "data.measurements",
-    "check_tendons": "data.tendon_check",
-    "Modes": "dynamics.modal",
-    "modes": "dynamics.modal",
-    "Integrator": "dynamics.integrator",
-    "Output": "dynamics.simulation",
-    "Run": "dynamics.simulation",
-    "Start": "dynamics.simulation",
-    "simulate": "dynamics.simulation",
-    "Robot": "robot.model",
-    "load_robot": "robot.reader",
-    "robot_names": "robot.reader",
-    "robot_schema": "robot.reader",
-    "RodModel": "_core",
-    "DisplacementJacobian": "statics.derivatives",
-    "Jacobians": "statics.derivatives",
-    "displacement_jacobian": "statics.derivatives",
-    "jacobians": "statics.derivatives",
-    "Load": "statics.load",
-    "solve": "statics.rod",
-    "solve_batch": "statics.rod",
-    "sweep": "statics.rod",
-    "Solution": "statics.solution",
-    "Sweep": "statics.solution",
-    "Extras": "study.settings",
-    "Loading": "study.settings",
-    "Ramp": "study.settings",
-    "Study": "study.study",
-    "run_study": "study.study",
+    name: module
+    for module, names in {
+        "_core": "RodModel __version__",
+        "cad.solid": "make_solid",
+        "calibration.fitting": "Fit fit",
+        "calibration.table_fit": "Calibration calibrate",
+        "data.measurements": "Measurements read_measurements write_measurements",
+        "data.tendon_check": "check_tendons",
+        "dynamics.integrator": "Integrator",
+        "dynamics.modal": "Modes modes",
+        "dynamics.simulation": "Output Run Start simulate",
+        "robot.model": "Robot",
+        "robot.reader": "load_robot robot_names robot_schema",
+        "statics.derivatives": "DisplacementJacobian Jacobians displacement_jacobian jacobians",
+        "statics.load": "Load",
+        "statics.rod": "solve solve_batch sweep",
+        "statics.solution": "Solution Sweep",
+        "study.settings": "Extras Loading Ramp",
+        "study.study": "Study run_study",
+    }.items()
+    for name in names.split()
 }
-_PACKAGES = {
-    "cad",
-    "calibration",
-    "constant_curvature",
-    "data",
-    "dynamics",
-    "errors",
-    "fem",
-    "robot",
-    "statics",
-    "study",
-    "viz",
-}
+"""Module of each public name that is not itself one."""
 
 
 def __getattr__(name: str) -> Any:
-    if name in _PACKAGES:
-        return import_module(f"{__name__}.{name}")
-    if name not in _HOME:
+    if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in _HOME:
+        return import_module(f"{__name__}.{name}")
     value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
     globals()[name] = value
     return value
