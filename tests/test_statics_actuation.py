@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -550,9 +551,10 @@ def test_bad_histories(robot, change, says):
 
 def test_much_friction_is_doubted_where_there_is_no_answer():
     def said(friction):
-        return messages.of_actuation(
-            "max_iterations", None, (), False, friction, ((), None), 1e-3, 400
+        found = SimpleNamespace(
+            status="max_iterations", conflict=((), None), residual=1e-3, iterations=400
         )
+        return messages.of_actuation(found, (), friction)
 
     assert "Check the friction coefficient of 10: " in said(10.0)
     assert "friction" not in said(0.3)

@@ -9,6 +9,7 @@ import pickle
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -649,15 +650,27 @@ MESSAGES = {
 }
 
 
+def ended(status, collision, residual):
+    return SimpleNamespace(
+        status=status,
+        stable=None,
+        left_unstable=False,
+        fraction=0.125,
+        collision=collision,
+        residual=residual,
+        iterations=50,
+    )
+
+
 @pytest.mark.parametrize(("case", "part"), MESSAGES.items())
 def test_messages(case, part):
-    text = of_tensions(case[0], None, False, 0.125, case[1], 1e-3, 50)
+    text = of_tensions(ended(case[0], case[1], 1e-3))
     assert part in text and text.endswith(".") and "nan" not in text
 
 
 @pytest.mark.parametrize("residual", [float("nan"), float("inf")])
 def test_the_message_of_no_solution_promises_nothing(residual):
-    text = of_tensions("max_iterations", None, False, 0.125, None, residual, 50)
+    text = of_tensions(ended("max_iterations", None, residual))
     assert "at its limit" in text and "Lower the load" in text
     assert not any(word in text for word in ("sweep", "elements", "residual", "nan", "inf "))
 

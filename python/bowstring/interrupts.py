@@ -12,12 +12,22 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
-__all__ = ["HEARD", "answered", "handler", "held", "ignore", "listen", "pending", "was_stopped"]
+__all__ = [
+    "HEARD",
+    "answered",
+    "handler",
+    "held",
+    "ignore",
+    "listen",
+    "pending",
+    "unheard",
+    "was_stopped",
+]
 
 HEARD: Final = (signal.SIGINT, signal.SIGTERM)
 _AGAIN: Final = 0.1  # s between two attempts
@@ -71,20 +81,36 @@ def pending() -> bool:
 def held() -> Iterator[None]:
     """Hold interrupts back within; one that came is heard at the end."""
     came: list[int] = []
+    numbers = [*HEARD, *([signal.SIGALRM] if hasattr(signal, "SIGALRM") else [])]
+    try:
+        with _handled(numbers, lambda number, _: came.append(number)):
+            yield
+    finally:
+        if came:
+            signal.raise_signal(came[0])
+
+
+@contextmanager
+def unheard() -> Iterator[None]:
+    """Interrupts within, above all a second one, are not heard: what ends a work is kept whole."""
+    with _handled(HEARD, signal.SIG_IGN):
+        yield
+
+
+@contextmanager
+def _handled(numbers: Iterable[int], by: Any) -> Iterator[None]:
+    """Handle signals otherwise within, where the handler is ours or Python's own."""
     former = {}
     if threading.current_thread() is threading.main_thread():  # the only one that hears any
-        numbers = [*HEARD, *([signal.SIGALRM] if hasattr(signal, "SIGALRM") else [])]
         ours = (signal.default_int_handler, handler, _again)
         former = {n: signal.getsignal(n) for n in numbers if signal.getsignal(n) in ours}
     try:
         for number in former:
-            signal.signal(number, lambda one, _: came.append(one))
+            signal.signal(number, by)
         yield
     finally:
         for number, one in former.items():
             signal.signal(number, one)
-        if came:
-            signal.raise_signal(came[0])
 
 
 def was_stopped(error: BaseException | None) -> bool:

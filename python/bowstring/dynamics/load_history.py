@@ -213,16 +213,11 @@ class Actuation:
     def __init__(self, robot: Robot, load: Load, until: float) -> None:
         self._robot = robot
         count = robot.core.tendon_count
-        given = {
-            "tensions": (load.tensions, "N"),
-            "displacements": (load.displacements, "m"),
-            "angles": (load.angles, "rad"),
-        }
         alone = load.is_tension_controlled and load.tensions is not None
         self._histories: dict[str, _History] = {
-            name: over_time(name, value, count, unit, loose=not alone)
-            for name, (value, unit) in given.items()
-            if value is not None
+            name: over_time(name, getattr(load, name), count, unit, loose=not alone)
+            for name, unit in actuation.KINDS.items()
+            if getattr(load, name) is not None
         }
         self._alone = self._histories["tensions"] if alone else None
         self._longest = robot.disks.station_m[robot.tendons.end_disk]

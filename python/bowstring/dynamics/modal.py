@@ -179,9 +179,7 @@ def modes(
     )
     path = None
     if commands[0].any() or robot.has_friction or history is not None:
-        path = actuation.Path(robot, model)
-        if history is not None:
-            path.resume(history)
+        path = actuation.Path(robot, model, history)
     else:
         validation.check_values("tensions", commands[1])
     return about(robot, commands, load, model, path, count=count)

@@ -7,11 +7,8 @@ N is the number of disks, T the number of tendons.
 from __future__ import annotations
 
 import os
-import signal
-import threading
 import time as clock
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -450,10 +447,8 @@ def simulate(
     simulator = make(robot, model, gravity, points, scheme)
     path = None
     if actuated.by_displacement.any() or robot.has_friction or history is not None:
-        path = actuation.Path(robot, model)
-        if history is not None:
-            path.resume(history)
-            settings["history"] = dict(history)
+        path = actuation.Path(robot, model, history)
+        settings["history"] = None if history is None else dict(history)
     times = _output_times(duration, every)
     places = stations(robot, points)
     _check_size(robot, points, len(times), kept=output.path is None)
@@ -468,7 +463,7 @@ def simulate(
     aside = 0.0  # seconds that were not the motion's
     begun = clock.perf_counter()
 
-    @_deaf()
+    @interrupts.unheard()
     def finish(status: Status, reason: str = "") -> None:
         run.wall_s = clock.perf_counter() - begun - aside - simulator.output_s
         run.status, run.reason = status, reason
@@ -548,23 +543,6 @@ def simulate(
         finish("failed", str(error) or type(error).__name__)
         raise
     return run
-
-
-@contextmanager
-def _deaf() -> Iterator[None]:
-    """Ctrl-C within, above all a second one, is not heard: how a run ended is kept whole."""
-    heard = {}
-    if threading.current_thread() is threading.main_thread():  # the only one that hears any
-        ours = (signal.default_int_handler, interrupts.handler)
-        handlers = {number: signal.getsignal(number) for number in interrupts.HEARD}
-        heard = {number: handler for number, handler in handlers.items() if handler in ours}
-    try:
-        for number in heard:
-            signal.signal(number, signal.SIG_IGN)
-        yield
-    finally:
-        for number, handler in heard.items():
-            signal.signal(number, handler)
 
 
 _WHY: Final[dict[str, str]] = {

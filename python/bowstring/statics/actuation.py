@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "HISTORY_SCHEMA_VERSION",
+    "KINDS",
     "Given",
     "Path",
     "compliances",
@@ -30,6 +31,8 @@ __all__ = [
 ]
 
 HISTORY_SCHEMA_VERSION: Final = 1
+KINDS: Final = {"tensions": "N", "displacements": "m", "angles": "rad"}
+"""What a tendon can be driven by, as a load has it, with its unit."""
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -69,6 +72,11 @@ def slack(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:
     return np.flatnonzero(slack_lengths > 1e-12 * robot.length)
 
 
+def is_by_tensions(robot: Robot, load: Load, history: Mapping[str, Any] | None = None) -> bool:
+    """Whether a load has an answer of its own, by tensions alone: no path leads to it."""
+    return load.is_tension_controlled and history is None and not robot.has_friction
+
+
 # --------------------------------------------------------------------------------------
 # Commands
 # --------------------------------------------------------------------------------------
@@ -79,15 +87,10 @@ def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Fl
 
     Each tendon has exactly one of tension, displacement and angle, None or NaN in the others.
     """
-    given = {
-        "tensions": (load.tensions, "N"),
-        "displacements": (load.displacements, "m"),
-        "angles": (load.angles, "rad"),
-    }
     tables = {
-        name: _table(robot, name, values, unit, rows)
-        for name, (values, unit) in given.items()
-        if values is not None
+        name: _table(robot, name, getattr(load, name), unit, rows)
+        for name, unit in KINDS.items()
+        if getattr(load, name) is not None
     }
     if not tables:
         raise InputError("tensions is None, and so are displacements and angles; " + _GIVE)
@@ -126,7 +129,6 @@ def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Fl
 
 def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Floats:
     count = robot.core.tendon_count
-    shape = f"(n, {count})" if rows else f"({count},)"
     if isinstance(values, np.ndarray):
         # before it is copied
         _check_shape(name, values, count, unit, rows)
@@ -135,6 +137,7 @@ def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Flo
     try:
         table = validation.floats(values)
     except TypeError:
+        shape = f"(n, {count})" if rows else f"({count},)"
         raise InputError(
             f"{name} must be numbers of shape {shape} in {unit}, None where a tendon is driven "
             "otherwise"
@@ -144,16 +147,20 @@ def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Flo
 
 
 def _check_shape(name: str, table: NDArray[Any], count: int, unit: str, rows: bool) -> None:
-    shape = f"(n, {count})" if rows else f"({count},)"
     if rows and (table.ndim != 2 or table.shape[1] != count):
-        raise InputError(
-            f"{name} has shape {table.shape}, it must have one row for each load and {count} "
-            "columns, one for each tendon"
-        )
+        raise not_rows(name, table.shape, count)
     if not rows and table.ndim != 1:
-        raise InputError(f"{name} has shape {table.shape}, it must have {shape}, in {unit}")
+        raise InputError(f"{name} has shape {table.shape}, it must have ({count},), in {unit}")
     if not rows and len(table) != count:
         raise InputError(f"{name} has {len(table)} numbers, it must have {count}, in {unit}")
+
+
+def not_rows(name: str, shape: tuple[int, ...], count: int) -> InputError:
+    """The error for a table of another shape than one row for each load."""
+    return InputError(
+        f"{name} has shape {shape}, it must have one row for each load and {count} columns, one "
+        "for each tendon"
+    )
 
 
 def _not_one(
@@ -164,12 +171,9 @@ def _not_one(
     tendon = f"{where}tendon {place[-1] + 1}"
     if count[place] == 0:
         return InputError(f"{tendon} is driven by nothing; {_GIVE}")
-    both = " and ".join(_one(name) for name in tables if said[name][place])
+    one = {"tensions": "a tension", "displacements": "a displacement", "angles": "an angle"}
+    both = " and ".join(one[name] for name in tables if said[name][place])
     return InputError(f"{tendon} has {both}; it can have only one of them")
-
-
-def _one(name: str) -> str:
-    return {"tensions": "a tension", "displacements": "a displacement", "angles": "an angle"}[name]
 
 
 # --------------------------------------------------------------------------------------
@@ -182,9 +186,18 @@ class Path:
 
     __slots__ = ("core", "model", "robot")
 
-    def __init__(self, robot: Robot, model: RodModel, *, friction: bool = True) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        model: RodModel,
+        history: Mapping[str, Any] | None = None,
+        *,
+        friction: bool = True,
+    ) -> None:
         self.robot, self.model = robot, model
         self.core = Drive(robot.core, model, robot.tendons, friction)
+        if history is not None:
+            self._resume(history)
 
     @property
     def _settings(self) -> dict[str, Any]:
@@ -211,7 +224,7 @@ class Path:
             "arcs_rad": now["strain"].tolist(),
         }
 
-    def resume(self, history: Mapping[str, Any]) -> None:
+    def _resume(self, history: Mapping[str, Any]) -> None:
         """Go on from a history of the same robot and settings."""
         if not isinstance(history, Mapping) or "robot_hash" not in history:
             raise InputError(

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+import bowstring._core as _core
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.model import RodModel
@@ -158,13 +159,7 @@ FIELDS: Final[tuple[Field, ...]] = (
     Field(
         "dissipated_energy", (), "J", "", "energy that damping and friction took since the start"
     ),
-    Field(
-        "energy_balance",
-        (),
-        "J",
-        "",
-        "energy gained minus work plus dissipated: the error",
-    ),
+    Field("energy_balance", (), "J", "", "energy gained minus work plus dissipated: the error"),
 )
 """Every variable over time, in the order of the file and of what the core packs for it."""
 
@@ -230,32 +225,14 @@ def check_frames(robot: Robot, frames: Frames) -> None:
     """Raise `InputError` if the arrays of ``frames`` do not fit each other or the robot."""
     t, p = len(frames.time), len(frames.station)
     n, m = len(robot.disks.station_m), len(robot.tendons.end_disk)
-    vectors, scalars = (t, p, 3), (t,)
-    shapes = {
-        "time": scalars,
-        "station": (p,),
-        "module": (p,),
-        "position": vectors,
-        "rotation": (*vectors, 3),
-        "force": vectors,
-        "moment": vectors,
-        "disk_position": (t, n, 3),
-        "disk_rotation": (t, n, 3, 3),
-        "disk_velocity": (t, n, 3),
-        "disk_angular_velocity": (t, n, 3),
-        "tension": (t, m),
-        "tendon_length": (t, m),
-        "span_length": (t, n, m),
-        "pull": (t, m),
-        "slack": (t, m),
-        "span_tension": (t, n, m),
-    }
+    sizes = {"station": p, "axis": 3, "row": 3, "column": 3, "disk": n, "tendon": m}
+    shapes = {field.name: (t, *(sizes[dim] for dim in field.dims)) for field in FIELDS}
+    shapes |= {"time": (t,), "station": (p,), "module": (p,)}
     for name in Frames.__dataclass_fields__:
         shape = np.shape(getattr(frames, name))
-        wanted = shapes.get(name, scalars)
-        if shape != wanted:
+        if shape != shapes[name]:
             raise InputError(
-                f"{name} of the frames has shape {shape}; must be {wanted} for {robot.name} "
+                f"{name} of the frames has shape {shape}; must be {shapes[name]} for {robot.name} "
                 f"with {t} times and {p} stations"
             )
     if p == 0:
@@ -284,8 +261,6 @@ def surface_stress(sec: Section, force: Floats, moment: Floats) -> tuple[Floats,
         ``a + b cos(psi) + c sin(psi)``; sigma along the tangent, positive in tension, tau on the
         section in the direction of growing psi. Transverse shear follows the parabolic law.
     """
-    import bowstring._core as _core
-
     found = _core.surface_stress(sec.columns, _floats(force), _floats(moment))
     return found[0], found[1]
 
@@ -303,8 +278,6 @@ def von_mises(sigma: Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
     value, cosine, sine : ndarray (...)
         The maximum in Pa, exact to 1e-12 of it, and the angle at which it is.
     """
-    import bowstring._core as _core
-
     rows = (_floats(v).reshape(3, -1) for v in (sigma, tau))
     found = _core.von_mises(*rows).reshape(sigma.shape)
     return found[0], found[1], found[2]
@@ -325,8 +298,6 @@ def derive(robot: Robot, frames: Frames, sec: Section) -> dict[str, Floats]:
     -------
     dict from name to ndarray (T, ...)
     """
-    import bowstring._core as _core
-
     vectors = (frames.position, frames.rotation, frames.force, frames.moment)
     out = _core.derive(sec.columns, *map(_floats, vectors))
     value, place = out["von_mises"], out["von_mises_place"]
@@ -351,36 +322,25 @@ def coordinates(
     """Coordinates other than time: name to (dimension, values, attributes)."""
     axes = np.array(["x", "y", "z"])
     n, m = len(robot.disks.station_m), len(robot.tendons.end_disk)
-    from_base = ", counted from 1 at the base"
 
-    def about(text: str, units: str = "1") -> dict[str, str]:
-        return {"units": units, "long_name": text}
+    def count(dim: str, values: Any, text: str) -> tuple[str, Any, dict[str, str]]:
+        return dim, np.asarray(values, dtype=np.int32), {"units": "1", "long_name": text}
 
-    def count(values: Any) -> NDArray[np.int32]:
-        return np.asarray(values, dtype=np.int32)
+    def length(dim: str, values: Floats) -> tuple[str, Any, dict[str, str]]:
+        about = {"units": "m", "long_name": "arc length along the straight backbone"}
+        return dim, np.asarray(values, dtype=float), about
 
+    segment = robot.disks.segment[module]
     return {
         "axis": ("axis", axes, {"long_name": "axis of a vector; each variable names its frame"}),
         "row": ("row", axes, {"long_name": "axis of the base"}),
         "column": ("column", axes, {"long_name": "axis of the body"}),
-        "disk": ("disk", count(range(1, n + 1)), about("disk" + from_base)),
-        "tendon": ("tendon", count(range(1, m + 1)), about("tendon, counted from 1")),
-        "arc_length": (
-            "station",
-            np.asarray(station, dtype=float),
-            about("arc length along the straight backbone", "m"),
-        ),
-        "module": ("station", count(module + 1), about("module" + from_base)),
-        "segment": (
-            "station",
-            count(robot.disks.segment[module] + 1),
-            about("segment" + from_base),
-        ),
-        "disk_arc_length": (
-            "disk",
-            np.asarray(robot.disks.station_m, dtype=float),
-            about("arc length along the straight backbone", "m"),
-        ),
+        "disk": count("disk", range(1, n + 1), "disk, counted from 1 at the base"),
+        "tendon": count("tendon", range(1, m + 1), "tendon, counted from 1"),
+        "arc_length": length("station", station),
+        "module": count("station", module + 1, "module, counted from 1 at the base"),
+        "segment": count("station", segment + 1, "segment, counted from 1 at the base"),
+        "disk_arc_length": length("disk", robot.disks.station_m),
     }
 
 
@@ -408,8 +368,6 @@ def attributes(robot: Robot, settings: Mapping[str, Any]) -> dict[str, str | int
     dict
         ``settings`` and ``robot_definition`` are JSON text.
     """
-    import bowstring._core as _core
-
     try:
         text = json.dumps(dict(settings), allow_nan=False, default=_plain)
     except (TypeError, ValueError) as error:

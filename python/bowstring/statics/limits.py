@@ -8,7 +8,7 @@ and ``strain_limit`` (strain along its surface); statics stays linearly elastic 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -59,13 +59,7 @@ class Use:
 
     def to_dict(self) -> dict[str, Any]:
         """The use as plain values, SI."""
-        return {
-            "segment": self.segment,
-            "what": self.what,
-            "value": self.value,
-            "limit": self.limit,
-            "share": self.share,
-        }
+        return {**asdict(self), "share": self.share}
 
 
 def has_limits(robot: Robot) -> bool:

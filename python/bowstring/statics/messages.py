@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["discretisation", "of_actuation", "of_tensions"]
+from bowstring.formatting import listed
+
+__all__ = ["TOLD", "discretisation", "of_actuation", "of_tensions"]
 
 Floats = NDArray[np.float64]
 
+_ENDED: Final = ("status", "stable", "residual", "iterations")
+TOLD: Final = (*_ENDED, "left_unstable", "fraction", "collision")
+"""What `of_tensions` reads."""
 _MUCH_FRICTION: Final = 1.0  # coefficients beyond this are doubted where there is no answer
 
 
 def _tendons(indices: Sequence[int] | NDArray[np.int64]) -> str:
     """The names of tendons, as "tendon 2" or "tendons 1, 2 and 4"."""
-    numbers = [str(int(i) + 1) for i in indices]
-    if len(numbers) == 1:
-        return f"tendon {numbers[0]}"
-    return f"tendons {', '.join(numbers[:-1])} and {numbers[-1]}"
+    return f"tendon{'s' * (len(indices) > 1)} {listed([str(int(i) + 1) for i in indices])}"
 
 
 def discretisation(
@@ -42,19 +44,16 @@ def discretisation(
     return f" Discretisation error: the {what} ({elements} per module).{cure}"
 
 
-def of_tensions(
-    status: str,
-    stable: bool | None,
-    left_unstable: bool,
-    fraction: float,
-    collision: int | None,
-    residual: float,
-    iterations: int,
-    advice: str = "",
-) -> str:
-    match status:
+def of_tensions(found: Any, advice: str = "") -> str:
+    """How a solve by tensions ended and, if it failed, what to try.
+
+    Of `found`, a solution of the core or a row of a sweep, count `TOLD`; ``advice`` is that of
+    `bowstring.robot.plausibility.load_advice`.
+    """
+    stable = found.stable
+    match found.status:
         case "converged":
-            if left_unstable and stable:
+            if found.left_unstable and stable:
                 return (
                     "The robot buckled: the way from straight led to an unstable equilibrium; "
                     "one of several stable branches is returned. A small load to one side chooses "
@@ -73,7 +72,7 @@ def of_tensions(
                 )
             return "A stable equilibrium."
         case "no_equilibrium":
-            k = collision if collision is not None else 0
+            k = max(found.collision or 0, 0)
             disks = "the base and disk 1" if k == 0 else f"disks {k} and {k + 1}"
             return (
                 f"No equilibrium: {disks} collide, because the load closes the gap between them. "
@@ -85,36 +84,28 @@ def of_tensions(
                 "Add a small load to one side, or approach this load by a sweep."
             )
         case _:
-            reached = "none of the load" if fraction == 0 else f"{100 * fraction:.3g} % of the load"
-            left = f" (residual {residual:.2g})" if np.isfinite(residual) else ""
+            share = found.fraction
+            reached = "none of the load" if share == 0 else f"{100 * share:.3g} % of the load"
             return (
                 f"No equilibrium was found: {reached} converged, then the solver gave up after "
-                f"{iterations} iterations{left}. A pulled tendon or the compressed backbone "
+                f"{_effort(found)}. A pulled tendon or the compressed backbone "
                 f"between two disks is probably at its limit (buckling between disks). {advice}"
                 "Lower the load."
             )
 
 
 def of_actuation(
-    status: str,
-    stable: bool | None,
-    slack: Sequence[int] | NDArray[np.int64],
-    undetermined: bool,
-    friction: float,
-    conflict: tuple[Sequence[int], Sequence[float] | None],
-    residual: float,
-    iterations: int,
-    advice: str = "",
+    found: Any, slack: Sequence[int] | NDArray[np.int64], friction: float, advice: str = ""
 ) -> str:
     """How a step ended and, if it failed, what to try.
 
-    ``slack`` counts from 0; ``friction`` is the largest coefficient; ``advice`` is that of
-    `bowstring.robot.plausibility.load_advice`.
+    ``slack`` counts from 0; ``friction`` is the largest coefficient; the others are as of
+    `of_tensions`, and `found` has ``undetermined`` and ``conflict`` too.
     """
-    fighting, nearest = conflict
-    match status:
+    fighting, nearest = found.conflict
+    match found.status:
         case "converged":
-            if stable:
+            if found.stable:
                 said = "A stable equilibrium."
             else:
                 why = "friction has" if friction > 0 else "a tip moment has"
@@ -125,7 +116,7 @@ def of_actuation(
             if len(slack):
                 hang = "hangs" if len(slack) == 1 else "hang"
                 said += f" {_tendons(slack).capitalize()} {hang} slack."
-            if undetermined:
+            if found.undetermined:
                 said += " The pulls do not determine the tensions: these are the smallest."
             return said
         case "no_equilibrium" if nearest is not None:
@@ -149,7 +140,6 @@ def of_actuation(
                 "this one by a sweep."
             )
         case _:
-            left = f" (residual {residual:.2g})" if np.isfinite(residual) else ""
             doubt = ""
             if friction > _MUCH_FRICTION:
                 doubt = (
@@ -157,7 +147,12 @@ def of_actuation(
                     "smooth hole is 0.05 to 0.5. "
                 )
             return (
-                f"No equilibrium was found: the solver gave up after {iterations} iterations"
-                f"{left}. {advice}{doubt}Approach it by a sweep in smaller steps, or lower pulls, "
+                f"No equilibrium was found: the solver gave up after {_effort(found)}. "
+                f"{advice}{doubt}Approach it by a sweep in smaller steps, or lower pulls, "
                 "tensions and loads."
             )
+
+
+def _effort(found: Any) -> str:
+    left = f" (residual {found.residual:.2g})" if np.isfinite(found.residual) else ""
+    return f"{found.iterations} iterations{left}"

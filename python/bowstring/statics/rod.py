@@ -134,7 +134,7 @@ def sweep(
     check_robot(robot)
     warm, disks = validation.truth("warm", warm), validation.truth("disks", disks)
     load, model = _rows(as_load(tensions, load)), as_model(model)
-    if load.is_tension_controlled and history is None and not robot.has_friction:
+    if actuation.is_by_tensions(robot, load, history):
         rows = _tensions(robot, load)
         found = robot.core.sweep(rows, load, model, warm, disks)
         return Sweep(robot, rows.copy(), model, **found)
@@ -174,7 +174,7 @@ def solve_batch(
     check_robot(robot)
     disks = validation.truth("disks", disks)
     load, model = _rows(as_load(tensions, load)), as_model(model)
-    if load.is_tension_controlled and not robot.has_friction:
+    if actuation.is_by_tensions(robot, load):
         rows = _tensions(robot, load)
         found = robot.core.solve_batch(rows, load, model, threads, disks)
         return Sweep(robot, rows.copy(), model, **found)
@@ -192,9 +192,7 @@ def _follow(
 ) -> Sweep:
     """Rows as a path or, with a number of threads, each from where it starts."""
     given, commands = actuation.commands(robot, load, rows=True)
-    path = actuation.Path(robot, model)
-    if before is not None:
-        path.resume(before)
+    path = actuation.Path(robot, model, before)
     found = path.core.follow(given, commands, load, disks, threads)
     names = ("pulls", "slack_lengths", "span_tensions", "undetermined", "conflicts")
     extra = {name: found.pop(name) for name in (*names, "length_residual")}
@@ -208,10 +206,7 @@ def _tensions(robot: Robot, load: Load) -> Floats:
     count = robot.core.tendon_count
     rows = _array(load.tensions, "tensions", f"(n, {count})")
     if rows.ndim != 2:
-        raise InputError(
-            f"tensions has shape {rows.shape}, it must have one row for each load and {count} "
-            "columns, one for each tendon"
-        )
+        raise actuation.not_rows("tensions", rows.shape, count)
     return rows
 
 

@@ -10,6 +10,8 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
+from operator import attrgetter
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -69,6 +71,11 @@ class ErrorEstimate:
         """Return it with units in the names, ready for `json.dumps`."""
         tip, tension = plain([self.tip, self.tension])
         return {"tip_m": tip, "tension_N": tension}
+
+
+def _of_core(name: str, doc: str | None = None) -> Any:
+    """A property of a solution that the core has."""
+    return property(attrgetter(f"core.{name}"), doc=doc)
 
 
 class Solution:
@@ -152,29 +159,20 @@ class Solution:
             model = self._path.model
         return solution, (self.robot, self.load, model, self._before)
 
-    @property
-    def status(self) -> str:
-        return self.core.status
-
-    @property
-    def converged(self) -> bool:
-        return self.core.converged
-
-    @property
-    def stable(self) -> bool | None:
-        return self.core.stable
-
-    @property
-    def iterations(self) -> int:
-        return self.core.iterations
-
-    @property
-    def residual(self) -> float:
-        return self.core.residual
-
-    @property
-    def model(self) -> RodModel:
-        return self.core.model
+    status: str = _of_core("status")
+    converged: bool = _of_core("converged")
+    stable: bool | None = _of_core("stable")
+    iterations: int = _of_core("iterations")
+    residual: float = _of_core("residual")
+    model: RodModel = _of_core("model")
+    tensions: Floats = _of_core("tensions")
+    disk_positions: Floats | None = _of_core(
+        "disk_positions", "Positions (N, 3) of the disks from base to tip, the base excluded, in m."
+    )
+    disk_rotations: Floats | None = _of_core("disk_rotations", "Rotations (N, 3, 3) of the disks.")
+    tendon_lengths: Floats | None = _of_core(
+        "tendon_lengths", "Lengths (T,) of the tendons from the base hole to the end disk's, in m."
+    )
 
     @property
     def load(self) -> Load:
@@ -198,72 +196,27 @@ class Solution:
         return None if found is None else ErrorEstimate(*found)
 
     @property
-    def tensions(self) -> Floats:
-        return self.core.tensions
-
-    @property
     def message(self) -> str:
         """How the solve ended and, if it failed or may be coarse, what to try."""
-        core = self.core
-        if core.conflict is not None:
-            message = messages.of_actuation(
-                core.status,
-                core.stable,
-                [i - 1 for i in self.slack or ()],
-                self.undetermined,
-                float(self.robot.tendons.friction.max()),
-                core.conflict,
-                core.residual,
-                core.iterations,
-                self._advice,
-            )
-            return message + self._accuracy
-        message = messages.of_tensions(
-            core.status,
-            core.stable,
-            core.left_unstable,
-            core.fraction,
-            core.collision,
-            core.residual,
-            core.iterations,
-            self._advice,
+        core, robot = self.core, self.robot
+        advice = "" if self.converged else load_advice(robot, self.tensions, core.tip_force)
+        if core.conflict is None:
+            said = messages.of_tensions(core, advice)
+        else:
+            slack = [i - 1 for i in self.slack or ()]
+            said = messages.of_actuation(core, slack, float(robot.tendons.friction.max()), advice)
+        if core.error_estimate is None:
+            return said
+        elements = self.model.elements
+        return said + messages.discretisation(
+            core.error_estimate, self.tensions, robot.length, elements
         )
-        return message + self._accuracy
-
-    @property
-    def _accuracy(self) -> str:
-        """A sentence if the estimated error is above what elements are chosen for, else nothing."""
-        found = self.core.error_estimate
-        if found is None:
-            return ""
-        return messages.discretisation(found, self.tensions, self.robot.length, self.model.elements)
-
-    @property
-    def _advice(self) -> str:
-        if self.converged:
-            return ""
-        return load_advice(self.robot, self.tensions, self.core.tip_force)
 
     @property
     def tip(self) -> Pose | None:
         """Pose of the last disk."""
         position, rotation = self.core.tip_position, self.core.tip_rotation
         return None if position is None or rotation is None else Pose(position, rotation)
-
-    @property
-    def disk_positions(self) -> Floats | None:
-        """Positions (N, 3) of the disks from base to tip, the base excluded, in m."""
-        return self.core.disk_positions
-
-    @property
-    def disk_rotations(self) -> Floats | None:
-        """Rotations (N, 3, 3) of the disks."""
-        return self.core.disk_rotations
-
-    @property
-    def tendon_lengths(self) -> Floats | None:
-        """Lengths (T,) of the tendons from the base hole to the end disk's hole, in m."""
-        return self.core.tendon_lengths
 
     def displacements(self) -> Floats | None:
         """Lengths (T,) that the actuators have taken in since the home pose, in m.
@@ -466,18 +419,14 @@ class Solution:
             that is not finite.
         """
         core = self.core
-        displacements, slack = self.displacements(), self.slack_lengths
-        spans = self.span_tensions
         error = self.error_estimate
-        tip = disks = lengths = None
+        disks = None
         positions, rotations = core.disk_positions, core.disk_rotations
-        if positions is not None and rotations is not None and core.tendon_lengths is not None:
+        if positions is not None and rotations is not None:
             disks = [
                 {"position_m": position, "rotation": rotation}
                 for position, rotation in zip(positions.tolist(), rotations.tolist(), strict=True)
             ]
-            tip = disks[-1]
-            lengths = core.tendon_lengths.tolist()
         return {
             "status": core.status,
             "stable": core.stable,
@@ -486,14 +435,14 @@ class Solution:
             "error_estimate": None if error is None else error.to_dict(),
             "elements": core.model.elements,
             "theory": core.model.theory,
-            "tip": tip,
+            "tip": disks[-1] if disks else None,
             "disks": disks,
-            "tendon_lengths_m": lengths,
+            "tendon_lengths_m": plain(core.tendon_lengths),
             "tensions_N": plain(core.tensions),
-            "pulls_m": None if displacements is None else displacements.tolist(),
-            "slack": None if self.slack is None else list(self.slack),
-            "slack_m": None if slack is None else slack.tolist(),
-            "span_tensions_N": None if spans is None else plain(spans),
+            "pulls_m": plain(self.displacements()),
+            "slack": plain(self.slack),
+            "slack_m": plain(self.slack_lengths),
+            "span_tensions_N": plain(self.span_tensions),
             "undetermined": self.undetermined,
             "length_residual_m": plain(self.length_residual),
         }
@@ -642,12 +591,7 @@ class Sweep:
             values |= {"disk_position": self.disk_positions, "disk_rotation": self.disk_rotations}
         others = {
             "tip_position": (("axis",), self.tip_position, "m", "position of the tip"),
-            "residual": (
-                (),
-                self.residual,
-                "1",
-                "moment imbalance over EI / length",
-            ),
+            "residual": ((), self.residual, "1", "moment imbalance over EI / length"),
             "tip_error": ((), self.tip_error, "m", "estimated discretisation error of the tip"),
             "tension_error": ((), self.tension_error, "N", "the same of tensions"),
             "converged": ((), self.converged, "1", "whether the row has an answer"),
@@ -657,33 +601,16 @@ class Sweep:
 
     def message(self, row: int) -> str:
         """One sentence on how a row ended, as `Solution.message`."""
-        advice = ""
-        if not self.converged[row]:
-            advice = load_advice(self.robot, self.tensions[row])
-        if self.driven is not None:
-            slack = self.driven["slack_lengths"][row]
-            return messages.of_actuation(
-                self.status[row],
-                self.stable[row],
-                actuation.slack(self.robot, slack) if self.converged[row] else (),
-                bool(self.driven["undetermined"][row]),
-                float(self.robot.tendons.friction.max()),
-                self.driven["conflicts"].get(range(len(self))[row], ((), None)),
-                float(self.residual[row]),
-                int(self.iterations[row]),
-                advice,
-            )
-        collision = int(self.collision[row])
-        return messages.of_tensions(
-            self.status[row],
-            self.stable[row],
-            bool(self.left_unstable[row]),
-            float(self.fraction[row]),
-            collision if collision >= 0 else None,
-            float(self.residual[row]),
-            int(self.iterations[row]),
-            advice,
-        )
+        advice = "" if self.converged[row] else load_advice(self.robot, self.tensions[row])
+        found = SimpleNamespace(**{name: getattr(self, name)[row] for name in messages.TOLD})
+        if self.driven is None:
+            return messages.of_tensions(found, advice)
+        found.undetermined = self.driven["undetermined"][row]
+        found.conflict = self.driven["conflicts"].get(range(len(self))[row], ((), None))
+        lengths = self.driven["slack_lengths"][row]
+        slack = actuation.slack(self.robot, lengths) if self.converged[row] else ()
+        friction = float(self.robot.tendons.friction.max())
+        return messages.of_actuation(found, slack, friction, advice)
 
     def raise_for_status(self) -> Self:
         """Return self if all rows converged, else raise.
@@ -716,7 +643,7 @@ def solution(
     robot: Robot, load: Load, model: RodModel, before: Mapping[str, Any] | None = None
 ) -> Solution:
     """Solve one load; `bowstring.solve` without its checks and defaults."""
-    if load.is_tension_controlled and before is None and not robot.has_friction:
+    if actuation.is_by_tensions(robot, load, before):
         if load.tensions is None:
             actuation.commands(robot, load)  # which says what is missing
         if isinstance(load.tensions, np.ndarray) and load.tensions.dtype.kind == "c":
@@ -725,9 +652,7 @@ def solution(
             raise InputError(f"tensions is {load.tensions!r:.80}, it must be {count} numbers, in N")
         return Solution(robot, robot.core.solve(load.tensions, load, model))
     given, commands = actuation.commands(robot, load)
-    path = actuation.Path(robot, model)
-    if before is not None:
-        path.resume(before)
+    path = actuation.Path(robot, model, before)
     return Solution(robot, path.core.step(given, commands, load), path, before)
 
 
@@ -759,19 +684,15 @@ def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
         for field in fields(Sweep)
         if field.name not in ("robot", "model", "driven")
     }
-    driven = [sweep.driven for sweep in sweeps]
+    driven = [sweep.driven for sweep in sweeps if sweep.driven is not None]
     extra = None
-    if all(each is not None for each in driven):
-        extra = {
-            name: whole([(each or {})[name] for each in driven])
-            for name in driven[0] or {}
-            if name not in ("history", "conflicts")
-        }
-        conflicts = zip(parts, driven, strict=True)
+    if len(driven) == len(sweeps):
+        names = driven[0].keys() - {"history", "conflicts"}
+        extra = {name: whole([each[name] for each in driven]) for name in names}
         extra["conflicts"] = {
-            int(rows[k]): why
-            for (rows, _), each in conflicts
-            for k, why in (each or {})["conflicts"].items()
+            int(places[k]): why
+            for (places, _), each in zip(parts, driven, strict=True)
+            for k, why in each["conflicts"].items()
         }
         extra["history"] = None
     first = sweeps[0]
