@@ -233,6 +233,14 @@ class _Marker(ABC):
     ) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self.read)
 
+    @abstractmethod
+    def json_schema(self) -> dict[str, Any]: ...
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return self.json_schema()
+
 
 @dataclass(frozen=True)
 class Quantity(_Marker):
@@ -299,36 +307,26 @@ class Quantity(_Marker):
             got = quote(given) + (f" {self.si}" if isinstance(given, float) else "").rstrip()
             raise wrong(f"got {got}; must lie between {self.low} and {self.high}")
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
         if not self.si:
             low, high = float(self.low), float(self.high)
-            example = float(self.example)
-            return {"type": "number", "minimum": low, "maximum": high, "examples": [example]}
-        one = {
-            "type": "string",
-            "pattern": rf"^\s*{NUMBER}\s*[A-Za-zµμ°].*$",
-            "examples": [_example_of_one(self.example)],
-        }
+            examples = [float(self.example)]
+            return {"type": "number", "minimum": low, "maximum": high, "examples": examples}
+
+        def text(more: str, example: str) -> dict[str, Any]:
+            pattern = rf"^\s*{NUMBER}{more}\s*[A-Za-zµμ°].*$"
+            return {"type": "string", "pattern": pattern, "examples": [example]}
+
+        numbers, unit = _split(self.example)
+        one = text("", f"{numbers[-1]} {unit}")
         if self.vector is None:
             return one
         times = f"{{{self.vector - 1}}}" if self.vector else "*"
-        row = {
-            "type": "string",
-            "pattern": rf"^\s*{NUMBER}(\s+{NUMBER}){times}\s*[A-Za-zµμ°].*$",
-            "examples": [self.example],
-        }
+        row = text(rf"(\s+{NUMBER}){times}", self.example)
         array: dict[str, Any] = {"type": "array", "items": one, "minItems": self.vector or 1}
         if self.vector:
             array["maxItems"] = self.vector
         return {"anyOf": [row, array]}
-
-
-def _example_of_one(example: str) -> str:
-    """The last number of an example and its unit."""
-    numbers, unit = _split(example)
-    return f"{numbers[-1]} {unit}"
 
 
 @dataclass(frozen=True)
@@ -351,11 +349,9 @@ class Count(_Marker):
             raise wrong(f"got {quote(value)}; must be a whole number from 1 to {self.most}")
         return int(number)
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        example = int(self.example)
-        return {"type": "integer", "minimum": 1, "maximum": self.most, "examples": [example]}
+    def json_schema(self) -> dict[str, Any]:
+        examples = [int(self.example)]
+        return {"type": "integer", "minimum": 1, "maximum": self.most, "examples": examples}
 
 
 @dataclass(frozen=True)
@@ -382,9 +378,7 @@ class Share(_Marker):
             )
         return share
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
         return {"type": ["string", "number"], "examples": [self.example]}
 
 
@@ -400,9 +394,7 @@ class Choice(_Marker):
             raise wrong(f"got {quote(value)}; must be one of {', '.join(self.words)}")
         return value.strip()
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
         return {"type": "string", "enum": list(self.words), "examples": [self.example]}
 
 
@@ -423,9 +415,7 @@ class Text(_Marker):
             raise wrong(f"got {quote(value)}; must be up to {self.most} printable characters")
         return text
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
         return {
             "type": "string",
             "minLength": 0 if self.lines else 1,
