@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.errors import InputError
 from bowstring.formatting import listed
 from bowstring.robot.model import Robot
 from bowstring.robot.sizes import Sizes, sizes_of
 from bowstring.units import rounded
+from bowstring.viz.style import LIGHT, check_figure_file, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,6 +29,13 @@ _DPI: Final = 200
 _MOST: Final = 12  # kinds of disks in one drawing
 _MOST_PLACES: Final = 14  # of holes in a list
 _MM: Final = 1e3
+_INK, _MUTED, _PLATE, _PAPER = (LIGHT[name] for name in ("ink", "muted", "grid", "paper"))
+_THIN: Final = {"color": _MUTED, "linewidth": 0.6}
+_CENTRE: Final = {**_THIN, "dashes": (10, 2, 2, 2)}
+_ARROW: Final = {
+    "arrowstyle": "-|>,head_width=0.12,head_length=0.3",
+    **{"color": _INK, "lw": 0.6, "shrinkB": 0},
+}
 
 
 class _Kind(NamedTuple):
@@ -45,10 +52,7 @@ class _Kind(NamedTuple):
 
 def check_drawing_file(path: str | Path) -> Path:
     """Say before any work whether a drawing may be written (`atomic_io.check_file`)."""
-    from bowstring.viz.style import MARKS
-
-    file = Path(path)
-    return check_file(file, "drawing", _SUFFIXES, MARKS.get(file.suffix.lower(), b""))
+    return check_figure_file(path, "drawing", _SUFFIXES)
 
 
 def write_drawing(robot: Robot, path: str | Path) -> Path:
@@ -70,25 +74,12 @@ def write_drawing(robot: Robot, path: str | Path) -> Path:
         If the suffix is another one, the file cannot be written, a size makes no disk (`sizes_of`)
         or the robot has more than 12 kinds of disks.
     """
-    from bowstring.viz import style
-
-    file = check_drawing_file(path)
-    with style.figure_style():
-        figure = draw_disks(robot)
-        write_whole_file(
-            file,
-            "drawing",
-            lambda new: style.save(figure, new, _DPI),
-            lambda: check_drawing_file(file),
-        )
-    return file
+    return write_figure(lambda: draw_disks(robot), path, "drawing", _DPI, check_drawing_file)
 
 
 def draw_disks(robot: Robot) -> Figure:
     """The drawing as a matplotlib figure; see `write_drawing`."""
     from matplotlib.figure import Figure
-
-    from bowstring.viz.colours import COLOURS
 
     sizes = sizes_of(robot)
     kinds = _kinds(robot, sizes)
@@ -111,7 +102,7 @@ def draw_disks(robot: Robot) -> Figure:
             0.1 / high,
             "* assumed: the robot file does not say it",
             fontsize=7.5,
-            color=COLOURS["muted"][0],
+            color=LIGHT["muted"],
         )
     return figure
 
@@ -129,14 +120,11 @@ def _kinds(robot: Robot, sizes: Sizes) -> list[_Kind]:
     return [
         _Kind(
             tuple(numbers),
-            _MM * key[0],
-            _MM * key[1],
-            _MM * key[2],
-            _MM * key[3],
-            holes[key[4]],
-            robot.segments[key[4]].disks.hole_diameter is None,
+            *(_MM * radius, _MM * thickness, _MM * bore, _MM * hole),
+            holes[k],
+            robot.segments[k].disks.hole_diameter is None,
         )
-        for key, numbers in groups.items()
+        for (radius, thickness, bore, hole, k), numbers in groups.items()
     ]
 
 
@@ -165,9 +153,6 @@ def _draw(axes: Any, kind: _Kind) -> None:
     """Front view, and beside it a section through the axis and the first hole."""
     from matplotlib.patches import Circle, Rectangle
 
-    from bowstring.viz.colours import COLOURS
-
-    ink, muted, plate, paper = (COLOURS[c][0] for c in ("ink", "muted", "grid", "paper"))
     r = kind.radius
     star = "*" if kind.assumed else ""
     at = 2.5 * r + kind.thickness / 2
@@ -177,80 +162,62 @@ def _draw(axes: Any, kind: _Kind) -> None:
         aspect="equal",
     )
     axes.set_axis_off()
-    thin = {"color": muted, "linewidth": 0.6}
-    centre = {**thin, "dashes": (10, 2, 2, 2)}
+    cut = {"facecolor": _PAPER, "edgecolor": _INK, "linewidth": 1.1}
 
-    axes.add_patch(Circle((0, 0), r, facecolor=plate, edgecolor=ink, linewidth=1.3))
-    axes.add_patch(Circle((0, 0), kind.bore / 2, facecolor=paper, edgecolor=ink, linewidth=1.1))
+    axes.add_patch(Circle((0, 0), r, facecolor=_PLATE, edgecolor=_INK, linewidth=1.3))
+    axes.add_patch(Circle((0, 0), kind.bore / 2, **cut))
     for x, y in kind.places:
-        hole = Circle((x, y), kind.hole / 2, facecolor=paper, edgecolor=ink, linewidth=1.1)
-        axes.add_patch(hole)
+        axes.add_patch(Circle((x, y), kind.hole / 2, **cut))
         reach = max(kind.hole, 0.05 * r)
         out = np.array([x, y]) / math.hypot(x, y)
         across = np.array([-out[1], out[0]])
         for way in (out, across):
             ends = np.stack([[x, y] - reach * way, [x, y] + reach * way])
-            axes.plot(*ends.T, **thin)
+            axes.plot(*ends.T, **_THIN)
     for line in (([-1.12 * r, 1.12 * r], [0, 0]), ([0, 0], [-1.12 * r, 1.12 * r])):
-        axes.plot(*line, **centre)
+        axes.plot(*line, **_CENTRE)
     pitches = sorted({round(math.hypot(x, y), 6) for x, y in kind.places})
     for pitch in pitches:
-        axes.add_patch(
-            Circle(
-                (0, 0),
-                pitch,
-                fill=False,
-                edgecolor=muted,
-                linewidth=0.6,
-                linestyle=(0, (10, 3, 2, 3)),
-            )
+        dashes = (0, (10, 3, 2, 3))
+        circle = Circle(
+            (0, 0), pitch, fill=False, edgecolor=_MUTED, linewidth=0.6, linestyle=dashes
         )
-    axes.annotate(
-        "x", (1.12 * r, 0), xytext=(2, 0), textcoords="offset points", va="center", fontsize=8
-    )
-    axes.annotate(
-        "y", (0, 1.12 * r), xytext=(0, 1), textcoords="offset points", ha="center", fontsize=8
-    )
-    text = _numbers(kind.disks)
-    axes.text(-1.7 * r, 1.28 * r, text, va="top", fontsize=9, color=ink)
+        axes.add_patch(circle)
+    beside = {"textcoords": "offset points", "fontsize": 8}
+    axes.annotate("x", (1.12 * r, 0), xytext=(2, 0), va="center", **beside)
+    axes.annotate("y", (0, 1.12 * r), xytext=(0, 1), ha="center", **beside)
+    axes.text(-1.7 * r, 1.28 * r, _numbers(kind.disks), va="top", fontsize=9, color=_INK)
 
     # sizes of the front view at lines from its lower left and upper right
-    _leader(
-        axes, (-r * math.cos(0.6), r * math.sin(0.6)), (-1.2 * r, 1.02 * r), f"Ø{_size(2 * r)}", ink
-    )
+    rim = (-r * math.cos(0.6), r * math.sin(0.6))
+    _leader(axes, rim, (-1.2 * r, 1.02 * r), f"Ø{_size(2 * r)}")
     bore = kind.bore / 2
-    _leader(axes, (-bore * 0.7, -bore * 0.7), (-1.2 * r, -0.75 * r), f"Ø{_size(kind.bore)}", ink)
+    _leader(axes, (-bore * 0.7, -bore * 0.7), (-1.2 * r, -0.75 * r), f"Ø{_size(kind.bore)}")
     x, y = kind.places[kind.places.sum(axis=1).argmax()]  # the one nearest its text
     count = f"{len(kind.places)} x " if len(kind.places) > 1 else ""
     on = " / ".join(f"Ø{_size(2 * pitch)}" for pitch in pitches[:3]) + (
         " ..." if pitches[3:] else ""
     )
     label = f"{count}Ø{_size(kind.hole)}{star}\non {on}"
-    _leader(axes, (x, y), (1.22 * r, 0.85 * r), label, ink)
-    if _evenly_spaced(kind.places):
-        _angles(axes, kind, muted, ink, plate)
-    else:
-        _places(axes, kind, ink, plate)
+    _leader(axes, (x, y), (1.22 * r, 0.85 * r), label)
+    write = _angles if _evenly_spaced(kind.places) else _places
+    write(axes, kind)
 
     # section at x = 0, seen along x
     half = kind.thickness / 2
     left, right = at - half, at + half
-    axes.add_patch(
-        Rectangle((left, -r), 2 * half, 2 * r, facecolor=plate, edgecolor=ink, linewidth=1.1)
-    )
-    axes.add_patch(
-        Rectangle((left, -bore), 2 * half, 2 * bore, facecolor=paper, edgecolor=ink, linewidth=0.9)
-    )
+    for high, paint, width in ((r, _PLATE, 1.1), (bore, _PAPER, 0.9)):
+        rectangle = Rectangle((left, -high), 2 * half, 2 * high, linewidth=width)
+        rectangle.set(facecolor=paint, edgecolor=_INK)
+        axes.add_patch(rectangle)
     for y in sorted({round(float(y), 6) for _, y in kind.places}):
         for edge in (y - kind.hole / 2, y + kind.hole / 2):
-            axes.plot([left, right], [edge, edge], color=muted, linewidth=0.6, dashes=(4, 2))
-    axes.plot([left - 0.2 * r, right + 0.2 * r], [0, 0], **centre)
-    _span(axes, (left, right), -1.1 * r, _size(kind.thickness), ink, muted, r)
+            axes.plot([left, right], [edge, edge], **_THIN, dashes=(4, 2))
+    axes.plot([left - 0.2 * r, right + 0.2 * r], [0, 0], **_CENTRE)
+    _span(axes, (left, right), -1.1 * r, _size(kind.thickness), r)
 
 
-def _leader(
-    axes: Any, tip: tuple[float, float], text_at: tuple[float, float], text: str, ink: str
-) -> None:
+def _leader(axes: Any, tip: tuple[float, float], text_at: tuple[float, float], text: str) -> None:
     left = text_at[0] < tip[0]
     axes.annotate(
         text,
@@ -259,15 +226,8 @@ def _leader(
         fontsize=8.5,
         ha="right" if left else "left",
         va="center",
-        color=ink,
-        arrowprops={
-            "arrowstyle": "-|>,head_width=0.12,head_length=0.3",
-            "color": ink,
-            "lw": 0.6,
-            "shrinkA": 1,
-            "shrinkB": 0,
-            "relpos": (1.0 if left else 0.0, 0.5),
-        },
+        color=_INK,
+        arrowprops={**_ARROW, "shrinkA": 1, "relpos": (1.0 if left else 0.0, 0.5)},
     )
 
 
@@ -285,7 +245,7 @@ def _evenly_spaced(places: Floats) -> bool:
     return bool(np.ptp(pitch) < 1e-6 * pitch.max() and np.ptp(steps) < 1e-4)
 
 
-def _places(axes: Any, kind: _Kind, ink: str, plate: str) -> None:
+def _places(axes: Any, kind: _Kind) -> None:
     """Numbers at the holes, counter-clockwise from x, and a list of where each one is."""
     angles, pitch = _angles_of(kind.places), np.hypot(*kind.places.T)
     order = np.lexsort((pitch, angles)).tolist()
@@ -299,18 +259,18 @@ def _places(axes: Any, kind: _Kind, ink: str, plate: str) -> None:
             fontsize=6.5,
             ha="center",
             va="center",
-            color=ink,
-            bbox={"facecolor": plate, "edgecolor": "none", "pad": 0.3},
+            color=_INK,
+            bbox={"facecolor": _PLATE, "edgecolor": "none", "pad": 0.3},
         )
         on = "" if same else f" on Ø{_size(2 * float(pitch[i]))}"
         rows.append(f"{number}: {_degrees(float(angles[i]))}{on}")
     if order[_MOST_PLACES:]:
         rows.append(f"and {len(order) - _MOST_PLACES} more")
     text = "\n".join(rows)
-    axes.text(1.3 * r, 0.55 * r, text, fontsize=7.5, va="top", color=ink, linespacing=1.15)
+    axes.text(1.3 * r, 0.55 * r, text, fontsize=7.5, va="top", color=_INK, linespacing=1.15)
 
 
-def _angles(axes: Any, kind: _Kind, muted: str, ink: str, plate: str) -> None:
+def _angles(axes: Any, kind: _Kind) -> None:
     """The angle of the first hole from x, and to the next one."""
     angles = np.sort(_angles_of(kind.places))
     r = kind.radius
@@ -319,10 +279,10 @@ def _angles(axes: Any, kind: _Kind, muted: str, ink: str, plate: str) -> None:
         marks.append((float(angles[0]), float(angles[1]), 0.5))
     for start, end, share in marks:
         turn = np.radians(np.linspace(start, end, 60))
-        axes.plot(share * r * np.cos(turn), share * r * np.sin(turn), color=ink, linewidth=0.6)
+        axes.plot(share * r * np.cos(turn), share * r * np.sin(turn), color=_INK, linewidth=0.6)
         for angle in {start, end} - {0.0}:
             c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-            axes.plot([0, r * c], [0, r * s], color=muted, linewidth=0.6, dashes=(10, 2, 2, 2))
+            axes.plot([0, r * c], [0, r * s], **_CENTRE)
         mid = math.radians(0.5 * (start + end))
         axes.text(
             (share + 0.02) * r * math.cos(mid),
@@ -331,33 +291,19 @@ def _angles(axes: Any, kind: _Kind, muted: str, ink: str, plate: str) -> None:
             fontsize=8,
             ha="left" if math.cos(mid) > 0 else "right",
             va="bottom" if math.sin(mid) > -0.2 else "top",
-            color=ink,
-            bbox={"facecolor": plate, "edgecolor": "none", "pad": 0.5},
+            color=_INK,
+            bbox={"facecolor": _PLATE, "edgecolor": "none", "pad": 0.5},
         )
 
 
-def _span(
-    axes: Any,
-    ends: tuple[float, float],
-    y: float,
-    text: str,
-    ink: str,
-    muted: str,
-    r: float,
-) -> None:
+def _span(axes: Any, ends: tuple[float, float], y: float, text: str, r: float) -> None:
     """A dimension between two edges, its arrows outside, as the plate is thin."""
     for x, way in ((ends[0], -1), (ends[1], 1)):
-        axes.plot([x, x], [-1.02 * r, y - 0.05 * r], color=muted, linewidth=0.6)
+        axes.plot([x, x], [-1.02 * r, y - 0.05 * r], **_THIN)
         axes.annotate(
             "",
             xy=(x, y),
             xytext=(x + way * 0.3 * r, y),
-            arrowprops={
-                "arrowstyle": "-|>,head_width=0.12,head_length=0.3",
-                "color": ink,
-                "lw": 0.6,
-                "shrinkA": 0,
-                "shrinkB": 0,
-            },
+            arrowprops={**_ARROW, "shrinkA": 0},
         )
-    axes.text(ends[1] + 0.34 * r, y, text, fontsize=8.5, va="center", color=ink)
+    axes.text(ends[1] + 0.34 * r, y, text, fontsize=8.5, va="center", color=_INK)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.cad.raster import Camera, Mesh, render
 from bowstring.cad.solid import MESHED, Part, Solid, triangulate
+from bowstring.viz.style import LIGHT, check_figure_file, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,10 +36,7 @@ _SMOOTH: Final = 0.8  # cosine between normals that are one surface
 
 def check_picture_file(path: str | Path) -> Path:
     """Say before any work whether a picture may be written (`atomic_io.check_file`)."""
-    from bowstring.viz.style import MARKS
-
-    file = Path(path)
-    return check_file(file, "picture", _SUFFIXES, MARKS.get(file.suffix.lower(), b""))
+    return check_figure_file(path, "picture", _SUFFIXES)
 
 
 def write_picture(solid: Solid, path: str | Path) -> Path:
@@ -60,18 +57,7 @@ def write_picture(solid: Solid, path: str | Path) -> Path:
     InputError
         If the suffix is another one, or the file cannot be written.
     """
-    from bowstring.viz import style
-
-    file = check_picture_file(path)
-    with style.figure_style():
-        figure = draw_solid(solid)
-        write_whole_file(
-            file,
-            "picture",
-            lambda new: style.save(figure, new, _DPI),
-            lambda: check_picture_file(file),
-        )
-    return file
+    return write_figure(lambda: draw_solid(solid), path, "picture", _DPI, check_picture_file)
 
 
 def draw_solid(solid: Solid, pixels: int = _PIXELS) -> Figure:
@@ -124,9 +110,7 @@ def _name_parts(axes: Any, solid: Solid, camera: Camera, part_seen: Ints) -> Non
     """Names at the right, in the order of their places, each with a line to what is seen of it."""
     from matplotlib.patheffects import withStroke
 
-    from bowstring.viz.colours import COLOURS
-
-    ink, muted = COLOURS["ink"][0], COLOURS["muted"][0]
+    ink, muted = LIGHT["ink"], LIGHT["muted"]
     disks = [part for part in solid.parts if part.kind == "disk"]
     rods = [part for part in solid.parts if part.kind == "backbone"]
     right = camera.axes[0]

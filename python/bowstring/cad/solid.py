@@ -83,7 +83,7 @@ class Part:
     @property
     def centre_m(self) -> Floats:
         """Centre of the volume (3,) in m."""
-        return self._properties()[1]
+        return self._properties()[0]
 
     @property
     def inertia_m5(self) -> Floats:
@@ -91,9 +91,9 @@ class Part:
 
         Times a density they are the matrix of inertia.
         """
-        return self._properties()[2]
+        return self._properties()[1]
 
-    def _properties(self) -> tuple[float, Floats, Floats]:
+    def _properties(self) -> tuple[Floats, Floats]:
         from OCP.BRepGProp import BRepGProp
         from OCP.GProp import GProp_GProps
 
@@ -101,7 +101,6 @@ class Part:
         BRepGProp.VolumeProperties_s(self.shape.wrapped, found)
         centre, matrix = found.CentreOfMass(), found.MatrixOfInertia()
         return (
-            found.Mass() / _MM**3,
             np.array([centre.X(), centre.Y(), centre.Z()]) / _MM,
             np.array([[matrix.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)]) / _MM**5,
         )
@@ -326,10 +325,8 @@ def _disks(robot: Robot, sizes: Sizes, data: xr.Dataset | None) -> Iterator[Part
     position = np.stack([0 * disks.station_m, 0 * disks.station_m, disks.station_m], axis=1)
     rotation = np.broadcast_to(np.eye(3), (count, 3, 3))
     if data is not None:
-        position, rotation = (
-            data["disk_position"].to_numpy()[0],
-            data["disk_rotation"].to_numpy()[0],
-        )
+        position = data["disk_position"].to_numpy()[0]
+        rotation = data["disk_rotation"].to_numpy()[0]
     for d in range(count):
         k = int(disks.segment[d])
         # a shape of its own: disks that share one lose their names in some CAD programs

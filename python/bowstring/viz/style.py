@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.processes import for_each
 from bowstring.viz.colours import COLOURS
 
@@ -28,6 +29,7 @@ __all__ = [
     "MARKS",
     "TINY",
     "WIDTH",
+    "check_figure_file",
     "figure_style",
     "legend_above",
     "save",
@@ -35,6 +37,7 @@ __all__ = [
     "save_figures",
     "subplots",
     "svg",
+    "write_figure",
 ]
 
 LIGHT: Final = {name: light for name, (light, _) in COLOURS.items()}
@@ -100,6 +103,30 @@ def figure_style() -> Iterator[None]:
 def save(figure: Figure, file: Path, dpi: float) -> None:
     """Save a figure as PNG, PDF or SVG, by the suffix, without a date and with our mark."""
     figure.savefig(file, dpi=dpi, metadata=_ABOUT[file.suffix.lower()])
+
+
+def check_figure_file(path: str | Path, content: str, suffixes: Sequence[str]) -> Path:
+    """Say before any work whether a figure may be written (`atomic_io.check_file`)."""
+    file = Path(path)
+    return check_file(file, content, suffixes, MARKS.get(file.suffix.lower(), b""))
+
+
+def write_figure(
+    draw: Callable[[], Figure],
+    path: str | Path,
+    content: str,
+    dpi: float,
+    check: Callable[[str | Path], Path],
+) -> Path:
+    """Draw a figure and write it, whole or not at all; return its file, absolute.
+
+    `content` stands in errors, `check` says whether the file may be written.
+    """
+    file = check(path)
+    with figure_style():
+        figure = draw()
+        write_whole_file(file, content, lambda new: save(figure, new, dpi), lambda: check(file))
+    return file
 
 
 def save_figures(
