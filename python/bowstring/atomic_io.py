@@ -27,6 +27,7 @@ __all__ = [
     "check_parent",
     "check_place",
     "check_replaceable",
+    "check_whole_folder",
     "check_writable",
     "folder_beside",
     "has_mark",
@@ -106,6 +107,29 @@ def check_replaceable(folder: Path, why: str) -> None:
             f"{why}: a drive is mounted there, so the folder cannot be replaced as a whole; name a "
             f"folder in it, for example {folder / 'out'}"
         )
+
+
+def check_whole_folder(
+    out: str | Path, what: str, check_content: Callable[[Path, str], None]
+) -> Path:
+    """Say before any work whether `write_whole` may write to a folder; return it, absolute.
+
+    It need not exist. `what` stands in the error; `check_content`, which is given the folder and
+    the begin of a sentence, refuses what may not be replaced.
+    """
+    folder = resolved(out, f"cannot write the {what} to {out}")
+    why = f"cannot write the {what} to {folder}"
+    check_place(folder, why)
+    try:
+        if not folder.exists():
+            return folder
+        if not folder.is_dir():
+            raise InputError(f"{why}: it is a file; name a folder")
+        check_content(folder, why)
+    except OSError as error:
+        raise InputError(f"{why}: {error.strerror}") from None
+    check_replaceable(folder, why)
+    return folder
 
 
 def check_writable(path: Path, why: str) -> None:

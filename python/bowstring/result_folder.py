@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from bowstring.atomic_io import check_place, check_replaceable, resolved
+from bowstring.atomic_io import check_whole_folder
 from bowstring.errors import InputError
 
 __all__ = ["check_folder", "write_json", "write_listing"]
@@ -41,18 +41,10 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
         the study did not write, or if it cannot be written.
     """
     called = _CALLED.get(what, what)
-    folder = resolved(out, f"cannot write the {called} to {out}")
-    why = f"cannot write the {called} to {folder}"
-    check_place(folder, why)
-    try:
-        if not folder.exists():
-            return folder
-        if not folder.is_dir():
-            raise InputError(f"{why}: it is a file; name a folder")
-        present = _files_in(folder)
-        if next(present, None) is None:
-            check_replaceable(folder, why)
-            return folder
+
+    def check_content(folder: Path, why: str) -> None:
+        if next(_files_in(folder), None) is None:
+            return
         listed = _listed(folder / f"{what}.json")
         if listed is None:  # before all files are looked at, which may be those of a whole drive
             raise InputError(
@@ -72,10 +64,8 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
                     f"{cannot}: {file} was changed since Bowstring wrote it; move that away or "
                     "name another folder"
                 )
-    except OSError as error:
-        raise InputError(f"{why}: {error.strerror}") from None
-    check_replaceable(folder, why)
-    return folder
+
+    return check_whole_folder(out, called, check_content)
 
 
 def _files_in(folder: Path) -> Iterator[str]:

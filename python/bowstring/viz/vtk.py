@@ -21,13 +21,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.atomic_io import (
-    check_place,
-    check_replaceable,
-    not_overwritten,
-    resolved,
-    write_whole,
-)
+from bowstring.atomic_io import check_whole_folder, not_overwritten, write_whole
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot, check_robot
 from bowstring.statics.fields import Section, surface_stress
@@ -66,33 +60,22 @@ def check_folder(out: str | Path) -> Path:
     InputError
         If it holds files that are not of a former series, or cannot be written.
     """
-    folder = resolved(out, f"cannot write the VTK series to {out}")
-    why = f"cannot write the VTK series to {folder}"
-    try:
-        check_place(folder, why)
-        if not folder.exists():
-            return folder
-        if not folder.is_dir():
-            raise InputError(f"{why}: it is a file; name a folder")
-        present = {path.name for path in folder.iterdir()}
-        if not present:
-            check_replaceable(folder, why)
-            return folder
-        pvd = folder / _PVD
-        text = pvd.read_text("utf-8", errors="replace") if pvd.is_file() else ""
-        if text and _MARK not in text:
-            raise not_overwritten(why, _PVD)
-        listed = re.findall(r'file="([^"]*)"', text)
-        foreign = sorted(present - {_PVD, *listed})
-    except OSError as error:
-        raise InputError(f"{why}: {error.strerror}") from None
+    return check_whole_folder(out, "VTK series", _check_content)
+
+
+def _check_content(folder: Path, why: str) -> None:
+    present = {path.name for path in folder.iterdir()}
+    pvd = folder / _PVD
+    text = pvd.read_text("utf-8", errors="replace") if pvd.is_file() else ""
+    if text and _MARK not in text:
+        raise not_overwritten(why, _PVD)
+    listed = re.findall(r'file="([^"]*)"', text)
+    foreign = sorted(present - {_PVD, *listed})
     if foreign:
         raise InputError(
             f"{why}: it holds {foreign[0]}, which is not of a VTK series of Bowstring, and nothing "
             "of yours is replaced; name a new or an empty folder"
         )
-    check_replaceable(folder, why)
-    return folder
 
 
 def write_vtk(
