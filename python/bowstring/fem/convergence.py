@@ -122,44 +122,28 @@ def study(
     # with fewer along, what bricks around change is lost in what bricks along miss
     along = min(mesh.module, max(_ALONG, mesh.module // 2))
     coarse = replace(settings, fineness=replace(mesh, module=along))
-    # name, which of the three is as asked for, and the three: size, label, settings, step
-    plans: list[tuple[str, int, list[tuple[float, str, Settings, float]]]] = [
-        (
-            "bricks along a module",
-            1,
-            [
-                (1.0 / n, str(n), replace(settings, fineness=replace(mesh, module=n)), 1.0)
-                for n in (max(2, mesh.module // 2), mesh.module, 2 * mesh.module)
-            ],
-        ),
-        (
-            "bricks around",
-            0,
-            [
-                (1.0 / n, str(n), replace(coarse, fineness=replace(coarse.fineness, around=n)), 1.0)
-                for n in (mesh.around, mesh.around + 4, mesh.around + 8)
-            ],
-        ),
-        (
-            "stiffness of disks",
-            2,  # stiffer ones cost digits
-            [
-                (1.0 / k, f"{k:g}", replace(coarse, stiffness=k), 1.0)
-                for k in settings.stiffness * np.array([0.1, 0.3, 1.0])
-            ],
-        ),
+    # of each of three: size, label, settings, step
+    along_a_module = [
+        (1.0 / n, str(n), replace(settings, fineness=replace(mesh, module=n)), 1.0)
+        for n in (max(2, mesh.module // 2), mesh.module, 2 * mesh.module)
+    ]
+    around = [
+        (1.0 / n, str(n), replace(coarse, fineness=replace(coarse.fineness, around=n)), 1.0)
+        for n in (mesh.around, mesh.around + 4, mesh.around + 8)
+    ]
+    stiffness = [
+        (1.0 / k, f"{k:g}", replace(coarse, stiffness=k), 1.0)
+        for k in settings.stiffness * np.array([0.1, 0.3, 1.0])
+    ]
+    # name, which of the three is as asked for, and the three
+    plans = [
+        ("bricks along a module", 1, along_a_module),
+        ("bricks around", 0, around),
+        ("stiffness of disks", 2, stiffness),  # stiffer ones cost digits
     ]
     if motion is not None:
-        plans.append(
-            (
-                "time step",
-                1,
-                [
-                    (share, f"{1e3 * share * motion.dt:g} ms", coarse, share)
-                    for share in (2.0, 1.0, 0.5)
-                ],
-            )
-        )
+        steps = [(s, f"{1e3 * s * motion.dt:g} ms", coarse, s) for s in (2.0, 1.0, 0.5)]
+        plans.append(("time step", 1, steps))
     for name, _, plan in plans:  # before any work
         for _, label, chosen, _ in plan:
             try:
@@ -186,14 +170,13 @@ def study(
     refinements = []
     limit, error = run.tip_position.copy(), np.zeros(len(run.states))
     for name, at, plan in plans:
-        tips = []
+        rows = []
         for _, label, chosen, step in plan:
-            tips.append(one(f"{name} {label}", chosen, step).tip_position)
+            rows.append(one(f"{name} {label}", chosen, step).tip_position)
             done += 1
-        sizes = tuple(size for size, *_ in plan)
-        end, doubt, order = extrapolated(sizes, np.array(tips))
-        labels = tuple(label for _, label, *_ in plan)
-        refinements.append(Refinement(name, sizes, labels, np.array(tips), end, doubt, order))
+        tips, (sizes, labels, *_) = np.array(rows), zip(*plan, strict=True)
+        end, doubt, order = extrapolated(sizes, tips)
+        refinements.append(Refinement(name, sizes, labels, tips, end, doubt, order))
         limit = limit + (end - tips[at])
         error = error + np.linalg.norm(doubt, axis=1)
     return Convergence(run, tuple(refinements), limit, error)

@@ -46,14 +46,7 @@ def brick_shape(points: Floats) -> tuple[Floats, Floats]:
         on = nodes[None]
         factor = np.where(on == 0, 1.0 - x**2, 1.0 + x * on)
         slope = np.where(on == 0, -2.0 * x, on + 0.0 * x)
-        others = np.stack(
-            [
-                factor[..., 1] * factor[..., 2],
-                factor[..., 0] * factor[..., 2],
-                factor[..., 0] * factor[..., 1],
-            ],
-            axis=-1,
-        )
+        others = factor[..., [1, 0, 0]] * factor[..., [2, 2, 1]]
         whole = factor.prod(axis=-1)
         if corner:
             line = (x * on).sum(axis=-1) - 2.0

@@ -174,18 +174,19 @@ def frames(
     home = np.full(len(ends), np.nan) if robot.tendons.pretension_N.any() else straight
     stretch = compliances(robot)  # bricks have the robot alone; the motor takes in this too
     for i, state in enumerate(states):
-        fit = _fit(mesh, mesh.nodes + state.displacement)
+        moved = mesh.nodes + state.displacement
+        fit = _fit(mesh, moved)
         planes = _at_planes(fit, free)
         rotation = _axes(planes[:, 1], planes[:, 2])
         force, moment = _section_forces(mesh, state, free, planes[:, 0])
         disk = fit[mesh.station_row]
         disk_rotation = _axes(disk[:, 1], disk[:, 2])
-        places = np.where(
-            (mesh.hole >= 0)[..., None], (mesh.nodes + state.displacement)[mesh.hole], np.nan
-        )
+        places = np.where((mesh.hole >= 0)[..., None], moved[mesh.hole], np.nan)
         lengths = np.linalg.norm(np.diff(places, axis=0), axis=2)
         whole = np.nansum(lengths, axis=0)
         velocity, spin = _motion(mesh, state, disk_rotation)
+        rate = state.velocity
+        kinetic = 0.0 if rate is None else kinetic_energy(robot, mesh, rate)
         unknown = np.array(np.nan)  # outputs are too far apart to integrate over
         for name, value in {
             "position": planes[:, 0],
@@ -202,11 +203,9 @@ def frames(
             "pull": home - whole + stretch * tensions[i],
             "slack": np.zeros(len(ends)),
             "span_tension": span_tension(mesh, which, state),
-            "kinetic_energy": np.array(_kinetic_energy(robot, mesh, state)),
+            "kinetic_energy": np.array(kinetic),
             "elastic_energy": np.array(_elastic_energy(mesh, state)),
-            "gravity_energy": np.array(
-                gravity_energy(robot, mesh, mesh.nodes + state.displacement, disk[:, 0], gravity)
-            ),
+            "gravity_energy": np.array(gravity_energy(robot, mesh, moved, disk[:, 0], gravity)),
             "work": unknown,
             "dissipated_energy": unknown,
         }.items():
@@ -231,10 +230,6 @@ def _motion(mesh: BrickMesh, state: State, rotation: Floats) -> tuple[Floats, Fl
     turn_z = np.cross(turn_x, y) + np.cross(x, turn_y)
     spin = 0.5 * (np.cross(x, turn_x) + np.cross(y, turn_y) + np.cross(z, turn_z))
     return rate[:, 0], spin
-
-
-def _kinetic_energy(robot: Robot, mesh: BrickMesh, state: State) -> float:
-    return 0.0 if state.velocity is None else kinetic_energy(robot, mesh, state.velocity)
 
 
 def _gradient(mesh: BrickMesh, state: State) -> tuple[Floats, Floats]:

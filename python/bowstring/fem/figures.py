@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from bowstring.fem.fields import VOIGT
 from bowstring.fem.run import BrickRun
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
-from bowstring.viz.colours import COLOURS
+from bowstring.viz.style import AXES, LIGHT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,10 +51,6 @@ def draw(run: BrickRun, beside: BesideRod) -> Iterator[tuple[str, Figure]]:
     yield "field", field(run)
 
 
-def _colour(name: str) -> str:
-    return COLOURS[name][0]
-
-
 def _tip(run: BrickRun, beside: BesideRod) -> Figure:
     from matplotlib.figure import Figure
 
@@ -63,22 +59,21 @@ def _tip(run: BrickRun, beside: BesideRod) -> Figure:
     figure = Figure(figsize=(4.6, 4.4), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
     straight = np.array([0.0, 0.0, run.robot.length])
-    for axis, (name, colour) in enumerate(zip("xyz", ("blue", "green", "red"), strict=True)):
+    for axis, (name, colour, _) in enumerate(AXES):
         rods, bricks = (1e3 * (tip - straight)[:, axis] for tip in (beside.tip, run.tip_position))
-        upper.plot(load, rods, color=_colour(colour), linewidth=1.2)
-        upper.plot(load, bricks, "o", color=_colour(colour), markersize=4, fillstyle="none")
+        upper.plot(load, rods, color=LIGHT[colour], linewidth=1.2)
+        upper.plot(load, bricks, "o", color=LIGHT[colour], markersize=4, fillstyle="none")
         upper.annotate(
             name, (load[-1], bricks[-1]), xytext=(6, 0), textcoords="offset points", va="center"
         )
-    upper.plot([], [], color=_colour("muted"), linewidth=1.2, label="rod")
-    upper.plot([], [], "o", color=_colour("muted"), fillstyle="none", label="finite elements")
+    upper.plot([], [], color=LIGHT["muted"], linewidth=1.2, label="rod")
+    upper.plot([], [], "o", color=LIGHT["muted"], fillstyle="none", label="finite elements")
     upper.legend()
-    upper.set_title("Tip, finite elements beside the rod (both simulated)")
-    upper.set_ylabel("displacement in mm")
-    lower.plot(load, 1e3 * beside.difference, "o-", color=_colour("ink"), markersize=3)
-    lower.set_ylabel("distance in mm")
+    title = "Tip, finite elements beside the rod (both simulated)"
+    upper.set(title=title, ylabel="displacement in mm")
+    lower.plot(load, 1e3 * beside.difference, "o-", color=LIGHT["ink"], markersize=3)
+    lower.set(xlabel=unit, ylabel="distance in mm")
     lower.set_ylim(bottom=0.0)
-    lower.set_xlabel(unit)
     return figure
 
 
@@ -93,42 +88,26 @@ def stress_along(run: BrickRun, beside: BesideRod) -> Figure:
     stress = run.section_stress(-1)
     figure = Figure(figsize=(6.4, 3.2), layout="constrained")
     axes = figure.subplots()
-    for m in np.unique(stress.module).tolist():
-        here = stress.module == m
-        z = 1e3 * stress.arc_length[here]
-        once = m == 0
-        axes.plot(
-            z,
-            1e-6 * stress.peak[here],
-            "o-",
-            color=_colour("red"),
-            markersize=2.5,
-            linewidth=0.8,
-            label="finite elements, largest at a node" if once else None,
-        )
-        axes.plot(
-            z,
-            1e-6 * stress.largest[here],
-            color=_colour("blue"),
-            linewidth=1.2,
-            label="finite elements, bending and tension" if once else None,
-        )
+
+    def by_module(z: Floats, module: Ints, *curves: tuple[Floats, str, dict[str, Any]]) -> None:
+        for m in np.unique(module).tolist():
+            here = module == m
+            for values, label, look in curves:
+                once = label if m == module[0] else None
+                axes.plot(1e3 * z[here], 1e-6 * values[here], label=once, **look)
+
+    dots = {"color": LIGHT["red"], "marker": "o", "markersize": 2.5, "linewidth": 0.8}
+    line = {"color": LIGHT["blue"], "linewidth": 1.2}
+    peak = (stress.peak, "finite elements, largest at a node", dots)
+    largest = (stress.largest, "finite elements, bending and tension", line)
+    by_module(stress.arc_length, stress.module, peak, largest)
     if not run.is_motion and np.isfinite(beside.rod_middle[-1]).all():
         solution = rod.solve(run.robot, run.tensions[-1], load=run.load, model=RodModel(elements=4))
         fields = solution.to_dataset(9)
-        z, values = fields.arc_length.to_numpy(), fields.normal_stress.to_numpy()[0]
-        for m in np.unique(fields.module.to_numpy()).tolist():
-            here = fields.module.to_numpy() == m
-            axes.plot(
-                1e3 * z[here],
-                1e-6 * values[here],
-                "--",
-                color=_colour("ink"),
-                linewidth=1.0,
-                label="rod" if m == 1 else None,
-            )
-    axes.set_xlabel("arc length in mm")
-    axes.set_ylabel("axial stress at the surface in MPa")
+        z, module = fields.arc_length.to_numpy(), fields.module.to_numpy()
+        look = {"color": LIGHT["ink"], "linewidth": 1.0, "linestyle": "--"}
+        by_module(z, module, (fields.normal_stress.to_numpy()[0], "rod", look))
+    axes.set(xlabel="arc length in mm", ylabel="axial stress at the surface in MPa")
     axes.set_title(
         f"Largest axial stress at {_last(run)} (simulated); what stands out at disks' edges is "
         "the clamps'"
@@ -176,21 +155,17 @@ def field(run: BrickRun) -> Figure:
     figure = Figure(figsize=(6.4, 4.6), layout="constrained")
     axes, close = figure.subplots(1, 2, width_ratios=[3, 2])
     faces = paint(axes)
-    axes.set_xlabel("towards the tip in mm")
-    axes.set_ylabel("z in mm")
-    axes.set_title(f"Axial stress at {_last(run)},\nfinite elements (simulated)")
+    title = f"Axial stress at {_last(run)},\nfinite elements (simulated)"
+    axes.set(xlabel="towards the tip in mm", ylabel="z in mm", title=title)
     figure.colorbar(faces, ax=axes, label="MPa, positive in tension", shrink=0.8)
     paint(close)
-    middle = 1e3 * np.array([tip @ towards, tip @ up])
     disks = run.frames.disk_position[-1]
-    if len(disks) > 1:
-        disk = disks[len(disks) // 2 - 1]
-        middle = 1e3 * np.array([disk @ towards, disk @ up])
+    disk = disks[max(len(disks) // 2 - 1, 0)]
+    middle = 1e3 * np.array([disk @ towards, disk @ up])
     reach = 2e3 * max(s.backbone.diameter for s in run.robot.segments)
     close.set_xlim(middle[0] - reach, middle[0] + reach)
     close.set_ylim(middle[1] - 1.5 * reach, middle[1] + 1.5 * reach)
-    close.set_title("At a disk")
-    close.set_xlabel("mm")
+    close.set(title="At a disk", xlabel="mm")
     return figure
 
 

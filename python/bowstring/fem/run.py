@@ -61,7 +61,6 @@ Progress = Callable[[str, float], None]
 
 _FORMAT: Final = 3  # of what is kept; a change makes old results void
 _TURN: Final = 0.12  # rad that the tip may turn in an increment of statics, by the linear law
-_NONE: Final = (0.0, 0.0, 0.0)
 _TIGHTEST, _LOOSEST = 1e-9, 1e-2  # criterion of Newton's iteration
 _SHORTEST: Final = 1e-6  # s; shorter motions drown in rounding
 _MOST_STEPS: Final = 100_000  # of a motion, weeks of work
@@ -361,8 +360,8 @@ def sweep(
         for row, share in zip(rows.tolist(), first, strict=True)
     ]
     asked = {"rise_s": None, "dt_s": None}
-    plan = _Plan(steps, np.arange(len(rows), dtype=float), asked)
-    return _run(robot, plan, load, settings, keep, progress)
+    time = np.arange(len(rows), dtype=float)
+    return _run(robot, steps, time, asked, load, settings, keep, progress)
 
 
 @dataclass(frozen=True)
@@ -465,8 +464,8 @@ def ramp(
         "every_s": motion.every,
         "mass_damping_per_s": motion.mass_damping,
     }
-    plan = _Plan(steps, np.cumsum(np.array(lengths, dtype=np.float64)), asked)
-    return _run(robot, plan, load, settings, keep, progress)
+    time = np.cumsum(np.array(lengths, dtype=np.float64))
+    return _run(robot, steps, time, asked, load, settings, keep, progress)
 
 
 def _tension_rows(robot: Robot, tensions: ArrayLike, *, one: bool = False) -> Floats:
@@ -498,24 +497,16 @@ def _turn(robot: Robot, change: Floats) -> Floats:
 # -- one run -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """Steps of CalculiX, the time at their ends, and what was asked for."""
-
-    steps: list[deck.Step]
-    time: Floats
-    asked: dict[str, Any]
-
-
 def _run(
     robot: Robot,
-    plan: _Plan,
+    steps: list[deck.Step],
+    time: Floats,
+    asked: dict[str, Any],
     load: Load,
     settings: Settings | None,
     keep: str | Path | None,
     progress: Progress | None,
 ) -> BrickRun:
-    steps, asked = plan.steps, plan.asked
     settings = Settings() if settings is None else settings
     if not isinstance(settings, Settings):
         raise InputError(f"settings is {validation.shown(settings)}, it must be Settings")
@@ -526,7 +517,7 @@ def _run(
     tell = progress or (lambda what, share: None)
     gravity = robot.gravity if load.gravity is None else load.gravity
     weight = validation.row("gravity", gravity, 3, "m/s^2")
-    tip_force = (0.0, 0.0, 0.0) if load.tip_force is None else load.tip_force
+    tip_force = np.zeros(3) if load.tip_force is None else load.tip_force
     force = validation.row("tip_force", tip_force, 3, "N")
     loading = deck.Loading(
         tuple(weight.tolist()),
@@ -553,7 +544,7 @@ def _run(
         **asked,
     }
     tensions = np.array([step.tensions for step in steps])
-    found = BrickRun(robot, mesh, given, plan.time, tensions)
+    found = BrickRun(robot, mesh, given, time, tensions)
     # what needs no solver: no load bends nothing
     idle = 0
     while not dead and not motion and idle < len(steps) and not any(steps[idle].tensions):

@@ -16,6 +16,7 @@ import zlib
 from bisect import bisect_left
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -167,8 +168,7 @@ class _Run:
         """Tell how far it is; keep what is done."""
         done = output.read_increments(self.folder / f"{_JOB}.sta")
         self.ended.iterations = sum(i.iterations for i in done)
-        now = done[-1].total_time if done else 0.0
-        step, share = self._place(now) if done else (self.first, 0.0)
+        step, share = self._place(done[-1].total_time) if done else (self.first, 0.0)
         self.begun = step
         if step > len(self.ended.states):  # the tables of the one before are whole
             self._take()
@@ -205,9 +205,8 @@ class _Run:
         """None if a table lacks rows."""
         mesh = self.job.mesh
         nodes, bricks = len(mesh.nodes), 8 * len(self.free)
-        displacement = group.get(("displacements", "BODY"), np.zeros((0, 4)))
-        velocity = group.get(("velocities", "BODY"), np.zeros((0, 4)))
-        force = group.get(("forces", "SPANS"), np.zeros((0, 4)))
+        kinds = (("displacements", "BODY"), ("velocities", "BODY"), ("forces", "SPANS"))
+        displacement, velocity, force = (group.get(kind, np.zeros((0, 4))) for kind in kinds)
         found = {}
         for kind in ("stresses", "strains"):
             parts = [rows for (what, _), rows in group.items() if what == kind and len(rows)]
@@ -278,21 +277,14 @@ def _load(kept: Path, job: Job) -> list[State]:
     return states
 
 
-def _copier(source: Path) -> Callable[[Path], None]:
-    def copy(new: Path) -> None:
-        shutil.copyfile(source, new)
-
-    return copy
-
-
 def _save(kept: Path, number: int, state: State, restart: Path | None) -> None:
     """Whole or not at all, restart first; without it a run goes on from an earlier one."""
     what, advice = "kept results", "; make room there, or name another place by XDG_CACHE_HOME"
+    arrays = {name: value for name, value in vars(state).items() if value is not None}
     try:
         kept.mkdir(parents=True, exist_ok=True)
-        arrays = {name: value for name, value in vars(state).items() if value is not None}
         if restart is not None and restart.exists():
-            write_whole_file(_restart(kept, number), what, _copier(restart))
+            write_whole_file(_restart(kept, number), what, partial(shutil.copyfile, restart))
         write_whole_file(_file(kept, number), what, lambda new: np.savez_compressed(new, **arrays))
         if restart is not None:  # not before: one of them must be there
             _restart(kept, number - 1).unlink(missing_ok=True)
