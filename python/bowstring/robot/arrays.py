@@ -116,9 +116,8 @@ class RobotArrays(Part):
         for segment in self.segments:
             stations += (start + position for position in segment.disk_positions)
             start += segment.length
-        index = np.repeat(
-            np.arange(len(self.segments)), [len(s.disk_positions) for s in self.segments]
-        )
+        counts = [len(s.disk_positions) for s in self.segments]
+        index = np.repeat(np.arange(len(counts)), counts)
 
         def each(field: str) -> Floats:
             values = np.array([getattr(s.disks, field) for s in self.segments], dtype=float)
@@ -132,17 +131,13 @@ class RobotArrays(Part):
         ends = np.flatnonzero(np.diff(index))  # an end disk also holds the backbone beyond it
         bore[ends] = np.maximum(bore[ends], bore[ends + 1])
         for k, s in enumerate(self.segments):
-            if s.disks.density is None or s.disks.hole_diameter is None:
+            d = s.disks
+            if d.density is None or d.hole_diameter is None:
                 continue
             holes = self.holes(k)
             for width in set(bore[index == k].tolist()):
                 drilled = drilled_disk(
-                    s.disks.density,
-                    s.disks.radius,
-                    s.disks.thickness,
-                    width,
-                    holes,
-                    s.disks.hole_diameter,
+                    d.density, d.radius, d.thickness, width, holes, d.hole_diameter
                 )
                 same = (index == k) & (bore == width)
                 mass[same] = drilled.mass
@@ -163,9 +158,8 @@ class RobotArrays(Part):
         """All tendons as arrays."""
         ends = np.cumsum([len(s.disk_positions) for s in self.segments]) - 1
         every = [t for segment in self.segments for t in segment.tendon_list]
-        index = np.repeat(
-            np.arange(len(self.segments)), [len(s.tendon_list) for s in self.segments]
-        )
+        counts = [len(s.tendon_list) for s in self.segments]
+        index = np.repeat(np.arange(len(counts)), counts)
 
         def each(field: str, none: float = math.nan) -> Floats:
             values = (getattr(t, field) for t in every)

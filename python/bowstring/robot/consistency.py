@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.robot.disk import distinct_holes, room_for_holes
-from bowstring.robot.parts import MAX_DISKS, MAX_TENDONS, Segment, TendonRing
+from bowstring.robot.parts import MAX_DISKS, MAX_TENDONS, Segment, TendonRing, tendon_field
 from bowstring.units import number_with_unit
 
 __all__ = ["bores", "problems"]
@@ -28,16 +28,13 @@ def problems(parts: tuple[Segment, ...]) -> Iterator[str]:
             )
         if s.disks.positions is not None:
             yield from _position_problems(s, here)
-    disk_count = sum(s.disks.count or len(s.disks.positions or ()) for s in parts)
-    tendon_count = sum(
-        t.count if isinstance(t, TendonRing) else len(t) for t in (s.tendons for s in parts)
-    )
-    if disk_count > MAX_DISKS:
-        yield f"segments: got {disk_count} disks in all; must be at most {MAX_DISKS}"
-        return
-    if tendon_count > MAX_TENDONS:
-        yield f"segments: got {tendon_count} tendons in all; must be at most {MAX_TENDONS}"
-        return
+    disks = sum(s.disks.count or len(s.disks.positions or ()) for s in parts)
+    rings = (s.tendons for s in parts)
+    tendons = sum(t.count if isinstance(t, TendonRing) else len(t) for t in rings)
+    for what, count, most in (("disks", disks, MAX_DISKS), ("tendons", tendons, MAX_TENDONS)):
+        if count > most:
+            yield f"segments: got {count} {what} in all; must be at most {most}"
+            return
     yield from _hole_problems(parts)
     yield from _drill_problems(parts)
     yield from _clamp_problems(parts)
@@ -69,8 +66,7 @@ def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
             for i, r in enumerate(radii):
                 if inner.backbone.diameter / 2 < r < inner.disks.radius:
                     continue
-                ring = isinstance(s.tendons, TendonRing)
-                where = f"segments[{k}].tendons" + ("" if ring else f"[{i}]") + ".pitch_radius"
+                where = tendon_field(k, s.tendons, i, "pitch_radius")
                 if r >= inner.disks.radius:
                     limit = number_with_unit(inner.disks.radius, "m")
                     fault = f"outside {whose}; must be smaller than the disk's radius, {limit}"
@@ -78,7 +74,7 @@ def _hole_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
                     limit = number_with_unit(inner.backbone.diameter / 2, "m")
                     fault = f"inside {rod}; must be larger than the backbone's radius, {limit}"
                 yield f"{where}: got {number_with_unit(r, 'm')}, a hole {fault}"
-                if ring:
+                if isinstance(s.tendons, TendonRing):
                     break
 
 
@@ -99,8 +95,7 @@ def _drill_problems(parts: tuple[Segment, ...]) -> Iterator[str]:
         ]
         for j, i, tendon in passing:
             if tendon.diameter is not None and tendon.diameter >= width:
-                ring = isinstance(parts[j].tendons, TendonRing)
-                where = f"segments[{j}].tendons" + ("" if ring else f"[{i}]") + ".diameter"
+                where = tendon_field(j, parts[j].tendons, i, "diameter")
                 yield (
                     f"{where}: got {number_with_unit(tendon.diameter, 'm')}; must be smaller than "
                     f"the holes that it passes, segments[{k}].disks.hole_diameter = "

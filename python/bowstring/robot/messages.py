@@ -64,10 +64,6 @@ def build(model: type[Model], tree: dict[str, Any], label: str) -> Model:
     raise InputError("\n".join(lines))
 
 
-def _part(names: tuple[str, ...], model: type[BaseModel]) -> type[BaseModel]:
-    return _PARTS[names] if names else model
-
-
 def _path(loc: tuple[int | str, ...]) -> str:
     """`segments[0].tendons[1].angle`, as people write it."""
     text = ""
@@ -92,7 +88,7 @@ def _sentences(error: Any, model: type[BaseModel]) -> list[str]:
     if kind == "missing":
         return [f"{path}: missing; {_advice(names, model)}"]
     if kind == "extra_forbidden":
-        known = _fields_of(_part(names[:-1], model))
+        known = _fields_of(_PARTS.get(names[:-1], model))
         near = _nearest(names[-1], known)
         hint = f"; did you mean {near}?" if near else "."
         return [f"{path}: unknown field{hint} Known here: {', '.join(known)}"]
@@ -114,7 +110,7 @@ def _advice(names: tuple[str, ...], model: type[BaseModel]) -> str:
     part = _PARTS.get(names)
     if part is not None:
         return f"must be a set of fields: {', '.join(_fields_of(part))}"
-    field = _part(names[:-1], model).model_fields[names[-1]]
+    field = _PARTS.get(names[:-1], model).model_fields[names[-1]]
     example = next(mark.example for mark in field.metadata if hasattr(mark, "example"))
     return f'write for example "{names[-1]}: {example}"'
 
@@ -125,9 +121,9 @@ def _fields_of(part: type[BaseModel]) -> list[str]:
 
 
 def _nearest(name: str, known: list[str]) -> str | None:
-    lower = {field.lower(): field for field in known}
     synonym = _SYNONYMS.get(name.lower())
     if synonym in known:
         return synonym
+    lower = {field.lower(): field for field in known}
     near = difflib.get_close_matches(name.lower(), list(lower), n=1, cutoff=0.5)
     return lower[near[0]] if near else None

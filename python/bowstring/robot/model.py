@@ -139,10 +139,8 @@ class Robot(RobotArrays):
             if disks.density is None or disks.hole_diameter is None:
                 assert disks.mass is not None
                 return {"disk_mass": exact(disks.mass)}
-            return {
-                "disk_density": exact(disks.density),
-                "hole_diameter": exact(disks.hole_diameter),
-            }
+            density, hole = exact(disks.density), exact(disks.hole_diameter)
+            return {"disk_density": density, "hole_diameter": hole}
 
         content = {
             "format": 1,

@@ -66,13 +66,10 @@ def override(tree: dict[str, Any], overrides: Mapping[str, Any]) -> dict[str, An
             continue
         here[index] = value if last in ("name", "description") else _read_override(value, path)
         other = _EITHER.get(last)
-        if other and isinstance(here, dict) and not _also_set(overrides, path, other):
+        also_set = f"{path.rpartition('.')[0]}.{other}" in overrides
+        if other and isinstance(here, dict) and not also_set:
             here.pop(other, None)
     return tree
-
-
-def _also_set(overrides: Mapping[str, Any], path: str, other: str) -> bool:
-    return f"{path.rpartition('.')[0]}.{other}" in overrides
 
 
 def _step(here: Any, key: str, above: list[str], path: str) -> Any:

@@ -22,6 +22,7 @@ __all__ = [
     "Tendon",
     "TendonDrive",
     "TendonRing",
+    "tendon_field",
 ]
 
 MAX_SEGMENTS: Final = 100
@@ -285,6 +286,12 @@ class Tendon(TendonDrive):
     pitch_radius: Annotated[float, _PITCH] = Field(
         description="Distance of the holes from the backbone's axis."
     )
+
+
+def tendon_field(segment: int, tendons: object, tendon: int, name: str) -> str:
+    """Where a file says this of a tendon (from 0): for a ring there is one place for all."""
+    ring = isinstance(tendons, TendonRing)
+    return f"segments[{segment}].tendons{'' if ring else f'[{tendon}]'}.{name}"
 
 
 def _tendon_form(value: object) -> str:

@@ -55,12 +55,15 @@ def doubts(robot: RobotArrays) -> Iterator[str]:
                 f"{number_with_unit(s.backbone.diameter, 'm')}: length/diameter = "
                 f"{rounded(slenderness)} is {kind}; is one of the two in the wrong unit (m, mm)?"
             )
-        density = s.backbone.density
-        if density and not _DENSITY[0] <= density <= _DENSITY[1]:
-            yield (
-                f"{here}.backbone.density = {rounded(density, 4)} kg/m^3: no backbone "
-                "material has it; is it in the wrong unit (kg/m^3, g/cm^3)?"
-            )
+        for part, density, (low, high), material in (
+            ("backbone", s.backbone.density, _DENSITY, "backbone material"),
+            ("disks", s.disks.density, _DISK_DENSITY, "material"),
+        ):
+            if density and not low <= density <= high:
+                yield (
+                    f"{here}.{part}.density = {rounded(density, 4)} kg/m^3: no {material} has it; "
+                    "is it in the wrong unit (kg/m^3, g/cm^3)?"
+                )
         volume = math.pi * s.disks.radius**2 * s.disks.thickness
         if s.disks.mass and volume:
             mean = s.disks.mass / volume
@@ -71,12 +74,6 @@ def doubts(robot: RobotArrays) -> Iterator[str]:
                     f"radius and thickness would have a density of {rounded(mean)} kg/m^3; "
                     f"is the mass in {unit}?"
                 )
-        material = s.disks.density
-        if material and not _DISK_DENSITY[0] <= material <= _DISK_DENSITY[1]:
-            yield (
-                f"{here}.disks.density = {rounded(material, 4)} kg/m^3: no material has it; is it "
-                "in the wrong unit (kg/m^3, g/cm^3)?"
-            )
         if "clamped_length" not in s.disks.model_fields_set:
             held = len(s.disk_positions) * s.disks.thickness / s.length
             if held >= _HELD:
@@ -196,16 +193,11 @@ def load_advice(robot: RobotArrays, tensions: ArrayLike, tip_force: ArrayLike = 
         by_force += law * sideways * (beyond - s.length / 2)  # a cantilever's end
         beyond -= s.length
     by_tension = float(np.hypot(*total))
-    what, bend = max(
-        (("these tensions", by_tension), ("this force at the tip", by_force)), key=lambda x: x[1]
-    )
+    bend, what = max((by_tension, "these tensions"), (by_force, "this force at the tip"))
     if bend <= _MUCH_BEND:
         return ""
-    return f"By the linear law {what} would bend {robot.name} by {_degrees(bend)} degrees. "
-
-
-def _degrees(angle: float) -> str:
-    return rounded(math.degrees(angle), 2 if angle > 100 else 3)
+    angle = rounded(math.degrees(bend), 2 if bend > 100 else 3)
+    return f"By the linear law {what} would bend {robot.name} by {angle} degrees. "
 
 
 def _buckling_doubts(robot: RobotArrays) -> Iterator[str]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bowstring.errors import InputError
 from bowstring.robot.disk import room_for_holes
 from bowstring.robot.model import Robot
-from bowstring.robot.parts import TendonRing
+from bowstring.robot.parts import TendonRing, tendon_field
 from bowstring.units import number_with_unit
 
 __all__ = ["Assumed", "Sizes", "sizes_of"]
@@ -119,7 +119,7 @@ def sizes_of(robot: Robot) -> Sizes:
             whole = diameter[i] == thin[i]
             why = "a fifth of the thinnest backbone" if whole else "half of the narrowest hole"
             place = i - np.flatnonzero(tendons.segment == k)[0]
-            field = f"segments[{k}].tendons" + ("" if ring else f"[{place}]") + ".diameter"
+            field = tendon_field(k, s.tendons, place, "diameter")
             assumed.append(Assumed(field, float(diameter[i]), why))
     first = robot.segments[0].disks
     radius, thickness = _BASE_RADIUS * first.radius, _BASE_THICKNESS * first.thickness
