@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 import os
-import struct
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple, TypeVar
 
@@ -94,9 +94,9 @@ class _Header:
         if version not in (1, 2, 5):
             raise _Damaged(f"its version of the format is {version}, it must be 1, 2 or 5")
         self._types = max(_BYTES) if version == 5 else _CLASSIC_TYPES
-        self._count = self._long if version == 5 else self._int
         self._wide = 8 if version == 5 else 4
-        self._offset = self._int if version == 1 else self._long
+        self._count = partial(self._int, self._wide)
+        self._offset = partial(self._int, 4 if version == 1 else 8)
         self.records = self._count()
         self.dimensions = self._list(_DIMENSION, self._dimension)
         if sum(length == 0 for _, length in self.dimensions) > 1:
@@ -131,19 +131,11 @@ class _Header:
         self._left -= count
         self._file.seek(count, os.SEEK_CUR)
 
-    def _int(self) -> int:
-        (value,) = struct.unpack(">i", self._take(4))
-        return self._not_negative(value)
-
-    def _long(self) -> int:
-        (value,) = struct.unpack(">q", self._take(8))
-        return self._not_negative(value)
-
-    @staticmethod
-    def _not_negative(value: int) -> int:
+    def _int(self, size: int = 4) -> int:
+        value = int.from_bytes(self._take(size), "big", signed=True)
         if value < 0:
             raise _Damaged(f"its header is damaged: it counts {value}")
-        return int(value)
+        return value
 
     def _list(self, tag: int, entry: Callable[[], _Entry]) -> list[_Entry]:
         found, count = self._int(), self._count()
@@ -162,10 +154,7 @@ class _Header:
         if not 0 < count <= _LONGEST_NAME:
             raise _Damaged(f"its header is damaged: a name of {count} letters")
         raw = self._take(_padded(count))[:count]
-        try:
-            name = raw.decode("utf-8")
-        except UnicodeDecodeError:
-            name = ""
+        name = raw.decode("utf-8", "surrogateescape")  # what is not UTF-8 is not printable
         if not name.isprintable() or not name or "/" in name:
             raise _Damaged(f"its header is damaged: {raw[:40]!r} is not a name")
         return name

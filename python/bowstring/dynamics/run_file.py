@@ -86,14 +86,10 @@ def check_file(path: str | Path) -> Path:
     why = f"cannot write the run to {file}"
     try:
         check_parent(file, why)
-        try:
-            kind = stat.S_IFMT(file.stat().st_mode)
-        except FileNotFoundError:
-            kind = None
-        if kind == stat.S_IFDIR:
+        if file.is_dir():
             raise InputError(f"{why}: it is a folder; name a file, for example {file / 'run.nc'}")
-        if kind is not None:
-            if kind != stat.S_IFREG:
+        if file.exists():
+            if not file.is_file():
                 raise InputError(f"{why}: it is a device or pipe; name a file")
             with file.open("rb") as former:
                 head = former.read(8192)
@@ -503,7 +499,7 @@ class _Header:
         self._tail = b"".join([*parts, *fixed])
 
     def head(
-        self, status: str, reason: str, records: int = 0, complete_to: float = float("nan")
+        self, status: str, reason: str, records: int = 0, complete_to: float = math.nan
     ) -> bytes:
         """What changes during a run: bytes from 4 on, of fixed length, within the first page."""
         return (
@@ -515,11 +511,9 @@ class _Header:
             + _ending(status, reason)
         )
 
-    def bytes(
-        self, status: str, reason: str, records: int = 0, complete_to: float = float("nan")
-    ) -> bytes:
-        """The file up to its records."""
-        return _MAGIC + self.head(status, reason, records, complete_to) + self._tail
+    def bytes(self, *head: Any) -> bytes:
+        """The file up to its records; arguments are those of `head`."""
+        return _MAGIC + self.head(*head) + self._tail
 
 
 def _ending(status: str, reason: str) -> bytes:

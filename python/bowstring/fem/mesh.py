@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -56,8 +57,7 @@ class Fineness:
 
     def check(self) -> None:
         """Raise `InputError` for what cannot be meshed."""
-        for name in ("module", "around", "rings"):
-            count = getattr(self, name)
+        for name, count in vars(self).items():
             if not is_whole(count):
                 raise InputError(f"{name} is {shown(count)}, it must be a whole number")
         if not (2 <= self.module <= 200 and self.module % 2 == 0):
@@ -218,16 +218,11 @@ def _section(fineness: Fineness, bore: float, towards: float) -> _Section:
     if bore == 0:
         grid = np.linspace(-1.0, 1.0, n + 1)
         points += [_core_point(u, v) for v in grid for u in grid]
-        quads += [
-            (i + j * (n + 1), i + 1 + j * (n + 1), i + 1 + (j + 1) * (n + 1), i + (j + 1) * (n + 1))
-            for j in range(n)
-            for i in range(n)
-        ]
-        side = range(n)
-        inner = [n + i * (n + 1) for i in side]  # counter-clockwise from -45 degrees
-        inner += [n * (n + 1) + n - i for i in side]
-        inner += [(n - i) * (n + 1) for i in side]
-        inner += list(side)
+        at = np.arange(len(points)).reshape(n + 1, n + 1)  # rows along x
+        corners_of = np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]], axis=-1)
+        quads += map(tuple, corners_of.reshape(-1, 4).tolist())
+        # counter-clockwise from -45 degrees
+        inner = [*at[:-1, n], *at[n, :0:-1], *at[:0:-1, 0], *at[0, :-1]]
     angle = math.tau * (np.arange(around) / around - 1.0 / 8.0)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     if bore > 0:
@@ -335,16 +330,12 @@ class _Builder:
             for quad in one.quads.tolist():
                 row.append(len(self.bricks))
                 c, e = quad[:4], quad[4:]
-                self.bricks.append(
-                    [low + v for v in c]
-                    + [high + v for v in c]
-                    + [low + v for v in e]
-                    + [high + v for v in e]
-                    + [middle + v for v in c]
-                )
+                rows_of = ((low, c), (high, c), (low, e), (high, e), (middle, c))
+                self.bricks.append([first + v for first, nodes in rows_of for v in nodes])
                 self._mark(min(k, len(ends) - 1), module[j] < 0, j == beyond)
             slices.append(row)
-        station_row = self._station_rows(levels)
+        stations = robot.disks.station_m
+        station_row: Ints = 2 * np.abs(levels[None] - stations[:, None]).argmin(axis=1)
         hole, mass_nodes, height = self._arms(one, start, station_row)
         rows = np.array([[s + c for c in range(n_corner)] for s in start])
         return BrickMesh(
@@ -381,11 +372,6 @@ class _Builder:
             module += [i] * self.fineness.module + [-1, -1]
         return np.array(levels), module
 
-    def _station_rows(self, levels: Floats) -> Ints:
-        stations = self.robot.disks.station_m
-        found: Ints = 2 * np.abs(levels[None] - stations[:, None]).argmin(axis=1)
-        return found
-
     def _arms(
         self, one: _Section, start: list[int], station_row: Ints
     ) -> tuple[Ints, Ints, Floats]:
@@ -398,19 +384,19 @@ class _Builder:
         masses = np.full((n, 4 if self.mass_arms else 0, 3), -1)
         half = 0.5 * np.maximum(disks.clamped_length_m, disks.thickness_m)
         for i in range(n):
+            arm = partial(self._one_arm, one, start, int(station_row[i]), i, half[i])
             for t in np.flatnonzero(tendons.end_disk >= i).tolist():
-                ends = self._one_arm(one, start, int(station_row[i]), i, tendons.hole_m[t], half[i])
-                hole[i + 1, t] = ends[1]
+                hole[i + 1, t] = arm(tendons.hole_m[t])[1]
             for a in range(masses.shape[1]):
                 # four point masses at this radius have the moments of the disk
                 axial, mass = disks.inertia_kg_m2[i, 1], disks.mass_kg[i]
                 reach = math.sqrt(axial / mass) if mass > 0 else disks.radius_m[i]
                 end = reach * np.array([math.cos(a * math.pi / 2), math.sin(a * math.pi / 2)])
-                masses[i, a] = self._one_arm(one, start, int(station_row[i]), i, end, half[i])
+                masses[i, a] = arm(end)
         return hole, masses, half
 
     def _one_arm(
-        self, one: _Section, start: list[int], row: int, disk: int, end: Floats, half: float
+        self, one: _Section, start: list[int], row: int, disk: int, half: float, end: Floats
     ) -> list[int]:
         """Two bricks from the outline to a point; its nodes below, at and above the station."""
         middle = one.points[one.outer[:, 2]]

@@ -15,7 +15,7 @@ from bowstring.atomic_io import check_file, write_whole_file
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.validation import number
-from bowstring.viz.vtk import check_data, holes
+from bowstring.viz.vtk import check_data, circle, holes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -171,14 +171,11 @@ class _Scene:
         from matplotlib.figure import Figure
         from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-        from bowstring.viz.colours import COLOURS
+        from bowstring.viz.style import LIGHT as colour
 
-        colour = {key: light for key, (light, _) in COLOURS.items()}
         self._time = data["time"].to_numpy()
         self._backbone = _MM * data["position"].to_numpy()
-        psi = np.linspace(0.0, 2.0 * np.pi, 33)
-        circle = np.stack([np.cos(psi), np.sin(psi), 0.0 * psi], axis=1)
-        rim = robot.disks.radius_m[:, None, None] * circle
+        rim = robot.disks.radius_m[:, None, None] * circle(33, closed=True)
         turned = np.einsum("tdij,daj->tdai", data["disk_rotation"].to_numpy(), rim)
         self._rims = _MM * (data["disk_position"].to_numpy()[:, :, None] + turned)
         self._holes = [_MM * path for path in holes(robot, data)]
@@ -217,7 +214,7 @@ class _Scene:
 
     def _limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         points = np.concatenate(
-            [self._rims.reshape(-1, 3), self._backbone.reshape(-1, 3), *map(_rows, self._holes)]
+            [path.reshape(-1, 3) for path in (self._rims, self._backbone, *self._holes)]
         )
         low, high = points.min(axis=0), points.max(axis=0)
         # a flat box would crowd the numbers on its short sides
@@ -233,10 +230,6 @@ class _Scene:
         for line, path in zip(self._tendons, self._holes, strict=True):
             line.set_data_3d(*path[i].T)
         self._label.set_text(f"t = {self._time[i]:.3f} s")
-
-
-def _rows(path: NDArray[np.float64]) -> NDArray[np.float64]:
-    return path.reshape(-1, 3)
 
 
 def _ticks(span: float, longest: float) -> Any:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from bowstring.robot.model import Robot
 from bowstring.viz.style import LIGHT, WIDTH
+from bowstring.viz.vtk import circle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -108,12 +109,11 @@ def _shape(robot: Robot, position: Array, frames: Array) -> list[tuple[Array, fl
             (1 - s) ** 2 * (a * (1 + 2 * s) + u * s) + s**2 * (b * (3 - 2 * s) - v * (1 - s))
         )
     lines: list[tuple[Array, float]] = [(np.concatenate(backbone), 2.0)]
-    psi = np.linspace(0.0, math.tau, 33)
-    circle = np.stack([np.cos(psi), np.sin(psi), np.zeros_like(psi)], axis=-1)
     every = max(1, len(position) // 60)
     for i in range(len(position) - 1, 0, -every):
         radius = float(robot.disks.radius_m[i - 1])
-        lines.append((position[i] + radius * circle @ frames[i].T, 0.8))
+        rim = radius * circle(33, closed=True)
+        lines.append((position[i] + rim @ frames[i].T, 0.8))
     holes = np.column_stack([robot.tendons.hole_m, np.zeros(len(robot.tendons.hole_m))])
     for hole, end in zip(holes, robot.tendons.end_disk, strict=True):
         last = int(end) + 2

@@ -234,10 +234,9 @@ class _Backbone(Part):
     def __init__(self, robot: Robot, data: xr.Dataset, angles: int) -> None:
         station, module = data["arc_length"].to_numpy(), data["module"].to_numpy() - 1
         sec = Section(robot, station, module, RodModel())
-        psi = math.tau / angles * np.arange(angles)
-        self._cos, self._sin = np.cos(psi), np.sin(psi)
-        circle = np.stack([self._cos, self._sin, 0.0 * psi], axis=1)
-        self._arm = sec.radius[:, None, None] * circle  # (P, angles, 3), body axes
+        around = circle(angles)
+        self._cos, self._sin = around[:, 0], around[:, 1]
+        self._arm = sec.radius[:, None, None] * around  # (P, angles, 3), body axes
         self._position = data["position"].to_numpy()
         self._rotation = data["rotation"].to_numpy()
         self._curvature = data["curvature"].to_numpy()
@@ -274,10 +273,8 @@ class _Disks(Part):
 
     def __init__(self, robot: Robot, data: xr.Dataset) -> None:
         disks, around = robot.disks, 48
-        psi = math.tau / around * np.arange(around)
-        circle = np.stack([np.cos(psi), np.sin(psi), 0.0 * psi], axis=1)
         half = np.array([0.0, 0.0, 0.5]) * disks.thickness_m[:, None]
-        rim = disks.radius_m[:, None, None] * circle
+        rim = disks.radius_m[:, None, None] * circle(around)
         self._arm = np.concatenate([rim - half[:, None], rim + half[:, None]], axis=1)
         self._position = data["disk_position"].to_numpy()
         self._rotation = data["disk_rotation"].to_numpy()
@@ -321,6 +318,12 @@ class Tendons(Part):
     def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
         points = np.concatenate([path[i] for path in self._holes])
         return points, {"tension_N": np.repeat(self._tension[i], self._counts)}
+
+
+def circle(count: int, *, closed: bool = False) -> Floats:
+    """Points (count, 3) of the circle of radius 1 about z; if closed, the last is the first."""
+    psi = np.linspace(0.0, math.tau, count, endpoint=closed)
+    return np.stack([np.cos(psi), np.sin(psi), 0.0 * psi], axis=1)
 
 
 def holes(robot: Robot, data: xr.Dataset) -> list[Floats]:
