@@ -19,6 +19,7 @@ __all__ = [
     "is_whole",
     "number",
     "numbers",
+    "read",
     "row",
     "shown",
     "truth",
@@ -79,6 +80,14 @@ def _has_truth(value: Any) -> bool:
     return isinstance(value, (bool, np.bool_))
 
 
+def read(name: str, value: Any, what: str) -> Floats:
+    """A new array of numbers; the error says that the argument must be `what`."""
+    try:
+        return floats(value)
+    except TypeError:
+        raise InputError(f"{name} is {shown(value)}, it must be {what}") from None
+
+
 def number(name: str, value: Any, unit: str = "", *, zero: bool = False) -> float:
     """A finite number above zero, or also zero."""
     right = isinstance(value, (float, int, np.floating, np.integer)) and not _has_truth(value)
@@ -137,12 +146,7 @@ def row(name: str, value: Any, count: int, unit: str, or_else: str = "") -> Floa
     """Finite numbers (count,); `or_else` says what the value may be besides."""
     if isinstance(value, np.ndarray) and value.shape != (count,):
         raise InputError(f"{name} has shape {value.shape}, it must be ({count},), in {unit}")
-    try:
-        found = floats(value)
-    except TypeError:
-        raise InputError(
-            f"{name} is {shown(value)}, it must be {count} numbers in {unit}{or_else}"
-        ) from None
+    found = read(name, value, f"{count} numbers in {unit}{or_else}")
     if found.shape != (count,):
         raise InputError(f"{name} has shape {found.shape}, it must be ({count},), in {unit}")
     check_values(name, found)
@@ -151,10 +155,7 @@ def row(name: str, value: Any, count: int, unit: str, or_else: str = "") -> Floa
 
 def numbers(name: str, value: Any, shape: tuple[int, ...], unit: str = "") -> Floats:
     """A new array of finite numbers of this shape."""
-    try:
-        found = floats(value)
-    except TypeError:
-        raise InputError(f"{name} is {shown(value)}, it must be numbers of shape {shape}") from None
+    found = read(name, value, f"numbers of shape {shape}")
     if found.shape != shape:
         raise InputError(
             f"{name} has shape {found.shape}, it must be {shape}" + (f", in {unit}" if unit else "")
@@ -166,10 +167,7 @@ def numbers(name: str, value: Any, shape: tuple[int, ...], unit: str = "") -> Fl
 
 def vectors(name: str, value: Any) -> Floats:
     """A new array of points (..., 3) in m, which may be NaN."""
-    try:
-        found = floats(value)
-    except TypeError:
-        raise InputError(f"{name} is {shown(value)}, it must be points (..., 3) in m") from None
+    found = read(name, value, "points (..., 3) in m")
     if found.ndim == 0 or found.shape[-1] != 3:
         raise InputError(f"{name} has shape {found.shape}, it must be points (..., 3) in m")
     return found

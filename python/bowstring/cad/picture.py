@@ -184,14 +184,10 @@ def _sharing(solid: Solid) -> list[list[int]]:
 
 def _spread(wanted: Floats, gap: float, height: float) -> Floats:
     """Rows near those that are wanted (in order), at least a gap apart."""
-    rows: Floats = wanted.astype(float).copy()
-    for i in range(1, len(rows)):
-        rows[i] = max(rows[i], rows[i - 1] + gap)
-    over = max(0.0, rows[-1] - height)
-    rows[-1] -= over
-    for i in range(len(rows) - 2, -1, -1):
-        rows[i] = min(rows[i], rows[i + 1] - gap)
-    return rows
+    steps = gap * np.arange(len(wanted))
+    rows: Floats = np.maximum.accumulate(wanted - steps)  # over the rows as near as may be
+    rows[-1] = min(rows[-1], height - steps[-1])
+    return np.asarray(np.minimum.accumulate(rows[::-1])[::-1] + steps)
 
 
 def _between(disks: list[Part], d: int) -> Floats:

@@ -397,15 +397,13 @@ def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = Fal
     if callable(value):
         return _Function(name, value, count, loose=loose)
     if loose:
-        try:
-            row = validation.floats(value)
-        except TypeError:
-            row = np.zeros((0, 0))
+        what = (
+            f"{count} numbers in {unit} (None where a tendon is driven otherwise), a table or a "
+            "function"
+        )
+        row = validation.read(name, value, what)
         if row.shape != (count,):
-            raise InputError(
-                f"{name} is {validation.shown(value)}, it must be {count} numbers in {unit} (None "
-                "where a tendon is driven otherwise), a table or a function"
-            )
+            raise InputError(f"{name} is {validation.shown(value)}, it must be {what}")
         validation.check_values(name, row[~np.isnan(row)])
         return Table([0.0], row[None, :])
     row = validation.row(name, value, count, unit, ", a table or a function")

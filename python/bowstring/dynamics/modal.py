@@ -109,14 +109,12 @@ class Modes:
             "tensions_N": self.tensions.tolist(),
             "modes": [
                 {
-                    "frequency_hz": float(f),
+                    "frequency_hz": float(self.frequency_hz[k]),
                     "kind": kind,
-                    "displacement": d.tolist(),
-                    "rotation": r.tolist(),
+                    "displacement": self.displacement[k].tolist(),
+                    "rotation": self.rotation[k].tolist(),
                 }
-                for f, kind, d, r in zip(
-                    self.frequency_hz, self.kind, self.displacement, self.rotation, strict=True
-                )
+                for k, kind in enumerate(self.kind)
             ],
             "disks": [
                 {"position_m": p, "rotation": r}

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.fem.deck import spans
 from bowstring.fem.elements import GAUSS, POINTS, brick_shape
 from bowstring.fem.mass import gravity_energy, kinetic_energy
 from bowstring.fem.mesh import BrickMesh
@@ -135,18 +136,17 @@ def _section_forces(
     return force, np.cross(arm, push).sum(axis=(1, 3)).reshape(-1, 3)
 
 
-def span_tension(mesh: BrickMesh, which: tuple[Ints, Ints], state: State) -> Floats:
+def span_tension(mesh: BrickMesh, state: State) -> Floats:
     """Tension (N, T) of spans from the forces at their ends, NaN where there is none."""
-    disk, tendon = which
     found = np.full((len(mesh.hole) - 1, mesh.hole.shape[1]), np.nan)
-    found[disk, tendon] = np.linalg.norm(state.span_force, axis=1)
+    which = spans(mesh)
+    found[which.disk, which.tendon] = np.linalg.norm(state.span_force, axis=1)
     return found
 
 
 def frames(
     robot: Robot,
     mesh: BrickMesh,
-    which: tuple[Ints, Ints],
     time: Floats,
     tensions: Floats,
     states: Sequence[State],
@@ -158,8 +158,6 @@ def frames(
     ----------
     robot : Robot
     mesh : BrickMesh
-    which : tuple of ndarray (P,)
-        Disk and tendon of each span.
     time : ndarray (K,)
     tensions : ndarray (K, T)
     states : sequence of State (K,)
@@ -202,7 +200,7 @@ def frames(
             "span_length": lengths,
             "pull": home - whole + stretch * tensions[i],
             "slack": np.zeros(len(ends)),
-            "span_tension": span_tension(mesh, which, state),
+            "span_tension": span_tension(mesh, state),
             "kinetic_energy": np.array(kinetic),
             "elastic_energy": np.array(_elastic_energy(mesh, state)),
             "gravity_energy": np.array(gravity_energy(robot, mesh, moved, disk[:, 0], gravity)),

@@ -207,15 +207,12 @@ class BrickRun:
     @cached_property
     def frames(self) -> Frames:
         """The rod's raw output, from bricks."""
-        which = deck.spans(self.mesh)
-        spans, gravity = (which.disk, which.tendon), self.settings["gravity"]
+        gravity = self.settings["gravity"]
         if self.states:
-            return frames(
-                self.robot, self.mesh, spans, self.time, self.tensions, self.states, gravity
-            )
+            return frames(self.robot, self.mesh, self.time, self.tensions, self.states, gravity)
         # none of a time, in the shapes of one
         rest, time, tensions = [_straight(self.mesh)], np.zeros(1), 0.0 * self.wanted_tensions[:1]
-        return none_of(frames(self.robot, self.mesh, spans, time, tensions, rest, gravity))
+        return none_of(frames(self.robot, self.mesh, time, tensions, rest, gravity))
 
     @property
     def tip_position(self) -> Floats:
@@ -225,10 +222,8 @@ class BrickRun:
     @property
     def span_tensions(self) -> Floats:
         """Tensions (K, N, T) of the spans, from the forces at their ends; NaN where none is."""
-        which = deck.spans(self.mesh)
-        spans = (which.disk, which.tendon)
         shape = (-1, len(self.mesh.hole) - 1, self.mesh.hole.shape[1])
-        found = [span_tension(self.mesh, spans, state) for state in self.states]
+        found = [span_tension(self.mesh, state) for state in self.states]
         return np.array(found).reshape(shape)
 
     @property
@@ -472,11 +467,7 @@ def _tension_rows(robot: Robot, tensions: ArrayLike, *, one: bool = False) -> Fl
     """Tensions (K, T), or the only row of them (1, T)."""
     check_robot(robot)
     count = len(robot.tendons.end_disk)
-    try:
-        given = validation.floats(tensions)
-    except TypeError:
-        shown = validation.shown(tensions)
-        raise InputError(f"tensions is {shown}, it must be numbers in N") from None
+    given = validation.read("tensions", tensions, "numbers in N")
     rows = given[None] if one else np.atleast_2d(given)
     if rows.ndim != 2 or rows.shape[1] != count or len(rows) == 0:
         shape = f"({count},)" if one else f"(K, {count})"

@@ -28,6 +28,7 @@ __all__ = [
     "Path",
     "compliances",
     "home_lengths",
+    "taken_in",
 ]
 
 HISTORY_SCHEMA_VERSION: Final = 1
@@ -65,6 +66,15 @@ def home_lengths(robot: Robot, model: RodModel) -> Floats | None:
         return None
     lengths: Floats = home.tendon_lengths - compliances(robot) * tendons.pretension_N
     return lengths
+
+
+def taken_in(robot: Robot, model: RodModel, lengths: Floats, tensions: Floats) -> Floats | None:
+    """Displacements (..., T) at lengths and tensions (..., T); None without a home pose."""
+    home = home_lengths(robot, model)
+    if home is None:
+        return None
+    found: Floats = home - lengths + compliances(robot) * tensions
+    return found
 
 
 def slack(robot: Robot, slack_lengths: Floats) -> NDArray[np.int64]:

@@ -226,13 +226,7 @@ class Solution:
         core = self.core
         if core.driven or core.tendon_lengths is None:
             return core.pulls
-        home = actuation.home_lengths(self.robot, self.model)
-        if home is None:
-            return None
-        taken_in: Floats = (
-            home - core.tendon_lengths + actuation.compliances(self.robot) * core.tensions
-        )
-        return taken_in
+        return actuation.taken_in(self.robot, self.model, core.tendon_lengths, core.tensions)
 
     @property
     def slack(self) -> tuple[int, ...] | None:
@@ -518,12 +512,8 @@ class Sweep:
         """Lengths (n, T) that the actuators have taken in since the home pose, in m."""
         if self.driven is not None:
             return np.array(self.driven["pulls"])
-        home = actuation.home_lengths(self.robot, self.model)
-        if home is None:
-            return np.full_like(self.tensions, np.nan)
-        stretch = actuation.compliances(self.robot) * self.tensions
-        taken_in: Floats = home - self.tendon_lengths + stretch
-        return taken_in
+        found = actuation.taken_in(self.robot, self.model, self.tendon_lengths, self.tensions)
+        return np.full_like(self.tensions, np.nan) if found is None else found
 
     @property
     def slack_lengths(self) -> Floats:
