@@ -190,11 +190,11 @@ class Section:
         # the parabolic law V Q / (I b) at the neutral axis: 4/3 for a solid rod, 2 for a thin tube
         shear_factor = 4.0 / 3.0 * (outer**2 + outer * inner + inner**2) / (outer**2 + inner**2)
         self.radius: Floats = outer[segment]
-        self.area: Floats = area[segment]
-        self.modulus: Floats = (second / outer)[segment]
-        self.shear: Floats = (shear_factor / area)[segment]
+        sizes = np.column_stack([outer, area, second / outer, shear_factor / area])[segment]
         bend = 1.0 / robot.bending_stiffness
-        turn = 1.0 / robot.torsion_stiffness if model.twist else 0.0 * bend
+        turn = float(model.twist) / robot.torsion_stiffness
+        soft = float(model.theory != "kirchhoff")
+        slide, stretch = soft / robot.shear_stiffness, soft / robot.axial_stiffness
         # what a disk clamps is rigid; only the disks before and after a station can clamp it
         d = robot.disks
         after = np.searchsorted(d.station_m, station)
@@ -202,23 +202,9 @@ class Section:
         depth = 0.5 * d.clamped_length_m[beside] - abs(station - d.station_m[beside])
         free = np.all(depth <= 1e-9 * robot.length, axis=0)[:, None]
         self.bending_compliance: Floats = np.stack([bend, bend, turn], axis=1)[segment] * free
-        if model.theory == "kirchhoff":
-            self.force_compliance: Floats = np.zeros((len(segment), 3))
-        else:
-            slide = 1.0 / robot.shear_stiffness
-            stretch = 1.0 / robot.axial_stiffness
-            self.force_compliance = np.stack([slide, slide, stretch], axis=1)[segment] * free
+        force_compliance = np.stack([slide, slide, stretch], axis=1)[segment] * free
         # as the core takes them, one row a section
-        self.columns: Floats = np.column_stack(
-            [
-                self.radius,
-                self.area,
-                self.modulus,
-                self.shear,
-                self.bending_compliance,
-                self.force_compliance,
-            ]
-        )
+        self.columns: Floats = np.hstack([sizes, self.bending_compliance, force_compliance])
 
 
 def check_frames(robot: Robot, frames: Frames) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from bowstring.robot.model import Robot
@@ -99,16 +100,11 @@ def _shape(robot: Robot, position: Array, frames: Array) -> list[tuple[Array, fl
     position = np.concatenate([np.zeros((1, 3)), position])
     frames = np.concatenate([np.eye(3)[None], frames])
     # a cubic between two disks, along their axes
-    s = np.linspace(0.0, 1.0, 9)[:, None]
-    backbone = []
-    for i in range(len(position) - 1):
-        a, b = position[i], position[i + 1]
-        chord = float(np.linalg.norm(b - a))
-        u, v = chord * frames[i, :, 2], chord * frames[i + 1, :, 2]
-        backbone.append(
-            (1 - s) ** 2 * (a * (1 + 2 * s) + u * s) + s**2 * (b * (3 - 2 * s) - v * (1 - s))
-        )
-    lines: list[tuple[Array, float]] = [(np.concatenate(backbone), 2.0)]
+    chords = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    ends = np.concatenate([[0.0], np.cumsum(chords)])
+    places = np.linspace(ends[:-1], ends[1:], 9, axis=1).ravel()
+    backbone = CubicHermiteSpline(ends, position, frames[:, :, 2])
+    lines: list[tuple[Array, float]] = [(backbone(places), 2.0)]
     every = max(1, len(position) // 60)
     for i in range(len(position) - 1, 0, -every):
         radius = float(robot.disks.radius_m[i - 1])
