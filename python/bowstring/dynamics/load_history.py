@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -294,25 +293,20 @@ class Actuation:
 _History = Table | _Function
 
 
-@dataclass(frozen=True)
-class Loads:
+class Loads(NamedTuple):
     """All loads over time."""
 
     actuation: Actuation
     tip_force: _History
     tip_moment: _History
 
-    @property
-    def _all(self) -> tuple[Actuation | _History, ...]:
-        return self.actuation, self.tip_force, self.tip_moment
-
     def at(self, time: float, *, before: bool = False) -> InstantLoad:
         """The loads at a time, after a jump there, or before it."""
-        return InstantLoad(*(c.at(time, before=before) for c in self._all))
+        return InstantLoad(*(c.at(time, before=before) for c in self))
 
     def jumps(self) -> set[float]:
         """The times of jumps."""
-        return set().union(*(c.jumps() for c in self._all))
+        return set().union(*(c.jumps() for c in self))
 
     def to_dict(self) -> dict[str, Any]:
         """For a file."""
@@ -332,7 +326,7 @@ class Loads:
         # a knot that an output time misses by next to nothing is that time
         near = max(1e-6 * longest, CLOSEST)
         inside: list[float] = []
-        for knot in sorted(set().union(*(c.knots() for c in self._all))):
+        for knot in sorted(set().union(*(c.knots() for c in self))):
             i = int(np.abs(times - knot).argmin())
             if inside and knot - inside[-1] < CLOSEST:
                 continue  # of another table: 0.1 + 0.2 s is 0.3 s
@@ -344,11 +338,11 @@ class Loads:
         # numpy's own sets would import a fifth of numpy first
         ends = np.array(sorted(outputs | set(inside)))
         record = np.array([end in outputs for end in ends.tolist()], dtype=bool)
-        if any(c.is_sampled for c in self._all):
+        if any(c.is_sampled for c in self):
             yield from self._sampled(simulator, ends, record, longest)
             return
         durations = np.diff(ends, prepend=0.0)
-        driven, force, moment = (c.rows(ends, before=True) for c in self._all)
+        driven, force, moment = (c.rows(ends, before=True) for c in self)
         jumps = np.array(sorted(self.jumps()))
         jumped = np.searchsorted(jumps, ends + CLOSEST) > np.searchsorted(jumps, ends - CLOSEST)
         stops = np.flatnonzero(jumped) + 1

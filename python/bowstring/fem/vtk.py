@@ -52,11 +52,14 @@ def write_vtk(
     if not run.states:
         raise InputError("the run holds no step; there is nothing to show")
     folder = check_folder(out)
-    parts = [_Backbone(run), _Stiff(run), Tendons(run.robot, run.to_dataset())]
-    return write_series(folder, parts, run.to_dataset(), progress or (lambda what, share: None))
+    arm, data = run.mesh.arm, run.to_dataset()
+    parts = [_Backbone(run, ~arm), _Bricks(run, arm), Tendons(run.robot, data)]
+    return write_series(folder, parts, data, progress or (lambda what, share: None))
 
 
 class _Bricks(Part):
+    name = "disks"
+
     def __init__(self, run: BrickRun, which: NDArray[np.bool_]) -> None:
         self._run = run
         bricks = run.mesh.bricks[which]
@@ -64,37 +67,23 @@ class _Bricks(Part):
         rows = [[int(v) for v in row] for row in cells.reshape(bricks.shape)]
         super().__init__(rows, [_BRICK] * len(rows), run.mesh.nodes[self._nodes])
 
-    def _moved(self, i: int) -> tuple[Floats, Floats]:
+    def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
         displacement = self._run.states[i].displacement[self._nodes]
-        return self.straight + displacement, displacement
+        return self.straight + displacement, {"displacement_m": displacement}
 
 
 class _Backbone(_Bricks):
     name = "backbone"
 
-    def __init__(self, run: BrickRun) -> None:
-        super().__init__(run, ~run.mesh.arm)
-
     def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
-        points, displacement = self._moved(i)
+        points, moved = super().at(i)
         _, stress, strain = self._run.nodal(i)
         return points, {
-            "displacement_m": displacement,
+            **moved,
             "von_mises_Pa": von_mises(stress[self._nodes]),
             "stress_Pa": stress[self._nodes][:, _ORDER],
             "strain": strain[self._nodes][:, _ORDER],
         }
-
-
-class _Stiff(_Bricks):
-    name = "disks"
-
-    def __init__(self, run: BrickRun) -> None:
-        super().__init__(run, run.mesh.arm)
-
-    def at(self, i: int) -> tuple[Floats, Mapping[str, Floats]]:
-        points, displacement = self._moved(i)
-        return points, {"displacement_m": displacement}
 
 
 def von_mises(stress: Floats) -> Floats:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,17 +90,13 @@ def as_load(tensions: object, load: Load | None) -> Load:
     return replace(load, tensions=tensions)
 
 
-@dataclass(frozen=True)
-class InstantLoad:
+class InstantLoad(NamedTuple):
     """Loads at one time, checked: actuation of each tendon, force and moment at the tip."""
 
     actuation: Floats
     """(T,): tension in N or, where the displacement of a tendon is given, that in m."""
     tip_force: Floats
     tip_moment: Floats
-
-    def __iter__(self) -> Iterator[Floats]:
-        return iter((self.actuation, self.tip_force, self.tip_moment))
 
     @property
     def at_tip(self) -> Load:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -88,7 +87,7 @@ def at_rest(
         status = simulator.rest(*start)
     else:
         status = "converged" if simulator.rest_at(path.core) else "max_iterations"
-        start = replace(start, actuation=path.core.history()["commands"])
+        start = start._replace(actuation=path.core.history()["commands"])
     if status != "converged":
         raise NoSolutionError(
             f"{robot.name}: there is no equilibrium to take fields of ({status})",
