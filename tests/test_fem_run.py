@@ -245,7 +245,7 @@ def test_outputs_on_the_way_change_no_motion() -> None:
 def test_outputs_fit_rise_and_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[list[deck.Step], np.ndarray]] = []
     monkeypatch.setattr(
-        "bowstring.fem.run._run", lambda robot, plan, *_: asked.append((plan.steps, plan.time))
+        "bowstring.fem.run._run", lambda robot, steps, time, *_: asked.append((steps, time))
     )
     ramp(small_robot(), [40.0, 0.0, 8.0], Motion(rise=0.11, hold=0.03, every=0.05, dt=0.01))
     ((steps, time),) = asked

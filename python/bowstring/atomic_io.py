@@ -98,15 +98,12 @@ def check_replaceable(folder: Path, why: str) -> None:
     except OSError:  # it was removed
         here = None
     if here is not None and (folder == here or folder in here.parents):
-        raise InputError(
-            f"{why}: the folder is replaced as a whole, and the working folder is or lies in it; "
-            f"name a folder in it, for example {folder / 'out'}"
-        )
-    if os.path.ismount(folder):
-        raise InputError(
-            f"{why}: a drive is mounted there, so the folder cannot be replaced as a whole; name a "
-            f"folder in it, for example {folder / 'out'}"
-        )
+        fault = "the folder is replaced as a whole, and the working folder is or lies in it"
+    elif os.path.ismount(folder):
+        fault = "a drive is mounted there, so the folder cannot be replaced as a whole"
+    else:
+        return
+    raise InputError(f"{why}: {fault}; name a folder in it, for example {folder / 'out'}")
 
 
 def check_whole_folder(
@@ -326,12 +323,8 @@ def check_file(file: Path, content: str, suffixes: Sequence[str], mark: bytes) -
     return found
 
 
-def _nothing() -> None:
-    pass
-
-
 def write_whole_file(
-    file: Path, what: str, fill: Callable[[Path], None], check: Callable[[], object] = _nothing
+    file: Path, what: str, fill: Callable[[Path], None], check: Callable[[], object] = lambda: None
 ) -> None:
     """Fill a new file beside its place, then put it there in exchange for a former one.
 
@@ -364,7 +357,10 @@ def write_whole_file(
 
 
 def write_whole(
-    folder: Path, what: str, fill: Callable[[Path], None], check: Callable[[], object] = _nothing
+    folder: Path,
+    what: str,
+    fill: Callable[[Path], None],
+    check: Callable[[], object] = lambda: None,
 ) -> None:
     """Fill a new folder beside its place, then put it there in exchange for a former one.
 

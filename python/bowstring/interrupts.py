@@ -60,8 +60,7 @@ def answered() -> None:
     """Say that an interrupt was met and what follows is meant to run."""
     global _first
     _first = None
-    if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    _wake(0.0)
 
 
 def ignore() -> None:
@@ -128,9 +127,10 @@ def _again(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
 
-def _wake() -> None:
+def _wake(seconds: float = _AGAIN) -> None:
+    """Have the interrupt raised again after some time, or no more after 0."""
     if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 def _unwinding() -> bool:

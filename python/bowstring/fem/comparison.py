@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bowstring.dynamics import simulation
 from bowstring.dynamics.integrator import Integrator
-from bowstring.dynamics.load_history import Table
+from bowstring.dynamics.load_history import ramp
 from bowstring.fem.fields import SectionStress
 from bowstring.fem.run import BrickRun
 from bowstring.statics import rod
@@ -127,14 +127,10 @@ def _at_rest(run: BrickRun, modules: int) -> tuple[Floats, Floats]:
 
 def _in_motion(run: BrickRun) -> Floats:
     asked = run.settings
-    end, rise = float(run.wanted_time[-1]), asked["rise_s"]
-    times = np.array([0.0, rise] if end <= rise * (1 + 1e-9) else [0.0, rise, end])
-    last = run.wanted_tensions[-1]
-    courses = np.outer([0.0] + [1.0] * (len(times) - 1), last)
     found = simulation.simulate(
         run.robot,
-        Table(times, courses),
-        end,
+        ramp(run.wanted_tensions[-1], asked["rise_s"]),
+        float(run.wanted_time[-1]),
         load=Load(gravity=asked["gravity"]),
         integrator=Integrator(mass_damping=asked["mass_damping_per_s"]),
         output=simulation.Output(points=0),

@@ -294,9 +294,8 @@ class _Builder:
     mass_arms: bool
     nodes: list[Floats] = field(default_factory=list)
     bricks: list[list[int]] = field(default_factory=list)
-    part: list[int] = field(default_factory=list)
-    stiff: list[bool] = field(default_factory=list)
-    arm: list[bool] = field(default_factory=list)
+    marks: list[tuple[int, bool, bool]] = field(default_factory=list)
+    """Of each brick: its segment, whether it is stiff and whether it is an arm."""
 
     def mesh(self) -> BrickMesh:
         robot = self.robot
@@ -332,18 +331,19 @@ class _Builder:
                 c, e = quad[:4], quad[4:]
                 rows_of = ((low, c), (high, c), (low, e), (high, e), (middle, c))
                 self.bricks.append([first + v for first, nodes in rows_of for v in nodes])
-                self._mark(min(k, len(ends) - 1), module[j] < 0, j == beyond)
+                self.marks.append((min(k, len(ends) - 1), module[j] < 0, j == beyond))
             slices.append(row)
         stations = robot.disks.station_m
         station_row: Ints = 2 * np.abs(levels[None] - stations[:, None]).argmin(axis=1)
         hole, mass_nodes, height = self._arms(one, start, station_row)
-        rows = np.array([[s + c for c in range(n_corner)] for s in start])
+        rows = np.array(start)[:, None] + np.arange(n_corner)
+        part, stiff, arm = map(np.array, zip(*self.marks, strict=True))
         return BrickMesh(
             nodes=np.array(self.nodes),
             bricks=np.array(self.bricks),
-            part=np.array(self.part),
-            stiff=np.array(self.stiff),
-            arm=np.array(self.arm),
+            part=part,
+            stiff=stiff,
+            arm=arm,
             slices=np.array(slices),
             slice_z=levels,
             slice_module=np.array(module),
@@ -354,11 +354,6 @@ class _Builder:
             mass_nodes=mass_nodes,
             mass_height=height,
         )
-
-    def _mark(self, part: int, stiff: bool, arm: bool) -> None:
-        self.part.append(part)
-        self.stiff.append(stiff)
-        self.arm.append(arm)
 
     def _levels(self) -> tuple[Floats, list[int]]:
         """Arc lengths between slices, and the module of each slice."""
@@ -428,7 +423,7 @@ class _Builder:
             corners = [il[0], ol[0], ol[1], il[1], ih[0], oh[0], oh[1], ih[1]]
             edges = [ol[3], ol[2], ol[4], il[2], oh[3], oh[2], oh[4], ih[2]]
             self.bricks.append([*corners, *edges, im[0], om[0], om[1], im[1]])
-            self._mark(int(self.robot.disks.segment[disk]), True, True)
+            self.marks.append((int(self.robot.disks.segment[disk]), True, True))
         return [layers[k][1][2] for k in (0, 2, 4)]
 
     def _add(self, point: Floats) -> int:

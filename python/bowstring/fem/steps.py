@@ -14,7 +14,7 @@ import time
 import zipfile
 import zlib
 from bisect import bisect_left
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -126,14 +126,11 @@ def work(job: Job, program: Path, kept: Path, keep: Path | None, tell: Progress)
     return ended
 
 
-@contextlib.contextmanager
-def _folder(keep: Path | None) -> Iterator[Path]:
+def _folder(keep: Path | None) -> contextlib.AbstractContextManager[Path]:
     if keep is None:
-        with folder_beside(Path(tempfile.gettempdir(), "bowstring-fe")) as folder:
-            yield folder
-        return
+        return folder_beside(Path(tempfile.gettempdir(), "bowstring-fe"))
     keep.mkdir(parents=True, exist_ok=True)
-    yield keep
+    return contextlib.nullcontext(keep)
 
 
 class _Run:
