@@ -34,7 +34,9 @@ _THIN: Final = {"color": _MUTED, "linewidth": 0.6}
 _CENTRE: Final = {**_THIN, "dashes": (10, 2, 2, 2)}
 _ARROW: Final = {
     "arrowstyle": "-|>,head_width=0.12,head_length=0.3",
-    **{"color": _INK, "lw": 0.6, "shrinkB": 0},
+    "color": _INK,
+    "lw": 0.6,
+    "shrinkB": 0,
 }
 
 
@@ -120,7 +122,10 @@ def _kinds(robot: Robot, sizes: Sizes) -> list[_Kind]:
     return [
         _Kind(
             tuple(numbers),
-            *(_MM * radius, _MM * thickness, _MM * bore, _MM * hole),
+            _MM * radius,
+            _MM * thickness,
+            _MM * bore,
+            _MM * hole,
             holes[k],
             robot.segments[k].disks.hole_diameter is None,
         )

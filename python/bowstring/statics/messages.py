@@ -14,9 +14,9 @@ __all__ = ["TOLD", "discretisation", "of_actuation", "of_tensions"]
 
 Floats = NDArray[np.float64]
 
-_ENDED: Final = ("status", "stable", "residual", "iterations")
-TOLD: Final = (*_ENDED, "left_unstable", "fraction", "collision")
-"""What `of_tensions` reads."""
+_OF_ALL: Final = ("status", "stable", "residual", "iterations")  # what all answers tell
+TOLD: Final = (*_OF_ALL, "left_unstable", "fraction", "collision")
+"""What an answer by tensions tells."""
 _MUCH_FRICTION: Final = 1.0  # coefficients beyond this are doubted where there is no answer
 
 
@@ -47,7 +47,7 @@ def discretisation(
 def of_tensions(found: Any, advice: str = "") -> str:
     """How a solve by tensions ended and, if it failed, what to try.
 
-    Of `found`, a solution of the core or a row of a sweep, count `TOLD`; ``advice`` is that of
+    `found` is a solution of the core, or has the names of `TOLD`; ``advice`` is that of
     `bowstring.robot.plausibility.load_advice`.
     """
     stable = found.stable
