@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bowstring.data.tip_errors import Comparison
-from bowstring.study.comparison import Case
+from bowstring.study.actuation_budget import COMMANDED
+from bowstring.study.comparison import MEANINGS
 from bowstring.study.shapes import backbones
 from bowstring.study.study import Study
 
@@ -22,7 +24,8 @@ __all__ = ["simulated", "study_tables", "write_csv"]
 
 Cell = str | float | int | None
 
-_AXES: Final = ("x", "y", "z")
+Table = tuple[str, list[str], list[Sequence[Cell]]]
+Array = NDArray[np.float64]
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> None:
@@ -41,170 +44,130 @@ def _csv_cell(cell: Cell) -> str:
     return str(cell)
 
 
-def study_tables(study: Study) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]]]:
+def study_tables(study: Study) -> Iterable[Table]:
     """Name, header with units, and rows of every table."""
     tendons = [f"tendon_{t + 1}_length_mm" for t in range(len(study.robot.tendons.segment))]
-    position = [f"{axis}_mm" for axis in _AXES]
-    tip = [f"tip_{p}" for p in position]
-    segments = range(len(study.robot.segments))
+    bends = [f"segment_{k + 1}_theta_deg" for k in range(len(study.robot.segments))]
 
     g = study.geometry
-    yield (
+    yield _table(
         "geometric_sweep",
-        ["pull_mm", *tendons, *(f"segment_{k + 1}_theta_deg" for k in segments), *tip],
-        np.column_stack(
-            [
-                g.pull * 1e3,
-                g.tendon_lengths * 1e3,
-                np.degrees(g.theta),
-                g.tip_position * 1e3,
-            ]
-        ).tolist(),
+        ("pull_mm", g.pull * 1e3),
+        (tendons, g.tendon_lengths * 1e3),
+        (bends, np.degrees(g.theta)),
+        (_TIP, g.tip_position * 1e3),
     )
-    yield (
-        "geometric_configurations",
-        ["pull_mm", "disk", *position],
-        [
-            [pull * 1e3, disk + 1, *(point * 1e3).tolist()]
-            for pull, disks in zip(g.pull.tolist(), g.disk_positions, strict=True)
-            for disk, point in enumerate(disks)
-        ],
-    )
+    yield _by_disk("geometric_configurations", "pull_mm", g.pull * 1e3, g.disk_positions)
 
     s = study.statics
-    surface = list(s.surface.to_dict())
-    yield (
+    yield _table(
         "statics",
-        ["tension_N", "status", *tip, *tendons, "pull_mm", "linear_law_pull_mm", *surface],
-        [
-            [tension, status, *rest]
-            for tension, status, rest in zip(
-                s.tension.tolist(),
-                s.status,
-                np.column_stack(
-                    [
-                        s.tip_position * 1e3,
-                        s.tendon_lengths * 1e3,
-                        s.pull * 1e3,
-                        s.linear_pull * 1e3,
-                        *s.surface.to_dict().values(),
-                    ]
-                ).tolist(),
-                strict=True,
-            )
-        ],
+        ("tension_N", s.tension),
+        ("status", s.status),
+        (_TIP, s.tip_position * 1e3),
+        (tendons, s.tendon_lengths * 1e3),
+        ("pull_mm", s.pull * 1e3),
+        ("linear_law_pull_mm", s.linear_pull * 1e3),
+        *s.surface.to_dict().items(),
     )
-    yield (
-        "statics_configurations",
-        ["tension_N", "disk", *position],
-        [
-            [tension, disk + 1, *(point * 1e3).tolist()]
-            for tension, disks in zip(s.tension.tolist(), s.disk_positions, strict=True)
-            for disk, point in enumerate(disks)
-        ],
-    )
+    yield _by_disk("statics_configurations", "tension_N", s.tension, s.disk_positions)
 
     found = backbones(study)
-    yield (
+    count = len(found.shapes[0].disks)
+    yield _table(
         "backbones",
-        ["name", "tension_N", "disk", *position, "from_statics_mm"],
-        [
-            [shape.name, found.tension, disk + 1, *(point * 1e3).tolist(), float(away) * 1e3]
-            for shape in found.shapes
-            for disk, (point, away) in enumerate(zip(shape.disks, shape.from_statics, strict=True))
-        ],
+        ("name", np.repeat([shape.name for shape in found.shapes], count)),
+        ("tension_N", [found.tension] * count * len(found.shapes)),
+        ("disk", np.tile(np.arange(1, count + 1), len(found.shapes))),
+        (_POSITION, np.concatenate([shape.disks for shape in found.shapes]) * 1e3),
+        ("from_statics_mm", np.concatenate([shape.from_statics for shape in found.shapes]) * 1e3),
     )
 
     motion = study.dynamics
     if motion is not None:
-        yield (
+        yield _table(
             "dynamics",
-            [
-                "time_s",
-                "tension_N",
-                *tip,
-                *(f"statics_{p}" for p in tip),
-                "difference_mm",
-                "tip_displacement_mm",
-                *surface,
-            ],
-            np.column_stack(
-                [
-                    motion.time,
-                    motion.tension,
-                    motion.tip_position * 1e3,
-                    motion.static_tip * 1e3,
-                    motion.difference * 1e3,
-                    motion.displacement * 1e3,
-                    *motion.surface.to_dict().values(),
-                ]
-            ).tolist(),
+            ("time_s", motion.time),
+            ("tension_N", motion.tension),
+            (_TIP, motion.tip_position * 1e3),
+            (_named("statics_tip"), motion.static_tip * 1e3),
+            ("difference_mm", motion.difference * 1e3),
+            ("tip_displacement_mm", motion.displacement * 1e3),
+            *motion.surface.to_dict().items(),
         )
 
-    axis_means = [f"mean_{axis}_mm" for axis in _AXES]
-    yield (
+    comparisons = simulated(study)
+    rows = [c.to_dict() for c in comparisons]
+    keys = ("name", "against", "n", "mean_mm", "max_mm", "rms_mm", "mean_percent")
+    yield _table(
         "comparisons",
-        ["name", "against", "n", "mean_mm", "max_mm", "rms_mm", "mean_percent", *axis_means],
-        [
-            [
-                d["name"],
-                d["against"],
-                d["n"],
-                d["mean_mm"],
-                d["max_mm"],
-                d["rms_mm"],
-                d["mean_percent"],
-                *d["mean_by_axis_mm"],
-            ]
-            for d in (c.to_dict() for c in simulated(study))
-        ],
+        *((key, [row[key] for row in rows]) for key in keys),
+        (_named("mean"), [row["mean_by_axis_mm"] for row in rows]),
     )
-    yield (
+    yield _table(
         "errors",
-        [
-            "name",
-            "against",
-            "tension_N",
-            *tip,
-            *(f"d{p}" for p in position),
-            "error_mm",
-            "error_percent",
-        ],
-        [
-            [c.name, c.against, *row]
-            for c in simulated(study)
-            for row in np.column_stack(
-                [
-                    s.tension,
-                    c.tip_position * 1e3,
-                    c.difference * 1e3,
-                    c.error * 1e3,
-                    c.error / c.length * 100.0,
-                ]
-            ).tolist()
-        ],
+        ("name", np.repeat([c.name for c in comparisons], len(s.tension))),
+        ("against", np.repeat([c.against for c in comparisons], len(s.tension))),
+        ("tension_N", np.tile(s.tension, len(comparisons))),
+        (_TIP, np.concatenate([c.tip_position for c in comparisons]) * 1e3),
+        (_named("d", ""), np.concatenate([c.difference for c in comparisons]) * 1e3),
+        ("error_mm", np.concatenate([c.error for c in comparisons]) * 1e3),
+        ("error_percent", np.concatenate([c.error / c.length for c in comparisons]) * 100.0),
     )
     if study.data is not None:
         yield from _data_tables(study.data)
     v = study.verdict
-    yield (
+    yield _table(
         "verdict_sweep",
-        ["tension_N", *(f"{name}_error_mm" for name in v.fine_error)],
-        np.column_stack([v.fine_tension, *(e * 1e3 for e in v.fine_error.values())]).tolist(),
+        ("tension_N", v.fine_tension),
+        *((f"{name}_error_mm", error * 1e3) for name, error in v.fine_error.items()),
     )
-    yield "budget", *_budget_table(study)
-    yield "drive", *_drive_table(study)
+    budget = study.budget.to_dict()
+    yield "budget", *_budget_table(budget)
+    yield "drive", *_drive_table(budget["drive"])
     for loop in study.budget.drive.loops:
         d = loop.to_dict()
         command = "tension_N" if loop.driven_by == "tension" else "pull_mm"
-        kinds = ("free", "loading", "unloading", "constant_curvature")
-        yield (
+        yield _table(
             f"hysteresis_by_{loop.driven_by}",
-            [command, *(f"{kind}_{p}" for kind in kinds for p in tip), "apart_mm"],
-            np.column_stack(
-                [d[command], *(d[f"tip_{kind}_mm"] for kind in kinds), loop.apart * 1e3]
-            ).tolist(),
+            (command, d[command]),
+            *(
+                (_named(f"{kind}_tip"), d[f"tip_{kind}_mm"])
+                for kind in ("free", "loading", "unloading", "constant_curvature")
+            ),
+            ("apart_mm", loop.apart * 1e3),
         )
+
+
+def _named(of: str, between: str = "_") -> list[str]:
+    """Columns of the coordinates of something, in mm."""
+    return [f"{of}{between}{axis}_mm" for axis in "xyz"]
+
+
+_POSITION: Final = _named("", "")
+_TIP: Final = _named("tip")
+
+
+def _table(name: str, *columns: tuple[str | Sequence[str], Any]) -> Table:
+    """A table of columns (n,) with their names, and blocks of columns (n, k) with k names."""
+    header: list[str] = []
+    cells: list[list[Cell]] = []
+    for names, values in columns:
+        block = [names] if isinstance(names, str) else names
+        header += block
+        cells += np.reshape(values, (len(values), len(block))).T.tolist()
+    return name, header, list(zip(*cells, strict=True))
+
+
+def _by_disk(name: str, load: str, loads: Array, disks: Array) -> Table:
+    """Places of the disks (n, N, 3), a row for each disk at each load."""
+    count = disks.shape[1]
+    return _table(
+        name,
+        (load, np.repeat(loads, count)),
+        ("disk", np.tile(np.arange(1, count + 1), len(loads))),
+        (_POSITION, np.concatenate(disks) * 1e3),
+    )
 
 
 def simulated(study: Study) -> list[Comparison]:
@@ -212,123 +175,91 @@ def simulated(study: Study) -> list[Comparison]:
     return [c for c in study.comparisons if c.against != "measurement"]
 
 
-def _data_tables(found: AgainstData) -> Iterable[tuple[str, list[str], list[Sequence[Cell]]]]:
+def _data_tables(found: AgainstData) -> Iterable[Table]:
     """Tables of the verdict on data; each row says what the data are."""
-    position = [f"{axis}_mm" for axis in _AXES]
     data, loads = found.data, found.loads
-    models = [found.comparison(name) for name in found.models]
-    ways = {True: "loading", False: "unloading"}
-    header = ["source", "line", "run", "way", *(f"tension_{t + 1}_N" for t in _of(data.tensions))]
-    header += [f"pull_{t + 1}_mm" for t in _of(data.pulls)]
-    header += [f"measured_{p}" for p in position] + [f"registered_{p}" for p in position]
-    header += [f"{c.name}_{p}" for c in models for p in position]
-    numbers = np.column_stack(
-        [
-            data.tensions[:, _of(data.tensions)],
-            data.pulls[:, _of(data.pulls)] * 1e3,
-            data.tip * 1e3,
-            found.point * 1e3,
-            *(c.tip_position * 1e3 for c in models),
-        ]
-    ).tolist()
-    yield (
+    source = [data.source]
+    ways = np.where(loads.loading, "loading", "unloading") if loads.single else None
+    by_tension, by_pull = _of(data.tensions), _of(data.pulls)
+    yield _table(
         "measured",
-        header,
-        [
-            [data.source, line, run + 1, ways[bool(up)] if loads.single else None, *row]
-            for line, run, up, row in zip(
-                data.line.tolist(), loads.run.tolist(), loads.loading, numbers, strict=True
-            )
-        ],
+        ("source", source * len(data)),
+        ("line", data.line),
+        ("run", loads.run + 1),
+        ("way", [None] * len(data) if ways is None else ways),
+        ([f"tension_{t + 1}_N" for t in by_tension], data.tensions[:, by_tension]),
+        ([f"pull_{t + 1}_mm" for t in by_pull], data.pulls[:, by_pull] * 1e3),
+        (_named("measured"), data.tip * 1e3),
+        (_named("registered"), found.point * 1e3),
+        *((_named(name), found.comparison(name).tip_position * 1e3) for name in found.models),
     )
-    header = ["source", "name", "frame", "registered", "n", "mean_mm", "mean_low_mm"]
-    header += ["mean_high_mm", "max_mm", "rms_mm", "mean_percent"]
-    header += [f"{kind}_{p}" for kind in ("mean", "max") for p in position]
-    rows: list[Sequence[Cell]] = []
-    for c in found.comparisons:
-        d = c.to_dict()
-        rows.append(
-            [
-                data.source,
-                c.name,
-                c.frame,
-                "yes" if c.registered else "no",
-                c.n,
-                d["mean_mm"],
-                *d["interval_95"]["mean_mm"],
-                *(d[k] for k in ("max_mm", "rms_mm", "mean_percent")),
-                *d["mean_by_axis_mm"],
-                *d["max_by_axis_mm"],
-            ]
-        )
-    yield "measured_comparisons", header, rows
+    rows = [c.to_dict() for c in found.comparisons]
+    yield _table(
+        "measured_comparisons",
+        ("source", source * len(rows)),
+        *((key, [row[key] for row in rows]) for key in ("name", "frame")),
+        ("registered", ["yes" if row["registered"] else "no" for row in rows]),
+        *((key, [row[key] for row in rows]) for key in ("n", "mean_mm")),
+        (["mean_low_mm", "mean_high_mm"], [row["interval_95"]["mean_mm"] for row in rows]),
+        *((key, [row[key] for row in rows]) for key in ("max_mm", "rms_mm", "mean_percent")),
+        *((_named(key), [row[f"{key}_by_axis_mm"] for row in rows]) for key in ("mean", "max")),
+    )
     if found.effects:
         steps = [effect.to_dict() for effect in found.effects]
-        first: list[Cell] = [data.source, "none", "none of the below", found.plain * 1e3]
+        keys = [key for key in steps[0] if "interval" not in key]
+        none: list[Cell] = [data.source, "none", "none of the below", found.plain * 1e3]
         yield (
             "measured_decomposition",
-            ["source", *(k for k in steps[0] if "interval" not in k)],
-            [first, *([data.source, *_plain_cells(step)] for step in steps)],
+            ["source", *keys],
+            [none, *([data.source, *map(step.get, keys)] for step in steps)],
         )
 
 
-def _plain_cells(step: dict[str, Any]) -> list[Cell]:
-    return [value for key, value in step.items() if "interval" not in key]
-
-
-def _of(commands: Any) -> list[int]:
+def _of(commands: Array) -> list[int]:
     """Tendons that are driven so."""
     return [int(t) for t in np.flatnonzero(~np.isnan(commands).all(axis=0))]
 
 
-def _budget_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
-    names = list(study.verdict.fine_error)
-    header = ["effect", "case", "problem", "tip_moved_mean_mm", "tip_moved_max_mm"]
-    for name in names:
-        header += [f"{name}_{what}" for what in ("n", "mean_mm", "max_mm", "mean_percent")]
-        header += [f"{name}_contribution_{what}" for what in ("n", "mm", "percent")]
+_ERROR: Final = ("n", "mean_mm", "max_mm", "mean_percent")
+_MOVED: Final = ("tip_moved_mean_mm", "tip_moved_max_mm")
+
+
+def _budget_table(budget: dict[str, Any]) -> tuple[list[str], list[Sequence[Cell]]]:
+    kinds = (*_ERROR, *(f"contribution_{kind}" for kind in ("n", "mm", "percent")))
+    header = ["effect", "case", "problem", *_MOVED]
+    header += [f"{name}_{kind}" for name in MEANINGS for kind in kinds]
 
     def row(effect: str, what: str, d: dict[str, Any]) -> list[Cell]:
-        cells: list[Cell] = [effect, what, d["problem"]]
-        cells += [d.get("tip_moved_mean_mm"), d.get("tip_moved_max_mm")]
-        for name in names:
-            e = d[name]
-            cells += [e["n"], e["mean_mm"], e["max_mm"], e["mean_percent"]]
-            cells += [e.get(f"contribution_{what}") for what in ("n", "mm", "percent")]
-        return cells
+        errors = [d[name].get(kind) for name in MEANINGS for kind in kinds]
+        return [effect, what, d["problem"], *map(d.get, _MOVED), *errors]
 
-    b = study.budget.to_dict()
-    rows = [
-        row("", "plainest", b["plainest"]),
-        row("", "fullest", b["fullest"]),
-        row("", "this sweep", b["sweep"]),
+    rows: list[Sequence[Cell]] = [
+        row("", "plainest", budget["plainest"]),
+        row("", "fullest", budget["fullest"]),
+        row("", "this sweep", budget["sweep"]),
     ]
-    for r in b["rows"]:
-        rows.append(row(r["effect"], "added to plainest", r["added"]))
-        rows.append(row(r["effect"], "fullest with it", r["full"]))
-        rows.append(row(r["effect"], "removed from fullest", r["removed"]))
+    for r in budget["rows"]:
         to = {"added": "added to", "removed": "removed from"}[r["in_sweep"]["how"]]
-        rows.append(row(r["effect"], f"{to} this sweep", r["in_sweep"]))
-    return header, list(rows)
-
-
-def _drive_table(study: Study) -> tuple[list[str], list[Sequence[Cell]]]:
-    header = ["effect", "driven_by", "assumed", "name", "problem", "n", "mean_mm", "max_mm"]
-    header += ["mean_percent", "change_of_mean_mm", "tip_moved_mean_mm", "tip_moved_max_mm"]
-    drive = study.budget.drive
-    rows: list[Sequence[Cell]] = []
-    cases: list[tuple[str, str, str, Case, Case | None]] = [
-        ("", "tension", "", drive.tension_driven, None),
-        ("", "pull", "", drive.pull_driven, None),
-    ]
-    cases += [(r.effect, r.driven_by, " ".join(r.assumed), r.case, r.base) for r in drive.rows]
-    for effect, driven_by, assumed, case, base in cases:
-        d = case.to_dict(base)
-        for name in case.comparisons:
-            e = d[name]
-            cells: list[Cell] = [effect, driven_by, assumed, name, d["problem"]]
-            cells += [e["n"], e["mean_mm"], e["max_mm"], e["mean_percent"]]
-            cells += [e.get("change_of_mean_mm")]
-            cells += [d.get("tip_moved_mean_mm"), d.get("tip_moved_max_mm")]
-            rows.append(cells)
+        rows += [
+            row(r["effect"], "added to plainest", r["added"]),
+            row(r["effect"], "fullest with it", r["full"]),
+            row(r["effect"], "removed from fullest", r["removed"]),
+            row(r["effect"], f"{to} this sweep", r["in_sweep"]),
+        ]
     return header, rows
+
+
+def _drive_table(drive: dict[str, Any]) -> tuple[list[str], list[Sequence[Cell]]]:
+    kinds = (*_ERROR, "change_of_mean_mm")
+    rows: list[Sequence[Cell]] = []
+    for kind, d in (
+        ("tension", drive["tension"]),
+        ("pull", drive["pull"]),
+        *(("", row) for row in drive["rows"]),
+    ):
+        what = [d.get("effect"), d.get("driven_by", kind), " ".join(d.get("assumed", ()))]
+        for name in (*MEANINGS, COMMANDED):
+            if name in d:
+                errors = map(d[name].get, kinds)
+                rows.append([*what, name, d["problem"], *errors, *map(d.get, _MOVED)])
+    return ["effect", "driven_by", "assumed", "name", "problem", *kinds, *_MOVED], rows
