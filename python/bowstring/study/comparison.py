@@ -8,7 +8,7 @@ in what `Physics` lists.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, Literal
@@ -28,11 +28,14 @@ from bowstring.statics.solution import Sweep
 
 __all__ = [
     "COMPARISONS",
+    "FROM_FORCE",
     "MEANINGS",
     "Case",
     "Model",
     "Physics",
     "Theory",
+    "arcs_of",
+    "points_by_arcs",
 ]
 
 Array = NDArray[np.float64]
@@ -45,6 +48,9 @@ COMPARISONS: Final = {
     "cc_from_force_arm": "from force, mean arm",
 }
 """Names of the comparisons and what people call them."""
+
+FROM_FORCE: Final = ("cc_from_force", "cc_from_force_arm")
+"""Those that are fed with tensions; the others are fed with tendon lengths."""
 
 MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
 """Those that budget and verdict are about: constant curvature uncorrected."""
@@ -118,6 +124,40 @@ class Case:
 
 
 # -- computing it ------------------------------------------------------------------------------
+
+
+def arcs_of(robot: Robot, name: str, commands: Array) -> RobotArcs:
+    """Constant curvature as a comparison has it, of tensions (..., T) or of tendon lengths."""
+    if name in FROM_FORCE:
+        law: Literal["linear", "arm"] = "linear" if name == "cc_from_force" else "arm"
+        return RobotArcs.from_tensions(robot, commands, law)
+    return RobotArcs.from_lengths(robot, commands, None if name == "cc_from_lengths" else "chord")
+
+
+def points_by_arcs(
+    robot: Robot, name: str, commands: Array, tool: Array | None = None
+) -> tuple[Array, str]:
+    """Points (n, 3) by constant curvature, m: the tip, or what `tool` says in the tip's axes.
+
+    All rows at once, or one by one where some have no arc; these are NaN. Also why the last of
+    them has none.
+    """
+    out, reason = np.full((len(commands), 3), math.nan), ""
+
+    def points(rows: Any) -> Array:
+        tip = arcs_of(robot, name, commands[rows]).tip
+        return tip.position if tool is None else np.asarray(tip.position + tip.rotation @ tool)
+
+    good = np.flatnonzero(np.isfinite(commands).all(axis=1))
+    try:
+        out[good] = points(good)
+    except BowstringError:
+        for i in good:
+            try:
+                out[i] = points(i)
+            except BowstringError as error:
+                reason = str(error)
+    return out, reason
 
 
 class Model:
@@ -236,40 +276,8 @@ class Model:
 
     def constant_curvature(self, name: str, tension: Array, lengths: Array) -> Array:
         """Tips (n, 3) by constant curvature of the nominal robot, m; NaN where it has none."""
-        if name == "cc_from_force":
-            return self._rows(self.tensions(tension), self._from_force)
-        if name == "cc_from_force_arm":
-            return self._rows(self.tensions(tension), self._from_force_arm)
-        if name == "cc_from_lengths":
-            return self._rows(lengths, self._from_lengths)
-        return self._rows(lengths, self._from_lengths_chord)
-
-    def _from_force(self, tensions: Array) -> Array:
-        return RobotArcs.from_tensions(self.robot, tensions, law="linear").tip.position
-
-    def _from_force_arm(self, tensions: Array) -> Array:
-        return RobotArcs.from_tensions(self.robot, tensions, law="arm").tip.position
-
-    def _from_lengths(self, lengths: Array) -> Array:
-        return RobotArcs.from_lengths(self.robot, lengths).tip.position
-
-    def _from_lengths_chord(self, lengths: Array) -> Array:
-        return RobotArcs.from_lengths(self.robot, lengths, correction="chord").tip.position
-
-    @staticmethod
-    def _rows(values: Array, function: Callable[[Array], Array]) -> Array:
-        """The function at all rows at once, or one by one where some have no arc."""
-        out = np.full((len(values), 3), math.nan)
-        good = np.flatnonzero(np.all(np.isfinite(values), axis=-1))
-        try:
-            out[good] = function(values[good])
-        except BowstringError:
-            for i in good:
-                try:
-                    out[i] = function(values[i])
-                except BowstringError:
-                    continue
-        return out
+        commands = self.tensions(tension) if name in FROM_FORCE else lengths
+        return points_by_arcs(self.robot, name, commands)[0]
 
     def compare(
         self,

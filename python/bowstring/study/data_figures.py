@@ -38,21 +38,8 @@ def measured_tip(study: Study) -> Figure:
     found = _data_of(study)
     loads = found.loads
     figure, panels = subplots(3, 7.4, sharex=True)
-    shown = [name for name in _MODEL_LOOKS if name in found.models]
     for k, axes in enumerate(panels):
-        for name in shown:
-            label, colour, _ = _MODEL_LOOKS[name]
-            model = found.comparison(name).tip_position
-            for up in (True, False):
-                axis, tip = _by_load(found, model, up)
-                axes.plot(
-                    axis,
-                    tip[:, k] * 1e3,
-                    color=LIGHT[colour],
-                    linestyle="-" if up else ":",
-                    linewidth=1.2,
-                    label=label if up else None,
-                )
+        _draw_models(axes, found, "tip_position", k)
         for up in (True, False):
             rows = (loads.loading == up) if loads.single else np.full(len(found.point), up)
             what = f"{found.data.source}, {'loading' if up else 'unloading'}"
@@ -60,8 +47,7 @@ def measured_tip(study: Study) -> Figure:
                 axes.plot(
                     loads.axis[rows],
                     found.point[rows, k] * 1e3,
-                    linestyle="none",
-                    marker="o",
+                    "o",
                     markersize=3.5 if loads.single else 1.5,
                     color=LIGHT["ink"],
                     markerfacecolor=LIGHT["ink"] if up else "none",
@@ -69,15 +55,8 @@ def measured_tip(study: Study) -> Figure:
                 )
         bricks = None if study.bricks is None else study.bricks.measured_point
         if bricks is not None and loads.single and np.isfinite(bricks).any():
-            axes.plot(
-                loads.axis,
-                bricks[:, k] * 1e3,
-                linestyle="none",
-                marker="+",
-                markersize=8,
-                color=LIGHT["muted"],
-                label="finite elements",
-            )
+            look: dict[str, Any] = {"color": LIGHT["muted"], "markersize": 8}
+            axes.plot(loads.axis, bricks[:, k] * 1e3, "+", label="finite elements", **look)
         axes.set(ylabel=f"tip {'xyz'[k]} (mm)")
         _room(axes, found.point[:, k] * 1e3)
     _title_and_legend(panels[0], f"{_label(found)}\n{_frame_said(found)}")
@@ -90,23 +69,7 @@ def measured_errors(study: Study) -> Figure:
     found = _data_of(study)
     figure, panels = subplots(3, 7.0, sharex=True)
     for k, axes in enumerate(panels):
-        for name, (label, colour, marker) in _MODEL_LOOKS.items():
-            if name not in found.models:
-                continue
-            difference = found.comparison(name).difference
-            for up in (True, False):
-                axis, mean = _by_load(found, difference, up)
-                axes.plot(
-                    axis,
-                    mean[:, k] * 1e3,
-                    color=LIGHT[colour],
-                    linestyle="-" if up else ":",
-                    linewidth=1.2,
-                    marker=marker if found.loads.single else None,
-                    markersize=3.5,
-                    markerfacecolor=LIGHT[colour] if up else "none",
-                    label=label if up else None,
-                )
+        _draw_models(axes, found, "difference", k, marked=found.loads.single)
         axes.axhline(0.0, color=LIGHT["muted"], linewidth=0.8)
         axes.set(ylabel=f"{'xyz'[k]}: model minus\n{found.data.source} (mm)")
         _room(axes, np.zeros(1))
@@ -156,17 +119,9 @@ def measured_comparison(study: Study) -> Figure:
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.set_xlabel(f"tip error against the {found.data.source} tip (mm):\nmean, 95 %, largest")
     one = study.length * 10.0  # mm in a percent
-
-    def in_percents(mm: Any) -> Any:
-        return mm / one
-
-    def back(percents: Any) -> Any:
-        return percents * one
-
-    percent = axes.secondary_xaxis("top", functions=(in_percents, back))
+    percent = axes.secondary_xaxis("top", functions=(lambda mm: mm / one, lambda x: x * one))
     percent.set_xlabel(f"% of length; {_label(found)}", fontsize=8.5)
-    handles, texts = axes.get_legend_handles_labels()
-    figure.legend(handles, texts, loc="outside upper left", ncols=2)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
 
@@ -182,14 +137,12 @@ def measured_residuals(study: Study) -> Figure:
     up = found.loads.loading
     for k, (axes, (axis, colour, marker)) in enumerate(zip(panels, AXES, strict=True)):
         small = 3.5 if found.loads.single else 1.5
-        style: dict[str, Any] = {"color": LIGHT[colour], "marker": marker, "markersize": small}
+        style: dict[str, Any] = {"color": LIGHT[colour], "markersize": small}
         axes.plot(row, difference[:, k], color=LIGHT[colour], linewidth=0.5)
         for way in (True, False):
             face = LIGHT[colour] if way else "none"
             rows = (up == way) if found.loads.single else np.full(len(row), way)
-            axes.plot(
-                row[rows], difference[rows, k], linestyle="none", markerfacecolor=face, **style
-            )
+            axes.plot(row[rows], difference[rows, k], marker, markerfacecolor=face, **style)
         if math.isfinite(wide):
             axes.axhspan(-2e3 * wide, 2e3 * wide, color=LIGHT["grid"], alpha=0.5, linewidth=0)
         axes.axhline(0.0, color=LIGHT["muted"], linewidth=0.8)
@@ -203,6 +156,27 @@ def measured_residuals(study: Study) -> Figure:
 def _data_of(study: Study) -> AgainstData:
     assert study.data is not None
     return study.data
+
+
+def _draw_models(axes: Axes, found: AgainstData, of: str, k: int, *, marked: bool = False) -> None:
+    """Lines of all models by load: a coordinate of their tips or of the differences."""
+    for name, (label, colour, marker) in _MODEL_LOOKS.items():
+        if name not in found.models:
+            continue
+        values = getattr(found.comparison(name), of)
+        for up in (True, False):
+            axis, mean = _by_load(found, values, up)
+            axes.plot(
+                axis,
+                mean[:, k] * 1e3,
+                color=LIGHT[colour],
+                linestyle="-" if up else ":",
+                linewidth=1.2,
+                marker=marker if marked else None,
+                markersize=3.5,
+                markerfacecolor=LIGHT[colour] if up else "none",
+                label=label if up else None,
+            )
 
 
 def _by_load(found: AgainstData, values: Array, up: bool) -> tuple[Array, Array]:

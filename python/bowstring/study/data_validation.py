@@ -38,7 +38,6 @@ from bowstring.calibration.bootstrap import (
 )
 from bowstring.calibration.fitting import Estimate
 from bowstring.calibration.residual_tests import NoiseTest, noise_test
-from bowstring.constant_curvature import RobotArcs
 from bowstring.data.measurements import Measurements
 from bowstring.data.registration import fit_model
 from bowstring.data.rigid import Rigid
@@ -55,7 +54,7 @@ from bowstring.study.calibration import (
     calibrate_arc,
     predicted,
 )
-from bowstring.study.comparison import Theory
+from bowstring.study.comparison import FROM_FORCE, Theory, points_by_arcs
 
 __all__ = [
     "DATA_MODELS",
@@ -626,24 +625,21 @@ def _points(
             "Tendon lengths were not measured: constant curvature from lengths gets those that "
             f"{name} has at the same commands."
         )
-    for name, correction in (("cc_from_lengths", None), ("cc_from_lengths_chord", "chord")):
-
-        def by_lengths(rows: Array, correction: Any = correction) -> RobotArcs:
-            return RobotArcs.from_lengths(robot, rows, correction)
-
-        out |= _by_arcs(name, by_lengths, lengths, data, why)
+    fed = {"cc_from_lengths": lengths, "cc_from_lengths_chord": lengths}
     if np.isnan(data.tensions).any():
         why.append(
             "The tendons are not driven by known tensions: constant curvature from force has "
             "nothing to start from."
         )
     else:
-        for name, law in (("cc_from_force", "linear"), ("cc_from_force_arm", "arm")):
-
-            def by_force(rows: Array, law: Any = law) -> RobotArcs:
-                return RobotArcs.from_tensions(robot, rows, law=law)
-
-            out |= _by_arcs(name, by_force, data.tensions, data, why)
+        fed |= dict.fromkeys(FROM_FORCE, data.tensions)
+    for name, commands in fed.items():
+        found, reason = points_by_arcs(robot, name, commands, data.tool)
+        if np.isfinite(found).any():
+            out[name] = found
+        else:
+            reason = reason.rstrip(".") or "it has no arcs"
+            why.append(f"{DATA_MODELS[name]} is left out: {reason}.")
     for name, found in out.items():
         gaps = int((~np.isfinite(found).all(axis=1) & data.seen).sum())
         if gaps:
@@ -685,36 +681,6 @@ def _is_worse(
         f"its fit ended at a mean error of {in_mm(mine[0])}, more than the {in_mm(plain[0])} "
         "without calibration"
     )
-
-
-def _by_arcs(
-    name: str,
-    function: Callable[[Array], RobotArcs],
-    values: Array,
-    data: Measurements,
-    why: list[str],
-) -> dict[str, Array]:
-    """The measured point by arcs, of all rows at once, or one by one where some have none."""
-    out = np.full((len(values), 3), math.nan)
-    good = np.flatnonzero(np.isfinite(values).all(axis=1))
-    reason = ""
-
-    def points(rows: Any) -> Array:
-        tip = function(values[rows]).tip
-        return np.asarray(tip.position + tip.rotation @ data.tool)
-
-    try:
-        out[good] = points(good)
-    except BowstringError:
-        for i in good:
-            try:
-                out[i] = points([i])[0]
-            except BowstringError as error:
-                reason = str(error)
-    if np.isfinite(out).any():
-        return {name: out}
-    why.append(f"{DATA_MODELS[name]} is left out: {reason.rstrip('.') or 'it has no arcs'}.")
-    return {}
 
 
 def _own_frame(data: Measurements, points: Array) -> Rigid | None:

@@ -61,39 +61,31 @@ def _tip_against_force(study: Study) -> Figure:
     s, force = study.statics, study.comparison("cc_from_force")
     motion = study.dynamics
     rising = motion.rising if motion else slice(0)
-    still: dict[str, Any] = {"linestyle": "none", "markerfacecolor": "none"}
 
     def draw_on(
         axes: Axes, name: str, look: tuple[str, str, str], static: Array, over: Array
     ) -> None:
         """A line of dynamics and the markers of statics, or these joined where it is alone."""
         colour, marker, line = LIGHT[look[0]], look[1], look[2]
-        both: dict[str, Any] = {"color": colour, "linestyle": line, "marker": marker}
         if motion:
-            axes.plot(motion.tension[rising], over[rising], color=colour, linestyle=line)
-            axes.plot(s.tension, static, color=colour, marker=marker, **still)
-            axes.plot([], [], label=name, markerfacecolor="none", **both)
+            axes.plot(motion.tension[rising], over[rising], line, color=colour)
+            axes.plot(s.tension, static, marker, color=colour, markerfacecolor="none")
+            axes.plot([], [], line + marker, label=name, markerfacecolor="none", color=colour)
         else:
-            axes.plot(s.tension, static, label=name, **both)
+            axes.plot(s.tension, static, line + marker, label=name, color=colour)
 
     none = np.zeros((0, 3))
     for k, (name, colour, marker) in enumerate(AXES):
         over = (motion.tip_position if motion else none)[:, k] * 1e3
         draw_on(tip, name, (colour, marker, "-"), s.tip_position[:, k] * 1e3, over)
-        tip.plot(
-            s.tension,
-            force.tip_position[:, k] * 1e3,
-            color=LIGHT[colour],
-            linestyle="none",
-            marker="x",
-            markersize=6,
-        )
-    cross: dict[str, Any] = {"linestyle": "none", "marker": "+", "markersize": 8}
+        by_force = force.tip_position[:, k] * 1e3
+        tip.plot(s.tension, by_force, "x", color=LIGHT[colour], markersize=6)
+    cross: dict[str, Any] = {"marker": "+", "linestyle": "none", "markersize": 8}
     cross["color"] = LIGHT["ink"]
     if study.bricks is not None:
         tip.plot(s.tension, study.bricks.tip_position * 1e3, **cross)
         tip.plot([], [], label="finite elements", **cross)
-    tip.plot([], [], color=LIGHT["ink"], linestyle="none", marker="x", label="CC from force")
+    tip.plot([], [], "x", color=LIGHT["ink"], label="CC from force")
     tip.set(ylabel="tip coordinate (mm)")
     legend_above(tip, 4 if study.bricks is None else 3)
     how = "lines: dynamics, markers: statics" if motion else "statics"
@@ -133,8 +125,8 @@ def _over_time(study: Study) -> Figure:
     pull.set_title("simulated", fontsize=8.5, loc="right")
     for k, (name, colour, _) in enumerate(AXES):
         tip.plot(time, motion.tip_position[:, k] * 1e3, color=LIGHT[colour], label=name)
-        tip.plot(time, motion.static_tip[:, k] * 1e3, color=LIGHT[colour], linestyle="--", lw=1.0)
-    tip.plot([], [], color=LIGHT["ink"], linestyle="--", lw=1.0, label="statics")
+        tip.plot(time, motion.static_tip[:, k] * 1e3, "--", color=LIGHT[colour], lw=1.0)
+    tip.plot([], [], "--", color=LIGHT["ink"], lw=1.0, label="statics")
     tip.set(ylabel="tip coordinate (mm)")
     legend_above(tip, 4)
     apart.plot(time, motion.difference * 1e3, color=LIGHT["purple"])
@@ -161,13 +153,11 @@ def _over_time(study: Study) -> Figure:
 def _pull_against_force(study: Study) -> Figure:
     figure, (axes, below) = subplots(2, 4.0, sharex=True, height_ratios=(2, 1))
     s = study.statics
-    axes.plot(s.tension, s.pull * 1e3, color=LIGHT["blue"], marker="o", label="statics")
-    axes.plot(
-        s.tension, s.linear_pull * 1e3, color=LIGHT["red"], linestyle="--", label="linear law"
-    )
+    axes.plot(s.tension, s.pull * 1e3, "-o", color=LIGHT["blue"], label="statics")
+    axes.plot(s.tension, s.linear_pull * 1e3, "--", color=LIGHT["red"], label="linear law")
     axes.set(ylabel="pull (mm)")
     legend_above(axes, 2)
-    below.plot(s.tension, (s.linear_pull - s.pull) * 1e3, color=LIGHT["purple"], marker="d")
+    below.plot(s.tension, (s.linear_pull - s.pull) * 1e3, "-d", color=LIGHT["purple"])
     below.set(xlabel=_force_label(study), ylabel="linear law\nminus statics (mm)")
     return figure
 
@@ -176,13 +166,8 @@ def _tip_against_pull(study: Study) -> Figure:
     figure, (axes,) = subplots(1, 3.0)
     g = study.geometry
     for k, (name, colour, marker) in enumerate(AXES):
-        axes.plot(
-            g.pull * 1e3,
-            g.tip_position[:, k] * 1e3,
-            color=LIGHT[colour],
-            marker=marker,
-            label=name,
-        )
+        tip = g.tip_position[:, k] * 1e3
+        axes.plot(g.pull * 1e3, tip, "-" + marker, color=LIGHT[colour], label=name)
     axes.set(
         xlabel=f"shortening of tendon {study.settings.tendon + 1} (mm)",
         ylabel="tip coordinate (mm)",
@@ -325,17 +310,16 @@ def _overlay(study: Study) -> Figure:
     force = path(study.comparison("cc_from_force").tip_position)
 
     def draw_on(axes: Axes) -> None:
-        ink: dict[str, Any] = {"color": LIGHT["ink"], "marker": "o", "markersize": 3.5}
-        axes.plot(*physics, label="statics", **ink)
-        axes.plot(*physics, linestyle="none", zorder=3, **ink)  # over the markers of the others
-        blue: dict[str, Any] = {"linestyle": "none", "color": LIGHT["blue"], "marker": "s"}
-        axes.plot(*lengths, label="CC from lengths", markerfacecolor="none", markersize=8, **blue)
-        red: dict[str, Any] = {"linestyle": "--", "color": LIGHT["red"], "marker": "x"}
-        axes.plot(*force, label="CC from force", linewidth=1.0, markersize=6, **red)
+        ink: dict[str, Any] = {"color": LIGHT["ink"], "markersize": 3.5}
+        axes.plot(*physics, "-o", label="statics", **ink)
+        axes.plot(*physics, "o", zorder=3, **ink)  # over the markers of the others
+        blue: dict[str, Any] = {"color": LIGHT["blue"], "markerfacecolor": "none"}
+        axes.plot(*lengths, "s", label="CC from lengths", markersize=8, **blue)
+        red: dict[str, Any] = {"color": LIGHT["red"], "linewidth": 1.0}
+        axes.plot(*force, "--x", label="CC from force", markersize=6, **red)
         if study.bricks is not None:
             bricks = path(study.bricks.tip_position)
-            green: dict[str, Any] = {"linestyle": "none", "color": LIGHT["green"], "marker": "+"}
-            axes.plot(*bricks, label="finite elements", markersize=9, **green)
+            axes.plot(*bricks, "+", label="finite elements", markersize=9, color=LIGHT["green"])
 
     draw_on(axes)
     axes.set(xlabel=f"tip, {_direction(towards)} (mm)", ylabel="tip, z (mm)")
@@ -443,28 +427,14 @@ def _errors(study: Study) -> Figure:
     for axes, name, title in zip(panels, ("cc_from_lengths", "cc_from_force"), titles, strict=True):
         comparison = study.comparison(name)
         for k, (axis, colour, marker) in enumerate(AXES):
-            axes.plot(
-                tension,
-                comparison.difference[:, k] * 1e3,
-                color=LIGHT[colour],
-                marker=marker,
-                label=axis,
-            )
-        axes.plot(
-            study.verdict.fine_tension,
-            study.verdict.fine_error[name] * 1e3,
-            color=LIGHT["ink"],
-            label="Euclidean",
-        )
+            difference = comparison.difference[:, k] * 1e3
+            axes.plot(tension, difference, "-" + marker, color=LIGHT[colour], label=axis)
+        fine = study.verdict.fine_error[name] * 1e3
+        axes.plot(study.verdict.fine_tension, fine, color=LIGHT["ink"], label="Euclidean")
         if study.bricks is not None:
-            axes.plot(
-                tension,
-                study.comparison(name, "fe").error * 1e3,
-                color=LIGHT["green"],
-                linestyle="none",
-                marker="+",
-                label="Euclidean, from finite elements",
-            )
+            label = "Euclidean, from finite elements"
+            bricks = study.comparison(name, "fe").error * 1e3
+            axes.plot(tension, bricks, "+", color=LIGHT["green"], label=label)
         limit = study.verdict.tolerance_length * 1e3
         largest = np.nanmax(comparison.error, initial=0.0) * 1e3
         if largest > 0.3 * limit:
@@ -492,14 +462,11 @@ def _error_budget(study: Study) -> Figure:
         axes.set_title(title)
     by_drive = (*_BY_MEANING, (COMMANDED, "CC from commanded lengths", "green", "^", 0.0))
     _drive_panel(driven, drive, by_drive)
-    keys: list[tuple[str, str, str, str]] = [
-        (label, LIGHT[colour], marker, LIGHT[colour]) for _, label, colour, marker, _ in by_drive
-    ]
-    keys += [("with the effect", LIGHT["muted"], "o", LIGHT["muted"])]
-    keys += [("without it", LIGHT["muted"], "o", LIGHT["paper"])]
+    keys = [(label, colour, marker, colour) for _, label, colour, marker, _ in by_drive]
+    keys += [("with the effect", "muted", "o", "muted"), ("without it", "muted", "o", "paper")]
     for label, colour, marker, face in keys:
-        look: dict[str, Any] = {"color": colour, "marker": marker, "markerfacecolor": face}
-        driven.plot([], [], label=label, linestyle="none", markersize=5.5, **look)
+        look: dict[str, Any] = {"color": LIGHT[colour], "markerfacecolor": LIGHT[face]}
+        driven.plot([], [], marker, label=label, markersize=5.5, **look)
     figure.legend(*driven.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
@@ -550,14 +517,8 @@ def _say_loads(axes: Axes, place: float, counts: Sequence[tuple[int, int]]) -> b
     if all(n == of for n, of in counts):
         return False
     text = "; ".join(dict.fromkeys(f"{n} of {of}" if n else "none" for n, of in counts))
-    axes.annotate(
-        text,
-        (1.02, place),
-        xycoords=("axes fraction", "data"),
-        va="center",
-        fontsize=8,
-        color=LIGHT["muted"],
-    )
+    look: dict[str, Any] = {"va": "center", "fontsize": 8, "color": LIGHT["muted"]}
+    axes.annotate(text, (1.02, place), xycoords=("axes fraction", "data"), **look)
     return True
 
 
@@ -594,14 +555,9 @@ def _drive_panel(
                 continue
             c = case.comparisons[name]
             counts.append((c.n, len(c.error)))
-            axes.plot(
-                c.mean * 1e3,
-                place + shift,
-                color=LIGHT[colour],
-                marker=marker,
-                markersize=5.5,
-                markerfacecolor=LIGHT["paper"] if base else LIGHT[colour],
-            )
+            face = LIGHT["paper"] if base else LIGHT[colour]
+            look: dict[str, Any] = {"color": LIGHT[colour], "markerfacecolor": face}
+            axes.plot(c.mean * 1e3, place + shift, marker, markersize=5.5, **look)
         counted.append(_say_loads(axes, float(place), counts))
     axes.set_yticks(places, [label for label, _ in cases])
     axes.set_ylim(-0.6, len(cases))
@@ -630,7 +586,7 @@ def _hysteresis(study: Study) -> Figure:
             (loop.unloading, "unloading", "red", "--"),
         ):
             ahead = np.sum((way - loop.constant_curvature) * onward, axis=1) * 1e3
-            axes.plot(command, ahead, color=LIGHT[colour], linestyle=line, label=label)
+            axes.plot(command, ahead, line, color=LIGHT[colour], label=label)
         axes.axhline(0.0, color=LIGHT["muted"], linewidth=0.8)
         wide = f"up to {in_mm(loop.width)} apart" if math.isfinite(loop.width) else "no numbers"
         axes.set_title(f"driven by {'tension' if by_tension else 'pulled lengths'}; {wide}")

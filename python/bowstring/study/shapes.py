@@ -10,11 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import BowstringError
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
-from bowstring.study.comparison import MEANINGS, Model
+from bowstring.study.comparison import FROM_FORCE, MEANINGS, Model, arcs_of
 from bowstring.study.study import Study
 
 __all__ = ["Backbones", "Shape", "backbones"]
@@ -57,12 +56,12 @@ def backbones(study: Study) -> Backbones:
     -------
     Backbones
     """
-    statics, robot = study.statics, study.robot
+    statics = study.statics
     last = int(np.flatnonzero(statics.converged)[-1])
     tension = float(statics.tension[last])
     disks = statics.disk_positions[last]
     chosen = study.settings
-    model = Model(robot, chosen.tendon, chosen.theory, chosen.shares)
+    model = Model(study.robot, chosen.tendon, chosen.theory, chosen.shares)
     tensions = model.tensions(np.array([tension]))[0]
 
     solution = rod.solve(model.robot, tensions, model=RodModel(study.settings.theory))
@@ -74,10 +73,8 @@ def backbones(study: Study) -> Backbones:
 
     for name in MEANINGS:
         try:
-            if name == "cc_from_lengths":
-                arcs = RobotArcs.from_lengths(model.robot, statics.tendon_lengths[last])
-            else:
-                arcs = RobotArcs.from_tensions(model.robot, tensions)
+            fed = tensions if name in FROM_FORCE else statics.tendon_lengths[last]
+            arcs = arcs_of(model.robot, name, fed)
         except BowstringError:  # no arc has these lengths
             continue
         away = np.linalg.norm(arcs.disk_positions - disks, axis=-1)
