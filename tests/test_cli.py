@@ -542,6 +542,13 @@ def test_stopped_while_it_starts(number: str) -> None:
     assert done.stderr == "Stopped: nothing was written.\n"
 
 
+SOLVE = ("solve", "amouri2019")
+SIMULATE = ("simulate", "amouri2019")
+BENCH = ("bench", "simulate", "amouri2019", "--out", "bench.csv")
+BENCHED = (*BENCH, "--tensions", "0:5:10")
+FIT = ("fit", "amouri2019", "--parameter", "base")
+
+
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
@@ -562,7 +569,43 @@ def test_stopped_while_it_starts(number: str) -> None:
         (["study", "--tendon", "1:0"], ("--tendon: got 0 as the share of tendon 1",)),
         (["study", "--tendon", "1,1"], ("--tendon: tendon 1 is there twice",)),
         (["study", "--tendon", "1:50 %"], ("--tendon: the largest share is 0.5;",)),
-        (["study", "--tendon", "1,2,3"], ("balance each other",)),
+        (["study", "--tendon", "1,2,3"], ("--tendon: ", "balance each other")),
+        (["study", "--rise", "1e-9"], ("--rise: got 1e-09 s; must be from 0.11 to 87.7 s",)),
+        (["study", "--max-tension", "1e7"], ("--max-tension: by the linear law",)),
+        (["study", "--measurements", "no.csv"], ("--measurements: no.csv: the table cannot",)),
+        ([*SOLVE, "--pull", "0.9,0,0"], ("--pull: got 0.9 m for tendon 1; must be less than",)),
+        ([*SOLVE, "--angle", "0.1,0,0"], ("--angle: tendon 1 of amouri2019 has no spool_radius",)),
+        (
+            [*SOLVE, "--angle", "70 rad,0,0", "--set", "segments.0.tendons.spool_radius=1 cm"],
+            ("--angle: displacement of tendon 1 is 0.7",),
+        ),
+        ([*SOLVE, "--tension", "1,2"], ("--tension: got 2 numbers",)),
+        (["solve", "no", "--set", "foo=1", "--tension", "1,0,0"], ("Error: no is neither a file",)),
+        ([*SOLVE, "--set", "foo=1", "--tension", "1,0,0"], ("--set: amouri2019: foo: unknown",)),
+        ([*SIMULATE, "--pull", "0.9,0,0"], ("--pull: the displacement of tendon 1 is 0.9 m at 1",)),
+        (
+            [*SIMULATE, "--pull", "0,0,0", "--from-pull", "0.9,0,0"],
+            ("--pull or --from-pull: the displacement of tendon 1 is 0.9 m at 0 s",),
+        ),
+        ([*BENCH, "--pulls", "0:0.5:1"], ("--pulls: got 1 m for tendon 1; must be less than",)),
+        ([*BENCHED, "--drift", "1e9,0,0"], ("--drift: got 1e+09 m; must be up to 1e+06 m",)),
+        ([*BENCHED, "--friction", "100"], ("--friction: amouri2019: segments[0].tendons.f",)),
+        ([*BENCHED, "--actual", "foo=1"], ("--actual: amouri2019: foo: unknown field",)),
+        ([*FIT, "--data", "no"], ('--data: there is no data set "no"',)),
+        (
+            [*FIT, "--data", "ucl-planar-shape", "--part", "no"],
+            ("--part: ucl-planar-shape has no",),
+        ),
+        ([*FIT, "--measurements", "no.csv"], ("--measurements: no.csv: the table cannot be",)),
+        (
+            [*FIT, "--measurements", "no.csv", "--mapping", "no.yaml"],
+            ("--mapping: Mapping no.yaml is neither",),
+        ),
+        (
+            [*FIT, "--measurements", "no.csv", "--start", "no.json"],
+            ("--start: cannot read no.json",),
+        ),
+        (["fe", "amouri2019", "--tension", "1,0,0", "--stiffness", "0"], ("--stiffness: got 0;",)),
     ],
 )
 def test_errors_name_their_flag(

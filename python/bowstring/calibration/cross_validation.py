@@ -165,13 +165,17 @@ def _blocks(group: NDArray[Any], used: Bools, folds: int) -> NDArray[np.int64]:
         order = np.cumsum(used) - 1
         return np.array(np.minimum(order * folds // max(int(used.sum()), 1), folds - 1))
     if groups < folds:
-        raise InputError(f"folds is {folds}, there are only {groups} groups or loads to leave out")
+        raise InputError(
+            f"folds is {folds}, there are only {groups} groups or loads to leave out",
+            argument="folds",
+        )
     counts = np.bincount(number, used)
     middle = np.cumsum(counts) - counts / 2
     of_group = np.minimum((middle * folds / counts.sum()).astype(int), folds - 1)
     if len(np.unique(of_group)) < folds:
         raise InputError(
             f"folds is {folds}, but the groups or loads are too unequal for so many parts; take "
-            "fewer"
+            "fewer",
+            argument="folds",
         )
     return np.asarray(of_group[number])

@@ -157,7 +157,7 @@ class Unknowns:
         given = {each: value for name, value in begin.items() for each in self._expand(name)}
         fitted = [each for name in names for each in self._expand(name)]
         if twice := [each for each in fitted if fitted.count(each) > 1]:
-            raise InputError(f"parameter {twice[0]} is named twice")
+            raise InputError(f"parameter {twice[0]} is named twice", argument="parameters")
         overrides: dict[str, float] = {}
         for name, value in given.items():
             if name in fitted:
@@ -281,7 +281,8 @@ class Unknowns:
         if re.fullmatch(r"segments\b.*\.tendons\b.*\.axial_stiffness", name):
             return InputError(
                 f"parameter {name} has no value to begin with: give the robot an "
-                "axial_stiffness, or fit the tendons' compliance"
+                "axial_stiffness, or fit the tendons' compliance",
+                argument="parameters",
             )
         known = [*self._leaves, *_EXTRA, *_FRAMES]
         known += [f"{name}.{kind}" for name, kinds in _EACH.items() for kind in kinds if kind]
@@ -289,7 +290,8 @@ class Unknowns:
         hint = f"did you mean {near[0]}? It" if near else "it"
         return InputError(
             f"there is no parameter {shown(name)}; {hint} must be a number of the robot "
-            f"file, as segments.0.backbone.E, or one of {', '.join([*_FRAMES, 'delay', *_EACH])}"
+            f"file, as segments.0.backbone.E, or one of {', '.join([*_FRAMES, 'delay', *_EACH])}",
+            argument="parameters",
         )
 
     def _check_overlap(self) -> None:
@@ -297,7 +299,10 @@ class Unknowns:
         for item in self.items:
             for path in item.paths:
                 if path in seen:
-                    raise InputError(f"parameters {seen[path]} and {item.name} both set {path}")
+                    raise InputError(
+                        f"parameters {seen[path]} and {item.name} both set {path}",
+                        argument="parameters",
+                    )
                 seen[path] = item.name
 
     # -- one of them -----------------------------------------------------------------------

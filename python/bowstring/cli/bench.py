@@ -22,6 +22,7 @@ from bowstring.cli.options import (
     changes_of,
     check_bare,
     load,
+    mapping_of,
     not_negative,
     numbers_of,
     of_flag,
@@ -40,7 +41,7 @@ from bowstring.cli.output import (
     write_tables,
 )
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot
+from bowstring.robot.model import Robot, with_tendons
 from bowstring.units import rounded
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def check(
     model = None if robot is None else load(robot, overrides)
     if model is None and overrides:
         raise InputError("--set changes a robot; name it by --robot.")
-    found = read_measurements(file, model, mapping, g=gravity)
+    found = read_measurements(file, model, mapping_of(mapping), g=gravity)
     check = None if model is None else check_tendons(model, found)
     if as_json:
         settings = {"file": file, "mapping": mapping, "g_m_per_s2": gravity}
@@ -184,8 +185,11 @@ def simulate(
         repeats=repeats,
         unload=unload,
     )
+    rubs = None if friction is None else not_negative("--friction", friction, "")
+    if rubs is not None:
+        of_flag("--friction", lambda value: with_tendons(model, {"friction": value}), rubs)
     really = synthetic.Actual(
-        friction=None if friction is None else not_negative("--friction", friction, ""),
+        friction=rubs,
         changes=changes_of("--actual", actual, 'segments.0.backbone.E="+5 %"'),
         gravity=None if gravity is None else vector("--gravity", gravity, "m/s^2"),
         gravity_frame=gravity_frame,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bowstring.cli.options import AsJson
+from bowstring.cli.options import AsJson, of_flag
 from bowstring.cli.output import new_table, write, write_json, write_tables
 from bowstring.units import printable
 
@@ -51,8 +51,11 @@ def get(
     """Fetch a public data set at its pinned commit, and check it."""
     from bowstring.data import datasets
 
-    folder = datasets.path(name) if out is None else datasets.copy(name, out)
     item = datasets.describe(name)
+    if out is None:
+        folder = datasets.path(name)
+    else:
+        folder = of_flag("--out", lambda place: datasets.copy(name, place), out)
     if as_json:
         files = [folder / file.name for file in item.files]
         return write_json(

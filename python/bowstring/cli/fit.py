@@ -18,6 +18,7 @@ from bowstring.cli.options import (
     Overrides,
     RobotSource,
     load,
+    measurements_of,
     of_flag,
     positive,
     share_of,
@@ -139,17 +140,19 @@ def fit(
         from bowstring.result_folder import check_folder
 
         of_flag("--out", lambda path: check_folder(path, "fit"), out)
-    begin = None if start is None else table_fit.read_start(start)
+    begin = None if start is None else of_flag("--start", table_fit.read_start, start)
 
-    def read(file: str | Path | None, part: str | None) -> Measurements:
+    def read(flag: str, file: str | Path | None, part: str | None) -> Measurements:
         if data is None:
-            assert file is not None
-            return read_measurements(file, known, mapping, g=gravity)
-        found = read_measurements(datasets.table(data, part), known, data, g=gravity)
+            return measurements_of(flag, file, known, mapping, g=gravity)
+        of_flag("--data", datasets.describe, data)
+        place = of_flag(flag, lambda name: datasets.table(data, name), part)
+        found = read_measurements(place, known, data, g=gravity)
         return replace(found, name=data if part is None else f"{data}, {part}")
 
-    table = read(measurements, part)
-    other = None if validate is None else read(validate, validate)
+    flag = "--measurements" if data is None else "--data" if part is None else "--part"
+    table = read(flag, measurements, part)
+    other = None if validate is None else read("--validate", validate, validate)
     with progress_bar() as tell:
         found = table_fit.calibrate(
             known,

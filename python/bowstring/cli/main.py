@@ -78,17 +78,32 @@ def _main(
         write(context.get_help() + "\n")
 
 
-# flags that are not named as the argument
-_FLAGS: Final = {"tensions": "--tension", "displacements": "--pull", "angles": "--angle"}
+# flags that give an argument of another name
+_FLAGS: Final = {
+    "tensions": ("--tension", "--tensions"),
+    "displacements": ("--pull", "--pulls"),
+    "angles": ("--angle",),
+    "parameters": ("--parameter",),
+}
+# flags of which an argument is made
+_MADE_OF: Final = {
+    "tensions": ("--from", "--masses", "--table"),
+    "displacements": ("--angle", "--from-pull", "--table"),
+}
 
 
-def in_flags(error: InputError) -> str:
-    """The sentence of an error: of a single argument's value, with the flag that gave it."""
-    if not error.rule:
+def in_flags(error: InputError, arguments: Sequence[str]) -> str:
+    """The sentence of an error, with those of the given flags that its value can come from."""
+    given = {text.partition("=")[0] for text in arguments}
+    own = _FLAGS.get(error.argument, ("--" + error.argument.replace("_", "-"),))
+    flags = [flag for flag in own if flag in given]
+    made_of = [flag for flag in _MADE_OF.get(error.argument, ()) if flag in given]
+    if not (flags or made_of):
         return str(error)
-    flag = _FLAGS.get(error.argument, "--" + error.argument.replace("_", "-"))
+    if made_of or not error.rule:
+        return f"{' or '.join([*flags, *made_of])}: {error}"
     where = "" if error.index is None else f" for tendon {error.index + 1}"
-    return f"{flag}: got {error.value}{where}; must be {error.rule}."
+    return f"{flags[0]}: got {error.value}{where}; must be {error.rule}."
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -118,7 +133,7 @@ def run(arguments: Sequence[str]) -> int:
             code = STOPPED
         else:
             if isinstance(error, InputError):
-                say("Error", in_flags(error))
+                say("Error", in_flags(error, arguments))
                 return BAD_INPUT
             say("Error", str(error))
             return NO_SOLUTION

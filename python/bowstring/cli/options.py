@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import numpy as np
 import typer
@@ -18,6 +18,9 @@ from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.units import is_bare, number_with_unit, quote, read_number
+
+if TYPE_CHECKING:
+    from bowstring.data.measurements import Measurements
 
 MOST_LOADS: Final = 100_000  # of a range
 _EARTH_IN_MM: Final = (9700.0, 9900.0)  # what Earth's gravity is in mm/s^2
@@ -108,7 +111,14 @@ _EXAMPLES: Final = {
 def load(source: str, overrides: Sequence[str] | None) -> Robot:
     if not source.strip():
         raise InputError("ROBOT: got nothing; name a built-in robot or a robot file (YAML).")
-    robot = load_robot(source, changes_of("--set", overrides, 'segments.0.length="500 mm"'))
+    changes = changes_of("--set", overrides, 'segments.0.length="500 mm"')
+    try:
+        robot = load_robot(source, changes)
+    except InputError as error:
+        if not changes:
+            raise
+        load_robot(source)  # what is wrong with the file itself is not of the flag
+        raise InputError(f"--set: {error}") from None
     for sentence in robot.warnings:
         say("Warning", sentence)
     return robot
@@ -292,4 +302,25 @@ def of_flag(flag: str, check: Callable[[Any], Any], value: Any) -> Any:
     try:
         return check(value)
     except InputError as error:
+        if error.rule:  # it has a flag of its own, which is named at the end
+            raise
         raise InputError(f"{flag}: {error}") from None
+
+
+def measurements_of(
+    flag: str, file: Any, robot: Robot, mapping: str | None, **g: float
+) -> Measurements:
+    """The table that a flag names, read by the mapping that --mapping names."""
+    from bowstring.data.measurements import Measurements, read_measurements
+
+    layout = mapping_of(mapping)
+    found = of_flag(flag, lambda table: read_measurements(table, robot, layout, **g), file)
+    assert isinstance(found, Measurements)
+    return found
+
+
+def mapping_of(source: str | None) -> Any:
+    """The mapping that --mapping names."""
+    from bowstring.data.mapping import load_mapping
+
+    return None if source is None else of_flag("--mapping", load_mapping, source)

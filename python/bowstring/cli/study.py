@@ -14,6 +14,7 @@ from bowstring.cli.options import (
     RobotSource,
     Theory,
     load,
+    measurements_of,
     number_of,
     of_flag,
     share_of,
@@ -96,7 +97,6 @@ def study(
     model = load(robot, overrides)
     pulled = None if tendon is None else _shares(tendon, model)
 
-    from bowstring.data.measurements import Measurements, read_measurements
     from bowstring.fem.run import RunInterrupted, Settings
     from bowstring.result_folder import check_folder
     from bowstring.study import report
@@ -109,10 +109,10 @@ def study(
     folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
     try:
         with progress_bar() as tell:
-            data: Measurements | Path | None = measurements
-            if measurements is not None and mapping is not None:
+            data = None
+            if measurements is not None:
                 tell("measurements", 0.0)
-                data = read_measurements(measurements, model, mapping)
+                data = measurements_of("--measurements", measurements, model, mapping)
             found = run_study(
                 model,
                 tolerance=share,

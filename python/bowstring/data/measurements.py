@@ -241,7 +241,7 @@ def read_measurements(
     if robot is not None:
         check_robot(robot)
     if not 0 < g <= 10_000:
-        raise InputError(f"g is {g:g} m/s^2, it must be above 0 and up to 10000")
+        raise InputError.of("g", f"{g:g} m/s^2", "above 0 and up to 10000")
     if mapping is None:
         try:
             table = open_table(path)

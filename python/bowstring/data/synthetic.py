@@ -515,7 +515,7 @@ def _lengths(name: str, value: ArrayLike) -> Floats:
     """A vector in m, near enough for all that is made of it to be finite."""
     found = numbers(name, value, (3,), "m")
     if np.abs(found).max() > _FAR:
-        raise InputError(f"{name} is {np.abs(found).max():g} m, it must be up to {_FAR:g} m")
+        raise InputError.of(name, f"{np.abs(found).max():g} m", f"up to {_FAR:g} m")
     return found
 
 
@@ -532,8 +532,11 @@ def _actual(robot: Robot, friction: float | None, changes: Mapping[str, Any] | N
     if not isinstance(changes, Mapping):
         raise InputError(f"actual is {shown(changes)}, it must be a mapping from path to value")
     tree = _tree(found)
-    values = {path: _share_of(tree, path, value, robot) for path, value in changes.items()}
-    found = found.with_(values)
+    try:
+        values = {path: _share_of(tree, path, value, robot) for path, value in changes.items()}
+        found = found.with_(values)
+    except InputError as error:
+        raise InputError(str(error), argument="actual") from None
     before, after = len(robot.tendons.angle_rad), len(found.tendons.angle_rad)
     if before != after:
         raise InputError(

@@ -243,7 +243,9 @@ class Actuation:
             k, i = np.argwhere(long)[0]
             raise InputError(
                 f"the displacement of tendon {i + 1} is {values[k, i]:g} m at {times[k]:.6g} s, "
-                f"it must be less than the tendon's length, {self._longest[i]:g} m"
+                f"it must be less than the tendon's length, {self._longest[i]:g} m",
+                argument="displacements",
+                index=int(i),
             )
 
     def at(self, time: float, *, before: bool = False) -> Floats:

@@ -128,7 +128,9 @@ def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Fl
                 raise InputError(
                     f"tendon {missing[0] + 1} of {robot.name} has no spool_radius, so that an "
                     "angle does not say its displacement; add spool_radius to the robot, or give "
-                    "displacements"
+                    "displacements",
+                    argument="angles",
+                    index=int(missing[0]),
                 )
             table = table * radius
         values[here] = table[here]
@@ -236,6 +238,12 @@ class Path:
 
     def _resume(self, history: Mapping[str, Any]) -> None:
         """Go on from a history of the same robot and settings."""
+        try:
+            self._resume(history)
+        except InputError as error:
+            raise InputError(str(error), argument="history") from None
+
+    def _resume(self, history: Mapping[str, Any]) -> None:
         if not isinstance(history, Mapping) or "robot_hash" not in history:
             raise InputError(
                 "this is no history: give what the method history() of a solution returned"

@@ -119,7 +119,14 @@ def measured_comparison(study: Study) -> Figure:
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.set_xlabel(f"tip error against the {found.data.source} tip (mm):\nmean, 95 %, largest")
     one = study.length * 10.0  # mm in a percent
-    percent = axes.secondary_xaxis("top", functions=(lambda mm: mm / one, lambda x: x * one))
+
+    def in_percents(mm: Any) -> Any:
+        return mm / one
+
+    def back(percents: Any) -> Any:
+        return percents * one
+
+    percent = axes.secondary_xaxis("top", functions=(in_percents, back))
     percent.set_xlabel(f"% of length; {_label(found)}", fontsize=8.5)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure

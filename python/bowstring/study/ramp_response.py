@@ -266,11 +266,12 @@ def check_rise(robot: Robot, rise: float, frequency: float) -> None:
     """Raise `InputError` if a rise is too short to tell anything, or too long to compute."""
     shortest, longest = _SHORTEST_RISE / frequency, _LONGEST_RISE / frequency
     if not shortest <= rise <= longest:
-        raise InputError(
-            f"the rise takes {rise:g} s; must be from {significant(shortest)} to "
-            f"{significant(longest)} s, a quarter to {_LONGEST_RISE:g} of the slowest periods of "
-            f"{robot.name}"
+        rule = (
+            f"from {significant(shortest)} to {significant(longest)} s, a quarter to "
+            f"{_LONGEST_RISE:g} of the slowest periods of {robot.name}"
         )
+        message = f"the rise takes {rise:g} s; must be {rule}"
+        raise InputError(message, argument="rise", value=f"{rise:g} s", rule=rule)
 
 
 def transient(

@@ -678,7 +678,8 @@ def _largest_load(model: Model) -> float:
     if not by_newton > 0.0:
         raise InputError(
             "the pulled tendons balance each other and bend nothing by the linear law, so that no "
-            "load range follows; give a largest tension, or pull other tendons"
+            "load range follows; give a largest tension, or pull other tendons",
+            argument="tendon",
         )
     linear = _MAX_BEND / by_newton
     if not any(model.robot.gravity):
@@ -749,7 +750,8 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
         raise InputError(
             f"by the linear law {settings.max_tension:g} N winds {robot.name} up by "
             f"{significant(turns)} turns, tighter than its tendons' distance from the backbone "
-            "lets them; check its stiffness or give a smaller largest tension"
+            "lets them; check its stiffness or give a smaller largest tension",
+            argument="max_tension",
         ) from None
     # Eq. 5 proper: from the lengths. It needs three tendons a segment and lengths that some arc
     # has; a robot without them keeps the arcs the lengths came from, which are the same ones.
