@@ -89,13 +89,14 @@ class DriveRow:
         """How far the effect moves the robot's own tip, mean, m."""
         return known_mean(np.linalg.norm(self.case.tip_position - self.base.tip_position, axis=-1))
 
+    def mean_error(self, case: Case) -> float:
+        """Of constant curvature from force, or for pulls from the commanded lengths, m."""
+        return case.comparisons["cc_from_force" if self.driven_by == "tension" else COMMANDED].mean
+
     @property
     def exceeds(self) -> bool:
-        """Whether it moves the tip by more than constant curvature's own error, in the means.
-
-        That from force for tensions and that from the commanded lengths for pulls, both without it.
-        """
-        return self.moved > self.base.comparisons[_fed_by(self.driven_by)].mean
+        """Whether it moves the tip by more than constant curvature's own error, in the means."""
+        return self.moved > self.mean_error(self.base)
 
     def to_dict(self) -> dict[str, Any]:
         """The row in mm and percent."""
@@ -149,16 +150,14 @@ class Loop:
     def to_dict(self) -> dict[str, Any]:
         """The loop in N or mm, mm and percent."""
         name, scale = ("tension_N", 1.0) if self.driven_by == "tension" else ("pull_mm", 1e3)
+        tips = ("free", "loading", "unloading", "constant_curvature")
         return {
             "driven_by": self.driven_by,
             "width_mm": self.width * 1e3,
             "width_percent": self.width / self.length * 100.0,
             f"widest_at_{name}": self.widest_at * scale,
             name: (self.command * scale).tolist(),
-            "tip_free_mm": (self.free * 1e3).tolist(),
-            "tip_loading_mm": (self.loading * 1e3).tolist(),
-            "tip_unloading_mm": (self.unloading * 1e3).tolist(),
-            "tip_constant_curvature_mm": (self.constant_curvature * 1e3).tolist(),
+            **{f"tip_{tip}_mm": (getattr(self, tip) * 1e3).tolist() for tip in tips},
         }
 
 
@@ -288,39 +287,32 @@ def drive_budget(
     commanded = _Commanded(model, there)
     pulls = np.concatenate((commanded.pulls, commanded.pulls[-2::-1]))
 
-    def ways(path: Sweep) -> tuple[_Way, _Way]:
-        last = len(there) - 1
-        rows = np.arange(0, last + 1, every)
-        return _Way(path, np.arange(last + 1), rows), _Way(
-            path, np.arange(2 * last, last - 1, -1), rows
-        )
-
     def solved(robot: Robot, load: Load) -> tuple[_Way, _Way]:
+        """Loading and unloading, both in the order of rising commands."""
         load = load.replace(gravity=model.main.gravity)
-        return ways(rod.sweep(robot, load=load, model=model.main.model, disks=False))
-
-    def by_tension(robot: Robot) -> tuple[_Way, _Way]:
-        return solved(robot, Load(model.tensions(and_back)))
+        path = rod.sweep(robot, load=load, model=model.main.model, disks=False)
+        up = np.arange(len(there))
+        return _Way(path, up, every), _Way(path, len(path.status) - 1 - up, every)
 
     def by_pull(robot: Robot) -> tuple[_Way, _Way]:
         return solved(robot, Load(displacements=pulls))
 
-    def tension_case(way: _Way) -> Case:
-        compared = model.compare(tension, way.tip, way.lengths, MEANINGS)
-        return Case(model.main, way.problem, way.tip, compared)
-
     intended = commanded.tip[::every]
 
-    def pull_case(way: _Way) -> Case:
-        compared = Comparison(COMMANDED, "statics", model.length, intended, intended - way.tip)
-        return Case(model.main, way.problem, way.tip, {COMMANDED: compared})
+    def case(way: _Way, driven_by: DrivenBy) -> Case:
+        if driven_by == "tension":
+            compared = model.compare(tension, way.tip, way.lengths, MEANINGS)
+        else:
+            off = intended - way.tip
+            compared = {COMMANDED: Comparison(COMMANDED, "statics", model.length, intended, off)}
+        return Case(model.main, way.problem, way.tip, compared)
 
     free = model.solve(model.main, there).tip_position
-    up, down = by_tension(rubbing)
+    up, down = solved(rubbing, Load(model.tensions(and_back)))
     stiff, _ = by_pull(rigid)
     stretched, _ = by_pull(elastic)
     pulled, released = by_pull(both)
-    base = pull_case(stiff)
+    base = case(stiff, "pull")
     tight = any(commanded.fights(way) for way in (stiff, stretched, pulled, released))
 
     mu = both.tendons.friction[t]
@@ -329,50 +321,26 @@ def drive_budget(
     rub = f"friction {mu:.4g}" + ("" if friction_is == "file" else f" ({friction_is})")
     elasticity = _elasticity(stiffness, compliance) + ", assumed" * (elasticity_is == "assumed")
     give = f"pulled, elastic tendons ({elasticity})" if elastic_too else "pulled"
-    not_given = (
-        ("friction",) * (friction_is == "assumed"),
-        ("elasticity",) * (elasticity_is == "assumed"),
-    )
-    tail = {"loading": ", loading", "unloading": ", unloading"}
+    rub_is = ("friction",) * (friction_is == "assumed")
+    give_is = ("elasticity",) * (elasticity_is == "assumed")
+
+    def row(effect: str, label: str, assumed: tuple[str, ...], way: _Way) -> DriveRow:
+        by: DrivenBy = "tension" if effect.startswith("friction") else "pull"
+        beside = sweep if by == "tension" else base
+        return DriveRow(effect, label, by, assumed, case(way, by), beside)
+
     rows = (
-        *(
-            DriveRow(
-                f"friction_{way}",
-                rub + tail[way],
-                "tension",
-                not_given[0],
-                tension_case(found),
-                sweep,
-            )
-            for way, found in (("loading", up), ("unloading", down))
-        ),
-        *[DriveRow("tendon_elasticity", give, "pull", not_given[1], pull_case(stretched), base)]
-        * elastic_too,
-        *(
-            DriveRow(
-                f"pull_driven_{way}",
-                f"{give}, {rub}{tail[way]}",
-                "pull",
-                not_given[0] + not_given[1],
-                pull_case(found),
-                base,
-            )
-            for way, found in (("loading", pulled), ("unloading", released))
-        ),
+        row("friction_loading", f"{rub}, loading", rub_is, up),
+        row("friction_unloading", f"{rub}, unloading", rub_is, down),
+        *[row("tendon_elasticity", give, give_is, stretched)] * elastic_too,
+        row("pull_driven_loading", f"{give}, {rub}, loading", rub_is + give_is, pulled),
+        row("pull_driven_unloading", f"{give}, {rub}, unloading", rub_is + give_is, released),
     )
     law = model.constant_curvature("cc_from_force", there, commanded.lengths)
-    length = model.length
+    tips = stiff.path_tip, pulled.path_tip, released.path_tip, commanded.tip
     loops = (
-        Loop("tension", there, free, up.path_tip, down.path_tip, law, length),
-        Loop(
-            "pull",
-            commanded.pulls[:, t],
-            stiff.path_tip,
-            pulled.path_tip,
-            released.path_tip,
-            commanded.tip,
-            length,
-        ),
+        Loop("tension", there, free, up.path_tip, down.path_tip, law, model.length),
+        Loop("pull", commanded.pulls[:, t], *tips, model.length),
     )
     return DriveBudget(
         friction=float(mu),
@@ -468,11 +436,11 @@ class _Commanded:
 
 
 class _Way:
-    """One way of a path, in the order of rising commands."""
+    """One way of a path, in the order of rising commands, and every so many rows of it."""
 
-    def __init__(self, path: Sweep, order: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+    def __init__(self, path: Sweep, order: NDArray[np.int64], every: int) -> None:
         self.path_tip = path.tip_position[order]
-        here = order[rows]
+        here = order[::every]
         self.tip = path.tip_position[here]
         self.lengths = path.tendon_lengths[here]
         self.slack = path.slack_lengths[order]
@@ -496,10 +464,6 @@ _SAID: Final[dict[Source, str]] = {
 }
 
 
-def _fed_by(driven_by: DrivenBy) -> str:
-    return "cc_from_force" if driven_by == "tension" else COMMANDED
-
-
 def _elasticity(stiffness: float, compliance: float) -> str:
     parts = []
     if math.isfinite(stiffness):
@@ -518,10 +482,10 @@ def _in_words(
     out = []
 
     def mean(row: DriveRow) -> str:
-        return in_mm(row.case.comparisons[_fed_by(row.driven_by)].mean)
+        return in_mm(row.mean_error(row.case))
 
     def own(row: DriveRow) -> str:
-        return in_mm(row.base.comparisons[_fed_by(row.driven_by)].mean)
+        return in_mm(row.mean_error(row.base))
 
     if math.isfinite(up.moved) and math.isfinite(down.moved):
         source = _SAID[friction]

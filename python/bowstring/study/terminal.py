@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -36,18 +36,9 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
     folder : Path, optional
         Where the report lies; its path is printed last.
     """
-    from rich import box
-    from rich.padding import Padding
-    from rich.table import Table
     from rich.text import Text
 
-    def table(title: str, *columns: str) -> Table:
-        out = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
-        for i, column in enumerate(columns):
-            out.add_column(column, justify="left" if i == 0 else "right", no_wrap=i > 0)
-        return out
-
-    robot, settings = study.robot, study.settings
+    robot, settings, loads = study.robot, study.settings, len(study.statics.tension)
     console.print(
         Text.assemble(
             (robot.name, "bold"),
@@ -55,16 +46,9 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
         )
     )
 
-    errors = table(
+    errors = _table(
         "Tip error of constant curvature (CC); all simulated",
-        "CC from",
-        "mean mm",
-        "max mm",
-        "RMS mm",
-        "mean %",
-        "x mm",
-        "y mm",
-        "z mm",
+        ("CC from", "mean mm", "max mm", "RMS mm", "mean %", *_BY_AXIS),
     )
     for physics, called in (("statics", ""), ("dynamics", ""), ("fe", "finite elements")):
         for i, c in enumerate(study.against(physics)):
@@ -77,131 +61,98 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
                 *(number(v) for v in d["mean_by_axis_mm"]),
             )
     console.print(errors)
-    for c in simulated(study):
-        if c.n < len(study.statics.tension):
-            note = (
-                f"{_short(COMPARISONS[c.name])}, against {c.against}: {c.n} of "
-                f"{len(study.statics.tension)} loads"
-            )
-            console.print(Text(note, style="dim"))
-    console.print(Text("Dynamics", style="bold"))
-    for sentence in study.dynamics_text:
-        console.print(Padding(Text(sentence), (0, 0, 0, 2)))
-    for sentence in study.limits_text:
-        console.print(Padding(Text(sentence), (0, 0, 0, 2)))
+    fewer = [
+        f"{_short(COMPARISONS[c.name])}, against {c.against}: {c.n} of {loads} loads"
+        for c in simulated(study)
+        if c.n < loads
+    ]
+    _print_notes(console, fewer)
+    _print_section(console, "Dynamics", (*study.dynamics_text, *study.limits_text))
     if study.bricks is not None:
-        console.print(Text("Finite elements", style="bold"))
-        for sentence in study.bricks.text:
-            console.print(Padding(Text(sentence), (0, 0, 0, 2)))
+        _print_section(console, "Finite elements", study.bricks.text)
     console.print()
-
-    loads = len(study.statics.tension)
 
     def counted(text: str, n: int) -> str:
         return f"{text} ({n} of {loads})" if 0 < n < loads else text
 
-    def means(case: Case) -> list[str]:
-        return [counted(number(c.mean * 1e3, 2), c.n) for c in case.comparisons.values()]
+    def means(case: Case) -> dict[str, str]:
+        return {name: counted(number(c.mean * 1e3, 2), c.n) for name, c in case.comparisons.items()}
 
-    budget = table(
+    budget = _table(
         "Error budget: mean tip error (mm) of this sweep and of the full model, and what\n"
         "each effect alone adds to it (with the effect less without it)",
-        "effect",
-        "this sweep:\nlengths",
-        "this sweep:\nforce",
-        "full model:\nlengths",
-        "full model:\nforce",
+        (
+            "effect",
+            *(f"{where}:\n{of}" for where in _SIDES.values() for of in ("lengths", "force")),
+        ),
     )
     b = study.budget
-    first = [*means(b.sweep), *means(b.fullest)]
+    first = [*means(b.sweep).values(), *means(b.fullest).values()]
     budget.add_row("(mean error)", *first)
     partial = any(" of " in cell for cell in first)
     problems: dict[str, None] = {}
     for row in b.rows:
         cells = []
+        mark = ""
         for side in _SIDES:
             for name in MEANINGS:
                 found = b.contribution(row, side, name)
                 cells.append(counted(signed(found.mean * 1e3), found.n))
             for problem in b.problems(row, side):
                 problems[f"* {_short(row.label)}, {_SIDES[side]}, {problem}"] = None
-        mark = " *" if any(b.problems(row, side) for side in _SIDES) else ""
+                mark = " *"
         budget.add_row(_short(row.label) + mark, *cells)
         partial = partial or any(" of " in cell for cell in cells)
     console.print(budget)
-    if partial:
-        note = f"(n of {loads}): over these loads only, not comparable with the other numbers"
-        console.print(Text(note, style="dim"))
-    for problem in problems:
-        console.print(Text(problem, style="dim"))
+    note = f"(n of {loads}): over these loads only, not comparable with the other numbers"
+    _print_notes(console, [*[note] * partial, *problems])
     if partial or problems:
         console.print()
 
     drive = study.budget.drive
-    driven = table(
+    driven = _table(
         "How the robot is driven: mean tip error (mm), from home to the largest command\n"
         "(loading) and back (unloading)",
-        "effect",
-        "CC from\nlengths",
-        "CC from\nforce",
-        "commanded\nlengths",
-        "tip\nmoves",
+        ("effect", "CC from\nlengths", "CC from\nforce", "commanded\nlengths", "tip\nmoves"),
     )
-
-    def driven_means(case: Case) -> list[str]:
-        cells = dict(zip(case.comparisons, means(case), strict=True))
-        return [cells.get(name, "") for name in (*MEANINGS, COMMANDED)]
-
-    for row_of, title, base in (
+    for driven_by, title, base in (
         ("tension", "(tension, no friction)", drive.tension_driven),
         ("pull", "(pulled, no stretch or friction)", drive.pull_driven),
     ):
-        driven.add_row(title, *driven_means(base), "")
+        shown = [(title, base, "")]
         for r in drive.rows:
-            if r.driven_by == row_of:
+            if r.driven_by == driven_by:
                 mark = " *" if r.case.problem or r.base.problem else ""
-                driven.add_row(
-                    r.short_label + mark, *driven_means(r.case), number(r.moved * 1e3, 2)
-                )
+                shown.append((r.short_label + mark, r.case, number(r.moved * 1e3, 2)))
+        for label, case, moved in shown:
+            errors_of = (means(case).get(name, "") for name in (*MEANINGS, COMMANDED))
+            driven.add_row(label, *errors_of, moved)
     console.print(driven)
-    for note in drive.origins:
-        console.print(Text(note, style="dim"))
     gaps = dict.fromkeys(c.problem for r in drive.rows for c in (r.base, r.case) if c.problem)
-    for gap in gaps:
-        console.print(Text(f"* {gap}", style="dim"))
+    _print_notes(console, [*drive.origins, *(f"* {gap}" for gap in gaps)])
     console.print()
 
     if study.data is not None:
-        _print_data(study.data, console, table)
+        _print_data(study.data, console)
     percent = f"{in_percent(study.verdict.tolerance, 3)} of length"
-    console.print(Text(f"Verdict at {percent}", style="bold"))
-    for sentence in study.verdict.text:
-        console.print(Padding(Text(sentence), (0, 0, 0, 2)))
+    _print_section(console, f"Verdict at {percent}", study.verdict.text)
     if study.claim is not None:
-        console.print(Padding(Text(study.claim.text, style="dim"), (0, 0, 0, 2)))
+        _print_section(console, "", [study.claim.text], "dim")
     if folder is not None:
         console.print(Text("Report: "), end="")
         # a path must stay one line, to be clicked or copied
         console.print(Text(str(folder / "report.html")), soft_wrap=True)
 
 
-def _print_data(found: AgainstData, console: Console, table: Callable[..., Table]) -> None:
+def _print_data(found: AgainstData, console: Console) -> None:
     """The verdict on data: errors by model, and its sentences."""
-    from rich.padding import Padding
     from rich.text import Text
 
     from bowstring.study.data_validation import FRAMES
 
-    errors = table(
+    errors = _table(
         f"Tip error against the data; {found.label}",
-        "model",
-        "mean mm",
-        "95 %",
-        "max mm",
-        "mean %",
-        "x mm",
-        "y mm",
-        "z mm",
+        ("model", "mean mm", "95 %", "max mm", "mean %", *_BY_AXIS),
     )
     for kind, title in FRAMES.items():
         errors.add_row(Text(title, style="italic"))
@@ -210,20 +161,47 @@ def _print_data(found: AgainstData, console: Console, table: Callable[..., Table
                 continue
             d = c.to_dict()
             low, high = (number(v, 2) for v in d["interval_95"]["mean_mm"])
+            label = _short(found.labels[c.name])
             errors.add_row(
-                _short(found.labels[c.name]).replace(
-                    ", as the robot file has it", " as in the file"
-                ),
+                label.replace(", as the robot file has it", " as in the file"),
                 number(d["mean_mm"]),
                 f"{low} to {high}",
                 *(number(d[k]) for k in ("max_mm", "mean_percent")),
                 *(number(v) for v in d["mean_by_axis_mm"]),
             )
     console.print(errors)
-    console.print(Text("Against the data", style="bold"))
-    for sentence in found.text:
-        console.print(Padding(Text(sentence), (0, 0, 0, 2)))
+    _print_section(console, "Against the data", found.text)
     console.print()
+
+
+_BY_AXIS: Final = ("x mm", "y mm", "z mm")
+
+
+def _table(title: str, columns: Sequence[str]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    out = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    for i, column in enumerate(columns):
+        out.add_column(column, justify="left" if i == 0 else "right", no_wrap=i > 0)
+    return out
+
+
+def _print_section(console: Console, title: str, sentences: Iterable[str], style: str = "") -> None:
+    from rich.padding import Padding
+    from rich.text import Text
+
+    if title:
+        console.print(Text(title, style="bold"))
+    for sentence in sentences:
+        console.print(Padding(Text(sentence, style=style), (0, 0, 0, 2)))
+
+
+def _print_notes(console: Console, notes: Iterable[str]) -> None:
+    from rich.text import Text
+
+    for note in notes:
+        console.print(Text(note, style="dim"))
 
 
 def _short(label: str) -> str:
