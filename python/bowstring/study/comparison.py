@@ -8,7 +8,7 @@ in what `Physics` lists.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, Literal
@@ -284,7 +284,7 @@ class Model:
         tension: Array,
         tip: Array,
         lengths: Array,
-        names: Sequence[str],
+        names: Iterable[str] = COMPARISONS,
         against: str = "statics",
     ) -> dict[str, Comparison]:
         """Constant curvature against the tips and tendon lengths of some physics."""

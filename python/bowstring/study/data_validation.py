@@ -248,6 +248,11 @@ class AgainstData:
         return f"{self.data.source}: {self.data.name}"
 
     @property
+    def title(self) -> str:
+        """The label as it begins a sentence."""
+        return self.label[0].upper() + self.label[1:]
+
+    @property
     def models(self) -> tuple[str, ...]:
         """Names of the models that there are."""
         return tuple(dict.fromkeys(c.name for c in self.comparisons))

@@ -300,14 +300,9 @@ def _fit_box(axes: Any, points: Array) -> None:
 
 def _overlay(study: Study) -> Figure:
     figure, (axes,) = subplots(1, 3.6)
-    towards = np.array(study.towards[:2])
-
-    def path(tip: Array) -> Array:
-        return np.stack([tip[:, :2] @ towards, tip[:, 2]]) * 1e3
-
-    physics = path(study.statics.tip_position)
-    lengths = path(study.comparison("cc_from_lengths").tip_position)
-    force = path(study.comparison("cc_from_force").tip_position)
+    physics = _in_plane(study, study.statics.tip_position)
+    lengths = _in_plane(study, study.comparison("cc_from_lengths").tip_position)
+    force = _in_plane(study, study.comparison("cc_from_force").tip_position)
 
     def draw_on(axes: Axes) -> None:
         ink: dict[str, Any] = {"color": LIGHT["ink"], "markersize": 3.5}
@@ -318,11 +313,11 @@ def _overlay(study: Study) -> Figure:
         red: dict[str, Any] = {"color": LIGHT["red"], "linewidth": 1.0}
         axes.plot(*force, "--x", label="CC from force", markersize=6, **red)
         if study.bricks is not None:
-            bricks = path(study.bricks.tip_position)
+            bricks = _in_plane(study, study.bricks.tip_position)
             axes.plot(*bricks, "+", label="finite elements", markersize=9, color=LIGHT["green"])
 
     draw_on(axes)
-    axes.set(xlabel=f"tip, {_direction(towards)} (mm)", ylabel="tip, z (mm)")
+    axes.set(xlabel=f"tip, {_direction(study)} (mm)", ylabel="tip, z (mm)")
     axes.set_aspect("equal", adjustable="datalim")
     legend_above(axes, 3 if study.bricks is None else 2)
 
@@ -386,11 +381,6 @@ def _backbones(study: Study) -> Figure:
     """The shapes themselves at the largest load, and how far they part along the robot."""
     found = backbones(study)
     figure, (shapes, apart) = subplots(2, 6.0, height_ratios=(2, 1))
-    towards = np.array(study.towards[:2])
-
-    def in_plane(points: Array) -> Array:
-        return np.stack([points[:, :2] @ towards, points[:, 2]]) * 1e3
-
     looks = {
         "statics": ("statics", "ink", "-", "o"),
         "cc_from_lengths": ("CC from lengths", "blue", "-.", "s"),
@@ -400,13 +390,16 @@ def _backbones(study: Study) -> Figure:
     for shape in found.shapes:
         label, colour, line, marker = looks[shape.name]
         look: dict[str, Any] = {"color": LIGHT[colour], "marker": marker, "markersize": 4.5}
-        shapes.plot(*in_plane(shape.backbone), color=LIGHT[colour], linestyle=line, linewidth=1.4)
-        shapes.plot(*in_plane(shape.disks), linestyle="none", markerfacecolor="none", **look)
+        shapes.plot(
+            *_in_plane(study, shape.backbone), color=LIGHT[colour], linestyle=line, linewidth=1.4
+        )
+        disks = _in_plane(study, shape.disks)
+        shapes.plot(*disks, linestyle="none", markerfacecolor="none", **look)
         shapes.plot([], [], label=label, linestyle=line, markerfacecolor="none", **look)
         if shape.name != "statics":
             away = np.concatenate([[0.0], shape.from_statics]) * 1e3
             apart.plot(stations, away, linestyle=line, markerfacecolor="none", **look)
-    shapes.set(xlabel=f"{_direction(towards)} (mm)", ylabel="z (mm)")
+    shapes.set(xlabel=f"{_direction(study)} (mm)", ylabel="z (mm)")
     shapes.set_aspect("equal", adjustable="datalim")
     legend_above(shapes, 3)
     shapes.set_title(f"{study.settings.pulled} at {found.tension:.4g} N", pad=22)
@@ -415,9 +408,14 @@ def _backbones(study: Study) -> Figure:
     return figure
 
 
-def _direction(towards: Array) -> str:
-    along_x = abs(towards[1]) < 1e-9 and towards[0] > 0
-    return "x" if along_x else "towards the pulled tendon"
+def _in_plane(study: Study, points: Array) -> Array:
+    """Points (n, 3) in the bending plane (2, n), mm."""
+    return np.stack([points @ study.towards, points[:, 2]]) * 1e3
+
+
+def _direction(study: Study) -> str:
+    x, y, _ = study.towards
+    return "x" if abs(y) < 1e-9 and x > 0 else "towards the pulled tendon"
 
 
 def _errors(study: Study) -> Figure:

@@ -176,9 +176,8 @@ def _data_page(found: AgainstData) -> dict[str, Any]:
     """What the page shows of the verdict on data."""
     from bowstring.study.data_validation import FRAMES
 
-    label = found.label[0].upper() + found.label[1:]
     return {
-        "label": label,
+        "label": found.title,
         "models": [
             (
                 found.labels[name],

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bowstring.errors import BowstringError
 from bowstring.statics import rod
 from bowstring.statics.model import RodModel
-from bowstring.study.comparison import FROM_FORCE, MEANINGS, Model, arcs_of
+from bowstring.study.comparison import FROM_FORCE, MEANINGS, arcs_of
 from bowstring.study.study import Study
 
 __all__ = ["Backbones", "Shape", "backbones"]
@@ -60,8 +60,7 @@ def backbones(study: Study) -> Backbones:
     last = int(np.flatnonzero(statics.converged)[-1])
     tension = float(statics.tension[last])
     disks = statics.disk_positions[last]
-    chosen = study.settings
-    model = Model(study.robot, chosen.tendon, chosen.theory, chosen.shares)
+    model = study.model
     tensions = model.tensions(np.array([tension]))[0]
 
     solution = rod.solve(model.robot, tensions, model=RodModel(study.settings.theory))

@@ -339,11 +339,16 @@ class Study:
         """Length of the robot, m."""
         return self.robot.length
 
+    @cached_property
+    def model(self) -> Model:
+        """Robot and pulled tendons as the parts of the study have them."""
+        chosen = self.settings
+        return Model(self.robot, chosen.tendon, chosen.theory, chosen.shares)
+
     @property
     def towards(self) -> tuple[float, float, float]:
         """Towards which side the pulled tendons bend the robot, a unit vector."""
-        chosen = self.settings
-        return Model(self.robot, chosen.tendon, chosen.theory, chosen.shares).towards
+        return self.model.towards
 
     def comparison(self, name: str, against: str = "statics") -> Comparison:
         """The comparison of that name against that physics; registered against a measurement."""
@@ -364,10 +369,8 @@ class Study:
             found += FE_FIGURES
         if self.data is None:
             return tuple(found)
-        label = self.data.label
-        label = label[0].upper() + label[1:]
         of_data = [
-            replace(f, caption=f"{label}. {f.caption}")
+            replace(f, caption=f"{self.data.title}. {f.caption}")
             for f in DATA_FIGURES
             if self.data.calibration or f.stem != "measured_residuals"
         ]
@@ -396,7 +399,7 @@ class Study:
     def to_dict(self) -> dict[str, Any]:
         """The study as JSON values only; what is not a number is None."""
         s, g, d = self.statics, self.geometry, self.data
-        out = {
+        out: dict[str, Any] = {
             "robot": self.robot.name,
             "length_m": self.length,
             "comparisons": [c.to_dict() for c in self.comparisons],
@@ -463,8 +466,7 @@ class Study:
                 },
             },
         }
-        found: dict[str, Any] = plain(out)
-        return found
+        return dict(plain(out))
 
     def _errors_mm(self, against: str) -> dict[str, list[float]]:
         """By name, at the loads of the sweep."""
@@ -547,11 +549,8 @@ def run_study(
             settings.theory,
             lambda share: tell("measurements", 0.2 * share),
         )
-    tell = _after(tell, 0.2 if data is not None else 0.0)
-    whole, tell = (
-        tell,
-        _until(tell, 1.0 if fe is None else 0.2),
-    )  # finite elements take most of the time
+    whole = _between(tell, 0.2 if data is not None else 0.0, 1.0)
+    tell = _between(whole, 0.0, 1.0 if fe is None else 0.2)  # of which the rest takes most
     model = Model(robot, settings.tendon, settings.theory, settings.shares)
     model.arc_scale = _arc_scale(model, settings)
 
@@ -560,9 +559,7 @@ def run_study(
 
     tell("statics", 0.05)
     statics = _statics(model, settings)
-    comparisons = model.compare(
-        statics.tension, statics.tip_position, statics.tendon_lengths, tuple(COMPARISONS)
-    )
+    comparisons = model.compare(statics.tension, statics.tip_position, statics.tendon_lengths)
 
     tell("dynamics", 0.1)
     motion, without = _dynamics(
@@ -571,7 +568,7 @@ def run_study(
     in_time = {}
     if motion is not None:
         in_time = model.compare(
-            statics.tension, motion.load_tip, motion.load_lengths, tuple(COMPARISONS), "dynamics"
+            statics.tension, motion.load_tip, motion.load_lengths, against="dynamics"
         )
 
     tell("error budget", 0.2)
@@ -597,7 +594,7 @@ def run_study(
             lambda share: whole("finite elements", 0.2 + 0.8 * share),
         )
         by_bricks = model.compare(
-            statics.tension, bricks.tip_position, bricks.tendon_lengths, tuple(COMPARISONS), "fe"
+            statics.tension, bricks.tip_position, bricks.tendon_lengths, against="fe"
         )
         if data is not None:
             bricks = finite_elements.at_data(bricks, statics.tension, model.shares, data)
@@ -625,14 +622,9 @@ def run_study(
     )
 
 
-def _after(tell: Progress, share: float) -> Progress:
-    """Progress of what comes after a share of the work."""
-    return lambda what, done: tell(what, share + (1.0 - share) * done)
-
-
-def _until(tell: Progress, share: float) -> Progress:
-    """Progress of what comes before a share of the work is done."""
-    return lambda what, done: tell(what, share * done)
+def _between(tell: Progress, start: float, end: float) -> Progress:
+    """Progress of what comes between two shares of the work."""
+    return lambda what, done: tell(what, start + (end - start) * done)
 
 
 def _read(robot: Robot, measurements: Measurements | str | Path) -> Measurements:
@@ -757,9 +749,8 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     # has; a robot without them keeps the arcs the lengths came from, which are the same ones.
     with suppress(InputError):
         arcs = RobotArcs.from_lengths(robot, lengths)
-    straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
     return GeometricSweep(
-        pull=straight - lengths[:, settings.tendon],
+        pull=_pull(model, lengths),
         tendon_lengths=lengths,
         theta=arcs.theta,
         tip_position=arcs.tip.position,
@@ -770,8 +761,13 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     )
 
 
+def _pull(model: Model, lengths: Array) -> Array:
+    """By how much the pulled tendon is shorter than with the backbone straight (n,), m."""
+    end = model.robot.tendons.end_disk[model.tendon]
+    return np.asarray(model.robot.disks.station_m[end] - lengths[:, model.tendon])
+
+
 def _statics(model: Model, settings: Settings) -> Statics:
-    robot = model.robot
     tension = np.linspace(0.0, settings.max_tension, settings.points)
     sweep = model.solve(model.main, tension, disks=True)
     if not np.any(sweep.converged):
@@ -780,7 +776,6 @@ def _statics(model: Model, settings: Settings) -> Statics:
             f"find ({sweep.message(0).rstrip('.')}); check stiffness, gravity and largest tension"
         )
     assert sweep.disk_positions is not None
-    straight = robot.disks.station_m[robot.tendons.end_disk[settings.tendon]]
     return Statics(
         tension=tension,
         status=tuple(sweep.status),
@@ -788,7 +783,7 @@ def _statics(model: Model, settings: Settings) -> Statics:
         tip_position=sweep.tip_position,
         disk_positions=sweep.disk_positions,
         tendon_lengths=sweep.tendon_lengths,
-        pull=straight - sweep.tendon_lengths[:, settings.tendon],
+        pull=_pull(model, sweep.tendon_lengths),
         linear_pull=model.linear_pull(tension),
         surface=surface_at_rest(model, tension, sweep.tip_position),
     )
