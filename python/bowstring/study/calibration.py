@@ -137,12 +137,10 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibrat
     if richer is not None:
         found, gravity, other_load, said = _weighed(robot, data, found, richer, theory)
         notes += said
-    values = found.values
-    place = np.array([values[f"base.{axis}"] for axis in _BASE])
-    frame = Rigid.from_rotation_vector(place[3:], place[:3]).inverse()
+    frame = _frame(found)
     return StudyCalibration(
         robot=found.robot,
-        gain=values.get("gain", 1.0),
+        gain=found.values.get("gain", 1.0),
         frame=frame,
         point=frame.apply(found.predict(data)),
         fit=found,
@@ -200,9 +198,7 @@ def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) 
     fits = [fit(robot, data, names, model="arc", start={**held, names[0]: gain}) for gain in _GAINS]
     found = min(fits, key=lambda each: each.score.mean)
     gains = {name: v for name, v in found.values.items() if name.startswith("bend_gain")}
-    if frame is None:
-        place_found = np.array([found.values[f"base.{axis}"] for axis in _BASE])
-        frame = Rigid.from_rotation_vector(place_found[3:], place_found[:3]).inverse()
+    frame = frame or _frame(found)
     return ArcCalibration(
         gains=gains,
         frame=frame,
@@ -210,6 +206,12 @@ def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) 
         converged=found.converged,
         message=found.message,
     )
+
+
+def _frame(found: Fit) -> Rigid:
+    """Measuring frame to base frame."""
+    place = np.array([found.values[f"base.{axis}"] for axis in _BASE])
+    return Rigid.from_rotation_vector(place[3:], place[:3]).inverse()
 
 
 # -- which parameters --------------------------------------------------------------------------
@@ -225,14 +227,8 @@ def _stiffness(robot: Robot) -> list[str]:
 
 def _friction(robot: Robot) -> list[str]:
     rings = {isinstance(segment.tendons, TendonRing) for segment in robot.segments}
-    return [
-        name
-        for ring, name in (
-            (True, "segments.*.tendons.friction"),
-            (False, "segments.*.tendons.*.friction"),
-        )
-        if ring in rings
-    ]
+    names = {True: "segments.*.tendons.friction", False: "segments.*.tendons.*.friction"}
+    return [name for ring, name in names.items() if ring in rings]
 
 
 def _fit(robot: Robot, data: Measurements, names: list[str], theory: Theory) -> Fit:
@@ -349,20 +345,23 @@ def _standing(
         held = _fit(robot.with_({"gravity": gravity.tolist()}), data, plain.names, theory)
     except BowstringError:
         return None
-    before, after = (float(np.nansum(f.residuals[f.used] ** 2)) for f in (plain, held))
-    return held if held.converged and after < 0.5 * before else None
+    return held if held.converged and _squares(held) < 0.5 * _squares(plain) else None
 
 
 def _clearly_better(plain: Fit, richer: Fit) -> bool:
     """Whether more parameters explain more than chance would, by the F test."""
     if not richer.converged or richer.confused:
         return False
-    before, after = (float(np.nansum(f.residuals[f.used] ** 2)) for f in (plain, richer))
+    before, after = _squares(plain), _squares(richer)
     more = len(richer.estimates) - len(plain.estimates)
     dof = 3 * int(richer.used.sum()) - len(richer.estimates)
     if dof <= 0 or after >= before:
         return False
     return explained_p(before, after, more, dof) < EXTRA_LOAD
+
+
+def _squares(found: Fit) -> float:
+    return float(np.nansum(found.residuals[found.used] ** 2))
 
 
 def _gravity(found: Fit) -> tuple[Array, Array]:

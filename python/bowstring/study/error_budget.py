@@ -10,7 +10,6 @@ How the robot is driven (friction, elastic tendons, pulled lengths) has a table 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
@@ -18,6 +17,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bowstring.data.tip_errors import known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import round_down
 from bowstring.robot.model import Robot
@@ -129,7 +129,7 @@ class Budget:
         """
         present, absent = (case.error(meaning) for case in self.cases(row, side))
         common = np.isfinite(present) & np.isfinite(absent)
-        means = (float(e[common].mean()) if common.any() else math.nan for e in (present, absent))
+        means = (known_mean(error[common]) for error in (present, absent))
         return Contribution(int(common.sum()), len(common), *means)
 
     def problems(self, row: BudgetRow, side: Side) -> tuple[str, ...]:
@@ -219,7 +219,9 @@ def error_budget(
 
     rows = []
     for i, effect in enumerate(effects):
-        whole = replace(full, **effect.on)
+        whole, acts = replace(full, **effect.on), _acts(model, effect)
+        without = _without(model.main, effect)
+        in_place = "gravity" in effect.on and not acts
         rows.append(
             BudgetRow(
                 effect.key,
@@ -227,9 +229,10 @@ def error_budget(
                 added=case(replace(plain, **effect.on)),
                 full=case(whole),
                 removed=case(_without(whole, effect)),
-                in_sweep=case(_changed(model, effect)),
-                beside=case(_beside(model, effect)),
-                acts_in_sweep=_acts(model, effect),
+                in_sweep=case(without if acts else replace(model.main, **effect.on)),
+                # gravity takes the place of that of the sweep
+                beside=case(without if in_place else model.main),
+                acts_in_sweep=acts,
             )
         )
         tell((i + 1) / (len(effects) + 1))
@@ -290,29 +293,19 @@ class _Effect:
 
 
 def _effects(model: Model) -> list[_Effect]:
-    robot = model.robot
     clamps = sorted({f"{c * 1e3:.4g}" for c in model.budget_clamps})
-    force = _tip_force(robot)
+    force = _tip_force(model.robot)
+    spans = "straight spans, not a continuous tendon"
+    horizontal, across = _times(model.towards, -GRAVITY), _times(model.across, force)
     return [
-        _Effect(
-            "straight_spans", "straight spans, not a continuous tendon", {"tendon": "straight"}
-        ),
+        _Effect("straight_spans", spans, {"tendon": "straight"}),
         _Effect("clamps", f"disks clamp {' / '.join(clamps)} mm", {"clamped": "budget"}),
         _Effect("shear_extension", "shear and extension", {"theory": "cosserat"}),
         _Effect("torsion", "torsion (the backbone may twist)", {"twist": True}),
         _Effect("gravity_upright", "gravity, upright", {"gravity": (0.0, 0.0, -GRAVITY)}),
         _Effect("gravity_hanging", "gravity, hanging", {"gravity": (0.0, 0.0, GRAVITY)}, True),
-        _Effect(
-            "gravity_horizontal",
-            "gravity, horizontal",
-            {"gravity": _times(model.towards, -GRAVITY)},
-            True,
-        ),
-        _Effect(
-            "tip_force",
-            f"transverse tip force {force:g} N",
-            {"tip_force": _times(model.across, force)},
-        ),
+        _Effect("gravity_horizontal", "gravity, horizontal", {"gravity": horizontal}, True),
+        _Effect("tip_force", f"transverse tip force {force:g} N", {"tip_force": across}),
         _Effect("E_minus_10", "E 10 % lower", {"stiffness": 0.9}),
         _Effect("E_plus_10", "E 10 % higher", {"stiffness": 1.1}, True),
     ]
@@ -338,20 +331,6 @@ def _acts(model: Model, effect: _Effect) -> bool:
     if effect.key == "clamps":
         return any(s.disks.clamped_length for s in model.robot.segments)
     return all(getattr(model.main, name) == value for name, value in effect.on.items())
-
-
-def _changed(model: Model, effect: _Effect) -> Physics:
-    """The physics of the main sweep with only this effect changed."""
-    if _acts(model, effect):
-        return _without(model.main, effect)
-    return replace(model.main, **effect.on)
-
-
-def _beside(model: Model, effect: _Effect) -> Physics:
-    """The physics of the main sweep, without its gravity where the effect takes its place."""
-    if "gravity" in effect.on and not _acts(model, effect):
-        return _without(model.main, effect)
-    return model.main
 
 
 def _times(vector: tuple[float, float, float], factor: float) -> tuple[float, float, float]:

@@ -116,26 +116,19 @@ class FiniteElements:
 
     def to_dict(self) -> dict[str, Any]:
         """In mm, for JSON."""
-        run = self.run
+        run, point = self.run, self.measured_point
         return {
             "status": run.status,
             "text": list(self.text),
             "tip_position_mm": (1e3 * self.tip_position).tolist(),
             "tendon_lengths_mm": (1e3 * self.tendon_lengths).tolist(),
             "from_statics_mm": (1e3 * self.apart).tolist(),
-            "measured_point_mm": None
-            if self.measured_point is None
-            else (1e3 * self.measured_point).tolist(),
-            "mean_from_measurement_mm": {
-                name: 1e3 * size for name, size in self.measured_errors.items()
-            },
+            "measured_point_mm": None if point is None else (1e3 * point).tolist(),
+            "mean_from_measurement_mm": {k: 1e3 * e for k, e in self.measured_errors.items()},
             "middle_stress_ratio": self.beside.stress_ratio.tolist(),
             "concentration": self.beside.concentration.tolist(),
             "span_error": run.span_error,
-            "mesh": run.settings["mesh"],
-            "stiffness": run.settings["stiffness"],
-            "grip": run.settings["grip"],
-            "calculix_version": run.settings["calculix_version"],
+            **{key: run.settings[key] for key in ("mesh", "stiffness", "grip", "calculix_version")},
         }
 
 
