@@ -26,6 +26,7 @@ from bowstring.cli.options import (
     not_negative,
     numbers_of,
     of_flag,
+    option,
     positive,
     range_of,
     tendon_count,
@@ -59,8 +60,7 @@ def check(
         Path, typer.Argument(metavar="FILE", help="Table of measurements: CSV, TSV or .xlsx.")
     ],
     robot: Annotated[
-        str | None,
-        typer.Option(metavar="ROBOT", help="Robot that was measured; checks its tendons' order."),
+        str | None, option("ROBOT", "Robot that was measured; checks its tendons' order.")
     ] = None,
     mapping: MappingFile = None,
     g: OfMasses = "9.80665",
@@ -89,40 +89,28 @@ _NOT_SETTINGS: Final = {"tensions", "displacements", "masses", "changes", "base"
 
 def simulate(
     robot: RobotSource,
-    out: Annotated[
-        Path, typer.Option(metavar="FILE", help="Table to write, .csv; its truth stands beside it.")
-    ],
+    out: Annotated[Path, option("FILE", "Table to write, .csv; its truth stands beside it.")],
     masses: Annotated[
         str | None,
-        typer.Option(
-            metavar="FIRST:STEP:LAST", help="Masses hung on one tendon; a list M1,M2,... as well."
-        ),
+        option("FIRST:STEP:LAST", "Masses hung on one tendon; a list M1,M2,... as well."),
     ] = None,
-    tensions: Annotated[
-        str | None, typer.Option(metavar="FIRST:STEP:LAST", help="Its tensions instead.")
-    ] = None,
-    pulls: Annotated[
-        str | None, typer.Option(metavar="FIRST:STEP:LAST", help="Its pulls instead.")
-    ] = None,
-    tendon: Annotated[
-        int, typer.Option(metavar="N", help="The tendon; nothing pulls the others.")
-    ] = 1,
+    tensions: Annotated[str | None, option("FIRST:STEP:LAST", "Its tensions instead.")] = None,
+    pulls: Annotated[str | None, option("FIRST:STEP:LAST", "Its pulls instead.")] = None,
+    tendon: Annotated[int, option("N", "The tendon; nothing pulls the others.")] = 1,
     g: OfMasses = "9.80665",
-    repeats: Annotated[int, typer.Option(metavar="N", help="Runs through the loads.")] = 1,
+    repeats: Annotated[int, option("N", "Runs through the loads.")] = 1,
     unload: Annotated[
         bool, typer.Option("--unload/--no-unload", help="Each time also back to the first load.")
     ] = True,
     noise: Annotated[
-        str, typer.Option(metavar="m", help="Standard deviation of each measured coordinate.")
+        str, option("m", "Standard deviation of each measured coordinate.")
     ] = "0.02 mm",
-    friction: Annotated[
-        str | None, typer.Option(metavar="mu", help="Actual friction, instead of the file's.")
-    ] = None,
+    friction: Annotated[str | None, option("mu", "Actual friction, instead of the file's.")] = None,
     actual: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="PATH=VALUE",
-            help='What else is not as ROBOT says: segments.0.backbone.E="+5 %". Repeatable.',
+        option(
+            "PATH=VALUE",
+            'What else is not as ROBOT says: segments.0.backbone.E="+5 %". Repeatable.',
         ),
     ] = None,
     gravity: Gravity = None,
@@ -131,30 +119,21 @@ def simulate(
         typer.Option(help="Axes of gravity: it turns with a tilted base, or stays plumb."),
     ] = "base",
     tilt: Annotated[
-        str,
-        typer.Option(
-            metavar="ANGLE[,TOWARDS]", help="Lean of the base, and towards which angle from x."
-        ),
+        str, option("ANGLE[,TOWARDS]", "Lean of the base, and towards which angle from x.")
     ] = "0",
-    shift: Annotated[
-        str, typer.Option(metavar="x,y,z", help="Base in the measuring frame.")
-    ] = "0,0,0",
+    shift: Annotated[str, option("x,y,z", "Base in the measuring frame.")] = "0,0,0",
     tool: Annotated[
-        str,
-        typer.Option(metavar="x,y,z", help="Measured point seen from the tip; the data say so."),
+        str, option("x,y,z", "Measured point seen from the tip; the data say so.")
     ] = "0,0,0",
-    tool_error: Annotated[
-        str, typer.Option(metavar="x,y,z", help="By how much it is elsewhere, unsaid.")
-    ] = "0,0,0",
+    tool_error: Annotated[str, option("x,y,z", "By how much it is elsewhere, unsaid.")] = "0,0,0",
     tip_force: Annotated[
-        str, typer.Option(metavar="x,y,z", help="Disturbance: dead force at the tip, base axes.")
+        str, option("x,y,z", "Disturbance: dead force at the tip, base axes.")
     ] = "0,0,0",
     drift: Annotated[
-        str,
-        typer.Option(metavar="x,y,z", help="Disturbance: how far the base has moved at the end."),
+        str, option("x,y,z", "Disturbance: how far the base has moved at the end.")
     ] = "0,0,0",
     theory: Theory = "cosserat",
-    seed: Annotated[int, typer.Option(metavar="N", help="Of the noise.")] = 0,
+    seed: Annotated[int, option("N", "Of the noise.")] = 0,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:

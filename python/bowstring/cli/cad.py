@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from bowstring.atomic_io import resolved
 from bowstring.cli.driving import Angle, Pull, Tension, actuated_by
-from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag
+from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag, option
 from bowstring.cli.output import (
     Stopped,
     fixed,
@@ -33,18 +31,16 @@ if TYPE_CHECKING:
 def cad(
     robot: RobotSource,
     out: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="The solid: .step, .stp, .stl, .glb or .gltf."),
+        str | None, option("FILE", "The solid: .step, .stp, .stl, .glb or .gltf.")
     ] = None,
     tension: Tension = None,
     pull: Pull = None,
     angle: Angle = None,
     picture: Annotated[
-        str | None, typer.Option(metavar="FILE", help="A rendered picture: .png, .pdf or .svg.")
+        str | None, option("FILE", "A rendered picture: .png, .pdf or .svg.")
     ] = None,
     drawing: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="The disks with dimensions: .svg, .pdf or .png."),
+        str | None, option("FILE", "The disks with dimensions: .svg, .pdf or .png.")
     ] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,

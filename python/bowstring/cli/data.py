@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bowstring.cli.options import AsJson, of_flag
+from bowstring.cli.options import AsJson, of_flag, option
 from bowstring.cli.output import new_table, write, write_json, write_tables
 from bowstring.units import printable
 
@@ -43,9 +43,7 @@ def list_sets(as_json: AsJson = False) -> None:
 
 def get(
     name: Annotated[str, typer.Argument(metavar="NAME", help="See bowstring data list.")],
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Copy the files to DIR/NAME.")
-    ] = None,
+    out: Annotated[Path | None, option("DIR", "Copy the files to DIR/NAME.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Fetch a public data set at its pinned commit, and check it."""

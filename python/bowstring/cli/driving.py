@@ -8,14 +8,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-import typer
-
 from bowstring.atomic_io import check_file, not_overwritten, readable, write_whole_file
 from bowstring.cli.options import (
     check_bare_drive,
     not_negative,
     numbers_of,
     of_flag,
+    option,
     per_tendon,
     tendon_count,
 )
@@ -28,18 +27,16 @@ LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
 TOO_SHORT: Final = f"{SHORTEST_STEP:g} s or more are possible, less drowns in rounding."
 Driven = list[float | None]
-Tension = Annotated[str | None, typer.Option(metavar="T1,T2,...", help="Tendon tensions.")]
+Tension = Annotated[str | None, option("T1,T2,...", "Tendon tensions.")]
 Pull = Annotated[
     str | None,
-    typer.Option(
-        metavar="P1,P2,...",
-        help="Lengths taken in since the home pose; negative is paid out. With - for a tendon in "
+    option(
+        "P1,P2,...",
+        "Lengths taken in since the home pose; negative is paid out. With - for a tendon in "
         "one list, another says how it is driven: --tension 5,-,- --pull -,2mm,2mm.",
     ),
 ]
-Angle = Annotated[
-    str | None, typer.Option(metavar="A1,A2,...", help="Motor angles, in rad or with a unit.")
-]
+Angle = Annotated[str | None, option("A1,A2,...", "Motor angles, in rad or with a unit.")]
 
 
 def actuated_by(robot: Robot, tension: str | None, pull: str | None, angle: str | None) -> Load:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
-import typer
 
 from bowstring.cli.driving import (
     SHORTEST_STEP,
@@ -32,6 +31,7 @@ from bowstring.cli.options import (
     load,
     not_negative,
     of_flag,
+    option,
     positive,
     ratio,
     tendon_count,
@@ -68,35 +68,27 @@ def simulate(
     angle: Angle = None,
     rise: Annotated[
         str | None,
-        typer.Option(
-            metavar="s",
-            help="Time of the rise to --tension, --pull, --angle; 0 is a jump.  [default: 1]",
-        ),
+        option("s", "Time of the rise to --tension, --pull, --angle; 0 is a jump.  [default: 1]"),
     ] = None,
-    hold: Annotated[
-        str | None, typer.Option(metavar="s", help="Time after the rise.  [default: 1]")
-    ] = None,
+    hold: Annotated[str | None, option("s", "Time after the rise.  [default: 1]")] = None,
     before: Annotated[
         str | None,
-        typer.Option(
-            "--from",
-            metavar="T1,T2,...",
-            help="Tensions of the equilibrium at the start, from where they rise or, with "
+        option(
+            "T1,T2,...",
+            "Tensions of the equilibrium at the start, from where they rise or, with "
             "--rise 0, are released.  [default: none]",
+            "--from",
         ),
     ] = None,
     from_pull: Annotated[
-        str | None,
-        typer.Option(
-            metavar="P1,P2,...", help="Pulls of that equilibrium.  [default: those of home, 0]"
-        ),
+        str | None, option("P1,P2,...", "Pulls of that equilibrium.  [default: those of home, 0]")
     ] = None,
     history: HistoryFile = None,
     table: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="CSV over time, columns t_s and for each tendon tension_1_N, pull_1_mm or "
+        option(
+            "FILE",
+            "CSV over time, columns t_s and for each tendon tension_1_N, pull_1_mm or "
             "angle_1_deg; instead of --tension, --pull, --angle, --rise and --hold.",
         ),
     ] = None,
@@ -104,43 +96,27 @@ def simulate(
     gravity: Gravity = None,
     tip_force: TipForce = "0,0,0",
     tip_moment: Annotated[
-        str, typer.Option(metavar="x,y,z", help="Dead moment at the tip, base axes, all the time.")
+        str, option("x,y,z", "Dead moment at the tip, base axes, all the time.")
     ] = "0,0,0",
-    mass_damping: Annotated[
-        str, typer.Option(metavar="1/s", help="Damping force per mass and velocity.")
-    ] = "0",
+    mass_damping: Annotated[str, option("1/s", "Damping force per mass and velocity.")] = "0",
     material_damping: Annotated[
-        str, typer.Option(metavar="s", help="Kelvin-Voigt: stress of strain rate over strain.")
+        str, option("s", "Kelvin-Voigt: stress of strain rate over strain.")
     ] = "0",
     modal_damping: Annotated[
-        str | None,
-        typer.Option(
-            metavar="RATIO", help='Of the slowest modes, 0.01 or "1 %"; instead of these two.'
-        ),
+        str | None, option("RATIO", 'Of the slowest modes, 0.01 or "1 %"; instead of these two.')
     ] = None,
     spectral_radius: Annotated[
-        float, typer.Option(metavar="0...1", help="Numerical damping: 1 is none, 0 most.")
+        float, option("0...1", "Numerical damping: 1 is none, 0 most.")
     ] = 0.8,
-    dt: Annotated[
-        str | None, typer.Option(metavar="s", help="Fixed step.  [default: steps adapt]")
-    ] = None,
+    dt: Annotated[str | None, option("s", "Fixed step.  [default: steps adapt]")] = None,
     tolerance: Annotated[
-        str | None,
-        typer.Option(metavar="m", help="Error of one step.  [default: 2e-6 of the length]"),
+        str | None, option("m", "Error of one step.  [default: 2e-6 of the length]")
     ] = None,
-    every: Annotated[
-        str, typer.Option(metavar="s", help="Time between two outputs of all fields.")
-    ] = "0.01",
+    every: Annotated[str, option("s", "Time between two outputs of all fields.")] = "0.01",
     elements: Elements = 1,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="NetCDF file of all fields, run.nc.")
-    ] = None,
-    vtk: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of a series for ParaView.")
-    ] = None,
-    animation: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Moving picture, .gif or .mp4.")
-    ] = None,
+    out: Annotated[Path | None, option("FILE", "NetCDF file of all fields, run.nc.")] = None,
+    vtk: Annotated[Path | None, option("DIR", "Folder of a series for ParaView.")] = None,
+    animation: Annotated[Path | None, option("FILE", "Moving picture, .gif or .mp4.")] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -258,15 +234,13 @@ def modes(
     tension: Tension = None,
     pull: Pull = None,
     angle: Angle = None,
-    count: Annotated[int, typer.Option(metavar="N", help="How many, the slowest.")] = 6,
+    count: Annotated[int, option("N", "How many, the slowest.")] = 6,
     theory: Theory = "cosserat",
     gravity: Gravity = None,
     tip_force: TipForce = "0,0,0",
     elements: AutomaticElements = None,
     history: HistoryFile = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of pictures of the shapes.")
-    ] = None,
+    out: Annotated[Path | None, option("DIR", "Folder of pictures of the shapes.")] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:

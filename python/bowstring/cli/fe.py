@@ -18,6 +18,7 @@ from bowstring.cli.options import (
     load,
     not_negative,
     of_flag,
+    option,
     per_tendon,
     positive,
     range_of,
@@ -49,12 +50,12 @@ _STEPS = 8  # of a sweep, if none are asked for
 
 def fe(
     robot: RobotSource,
-    tension: Annotated[str, typer.Option(metavar="T1,T2,...", help="Tendon tensions at the end.")],
+    tension: Annotated[str, option("T1,T2,...", "Tendon tensions at the end.")],
     loads: Annotated[
         str | None,
-        typer.Option(
-            metavar="FIRST:STEP:LAST",
-            help="Loads on the way, as the largest tension; the others keep their share. "
+        option(
+            "FIRST:STEP:LAST",
+            "Loads on the way, as the largest tension; the others keep their share. "
             "[default: 8 equal steps]",
         ),
     ] = None,
@@ -62,27 +63,20 @@ def fe(
         bool, typer.Option("--dynamic", help="Motion from rest in place of a sweep of statics.")
     ] = False,
     rise: Annotated[
-        str | None,
-        typer.Option(metavar="s", help="With --dynamic: time of the rise.  [default: 1]"),
+        str | None, option("s", "With --dynamic: time of the rise.  [default: 1]")
     ] = None,
-    hold: Annotated[
-        str | None, typer.Option(metavar="s", help="With --dynamic: time after it.  [default: 0]")
-    ] = None,
+    hold: Annotated[str | None, option("s", "With --dynamic: time after it.  [default: 0]")] = None,
     mass_damping: Annotated[
-        str | None,
-        typer.Option(
-            metavar="1/s", help="With --dynamic: force on all mass by velocity.  [default: 0]"
-        ),
+        str | None, option("1/s", "With --dynamic: force on all mass by velocity.  [default: 0]")
     ] = None,
     mesh: Annotated[
         str,
-        typer.Option(
-            metavar="M,A,R",
-            help="Bricks along each module (even), around (a multiple of 4), rings of them.",
+        option(
+            "M,A,R", "Bricks along each module (even), around (a multiple of 4), rings of them."
         ),
     ] = "8,8,1",
     stiffness: Annotated[
-        float, typer.Option(metavar="K", help="Young's modulus of disks by the backbone's.")
+        float, option("K", "Young's modulus of disks by the backbone's.")
     ] = 1000.0,
     grip: Annotated[
         Literal["bonded", "sliding"],
@@ -98,12 +92,8 @@ def fe(
     ] = False,
     gravity: Gravity = None,
     tip_force: TipForce = "0,0,0",
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of fields, pictures and numbers.")
-    ] = None,
-    keep: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for CalculiX's own files.")
-    ] = None,
+    out: Annotated[Path | None, option("DIR", "Folder of fields, pictures and numbers.")] = None,
+    keep: Annotated[Path | None, option("DIR", "Folder for CalculiX's own files.")] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:

@@ -20,6 +20,7 @@ from bowstring.cli.options import (
     load,
     measurements_of,
     of_flag,
+    option,
     positive,
     share_of,
 )
@@ -53,22 +54,19 @@ def fit(
     robot: RobotSource,
     parameter: Annotated[
         list[str],
-        typer.Option(
-            metavar="NAME",
-            help="To fit: a number of the robot file (segments.0.backbone.E), base, tool, gain, "
+        option(
+            "NAME",
+            "To fit: a number of the robot file (segments.0.backbone.E), base, tool, gain, "
             "offset, backlash, delay, hole_angle, pitch_radius, bend_gain. Repeatable.",
         ),
     ],
     measurements: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Table of measurements: CSV, TSV or .xlsx."),
+        Path | None, option("FILE", "Table of measurements: CSV, TSV or .xlsx.")
     ] = None,
     mapping: MappingFile = None,
-    data: Annotated[
-        str | None, typer.Option(metavar="NAME", help="A public data set instead of a table.")
-    ] = None,
+    data: Annotated[str | None, option("NAME", "A public data set instead of a table.")] = None,
     part: Annotated[
-        str | None, typer.Option(metavar="PART", help="Which of its tables, if there are several.")
+        str | None, option("PART", "Which of its tables, if there are several.")
     ] = None,
     g: OfMasses = "9.80665",
     model: Annotated[
@@ -79,32 +77,29 @@ def fit(
         typer.Option(help="Least squares, or robust against outliers."),
     ] = "soft_l1",
     holdout: Annotated[
-        str | None,
-        typer.Option(metavar="SHARE", help="Keep the last rows from the fit, and predict them."),
+        str | None, option("SHARE", "Keep the last rows from the fit, and predict them.")
     ] = None,
     folds: Annotated[
-        int | None,
-        typer.Option(metavar="K", help="Predict each of K parts by a fit to the others."),
+        int | None, option("K", "Predict each of K parts by a fit to the others.")
     ] = None,
     validate: Annotated[
         str | None,
-        typer.Option(
-            metavar="FILE",
-            help="Predict another table once (with --data another of its parts); nothing is "
+        option(
+            "FILE",
+            "Predict another table once (with --data another of its parts); nothing is "
             "aligned to it.",
         ),
     ] = None,
     start: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="calibration.json of a former fit: base, tool and drive begin there, or are "
+        option(
+            "FILE",
+            "calibration.json of a former fit: base, tool and drive begin there, or are "
             "held there.",
         ),
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of the calibrated robot file, and of figures."),
+        Path | None, option("DIR", "Folder of the calibrated robot file, and of figures.")
     ] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,

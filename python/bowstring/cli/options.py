@@ -25,15 +25,21 @@ if TYPE_CHECKING:
 MOST_LOADS: Final = 100_000  # of a range
 _EARTH_IN_MM: Final = (9700.0, 9900.0)  # what Earth's gravity is in mm/s^2
 
+
+def option(form: str, text: str, *names: str) -> Any:
+    """A flag by the form of its value and what it says; named as its argument if not otherwise."""
+    return typer.Option(*names, metavar=form, help=text)
+
+
 RobotSource = Annotated[
     str, typer.Argument(metavar="ROBOT", help="A built-in robot's name or the path of a file.")
 ]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
+        "PATH=VALUE",
+        'Override a field: segments.0.disks.clamped_length="3 mm". Repeatable.',
         "--set",
-        metavar="PATH=VALUE",
-        help='Override a field: segments.0.disks.clamped_length="3 mm". Repeatable.',
     ),
 ]
 AsJson = Annotated[
@@ -43,33 +49,22 @@ Chord = Annotated[
     bool, typer.Option("--chord", help="Tendons straight from disk to disk, not parallel curves.")
 ]
 Theory = Annotated[Literal["cosserat", "kirchhoff"], typer.Option(help="Rod theory.")]
-Gravity = Annotated[
-    str | None, typer.Option(metavar="x,y,z", help="Gravity, instead of the file's.")
-]
-Elements = Annotated[
-    int, typer.Option(metavar="1|2|4|8", help="Elements of fourth order between two disks.")
-]
+Gravity = Annotated[str | None, option("x,y,z", "Gravity, instead of the file's.")]
+Elements = Annotated[int, option("1|2|4|8", "Elements of fourth order between two disks.")]
 AutomaticElements = Annotated[
     int | None,
-    typer.Option(
-        metavar="1|2|4|8",
-        help="Elements of fourth order between two disks; chosen for accuracy if left out.",
+    option(
+        "1|2|4|8", "Elements of fourth order between two disks; chosen for accuracy if left out."
     ),
 ]
-TipForce = Annotated[
-    str, typer.Option(metavar="x,y,z", help="Dead force at the tip, base axes, all the time.")
-]
+TipForce = Annotated[str, option("x,y,z", "Dead force at the tip, base axes, all the time.")]
 MappingFile = Annotated[
-    str | None,
-    typer.Option(metavar="FILE", help="Mapping of a table that is not in the tidy format (YAML)."),
+    str | None, option("FILE", "Mapping of a table that is not in the tidy format (YAML).")
 ]
 HistoryFile = Annotated[
-    Path | None,
-    typer.Option("--history", metavar="FILE", help="Go on with the path of solve --save-history."),
+    Path | None, option("FILE", "Go on with the path of solve --save-history.", "--history")
 ]
-OfMasses = Annotated[
-    str, typer.Option("--g", metavar="g", help="Gravity that makes tensions of masses.")
-]
+OfMasses = Annotated[str, option("g", "Gravity that makes tensions of masses.", "--g")]
 
 
 _EXAMPLES: Final = {

@@ -33,6 +33,7 @@ from bowstring.cli.options import (
     check_elements,
     load,
     of_flag,
+    option,
     per_tendon,
     tendon_count,
     vector,
@@ -97,9 +98,7 @@ def schema(as_json: AsJson = False) -> None:
 
 def fk(
     robot: RobotSource,
-    lengths: Annotated[
-        str, typer.Option(metavar="L1,L2,...", help="Tendon lengths, base to end disk.")
-    ],
+    lengths: Annotated[str, option("L1,L2,...", "Tendon lengths, base to end disk.")],
     chord: Chord = False,
     overrides: Overrides = None,
     as_json: AsJson = False,
@@ -127,7 +126,7 @@ def fk(
 
 def ik(
     robot: RobotSource,
-    tip: Annotated[str, typer.Option(metavar="x,y,z", help="Wanted tip position.")],
+    tip: Annotated[str, option("x,y,z", "Wanted tip position.")],
     free_length: Annotated[
         bool, typer.Option("--free-length", help="Let the arc's length change to meet the point.")
     ] = False,
@@ -180,16 +179,12 @@ def solve(
     angle: Angle = None,
     history: HistoryFile = None,
     save_history: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="JSON file of where the path has come to.")
+        Path | None, option("FILE", "JSON file of where the path has come to.")
     ] = None,
     theory: Theory = "cosserat",
     gravity: Gravity = None,
-    tip_force: Annotated[
-        str, typer.Option(metavar="x,y,z", help="Dead force at the tip, base axes.")
-    ] = "0,0,0",
-    tip_moment: Annotated[
-        str, typer.Option(metavar="x,y,z", help="Dead moment at the tip, base axes.")
-    ] = "0,0,0",
+    tip_force: Annotated[str, option("x,y,z", "Dead force at the tip, base axes.")] = "0,0,0",
+    tip_moment: Annotated[str, option("x,y,z", "Dead moment at the tip, base axes.")] = "0,0,0",
     elements: AutomaticElements = None,
     overrides: Overrides = None,
     as_json: AsJson = False,

@@ -17,6 +17,7 @@ from bowstring.cli.options import (
     measurements_of,
     number_of,
     of_flag,
+    option,
     share_of,
     tendon_count,
 )
@@ -30,43 +31,37 @@ def study(
     robot: RobotSource = "amouri2019",
     measurements: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Table of measurements (docs/bench.md): all models against them."
-        ),
+        option("FILE", "Table of measurements (docs/bench.md): all models against them."),
     ] = None,
     mapping: MappingFile = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder of the report.  [default: bowstring-study/NAME OF ROBOT]"
-        ),
+        option("DIR", "Folder of the report.  [default: bowstring-study/NAME OF ROBOT]"),
     ] = None,
     tolerance: Annotated[
         str, typer.Option(help='Tolerated tip error, a share of the length: 0.01 or "1 %".')
     ] = "1 %",
     max_tension: Annotated[
-        str | None, typer.Option(metavar="T", help="End of the sweep; chosen if not given.")
+        str | None, option("T", "End of the sweep; chosen if not given.")
     ] = None,
-    points: Annotated[int, typer.Option(metavar="N", help="Loads of the sweep.")] = 17,
+    points: Annotated[int, option("N", "Loads of the sweep.")] = 17,
     tendon: Annotated[
         str | None,
-        typer.Option(
-            metavar="N[:SHARE],...",
-            help="The pulled tendon, or several: 1,4:0.5 pulls tendon 4 half as much.  "
+        option(
+            "N[:SHARE],...",
+            "The pulled tendon, or several: 1,4:0.5 pulls tendon 4 half as much.  "
             "[default: the first of the outermost segment]",
         ),
     ] = None,
     theory: Theory = "cosserat",
     rise: Annotated[
-        str | None,
-        typer.Option(metavar="s", help="Rise of the tension in dynamics; chosen if not given."),
+        str | None, option("s", "Rise of the tension in dynamics; chosen if not given.")
     ] = None,
     modal_damping: Annotated[
         str, typer.Option(help='Damping in dynamics, a share of critical: 0.05 or "5 %".')
     ] = "5 %",
     solid: Annotated[
-        bool,
-        typer.Option("--solid", help="Show the robot as a solid in the report (extra cad)."),
+        bool, typer.Option("--solid", help="Show the robot as a solid in the report (extra cad).")
     ] = False,
     fe: Annotated[
         bool,

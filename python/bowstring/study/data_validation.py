@@ -280,17 +280,17 @@ class AgainstData:
     def to_dict(self) -> dict[str, Any]:
         """The block ``measurements`` of a study."""
         d, c = self.data, self.calibration
-        base = None
-        if c is not None:
-            base = {
+        base = (
+            None
+            if c is None
+            else {
                 e.name.removeprefix("base."): {
-                    "value": e.value,
-                    "standard_error": e.standard_error,
-                    "unit": e.unit,
+                    key: getattr(e, key) for key in ("value", "standard_error", "unit")
                 }
                 for e in c.fit.estimates
                 if e.name.startswith("base.")
             }
+        )
         return {
             "source": d.source,
             "name": d.name,
@@ -305,18 +305,14 @@ class AgainstData:
             "unloading_rows": int((~self.loads.loading).sum()) if self.loads.single else None,
             "registration": {
                 "by": self.frame_by,
-                **self.frame.to_dict(),
-                "turned_deg": _turn(self.frame),
+                **_frame_to_dict(self.frame),
                 "base_in_measuring_frame": base,
                 "own_frames": {
-                    name: {**frame.to_dict(), "turned_deg": _turn(frame)}
-                    for name, frame in self.own_frames.items()
+                    name: _frame_to_dict(frame) for name, frame in self.own_frames.items()
                 },
             },
-            "calibration": None
-            if c is None
-            else {**c.to_dict(), "constant_curvature_gains": self.gains},
-            "residuals": None if self.residuals is None else self.residuals.to_dict(),
+            "calibration": c and {**c.to_dict(), "constant_curvature_gains": self.gains},
+            "residuals": self.residuals and self.residuals.to_dict(),
             "decomposition": {
                 "begins_mm": self.plain * 1e3,
                 "effects": [effect.to_dict() for effect in self.effects],
@@ -335,6 +331,10 @@ class AgainstData:
 
 def _turn(frame: Rigid) -> float:
     return math.degrees(float(np.linalg.norm(frame.rotation_vector)))
+
+
+def _frame_to_dict(frame: Rigid) -> dict[str, Any]:
+    return {**frame.to_dict(), "turned_deg": _turn(frame)}
 
 
 # -- before the work ---------------------------------------------------------------------------
@@ -423,17 +423,13 @@ def _loads(data: Measurements) -> Loads:
     for k in falls.tolist():
         if lowest[k] and (k == 0 or loading[k - 1]):
             loading[k] = True
-    if alone:
-        what = (
-            f"pull of tendon {tendon + 1} (mm)"
-            if not by_tension
-            else (f"tension of tendon {tendon + 1} (N)")
-        )
-        axis = main * (1.0 if by_tension else 1e3)
-    else:
-        what, axis = "row", np.arange(1.0, len(data) + 1)
+    what, axis = "row", np.arange(1.0, len(data) + 1)
+    if alone and by_tension:
+        what, axis = f"tension of tendon {tendon + 1} (N)", main
+    elif alone:
+        what, axis = f"pull of tendon {tendon + 1} (mm)", main * 1e3
     return Loads(
-        axis=np.asarray(axis),
+        axis=axis,
         label=what,
         unit=observations.loads(commands),
         loading=loading,
@@ -498,11 +494,8 @@ def judge_data(
     notes += why
     if not points:
         raise InputError(f"{data.name}: no model has an answer to these commands. {' '.join(why)}")
-    own = {}
-    for name, found in points.items():
-        frame = _own_frame(data, found)
-        if frame is not None:
-            own[name] = frame
+    frames = {name: _own_frame(data, found) for name, found in points.items()}
+    own = {name: each for name, each in frames.items() if each is not None}
     if calibration is not None:
         frame_by, frame = "rod_calibrated", calibration.frame
         own["rod_calibrated"] = frame
@@ -541,23 +534,18 @@ def judge_data(
 
     measured = data.tip
     made: list[DataComparison] = []
-
-    def add(name: str, kind: Frame, model: Array, place: Rigid) -> None:
-        difference = model - place.apply(measured)
-        made.append(DataComparison(name, "measurement", robot.length, model, difference, kind))
-
-    for name in DATA_MODELS:
-        if name not in points:
-            continue
-        add(name, "calibrated", points[name], frame)
-        if name != "cc_calibrated":
-            add(name, "as_measured", points[name], Rigid.identity())
-        elif raw is not None:
-            add(name, "as_measured", raw, Rigid.identity())
-        if name == "cc_calibrated":
-            add(name, "own", calibrated.point, calibrated.frame)
-        elif name in own:
-            add(name, "own", points[name], own[name])
+    for name in (name for name in DATA_MODELS if name in points):
+        placed: dict[Frame, tuple[Array | None, Rigid]] = {
+            "calibrated": (points[name], frame),
+            "as_measured": (raw if name == "cc_calibrated" else points[name], Rigid.identity()),
+        }
+        if name in own:
+            model = calibrated.point if name == "cc_calibrated" else points[name]
+            placed["own"] = model, own[name]
+        for kind, (point, place) in placed.items():
+            if point is not None:
+                off = point - place.apply(measured)
+                made.append(DataComparison(name, "measurement", robot.length, point, off, kind))
     intervals = bootstrap([c.difference for c in made], loads.resampled[0])
     comparisons = tuple(replace(c, intervals=i) for c, i in zip(made, intervals, strict=True))
     tell(0.8)
@@ -667,23 +655,17 @@ def _is_worse(
     name = "cc_from_force" if "cc_from_force" in points else "cc_from_lengths"
     if name not in own:
         return ""
-    sizes = [
-        np.linalg.norm(point - frame.apply(data.tip), axis=1)
-        for point, frame in (
-            (calibrated.point, calibrated.frame),
-            (points[name], own[name]),
-        )
-    ]
-    known = np.all(np.isfinite(sizes), axis=0)
-    if not known.any():
+    placed = (calibrated.point, calibrated.frame), (points[name], own[name])
+    differences = [point - frame.apply(data.tip) for point, frame in placed]
+    sizes = np.linalg.norm(differences, axis=2)
+    sizes = sizes[:, np.isfinite(sizes).all(axis=0)]
+    if not sizes.size:
         return ""
-    mine, plain = (
-        (float(np.mean(s[known])), float(np.sqrt(np.mean(s[known] ** 2)))) for s in sizes
-    )
-    if mine[0] <= _AS_GOOD * plain[0] or mine[1] <= _AS_GOOD * plain[1]:
+    mean, square = sizes.mean(axis=1), (sizes**2).mean(axis=1)
+    if mean[0] <= _AS_GOOD * mean[1] or square[0] <= _AS_GOOD**2 * square[1]:
         return ""
     return (
-        f"its fit ended at a mean error of {in_mm(mine[0])}, more than the {in_mm(plain[0])} "
+        f"its fit ended at a mean error of {in_mm(mean[0])}, more than the {in_mm(mean[1])} "
         "without calibration"
     )
 
@@ -710,15 +692,14 @@ def _decomposition(
     """
     full = calibration.robot
     stiff = [s.backbone.E for s in full.segments] != [s.backbone.E for s in robot.segments]
-    effects = [
-        ("registration", "registration", True),
-        ("gravity", "gravity", any(full.gravity)),
-        ("friction", "friction at the holes", full.has_friction),
-        ("stiffness", "stiffness as calibrated", stiff),
-        ("gain", "gain of the commands", calibration.gain != 1.0),
-    ]
-    names = [name for name, _, acts in effects if acts]
-    labels = {name: label for name, label, _ in effects}
+    effects = {
+        "registration": ("registration", True),
+        "gravity": ("gravity", any(full.gravity)),
+        "friction": ("friction at the holes", full.has_friction),
+        "stiffness": ("stiffness as calibrated", stiff),
+        "gain": ("gain of the commands", calibration.gain != 1.0),
+    }
+    names = [name for name, (_, acts) in effects.items() if acts]
 
     def difference(on: frozenset[str]) -> Array:
         made = full
@@ -761,7 +742,7 @@ def _decomposition(
     out = tuple(
         Effect(
             name=name,
-            label=labels[name],
+            label=effects[name][0],
             added=means[steps[i + 1]],
             explains=means[steps[i]] - means[steps[i + 1]],
             explains_interval=interval(steps[i + 1], steps[i]),
@@ -780,7 +761,7 @@ def _decomposition(
 def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple[str, ...]:
     data, loads = found.data, found.loads
     repeats = len(np.unique(loads.run))
-    ways = "loading and unloading" if not loads.loading.all() else "loading only"
+    ways = "loading only" if loads.loading.all() else "loading and unloading"
     if not loads.single:
         ways = "several commands change"
     left = f" {data.left_out} rows of the table are left out." if data.left_out else ""
@@ -793,9 +774,7 @@ def _in_words(found: AgainstData, tolerance: float, order: TendonCheck) -> tuple
         f"{data.source.capitalize()} data, {data.name}: {len(data)} rows at {loads.count} loads, "
         f"{ways}{f', {repeats} runs' if repeats > 1 else ''}.{left}"
     ]
-    for name in ("cc_from_force", "cc_from_lengths", "cc_calibrated"):
-        if name in found.models:
-            out.append(_sentence(found, name, tolerance))
+    out += [_sentence(found, name, tolerance) for name in _SUBJECT if name in found.models]
     out.append(_of_the_rod(found))
     if order.found in ("turned", "unclear"):  # what a fitted base frame would take up in silence
         out.append(order.sentence)
