@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 import numpy as np
 import typer
 
-from bowstring._core import __version__
 from bowstring.cli.options import (
     AsJson,
     Gravity,
@@ -33,8 +32,8 @@ from bowstring.cli.options import (
     vector,
 )
 from bowstring.cli.output import (
-    JSON_SCHEMA_VERSION,
     counted,
+    fields_of,
     fixed,
     new_table,
     provenance_of,
@@ -258,12 +257,7 @@ def _measurements_json(
     if found.points.shape[1] and found.seen.any():
         tips = found.tip[found.seen]
         ranges = {"smallest": tips.min(axis=0), "largest": tips.max(axis=0)}
-    provenance = (
-        {"provenance": {"bowstring_version": __version__, "schema_version": JSON_SCHEMA_VERSION,
-                        "settings": settings}}
-        if robot is None
-        else provenance_of(robot, **settings)
-    )  # fmt: skip
+    provenance = provenance_of(robot, **settings)
     return {
         "name": found.name,
         "source": found.source,
@@ -283,13 +277,9 @@ def _measurements_json(
         "recordings": 1 if found.recording is None else len(np.unique(found.recording)),
         "time_s": None if found.time is None else [found.time.min(), found.time.max()],
         "issues": [{"line": line, "text": text} for line, text in found.issues],
-        "tendon_check": None
-        if check is None
-        else {
-            "found": check.found,
-            "tendons": check.tendons,
-            "sentence": check.sentence,
-            "unexplained": check.unexplained,
+        "tendon_check": check
+        and {
+            **fields_of(check, "found", "tendons", "sentence", "unexplained"),
             "turn_rad": check.turn,
         },
         "sha256": found.sha256,

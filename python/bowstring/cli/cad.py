@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from bowstring.atomic_io import resolved
 from bowstring.cli.driving import Angle, Pull, Tension, actuated_by
 from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag, option
 from bowstring.cli.output import (
     Stopped,
+    fields_of,
     fixed,
     frame,
     new_table,
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 
     from bowstring.cad.solid import Solid
     from bowstring.statics.solution import Solution
+
+
+_OF_PART: Final = ("name", "kind", "colour", "volume_m3", "centre_m", "mass_kg")
 
 
 def cad(
@@ -102,11 +106,8 @@ def cad(
             {
                 "pose": "straight" if pose is None else "simulated",
                 **_pose_json(pose),
-                "parts": None if solid is None else _parts(solid),
-                "assumed": [
-                    {"field": size.field, "value_m": size.value_m, "why": size.why}
-                    for size in sizes.assumed
-                ],
+                "parts": solid and [fields_of(part, *_OF_PART) for part in solid.parts],
+                "assumed": [vars(size) for size in sizes.assumed],
                 "files": files,
                 **provenance_of(
                     model,
@@ -149,20 +150,6 @@ def _pose_json(pose: Solution | None) -> dict[str, Any]:
         "tip": frame(pose.tip.position, pose.tip.rotation),
         "disks": [frame(p, r) for p, r in zip(positions, rotations, strict=True)],
     }
-
-
-def _parts(solid: Solid) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": part.name,
-            "kind": part.kind,
-            "colour": part.colour,
-            "volume_m3": part.volume_m3,
-            "centre_m": part.centre_m,
-            "mass_kg": part.mass_kg,
-        }
-        for part in solid.parts
-    ]
 
 
 def _table(solid: Solid) -> Table:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
 from bowstring.cli.options import AsJson, of_flag, option
-from bowstring.cli.output import new_table, write, write_json, write_tables
+from bowstring.cli.output import fields_of, new_table, write, write_json, write_tables
 from bowstring.units import printable
+
+_WHERE: Final = ("kind", "repository", "commit", "licence")
 
 
 def list_sets(as_json: AsJson = False) -> None:
@@ -20,12 +22,7 @@ def list_sets(as_json: AsJson = False) -> None:
     if as_json:
         rows = [
             {
-                "name": item.name,
-                "description": item.description,
-                "kind": item.kind,
-                "repository": item.repository,
-                "commit": item.commit,
-                "licence": item.licence,
+                **fields_of(item, "name", "description", *_WHERE),
                 "transcribed_from": item.transcribed,
                 "parts": item.parts,
                 "files": [
@@ -55,16 +52,12 @@ def get(
     else:
         folder = of_flag("--out", lambda place: datasets.copy(name, place), out)
     if as_json:
-        files = [folder / file.name for file in item.files]
         return write_json(
             {
-                "name": name,
-                "kind": item.kind,
+                **fields_of(item, "name", "kind"),
                 "folder": folder,
-                "files": files,
-                "repository": item.repository,
-                "commit": item.commit,
-                "licence": item.licence,
+                "files": [folder / file.name for file in item.files],
+                **fields_of(item, *_WHERE[1:]),
             }
         )
     write(

@@ -32,6 +32,7 @@ from bowstring.cli.options import (
     not_negative,
     of_flag,
     option,
+    out_folder,
     positive,
     ratio,
     tendon_count,
@@ -144,18 +145,8 @@ def simulate(
         raise InputError("--tolerance is for steps that adapt and --dt fixes them; give either.")
     if not 0 <= spectral_radius <= 1:
         raise InputError(f"--spectral-radius: got {spectral_radius:g}; must be from 0 to 1.")
-    fixed = None if dt is None else positive("--dt", dt, "s")
-    if fixed is not None and fixed < SHORTEST_STEP:
-        raise InputError(
-            f"--dt: got {fixed:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps drown in "
-            "rounding."
-        )
-    interval = positive("--every", every, "s")
-    if interval < SHORTEST_STEP:
-        raise InputError(
-            f"--every: got {interval:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps "
-            "drown in rounding."
-        )
+    fixed = None if dt is None else _step("--dt", dt)
+    interval = _step("--every", every)
     if duration / interval > MOST_OUTPUTS:
         raise InputError(
             f"--every: {every} gives {duration / interval:.3g} outputs; up to {MOST_OUTPUTS} are "
@@ -229,6 +220,16 @@ def simulate(
     run.raise_for_status()
 
 
+def _step(flag: str, text: str) -> float:
+    value = positive(flag, text, "s")
+    if value < SHORTEST_STEP:
+        raise InputError(
+            f"{flag}: got {value:g} s; must be {SHORTEST_STEP:g} s or more, shorter steps drown in "
+            "rounding."
+        )
+    return value
+
+
 def modes(
     robot: RobotSource,
     tension: Tension = None,
@@ -262,10 +263,8 @@ def modes(
     from bowstring._core import RodModel
     from bowstring.dynamics import modal
 
-    if out is not None:
-        from bowstring.result_folder import check_folder
-
-        out = of_flag("--out", lambda path: check_folder(path, "modes"), out)
+    out = out_folder(out, "modes")
+    driven = {"pulls_m": acting.displacements, "angles_rad": acting.angles, "history": history}
     provenance = provenance_of(
         model,
         count=count,
@@ -273,15 +272,7 @@ def modes(
         gravity_m_per_s2=weight,
         tip_force_N=force,
         elements=elements,
-        **{
-            name: given
-            for name, given in (
-                ("pulls_m", acting.displacements),
-                ("angles_rad", acting.angles),
-                ("history", history),
-            )
-            if given is not None
-        },
+        **{name: given for name, given in driven.items() if given is not None},
     )
     try:
         found = modal.modes(
@@ -293,13 +284,8 @@ def modes(
         )
     except NoSolutionError as error:
         if as_json:
-            nothing = {
-                "status": error.status,
-                "tensions_N": acting.tensions,
-                "modes": [],
-                "disks": [],
-            }
-            write_json({**nothing, **provenance})
+            nothing = {"status": error.status, "tensions_N": acting.tensions}
+            write_json({**nothing, "modes": [], "disks": [], **provenance})
         raise
     content = plain({**found.to_dict(), **provenance})
     folder = None

@@ -19,6 +19,7 @@ from bowstring.cli.options import (
     not_negative,
     of_flag,
     option,
+    out_folder,
     per_tendon,
     positive,
     range_of,
@@ -116,16 +117,15 @@ def fe(
 
     from bowstring.fem import report
     from bowstring.fem.run import Motion, RunInterrupted, Settings, check_keep, ramp, sweep
-    from bowstring.result_folder import check_folder
     from bowstring.statics.load import Load
 
     settings = Settings(of_flag("--mesh", _fineness, mesh), stiffness, grip)
     of_flag("--stiffness", Settings.check, settings)
-    if out is not None:
-        out = of_flag("--out", lambda path: check_folder(path, "fe"), out)
+    out = out_folder(out, "fe")
     if keep is not None:
         of_flag("--keep", check_keep, keep)
     rows = _rows(last, loads)
+    load_ = Load(gravity=weight, tip_force=None if dynamic else force)
     motion = Motion(
         positive("--rise", rise or "1", "s"),
         not_negative("--hold", hold or "0", "s"),
@@ -134,38 +134,20 @@ def fe(
     limit: Convergence | None = None
     run: BrickRun
     interrupted = False
+    common: dict[str, Any] = {"settings": settings}
     with progress_bar() as tell:
+        common["progress"] = tell
         try:
             if study:
                 from bowstring.fem import convergence
 
-                limit = convergence.study(
-                    model,
-                    last if dynamic else rows,
-                    settings=settings,
-                    motion=motion if dynamic else None,
-                    progress=tell,
-                )
+                ends, moved = (last, motion) if dynamic else (rows, None)
+                limit = convergence.study(model, ends, motion=moved, **common)
                 run = limit.run
             elif dynamic:
-                run = ramp(
-                    model,
-                    last,
-                    motion,
-                    load=Load(gravity=weight),
-                    settings=settings,
-                    keep=keep,
-                    progress=tell,
-                )
+                run = ramp(model, last, motion, load=load_, keep=keep, **common)
             else:
-                run = sweep(
-                    model,
-                    rows,
-                    load=Load(gravity=weight, tip_force=force),
-                    settings=settings,
-                    keep=keep,
-                    progress=tell,
-                )
+                run = sweep(model, rows, load=load_, keep=keep, **common)
         except RunInterrupted as stopped:
             run, interrupted = stopped.run, True
 

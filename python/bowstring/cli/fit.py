@@ -21,6 +21,7 @@ from bowstring.cli.options import (
     measurements_of,
     of_flag,
     option,
+    out_folder,
     positive,
     share_of,
 )
@@ -131,10 +132,7 @@ def fit(
     if folds is not None and folds < 2:
         raise InputError(f"--folds: got {folds}; must be 2 or more.")
     known = load(robot, overrides)
-    if out is not None:
-        from bowstring.result_folder import check_folder
-
-        of_flag("--out", lambda path: check_folder(path, "fit"), out)
+    out_folder(out, "fit")
     begin = None if start is None else of_flag("--start", table_fit.read_start, start)
 
     def read(flag: str, file: str | Path | None, part: str | None) -> Measurements:

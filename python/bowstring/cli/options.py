@@ -302,6 +302,13 @@ def of_flag(flag: str, check: Callable[[Any], Any], value: Any) -> Any:
         raise InputError(f"{flag}: {error}") from None
 
 
+def out_folder(out: Path | None, what: str) -> Path | None:
+    """The folder of results that --out names, checked before the work."""
+    from bowstring.result_folder import check_folder
+
+    return None if out is None else of_flag("--out", lambda path: check_folder(path, what), out)
+
+
 def measurements_of(
     flag: str, file: Any, robot: Robot, mapping: str | None, **g: float
 ) -> Measurements:

@@ -58,16 +58,14 @@ def write_json(content: dict[str, Any]) -> None:
     write(json.dumps(plain(content), allow_nan=False) + "\n")
 
 
-def provenance_of(robot: Robot, **settings: Any) -> dict[str, Any]:
+def provenance_of(robot: Robot | None, **settings: Any) -> dict[str, Any]:
+    made_by = {"bowstring_version": __version__, "schema_version": JSON_SCHEMA_VERSION}
+    if robot is None:
+        return {"provenance": {**made_by, "settings": settings}}
     return {
         "robot": robot.name,
         "warnings": robot.warnings,
-        "provenance": {
-            "bowstring_version": __version__,
-            "schema_version": JSON_SCHEMA_VERSION,
-            "robot_hash": robot.hash,
-            "settings": settings,
-        },
+        "provenance": {**made_by, "robot_hash": robot.hash, "settings": settings},
     }
 
 
@@ -83,6 +81,10 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda what, done: bar.update(task, description=what, completed=done)
+
+
+def fields_of(thing: object, *names: str) -> dict[str, Any]:
+    return {name: getattr(thing, name) for name in names}
 
 
 def frame(position: Any, rotation: Any) -> dict[str, Any]:
