@@ -10,15 +10,12 @@ from typing import Annotated, Any, Final
 
 from bowstring.atomic_io import check_file, not_overwritten, readable, write_whole_file
 from bowstring.cli.options import (
-    check_bare_drive,
     not_negative,
-    numbers_of,
     of_flag,
     option,
     per_tendon,
     tendon_count,
 )
-from bowstring.cli.output import counted
 from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.statics.load import Load
@@ -48,16 +45,12 @@ def actuated_by(robot: Robot, tension: str | None, pull: str | None, angle: str 
             "how the tendons are driven is missing: give --tension T1,T2,..., --pull P1,P2,... or "
             "--angle A1,A2,..."
         )
-    if len(given) == 1:
-        return Load(
-            *(
-                None if text is None else per_tendon(flag, text, si, robot, signed=k > 0)
-                for k, (flag, text, si) in enumerate(flags)
-            )
-        )
-    lists: list[Driven | None] = []
-    for flag, text, si in flags:
-        lists.append(None if text is None else some_tendons(flag, text, si, robot))
+    lists = [
+        None
+        if text is None
+        else per_tendon(flag, text, si, robot, signed=si != "N", dashes=len(given) > 1)
+        for flag, text, si in flags
+    ]
     for i in range(tendon_count(robot)):
         said = [
             flag
@@ -73,28 +66,6 @@ def actuated_by(robot: Robot, tension: str | None, pull: str | None, angle: str 
                 f"tendon {i + 1} is driven by nothing; write a number for it in one of the lists."
             )
     return Load(*lists)
-
-
-def some_tendons(flag: str, text: str, si: str, robot: Robot) -> Driven:
-    """Numbers of a list in which a blank or a dash means that a tendon is driven otherwise."""
-    items = [item.strip() for item in text.split(",")]
-    wanted = tendon_count(robot)
-    if len(items) != wanted:
-        raise InputError(
-            f"{flag}: got {counted(len(items), 'entry', 'entries')}; {robot.name} has "
-            f"{counted(wanted, 'tendon')}, write a number or - for each."
-        )
-    values: Driven = [
-        None if item in ("", "-") else numbers_of(flag, item, si)[0] for item in items
-    ]
-    check_bare_drive(flag, text, si, robot)
-    for i, value in enumerate(values, 1):
-        if flag == "--tension" and value is not None and value < 0:
-            raise InputError(
-                f"{flag}: got {value:g} {si} for tendon {i}; must be 0 or more, a tendon cannot "
-                "push."
-            )
-    return values
 
 
 _MOST_HISTORY: Final = 200_000_000  # bytes
@@ -155,7 +126,9 @@ def actuated_over_time(
     from bowstring.dynamics.load_history import CLOSEST, Table
 
     starts = {
-        flag: None if text is None else some_tendons(flag, text, si, robot)
+        flag: None
+        if text is None
+        else per_tendon(flag, text, si, robot, signed=si != "N", dashes=True)
         for (flag, si), text in zip((("--from", "N"), ("--from-pull", "m")), before, strict=True)
     }
     if table is not None:

@@ -243,20 +243,28 @@ def per_tendon(
     text: str,
     si: str,
     robot: Robot,
+    *,
     above_zero: bool = False,
     signed: bool = False,
-) -> list[float]:
-    values = numbers_of(flag, text, si)
+    dashes: bool = False,
+) -> list[Any]:
+    """A number for each tendon; with dashes, None where a dash or a blank stands for it."""
+    items = [item.strip() for item in text.split(",")]
+    values = [
+        None if dashes and item in ("", "-") else numbers_of(flag, item, si)[0] for item in items
+    ]
     wanted = tendon_count(robot)
     if len(values) != wanted:
+        kind = ("entry", "entries") if dashes else ("number", "numbers")
+        rest = "a number or - for each" if dashes else "one number for each"
         raise InputError(
-            f"{flag}: got {counted(len(values), 'number')}; {robot.name} has "
-            f"{counted(wanted, 'tendon')}, write one number for each."
+            f"{flag}: got {counted(len(values), *kind)}; {robot.name} has "
+            f"{counted(wanted, 'tendon')}, write {rest}."
         )
     if signed:
         check_bare_drive(flag, text, si, robot)
     for i, value in enumerate(values, 1):
-        if not signed and (value < 0 or (above_zero and value == 0)):
+        if value is not None and not signed and (value < 0 or (above_zero and value == 0)):
             rule = "positive" if above_zero else "0 or more, a tendon cannot push"
             raise InputError(f"{flag}: got {value:g} {si} for tendon {i}; must be {rule}.")
     return values

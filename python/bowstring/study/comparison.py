@@ -8,6 +8,7 @@ in what `Physics` lists.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -36,6 +37,7 @@ __all__ = [
     "Theory",
     "arcs_of",
     "points_by_arcs",
+    "short",
 ]
 
 Array = NDArray[np.float64]
@@ -48,6 +50,13 @@ COMPARISONS: Final = {
     "cc_from_force_arm": "from force, mean arm",
 }
 """Names of the comparisons and what people call them."""
+
+
+def short(label: str) -> str:
+    """A label for narrow tables and figures."""
+    label = re.sub(r" \(.*\)|, not a continuous tendon", "", label)
+    return label.replace(", as the robot file has it", " as in the file")
+
 
 FROM_FORCE: Final = ("cc_from_force", "cc_from_force_arm")
 """Those that are fed with tensions; the others are fed with tendon lengths."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bowstring.formatting import in_percent
+from bowstring.study.comparison import short
 from bowstring.study.study import Study
 from bowstring.viz.style import AXES, LIGHT, TINY, legend_above, subplots
 
@@ -114,8 +114,7 @@ def measured_comparison(study: Study) -> Figure:
     )
     axes.set_xscale("log")
     axes.grid(axis="x", which="major")
-    labels = [re.sub(r" \(.*\)|, as the robot", "", found.labels[name]) for name in names]
-    axes.set_yticks(places, [label.replace(" file has it", " as in the file") for label in labels])
+    axes.set_yticks(places, [short(found.labels[name]) for name in names])
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.set_xlabel(f"tip error against the {found.data.source} tip (mm):\nmean, 95 %, largest")
     one = study.length * 10.0  # mm in a percent

@@ -24,11 +24,16 @@ from bowstring.robot.model import Robot
 from bowstring.study.actuation_budget import DriveBudget, drive_budget
 from bowstring.study.comparison import MEANINGS, Case, Model, Physics
 
-__all__ = ["GRAVITY", "Budget", "BudgetRow", "Contribution", "Side", "error_budget"]
+__all__ = ["GRAVITY", "SIDES", "Budget", "BudgetRow", "Contribution", "Side", "error_budget"]
 
 Array = NDArray[np.float64]
 Side = Literal["added", "removed", "in_sweep"]
 
+SIDES: Final[dict[Side, str]] = {
+    "in_sweep": "Each effect alone in this sweep",
+    "removed": "Each effect alone in the full model",
+}
+"""What report and figures show of the budget, with its titles."""
 GRAVITY: Final = 9.81
 """m/s^2, in every gravity case of the budget."""
 _MAX_SIDEWAYS: Final = (

@@ -16,13 +16,14 @@ from bowstring.fem.figures import field, stress_along
 from bowstring.formatting import in_mm
 from bowstring.statics.model import RodModel
 from bowstring.study.actuation_budget import COMMANDED, DriveBudget
+from bowstring.study.comparison import short
 from bowstring.study.data_figures import (
     measured_comparison,
     measured_errors,
     measured_residuals,
     measured_tip,
 )
-from bowstring.study.error_budget import Budget, Side
+from bowstring.study.error_budget import SIDES, Budget, Side
 from bowstring.study.shapes import backbones
 from bowstring.study.study import Study
 from bowstring.viz.style import AXES, LIGHT, TINY, WIDTH, legend_above, subplots
@@ -451,11 +452,7 @@ def _error_budget(study: Study) -> Figure:
     drive = budget.drive
     count = len(budget.rows)
     figure, (*panels, driven) = subplots(3, 8.8, height_ratios=(count, count, len(drive.rows) + 3))
-    sides: tuple[tuple[Side, str], ...] = (
-        ("in_sweep", "Each effect alone in this sweep"),
-        ("removed", "Each effect alone in the full model"),
-    )
-    for axes, (side, title) in zip(panels, sides, strict=True):
+    for axes, (side, title) in zip(panels, SIDES.items(), strict=True):
         _contributions(axes, budget, side)
         axes.set_title(title)
     by_drive = (*_BY_MEANING, (COMMANDED, "CC from commanded lengths", "green", "^", 0.0))
@@ -478,7 +475,7 @@ _BY_MEANING: Final = (
 
 def _contributions(axes: Axes, budget: Budget, side: Side) -> None:
     """One row by effect: the mean error without it (hollow) joined to that with it (filled)."""
-    labels = [re.sub(r" \(.*\)|, not a continuous tendon", "", row.label) for row in budget.rows]
+    labels = [short(row.label) for row in budget.rows]
     places = np.arange(len(labels))[::-1]
     counted, means = [], []
     for row, place in zip(budget.rows, places, strict=True):

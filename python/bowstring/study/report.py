@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from bowstring.atomic_io import write_whole
 from bowstring.formatting import number, signed
@@ -18,7 +18,7 @@ from bowstring.processes import for_each
 from bowstring.result_folder import check_folder, write_listing
 from bowstring.robot.model import Robot
 from bowstring.study.comparison import COMPARISONS, MEANINGS
-from bowstring.study.error_budget import Side
+from bowstring.study.error_budget import SIDES, Side
 from bowstring.study.study import Study
 from bowstring.study.tables import simulated, study_tables, write_csv
 from bowstring.units import printable
@@ -33,12 +33,6 @@ if TYPE_CHECKING:
 __all__ = ["default_folder", "write"]
 
 Progress = Callable[[str, float], None]
-
-_BUDGET_TABLES: Final[dict[Side, tuple[str, str]]] = {
-    "in_sweep": ("Each effect alone in this sweep", "The sweep"),
-    "removed": ("Each effect alone in the full model", "The full model"),
-}
-"""Tables of the error budget on the page; study.json and budget.csv also have the baseline."""
 
 
 def default_folder(robot: Robot) -> Path:
@@ -143,7 +137,7 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
         comparisons=[(COMPARISONS[c.name], c.to_dict()) for c in simulated(study)],
         data=None if study.data is None else _data_page(study.data),
         sweep=_sweep_rows(study),
-        budget=[_budget_page(study, side, *words) for side, words in _BUDGET_TABLES.items()],
+        budget=[_budget_page(study, side, title) for side, title in SIDES.items()],
         # drawn by this program, ids and text escaped by matplotlib
         figures=[(f, Markup(drawn[f.stem])) for f in study.figures],
         tables=[name for name, _, _ in study_tables(study)],
@@ -153,10 +147,11 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
     return page + "\n"
 
 
-def _budget_page(study: Study, side: Side, title: str, where: str) -> dict[str, Any]:
-    """One table of the error budget: each effect beside the same physics."""
+def _budget_page(study: Study, side: Side, title: str) -> dict[str, Any]:
+    """One table of the error budget; study.json and budget.csv also have the baseline."""
     budget = study.budget
-    base = budget.sweep if side == "in_sweep" else budget.fullest
+    of_sweep = side == "in_sweep"
+    where, base = ("The sweep", budget.sweep) if of_sweep else ("The full model", budget.fullest)
     rows = []
     for row in budget.rows:
         present, absent = budget.cases(row, side)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from bowstring.formatting import in_percent, number, signed
 from bowstring.study.actuation_budget import COMMANDED
-from bowstring.study.comparison import COMPARISONS, MEANINGS, Case
+from bowstring.study.comparison import COMPARISONS, MEANINGS, Case, short
 from bowstring.study.error_budget import Side
 from bowstring.study.study import Study
 from bowstring.study.tables import simulated
@@ -56,13 +55,13 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
                 errors.add_row(Text(f"vs {called or physics}", style="italic"))
             d = c.to_dict()
             errors.add_row(
-                _short(COMPARISONS[c.name]).removeprefix("from "),
+                short(COMPARISONS[c.name]).removeprefix("from "),
                 *(number(d[k]) for k in ("mean_mm", "max_mm", "rms_mm", "mean_percent")),
                 *(number(v) for v in d["mean_by_axis_mm"]),
             )
     console.print(errors)
     fewer = [
-        f"{_short(COMPARISONS[c.name])}, against {c.against}: {c.n} of {loads} loads"
+        f"{short(COMPARISONS[c.name])}, against {c.against}: {c.n} of {loads} loads"
         for c in simulated(study)
         if c.n < loads
     ]
@@ -99,9 +98,9 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
                 found = b.contribution(row, side, name)
                 cells.append(counted(signed(found.mean * 1e3), found.n))
             for problem in b.problems(row, side):
-                problems[f"* {_short(row.label)}, {_SIDES[side]}, {problem}"] = None
+                problems[f"* {short(row.label)}, {_SIDES[side]}, {problem}"] = None
                 mark = " *"
-        budget.add_row(_short(row.label) + mark, *cells)
+        budget.add_row(short(row.label) + mark, *cells)
         partial = partial or any(" of " in cell for cell in cells)
     console.print(budget)
     note = f"(n of {loads}): over these loads only, not comparable with the other numbers"
@@ -161,9 +160,8 @@ def _print_data(found: AgainstData, console: Console) -> None:
                 continue
             d = c.to_dict()
             low, high = (number(v, 2) for v in d["interval_95"]["mean_mm"])
-            label = _short(found.labels[c.name])
             errors.add_row(
-                label.replace(", as the robot file has it", " as in the file"),
+                short(found.labels[c.name]),
                 number(d["mean_mm"]),
                 f"{low} to {high}",
                 *(number(d[k]) for k in ("max_mm", "mean_percent")),
@@ -202,7 +200,3 @@ def _print_notes(console: Console, notes: Iterable[str]) -> None:
 
     for note in notes:
         console.print(Text(note, style="dim"))
-
-
-def _short(label: str) -> str:
-    return re.sub(r" \(.*\)|, not a continuous tendon", "", label)
