@@ -131,25 +131,20 @@ def changes_of(flag: str, texts: Sequence[str] | None, example: str) -> dict[str
 
 
 def numbers_of(flag: str, text: str, si: str) -> list[float]:
+    # --tolerance of simulate is a length, that of the study a share
+    example = '"1 um"' if (flag, si) == ("--tolerance", "m") else _EXAMPLES[flag]
     values = []
     for item in text.split(","):
         try:
             values.append(read_number(item, si))
         except ValueError as error:
             raise InputError(
-                f"{flag}: got {quote(item.strip())}, {error}; write for example "
-                f"{flag} {_example(flag, si)}."
+                f"{flag}: got {quote(item.strip())}, {error}; write for example {flag} {example}."
             ) from None
         low, high = _EARTH_IN_MM
         if si == "m/s^2" and is_bare(item) and low < abs(values[-1]) < high:
             raise _is_bare(flag, item.strip(), si, "mm/s^2")
     return values
-
-
-def _example(flag: str, si: str) -> str:
-    if (flag, si) == ("--tolerance", "m"):  # of simulate; that of the study is a share
-        return '"1 um"'
-    return _EXAMPLES[flag]
 
 
 def number_of(flag: str, text: str, si: str) -> float:

@@ -143,18 +143,7 @@ def _shares(text: str, robot: Robot) -> dict[int, float]:
                 f"--tendon: got {quote(item.strip())}; must be a tendon of {robot.name} from 1 to "
                 f"{count}, and its share after a colon, for example --tendon 1,{min(count, 2)}:0.5."
             )
-        value = share_of("--tendon", share) if colon else 1.0
-        if not 0 < value <= 1:
-            raise InputError(
-                f"--tendon: got {quote(share)} as the share of tendon {number}; must be above 0 "
-                "and at most 1, or 100 %."
-            )
         if int(number) in out:
             raise InputError(f"--tendon: tendon {number} is there twice; name each one once.")
-        out[int(number)] = value
-    if max(out.values()) < 1:
-        raise InputError(
-            f"--tendon: the largest share is {max(out.values()):g}; one tendon must have the whole "
-            "tension, write it without a share."
-        )
+        out[int(number)] = share_of("--tendon", share) if colon else 1.0
     return out

@@ -143,10 +143,6 @@ class Loop:
         known = np.isfinite(self.apart)
         return float(self.command[np.nanargmax(self.apart)]) if known.any() else math.nan
 
-    def error(self, way: Array) -> Array:
-        """Euclidean error (n,) of constant curvature on one of the ways, m."""
-        return np.asarray(np.linalg.norm(self.constant_curvature - way, axis=-1))
-
     def to_dict(self) -> dict[str, Any]:
         """The loop in N or mm, mm and percent."""
         name, scale = ("tension_N", 1.0) if self.driven_by == "tension" else ("pull_mm", 1e3)

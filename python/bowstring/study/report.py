@@ -191,16 +191,13 @@ def _data_page(found: AgainstData) -> dict[str, Any]:
 
 def _sweep_rows(study: Study) -> list[dict[str, Any]]:
     s = study.statics
-    lengths, force = study.comparison("cc_from_lengths"), study.comparison("cc_from_force")
-    return [
-        {
-            "tension": float(s.tension[i]),
-            "status": s.status[i],
-            "tip": (s.tip_position[i] * 1e3).tolist(),
-            "pull": float(s.pull[i]) * 1e3,
-            "linear_pull": float(s.linear_pull[i]) * 1e3,
-            "from_lengths": float(lengths.error[i]) * 1e3,
-            "from_force": float(force.error[i]) * 1e3,
-        }
-        for i in range(len(s.tension))
-    ]
+    columns = {
+        "tension": s.tension,
+        "status": s.status,
+        "tip": s.tip_position * 1e3,
+        "pull": s.pull * 1e3,
+        "linear_pull": s.linear_pull * 1e3,
+        "from_lengths": study.comparison("cc_from_lengths").error * 1e3,
+        "from_force": study.comparison("cc_from_force").error * 1e3,
+    }
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

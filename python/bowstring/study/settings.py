@@ -72,13 +72,16 @@ class Loading:
                 raise InputError.of("tendon", shown(tendon), rule)
             if not isinstance(share, (int, float)) or not 0.0 < share <= 1.0:
                 raise InputError(
-                    f"the share of tendon {tendon} is {shown(share)}; must be above 0 and at most 1"
+                    f"the share of tendon {tendon} is {shown(share)}; must be above 0 and at most "
+                    "1",
+                    argument="tendon",
                 )
             out[tendon - 1] = float(share)
         if max(out) != 1.0:
             raise InputError(
                 f"the largest share of the pulled tendons is {max(out):g}; must be 1, the tendon "
-                "that has the whole tension of the sweep"
+                "that has the whole tension of the sweep",
+                argument="tendon",
             )
         return tuple(out)
 

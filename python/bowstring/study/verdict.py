@@ -58,7 +58,6 @@ class Meaning:
     """Every range of tension in which the error is above the tolerance, N."""
     undecided: tuple[tuple[float, float], ...]
     """Ranges of tension without physics or without an arc, N."""
-    error_at_end: float
     max_error: float
     max_at: float
     blamed_at: float
@@ -210,7 +209,6 @@ def _meaning(model: Model, name: str, case: Case, tension: Array, tolerance: flo
         holds_to=holds_to,
         fails=tuple(fails),
         undecided=undecided,
-        error_at_end=float(error[-1]),
         max_error=known_max(error),
         max_at=float(tension[peak]),
         blamed_at=blamed_at,
