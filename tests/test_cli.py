@@ -609,6 +609,10 @@ FIT = ("fit", "amouri2019", "--parameter", "base")
             ("--start: cannot read no.json",),
         ),
         (["fe", "amouri2019", "--tension", "1,0,0", "--stiffness", "0"], ("--stiffness: got 0;",)),
+        (
+            ["fe", "amouri2019", "--tension", "1,0,0", "--loads", "x"],
+            ('--loads: got "x"', "for example --loads 10:10:80"),
+        ),
     ],
 )
 def test_errors_name_their_flag(

@@ -91,6 +91,7 @@ _EXAMPLES: Final = {
     "--g": "9.81",
     "--masses": '0:"500 g":8',
     "--tensions": "0:5:80",
+    "--loads": "10:10:80",
     "--pulls": '0:"2 mm":0.03',
     "--noise": '"0.02 mm"',
     "--friction": "0.1",
