@@ -251,8 +251,6 @@ def _measurements_json(
         {"given_by": kind, f"smallest_{unit}": low, f"largest_{unit}": high}
         for kind, unit, low, high in _driven(found)
     ]
-    labels, counts = np.unique(found.group, return_counts=True)
-    groups = dict(zip(labels.tolist(), counts.tolist(), strict=True))
     ranges = None
     if found.points.shape[1] and found.seen.any():
         tips = found.tip[found.seen]
@@ -272,7 +270,7 @@ def _measurements_json(
         "stations": found.stations,
         "angles": found.bend is not None,
         "sigma_m": None if found.sigma is None else float(np.median(found.sigma)),
-        "groups": {name: count for name, count in groups.items() if name},
+        "groups": {name: count for name, count in _groups(found).items() if name},
         "repeats": len(np.unique(found.repeat)),
         "recordings": 1 if found.recording is None else len(np.unique(found.recording)),
         "time_s": None if found.time is None else [found.time.min(), found.time.max()],
@@ -316,6 +314,11 @@ def _shown(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
+def _groups(found: Measurements) -> dict[str, int]:
+    labels, counts = np.unique(found.group, return_counts=True)
+    return dict(zip(labels.tolist(), counts.tolist(), strict=True))
+
+
 def _driven(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
     """Of each tendon: what it is given by, the unit, and the range."""
     for k in range(found.tendon_count):
@@ -351,13 +354,12 @@ def _measurements_tables(found: Measurements, check: TendonCheck | None) -> Iter
         lines.append(f"bend: {fixed(low, 2)} to {fixed(high, 2)} deg")
     if found.sigma is not None:
         lines.append(f"uncertainty: {rounded(1e3 * float(np.median(found.sigma)), 3)} mm")
-    labels, counts = np.unique(found.group, return_counts=True)
-    if len(labels) > 1 or labels[0]:
-        shown_groups = [f"{label or '(none)'} {n}" for label, n in zip(labels, counts, strict=True)]
-        more = f" and {len(labels) - 8} more" if len(labels) > 8 else ""
-        lines.append(f"groups: {', '.join(shown_groups[:8])}{more}")
-    if len(np.unique(found.repeat)) > 1:
-        lines.append(f"repeats: {len(np.unique(found.repeat))}")
+    groups = [f"{label or '(none)'} {n}" for label, n in _groups(found).items()]
+    if groups != [f"(none) {len(found)}"]:
+        more = f" and {len(groups) - 8} more" if len(groups) > 8 else ""
+        lines.append(f"groups: {', '.join(groups[:8])}{more}")
+    if (count := len(np.unique(found.repeat))) > 1:
+        lines.append(f"repeats: {count}")
     if found.recording is not None and (count := len(np.unique(found.recording))) > 1:
         lines.append(f"recordings: {count}, each a path of its own")
     if lines:

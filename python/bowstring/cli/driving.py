@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -45,18 +45,9 @@ def actuated_by(robot: Robot, tension: str | None, pull: str | None, angle: str 
             "how the tendons are driven is missing: give --tension T1,T2,..., --pull P1,P2,... or "
             "--angle A1,A2,..."
         )
-    lists = [
-        None
-        if text is None
-        else per_tendon(flag, text, si, robot, signed=si != "N", dashes=len(given) > 1)
-        for flag, text, si in flags
-    ]
+    lists = _lists(robot, flags, dashes=len(given) > 1)
     for i in range(tendon_count(robot)):
-        said = [
-            flag
-            for (flag, _, _), values in zip(flags, lists, strict=True)
-            if values is not None and values[i] is not None
-        ]
+        said = [flag for flag, values in lists.items() if values and values[i] is not None]
         if len(said) > 1:
             raise InputError(
                 f"tendon {i + 1} has {' and '.join(said)}; write - for it in all but one of them."
@@ -65,7 +56,19 @@ def actuated_by(robot: Robot, tension: str | None, pull: str | None, angle: str 
             raise InputError(
                 f"tendon {i + 1} is driven by nothing; write a number for it in one of the lists."
             )
-    return Load(*lists)
+    return Load(*lists.values())
+
+
+def _lists(
+    robot: Robot, flags: Iterable[tuple[str, str | None, str]], *, dashes: bool
+) -> dict[str, Driven | None]:
+    """Numbers by flag, None for a flag that is not given."""
+    return {
+        flag: None
+        if text is None
+        else per_tendon(flag, text, si, robot, signed=si != "N", dashes=dashes)
+        for flag, text, si in flags
+    }
 
 
 _MOST_HISTORY: Final = 200_000_000  # bytes
@@ -125,12 +128,8 @@ def actuated_over_time(
     """What the flags of `simulate` say of the tendons: over time, at the start, the duration."""
     from bowstring.dynamics.load_history import CLOSEST, Table
 
-    starts = {
-        flag: None
-        if text is None
-        else per_tendon(flag, text, si, robot, signed=si != "N", dashes=True)
-        for (flag, si), text in zip((("--from", "N"), ("--from-pull", "m")), before, strict=True)
-    }
+    begin_at = ("--from", before[0], "N"), ("--from-pull", before[1], "m")
+    starts = _lists(robot, begin_at, dashes=True)
     if table is not None:
         from bowstring.dynamics.load_table import read_drive
 
