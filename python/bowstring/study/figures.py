@@ -260,19 +260,15 @@ def _label_tips(axes: Any, tips: Sequence[tuple[Array, Array, str]], drawn: Arra
         ends, (start, end) = on_page(np.stack([tip, tip + 1e-3 * np.ptp(drawn) * onward]))
         angle = math.atan2(*(end - start)[::-1])
         half = np.array([2.6 * len(text) + 1.0, 5.0])  # of the text, in points
-        best: tuple[int, Array] | None = None
-        for away in (12.0, 16.0, 20.0, 26.0, 32.0):
-            for turn in np.radians([0, 20, -20, 40, -40, 60, -60, 90, -90, 120, -120]):
-                towards = np.array([math.cos(angle + turn), math.sin(angle + turn)])
-                offset = towards * away
-                hidden = int(np.all(np.abs(taken - start - offset) < half, axis=1).sum())
-                if best is None or hidden < best[0]:
-                    best = hidden, offset
-        assert best is not None
+        turns = angle + np.radians([0, 20, -20, 40, -40, 60, -60, 90, -90, 120, -120])
+        ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        offsets = np.concatenate([away * ways for away in (12.0, 16.0, 20.0, 26.0, 32.0)])
+        hidden = [np.all(np.abs(taken - start - each) < half, axis=1).sum() for each in offsets]
+        offset = offsets[int(np.argmin(hidden))]
         axes.annotate(
             text,
             ends[0],
-            xytext=best[1],
+            xytext=offset,
             textcoords="offset points",
             ha="center",
             va="center",
@@ -280,7 +276,7 @@ def _label_tips(axes: Any, tips: Sequence[tuple[Array, Array, str]], drawn: Arra
             zorder=1e3,  # over all disks
             bbox={"facecolor": LIGHT["paper"], "edgecolor": "none", "pad": 0.8},
         )
-        corners = start + best[1] + half * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1], [0, 0]])
+        corners = start + offset + half * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1], [0, 0]])
         taken = np.concatenate([taken, corners])
 
 

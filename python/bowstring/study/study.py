@@ -406,12 +406,8 @@ class Study:
             "verdict": self.verdict.to_dict(),
             "budget": self.budget.to_dict(),
             "figures": [
-                {
-                    "title": f.title,
-                    "caption": f.caption,
-                    "png": f"figures/{f.stem}.png",
-                    "pdf": f"figures/{f.stem}.pdf",
-                }
+                {"title": f.title, "caption": f.caption}
+                | {kind: f"figures/{f.stem}.{kind}" for kind in ("png", "pdf")}
                 for f in self.figures
             ],
             "published_claim": None
