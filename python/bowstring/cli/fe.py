@@ -132,12 +132,9 @@ def fe(
         mass_damping=not_negative("--mass-damping", mass_damping or "0", "1/s"),
     )
     limit: Convergence | None = None
-    run: BrickRun
-    interrupted = False
-    common: dict[str, Any] = {"settings": settings}
-    with progress_bar() as tell:
-        common["progress"] = tell
-        try:
+    try:
+        with progress_bar() as tell:
+            common: dict[str, Any] = {"settings": settings, "progress": tell}
             if study:
                 from bowstring.fem import convergence
 
@@ -148,12 +145,9 @@ def fe(
                 run = ramp(model, last, motion, load=load_, keep=keep, **common)
             else:
                 run = sweep(model, rows, load=load_, keep=keep, **common)
-        except RunInterrupted as stopped:
-            run, interrupted = stopped.run, True
-
-    if interrupted:
-        again = "begins anew" if run.is_motion else "goes on from there"
-        raise Stopped(f"{run.message}; the same command {again}.")
+    except RunInterrupted as stopped:
+        again = "begins anew" if stopped.run.is_motion else "goes on from there"
+        raise Stopped(f"{stopped.run.message}; the same command {again}.") from None
 
     from bowstring.fem.comparison import beside_rod
 

@@ -597,26 +597,24 @@ def _points(
     why = []
     out: dict[str, Array] = {}
     file = predicted(robot, data, theory)
-    sweeps = [(file, "the rod as the robot file has it")]
     if np.any(file.converged):
         out["rod"] = file.tip_position + file.tip_rotation @ data.tool
     else:
         why.append("The rod as the robot file has it has no equilibrium at any row.")
     if calibration is not None:
         out["rod_calibrated"] = calibration.point
-        best = predicted(calibration.robot, data, theory, calibration.gain)
-        sweeps.insert(0, (best, "the calibrated rod"))
-    lengths_of = "measurement"
     if not np.isnan(data.pulls).any():
-        tendons = robot.tendons
-        lengths = robot.disks.station_m[tendons.end_disk] - data.pulls
+        lengths_of = "measurement"
+        lengths = robot.disks.station_m[robot.tendons.end_disk] - data.pulls
     else:
-        sweep, name = sweeps[0]
+        lengths_of, whose, sweep = "rod", "the rod as the robot file has it", file
+        if calibration is not None:
+            lengths_of, whose = "rod_calibrated", "the calibrated rod"
+            sweep = predicted(calibration.robot, data, theory, calibration.gain)
         lengths = sweep.tendon_lengths
-        lengths_of = "rod" if calibration is None else "rod_calibrated"
         why.append(
             "Tendon lengths were not measured: constant curvature from lengths gets those that "
-            f"{name} has at the same commands."
+            f"{whose} has at the same commands."
         )
     fed = {"cc_from_lengths": lengths, "cc_from_lengths_chord": lengths}
     if np.isnan(data.tensions).any():
