@@ -97,7 +97,6 @@ def study(
     from bowstring.study import report
     from bowstring.study.settings import Extras, Loading, Ramp
     from bowstring.study.study import run_study
-    from bowstring.study.terminal import print_study
 
     loading, ramp = Loading(limit, points, pulled), Ramp(seconds, damping)
     extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None)
@@ -129,6 +128,8 @@ def study(
         say("Warning", sentence)
     if as_json:
         return write_json({**found.to_dict(), "folder": folder})
+    from bowstring.study.terminal import print_study
+
     write_rich(lambda console: print_study(found, console, folder))
 
 

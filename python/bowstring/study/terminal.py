@@ -6,6 +6,12 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from rich import box
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
 from bowstring.formatting import in_percent, number, signed
 from bowstring.study.actuation_budget import COMMANDED
 from bowstring.study.comparison import COMPARISONS, MEANINGS, Case, short
@@ -14,9 +20,6 @@ from bowstring.study.study import Study
 from bowstring.study.tables import simulated
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
     from bowstring.study.data_validation import AgainstData
 
 __all__ = ["print_study"]
@@ -35,8 +38,6 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
     folder : Path, optional
         Where the report lies; its path is printed last.
     """
-    from rich.text import Text
-
     robot, settings, loads = study.robot, study.settings, len(study.statics.tension)
     console.print(
         Text.assemble(
@@ -145,8 +146,6 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
 
 def _print_data(found: AgainstData, console: Console) -> None:
     """The verdict on data: errors by model, and its sentences."""
-    from rich.text import Text
-
     from bowstring.study.data_validation import FRAMES
 
     errors = _table(
@@ -176,9 +175,6 @@ _BY_AXIS: Final = ("x mm", "y mm", "z mm")
 
 
 def _table(title: str, columns: Sequence[str]) -> Table:
-    from rich import box
-    from rich.table import Table
-
     out = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for i, column in enumerate(columns):
         out.add_column(column, justify="left" if i == 0 else "right", no_wrap=i > 0)
@@ -186,9 +182,6 @@ def _table(title: str, columns: Sequence[str]) -> Table:
 
 
 def _print_section(console: Console, title: str, sentences: Iterable[str], style: str = "") -> None:
-    from rich.padding import Padding
-    from rich.text import Text
-
     if title:
         console.print(Text(title, style="bold"))
     for sentence in sentences:
@@ -196,7 +189,5 @@ def _print_section(console: Console, title: str, sentences: Iterable[str], style
 
 
 def _print_notes(console: Console, notes: Iterable[str]) -> None:
-    from rich.text import Text
-
     for note in notes:
         console.print(Text(note, style="dim"))
