@@ -209,7 +209,10 @@ class Path:
         self.robot, self.model = robot, model
         self.core = Drive(robot.core, model, robot.tendons, friction)
         if history is not None:
-            self._resume(history)
+            try:
+                self._resume(history)
+            except InputError as error:
+                raise InputError(str(error), argument="history") from None
 
     @property
     def _settings(self) -> dict[str, Any]:
@@ -238,12 +241,6 @@ class Path:
 
     def _resume(self, history: Mapping[str, Any]) -> None:
         """Go on from a history of the same robot and settings."""
-        try:
-            self._resume(history)
-        except InputError as error:
-            raise InputError(str(error), argument="history") from None
-
-    def _resume(self, history: Mapping[str, Any]) -> None:
         if not isinstance(history, Mapping) or "robot_hash" not in history:
             raise InputError(
                 "this is no history: give what the method history() of a solution returned"
