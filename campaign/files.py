@@ -88,8 +88,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
             raise AssertionError("the robot is another one when it is written and read again")
 
     def read_path(file: Path) -> None:
-        path = DrivePath(rough, bs.RodModel(elements=1))
-        path.resume(read_history(file))
+        DrivePath(rough, bs.RodModel(elements=1), read_history(file))
 
     def table(file: Path) -> None:
         bs.read_measurements(file, robot)
