@@ -1,11 +1,10 @@
 //! Constant curvature on arrays: one arc a row. An arc is a row (bend x, bend y, length).
 
+use crate::input::Rows;
 use crate::interrupt::interruptible;
-use bowstring_core::arc::{
-    bend_jacobian, lever_arm_law, linear_law, Arc, Error, Hole, Spans, TendonFit,
-};
+use bowstring_core::arc::{bend_jacobian, lever_arm_law, linear_law, Arc, Error, Spans, TendonFit};
 use bowstring_core::interrupt;
-use numpy::ndarray::{ArrayD, ArrayView1, IxDyn};
+use numpy::ndarray::{ArrayD, IxDyn};
 use numpy::{IntoPyArray, PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
@@ -13,6 +12,7 @@ pyo3::import_exception!(bowstring.errors, InputError);
 pyo3::import_exception!(bowstring.errors, NoSolutionError);
 
 type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+type Column<'py> = PyReadonlyArray1<'py, f64>;
 
 fn raise(error: Error) -> PyErr {
     match error {
@@ -56,28 +56,41 @@ fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>) -> Array<'py> {
         .into_pyarray(py)
 }
 
-fn arc(row: ArrayView1<f64>) -> Arc {
+/// The numbers that `f` gives for every row, as an array of a shape for each.
+fn table<'py, T: IntoIterator<Item = f64> + Send>(
+    py: Python<'py>,
+    rows: usize,
+    shape: &[usize],
+    f: impl Fn(usize) -> Result<T, Error> + Send + Sync,
+) -> PyResult<Array<'py>> {
+    let data = each(py, rows, f)?.into_iter().flatten().collect();
+    Ok(array(py, &[&[rows], shape].concat(), data))
+}
+
+/// Arcs, and a number that goes with each.
+fn arcs_and_numbers<'py>(
+    py: Python<'py>,
+    rows: usize,
+    f: impl Fn(usize) -> Result<(Arc, f64), Error> + Send + Sync,
+) -> PyResult<(Array<'py>, Array<'py>)> {
+    let (arcs, numbers): (Vec<_>, Vec<_>) = each(py, rows, f)?.into_iter().unzip();
+    let arcs = arcs.into_iter().flat_map(row).collect();
+    Ok((array(py, &[rows, 3], arcs), array(py, &[rows], numbers)))
+}
+
+fn arc([x, y, length]: [f64; 3]) -> Arc {
     Arc {
-        bend: [row[0], row[1]],
-        length: row[2],
+        bend: [x, y],
+        length,
     }
 }
 
-fn point(row: ArrayView1<f64>) -> [f64; 3] {
-    [row[0], row[1], row[2]]
-}
-
-fn holes(array: &PyReadonlyArray2<f64>) -> Vec<Hole> {
-    array
-        .as_array()
-        .rows()
-        .into_iter()
-        .map(|row| [row[0], row[1]])
-        .collect()
+fn row(arc: Arc) -> [f64; 3] {
+    [arc.bend[0], arc.bend[1], arc.length]
 }
 
 /// No shares mean curved spans.
-fn spans(shares: &PyReadonlyArray1<f64>) -> PyResult<Spans> {
+fn spans(shares: &Column) -> PyResult<Spans> {
     let shares = shares.as_array().to_vec();
     if shares.is_empty() {
         return Ok(Spans::curved());
@@ -85,89 +98,64 @@ fn spans(shares: &PyReadonlyArray1<f64>) -> PyResult<Spans> {
     Spans::straight(shares).map_err(raise)
 }
 
-fn flat(arcs: &[Arc]) -> Vec<f64> {
-    arcs.iter()
-        .flat_map(|a| [a.bend[0], a.bend[1], a.length])
-        .collect()
-}
-
 #[pyfunction]
 pub fn arc_bend<'py>(
     py: Python<'py>,
-    kappa: PyReadonlyArray1<'py, f64>,
-    phi: PyReadonlyArray1<'py, f64>,
-    length: PyReadonlyArray1<'py, f64>,
+    kappa: Column<'py>,
+    phi: Column<'py>,
+    length: Column<'py>,
 ) -> PyResult<Array<'py>> {
     let (kappa, phi, length) = (kappa.as_array(), phi.as_array(), length.as_array());
-    let n = kappa.len();
-    let arcs = each(py, n, |i| Arc::from_curvature(kappa[i], phi[i], length[i]))?;
-    Ok(array(py, &[n, 3], flat(&arcs)))
+    table(py, kappa.len(), &[3], |i| {
+        Arc::from_curvature(kappa[i], phi[i], length[i]).map(row)
+    })
 }
 
 #[pyfunction]
 pub fn arc_bend_jacobian<'py>(
     py: Python<'py>,
-    kappa: PyReadonlyArray1<'py, f64>,
-    phi: PyReadonlyArray1<'py, f64>,
-    length: PyReadonlyArray1<'py, f64>,
+    kappa: Column<'py>,
+    phi: Column<'py>,
+    length: Column<'py>,
 ) -> PyResult<Array<'py>> {
     let (kappa, phi, length) = (kappa.as_array(), phi.as_array(), length.as_array());
-    let n = kappa.len();
-    let all = each(py, n, |i| Ok(bend_jacobian(kappa[i], phi[i], length[i])))?;
-    Ok(array(py, &[n, 3, 3], all.concat().concat()))
+    table(py, kappa.len(), &[3, 3], |i| {
+        Ok(bend_jacobian(kappa[i], phi[i], length[i])
+            .into_iter()
+            .flatten())
+    })
 }
 
 #[pyfunction]
-pub fn arc_curvature<'py>(
-    py: Python<'py>,
-    arcs: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Array<'py>> {
-    let arcs = arcs.as_array();
-    let n = arcs.nrows();
-    let all = each(py, n, |i| {
-        let (kappa, phi) = arc(arcs.row(i)).curvature();
+pub fn arc_curvature(py: Python<'_>, arcs: Rows<3>) -> PyResult<Array<'_>> {
+    table(py, arcs.len(), &[2], |i| {
+        let (kappa, phi) = arc(arcs[i]).curvature();
         Ok([kappa, phi])
-    })?;
-    Ok(array(py, &[n, 2], all.concat()))
+    })
 }
 
 #[pyfunction]
-pub fn arc_curvature_jacobian<'py>(
-    py: Python<'py>,
-    arcs: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Array<'py>> {
-    let arcs = arcs.as_array();
-    let n = arcs.nrows();
-    let all = each(py, n, |i| {
-        arc(arcs.row(i)).curvature_jacobian().ok_or_else(|| {
-            Error::Input(
-                "the direction of bending has no derivative at a straight arc; use the coordinates \"bend\"".into(),
-            )
-        })
-    })?;
-    Ok(array(py, &[n, 3, 3], all.concat().concat()))
+pub fn arc_curvature_jacobian(py: Python<'_>, arcs: Rows<3>) -> PyResult<Array<'_>> {
+    const NONE: &str = "the direction of bending has no derivative at a straight arc; use the coordinates \"bend\"";
+    table(py, arcs.len(), &[3, 3], |i| {
+        let jacobian = arc(arcs[i]).curvature_jacobian();
+        Ok(jacobian
+            .ok_or(Error::Input(NONE.into()))?
+            .into_iter()
+            .flatten())
+    })
 }
 
 #[pyfunction]
-pub fn arc_part<'py>(
-    py: Python<'py>,
-    arcs: PyReadonlyArray2<'py, f64>,
-    s: PyReadonlyArray1<'py, f64>,
-) -> PyResult<Array<'py>> {
-    let (arcs, s) = (arcs.as_array(), s.as_array());
-    let n = arcs.nrows();
-    let parts = each(py, n, |i| arc(arcs.row(i)).part(s[i]))?;
-    Ok(array(py, &[n, 3], flat(&parts)))
+pub fn arc_part<'py>(py: Python<'py>, arcs: Rows<3>, s: Column<'py>) -> PyResult<Array<'py>> {
+    let s = s.as_array();
+    table(py, arcs.len(), &[3], |i| arc(arcs[i]).part(s[i]).map(row))
 }
 
 #[pyfunction]
-pub fn arc_pose<'py>(
-    py: Python<'py>,
-    arcs: PyReadonlyArray2<'py, f64>,
-) -> PyResult<(Array<'py>, Array<'py>)> {
-    let arcs = arcs.as_array();
-    let n = arcs.nrows();
-    let poses = each(py, n, |i| Ok(arc(arcs.row(i)).pose()))?;
+pub fn arc_pose(py: Python<'_>, arcs: Rows<3>) -> PyResult<(Array<'_>, Array<'_>)> {
+    let n = arcs.len();
+    let poses = each(py, n, |i| Ok(arc(arcs[i]).pose()))?;
     let positions = poses.iter().flat_map(|p| p.position).collect();
     let rotations = poses.iter().flat_map(|p| p.rotation.concat()).collect();
     Ok((
@@ -177,53 +165,38 @@ pub fn arc_pose<'py>(
 }
 
 #[pyfunction]
-pub fn arc_pose_jacobian<'py>(
-    py: Python<'py>,
-    arcs: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Array<'py>> {
-    let arcs = arcs.as_array();
-    let n = arcs.nrows();
-    let all = each(py, n, |i| Ok(arc(arcs.row(i)).pose_jacobian()))?;
-    Ok(array(py, &[n, 6, 3], all.concat().concat()))
+pub fn arc_pose_jacobian(py: Python<'_>, arcs: Rows<3>) -> PyResult<Array<'_>> {
+    table(py, arcs.len(), &[6, 3], |i| {
+        Ok(arc(arcs[i]).pose_jacobian().into_iter().flatten())
+    })
 }
 
 #[pyfunction]
 pub fn arc_lengths<'py>(
     py: Python<'py>,
-    arcs: PyReadonlyArray2<'py, f64>,
-    hole: PyReadonlyArray2<'py, f64>,
-    shares: PyReadonlyArray1<'py, f64>,
+    arcs: Rows<3>,
+    hole: Rows<2>,
+    shares: Column<'py>,
 ) -> PyResult<Array<'py>> {
-    let (hole, spans) = (holes(&hole), spans(&shares)?);
-    let arcs = arcs.as_array();
-    let n = arcs.nrows();
-    let all = each(py, n, |i| {
-        let arc = arc(arcs.row(i));
-        hole.iter()
-            .map(|h| arc.tendon_length(*h, &spans))
-            .collect::<Result<Vec<f64>, Error>>()
-    })?;
-    Ok(array(py, &[n, hole.len()], all.concat()))
+    let spans = spans(&shares)?;
+    table(py, arcs.len(), &[hole.len()], |i| {
+        let lengths = hole.iter().map(|h| arc(arcs[i]).tendon_length(*h, &spans));
+        lengths.collect::<Result<Vec<f64>, Error>>()
+    })
 }
 
 #[pyfunction]
 pub fn arc_lengths_jacobian<'py>(
     py: Python<'py>,
-    arcs: PyReadonlyArray2<'py, f64>,
-    hole: PyReadonlyArray2<'py, f64>,
-    shares: PyReadonlyArray1<'py, f64>,
+    arcs: Rows<3>,
+    hole: Rows<2>,
+    shares: Column<'py>,
 ) -> PyResult<Array<'py>> {
-    let (hole, spans) = (holes(&hole), spans(&shares)?);
-    let arcs = arcs.as_array();
-    let n = arcs.nrows();
-    let all = each(py, n, |i| {
-        let arc = arc(arcs.row(i));
-        Ok(hole
-            .iter()
-            .flat_map(|h| arc.tendon_length_jacobian(*h, &spans))
-            .collect::<Vec<f64>>())
-    })?;
-    Ok(array(py, &[n, hole.len(), 3], all.concat()))
+    let spans = spans(&shares)?;
+    table(py, arcs.len(), &[hole.len(), 3], |i| {
+        let by_hole = |h: &[f64; 2]| arc(arcs[i]).tendon_length_jacobian(*h, &spans);
+        Ok(hole.iter().flat_map(by_hole).collect::<Vec<f64>>())
+    })
 }
 
 /// Arcs and misfits; `length` holds the arcs' lengths.
@@ -231,36 +204,31 @@ pub fn arc_lengths_jacobian<'py>(
 pub fn arc_fit<'py>(
     py: Python<'py>,
     lengths: PyReadonlyArray2<'py, f64>,
-    hole: PyReadonlyArray2<'py, f64>,
-    shares: PyReadonlyArray1<'py, f64>,
-    length: Option<PyReadonlyArray1<'py, f64>>,
+    hole: Rows<2>,
+    shares: Column<'py>,
+    length: Option<Column<'py>>,
 ) -> PyResult<(Array<'py>, Array<'py>)> {
-    let fit = TendonFit::new(&holes(&hole), spans(&shares)?, length.is_some()).map_err(raise)?;
+    let fit = TendonFit::new(&hole, spans(&shares)?, length.is_some()).map_err(raise)?;
     let held = length.as_ref().map(|l| l.as_array());
     let lengths = lengths.as_array();
-    let n = lengths.nrows();
-    let all = each(py, n, |i| {
+    arcs_and_numbers(py, lengths.nrows(), |i| {
         fit.fit(&lengths.row(i).to_vec(), held.map(|l| l[i]))
-    })?;
-    let (arcs, misfits): (Vec<Arc>, Vec<f64>) = all.into_iter().unzip();
-    Ok((array(py, &[n, 3], flat(&arcs)), array(py, &[n], misfits)))
+    })
 }
 
 /// Derivative of the fitted arcs by the tendon lengths, at arcs that [`arc_fit`] gave.
 #[pyfunction]
 pub fn arc_fit_jacobian<'py>(
     py: Python<'py>,
-    arcs: PyReadonlyArray2<'py, f64>,
-    hole: PyReadonlyArray2<'py, f64>,
-    shares: PyReadonlyArray1<'py, f64>,
+    arcs: Rows<3>,
+    hole: Rows<2>,
+    shares: Column<'py>,
     hold_length: bool,
 ) -> PyResult<Array<'py>> {
-    let hole = holes(&hole);
     let fit = TendonFit::new(&hole, spans(&shares)?, hold_length).map_err(raise)?;
-    let arcs = arcs.as_array();
-    let n = arcs.nrows();
-    let all = each(py, n, |i| Ok(fit.jacobian(&arc(arcs.row(i))).concat()))?;
-    Ok(array(py, &[n, 3, hole.len()], all.concat()))
+    table(py, arcs.len(), &[3, hole.len()], |i| {
+        Ok(fit.jacobian(&arc(arcs[i])).concat())
+    })
 }
 
 /// Arcs by the linear law, or with the mean lever arm where `modules` is given.
@@ -268,45 +236,38 @@ pub fn arc_fit_jacobian<'py>(
 pub fn arc_from_tensions<'py>(
     py: Python<'py>,
     tensions: PyReadonlyArray2<'py, f64>,
-    hole: PyReadonlyArray2<'py, f64>,
-    length: PyReadonlyArray1<'py, f64>,
-    bending_stiffness: PyReadonlyArray1<'py, f64>,
+    hole: Rows<2>,
+    length: Column<'py>,
+    bending_stiffness: Column<'py>,
     modules: Option<usize>,
 ) -> PyResult<Array<'py>> {
-    let hole = holes(&hole);
     let (tensions, length) = (tensions.as_array(), length.as_array());
     let stiffness = bending_stiffness.as_array();
-    let n = tensions.nrows();
-    let arcs = each(py, n, |i| {
+    table(py, tensions.nrows(), &[3], |i| {
         let t = tensions.row(i).to_vec();
-        match modules {
+        let arc = match modules {
             None => linear_law(&t, &hole, length[i], stiffness[i]),
             Some(m) => lever_arm_law(&t, &hole, length[i], stiffness[i], m),
-        }
-    })?;
-    Ok(array(py, &[n, 3], flat(&arcs)))
+        };
+        arc.map(row)
+    })
 }
 
 #[pyfunction]
-pub fn arc_through<'py>(
-    py: Python<'py>,
-    positions: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Array<'py>> {
-    let positions = positions.as_array();
-    let n = positions.nrows();
-    let arcs = each(py, n, |i| Arc::through(point(positions.row(i))))?;
-    Ok(array(py, &[n, 3], flat(&arcs)))
+pub fn arc_through(py: Python<'_>, positions: Rows<3>) -> PyResult<Array<'_>> {
+    table(py, positions.len(), &[3], |i| {
+        Arc::through(positions[i]).map(row)
+    })
 }
 
 #[pyfunction]
 pub fn arc_nearest<'py>(
     py: Python<'py>,
-    positions: PyReadonlyArray2<'py, f64>,
-    length: PyReadonlyArray1<'py, f64>,
+    positions: Rows<3>,
+    length: Column<'py>,
 ) -> PyResult<(Array<'py>, Array<'py>)> {
-    let (positions, length) = (positions.as_array(), length.as_array());
-    let n = positions.nrows();
-    let all = each(py, n, |i| Arc::nearest(point(positions.row(i)), length[i]))?;
-    let (arcs, misses): (Vec<Arc>, Vec<f64>) = all.into_iter().unzip();
-    Ok((array(py, &[n, 3], flat(&arcs)), array(py, &[n], misses)))
+    let length = length.as_array();
+    arcs_and_numbers(py, positions.len(), |i| {
+        Arc::nearest(positions[i], length[i])
+    })
 }

@@ -2,9 +2,12 @@
 
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
-use numpy::{PyArrayDescrMethods, PyReadonlyArray1, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::ndarray::ArrayView1;
+use numpy::{
+    PyArrayDescrMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyList, PyTuple};
+use pyo3::types::{IntoPyDict, PyBool, PyList, PyTuple};
 
 mod raised {
     pyo3::import_exception!(bowstring.errors, InputError);
@@ -21,11 +24,9 @@ pub(crate) fn input_error(e: InputError) -> PyErr {
         return refused(sentence);
     };
     let raised = Python::attach(|py| {
-        let parts = PyDict::new(py);
-        parts.set_item("argument", argument)?;
+        let parts = [("argument", argument), ("value", &value), ("rule", &rule)];
+        let parts = parts.into_py_dict(py)?;
         parts.set_item("index", index)?;
-        parts.set_item("value", value)?;
-        parts.set_item("rule", rule)?;
         let error = py.get_type::<raised::InputError>();
         let made = error.call((sentence,), Some(&parts))?;
         PyResult::Ok(PyErr::from_value(made))
@@ -48,16 +49,22 @@ pub(crate) fn numbers(
             "{name} has {len} numbers, it must have {count}, in {unit}"
         ))
     };
-    let array = if value.cast::<PyUntypedArray>().is_ok() {
-        Some(value.clone())
-    } else if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
-        None
-    } else if value.hasattr("__array__")? {
-        Some(value.call_method0("__array__")?)
-    } else {
-        None
-    };
-    let found = if let Some(array) = array {
+    let is_array = value.cast::<PyUntypedArray>().is_ok();
+    let listed = value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>();
+    let found = if listed {
+        let len = value.len()?;
+        if len != count && len > SHORT {
+            return Err(wrong_count(len));
+        }
+        match has_truth(value)? {
+            true => None,
+            false => value.extract::<Vec<f64>>().ok(),
+        }
+    } else if is_array || value.hasattr("__array__")? {
+        let array = match is_array {
+            true => value.clone(),
+            false => value.call_method0("__array__")?,
+        };
         let shape = array.cast::<PyUntypedArray>().map(|a| a.shape().to_vec());
         match shape.as_deref() {
             Ok([len]) if *len != count && *len > SHORT => return Err(wrong_count(*len)),
@@ -78,15 +85,6 @@ pub(crate) fn numbers(
             }
             _ => None,
         }
-    } else if value.is_instance_of::<PyList>() || value.is_instance_of::<PyTuple>() {
-        let len = value.len()?;
-        if len != count && len > SHORT {
-            return Err(wrong_count(len));
-        }
-        match has_truth(value)? {
-            true => None,
-            false => value.extract::<Vec<f64>>().ok(),
-        }
     } else {
         None
     };
@@ -104,6 +102,31 @@ pub(crate) fn numbers(
 #[pyfunction]
 pub fn check_memory(bytes: f64, what: &str, cure: &str) -> PyResult<()> {
     memory::check(bytes, || what.into(), cure).map_err(input_error)
+}
+
+/// Rows of `N` numbers, from an array of two dimensions.
+pub(crate) struct Rows<const N: usize>(Vec<[f64; N]>);
+
+impl<const N: usize> FromPyObject<'_, '_> for Rows<N> {
+    type Error = PyErr;
+
+    fn extract(value: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        let array = value.extract::<PyReadonlyArray2<f64>>()?;
+        let array = array.as_array();
+        if array.ncols() != N {
+            return Err(refused(format!("rows must have {N} numbers")));
+        }
+        let row = |row: ArrayView1<f64>| std::array::from_fn(|q| row[q]);
+        Ok(Rows(array.rows().into_iter().map(row).collect()))
+    }
+}
+
+impl<const N: usize> std::ops::Deref for Rows<N> {
+    type Target = [[f64; N]];
+
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
 }
 
 /// Whether a list or a tuple has True or False in it.
