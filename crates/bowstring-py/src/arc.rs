@@ -1,17 +1,15 @@
 //! Constant curvature on arrays: one arc a row. An arc is a row (bend x, bend y, length).
 
-use crate::input::Rows;
+use crate::input::{array, Array, Rows};
 use crate::interrupt::interruptible;
 use bowstring_core::arc::{bend_jacobian, lever_arm_law, linear_law, Arc, Error, Spans, TendonFit};
 use bowstring_core::interrupt;
-use numpy::ndarray::{ArrayD, IxDyn};
-use numpy::{IntoPyArray, PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 pyo3::import_exception!(bowstring.errors, InputError);
 pyo3::import_exception!(bowstring.errors, NoSolutionError);
 
-type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 type Column<'py> = PyReadonlyArray1<'py, f64>;
 
 fn raise(error: Error) -> PyErr {
@@ -50,12 +48,6 @@ fn each<T: Send>(
     .map_err(raise)
 }
 
-fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>) -> Array<'py> {
-    ArrayD::from_shape_vec(IxDyn(shape), data)
-        .expect("the data fill the shape")
-        .into_pyarray(py)
-}
-
 /// The numbers that `f` gives for every row, as an array of a shape for each.
 fn table<'py, T: IntoIterator<Item = f64> + Send>(
     py: Python<'py>,
@@ -64,7 +56,7 @@ fn table<'py, T: IntoIterator<Item = f64> + Send>(
     f: impl Fn(usize) -> Result<T, Error> + Send + Sync,
 ) -> PyResult<Array<'py>> {
     let data = each(py, rows, f)?.into_iter().flatten().collect();
-    Ok(array(py, &[&[rows], shape].concat(), data))
+    Ok(array(py, data, &[&[rows], shape].concat()))
 }
 
 /// Arcs, and a number that goes with each.
@@ -75,7 +67,7 @@ fn arcs_and_numbers<'py>(
 ) -> PyResult<(Array<'py>, Array<'py>)> {
     let (arcs, numbers): (Vec<_>, Vec<_>) = each(py, rows, f)?.into_iter().unzip();
     let arcs = arcs.into_iter().flat_map(row).collect();
-    Ok((array(py, &[rows, 3], arcs), array(py, &[rows], numbers)))
+    Ok((array(py, arcs, &[rows, 3]), array(py, numbers, &[rows])))
 }
 
 fn arc([x, y, length]: [f64; 3]) -> Arc {
@@ -159,8 +151,8 @@ pub fn arc_pose(py: Python<'_>, arcs: Rows<3>) -> PyResult<(Array<'_>, Array<'_>
     let positions = poses.iter().flat_map(|p| p.position).collect();
     let rotations = poses.iter().flat_map(|p| p.rotation.concat()).collect();
     Ok((
-        array(py, &[n, 3], positions),
-        array(py, &[n, 3, 3], rotations),
+        array(py, positions, &[n, 3]),
+        array(py, rotations, &[n, 3, 3]),
     ))
 }
 

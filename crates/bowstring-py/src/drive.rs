@@ -1,16 +1,16 @@
 //! Robots driven by pulls, and tendons that rub: `Drive`, one step of a path after another.
 
-use crate::input::{input_error, numbers, refused, three};
+use crate::input::{array, copied, input_error, numbers, refused, three, Rows};
 use crate::interrupt::interruptible;
 use crate::model::{DeadLoad, Lines, OwnLoads, RodModel};
-use crate::rod::{array, check_rows, Answer, Driven, Robot, Solution, State};
+use crate::rod::{check_rows, column, Answer, Driven, Robot, Solution, State};
 use bowstring_core::model::load::Load;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::statics::path::{self, Command};
 use bowstring_core::statics::path_batch::{self, PathSolutions, Steps};
 use bowstring_core::statics::solver::{Outcome, Status};
-use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use numpy::{PyReadonlyArray, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -38,7 +38,7 @@ impl Drive {
         tendons: Lines<'_>,
         friction: bool,
     ) -> PyResult<Self> {
-        let settings = model.settings();
+        let settings = model.0;
         let inner = &robot.get().inner;
         let lines = tendons.lines(inner.tendon_count(), friction)?;
         let drive = interruptible(robot.py(), || {
@@ -88,22 +88,22 @@ impl Drive {
             slack: self.inner.slack().to_vec(),
             spans: self.inner.span_tensions(),
         });
-        Ok(Solution::driven_one(
-            self.robot.clone_ref(py),
-            Settings {
+        Ok(Solution {
+            robot: self.robot.clone_ref(py),
+            settings: Settings {
                 elements: Some(self.inner.solver().elements()),
                 ..self.settings
             },
             load,
-            Outcome::from(&found),
+            outcome: Outcome::from(&found),
             answer,
-            Driven {
+            driven: Some(Box::new(Driven {
                 pulled,
                 commands,
                 found,
                 state,
-            },
-        ))
+            })),
+        })
     }
 
     /// Many steps: each from the one before or, with `threads` (0: one for each core), each from
@@ -149,11 +149,7 @@ impl Drive {
         let now = self.inner.history();
         let (n, m) = (self.inner.robot().module_count(), now.tensions.len());
         let out = PyDict::new(py);
-        out.set_item("tensions", PyArray1::from_slice(py, &now.tensions))?;
-        let table = |v: &[f64]| PyArray1::from_slice(py, v).reshape([n, m]);
-        out.set_item("drops", table(&now.drops)?)?;
-        out.set_item("spans", table(&now.spans)?)?;
-        let (pulled, commands): (Vec<bool>, Vec<f64>) = now
+        let (pulled, commands): (Vec<_>, Vec<_>) = now
             .commands
             .iter()
             .map(|c| match *c {
@@ -161,16 +157,22 @@ impl Drive {
                 Command::Tension(t) => (false, t),
             })
             .unzip();
-        out.set_item("pulled", PyArray1::from_slice(py, &pulled))?;
-        out.set_item("commands", PyArray1::from_slice(py, &commands))?;
-        for (name, v) in ["gravity", "tip_force", "tip_moment"].iter().zip(&now.load) {
-            out.set_item(name, PyArray1::from_slice(py, v))?;
-        }
+        let [gravity, tip_force, tip_moment] = &now.load;
         let strain = self.inner.strain();
-        let flat: Vec<f64> = strain.iter().flatten().copied().collect();
-        let slips = self.inner.slips().into_pyarray(py).reshape([n, m])?;
-        out.set_item("slips", slips)?;
-        out.set_item("strain", flat.into_pyarray(py).reshape([strain.len(), 3])?)?;
+        for (name, values, shape) in [
+            ("tensions", &now.tensions[..], &[m][..]),
+            ("drops", &now.drops, &[n, m]),
+            ("spans", &now.spans, &[n, m]),
+            ("commands", &commands, &[m]),
+            ("gravity", gravity, &[3]),
+            ("tip_force", tip_force, &[3]),
+            ("tip_moment", tip_moment, &[3]),
+            ("strain", strain.as_flattened(), &[strain.len(), 3]),
+        ] {
+            out.set_item(name, copied(py, values, shape))?;
+        }
+        out.set_item("pulled", copied(py, &pulled, &[m]))?;
+        out.set_item("slips", array(py, self.inner.slips(), &[n, m]))?;
         Ok(out)
     }
 
@@ -178,9 +180,12 @@ impl Drive {
     fn resume(&mut self, history: History<'_>) -> PyResult<()> {
         let pulled: Vec<bool> = flat(&history.pulled);
         let commands: Vec<f64> = flat(&history.commands);
-        if pulled.len() != commands.len() || history.strain.shape()[1] != 3 {
+        let (true, Ok(strain)) = (
+            pulled.len() == commands.len(),
+            history.strain.extract::<Rows<3>>(),
+        ) else {
             return Err(refused("the history does not belong to this robot"));
-        }
+        };
         let load = Load {
             tensions: &[],
             gravity: three(&history.gravity, "gravity", "m/s^2")?,
@@ -188,13 +193,6 @@ impl Drive {
             tip_moment: three(&history.tip_moment, "tip_moment", "N m")?,
         };
         let given = path_batch::commands(&pulled, &commands);
-        let rows: Vec<[f64; 3]> = history
-            .strain
-            .as_array()
-            .rows()
-            .into_iter()
-            .map(|r| [r[0], r[1], r[2]])
-            .collect();
         self.inner
             .resume(
                 &flat(&history.tensions),
@@ -203,7 +201,7 @@ impl Drive {
                 &given,
                 &load,
             )
-            .and_then(|()| self.inner.start_from(&rows, &flat(&history.slips)))
+            .and_then(|()| self.inner.start_from(&strain, &flat(&history.slips)))
             .map_err(input_error)
     }
 }
@@ -220,7 +218,7 @@ struct History<'py> {
     gravity: Bound<'py, PyAny>,
     tip_force: Bound<'py, PyAny>,
     tip_moment: Bound<'py, PyAny>,
-    strain: PyReadonlyArray2<'py, f64>,
+    strain: Bound<'py, PyAny>,
     slips: PyReadonlyArray2<'py, i8>,
 }
 
@@ -240,21 +238,18 @@ fn arrays<'py>(
     let (count, m) = (found.details.len(), robot.inner.tendon_count());
     let n = robot.inner.module_count();
     let out = robot.arrays(py, found.poses, disks)?;
-    out.set_item("tensions", array(py, found.tensions, [count, m])?)?;
-    out.set_item("pulls", array(py, found.displacements, [count, m])?)?;
-    out.set_item("slack_lengths", array(py, found.slack, [count, m])?)?;
-    out.set_item(
-        "span_tensions",
-        array(py, found.span_tensions, [count, n, m])?,
-    )?;
-    let undetermined = found.details.iter().map(|row| row.undetermined).collect();
-    out.set_item("undetermined", array(py, undetermined, [count])?)?;
-    let lacks = found
-        .details
-        .iter()
-        .map(|row| row.length_residual)
-        .collect();
-    out.set_item("length_residual", array(py, lacks, [count])?)?;
+    for (name, values, shape) in [
+        ("tensions", found.tensions, &[count, m][..]),
+        ("pulls", found.displacements, &[count, m]),
+        ("slack_lengths", found.slack, &[count, m]),
+        ("span_tensions", found.span_tensions, &[count, n, m]),
+    ] {
+        out.set_item(name, array(py, values, shape))?;
+    }
+    let undetermined = column(py, &found.details, |row| row.undetermined);
+    out.set_item("undetermined", undetermined)?;
+    let lacks = column(py, &found.details, |row| row.length_residual);
+    out.set_item("length_residual", lacks)?;
     // of the rows that have one
     let conflicts = PyDict::new(py);
     for (i, row) in found.details.into_iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use crate::drive::Drive;
 use crate::fields::Records;
-use crate::input::{input_error, numbers, refused, three};
+use crate::input::{array, copied, input_error, numbers, refused, three, Array, Rows};
 use crate::interrupt::interruptible;
 use crate::model::{self, DeadLoad, RodModel};
 use crate::rod::Robot;
@@ -10,12 +10,9 @@ use bowstring_core::dynamics::integrator::{
     self, Count, Damping, Energies, Fields, Integrator, Step, Stop,
 };
 use bowstring_core::dynamics::modal;
-use bowstring_core::model::load::Load;
+use bowstring_core::model::load::{Load, OwnedLoad};
 use bowstring_core::statics::solver::Status;
-use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArray1,
-    PyReadonlyArray2, PyUntypedArrayMethods,
-};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::{Duration, Instant};
@@ -77,7 +74,7 @@ impl Simulator {
                 },
             },
         };
-        let (model, elements) = (model.model(), model.elements_or_one());
+        let (model, elements) = (model.0.model, model.elements_or_one());
         let tendons = robot.tendon_count();
         let inner =
             integrator::Simulator::new(robot, model, elements, settings).map_err(input_error)?;
@@ -126,14 +123,9 @@ impl Simulator {
         tip_force: &Bound<'_, PyAny>,
         tip_moment: &Bound<'_, PyAny>,
     ) -> PyResult<&'static str> {
-        let load = Load {
-            tensions: &self.tensions(tensions)?,
-            gravity: [0.0; 3],
-            tip_force: three(tip_force, "tip_force", "N")?,
-            tip_moment: three(tip_moment, "tip_moment", "N m")?,
-        };
-        let outcome =
-            interruptible(tensions.py(), || self.inner.rest(&load))?.map_err(input_error)?;
+        let load = self.load(tensions, tip_force, tip_moment)?;
+        let outcome = interruptible(tensions.py(), || self.inner.rest(&load.borrow()))?
+            .map_err(input_error)?;
         if outcome.status == Status::Converged && !self.inner.is_ready() {
             return Ok("unsettled");
         }
@@ -154,12 +146,7 @@ impl Simulator {
         if forces.shape()[1] != 3 {
             return Err(refused("disk forces must have three columns"));
         }
-        let rows: Vec<_> = forces
-            .as_array()
-            .rows()
-            .into_iter()
-            .map(|r| [r[0], r[1], r[2]])
-            .collect();
+        let rows = forces.extract::<Rows<3>>()?;
         let stop = interruptible(forces.py(), || {
             self.inner.rest_with_disk_forces(&rows, increments)
         })?;
@@ -178,13 +165,8 @@ impl Simulator {
         tip_force: &Bound<'_, PyAny>,
         tip_moment: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
-        let load = Load {
-            tensions: &self.tensions(tensions)?,
-            gravity: [0.0; 3],
-            tip_force: three(tip_force, "tip_force", "N")?,
-            tip_moment: three(tip_moment, "tip_moment", "N m")?,
-        };
-        self.inner.jump(&load).map_err(input_error)
+        let load = self.load(tensions, tip_force, tip_moment)?;
+        self.inner.jump(&load.borrow()).map_err(input_error)
     }
 
     /// Through stretches of time, one a row, in which the load goes in a straight line to that
@@ -267,25 +249,13 @@ impl Simulator {
     }
 
     /// Output times (K,) and position and velocity (K, 3) of the tip.
-    #[allow(clippy::type_complexity)]
-    fn tip<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<(
-        Bound<'py, PyArray1<f64>>,
-        Bound<'py, PyArrayDyn<f64>>,
-        Bound<'py, PyArrayDyn<f64>>,
-    )> {
-        let shape = [self.times.len(), 3];
-        let vectors = |v: &[f64]| {
-            let flat = PyArray1::from_slice(py, v);
-            flat.reshape(shape).map(|a| a.to_dyn().clone())
-        };
-        Ok((
-            PyArray1::from_slice(py, &self.times),
-            vectors(&self.tip_position)?,
-            vectors(&self.tip_velocity)?,
-        ))
+    fn tip<'py>(&self, py: Python<'py>) -> (Array<'py>, Array<'py>, Array<'py>) {
+        let count = self.times.len();
+        (
+            copied(py, &self.times, &[count]),
+            copied(py, &self.tip_position, &[count, 3]),
+            copied(py, &self.tip_velocity, &[count, 3]),
+        )
     }
 
     /// Gives away the fields of all output times that have not gone to a file.
@@ -329,7 +299,7 @@ impl Simulator {
             ("span_tension", fields.span_tension, &[n, m]),
         ] {
             let shape = [&[times], shape].concat();
-            out.set_item(name, values.into_pyarray(py).reshape(shape)?)?;
+            out.set_item(name, array(py, values, &shape))?;
         }
         Ok(out)
     }
@@ -376,8 +346,19 @@ impl Simulator {
 }
 
 impl Simulator {
-    fn tensions(&self, given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-        numbers(given, "tensions", "N", self.inner.robot().tendon_count())
+    fn load(
+        &self,
+        tensions: &Bound<'_, PyAny>,
+        tip_force: &Bound<'_, PyAny>,
+        tip_moment: &Bound<'_, PyAny>,
+    ) -> PyResult<OwnedLoad> {
+        let count = self.inner.robot().tendon_count();
+        Ok(OwnedLoad {
+            tensions: numbers(tensions, "tensions", "N", count)?,
+            gravity: [0.0; 3],
+            tip_force: three(tip_force, "tip_force", "N")?,
+            tip_moment: three(tip_moment, "tip_moment", "N m")?,
+        })
     }
 
     /// Keeps what there is to say of now, or has it written; each time only once, so that a motion
@@ -442,8 +423,8 @@ pub struct Flexibility {
 impl Flexibility {
     /// Mass of every freedom (K,), kg and kg m^2.
     #[getter]
-    fn masses<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.inner.masses)
+    fn masses<'py>(&self, py: Python<'py>) -> Array<'py> {
+        copied(py, &self.inner.masses, &[self.inner.masses.len()])
     }
 
     /// Mass points of a module.
@@ -457,7 +438,7 @@ impl Flexibility {
         &mut self,
         py: Python<'py>,
         forces: PyReadonlyArray1<'py, f64>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    ) -> PyResult<Array<'py>> {
         if forces.len() != self.inner.masses.len() {
             return Err(refused(format!(
                 "there are {} forces, there must be {}, one for each mass",
@@ -467,14 +448,14 @@ impl Flexibility {
         }
         let forces: Vec<_> = forces.as_array().iter().copied().collect();
         let moved = interruptible(py, || self.inner.apply(&forces))?;
-        Ok(moved.into_pyarray(py))
+        Ok(array(py, moved, &[forces.len()]))
     }
 
     /// Displacement (row) by unit force (column), (K, K).
-    fn matrix<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn matrix<'py>(&mut self, py: Python<'py>) -> PyResult<Array<'py>> {
         let size = self.inner.masses.len();
         let matrix = interruptible(py, || self.inner.matrix())?.map_err(input_error)?;
-        matrix.into_pyarray(py).reshape([size, size])
+        Ok(array(py, matrix, &[size, size]))
     }
 }
 
@@ -498,7 +479,7 @@ pub fn flexibility<'py>(
     let robot = &robot.inner;
     let tensions = numbers(tensions, "tensions", "N", robot.tendon_count())?;
     let load = load.with(robot, tensions)?;
-    let (model, elements) = (model.model(), model.elements_or_one());
+    let (model, elements) = (model.0.model, model.elements_or_one());
     let (outcome, found) = interruptible(py, || {
         modal::flexibility(robot, model, elements, &load.borrow())
     })?

@@ -1,6 +1,6 @@
 //! Fields of a run: strain and stress of sections, and the records of its file.
 
-use crate::input::{input_error, refused};
+use crate::input::{array, input_error, refused, Array};
 use crate::interrupt::interruptible;
 use bowstring_core::dynamics::integrator::Fields;
 use bowstring_core::dynamics::records;
@@ -8,8 +8,8 @@ use bowstring_core::memory;
 use bowstring_core::model::robot::Robot;
 use bowstring_core::stress::{self, Section, Sections};
 use numpy::{
-    IntoPyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArrayDyn, PyUntypedArrayMethods,
+    PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn,
+    PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
@@ -21,7 +21,7 @@ pub fn von_mises<'py>(
     py: Python<'py>,
     sigma: PyReadonlyArray2<'py, f64>,
     tau: PyReadonlyArray2<'py, f64>,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Array<'py>> {
     let count = sigma.shape()[1];
     if sigma.shape() != [3, count] || tau.shape() != [3, count] {
         return Err(refused("stress coefficients must be two arrays (3, K)"));
@@ -30,9 +30,7 @@ pub fn von_mises<'py>(
     check_sections(count, 3 + 6)?;
     let (sigma, tau) = (sigma.to_vec(), tau.to_vec());
     let out = interruptible(py, || stress::von_mises(&sigma, &tau))?;
-    out.into_pyarray(py)
-        .reshape([3, count])
-        .map(|a| a.to_dyn().clone())
+    Ok(array(py, out, &[3, count]))
 }
 
 /// Coefficients (2, 3, ...) of normal and shear stress around sections, Pa, from force and moment
@@ -43,7 +41,7 @@ pub fn surface_stress<'py>(
     sections: PyReadonlyArray2<'py, f64>,
     force: PyReadonlyArrayDyn<'py, f64>,
     moment: PyReadonlyArrayDyn<'py, f64>,
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+) -> PyResult<Array<'py>> {
     let sections = sections_of(&sections)?;
     let mut shape = vec![2, 3];
     shape.extend(outer_shape(&sections, [&force, &moment])?);
@@ -51,7 +49,7 @@ pub fn surface_stress<'py>(
     let total = force.len() / 3;
     check_sections(total, 6)?;
     let out = interruptible(py, || stress::surface_stress(&sections, force, moment))?;
-    out.into_pyarray(py).reshape(shape)
+    Ok(array(py, out, &shape))
 }
 
 /// Strain and stress of sections as a dict of arrays (T, P) and (T, P, 3), named as the fields of a
@@ -97,7 +95,7 @@ pub fn derive<'py>(
         ("von_mises_angle", found.angle, &shape),
         ("von_mises_place", found.place, &vector),
     ] {
-        out.set_item(name, values.into_pyarray(py).reshape(shape.as_slice())?)?;
+        out.set_item(name, array(py, values, shape))?;
     }
     Ok(out)
 }

@@ -1,10 +1,11 @@
-//! Arguments from Python, checked: each refusal is a sentence.
+//! Arguments from Python, checked: each refusal is a sentence; and arrays to Python.
 
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
-use numpy::ndarray::ArrayView1;
+use numpy::ndarray::{ArrayD, ArrayView1, ArrayViewD};
 use numpy::{
-    PyArrayDescrMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
+    Element, IntoPyArray, PyArrayDescrMethods, PyArrayDyn, PyReadonlyArray1, PyReadonlyArray2,
+    PyUntypedArray, PyUntypedArrayMethods, ToPyArray,
 };
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyBool, PyList, PyTuple};
@@ -102,6 +103,33 @@ pub(crate) fn numbers(
 #[pyfunction]
 pub fn check_memory(bytes: f64, what: &str, cure: &str) -> PyResult<()> {
     memory::check(bytes, || what.into(), cure).map_err(input_error)
+}
+
+pub(crate) type Array<'py, T = f64> = Bound<'py, PyArrayDyn<T>>;
+
+/// Array of a shape that the values fill. A small one is copied, which takes less time than to hand
+/// it over.
+pub(crate) fn array<'py, T: Element + Copy>(
+    py: Python<'py>,
+    values: Vec<T>,
+    shape: &[usize],
+) -> Array<'py, T> {
+    const SMALL: usize = 4096;
+    if values.len() <= SMALL {
+        return copied(py, &values, shape);
+    }
+    let owned = ArrayD::from_shape_vec(shape, values);
+    owned.expect("the values fill the shape").into_pyarray(py)
+}
+
+/// A copy of values as an array of a shape that they fill.
+pub(crate) fn copied<'py, T: Element + Copy>(
+    py: Python<'py>,
+    values: &[T],
+    shape: &[usize],
+) -> Array<'py, T> {
+    let view = ArrayViewD::from_shape(shape, values);
+    view.expect("the values fill the shape").to_pyarray(py)
 }
 
 /// Rows of `N` numbers, from an array of two dimensions.

@@ -3,13 +3,13 @@
 use crate::input::{brief, input_error, numbers, refused, three};
 use bowstring_core::memory;
 use bowstring_core::model::load::RodModel as Settings;
-use bowstring_core::model::load::{Model, OwnedLoad, TendonPath, Theory};
+use bowstring_core::model::load::{OwnedLoad, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
 use bowstring_core::statics::batch::Loads;
 use bowstring_core::statics::path::Line;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyDict, PyTuple};
+use pyo3::types::{PyBool, PyDict};
 
 /// How the rod is modelled; frozen, checked when it is made.
 ///
@@ -39,62 +39,47 @@ use pyo3::types::{PyBool, PyDict, PyTuple};
 /// RodModel(theory='kirchhoff', tendon_path='straight', twist=True, elements=2)
 #[pyclass(frozen, eq, hash, module = "bowstring._core")]
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub struct RodModel {
-    cosserat: bool,
-    straight: bool,
-    twist: bool,
-    elements: Option<usize>,
-}
+pub struct RodModel(pub Settings);
 
 impl RodModel {
-    pub fn new(settings: Settings) -> Self {
-        RodModel {
-            cosserat: settings.model.theory == Theory::Cosserat,
-            straight: settings.model.tendon == TendonPath::Straight,
-            twist: settings.model.twist,
-            elements: settings.elements,
-        }
-    }
-
-    pub fn settings(&self) -> Settings {
-        Settings {
-            model: self.model(),
-            elements: self.elements,
-        }
-    }
-
-    pub fn model(&self) -> Model {
-        Model {
-            theory: match self.cosserat {
-                true => Theory::Cosserat,
-                false => Theory::Kirchhoff,
-            },
-            tendon: match self.straight {
-                true => TendonPath::Straight,
-                false => TendonPath::Continuous,
-            },
-            twist: self.twist,
-        }
-    }
-
     /// Elements between two disks where nothing chooses them.
     pub fn elements_or_one(&self) -> usize {
-        self.elements.unwrap_or(1)
+        self.0.elements.unwrap_or(1)
     }
 }
 
-/// One of two words, as whether it is the first.
-fn choice(value: &Bound<'_, PyAny>, name: &str, words: [&str; 2]) -> PyResult<bool> {
+const THEORIES: [(&str, Theory); 2] = [
+    ("cosserat", Theory::Cosserat),
+    ("kirchhoff", Theory::Kirchhoff),
+];
+const TENDON_PATHS: [(&str, TendonPath); 2] = [
+    ("straight", TendonPath::Straight),
+    ("continuous", TendonPath::Continuous),
+];
+
+/// What one of two words stands for.
+fn choice<T: Copy>(value: &Bound<'_, PyAny>, name: &str, words: [(&str, T); 2]) -> PyResult<T> {
     let given = value.extract::<String>().ok();
-    match words.iter().position(|word| given.as_deref() == Some(word)) {
-        Some(k) => Ok(k == 0),
-        None => Err(refused(format!(
-            "{name} is {}, it must be \"{}\" or \"{}\"",
-            brief(value),
-            words[0],
-            words[1]
-        ))),
+    let found = words
+        .iter()
+        .find(|(word, _)| given.as_deref() == Some(word));
+    found.map(|(_, choice)| *choice).ok_or_else(|| {
+        let [(first, _), (second, _)] = words;
+        wrong(value, name, &format!("\"{first}\" or \"{second}\""))
+    })
+}
+
+fn word<T: PartialEq>(choice: T, words: [(&'static str, T); 2]) -> &'static str {
+    let [(first, of_first), (second, _)] = words;
+    if choice == of_first {
+        first
+    } else {
+        second
     }
+}
+
+fn wrong(value: &Bound<'_, PyAny>, name: &str, rule: &str) -> PyErr {
+    refused(format!("{name} is {}, it must be {rule}", brief(value)))
 }
 
 #[pymethods]
@@ -108,62 +93,44 @@ impl RodModel {
         twist: Option<&Bound<'_, PyAny>>,
         elements: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let word = |value: Option<&Bound<'_, PyAny>>, name, words| match value {
-            Some(value) => choice(value, name, words),
-            None => Ok(true),
-        };
-        let wrong = |value: &Bound<'_, PyAny>| {
-            refused(format!(
-                "elements is {}, it must be 1, 2, 4 or 8",
-                brief(value)
-            ))
-        };
-        Ok(RodModel {
-            cosserat: word(theory, "theory", ["cosserat", "kirchhoff"])?,
-            straight: word(tendon_path, "tendon_path", ["straight", "continuous"])?,
-            twist: match twist {
-                None => true,
-                Some(value) => match value.cast::<PyBool>() {
-                    Ok(value) => value.is_true(),
-                    Err(_) => {
-                        let shown = brief(value);
-                        let rule = format!("twist is {shown}, it must be True or False");
-                        return Err(refused(rule));
-                    }
-                },
-            },
-            elements: match elements {
-                None => None,
-                Some(value) if value.is_instance_of::<PyBool>() => return Err(wrong(value)),
-                Some(value) => match value.extract::<usize>() {
-                    Ok(n @ (1 | 2 | 4 | 8)) => Some(n),
-                    _ => return Err(wrong(value)),
-                },
-            },
-        })
+        let mut settings = Settings::default();
+        if let Some(value) = theory {
+            settings.model.theory = choice(value, "theory", THEORIES)?;
+        }
+        if let Some(value) = tendon_path {
+            settings.model.tendon = choice(value, "tendon_path", TENDON_PATHS)?;
+        }
+        if let Some(value) = twist {
+            let twist = value.cast::<PyBool>();
+            settings.model.twist = twist
+                .map_err(|_| wrong(value, "twist", "True or False"))?
+                .is_true();
+        }
+        if let Some(value) = elements {
+            let whole = !value.is_instance_of::<PyBool>();
+            settings.elements = match value.extract() {
+                Ok(n @ (1 | 2 | 4 | 8)) if whole => Some(n),
+                _ => return Err(wrong(value, "elements", "1, 2, 4 or 8")),
+            };
+        }
+        Ok(RodModel(settings))
     }
 
     #[getter]
     fn theory(&self) -> &'static str {
-        match self.cosserat {
-            true => "cosserat",
-            false => "kirchhoff",
-        }
+        word(self.0.model.theory, THEORIES)
     }
     #[getter]
     fn tendon_path(&self) -> &'static str {
-        match self.straight {
-            true => "straight",
-            false => "continuous",
-        }
+        word(self.0.model.tendon, TENDON_PATHS)
     }
     #[getter]
     fn twist(&self) -> bool {
-        self.twist
+        self.0.model.twist
     }
     #[getter]
     fn elements(&self) -> Option<usize> {
-        self.elements
+        self.0.elements
     }
 
     /// The same with other values.
@@ -172,7 +139,7 @@ impl RodModel {
         slf: &Bound<'py, Self>,
         changes: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let values = Self::to_dict(slf)?;
+        let values = slf.get().to_dict(slf.py())?;
         if let Some(changes) = changes {
             values.update(changes.as_mapping())?;
         }
@@ -180,13 +147,12 @@ impl RodModel {
     }
 
     /// Its values by name.
-    fn to_dict<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
-        let (this, py) = (slf.get(), slf.py());
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let values = PyDict::new(py);
-        values.set_item("theory", this.theory())?;
-        values.set_item("tendon_path", this.tendon_path())?;
-        values.set_item("twist", this.twist)?;
-        values.set_item("elements", this.elements)?;
+        values.set_item("theory", self.theory())?;
+        values.set_item("tendon_path", self.tendon_path())?;
+        values.set_item("twist", self.twist())?;
+        values.set_item("elements", self.elements())?;
         Ok(values)
     }
 
@@ -195,17 +161,14 @@ impl RodModel {
             "RodModel(theory='{}', tendon_path='{}', twist={}, elements={})",
             self.theory(),
             self.tendon_path(),
-            if self.twist { "True" } else { "False" },
-            self.elements.map_or("None".into(), |n| n.to_string())
+            if self.twist() { "True" } else { "False" },
+            self.elements().map_or("None".into(), |n| n.to_string())
         )
     }
 
-    fn __reduce__<'py>(
-        slf: &Bound<'py, Self>,
-    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let this = slf.get();
-        let values = (this.theory(), this.tendon_path(), this.twist, this.elements);
-        Ok((slf.get_type().into_any(), values.into_pyobject(slf.py())?))
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let values = slf.get().to_dict(slf.py())?.values();
+        Ok((slf.get_type().into_any(), values.to_tuple().into_any()))
     }
 }
 
@@ -213,36 +176,36 @@ impl RodModel {
 /// force and moment at the tip (zero if None).
 #[derive(FromPyObject)]
 pub struct DeadLoad<'py> {
-    pub gravity: Option<Bound<'py, PyAny>>,
-    pub tip_force: Option<Bound<'py, PyAny>>,
-    pub tip_moment: Option<Bound<'py, PyAny>>,
+    gravity: Option<Bound<'py, PyAny>>,
+    tip_force: Option<Bound<'py, PyAny>>,
+    tip_moment: Option<Bound<'py, PyAny>>,
 }
 
 impl DeadLoad<'_> {
     /// As one load of a robot, with its tensions.
     pub fn with(&self, robot: &Robot, tensions: Vec<f64>) -> PyResult<OwnedLoad> {
+        let zero = [0.0; 3];
         Ok(OwnedLoad {
             tensions,
             gravity: gravity(robot, self.gravity.as_ref())?,
-            tip_force: vector(&self.tip_force, "tip_force", "N")?,
-            tip_moment: vector(&self.tip_moment, "tip_moment", "N m")?,
+            tip_force: three_or(self.tip_force.as_ref(), "tip_force", "N", zero)?,
+            tip_moment: three_or(self.tip_moment.as_ref(), "tip_moment", "N m", zero)?,
         })
     }
 }
 
-fn vector(given: &Option<Bound<'_, PyAny>>, name: &str, unit: &str) -> PyResult<[f64; 3]> {
-    match given {
-        Some(v) => three(v, name, unit),
-        None => Ok([0.0; 3]),
-    }
+fn three_or(
+    given: Option<&Bound<'_, PyAny>>,
+    name: &str,
+    unit: &str,
+    otherwise: [f64; 3],
+) -> PyResult<[f64; 3]> {
+    given.map_or(Ok(otherwise), |value| three(value, name, unit))
 }
 
 /// Gravity as given, or the robot's own.
 pub fn gravity(robot: &Robot, given: Option<&Bound<'_, PyAny>>) -> PyResult<[f64; 3]> {
-    match given {
-        Some(g) => three(g, "gravity", "m/s^2"),
-        None => Ok(robot.spec().gravity),
-    }
+    three_or(given, "gravity", "m/s^2", robot.spec().gravity)
 }
 
 /// Arrays of Python's `RobotDisks` that mechanics uses, one entry for each disk.

@@ -1,6 +1,6 @@
 //! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one answer.
 
-use crate::input::{input_error, numbers, refused};
+use crate::input::{array, copied, input_error, numbers, refused, Array};
 use crate::interrupt::interruptible;
 use crate::model::{DeadLoad, OwnLoads, RobotArrays, RodModel};
 use bowstring_core::memory;
@@ -13,13 +13,7 @@ use bowstring_core::statics::batch::{self, write_pose, Solutions};
 use bowstring_core::statics::path::DriveOutcome;
 use bowstring_core::statics::solver::Solver;
 use bowstring_core::statics::solver::{Outcome, Status};
-use numpy::ndarray::{Array, ArrayView, Dim, Dimension, IntoDimension, Ix1, ShapeError};
-use numpy::{
-    Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2,
-    PyUntypedArrayMethods, ToPyArray,
-};
-use pyo3::exceptions::PyValueError;
-use pyo3::intern;
+use numpy::{Element, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString};
 use std::sync::{Mutex, PoisonError};
@@ -65,7 +59,7 @@ impl Robot {
     ) -> PyResult<Solution> {
         let this = slf.get();
         let robot = &this.inner;
-        let settings = model.settings();
+        let settings = model.0;
         let tensions = numbers(tensions, "tensions", "N", robot.tendon_count())?;
         let load = load.with(robot, tensions)?;
         let found = interruptible(slf.py(), || {
@@ -102,7 +96,7 @@ impl Robot {
         warm: bool,
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let settings = model.settings();
+        let settings = model.0;
         self.check_rows(tensions.shape()[0], disks)?;
         let loads = OwnLoads::new(&self.inner, tensions, &load)?;
         let found = interruptible(py, || {
@@ -123,7 +117,7 @@ impl Robot {
         threads: usize,
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let settings = model.settings();
+        let settings = model.0;
         self.check_rows(tensions.shape()[0], disks)?;
         let loads = OwnLoads::new(&self.inner, tensions, &load)?;
         let found = interruptible(py, || {
@@ -182,29 +176,20 @@ impl Robot {
         let modules = self.inner.module_count();
         let out = PyDict::new(py);
         self.outcomes(py, &found.outcomes, &out)?;
-        out.set_item(
-            intern!(py, "tip_position"),
-            array(py, found.tip_position, [n, 3])?,
-        )?;
-        out.set_item(
-            intern!(py, "tip_rotation"),
-            array(py, found.tip_rotation, [n, 3, 3])?,
-        )?;
         let tendons = self.inner.tendon_count();
-        out.set_item(
-            intern!(py, "tendon_lengths"),
-            array(py, found.tendon_length, [n, tendons])?,
-        )?;
-        let (positions, rotations) = if disks {
-            (
-                Some(array(py, found.disk_position, [n, modules, 3])?),
-                Some(array(py, found.disk_rotation, [n, modules, 3, 3])?),
-            )
-        } else {
-            (None, None)
-        };
-        out.set_item(intern!(py, "disk_positions"), positions)?;
-        out.set_item(intern!(py, "disk_rotations"), rotations)?;
+        for (name, values, shape) in [
+            ("tip_position", found.tip_position, &[n, 3][..]),
+            ("tip_rotation", found.tip_rotation, &[n, 3, 3]),
+            ("tendon_lengths", found.tendon_length, &[n, tendons]),
+        ] {
+            out.set_item(name, array(py, values, shape))?;
+        }
+        for (name, values, shape) in [
+            ("disk_positions", found.disk_position, &[n, modules, 3][..]),
+            ("disk_rotations", found.disk_rotation, &[n, modules, 3, 3]),
+        ] {
+            out.set_item(name, disks.then(|| array(py, values, shape)))?;
+        }
         Ok(out)
     }
 
@@ -214,7 +199,6 @@ impl Robot {
         outcomes: &[Outcome],
         out: &Bound<'py, PyDict>,
     ) -> PyResult<()> {
-        let n = outcomes.len();
         let words = [
             Status::Converged,
             Status::MaxIterations,
@@ -226,45 +210,31 @@ impl Robot {
             let (_, word) = words.iter().find(|(status, _)| *status == o.status)?;
             Some(word)
         };
-        let status = PyList::new(py, outcomes.iter().map(word))?;
-        out.set_item(intern!(py, "status"), status)?;
+        out.set_item("status", PyList::new(py, outcomes.iter().map(word))?)?;
         let stable = PyList::new(py, outcomes.iter().map(|o| o.stable))?;
-        out.set_item(intern!(py, "stable"), stable)?;
+        out.set_item("stable", stable)?;
         py.check_signals()?;
-        out.set_item(
-            intern!(py, "converged"),
-            column(py, n, |i| outcomes[i].status == Status::Converged)?,
-        )?;
-        out.set_item(
-            intern!(py, "iterations"),
-            column(py, n, |i| outcomes[i].iterations as i64)?,
-        )?;
-        out.set_item(
-            intern!(py, "residual"),
-            column(py, n, |i| outcomes[i].residual)?,
-        )?;
-        out.set_item(
-            intern!(py, "fraction"),
-            column(py, n, |i| outcomes[i].fraction)?,
-        )?;
-        let error = |i: usize| {
-            outcomes[i]
-                .error
-                .map_or([f64::NAN; 2], |e| [e.tip, e.tension])
-        };
-        out.set_item(intern!(py, "tip_error"), column(py, n, |i| error(i)[0])?)?;
-        out.set_item(
-            intern!(py, "tension_error"),
-            column(py, n, |i| error(i)[1])?,
-        )?;
-        out.set_item(
-            intern!(py, "left_unstable"),
-            column(py, n, |i| outcomes[i].left_unstable)?,
-        )?;
-        out.set_item(
-            intern!(py, "collision"),
-            column(py, n, |i| outcomes[i].collision.map_or(-1, |k| k as i64))?,
-        )
+        let tip_error = |o: &Outcome| o.error.map_or(f64::NAN, |e| e.tip);
+        let tension_error = |o: &Outcome| o.error.map_or(f64::NAN, |e| e.tension);
+        for (name, values) in [
+            (
+                "converged",
+                column(py, outcomes, |o| o.status == Status::Converged),
+            ),
+            ("iterations", column(py, outcomes, |o| o.iterations as i64)),
+            ("residual", column(py, outcomes, |o| o.residual)),
+            ("fraction", column(py, outcomes, |o| o.fraction)),
+            ("tip_error", column(py, outcomes, tip_error)),
+            ("tension_error", column(py, outcomes, tension_error)),
+            ("left_unstable", column(py, outcomes, |o| o.left_unstable)),
+            (
+                "collision",
+                column(py, outcomes, |o| o.collision.map_or(-1, |k| k as i64)),
+            ),
+        ] {
+            out.set_item(name, values)?;
+        }
+        Ok(())
     }
 }
 
@@ -279,66 +249,32 @@ pub(crate) fn check_rows(count: usize, numbers: usize, disks: bool) -> PyResult<
     memory::check(8.0 * count as f64 * numbers as f64, what, cure).map_err(input_error)
 }
 
-/// Array of one value for each load.
-fn column<'py, T: Element + Copy>(
+/// Array of one value of each row.
+pub(crate) fn column<'py, R, T: Element + Copy>(
     py: Python<'py>,
-    n: usize,
-    value: impl Fn(usize) -> T,
-) -> PyResult<Bound<'py, PyArray<T, Ix1>>> {
-    array(py, (0..n).map(value).collect(), [n])
+    rows: &[R],
+    value: impl Fn(&R) -> T,
+) -> Bound<'py, PyAny> {
+    array(py, rows.iter().map(value).collect(), &[rows.len()]).into_any()
 }
 
-/// Array of a shape: a small one is copied, which takes less time than to hand it over.
-pub(crate) fn array<'py, T: Element + Copy, const D: usize>(
-    py: Python<'py>,
-    values: Vec<T>,
-    shape: [usize; D],
-) -> PyResult<Bound<'py, PyArray<T, Dim<[usize; D]>>>>
-where
-    Dim<[usize; D]>: Dimension,
-    [usize; D]: IntoDimension<Dim = Dim<[usize; D]>>,
-{
-    const SMALL: usize = 4096;
-    let wrong = |e: ShapeError| PyValueError::new_err(e.to_string());
-    if values.len() <= SMALL {
-        let view = ArrayView::from_shape(shape, &values).map_err(wrong)?;
-        return Ok(view.to_pyarray(py));
-    }
-    let owned = Array::from_shape_vec(shape, values).map_err(wrong)?;
-    Ok(owned.into_pyarray(py))
+fn vector<'py, T: Element + Copy>(py: Python<'py>, values: &[T]) -> Array<'py, T> {
+    copied(py, values, &[values.len()])
 }
 
 /// The answer to one load.
 #[pyclass(frozen, module = "bowstring._core")]
 pub struct Solution {
-    robot: Py<Robot>,
-    settings: Settings,
-    load: OwnedLoad,
-    outcome: Outcome,
-    answer: Option<Answer>,
+    pub(crate) robot: Py<Robot>,
+    pub(crate) settings: Settings,
+    pub(crate) load: OwnedLoad,
+    pub(crate) outcome: Outcome,
+    pub(crate) answer: Option<Answer>,
     /// If it was found by a `Drive`, not by tensions alone.
-    driven: Option<Box<Driven>>,
+    pub(crate) driven: Option<Box<Driven>>,
 }
 
 impl Solution {
-    pub(crate) fn driven_one(
-        robot: Py<Robot>,
-        settings: Settings,
-        load: OwnedLoad,
-        outcome: Outcome,
-        answer: Option<Answer>,
-        driven: Driven,
-    ) -> Self {
-        Solution {
-            robot,
-            settings,
-            load,
-            outcome,
-            answer,
-            driven: Some(Box::new(driven)),
-        }
-    }
-
     /// What a converged step of a drive adds.
     fn state(&self) -> Option<&State> {
         self.driven.as_ref()?.state.as_ref()
@@ -442,7 +378,7 @@ impl Solution {
     /// As it was solved with: elements are those taken.
     #[getter]
     fn model(&self) -> RodModel {
-        RodModel::new(self.settings)
+        RodModel(self.settings)
     }
     /// Estimated discretisation error of tip, m, and tensions, N; `None` without an answer.
     #[getter]
@@ -450,60 +386,44 @@ impl Solution {
         self.outcome.error.map(|e| (e.tip, e.tension))
     }
     #[getter]
-    fn tensions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.load.tensions)
+    fn tensions<'py>(&self, py: Python<'py>) -> Array<'py> {
+        vector(py, &self.load.tensions)
     }
     #[getter]
-    fn gravity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.load.gravity)
+    fn gravity<'py>(&self, py: Python<'py>) -> Array<'py> {
+        vector(py, &self.load.gravity)
     }
     #[getter]
-    fn tip_force<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.load.tip_force)
+    fn tip_force<'py>(&self, py: Python<'py>) -> Array<'py> {
+        vector(py, &self.load.tip_force)
     }
     #[getter]
-    fn tip_moment<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, &self.load.tip_moment)
+    fn tip_moment<'py>(&self, py: Python<'py>) -> Array<'py> {
+        vector(py, &self.load.tip_moment)
     }
     #[getter]
-    fn tip_position<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+    fn tip_position<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
         let p = &self.answer.as_ref()?.disk_position;
-        Some(PyArray1::from_slice(py, &p[p.len() - 3..]))
+        Some(vector(py, &p[p.len() - 3..]))
     }
     #[getter]
-    fn tip_rotation<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        self.answer
-            .as_ref()
-            .map(|a| {
-                let r = &a.disk_rotation;
-                PyArray1::from_slice(py, &r[r.len() - 9..]).reshape([3, 3])
-            })
-            .transpose()
+    fn tip_rotation<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        let r = &self.answer.as_ref()?.disk_rotation;
+        Some(copied(py, &r[r.len() - 9..], &[3, 3]))
     }
     #[getter]
-    fn disk_positions<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        self.answer
-            .as_ref()
-            .map(|a| {
-                let p = &a.disk_position;
-                PyArray1::from_slice(py, p).reshape([p.len() / 3, 3])
-            })
-            .transpose()
+    fn disk_positions<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        let p = &self.answer.as_ref()?.disk_position;
+        Some(copied(py, p, &[p.len() / 3, 3]))
     }
     #[getter]
-    fn disk_rotations<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<f64>>>> {
-        self.answer
-            .as_ref()
-            .map(|a| {
-                let r = &a.disk_rotation;
-                PyArray1::from_slice(py, r).reshape([r.len() / 9, 3, 3])
-            })
-            .transpose()
+    fn disk_rotations<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        let r = &self.answer.as_ref()?.disk_rotation;
+        Some(copied(py, r, &[r.len() / 9, 3, 3]))
     }
     #[getter]
-    fn tendon_lengths<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        let a = self.answer.as_ref()?;
-        Some(PyArray1::from_slice(py, &a.tendon_length))
+    fn tendon_lengths<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        Some(vector(py, &self.answer.as_ref()?.tendon_length))
     }
 
     /// Whether a `Drive` found it: what follows is `None` otherwise.
@@ -513,15 +433,13 @@ impl Solution {
     }
     /// Which tendons were pulled by a length.
     #[getter]
-    fn pulled<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<bool>>> {
-        let driven = self.driven.as_ref()?;
-        Some(PyArray1::from_slice(py, &driven.pulled))
+    fn pulled<'py>(&self, py: Python<'py>) -> Option<Array<'py, bool>> {
+        Some(vector(py, &self.driven.as_ref()?.pulled))
     }
     /// Lengths and tensions that were asked for.
     #[getter]
-    fn commands<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        let driven = self.driven.as_ref()?;
-        Some(PyArray1::from_slice(py, &driven.commands))
+    fn commands<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        Some(vector(py, &self.driven.as_ref()?.commands))
     }
     #[getter]
     fn undetermined(&self) -> Option<bool> {
@@ -538,21 +456,17 @@ impl Solution {
         Some((found.fighting.clone(), found.nearest.clone()))
     }
     #[getter]
-    fn pulls<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        Some(PyArray1::from_slice(py, &self.state()?.pulls))
+    fn pulls<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        Some(vector(py, &self.state()?.pulls))
     }
     #[getter]
-    fn slack_lengths<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        Some(PyArray1::from_slice(py, &self.state()?.slack))
+    fn slack_lengths<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        Some(vector(py, &self.state()?.slack))
     }
     #[getter]
-    fn span_tensions<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        self.state()
-            .map(|state| {
-                let m = self.load.tensions.len();
-                PyArray1::from_slice(py, &state.spans).reshape([state.spans.len() / m, m])
-            })
-            .transpose()
+    fn span_tensions<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        let (spans, m) = (&self.state()?.spans, self.load.tensions.len());
+        Some(copied(py, spans, &[spans.len() / m, m]))
     }
 
     /// Points of the backbone. A solution by tensions keeps what is asked of it often and not the
@@ -561,7 +475,7 @@ impl Solution {
         &self,
         py: Python<'py>,
         points_per_module: usize,
-    ) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+    ) -> PyResult<Option<Array<'py>>> {
         const MOST: usize = 1_000_000;
         let robot = &self.robot.get().inner;
         if points_per_module == 0 || points_per_module > MOST / robot.module_count().min(MOST) {
@@ -576,11 +490,10 @@ impl Solution {
             self.ask(|solver| solver.centerline(points_per_module))
         })?
         .map_err(input_error)?;
-        let Some(points) = points else {
-            return Ok(None);
-        };
-        let flat: Vec<f64> = points.iter().flat_map(|p| p.0).collect();
-        flat.into_pyarray(py).reshape([points.len(), 3]).map(Some)
+        Ok(points.map(|points| {
+            let flat = points.iter().flat_map(|p| p.0).collect();
+            array(py, flat, &[points.len(), 3])
+        }))
     }
 
     /// Derivatives by tension, tip force, tip moment and stiffness, each as arrays of position,
@@ -606,23 +519,17 @@ impl Solution {
             ("tip_moment", &found.tip_moment),
             ("stiffness", &found.stiffness),
         ] {
-            let table = |rows: usize, entry: &dyn Fn(&Derivative, usize) -> f64| {
+            let table = |rows: usize, entry: fn(&Derivative, usize) -> f64| {
                 let entries = (0..rows).flat_map(|i| columns.iter().map(move |d| entry(d, i)));
-                PyArray1::from_iter(py, entries).reshape([rows, columns.len()])
+                array(py, entries.collect(), &[rows, columns.len()])
             };
-            let tendons = robot.tendon_count();
-            out.set_item(
-                format!("tip_position_by_{parameter}"),
-                table(3, &|d, i| d.position[i])?,
-            )?;
-            out.set_item(
-                format!("tip_rotation_by_{parameter}"),
-                table(3, &|d, i| d.rotation[i])?,
-            )?;
-            out.set_item(
-                format!("lengths_by_{parameter}"),
-                table(tendons, &|d, i| d.lengths[i])?,
-            )?;
+            for (quantity, values) in [
+                ("tip_position", table(3, |d, i| d.position[i])),
+                ("tip_rotation", table(3, |d, i| d.rotation[i])),
+                ("lengths", table(robot.tendon_count(), |d, i| d.lengths[i])),
+            ] {
+                out.set_item(format!("{quantity}_by_{parameter}"), values)?;
+            }
         }
         Ok(Some(out))
     }

@@ -5,7 +5,7 @@ use crate::model::error::{Argument, InputError, Rule};
 use crate::model::robot::Robot;
 
 /// Rod theory of the backbone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Theory {
     /// With shear and extension.
     Cosserat,
@@ -14,7 +14,7 @@ pub enum Theory {
 }
 
 /// How a tendon runs between two disks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TendonPath {
     /// In straight spans from hole to hole, as a real one does.
     Straight,
@@ -25,7 +25,7 @@ pub enum TendonPath {
 }
 
 /// The physics to solve.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Model {
     /// Rod theory of the backbone.
     pub theory: Theory,
@@ -46,7 +46,7 @@ impl Default for Model {
 }
 
 /// How the rod is modelled: its physics and its elements.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct RodModel {
     /// Physics.
     pub model: Model,
