@@ -61,86 +61,52 @@ impl Argument {
         }
     }
 
+    /// Its name in a sentence, its unit, and what its entries are counted by.
+    fn description(self) -> (&'static str, &'static str, &'static str) {
+        match self {
+            Argument::Tension => ("tension", "N", "tendon"),
+            Argument::Displacement => ("displacement", "m", "tendon"),
+            Argument::Gravity => ("gravity", "m/s^2", ""),
+            Argument::TipForce => ("tip force", "N", ""),
+            Argument::TipMoment => ("tip moment", "N m", ""),
+            Argument::DiskForces => ("disk force", "N", "disk"),
+            Argument::Elements => ("elements", "", ""),
+            Argument::Duration => ("duration", "s", ""),
+            Argument::TimeStep => ("time step", "s", ""),
+            Argument::Tolerance => ("tolerance", "m", ""),
+            Argument::LongestStep => ("longest time step", "s", ""),
+            Argument::SpectralRadius => ("spectral radius", "", ""),
+            Argument::MassDamping => ("mass damping", "1/s", ""),
+            Argument::MaterialDamping => ("material damping", "s", ""),
+            Argument::BendingStiffness => ("bending stiffness", "N m^2", "segment"),
+            Argument::TorsionStiffness => ("torsion stiffness", "N m^2", "segment"),
+            Argument::AxialStiffness => ("axial stiffness", "N", "segment"),
+            Argument::ShearStiffness => ("shear stiffness", "N", "segment"),
+            Argument::MassPerLength => ("mass per length", "kg/m", "segment"),
+            Argument::RotaryInertia => ("rotary inertia", "kg m", "segment"),
+            Argument::Station => ("distance from the base", "m", "disk"),
+            Argument::Segment => ("segment", "", "disk"),
+            Argument::ClampedLength => ("clamped length", "m", "disk"),
+            Argument::FlexibleLength => ("flexible length before the disk", "m", "disk"),
+            Argument::Mass => ("mass", "kg", "disk"),
+            Argument::Inertia => ("moments of inertia", "kg m^2", "disk"),
+            Argument::Hole => ("hole position", "m", "tendon"),
+            Argument::EndDisk => ("end disk", "", "tendon"),
+            Argument::TendonStiffness => ("axial stiffness", "N", "tendon"),
+            Argument::FreeLength => ("free length", "m", "tendon"),
+            Argument::Compliance => ("compliance of the transmission", "m/N", "tendon"),
+            Argument::Friction => ("friction coefficient", "", "tendon"),
+            Argument::Pretension => ("pretension", "N", "tendon"),
+        }
+    }
+
     /// Its name in a sentence.
     pub fn words(self) -> &'static str {
-        match self {
-            Argument::Tension => "tension",
-            Argument::Displacement => "displacement",
-            Argument::Gravity => "gravity",
-            Argument::TipForce => "tip force",
-            Argument::TipMoment => "tip moment",
-            Argument::DiskForces => "disk force",
-            Argument::Elements => "elements",
-            Argument::Duration => "duration",
-            Argument::TimeStep => "time step",
-            Argument::Tolerance => "tolerance",
-            Argument::LongestStep => "longest time step",
-            Argument::SpectralRadius => "spectral radius",
-            Argument::MassDamping => "mass damping",
-            Argument::MaterialDamping => "material damping",
-            Argument::BendingStiffness => "bending stiffness",
-            Argument::TorsionStiffness => "torsion stiffness",
-            Argument::AxialStiffness => "axial stiffness",
-            Argument::ShearStiffness => "shear stiffness",
-            Argument::MassPerLength => "mass per length",
-            Argument::RotaryInertia => "rotary inertia",
-            Argument::Station => "distance from the base",
-            Argument::Segment => "segment",
-            Argument::ClampedLength => "clamped length",
-            Argument::FlexibleLength => "flexible length before the disk",
-            Argument::Mass => "mass",
-            Argument::Inertia => "moments of inertia",
-            Argument::Hole => "hole position",
-            Argument::EndDisk => "end disk",
-            Argument::TendonStiffness => "axial stiffness",
-            Argument::FreeLength => "free length",
-            Argument::Compliance => "compliance of the transmission",
-            Argument::Friction => "friction coefficient",
-            Argument::Pretension => "pretension",
-        }
+        self.description().0
     }
 
     fn unit(self) -> &'static str {
-        match self {
-            Argument::Gravity => "m/s^2",
-            Argument::Tension | Argument::TipForce | Argument::DiskForces => "N",
-            Argument::TendonStiffness | Argument::Pretension => "N",
-            Argument::AxialStiffness | Argument::ShearStiffness => "N",
-            Argument::TipMoment => "N m",
-            Argument::BendingStiffness | Argument::TorsionStiffness => "N m^2",
-            Argument::Duration | Argument::TimeStep | Argument::LongestStep => "s",
-            Argument::MaterialDamping => "s",
-            Argument::MassDamping => "1/s",
-            Argument::MassPerLength => "kg/m",
-            Argument::RotaryInertia => "kg m",
-            Argument::Mass => "kg",
-            Argument::Inertia => "kg m^2",
-            Argument::Compliance => "m/N",
-            Argument::Displacement | Argument::Tolerance | Argument::Station => "m",
-            Argument::ClampedLength | Argument::FlexibleLength => "m",
-            Argument::Hole | Argument::FreeLength => "m",
-            _ => "",
-        }
-    }
-
-    /// What its entries are counted by.
-    fn part(self) -> &'static str {
-        match self {
-            Argument::BendingStiffness
-            | Argument::TorsionStiffness
-            | Argument::AxialStiffness
-            | Argument::ShearStiffness
-            | Argument::MassPerLength
-            | Argument::RotaryInertia => "segment",
-            Argument::Station
-            | Argument::Segment
-            | Argument::ClampedLength
-            | Argument::FlexibleLength
-            | Argument::Mass
-            | Argument::Inertia
-            | Argument::DiskForces => "disk",
-            _ => "tendon",
-        }
+        self.description().1
     }
 }
 
@@ -155,6 +121,24 @@ pub enum Value {
     Whole(usize),
     /// So many numbers.
     Count(usize),
+}
+
+impl From<f64> for Value {
+    fn from(value: f64) -> Self {
+        Value::Number(value)
+    }
+}
+
+impl From<usize> for Value {
+    fn from(value: usize) -> Self {
+        Value::Whole(value)
+    }
+}
+
+impl From<&[f64]> for Value {
+    fn from(values: &[f64]) -> Self {
+        Value::Numbers(values.to_vec())
+    }
 }
 
 /// What a value must be.
@@ -206,29 +190,58 @@ pub enum InputError {
 }
 
 impl InputError {
-    /// A number that breaks its rule.
+    /// A number, or several, that breaks its rule.
     pub(crate) fn number(
         argument: Argument,
         index: impl Into<Option<usize>>,
-        value: f64,
+        value: impl Into<Value>,
         rule: Rule,
     ) -> Self {
         InputError::Value {
             argument,
             index: index.into(),
-            value: Value::Number(value),
+            value: value.into(),
             rule,
         }
     }
 
-    /// Numbers of which one is not finite.
-    pub(crate) fn not_finite(argument: Argument, index: Option<usize>, value: &[f64]) -> Self {
-        InputError::Value {
-            argument,
-            index,
-            value: Value::Numbers(value.to_vec()),
-            rule: Rule::Finite,
+    /// Checks that an entry is finite, and positive or not negative where that is its rule.
+    pub(crate) fn check_number(
+        argument: Argument,
+        index: impl Into<Option<usize>>,
+        value: f64,
+        rule: Rule,
+    ) -> Result<(), Self> {
+        let kept = match rule {
+            Rule::Positive => value > 0.0,
+            Rule::NotNegative => value >= 0.0,
+            _ => true,
+        };
+        match kept && value.is_finite() {
+            true => Ok(()),
+            false => Err(Self::number(argument, index, value, rule)),
         }
+    }
+
+    /// Checks that numbers are finite.
+    pub(crate) fn check_finite(
+        argument: Argument,
+        index: impl Into<Option<usize>>,
+        values: &[f64],
+    ) -> Result<(), Self> {
+        match values.iter().all(|x| x.is_finite()) {
+            true => Ok(()),
+            false => Err(Self::not_finite(argument, index, values)),
+        }
+    }
+
+    /// Numbers of which one is not finite.
+    pub(crate) fn not_finite(
+        argument: Argument,
+        index: impl Into<Option<usize>>,
+        values: &[f64],
+    ) -> Self {
+        Self::number(argument, index, values, Rule::Finite)
     }
 
     /// A wrong number of entries.
@@ -238,22 +251,13 @@ impl InputError {
         needed: usize,
         each: &'static str,
     ) -> Self {
-        InputError::Value {
-            argument,
-            index: None,
-            value: Value::Count(given),
-            rule: Rule::Count(needed, each),
-        }
+        let rule = Rule::Count(needed, each);
+        Self::number(argument, None, Value::Count(given), rule)
     }
 
     /// A number of elements that there is none of.
     pub(crate) fn elements(n: usize) -> Self {
-        InputError::Value {
-            argument: Argument::Elements,
-            index: None,
-            value: Value::Whole(n),
-            rule: Rule::OneOf(&[1, 2, 4, 8]),
-        }
+        Self::number(Argument::Elements, None, n, Rule::OneOf(&[1, 2, 4, 8]))
     }
 
     /// A sentence of its own.
@@ -285,15 +289,16 @@ impl fmt::Display for InputError {
                 value,
                 rule,
             } => {
-                f.write_str(argument.words())?;
+                let (words, unit, part) = argument.description();
+                f.write_str(words)?;
                 if let Some(index) = index {
-                    write!(f, " of {} {}", argument.part(), index + 1)?;
+                    write!(f, " of {part} {}", index + 1)?;
                 }
                 let verb = match value {
                     Value::Count(_) => "has",
                     _ => "is",
                 };
-                write!(f, " {verb} {}, it must {rule}", value.with(argument.unit()))
+                write!(f, " {verb} {}, it must {rule}", value.with(unit))
             }
             InputError::Row { row, error } => write!(f, "row {row}: {error}"),
             InputError::Other(sentence) => f.write_str(sentence),

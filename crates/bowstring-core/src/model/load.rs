@@ -151,9 +151,7 @@ impl Load<'_> {
             (Argument::TipForce, &self.tip_force),
             (Argument::TipMoment, &self.tip_moment),
         ] {
-            if !v.iter().all(|x| x.is_finite()) {
-                return Err(InputError::not_finite(argument, None, v));
-            }
+            InputError::check_finite(argument, None, v)?;
         }
         Ok(())
     }

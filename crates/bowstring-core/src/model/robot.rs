@@ -1,6 +1,6 @@
 //! The robot as the mechanics sees it: checked once, immutable afterwards.
 
-use crate::model::error::{Argument, InputError, Rule, Value};
+use crate::model::error::{Argument, InputError, Rule};
 
 /// Elastic section of the backbone in one segment; SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,23 +86,19 @@ impl Robot {
             ));
         }
         for (i, s) in spec.sections.iter().enumerate() {
-            for (argument, value) in [
-                (Argument::BendingStiffness, s.bending),
-                (Argument::TorsionStiffness, s.torsion),
-                (Argument::AxialStiffness, s.axial),
-                (Argument::ShearStiffness, s.shear),
+            for (argument, value, rule) in [
+                (Argument::BendingStiffness, s.bending, Rule::Positive),
+                (Argument::TorsionStiffness, s.torsion, Rule::Positive),
+                (Argument::AxialStiffness, s.axial, Rule::Positive),
+                (Argument::ShearStiffness, s.shear, Rule::Positive),
+                (
+                    Argument::MassPerLength,
+                    s.mass_per_length,
+                    Rule::NotNegative,
+                ),
+                (Argument::RotaryInertia, s.rotary_inertia, Rule::NotNegative),
             ] {
-                if !(value.is_finite() && value > 0.0) {
-                    return Err(InputError::number(argument, i, value, Rule::Positive));
-                }
-            }
-            for (argument, value) in [
-                (Argument::MassPerLength, s.mass_per_length),
-                (Argument::RotaryInertia, s.rotary_inertia),
-            ] {
-                if !(value.is_finite() && value >= 0.0) {
-                    return Err(InputError::number(argument, i, value, Rule::NotNegative));
-                }
+                InputError::check_number(argument, i, value, rule)?;
             }
         }
         let mut modules = Vec::with_capacity(spec.disks.len());
@@ -114,42 +110,28 @@ impl Robot {
             }
             let next = if i == 0 { 0 } else { segment + 1 };
             if d.segment >= spec.sections.len() || d.segment < segment || d.segment > next {
-                return Err(InputError::Value {
-                    argument: Argument::Segment,
-                    index: Some(i),
-                    value: Value::Whole(d.segment),
-                    rule: Rule::Other("follow that of the disk before it"),
-                });
+                let rule = Rule::Other("follow that of the disk before it");
+                return Err(InputError::number(Argument::Segment, i, d.segment, rule));
             }
             for (argument, value) in [
                 (Argument::ClampedLength, d.clamped_length),
                 (Argument::Mass, d.mass),
             ] {
-                if !(value.is_finite() && value >= 0.0) {
-                    return Err(InputError::number(argument, i, value, Rule::NotNegative));
-                }
+                InputError::check_number(argument, i, value, Rule::NotNegative)?;
             }
             let [across, along] = d.inertia;
             // a body's principal moments of inertia obey the triangle inequality
             let possible = along >= 0.0 && across * (2.0 + 1e-12) >= along;
             if !(across.is_finite() && possible) {
-                return Err(InputError::Value {
-                    argument: Argument::Inertia,
-                    index: Some(i),
-                    value: Value::Numbers(d.inertia.to_vec()),
-                    rule: Rule::Other("be those of a body, about a diameter and about the axis"),
-                });
+                let rule = Rule::Other("be those of a body, about a diameter and about the axis");
+                let given = &d.inertia[..];
+                return Err(InputError::number(Argument::Inertia, i, given, rule));
             }
             let clamp = [clamp_before, d.clamped_length / 2.0];
             let flexible = d.station - station - clamp[0] - clamp[1];
             if flexible <= 0.0 {
-                let rule = Rule::Positive;
-                return Err(InputError::number(
-                    Argument::FlexibleLength,
-                    i,
-                    flexible,
-                    rule,
-                ));
+                let (argument, rule) = (Argument::FlexibleLength, Rule::Positive);
+                return Err(InputError::number(argument, i, flexible, rule));
             }
             modules.push(Module {
                 flexible,
@@ -168,26 +150,14 @@ impl Robot {
         }
         let mut end = 0;
         for (i, t) in spec.tendons.iter().enumerate() {
-            if !t.hole.iter().all(|x| x.is_finite()) {
-                return Err(InputError::not_finite(Argument::Hole, Some(i), &t.hole));
-            }
+            InputError::check_finite(Argument::Hole, i, &t.hole)?;
             if t.end_disk >= spec.disks.len() || t.end_disk < end {
-                return Err(InputError::Value {
-                    argument: Argument::EndDisk,
-                    index: Some(i),
-                    value: Value::Whole(t.end_disk),
-                    rule: Rule::Other("be a disk, and not before that of the tendon before it"),
-                });
+                let rule = Rule::Other("be a disk, and not before that of the tendon before it");
+                return Err(InputError::number(Argument::EndDisk, i, t.end_disk, rule));
             }
             end = t.end_disk;
         }
-        if !spec.gravity.iter().all(|g| g.is_finite()) {
-            return Err(InputError::not_finite(
-                Argument::Gravity,
-                None,
-                &spec.gravity,
-            ));
-        }
+        InputError::check_finite(Argument::Gravity, None, &spec.gravity)?;
         let robot = Robot { spec, modules };
         if !robot.moment_scale().is_normal() {
             return Err(InputError::other(

@@ -371,6 +371,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
+    /// Sets a load that was checked before.
+    pub fn load(&mut self, load: &Load) {
+        self.set_load(
+            |i| L::Chain::splat(load.tensions[i]),
+            Vec3::splat(load.gravity),
+            Vec3::splat(load.tip_force),
+            Vec3::splat(load.tip_moment),
+        );
+    }
+
     /// Makes the ends of all modules give way a little more, by this share of their bending,
     /// so that compliance can be inverted.
     pub fn make_yielding(&mut self, share: f64) {
@@ -388,14 +398,6 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             s.w = [Vec3::zero(); A];
             s.n = Vec3::zero();
         }
-    }
-
-    pub fn tendon(&self, i: usize) -> &Tendon {
-        &self.tendons[i]
-    }
-
-    pub fn path(&self) -> TendonPath {
-        self.path
     }
 
     /// Forward pass: shapes and forces; returns the potential energy (tip moment left out).
@@ -1031,17 +1033,5 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 put::<L>(v, k % L::WIDTH, Vec3::splat(strain(k * A + a).0));
             }
         }
-    }
-}
-
-impl<L: Layout, const A: usize> Rod<L, A> {
-    /// Sets a load that was checked before.
-    pub fn load(&mut self, load: &Load) {
-        self.set_load(
-            |i| L::Chain::splat(load.tensions[i]),
-            Vec3::splat(load.gravity),
-            Vec3::splat(load.tip_force),
-            Vec3::splat(load.tip_moment),
-        );
     }
 }

@@ -59,7 +59,7 @@ pub(crate) fn jacobians<const A: usize>(
     rod: &mut Rod<Scalar, A>,
     segments: &[usize],
 ) -> Option<Jacobians> {
-    if rod.path() == TendonPath::Continuous {
+    if rod.path == TendonPath::Continuous {
         return None;
     }
     rod.gradient();
@@ -132,8 +132,8 @@ fn source<const A: usize>(
         start: zero,
     };
     match *parameter {
-        Parameter::Tension(i) if k <= rod.tendon(i).end_disk => {
-            let span = Span::new(c, rod.tendon(i), &state.s, state.rho);
+        Parameter::Tension(i) if k <= rod.tendons[i].end_disk => {
+            let span = Span::new(c, &rod.tendons[i], &state.s, state.rho);
             source.force = -span.direction;
             source.moment = [span.arm.cross(span.direction); A];
         }
@@ -218,8 +218,8 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
         let offset = x.cross(state.offset(c)) + rho + turn.cross(state.s.column(2)) * c.clamp[1];
         position += rod.rotations[k] * offset;
         for (i, length) in lengths.iter_mut().enumerate() {
-            if k <= rod.tendon(i).end_disk {
-                let span = Span::new(c, rod.tendon(i), &state.s, state.rho);
+            if k <= rod.tendons[i].end_disk {
+                let span = Span::new(c, &rod.tendons[i], &state.s, state.rho);
                 *length += span.direction.dot(rho + turn.cross(span.arm));
             }
         }

@@ -151,14 +151,7 @@ impl Tendons {
                 Command::Tension(t) => t,
                 Command::Pull(p) => {
                     let length = self.routing.straight[i];
-                    if !p.is_finite() {
-                        return Err(InputError::number(
-                            Argument::Displacement,
-                            i,
-                            p,
-                            Rule::Finite,
-                        ));
-                    }
+                    InputError::check_number(Argument::Displacement, i, p, Rule::Finite)?;
                     if p >= length {
                         let rule = Rule::Below(length, "the tendon's length");
                         return Err(InputError::number(Argument::Displacement, i, p, rule));
@@ -291,7 +284,7 @@ fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputE
         .sum();
     if holes > MOST_HOLES {
         return fail(format!(
-            "tendons rub at {holes} holes; this version solves friction at {MOST_HOLES} or fewer"
+            "tendons have friction at {holes} holes; this version solves friction at {MOST_HOLES} or fewer"
         ));
     }
     if model.tendon == TendonPath::Continuous {
@@ -301,13 +294,8 @@ fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputE
     }
     for (i, line) in lines.iter().enumerate() {
         if !(line.stiffness > 0.0) {
-            let argument = Argument::TendonStiffness;
-            return Err(InputError::number(
-                argument,
-                i,
-                line.stiffness,
-                Rule::Positive,
-            ));
+            let (argument, rule) = (Argument::TendonStiffness, Rule::Positive);
+            return Err(InputError::number(argument, i, line.stiffness, rule));
         }
         for (argument, value) in [
             (Argument::FreeLength, line.free_length),
@@ -315,9 +303,7 @@ fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputE
             (Argument::Friction, line.friction),
             (Argument::Pretension, line.pretension),
         ] {
-            if !(value >= 0.0 && value.is_finite()) {
-                return Err(InputError::number(argument, i, value, Rule::NotNegative));
-            }
+            InputError::check_number(argument, i, value, Rule::NotNegative)?;
         }
     }
     Ok(())
