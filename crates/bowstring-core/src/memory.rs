@@ -35,6 +35,18 @@ pub fn unknown(
     len: Option<usize>,
     refused: &dyn Fn() -> InputError,
 ) -> Result<Vec<f64>, InputError> {
+    filled(f64::NAN, len, refused)
+}
+
+/// So many times a value.
+///
+/// # Errors
+/// As [`unknown`].
+pub fn filled<T: Clone>(
+    value: T,
+    len: Option<usize>,
+    refused: &dyn Fn() -> InputError,
+) -> Result<Vec<T>, InputError> {
     const STRIDE: usize = 1 << 16;
     let mut v = Vec::new();
     match len.map(|len| v.try_reserve_exact(len)) {
@@ -46,7 +58,7 @@ pub fn unknown(
         if interrupt::work(STRIDE / 16) {
             return Err(InputError::other("the work was interrupted"));
         }
-        v.resize(len.min(v.len() + STRIDE), f64::NAN);
+        v.resize(len.min(v.len() + STRIDE), value.clone());
     }
     Ok(v)
 }

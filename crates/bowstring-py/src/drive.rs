@@ -149,14 +149,8 @@ impl Drive {
         let now = self.inner.history();
         let (n, m) = (self.inner.robot().module_count(), now.tensions.len());
         let out = PyDict::new(py);
-        let (pulled, commands): (Vec<_>, Vec<_>) = now
-            .commands
-            .iter()
-            .map(|c| match *c {
-                Command::Pull(p) => (true, p),
-                Command::Tension(t) => (false, t),
-            })
-            .unzip();
+        let pulled: Vec<_> = now.commands.iter().map(Command::is_pull).collect();
+        let commands: Vec<_> = now.commands.iter().map(Command::value).collect();
         let [gravity, tip_force, tip_moment] = &now.load;
         let strain = self.inner.strain();
         for (name, values, shape) in [

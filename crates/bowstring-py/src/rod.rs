@@ -96,11 +96,9 @@ impl Robot {
         warm: bool,
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let settings = model.0;
-        self.check_rows(tensions.shape()[0], disks)?;
-        let loads = OwnLoads::new(&self.inner, tensions, &load)?;
+        let loads = self.loads(tensions, load, disks)?;
         let found = interruptible(py, || {
-            self.with_solver(settings, |solver| {
+            self.with_solver(model.0, |solver| {
                 batch::sweep_with(&self.inner, solver, &loads.borrow(), warm, disks)
             })
         })?;
@@ -117,11 +115,9 @@ impl Robot {
         threads: usize,
         disks: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let settings = model.0;
-        self.check_rows(tensions.shape()[0], disks)?;
-        let loads = OwnLoads::new(&self.inner, tensions, &load)?;
+        let loads = self.loads(tensions, load, disks)?;
         let found = interruptible(py, || {
-            batch::solve_batch(&self.inner, &settings, &loads.borrow(), threads, disks)
+            batch::solve_batch(&self.inner, &model.0, &loads.borrow(), threads, disks)
         })?;
         self.arrays(py, found.map_err(input_error)?, disks)
     }
@@ -158,11 +154,17 @@ impl Robot {
         done
     }
 
-    /// Checks that the answers of so many loads fit into memory, as arrays and lists of Python.
-    fn check_rows(&self, count: usize, disks: bool) -> PyResult<()> {
+    /// Loads of which the answers fit into memory, as arrays and lists of Python.
+    fn loads(
+        &self,
+        tensions: PyReadonlyArray2<'_, f64>,
+        load: DeadLoad<'_>,
+        disks: bool,
+    ) -> PyResult<OwnLoads> {
         let (n, m) = (self.inner.module_count(), self.inner.tendon_count());
         let numbers = 12 + 4 * m + if disks { 12 * n } else { 0 } + 20;
-        check_rows(count, numbers, disks)
+        check_rows(tensions.shape()[0], numbers, disks)?;
+        OwnLoads::new(&self.inner, tensions, &load)
     }
 
     /// The answers as NumPy arrays, named as in `bowstring.Sweep`.

@@ -2,7 +2,7 @@
 
 use crate::dispatch;
 use crate::interrupt;
-use crate::memory::unknown;
+use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
 use crate::model::load::{Load, RodModel};
 use crate::model::robot::Robot;
@@ -123,12 +123,7 @@ pub fn sweep_with(
     solver.reset();
     let mut solutions = Solutions::pending(robot, loads.count, disks)?;
     for mut chunk in solutions.chunks(robot, loads.count.max(1)) {
-        for i in 0..chunk.outcomes.len() {
-            if interrupt::interrupted() {
-                break;
-            }
-            chunk.solve(i, solver, loads, warm);
-        }
+        chunk.solve_all(solver, loads, warm);
     }
     Ok(solutions)
 }
@@ -181,16 +176,18 @@ pub fn thread_count(threads: usize) -> usize {
 }
 
 /// Does work on every item, on `threads` threads (0: one for each core) with scratch memory of
-/// their own. Work that is interrupted leaves items as they are.
-#[cfg(feature = "threads")]
+/// their own; on one thread without the feature `threads`. Work that is interrupted leaves items as
+/// they are.
+#[cfg_attr(not(feature = "threads"), allow(unused_variables))]
 pub fn for_each<T: Send, S>(
     items: &mut [T],
     threads: usize,
     scratch: impl Fn() -> S + Sync + Send,
     work: impl Fn(&mut S, &mut T) + Sync + Send,
 ) {
-    use rayon::prelude::*;
+    #[cfg(feature = "threads")]
     if threads != 1 && items.len() > 1 {
+        use rayon::prelude::*;
         let shared = interrupt::Shared::default();
         let join = shared.clone();
         // a pool of its own: the global one would not survive a fork of the process
@@ -212,21 +209,6 @@ pub fn for_each<T: Send, S>(
             });
         }
     }
-    one_by_one(items, scratch, work);
-}
-
-/// Does work on every item, on one thread.
-#[cfg(not(feature = "threads"))]
-pub fn for_each<T, S>(
-    items: &mut [T],
-    _threads: usize,
-    scratch: impl Fn() -> S,
-    work: impl Fn(&mut S, &mut T),
-) {
-    one_by_one(items, scratch, work);
-}
-
-fn one_by_one<T, S>(items: &mut [T], scratch: impl Fn() -> S, work: impl Fn(&mut S, &mut T)) {
     let mut s = scratch();
     items.iter_mut().for_each(|item| work(&mut s, item));
 }
@@ -237,11 +219,8 @@ impl Solutions {
         let refused = || too_many(n);
         let nan = |columns: usize| unknown(n.checked_mul(columns), &refused);
         let all = if disks { robot.module_count() } else { 0 };
-        let mut outcomes = Vec::new();
-        outcomes.try_reserve_exact(n).map_err(|_| refused())?;
-        outcomes.resize(n, Outcome::pending());
         Ok(Solutions {
-            outcomes,
+            outcomes: filled(Outcome::pending(), Some(n), &refused)?,
             tip_position: nan(3)?,
             tip_rotation: nan(9)?,
             tendon_length: nan(robot.tendon_count())?,
@@ -313,11 +292,16 @@ impl Chunk<'_> {
         if let Some(lanes) = &mut scratch.lanes {
             return self.fill_side_by_side(&mut **lanes, &mut scratch.solver, loads);
         }
+        self.solve_all(&mut scratch.solver, loads, false);
+    }
+
+    /// Solves every row, one by one.
+    fn solve_all(&mut self, solver: &mut Adaptive, loads: &Loads, warm: bool) {
         for i in 0..self.outcomes.len() {
             if interrupt::interrupted() {
                 return;
             }
-            self.solve(i, &mut scratch.solver, loads, false);
+            self.solve(i, solver, loads, warm);
         }
     }
 

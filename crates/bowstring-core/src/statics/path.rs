@@ -47,9 +47,7 @@ impl Drive {
         let tensions: Vec<_> = lines.iter().map(|line| line.pretension).collect();
         let load = Load {
             tensions: &tensions,
-            gravity: [0.0; 3],
-            tip_force: [0.0; 3],
-            tip_moment: [0.0; 3],
+            ..Load::default()
         };
         let outcome = solver.solve(&load)?;
         if outcome.status != Status::Converged {
@@ -197,7 +195,7 @@ impl Drive {
     /// If a number does not fit the robot.
     pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<DriveOutcome, InputError> {
         self.check(commands, load)?;
-        let load = &load.without_moment_below(self.solver().settings().least_moment());
+        let load = &load.without_moment_below(self.solver().settings.least_moment());
         let mut iterations = 0;
         loop {
             let old = self.history().clone();
@@ -277,12 +275,7 @@ impl Drive {
     /// What each tendon does at each hole, by modules and tendons: slips towards the base (1),
     /// away from it (-1) or sticks (0).
     pub fn slips(&self) -> Vec<i8> {
-        let sign = |slip: &Slip| match slip {
-            Slip::Towards => 1,
-            Slip::Away => -1,
-            Slip::Sticks => 0,
-        };
-        self.history().slip.iter().map(sign).collect()
+        self.history().slip.iter().map(|slip| *slip as i8).collect()
     }
 
     /// Starts the next step from what [`Drive::strain`] and [`Drive::slips`] gave; after

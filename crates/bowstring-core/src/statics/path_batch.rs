@@ -1,7 +1,7 @@
 //! Many steps of a drive in one call: in order along a path, or independent over all cores.
 
 use crate::interrupt;
-use crate::memory::unknown;
+use crate::memory::{filled, unknown};
 use crate::model::error::InputError;
 use crate::model::load::Load;
 use crate::model::robot::Robot;
@@ -22,10 +22,7 @@ pub fn commands(displaced: &[bool], values: &[f64]) -> Vec<Command> {
 
 /// Tensions that commands give (N); NaN for tendons that are displaced.
 pub fn commanded_tensions(commands: &[Command]) -> Vec<f64> {
-    let tension = |c: &Command| match *c {
-        Command::Tension(t) => t,
-        Command::Pull(_) => f64::NAN,
-    };
+    let tension = |c: &Command| if c.is_pull() { f64::NAN } else { c.value() };
     commands.iter().map(tension).collect()
 }
 
@@ -165,21 +162,18 @@ impl PathSolutions {
         let refused = || too_many(n);
         let m = robot.tendon_count();
         let nan = |columns: usize| unknown(n.checked_mul(columns), &refused);
-        let mut details = Vec::new();
-        details.try_reserve_exact(n).map_err(|_| refused())?;
-        let detail = || Detail {
+        let detail = Detail {
             undetermined: false,
             length_residual: f64::NAN,
             conflict: None,
         };
-        details.resize_with(n, detail);
         Ok(PathSolutions {
             poses: Solutions::pending(robot, n, disks)?,
             tensions: nan(m)?,
             displacements: nan(m)?,
             slack: nan(m)?,
             span_tensions: nan(robot.module_count() * m)?,
-            details,
+            details: filled(detail, Some(n), &refused)?,
         })
     }
 

@@ -233,7 +233,7 @@ impl PathStep {
         let mut state = Iteration {
             symmetric: load.tip_moment == [0.0; 3],
             rigid: self.transmission.tendons.is_rigid(),
-            unit: self.solver.settings().shift_unit,
+            unit: self.solver.settings.shift_unit,
             shift: 0.0,
             last: Residuals {
                 moment: 0.0,
@@ -243,7 +243,7 @@ impl PathStep {
         };
         // friction has no potential of its own, but a column that buckles is seen all the same
         let stable = (!friction).then_some(true);
-        let work = self.solver.settings().work * (2 + self.transmission.unknowns.problem.size);
+        let work = self.solver.settings.work * (2 + self.transmission.unknowns.problem.size);
         for step in 0..=MAX_STEPS {
             if interrupt::work(work) || !self.solver.engine.evaluate().is_finite() {
                 return outcome;

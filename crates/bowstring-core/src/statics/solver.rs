@@ -117,10 +117,6 @@ impl Solver {
         self.elements
     }
 
-    pub(crate) fn settings(&self) -> &Settings {
-        &self.settings
-    }
-
     /// Forgets the last answer.
     pub(crate) fn unsettle(&mut self) {
         self.settled = false;
@@ -511,9 +507,7 @@ mod tests {
         assert!(nothing(&solver));
         let load = |tensions: &'static [f64; 5]| Load {
             tensions,
-            gravity: [0.0; 3],
-            tip_force: [0.0; 3],
-            tip_moment: [0.0; 3],
+            ..Load::default()
         };
         solver.solve(&load(&[1.0, 2.0, 3.0, 0.0, 1.0])).unwrap();
         assert!(solver.tip().is_some() && solver.jacobians().is_some());

@@ -41,8 +41,8 @@ impl History {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum Slip {
     /// Towards the base.
-    Towards,
-    Away,
+    Towards = 1,
+    Away = -1,
     #[default]
-    Sticks,
+    Sticks = 0,
 }

@@ -38,12 +38,13 @@ pub enum Command {
 }
 
 impl Command {
-    pub(crate) fn is_pull(&self) -> bool {
+    /// Whether it gives the displacement.
+    pub fn is_pull(&self) -> bool {
         matches!(self, Command::Pull(_))
     }
 
     /// The tension or the displacement.
-    pub(crate) fn value(&self) -> f64 {
+    pub fn value(&self) -> f64 {
         match *self {
             Command::Tension(value) | Command::Pull(value) => value,
         }
