@@ -153,20 +153,21 @@ impl Drive {
         let commands: Vec<_> = now.commands.iter().map(Command::value).collect();
         let [gravity, tip_force, tip_moment] = &now.load;
         let strain = self.inner.strain();
-        for (name, values, shape) in [
-            ("tensions", &now.tensions[..], &[m][..]),
-            ("drops", &now.drops, &[n, m]),
-            ("spans", &now.spans, &[n, m]),
-            ("commands", &commands, &[m]),
-            ("gravity", gravity, &[3]),
-            ("tip_force", tip_force, &[3]),
-            ("tip_moment", tip_moment, &[3]),
-            ("strain", strain.as_flattened(), &[strain.len(), 3]),
+        let floats = |values: &[f64], shape: &[usize]| copied(py, values, shape).into_any();
+        for (name, values) in [
+            ("tensions", floats(&now.tensions, &[m])),
+            ("drops", floats(&now.drops, &[n, m])),
+            ("spans", floats(&now.spans, &[n, m])),
+            ("pulled", copied(py, &pulled, &[m]).into_any()),
+            ("commands", floats(&commands, &[m])),
+            ("gravity", floats(gravity, &[3])),
+            ("tip_force", floats(tip_force, &[3])),
+            ("tip_moment", floats(tip_moment, &[3])),
+            ("slips", array(py, self.inner.slips(), &[n, m]).into_any()),
+            ("strain", floats(strain.as_flattened(), &[strain.len(), 3])),
         ] {
-            out.set_item(name, copied(py, values, shape))?;
+            out.set_item(name, values)?;
         }
-        out.set_item("pulled", copied(py, &pulled, &[m]))?;
-        out.set_item("slips", array(py, self.inner.slips(), &[n, m]))?;
         Ok(out)
     }
 
