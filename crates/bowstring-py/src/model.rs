@@ -139,7 +139,7 @@ impl RodModel {
         slf: &Bound<'py, Self>,
         changes: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let values = slf.get().to_dict(slf.py())?;
+        let values = Self::to_dict(slf)?;
         if let Some(changes) = changes {
             values.update(changes.as_mapping())?;
         }
@@ -147,12 +147,12 @@ impl RodModel {
     }
 
     /// Its values by name.
-    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let values = PyDict::new(py);
-        values.set_item("theory", self.theory())?;
-        values.set_item("tendon_path", self.tendon_path())?;
-        values.set_item("twist", self.twist())?;
-        values.set_item("elements", self.elements())?;
+    fn to_dict<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyDict>> {
+        let (this, values) = (slf.get(), PyDict::new(slf.py()));
+        values.set_item("theory", this.theory())?;
+        values.set_item("tendon_path", this.tendon_path())?;
+        values.set_item("twist", this.twist())?;
+        values.set_item("elements", this.elements())?;
         Ok(values)
     }
 
@@ -167,7 +167,7 @@ impl RodModel {
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let values = slf.get().to_dict(slf.py())?.values();
+        let values = Self::to_dict(slf)?.values();
         Ok((slf.get_type().into_any(), values.to_tuple().into_any()))
     }
 }
