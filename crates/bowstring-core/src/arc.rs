@@ -10,6 +10,8 @@
 //! An arc is held as its *bend vector* (theta cos phi, theta sin phi) and its length. All maps are
 //! smooth in these, the straight pose included; curvature and direction are derived.
 
+use crate::math::linalg::dot;
+use crate::math::series::stumpff;
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
@@ -36,7 +38,7 @@ fn input<T>(text: String) -> Result<T, Error> {
     Err(Error::Input(text))
 }
 
-fn positive(what: &str, value: f64, unit: &str) -> Result<(), Error> {
+fn positive(what: impl fmt::Display, value: f64, unit: &str) -> Result<(), Error> {
     if value > 0.0 && value.is_finite() {
         return Ok(());
     }
@@ -55,11 +57,21 @@ fn angle(theta: f64) -> Result<(), Error> {
     ))
 }
 
-fn finite(what: &str, value: f64, unit: &str) -> Result<(), Error> {
-    if value.is_finite() {
+fn finite(what: &str, values: &[f64], unit: &str) -> Result<(), Error> {
+    match values.iter().find(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(value) => input(format!("{what} must be finite, got {value:?} {unit}")),
+    }
+}
+
+fn one_a_hole(what: &str, values: &[f64], holes: &[Hole]) -> Result<(), Error> {
+    let (given, needed) = (values.len(), holes.len());
+    if given == needed {
         return Ok(());
     }
-    input(format!("{what} must be finite, got {value:?} {unit}"))
+    input(format!(
+        "{needed} {what} are needed, one a hole, got {given}"
+    ))
 }
 
 /// Place of a tendon in every disk, base axes, m.
@@ -83,25 +95,6 @@ pub struct Arc {
     pub length: f64,
 }
 
-/// sin(u)/u.
-fn sinc(u: f64) -> f64 {
-    if u == 0.0 {
-        1.0
-    } else {
-        u.sin() / u
-    }
-}
-
-/// Sum over j of (-x)^j / (2 j + k)!, for x up to 1.
-fn series(k: u32, x: f64) -> f64 {
-    let mut sum = 1.0;
-    for j in (1..=9).rev() {
-        let m = f64::from(2 * j + k);
-        sum = 1.0 - x * sum / (m * (m - 1.0));
-    }
-    (1..=k).fold(sum, |s, m| s / f64::from(m))
-}
-
 /// The smooth functions that all arc formulas are made of, at x = theta^2.
 struct Smooth {
     /// sin(theta)/theta
@@ -118,21 +111,13 @@ struct Smooth {
 
 impl Smooth {
     fn at(theta: f64) -> Self {
-        let x = theta * theta;
-        let a = sinc(theta);
-        let half = sinc(0.5 * theta);
-        let b = 0.5 * half * half;
-        let (e, f) = if x < 1.0 {
-            (series(3, x), series(4, x))
-        } else {
-            ((1.0 - a) / x, (0.5 - b) / x)
-        };
+        let [_, a, b, c, d, ..] = stumpff(theta * theta);
         Smooth {
             a,
             b,
-            da: e - b,
-            db: 2.0 * f - e,
-            e,
+            da: c - b,
+            db: 2.0 * d - c,
+            e: c,
         }
     }
 }
@@ -141,8 +126,8 @@ impl Arc {
     /// From curvature `kappa` (1/m), direction `phi` (rad) and length (m). A negative curvature
     /// bends towards phi + pi.
     pub fn from_curvature(kappa: f64, phi: f64, length: f64) -> Result<Self, Error> {
-        finite("the curvature", kappa, "1/m")?;
-        finite("the direction of bending", phi, "rad")?;
+        finite("the curvature", &[kappa], "1/m")?;
+        finite("the direction of bending", &[phi], "rad")?;
         positive("the arc's length", length, "m")?;
         let theta = kappa * length;
         angle(theta)?;
@@ -263,9 +248,7 @@ impl Arc {
     /// below 2 pi, but the origin and the negative z axis.
     pub fn through(position: [f64; 3]) -> Result<Self, Error> {
         let [x, y, z] = position;
-        for c in position {
-            finite("a tip coordinate", c, "m")?;
-        }
+        finite("a tip coordinate", &position, "m")?;
         let rho = x.hypot(y);
         let distance = rho.hypot(z);
         if rho == 0.0 && z <= 0.0 {
@@ -299,14 +282,11 @@ impl Arc {
     /// its distance (m). Where the direction of bending does not matter or is not unique (points
     /// on the z axis) it is phi = 0.
     pub fn nearest(position: [f64; 3], length: f64) -> Result<(Self, f64), Error> {
-        for c in position {
-            finite("a tip coordinate", c, "m")?;
-        }
+        finite("a tip coordinate", &position, "m")?;
         positive("the arc's length", length, "m")?;
         let rho = position[0].hypot(position[1]);
         let target = [rho / length, position[2] / length];
-        finite("the tip's distance in arc lengths", target[0], "lengths")?;
-        finite("the tip's distance in arc lengths", target[1], "lengths")?;
+        finite("the tip's distance in arc lengths", &target, "lengths")?;
 
         // all in the plane of the bend, in units of the length
         let offset = |theta: f64, f: &Smooth| [theta * f.b - target[0], f.a - target[1]];
@@ -357,7 +337,7 @@ impl Arc {
             bend: direction.map(|c| c * theta),
             length,
         };
-        finite("the distance to the tip", miss * length, "m")?;
+        finite("the distance to the tip", &[miss * length], "m")?;
         Ok((arc, miss * length))
     }
 }
@@ -501,10 +481,7 @@ impl TendonFit {
                 "an arc from tendon lengths needs at least three tendons, got {count}"
             ));
         }
-        for hole in holes {
-            finite("a tendon's hole position", hole[0], "m")?;
-            finite("a tendon's hole position", hole[1], "m")?;
-        }
+        finite("a tendon's hole position", holes.as_flattened(), "m")?;
         if hold_length && !spans.0.is_empty() {
             return input(
                 "the length can be held only for tendons parallel to the backbone, not with straight spans".into(),
@@ -517,7 +494,6 @@ impl TendonFit {
         // thin QR of the holes about their centre; the second pass restores orthogonality
         let mut first: Vec<f64> = holes.iter().map(|h| h[0] - centre[0]).collect();
         let mut second: Vec<f64> = holes.iter().map(|h| h[1] - centre[1]).collect();
-        let dot = |u: &[f64], v: &[f64]| u.iter().zip(v).map(|(a, b)| a * b).sum::<f64>();
         let size = dot(&first, &first) + dot(&second, &second);
         let r11 = dot(&first, &first).sqrt();
         let mut r12 = 0.0;
@@ -557,18 +533,9 @@ impl TendonFit {
     /// of the lengths, m (zero for three tendons with free length). `length` is the one held.
     pub fn fit(&self, lengths: &[f64], length: Option<f64>) -> Result<(Arc, f64), Error> {
         let count = self.holes.len();
-        if lengths.len() != count {
-            return input(format!(
-                "{count} tendon lengths are needed, one a hole, got {}",
-                lengths.len()
-            ));
-        }
+        one_a_hole("tendon lengths", lengths, &self.holes)?;
         for (i, &l) in lengths.iter().enumerate() {
-            if !(l > 0.0 && l.is_finite()) {
-                return input(format!(
-                    "the length of tendon {i} must be positive and finite, got {l:?} m"
-                ));
-            }
+            positive(format_args!("the length of tendon {i}"), l, "m")?;
         }
         if length.is_some() != self.hold_length {
             return input("a held length goes with a fit that holds it".into());
@@ -599,8 +566,8 @@ impl TendonFit {
                 .sum();
             (sum / count as f64).sqrt()
         };
-        finite("the misfit of the tendon lengths", misfit, "m")?;
-        finite("the arc's length", parallel.length, "m")?;
+        finite("the misfit of the tendon lengths", &[misfit], "m")?;
+        finite("the arc's length", &[parallel.length], "m")?;
         let chord = parallel.theta();
         let Some(theta) = self.spans.theta(chord) else {
             return input(
@@ -665,13 +632,7 @@ impl TendonFit {
 
 /// Sum of the tensions (N) and of tension times hole (N m).
 fn pull(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64; 2]), Error> {
-    if tensions.len() != holes.len() {
-        return input(format!(
-            "{} tensions are needed, one a hole, got {}",
-            holes.len(),
-            tensions.len()
-        ));
-    }
+    one_a_hole("tensions", tensions, holes)?;
     let mut force = 0.0;
     let mut moment = [0.0; 2];
     for (i, (&t, hole)) in tensions.iter().zip(holes).enumerate() {
@@ -680,8 +641,7 @@ fn pull(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64; 2]), Error> {
                 "the tension of tendon {i} must be finite and not negative, got {t:?} N"
             ));
         }
-        finite("a tendon's hole position", hole[0], "m")?;
-        finite("a tendon's hole position", hole[1], "m")?;
+        finite("a tendon's hole position", hole, "m")?;
         force += t;
         moment[0] += t * hole[0];
         moment[1] += t * hole[1];

@@ -71,24 +71,22 @@ impl Mixing {
             self.pairs.push(Pair::default());
         }
         let (before, rest) = self.pairs.split_at_mut(self.known);
-        let Pair {
-            change,
-            motion,
-            norm2,
-        } = &mut rest[0];
-        change.clear();
-        change.extend(f.iter().zip(&self.step).map(|(now, then)| now - then));
-        motion.clear();
+        let new = &mut rest[0];
+        new.change.clear();
+        let changed = f.iter().zip(&self.step).map(|(now, then)| now - then);
+        new.change.extend(changed);
+        new.motion.clear();
         let moved = x.iter().zip(&self.point).map(|(now, then)| now - then);
-        motion.extend(moved.zip(change.iter()).map(|(x, f)| x + f));
-        let whole = dot(change, change);
+        new.motion
+            .extend(moved.zip(&new.change).map(|(x, f)| x + f));
+        let whole = dot(&new.change, &new.change);
         for pair in before {
-            let share = dot(&pair.change, change) / pair.norm2;
-            add(change, -share, &pair.change);
-            add(motion, -share, &pair.motion);
+            let share = dot(&pair.change, &new.change) / pair.norm2;
+            add(&mut new.change, -share, &pair.change);
+            add(&mut new.motion, -share, &pair.motion);
         }
-        *norm2 = dot(change, change);
-        if *norm2 > NEW * NEW * whole {
+        new.norm2 = dot(&new.change, &new.change);
+        if new.norm2 > NEW * NEW * whole {
             self.known += 1;
         }
     }

@@ -1,6 +1,8 @@
 //! The largest eigenvalues of an unsymmetric matrix: Arnoldi's iteration, and the QR algorithm on
 //! the small Hessenberg matrix that it leaves (Golub and Van Loan, Matrix Computations, 7.5, 10.5).
 
+use crate::math::linalg::dot;
+
 /// Below this share of the matrix a vector adds no direction.
 const NOTHING: f64 = 1e-13;
 /// QR steps for one eigenvalue.
@@ -53,10 +55,6 @@ pub(crate) fn largest(
         row.truncate(count);
     }
     hessenberg(rows)
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn scale(v: &mut [f64], length: f64) {

@@ -1,11 +1,12 @@
 //! Rotations and constant-curvature arcs: exponential, left Jacobian, second derivatives.
 //!
 //! An arc of length `l` turns by the rotation vector `w`, constant in its own frame.
-//! Everything is a function of `x = |w|^2` through Stumpff's functions
-//! `c_k(x) = sum_i (-x)^i / (k + 2 i)!`, smooth through the straight arc `w = 0`.
+//! Everything is a function of `x = |w|^2` through Stumpff's functions `c_k(x)`, smooth through the
+//! straight arc `w = 0`.
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
+use crate::math::series::stumpff;
 
 /// Position and orientation in the base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,70 +15,6 @@ pub struct Pose {
     pub rotation: Mat3,
     /// m
     pub position: Vec3,
-}
-
-const FACTORIAL: [f64; 8] = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0, 720.0, 5040.0];
-
-/// Below this `x` eight terms of the series are exact to rounding.
-const SHORT_SERIES: f64 = 0.6;
-/// Below this `x` the long series is; beyond it sine and cosine lose nothing.
-const LONG_SERIES: f64 = 12.0;
-
-/// Stumpff's `c_0` to `c_7` at `x = |w|^2 >= 0`.
-#[inline(always)]
-pub(crate) fn stumpff<T: Real>(x: T) -> [T; 8] {
-    let largest = x.largest();
-    if largest < SHORT_SERIES {
-        downward(x, 8)
-    } else if largest < LONG_SERIES {
-        downward(x, 20)
-    } else {
-        stumpff_far(x)
-    }
-}
-
-/// The two highest by their series (`n` terms), the rest by `c_k = 1/k! - x c_{k+2}`.
-#[inline(always)]
-fn downward<T: Real>(x: T, n: usize) -> [T; 8] {
-    let one = T::splat(1.0);
-    let (mut c6, mut c7) = (one, one);
-    for i in (1..n).rev() {
-        let k = 2.0 * i as f64;
-        c6 = (x * c6).mul_add(T::splat(-1.0 / ((k + 5.0) * (k + 6.0))), one);
-        c7 = (x * c7).mul_add(T::splat(-1.0 / ((k + 6.0) * (k + 7.0))), one);
-    }
-    let mut c = [one; 8];
-    c[6] = c6 * T::splat(1.0 / FACTORIAL[6]);
-    c[7] = c7 * T::splat(1.0 / FACTORIAL[7]);
-    for k in (0..6).rev() {
-        c[k] = (-x).mul_add(c[k + 2], T::splat(1.0 / FACTORIAL[k]));
-    }
-    c
-}
-
-#[cold]
-#[inline(never)]
-fn stumpff_far<T: Real>(x: T) -> [T; 8] {
-    let mut c = [T::zero(); 8];
-    for (k, ck) in c.iter_mut().enumerate() {
-        *ck = T::from_fn(|lane| {
-            let x = x.lane(lane);
-            if x < LONG_SERIES {
-                return downward(x, 20)[k];
-            }
-            let theta = x.sqrt();
-            let mut value = if k % 2 == 0 {
-                theta.cos()
-            } else {
-                theta.sin() / theta
-            };
-            for i in (k % 2..k).step_by(2) {
-                value = (1.0 / FACTORIAL[i] - value) / x;
-            }
-            value
-        });
-    }
-    c
 }
 
 /// `exp([w])`, the rotation by the rotation vector `w`.
@@ -253,19 +190,6 @@ mod tests {
         [-2.0, 2.5, 1.7],
         [4.0, -3.0, 2.0],
     ];
-
-    #[test]
-    fn stumpff_is_continuous_across_its_branches() {
-        for edge in [SHORT_SERIES, LONG_SERIES] {
-            let (a, b) = (stumpff(edge * (1.0 - 1e-15)), stumpff(edge * (1.0 + 1e-15)));
-            for k in 0..8 {
-                let scale = 1.0 / FACTORIAL[k];
-                assert!((a[k] - b[k]).abs() < 1e-13 * scale, "c{k} at {edge}");
-            }
-        }
-        let far = stumpff(30.0);
-        assert!((far[0] - 30f64.sqrt().cos()).abs() < 1e-15);
-    }
 
     #[test]
     fn exponential_is_a_rotation_and_log_its_inverse() {

@@ -1,10 +1,11 @@
 //! Vectors and matrices of three, over any [`Real`].
 //!
-//! No closures and no
-//! `array::map` here, for they would not inline. Our own, because the same arithmetic runs on one robot and on SIMD lanes of
-//! robots, and must inline whole into code compiled for the processor found at run time.
+//! No closures and no `array::map` here, for they would not inline. Our own, because the same
+//! arithmetic runs on one robot and on SIMD lanes of robots, and must inline whole into code compiled
+//! for the processor found at run time.
 
 use crate::math::real::Real;
+use crate::math::series::small_arc_tangent;
 use std::ops::{Add, AddAssign, Index, IndexMut, Mul, Neg, Sub, SubAssign};
 
 /// A vector of three.
@@ -26,7 +27,6 @@ impl<T: Real> Vec3<T> {
     pub fn splat(v: [f64; 3]) -> Self {
         Vec3([T::splat(v[0]), T::splat(v[1]), T::splat(v[2])])
     }
-    /// The unit vector along z, the tangent of a straight backbone.
     /// The numbers of one lane.
     #[inline(always)]
     pub fn of_lane(&self, lane: usize) -> Vec3<f64> {
@@ -36,7 +36,7 @@ impl<T: Real> Vec3<T> {
             self.0[2].lane(lane),
         ])
     }
-    /// Unit vector along z.
+    /// Unit vector along z, the tangent of a straight backbone.
     #[inline(always)]
     pub fn ez() -> Self {
         Self::splat([0.0, 0.0, 1.0])
@@ -96,13 +96,7 @@ impl<T: Real> Vec3<T> {
             tangent = tangent / (one + tangent.mul_add(tangent, one).sqrt());
             times *= 2.0;
         }
-        let square = tangent * tangent;
-        let mut sum = T::zero();
-        for n in (0..10).rev() {
-            let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
-            sum = sum.mul_add(square, T::splat(sign / (2 * n + 1) as f64));
-        }
-        sum * tangent * T::splat(times)
+        small_arc_tangent(tangent) * T::splat(times)
     }
     /// `self * o^T`
     #[inline(always)]
@@ -324,6 +318,11 @@ impl<T> IndexMut<usize> for Vec3<T> {
     fn index_mut(&mut self, i: usize) -> &mut T {
         &mut self.0[i]
     }
+}
+
+/// Inner product of vectors of any size.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Small dense systems, and which of their unknowns are held at zero.
 
 use crate::interrupt;
+use crate::math::linalg::dot;
 
 /// A mixed linear complementarity problem, with its scratch memory: find `z` between its bounds
 /// with `w = q + M z`, where `w >= 0` at a lower bound, `w <= 0` at an upper one, and `w = 0`
@@ -61,12 +62,7 @@ impl Complementarity {
     pub fn solve(&mut self) -> bool {
         let n = self.size;
         for i in 0..n {
-            let bound = match self.side[i] {
-                Side::Between => continue,
-                Side::Lower => self.lower[i],
-                Side::Upper => self.upper[i],
-            };
-            if !bound.is_finite() {
+            if self.bound(i).is_some_and(|bound| !bound.is_finite()) {
                 self.side[i] = Side::Between;
             }
         }
@@ -82,13 +78,8 @@ impl Complementarity {
                 let (z, w) = (self.z[i], self.w[i]);
                 let to = match self.side[i] {
                     // with no room between the bounds any side will do
-                    _ if self.lower[i] == self.upper[i] => {
-                        if w < 0.0 {
-                            Side::Upper
-                        } else {
-                            Side::Lower
-                        }
-                    }
+                    _ if self.lower[i] == self.upper[i] && w < 0.0 => Side::Upper,
+                    _ if self.lower[i] == self.upper[i] => Side::Lower,
                     Side::Between if z < self.lower[i] => Side::Lower,
                     Side::Between if z > self.upper[i] => Side::Upper,
                     Side::Lower if w < -noise => Side::Between,
@@ -109,16 +100,22 @@ impl Complementarity {
             } else {
                 patience -= 1;
             }
-            let first = if patience > 0 {
-                0
-            } else {
-                self.wrong.len() - 1
-            };
+            let all = patience > 0;
+            let first = if all { 0 } else { self.wrong.len() - 1 };
             for &(i, to) in &self.wrong[first..] {
                 self.side[i] = to;
             }
         }
         self.relax()
+    }
+
+    /// The bound that an unknown is at.
+    fn bound(&self, i: usize) -> Option<f64> {
+        match self.side[i] {
+            Side::Between => None,
+            Side::Lower => Some(self.lower[i]),
+            Side::Upper => Some(self.upper[i]),
+        }
     }
 
     /// Comes near an answer by Gauss and Seidel's sweeps, each unknown kept between its bounds.
@@ -133,8 +130,7 @@ impl Complementarity {
             }
             for i in 0..n {
                 let row = &self.matrix[i * n..(i + 1) * n];
-                let w = self.q[i] + row.iter().zip(&self.z).map(|(a, z)| a * z).sum::<f64>();
-                let to = self.z[i] - w / row[i];
+                let to = self.z[i] - (self.q[i] + dot(row, &self.z)) / row[i];
                 (self.z[i], self.side[i]) = if to <= self.lower[i] {
                     (self.lower[i], Side::Lower)
                 } else if to >= self.upper[i] {
@@ -152,22 +148,18 @@ impl Complementarity {
         let n = self.size;
         self.index.clear();
         for i in 0..n {
-            self.z[i] = match self.side[i] {
-                Side::Between => {
-                    self.index.push(i);
-                    0.0
-                }
-                Side::Lower => self.lower[i],
-                Side::Upper => self.upper[i],
-            };
+            let bound = self.bound(i);
+            if bound.is_none() {
+                self.index.push(i);
+            }
+            self.z[i] = bound.unwrap_or(0.0);
         }
         let m = self.index.len();
         self.work.clear();
         for &i in &self.index {
             let row = &self.matrix[i * n..(i + 1) * n];
             self.work.extend(self.index.iter().map(|&j| row[j]));
-            let held: f64 = row.iter().zip(&self.z).map(|(a, z)| a * z).sum();
-            self.work.push(-self.q[i] - held);
+            self.work.push(-self.q[i] - dot(row, &self.z));
         }
         if !eliminate(&mut self.work, m) {
             return false;
@@ -176,11 +168,9 @@ impl Complementarity {
             self.z[i] = self.work[row * (m + 1) + m];
         }
         for i in 0..n {
-            let row = &self.matrix[i * n..(i + 1) * n];
-            let sum: f64 = row.iter().zip(&self.z).map(|(a, z)| a * z).sum();
             self.w[i] = match self.side[i] {
                 Side::Between => 0.0,
-                _ => self.q[i] + sum,
+                _ => self.q[i] + dot(&self.matrix[i * n..(i + 1) * n], &self.z),
             };
         }
         true

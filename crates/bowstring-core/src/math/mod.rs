@@ -6,6 +6,7 @@ pub mod lie;
 pub mod linalg;
 pub(crate) mod mlcp;
 pub mod real;
+pub(crate) mod series;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod simd;
 
