@@ -1,6 +1,7 @@
 //! Strain of a round section, and stress at its surface.
 
 use crate::interrupt;
+use crate::math::series::small_arc_tangent;
 use crate::math::vectorize;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -75,25 +76,20 @@ pub struct Derived {
 }
 
 impl Derived {
-    /// Appends those of further sections, `total` in all.
-    fn append(&mut self, other: &Derived, total: usize) {
-        for (to, from, width) in [
-            (&mut self.curvature, &other.curvature, 3),
-            (&mut self.strain, &other.strain, 3),
-            (&mut self.axial, &other.axial, 1),
-            (&mut self.bending, &other.bending, 1),
-            (&mut self.normal, &other.normal, 1),
-            (&mut self.shear, &other.shear, 1),
-            (&mut self.torsion, &other.torsion, 1),
-            (&mut self.von_mises, &other.von_mises, 1),
-            (&mut self.angle, &other.angle, 1),
-            (&mut self.place, &other.place, 3),
-        ] {
-            if to.capacity() == 0 {
-                to.reserve_exact(width * total);
-            }
-            to.extend_from_slice(from);
-        }
+    /// All numbers, and how many there are of a section.
+    fn arrays(&mut self) -> [(&mut Vec<f64>, usize); 10] {
+        [
+            (&mut self.curvature, 3),
+            (&mut self.strain, 3),
+            (&mut self.axial, 1),
+            (&mut self.bending, 1),
+            (&mut self.normal, 1),
+            (&mut self.shear, 1),
+            (&mut self.torsion, 1),
+            (&mut self.von_mises, 1),
+            (&mut self.angle, 1),
+            (&mut self.place, 3),
+        ]
     }
 }
 
@@ -119,7 +115,12 @@ pub fn derive_all(given: Sections) -> Derived {
             moment: &given.moment[3 * start..3 * end],
         };
         derive(part, &mut block);
-        found.append(&block, total);
+        for ((to, size), (from, _)) in found.arrays().into_iter().zip(block.arrays()) {
+            if to.capacity() == 0 {
+                to.reserve_exact(size * total);
+            }
+            to.extend_from_slice(from);
+        }
     }
     found
 }
@@ -145,20 +146,23 @@ pub fn surface_stress(sections: &[Section], force: &[f64], moment: &[f64]) -> Ve
 /// Largest von Mises stress around each of K sections (Pa), and cosine and sine of its place,
 /// (3, K) flat; from coefficients of normal and shear stress (Pa), (3, K) flat.
 pub fn von_mises(sigma: &[f64], tau: &[f64]) -> Vec<f64> {
-    let count = sigma.len() / 3;
-    let mut out = vec![0.0; 3 * count];
-    for start in (0..count).step_by(BLOCK) {
-        if interrupt::work(8 * BLOCK) {
+    let total = sigma.len() / 3;
+    let mut out = vec![0.0; 3 * total];
+    for start in (0..total).step_by(WIDTH) {
+        if interrupt::work(8 * WIDTH) {
             break;
         }
-        let end = count.min(start + BLOCK);
-        let rows = [0, 1, 2].map(|q| q * count + start..q * count + end);
-        let found = largest_of_many(
-            rows.clone().map(|row| &sigma[row]),
-            rows.map(|row| &tau[row]),
-        );
+        let count = WIDTH.min(total - start);
+        let gather = |from: &[f64]| {
+            [0, 1, 2].map(|q| {
+                let mut lanes = [0.0; WIDTH];
+                lanes[..count].copy_from_slice(&from[q * total + start..][..count]);
+                lanes
+            })
+        };
+        let found = largest_side_by_side(&gather(sigma), &gather(tau), count);
         for (q, row) in found.iter().enumerate() {
-            out[q * count + start..][..row.len()].copy_from_slice(row);
+            out[q * total + start..][..count].copy_from_slice(&row[..count]);
         }
     }
     out
@@ -179,19 +183,8 @@ pub fn derive(given: Sections, out: &mut Derived) {
 #[inline(always)]
 fn derive_here(given: Sections, out: &mut Derived) {
     let (stations, total) = (given.sections.len(), given.force.len() / 3);
-    for vector in [&mut out.curvature, &mut out.strain, &mut out.place] {
-        vector.resize(3 * total, 0.0);
-    }
-    for scalar in [
-        &mut out.axial,
-        &mut out.bending,
-        &mut out.normal,
-        &mut out.shear,
-        &mut out.torsion,
-        &mut out.von_mises,
-        &mut out.angle,
-    ] {
-        scalar.resize(total, 0.0);
+    for (values, size) in out.arrays() {
+        values.resize(size * total, 0.0);
     }
     let mut station = 0;
     for start in (0..total).step_by(WIDTH) {
@@ -257,35 +250,19 @@ fn derive_here(given: Sections, out: &mut Derived) {
     }
 }
 
-/// [`largest_von_mises`] of many sections at once.
-fn largest_of_many(sigma: [&[f64]; 3], tau: [&[f64]; 3]) -> [Vec<f64>; 3] {
-    let total = sigma[0].len();
-    let mut out = [vec![0.0; total], vec![0.0; total], vec![0.0; total]];
-    for start in (0..total).step_by(WIDTH) {
-        let count = WIDTH.min(total - start);
-        let gather = |from: [&[f64]; 3]| {
-            from.map(|row| {
-                let mut lanes = [0.0; WIDTH];
-                lanes[..count].copy_from_slice(&row[start..start + count]);
-                lanes
-            })
-        };
-        let found = largest_side_by_side(&gather(sigma), &gather(tau), count);
-        for (to, from) in out.iter_mut().zip(&found) {
-            to[start..start + count].copy_from_slice(&from[..count]);
-        }
-    }
-    out
-}
-
-/// [`largest_von_mises`] of the first `count` of some sections, step by step for all of them; those
-/// that this does not settle go one by one.
+/// Maximum of `sqrt(sigma^2 + 3 tau^2)` around each of the first `count` sections, where `sigma` and
+/// `tau` are `a + b cos(psi) + c sin(psi)`, in Pa: the value, and cosine and sine of its place. Step
+/// by step for all of them; those that this does not settle go one by one.
+///
+/// Exact to 1e-12 of the value.
 #[inline(always)]
 fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [Lanes; 3] {
     let zero = [0.0; WIDTH];
     let (mut e_x, mut e_y) = (zero, zero);
     let (mut along, mut across, mut gap) = (zero, zero, zero);
     let (mut cosine, mut sine) = (zero, zero);
+    // With u = (cos, sin) the square is u.Q u + 2 b.u + const. In the axes of Q, with values
+    // q1 >= q2, the maximum lies in the quadrant of b, and is the only stationary point there.
     for i in 0..WIDTH {
         let [s0, s1, s2] = [sigma[0][i], sigma[1][i], sigma[2][i]];
         let [t0, t1, t2] = [tau[0][i], tau[1][i], tau[2][i]];
@@ -293,8 +270,11 @@ fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [
         let cross = s1 * s2 + 3.0 * t1 * t2;
         let (b_x, b_y) = (s0 * s1 + 3.0 * t0 * t1, s0 * s2 + 3.0 * t0 * t2);
         let radius = (half * half + cross * cross).sqrt();
+        // axis of q1: the longer of two equal forms
         let reach = radius + half.abs();
+        let alike = reach * reach < f64::MIN_POSITIVE;
         let x = if half < 0.0 { cross } else { reach };
+        let x = if alike { 1.0 } else { x };
         let y = if half < 0.0 { reach } else { cross };
         let per = 1.0 / (x * x + y * y).sqrt();
         (e_x[i], e_y[i]) = (x * per, y * per);
@@ -326,6 +306,11 @@ fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [
             break;
         }
     }
+    for i in 0..count {
+        if !settled[i] {
+            (cosine[i], sine[i]) = quadrant_maximum(gap[i], along[i].abs(), across[i].abs());
+        }
+    }
     let mut out = [zero; 3];
     for i in 0..WIDTH {
         let per = 1.0 / (cosine[i] * cosine[i] + sine[i] * sine[i]).sqrt();
@@ -336,12 +321,6 @@ fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [
         let shear = tau[0][i] + tau[1][i] * x + tau[2][i] * y;
         out[0][i] = (normal * normal + 3.0 * shear * shear).sqrt();
         (out[1][i], out[2][i]) = (x, y);
-    }
-    for i in 0..count {
-        if !settled[i] {
-            let one = |v: &[Lanes; 3]| [v[0][i], v[1][i], v[2][i]];
-            [out[0][i], out[1][i], out[2][i]] = largest_von_mises(one(sigma), one(tau));
-        }
     }
     out
 }
@@ -357,13 +336,7 @@ fn angles_side_by_side(cosine: &Lanes, sine: &Lanes) -> Lanes {
         for _ in 0..2 {
             tangent /= 1.0 + (1.0 + tangent * tangent).sqrt();
         }
-        let square = tangent * tangent;
-        let mut sum = 0.0;
-        for n in (0..11).rev() {
-            let sign = if n % 2 == 0 { 1.0 } else { -1.0 };
-            sum = sum * square + sign / (2 * n + 1) as f64;
-        }
-        let octant = 4.0 * tangent * sum;
+        let octant = 4.0 * small_arc_tangent(tangent);
         let quadrant = if y > x { FRAC_PI_2 - octant } else { octant };
         let half = if cosine[i] < 0.0 {
             PI - quadrant
@@ -373,40 +346,6 @@ fn angles_side_by_side(cosine: &Lanes, sine: &Lanes) -> Lanes {
         out[i] = half.copysign(sine[i]);
     }
     out
-}
-
-/// Maximum of `sqrt(sigma^2 + 3 tau^2)` around a section, where `sigma` and `tau` are
-/// `a + b cos(psi) + c sin(psi)`, in Pa: the value, and cosine and sine of its place.
-///
-/// Exact to 1e-12 of the value.
-fn largest_von_mises(sigma: [f64; 3], tau: [f64; 3]) -> [f64; 3] {
-    let ([s0, s1, s2], [t0, t1, t2]) = (sigma, tau);
-    // With u = (cos, sin) the square is u.Q u + 2 b.u + const. In the axes of Q, with values
-    // q1 >= q2, the maximum lies in the quadrant of b, and is the only stationary point there.
-    let half = 0.5 * (s1 * s1 - s2 * s2 + 3.0 * (t1 * t1 - t2 * t2));
-    let cross = s1 * s2 + 3.0 * t1 * t2;
-    let (b_x, b_y) = (s0 * s1 + 3.0 * t0 * t1, s0 * s2 + 3.0 * t0 * t2);
-    let radius = half.hypot(cross);
-    // axis of q1: the longer of two equal forms
-    let reach = radius + half.abs();
-    let (e_x, e_y) = if half < 0.0 {
-        (cross, reach)
-    } else {
-        (reach, cross)
-    };
-    let norm = e_x.hypot(e_y);
-    let (e_x, e_y) = if norm > 0.0 {
-        (e_x / norm, e_y / norm)
-    } else {
-        (1.0, 0.0)
-    };
-    let (along, across) = (b_x * e_x + b_y * e_y, b_y * e_x - b_x * e_y);
-    let (cosine, sine) = quadrant_maximum(2.0 * radius, along.abs(), across.abs());
-    let (cosine, sine) = (cosine.copysign(along), sine.copysign(across));
-    let (x, y) = (cosine * e_x - sine * e_y, cosine * e_y + sine * e_x);
-    let normal = s0 + s1 * x + s2 * y;
-    let shear = t0 + t1 * x + t2 * y;
-    [(normal * normal + 3.0 * shear * shear).sqrt(), x, y]
 }
 
 /// Cosine and sine of the angle in the first quadrant where `gap cos^2 / 2 + a cos + b sin` is
@@ -443,7 +382,6 @@ fn quadrant_maximum(gap: f64, a: f64, b: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::slice::from_ref;
 
     fn brute(sigma: [f64; 3], tau: [f64; 3]) -> f64 {
         let square = |psi: f64| {
@@ -486,15 +424,10 @@ mod tests {
                 _ => {}
             }
             let expected = brute(sigma, tau);
-            let many =
-                largest_of_many(sigma.each_ref().map(from_ref), tau.each_ref().map(from_ref));
-            for [value, x, y] in [largest_von_mises(sigma, tau), many.map(|v| v[0])] {
-                assert!(
-                    (value - expected).abs() < 1e-12 * expected,
-                    "{sigma:?} {tau:?}"
-                );
-                assert!((x.hypot(y) - 1.0).abs() < 1e-15);
-            }
+            let found = von_mises(&sigma, &tau);
+            let off = (found[0] - expected).abs();
+            assert!(off < 1e-12 * expected, "{sigma:?} {tau:?}");
+            assert!((found[1].hypot(found[2]) - 1.0).abs() < 1e-15);
         }
     }
 
@@ -571,7 +504,8 @@ mod tests {
             assert_eq!(one.strain[..], whole.strain[3 * i..3 * i + 3]);
             let three = |v: &[f64]| [v[3 * i], v[3 * i + 1], v[3 * i + 2]];
             let [sigma, tau] = sections[station].stress(three(&force), three(&moment));
-            let [value, x, y] = largest_von_mises(sigma, tau);
+            let found = von_mises(&sigma, &tau);
+            let (value, x, y) = (found[0], found[1], found[2]);
             assert!((one.von_mises[0] - value).abs() < 1e-14 * value);
             let radius = sections[station].radius;
             for q in 0..3 {
@@ -584,9 +518,9 @@ mod tests {
 
     #[test]
     fn isotropic_and_still_sections() {
-        assert_eq!(largest_von_mises([0.0; 3], [0.0; 3])[0], 0.0);
-        assert_eq!(largest_von_mises([-5.0, 0.0, 0.0], [0.0; 3])[0], 5.0);
-        let [value, ..] = largest_von_mises([0.0; 3], [2.0, 0.0, 0.0]);
+        assert_eq!(von_mises(&[0.0; 3], &[0.0; 3]), [0.0, 1.0, 0.0]);
+        assert_eq!(von_mises(&[-5.0, 0.0, 0.0], &[0.0; 3])[0], 5.0);
+        let value = von_mises(&[0.0; 3], &[2.0, 0.0, 0.0])[0];
         assert!((value - 2.0 * 3f64.sqrt()).abs() < 1e-15);
     }
 }
