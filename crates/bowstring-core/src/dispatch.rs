@@ -12,11 +12,11 @@ use crate::memory;
 use crate::model::error::InputError;
 use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
-use crate::motion::{Damping, Energies, Fields, Motion, StepError};
+use crate::motion::{Damping, Motion, Moving};
 use crate::rod::chain::{get, Rod, Sources, Step};
 use crate::rod::estimate::Correction;
+use crate::rod::routed::RoutedRod;
 use crate::rod::sensitivity::{self, Jacobians};
-use crate::tendon::RoutedRod;
 
 /// The passes of one rod, see [`Rod`] for what each does.
 pub(crate) trait Passes: RoutedRod + Send + Sync {
@@ -266,7 +266,7 @@ fn build<B: Build>(elements: usize, of: B) -> Result<B::Built, InputError> {
         2 => of.build::<_, 4>(Scalar),
         4 => of.build::<_, 8>(Scalar),
         8 => of.build::<_, 16>(Scalar),
-        n => return Err(wrong_elements(n)),
+        n => return Err(InputError::elements(n)),
     })
 }
 
@@ -323,8 +323,7 @@ pub(crate) fn check_solvers(
 
 /// Checks that a robot in motion fits into memory: two rods, and what inertia adds.
 pub(crate) fn check_moving(robot: &Robot, elements: usize) -> Result<(), InputError> {
-    let bytes = 4.0 * bytes(robot, elements, 0);
-    memory::check(bytes, || size(robot), "use fewer disks")
+    check_solvers(robot, elements, 4)
 }
 
 /// Arrays of a transmission by modules and tendons, of its history and their copies.
@@ -402,212 +401,8 @@ pub(crate) fn plain(
         2 => Box::new(Rod::<_, 4>::new(Scalar, robot, model)),
         4 => Box::new(Rod::<_, 8>::new(Scalar, robot, model)),
         8 => Box::new(Rod::<_, 16>::new(Scalar, robot, model)),
-        n => return Err(wrong_elements(n)),
+        n => return Err(InputError::elements(n)),
     })
-}
-
-/// The passes of one moving rod, see [`Motion`] for what each does.
-pub(crate) trait Moving: RoutedRod + Send + Sync {
-    fn begin(&mut self, duration: f64, rho: f64);
-    fn residual(&mut self) -> f64;
-    fn imbalance(&mut self) -> f64;
-    fn ready(&mut self, anew: bool) -> bool;
-    fn substitute(&mut self);
-    fn combine(&mut self, coefficients: &[f64]);
-    fn finish(&mut self, load: &Load);
-    fn restore(&mut self, excess: f64) -> bool;
-    fn local_error(&self) -> Option<StepError>;
-    fn commit(&mut self);
-    fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
-
-    fn begin_at_rest(&mut self);
-    fn commit_at_rest(&mut self, tendons: f64);
-    fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]);
-    fn set_load(&mut self, load: &Load);
-    fn set_disk_force(&mut self, disk: usize, force: Vec3);
-    fn jump_tensions(&mut self, tensions: &[f64]);
-    fn restart(&mut self);
-    fn reset_predictor(&mut self);
-    fn forget_forces(&mut self);
-    fn is_fresh(&self) -> bool;
-    fn is_apart(&self) -> bool;
-    fn balance_time(&self) -> f64;
-    fn noise(&self, tensions: &[f64]) -> f64;
-    fn effort(&self, distance: f64) -> f64;
-    fn disk(&self, k: usize) -> Vec3;
-    fn linear_momentum(&self) -> Vec3;
-    fn energies(&self) -> &Energies;
-    fn next_energies(&self) -> &Energies;
-    fn tendon_work(&self) -> f64;
-    fn account(&mut self, tendons: &Energies);
-    fn put_in(&mut self, energy: f64);
-    fn is_stable(&self, held: usize) -> bool;
-    /// Of an iteration, in units of `interrupt::work`.
-    fn work(&self) -> usize;
-}
-
-impl<L: Layout, const A: usize> Moving for Motion<L, A> {
-    fn begin(&mut self, duration: f64, rho: f64) {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.begin(duration, rho),
-        )
-    }
-    fn residual(&mut self) -> f64 {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.residual(),
-        )
-    }
-    fn imbalance(&mut self) -> f64 {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.imbalance(),
-        )
-    }
-    fn ready(&mut self, anew: bool) -> bool {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.ready(anew),
-        )
-    }
-    fn substitute(&mut self) {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.substitute(),
-        )
-    }
-    fn combine(&mut self, coefficients: &[f64]) {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.combine(coefficients),
-        )
-    }
-    fn finish(&mut self, load: &Load) {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.finish(load),
-        )
-    }
-    fn local_error(&self) -> Option<StepError> {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.local_error(),
-        )
-    }
-    fn commit(&mut self) {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.commit(),
-        )
-    }
-    fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields) {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.record(time, tensions, points, out),
-        )
-    }
-
-    fn restore(&mut self, excess: f64) -> bool {
-        Motion::restore(self, excess)
-    }
-    fn begin_at_rest(&mut self) {
-        Motion::begin_at_rest(self);
-    }
-    fn commit_at_rest(&mut self, tendons: f64) {
-        Motion::commit_at_rest(self, tendons);
-    }
-    fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]) {
-        Motion::take_strain(self, |i| strain[i], |k| force[k]);
-    }
-    fn set_load(&mut self, load: &Load) {
-        Motion::set_load(self, load);
-    }
-    fn set_disk_force(&mut self, disk: usize, force: Vec3) {
-        Motion::set_disk_force(self, disk, force);
-    }
-    fn jump_tensions(&mut self, tensions: &[f64]) {
-        Motion::jump_tensions(self, tensions);
-    }
-    fn restart(&mut self) {
-        Motion::restart(self);
-    }
-    fn forget_forces(&mut self) {
-        Motion::forget_forces(self);
-    }
-    fn reset_predictor(&mut self) {
-        Motion::reset_predictor(self);
-    }
-    fn is_fresh(&self) -> bool {
-        Motion::is_fresh(self)
-    }
-    fn is_apart(&self) -> bool {
-        Motion::is_apart(self)
-    }
-    fn balance_time(&self) -> f64 {
-        Motion::balance_time(self)
-    }
-    fn noise(&self, tensions: &[f64]) -> f64 {
-        Motion::noise(self, tensions)
-    }
-    fn effort(&self, distance: f64) -> f64 {
-        Motion::effort(self, distance)
-    }
-    fn disk(&self, k: usize) -> Vec3 {
-        Motion::disk(self, k)
-    }
-    fn linear_momentum(&self) -> Vec3 {
-        Motion::linear_momentum(self)
-    }
-    fn energies(&self) -> &Energies {
-        Motion::energies(self)
-    }
-    fn next_energies(&self) -> &Energies {
-        Motion::next_energies(self)
-    }
-    fn tendon_work(&self) -> f64 {
-        Motion::tendon_work(self)
-    }
-    fn account(&mut self, tendons: &Energies) {
-        Motion::account(self, tendons);
-    }
-    fn put_in(&mut self, energy: f64) {
-        Motion::put_in(self, energy);
-    }
-    fn is_stable(&self, held: usize) -> bool {
-        Motion::is_stable(self, held)
-    }
-    fn work(&self) -> usize {
-        Motion::work(self)
-    }
-}
-
-impl<L: Layout, const A: usize> RoutedRod for Motion<L, A> {
-    fn measure_spans(&mut self, angles: bool) {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.measure_spans(angles),
-        )
-    }
-    fn respond(&mut self, sources: Sources) {
-        self.layout().vectorize(
-            #[inline(always)]
-            || self.respond(sources),
-        )
-    }
-    fn span_lengths(&self) -> &[f64] {
-        Motion::span_lengths(self)
-    }
-    fn angles(&self) -> &[f64] {
-        Motion::angles(self)
-    }
-    fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
-        Motion::beyond(self, hole, tendon, out);
-    }
-    fn set_span_tensions(&mut self, tensions: &[f64]) {
-        let count = tensions.len() / self.module_count();
-        Motion::set_span_tensions(self, |k, i| tensions[k * count + i]);
-    }
 }
 
 /// The quickest moving rod of this processor.
@@ -627,8 +422,4 @@ pub(crate) fn moving(
         }
     }
     build(elements, InMotion(robot, model, gravity, damping))
-}
-
-fn wrong_elements(n: usize) -> InputError {
-    InputError::elements(n)
 }

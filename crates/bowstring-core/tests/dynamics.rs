@@ -237,14 +237,14 @@ fn momentum_balances_with_the_base() {
         momentum.push(simulator.linear_momentum());
         go(&mut simulator, step, &none);
     }
-    let per_time = fields.force.len() / 5;
+    let per_time = fields.sections.force.len() / 5;
     let holes = &robot.spec().tendons;
     let base = |i: usize| {
         let part = |v: &[f64], at: usize| Vec3([v[at], v[at + 1], v[at + 2]]);
-        let mut held = part(&fields.force, i * per_time);
+        let mut held = part(&fields.sections.force, i * per_time);
         // the first span pulls the first disk to the base
-        let disk = part(&fields.disk_position, i * 27);
-        let r = &fields.disk_rotation[i * 81..][..9];
+        let disk = part(&fields.disks.position, i * 27);
+        let r = &fields.disks.rotation[i * 81..][..9];
         for (tendon, tension) in holes.iter().zip(tensions) {
             let [x, y] = tendon.hole;
             let hole = disk

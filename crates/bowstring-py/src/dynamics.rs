@@ -277,26 +277,23 @@ impl Simulator {
         ] {
             out.set_item(name, values)?;
         }
+        let (sections, disks, tendons) = (fields.sections, fields.disks, fields.tendons);
         for (name, values, shape) in [
             ("time", fields.time, &[][..]),
-            ("position", fields.position, &[p, 3]),
-            ("rotation", fields.rotation, &[p, 3, 3]),
-            ("force", fields.force, &[p, 3]),
-            ("moment", fields.moment, &[p, 3]),
-            ("disk_position", fields.disk_position, &[n, 3]),
-            ("disk_rotation", fields.disk_rotation, &[n, 3, 3]),
-            ("disk_velocity", fields.disk_velocity, &[n, 3]),
-            (
-                "disk_angular_velocity",
-                fields.disk_angular_velocity,
-                &[n, 3],
-            ),
-            ("tension", fields.tension, &[m]),
-            ("tendon_length", fields.tendon_length, &[m]),
-            ("pull", fields.pull, &[m]),
-            ("slack", fields.slack, &[m]),
-            ("span_length", fields.span_length, &[n, m]),
-            ("span_tension", fields.span_tension, &[n, m]),
+            ("position", sections.position, &[p, 3]),
+            ("rotation", sections.rotation, &[p, 3, 3]),
+            ("force", sections.force, &[p, 3]),
+            ("moment", sections.moment, &[p, 3]),
+            ("disk_position", disks.position, &[n, 3]),
+            ("disk_rotation", disks.rotation, &[n, 3, 3]),
+            ("disk_velocity", disks.velocity, &[n, 3]),
+            ("disk_angular_velocity", disks.angular_velocity, &[n, 3]),
+            ("tension", tendons.tension, &[m]),
+            ("tendon_length", tendons.length, &[m]),
+            ("pull", tendons.pull, &[m]),
+            ("slack", tendons.slack, &[m]),
+            ("span_length", tendons.span_length, &[n, m]),
+            ("span_tension", tendons.span_tension, &[n, m]),
         ] {
             let shape = [&[times], shape].concat();
             out.set_item(name, array(py, values, &shape))?;
@@ -370,31 +367,29 @@ impl Simulator {
         }
         self.inner.record(self.points, &mut self.fields);
         let fields = &mut self.fields;
-        let tip = fields.disk_position.len() - 3;
+        let disks = &fields.disks;
+        let tip = disks.position.len() - 3;
         self.times.push(now);
-        self.tip_position
-            .extend_from_slice(&fields.disk_position[tip..]);
-        self.tip_velocity
-            .extend_from_slice(&fields.disk_velocity[tip..]);
+        self.tip_position.extend_from_slice(&disks.position[tip..]);
+        self.tip_velocity.extend_from_slice(&disks.velocity[tip..]);
         if self.points == 0 {
             fields.clear();
             return Ok(());
         }
-        if fields.pull.len() < fields.tension.len() {
-            let tendons = self.home.len();
-            let first = fields.pull.len();
-            for j in 0..tendons {
-                let (tension, length) =
-                    (fields.tension[first + j], fields.tendon_length[first + j]);
+        let tendons = &mut fields.tendons;
+        if tendons.pull.len() < tendons.tension.len() {
+            let first = tendons.pull.len();
+            for j in 0..self.home.len() {
+                let (tension, length) = (tendons.tension[first + j], tendons.length[first + j]);
                 let pull = self.home[j] - length + self.compliance[j] * tension;
-                fields.pull.push(pull);
-                fields.slack.push(0.0);
+                tendons.pull.push(pull);
+                tendons.slack.push(0.0);
             }
             // NaN where there is none
-            let spans = &fields.span_length[fields.span_tension.len()..];
-            let tension = fields.tension[first..].iter().cycle();
+            let spans = &tendons.span_length[tendons.span_tension.len()..];
+            let tension = tendons.tension[first..].iter().cycle();
             let along = spans.iter().zip(tension).map(|(span, t)| t + 0.0 * span);
-            fields.span_tension.extend(along);
+            tendons.span_tension.extend(along);
         }
         if let Some(records) = &mut self.records {
             let begun = Instant::now();

@@ -1,6 +1,6 @@
 //! Tendons of a robot in motion under tension and displacement control.
 
-use crate::dispatch::Moving;
+use crate::motion::Moving;
 use crate::statics::path::{Command, Drive, History};
 use crate::tendon::{Tendons, Transmission};
 
@@ -22,9 +22,9 @@ pub(super) struct Actuation {
     /// At the start of the step.
     old: History,
     /// Slack length of each tendon there, m.
-    slack: Vec<f64>,
+    pub slack: Vec<f64>,
     /// Of the step.
-    commands: Vec<Command>,
+    pub commands: Vec<Command>,
     /// Length that a tendon lacked or had too much in the iteration before, over the robot's.
     lacked: f64,
     /// Of the robot, m.
@@ -55,17 +55,8 @@ impl Actuation {
         }
     }
 
-    pub fn commands(&self) -> &[Command] {
-        &self.commands
-    }
-
     pub fn tendons(&self) -> &Tendons {
         &self.transmission.tendons
-    }
-
-    /// Slack length of each tendon at the start of the step, m.
-    pub fn slack(&self) -> &[f64] {
-        &self.slack
     }
 
     /// Tensions before the base holes at the last balance of forces, N.
@@ -177,8 +168,10 @@ impl Actuation {
 
     /// Adds what the tendons did in the step that was finished to its energies.
     pub fn account(&self, motion: &mut dyn Moving) {
-        let energies = self.tendons().energies(motion, motion.tendon_work());
-        motion.account(&energies);
+        let energies = self
+            .tendons()
+            .energies(motion, motion.energies().tendon_work);
+        motion.energies_mut().account(&energies);
     }
 
     /// Takes the pose that was found as the start of the next step; returns the energy of tendons

@@ -4,11 +4,10 @@
 use super::actuation::Actuation;
 use super::newton::{self, Problem, Tolerances};
 use super::settings::{Count, Integrator, Step, Stop};
-use crate::dispatch::Moving;
 use crate::interrupt;
 use crate::model::load::{Load, OwnedLoad};
 use crate::model::robot::Robot;
-use crate::motion::{Energies, StepError};
+use crate::motion::{Energies, Moving, StepError};
 use crate::statics::solver;
 
 // Tuned constants of a step. Moments are over (bending stiffness / length).
@@ -79,6 +78,7 @@ struct LoadRamp {
 }
 
 /// Energy since the last jump of the load, J.
+#[derive(Default)]
 struct EnergyMonitor {
     /// Left at the jump, and the least since.
     start: f64,
@@ -129,10 +129,12 @@ enum Verdict {
 }
 
 impl EnergyMonitor {
-    fn start(&mut self, energies: &Energies) {
-        self.start = energies.left();
-        self.least = energies.left();
-        self.largest = energies.size();
+    fn of(energies: &Energies) -> Self {
+        EnergyMonitor {
+            start: energies.left(),
+            least: energies.left(),
+            largest: energies.size(),
+        }
     }
 
     fn take(&mut self, energies: &Energies) {
@@ -151,11 +153,9 @@ pub(super) fn shortest_step(robot: &Robot) -> f64 {
 impl Integration {
     pub fn new(robot: &Robot, settings: &Integrator) -> Self {
         let scale = robot.moment_scale();
-        let undamped = settings.spectral_radius == 1.0;
-        let (tolerance, loosest) = if undamped {
-            (UNDAMPED_TOLERANCE, 0.0)
-        } else {
-            (TOLERANCE, LOOSEST)
+        let (tolerance, loosest) = match settings.spectral_radius {
+            1.0 => (UNDAMPED_TOLERANCE, 0.0),
+            _ => (TOLERANCE, LOOSEST),
         };
         let forces = OwnedLoad {
             tensions: vec![0.0; robot.tendon_count()],
@@ -180,11 +180,7 @@ impl Integration {
             next: 0.0,
             error: None,
             unknown: 0,
-            energy: EnergyMonitor {
-                start: 0.0,
-                least: 0.0,
-                largest: 0.0,
-            },
+            energy: EnergyMonitor::default(),
             count: Count::default(),
             elapsed: 0.0,
         }
@@ -202,7 +198,7 @@ impl Integration {
 
     /// Forgets the steps so far: after a jump, or at rest.
     pub fn restart(&mut self, energies: &Energies) {
-        self.energy.start(energies);
+        self.energy = EnergyMonitor::of(energies);
         self.error = None;
         self.next = self.step.first();
     }
@@ -213,13 +209,10 @@ impl Integration {
         motion.begin_at_rest();
         self.set_loads(motion, 1.0, 1.0, 1.0);
         let tolerances = self.tolerances(motion, self.limits.at_rest, self.limits.at_rest);
-        let actuation = match which {
-            Equilibrium::Given => None,
-            Equilibrium::Loaded => self.actuation.as_mut(),
-        };
-        let mut iterations = 0;
-        let problem = Problem::Equilibrium;
-        let found = newton::solve(motion, actuation, tolerances, problem, &mut iterations);
+        let actuation = self.actuation.as_mut();
+        let actuation = actuation.filter(|_| which == Equilibrium::Loaded);
+        let (problem, iterations) = (Problem::Equilibrium, &mut 0);
+        let found = newton::solve(motion, actuation, tolerances, problem, iterations);
         if interrupt::interrupted() {
             return None;
         }
@@ -251,14 +244,11 @@ impl Integration {
         if stop.is_none() {
             return (duration, None);
         }
-        let reached = if duration > 0.0 {
-            self.elapsed / duration
-        } else {
-            1.0
-        };
+        // there is no step, and nothing to stop it, in no time
         let ramp = &mut self.ramp;
-        ramp.between.between(&ramp.from, &ramp.to, reached);
-        ramp.to = ramp.between.clone();
+        ramp.end
+            .between(&ramp.from, &ramp.to, self.elapsed / duration);
+        std::mem::swap(&mut ramp.to, &mut ramp.end);
         (self.elapsed, stop)
     }
 
@@ -294,7 +284,8 @@ impl Integration {
                 Verdict::Collide => return Some(Stop::Collision),
             }
             self.count.repeated += 1;
-            if cut && self.next < self.least_step() {
+            let least = f64::max(self.step.longest() * MOST_CUTS, self.limits.shortest);
+            if cut && self.next < least {
                 return Some(Stop::StepFailed);
             }
         }
@@ -367,7 +358,8 @@ impl Integration {
         }
         self.finish(motion);
         let restored = self.spectral_radius < 1.0 || self.restore_energy(motion, tolerances);
-        let (grown, size) = (self.excess(motion, self.energy.least), self.size(motion));
+        let grown = motion.energies().next.left() - self.energy.least;
+        let size = self.size(motion);
         if !motion.is_fresh() && self.spectral_radius < 1.0 && grown > UNDAMPED_GROWTH * size {
             return Verdict::Undamped;
         }
@@ -397,14 +389,9 @@ impl Integration {
         }
     }
 
-    /// Energy left at the end of the step, less a reference, J.
-    fn excess(&self, motion: &dyn Moving, reference: f64) -> f64 {
-        motion.next_energies().left() - reference
-    }
-
     /// Largest energy so far, the end of the step included, J.
     fn size(&self, motion: &dyn Moving) -> f64 {
-        f64::max(self.energy.largest, motion.next_energies().size())
+        f64::max(self.energy.largest, motion.energies().next.size())
     }
 
     /// Solves a step without numerical damping again until its energy is kept; false where that
@@ -416,7 +403,7 @@ impl Integration {
             ..tolerances
         };
         for _ in 0..MAX_RESTORATIONS {
-            let excess = self.excess(motion, self.energy.start);
+            let excess = motion.energies().next.left() - self.energy.start;
             if excess.abs() <= KEPT * self.size(motion) || !motion.restore(excess) {
                 break;
             }
@@ -441,7 +428,7 @@ impl Integration {
             self.count.error += ERROR_MARGIN * error.tip * self.unknown as f64;
             self.unknown = 0;
         }
-        self.energy.take(motion.energies());
+        self.energy.take(&motion.energies().now);
         self.elapsed += step;
         self.count.steps += 1;
         self.next = self.next_step(step);
@@ -460,10 +447,5 @@ impl Integration {
                 f64::min(if keep { step } else { step * factor }, longest)
             }
         }
-    }
-
-    /// Step below which a cut gives up, s.
-    fn least_step(&self) -> f64 {
-        f64::max(self.step.longest() * MOST_CUTS, self.limits.shortest)
     }
 }

@@ -3,12 +3,13 @@
 use super::actuation::{Actuation, NO_SLIP};
 use super::integration::{shortest_step, Equilibrium, Integration};
 pub use super::settings::{Count, Damping, Integrator, Step, Stop};
-use crate::dispatch::{self, Moving};
+use crate::dispatch;
 use crate::math::linalg::Vec3;
 use crate::model::error::{Argument, InputError, Rule};
 use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
-pub use crate::motion::{Energies, Fields};
+use crate::motion::Moving;
+pub use crate::motion::{DiskFields, Energies, Fields, SectionFields, TendonFields};
 use crate::statics::path::{Command, Drive, Line};
 use crate::statics::solver::{Outcome, Solver, Status};
 
@@ -64,42 +65,43 @@ impl Simulator {
             spectral_radius,
             step,
         } = settings;
+        let refused = |argument, value, rule| Err(InputError::number(argument, None, value, rule));
         for (argument, value) in [
             (Argument::MassDamping, damping.mass),
             (Argument::MaterialDamping, damping.material),
         ] {
             if !(value.is_finite() && value >= 0.0) {
-                return Err(InputError::number(argument, None, value, Rule::NotNegative));
+                return refused(argument, value, Rule::NotNegative);
             }
         }
         if !(0.0..=1.0).contains(&spectral_radius) {
             let rule =
                 Rule::Other("be from 0 (damps fast oscillations at once) to 1 (damps nothing)");
-            let argument = Argument::SpectralRadius;
-            return Err(InputError::number(argument, None, spectral_radius, rule));
+            return refused(Argument::SpectralRadius, spectral_radius, rule);
         }
-        let lengths: &[(Argument, f64)] = match &step {
-            Step::Fixed(step) => &[(Argument::TimeStep, *step)],
-            Step::Adaptive { tolerance, longest } => &[
-                (Argument::Tolerance, *tolerance),
-                (Argument::LongestStep, *longest),
+        let lengths = match step {
+            Step::Fixed(step) => [(Argument::TimeStep, step); 2],
+            Step::Adaptive { tolerance, longest } => [
+                (Argument::Tolerance, tolerance),
+                (Argument::LongestStep, longest),
             ],
         };
         for (argument, value) in lengths {
-            if !(value.is_normal() && *value > 0.0) {
-                return Err(InputError::number(*argument, None, *value, Rule::Positive));
+            if !(value.is_normal() && value > 0.0) {
+                return refused(argument, value, Rule::Positive);
             }
         }
         if !gravity.iter().all(|g| g.is_finite()) {
             return Err(InputError::not_finite(Argument::Gravity, None, &gravity));
         }
         let shortest = shortest_step(robot);
-        if let Step::Fixed(step) = step {
-            if step < shortest {
-                let why = "shorter steps are below numerical resolution for this robot";
-                let rule = Rule::AtLeast(shortest, why);
-                return Err(InputError::number(Argument::TimeStep, None, step, rule));
-            }
+        if matches!(step, Step::Fixed(step) if step < shortest) {
+            let why = "shorter steps are below numerical resolution for this robot";
+            return refused(
+                Argument::TimeStep,
+                step.longest(),
+                Rule::AtLeast(shortest, why),
+            );
         }
         dispatch::check_moving(robot, elements)?;
         Ok(Simulator {
@@ -129,17 +131,19 @@ impl Simulator {
         };
         let mut solver = Solver::new(&self.robot, self.model, self.elements)?;
         let outcome = solver.solve(&load)?;
-        let n = self.robot.module_count();
-        let mut strain = vec![Vec3::zero(); 2 * self.elements * n];
-        let mut force = vec![Vec3::zero(); n];
-        solver.strain_and_force(&mut strain, &mut force);
-        self.engine.take_strain(&strain, &force);
-        self.integration.actuation = None;
-        self.integration.set_load(&load);
-        self.clear_disk_forces();
+        self.take(&solver, &load, None);
         self.ready =
             outcome.status == Status::Converged && self.settle(Equilibrium::Given).is_some();
         Ok(outcome)
+    }
+
+    /// Takes on what statics have found under a load.
+    fn take(&mut self, solver: &Solver, load: &Load, actuation: Option<Actuation>) {
+        let found = solver.at_rest();
+        self.engine.take_strain(&found.strain, &found.force);
+        self.integration.set_load(load);
+        self.integration.actuation = actuation;
+        self.clear_disk_forces();
     }
 
     /// Whether there is a state to move on from.
@@ -161,15 +165,11 @@ impl Simulator {
     /// If the path is not one of [`Simulator::drive`], has not come to an equilibrium, or was
     /// under another gravity.
     pub fn rest_at(&mut self, drive: &Drive) -> Result<Option<Stop>, InputError> {
-        let n = self.robot.module_count();
-        let history = drive.history();
-        let (mut strain, mut force) = (
-            vec![Vec3::zero(); 2 * self.elements * n],
-            vec![Vec3::zero(); n],
-        );
+        let (solver, history) = (drive.solver(), drive.history());
+        let arcs = 2 * self.elements * self.robot.module_count();
         if drive.robot().spec() != self.robot.spec()
-            || drive.solver().model() != self.model
-            || history.strain.len() != strain.len()
+            || solver.model() != self.model
+            || history.strain.len() != arcs
         {
             return Err(InputError::other("the path is one of another robot"));
         }
@@ -180,22 +180,20 @@ impl Simulator {
                 self.settings.gravity
             )));
         }
-        if drive.solver().tip().is_none() {
+        if solver.tip().is_none() {
             return Err(InputError::other(
                 "the path has not come to an equilibrium to move from",
             ));
         }
-        drive.solver().strain_and_force(&mut strain, &mut force);
-        self.engine.take_strain(&strain, &force);
         let values: Vec<_> = history.commands.iter().map(Command::value).collect();
-        self.integration.set_load(&Load {
+        let load = Load {
             tensions: &values,
             gravity,
             tip_force,
             tip_moment,
-        });
-        self.integration.actuation = Some(Actuation::new(drive, self.robot.length()));
-        self.clear_disk_forces();
+        };
+        let actuation = Actuation::new(drive, self.robot.length());
+        self.take(solver, &load, Some(actuation));
         self.ready = self.settle(Equilibrium::Given).is_some();
         Ok((!self.ready).then_some(Stop::StepFailed))
     }
@@ -208,14 +206,10 @@ impl Simulator {
         forces: &[[f64; 3]],
         increments: usize,
     ) -> Result<Option<Stop>, InputError> {
-        if forces.len() != self.robot.module_count() {
-            let (given, disks) = (forces.len(), self.robot.module_count());
-            return Err(InputError::count(
-                Argument::DiskForces,
-                given,
-                disks,
-                "disk",
-            ));
+        let (given, disks) = (forces.len(), self.robot.module_count());
+        if given != disks {
+            let argument = Argument::DiskForces;
+            return Err(InputError::count(argument, given, disks, "disk"));
         }
         self.check_ready()?;
         if !forces.iter().flatten().all(|f| f.is_finite()) {
@@ -239,9 +233,7 @@ impl Simulator {
     /// Takes all forces off the disks at once.
     pub fn release_disk_forces(&mut self) {
         self.clear_disk_forces();
-        self.engine.restart();
-        self.engine.reset_predictor();
-        self.forget();
+        self.go_on_anew();
     }
 
     fn clear_disk_forces(&mut self) {
@@ -260,16 +252,14 @@ impl Simulator {
     }
 
     fn check(&self, load: &Load) -> Result<(), InputError> {
-        let Some(actuation) = &self.integration.actuation else {
-            return load.check(&self.robot);
-        };
-        let commands = actuation.commands();
-        if load.tensions.len() != commands.len() {
-            return load.check(&self.robot);
+        match &self.integration.actuation {
+            Some(actuation) if load.tensions.len() == actuation.commands.len() => {
+                let commands = actuation.commands.iter().zip(load.tensions);
+                let commands: Vec<_> = commands.map(|(c, value)| c.with(*value)).collect();
+                actuation.tendons().check(&self.robot, &commands, load)
+            }
+            _ => load.check(&self.robot),
         }
-        let with = |(command, value): (&Command, &f64)| command.with(*value);
-        let commands: Vec<_> = commands.iter().zip(load.tensions).map(with).collect();
-        actuation.tendons().check(&self.robot, &commands, load)
     }
 
     /// Finds an equilibrium, see [`Integration::settle`]; time starts there.
@@ -280,8 +270,15 @@ impl Simulator {
         found
     }
 
+    /// Goes on after a jump.
+    fn go_on_anew(&mut self) {
+        self.engine.restart();
+        self.engine.reset_predictor();
+        self.forget();
+    }
+
     fn forget(&mut self) {
-        self.integration.restart(self.engine.energies());
+        self.integration.restart(&self.engine.energies().now);
     }
 
     /// Changes the load at once: a release, or a step of tension.
@@ -304,13 +301,14 @@ impl Simulator {
             }
         }
         match &mut self.integration.actuation {
-            Some(actuation) => self.engine.put_in(actuation.jump(load.tensions)),
+            Some(actuation) => self
+                .engine
+                .energies_mut()
+                .put_in(actuation.jump(load.tensions)),
             None => self.engine.jump_tensions(load.tensions),
         }
         self.integration.set_load(load);
-        self.engine.restart();
-        self.engine.reset_predictor();
-        self.forget();
+        self.go_on_anew();
         Ok(())
     }
 
@@ -324,13 +322,8 @@ impl Simulator {
         self.check_ready()?;
         self.check(load)?;
         if !(duration.is_finite() && duration >= 0.0) {
-            let argument = Argument::Duration;
-            return Err(InputError::number(
-                argument,
-                None,
-                duration,
-                Rule::NotNegative,
-            ));
+            let (argument, rule) = (Argument::Duration, Rule::NotNegative);
+            return Err(InputError::number(argument, None, duration, rule));
         }
         let (reached, stop) = self.integration.advance(&mut *self.engine, duration, load);
         self.time += reached;
@@ -349,7 +342,7 @@ impl Simulator {
 
     /// Energies now.
     pub fn energies(&self) -> &Energies {
-        self.engine.energies()
+        &self.engine.energies().now
     }
 
     /// Position of the tip, m.
@@ -370,7 +363,7 @@ impl Simulator {
             return self.engine.record(time, now, points, fields);
         };
         // as of the last step, but for those that a jump has set
-        let commands = actuation.commands().iter().zip(now).enumerate();
+        let commands = actuation.commands.iter().zip(now).enumerate();
         let tensions: Vec<_> = commands
             .map(|(i, (command, now))| match command {
                 Command::Tension(_) => *now,
@@ -379,13 +372,17 @@ impl Simulator {
             .collect();
         self.engine.record(time, &tensions, points, fields);
         let (n, m) = (self.robot.module_count(), now.len());
-        fields.pull.extend((0..m).map(|i| actuation.pull(i)));
-        fields.slack.extend(actuation.slack());
-        let first = fields.span_tension.len();
-        fields.span_tension.resize(first + n * m, f64::NAN);
+        fields
+            .tendons
+            .pull
+            .extend((0..m).map(|i| actuation.pull(i)));
+        fields.tendons.slack.extend(&actuation.slack);
+        let span_tensions = &mut fields.tendons.span_tension;
+        let first = span_tensions.len();
+        span_tensions.resize(first + n * m, f64::NAN);
         for (i, tendon) in self.robot.spec().tendons.iter().enumerate() {
             for (k, span) in actuation.spans(i).take(tendon.end_disk + 1).enumerate() {
-                fields.span_tension[first + k * m + i] = span;
+                span_tensions[first + k * m + i] = span;
             }
         }
     }

@@ -1,8 +1,8 @@
 //! Newton's method on one step of time, or on an equilibrium.
 
 use super::actuation::Actuation;
-use crate::dispatch::Moving;
 use crate::interrupt;
+use crate::motion::Moving;
 
 // Tuned constants of the iteration.
 

@@ -49,17 +49,18 @@ impl Records {
 
     /// Packs fields of one time; returns whether there is no room for another.
     pub fn add(&mut self, fields: &Fields) -> bool {
+        let (backbone, disks, tendons) = (&fields.sections, &fields.disks, &fields.tendons);
         let given = Sections {
             sections: &self.sections,
-            position: &fields.position,
-            rotation: &fields.rotation,
-            force: &fields.force,
-            moment: &fields.moment,
+            position: &backbone.position,
+            rotation: &backbone.rotation,
+            force: &backbone.force,
+            moment: &backbone.moment,
         };
         stress::derive(given, &mut self.derived);
         let found = &self.derived;
         let top = first_largest(&found.von_mises);
-        let tip = &fields.disk_position[fields.disk_position.len() - 3..];
+        let tip = &disks.position[disks.position.len() - 3..];
         let energy = &fields.energies[0];
         let left_over = energy.left();
         let start = *self.energy_at_start.get_or_insert(left_over);
@@ -82,17 +83,17 @@ impl Records {
             &found.von_mises[top..=top],
             &self.station[top..=top],
             &found.place[3 * top..3 * top + 3],
-            &fields.disk_position,
-            &fields.disk_rotation,
-            &fields.disk_velocity,
-            &fields.disk_angular_velocity,
+            &disks.position,
+            &disks.rotation,
+            &disks.velocity,
+            &disks.angular_velocity,
             &[tip[0], tip[1], tip[2] - self.length],
-            &fields.tension,
-            &fields.tendon_length,
-            &fields.pull,
-            &fields.slack,
-            &fields.span_length,
-            &fields.span_tension,
+            &tendons.tension,
+            &tendons.length,
+            &tendons.pull,
+            &tendons.slack,
+            &tendons.span_length,
+            &tendons.span_tension,
             &[energy.kinetic, energy.elastic, energy.gravity],
             &[energy.work, energy.dissipated, left_over - start],
         ];

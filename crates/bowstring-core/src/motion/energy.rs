@@ -30,11 +30,27 @@ impl Energies {
 
 /// Energies at both ends of a step, and what the step did.
 #[derive(Default)]
-pub(super) struct EnergyBalance {
+pub(crate) struct EnergyBalance {
     pub now: Energies,
     pub next: Energies,
     /// Work of the tendons on the disks in the step, J.
     pub tendon_work: f64,
     /// Energy that a mass damping of 1/s would take in the step, J s.
     pub loss_by_rate: f64,
+}
+
+impl EnergyBalance {
+    /// Puts energy in at once, J.
+    pub fn put_in(&mut self, energy: f64) {
+        self.now.elastic += energy;
+        self.now.work += energy;
+    }
+
+    /// Adds what the tendons did in the step that was finished beside their work on the disks: their
+    /// own energy, and work and loss since the start.
+    pub fn account(&mut self, tendons: &Energies) {
+        self.next.elastic += tendons.elastic;
+        self.next.work += tendons.work;
+        self.next.dissipated += tendons.dissipated;
+    }
 }

@@ -1,11 +1,13 @@
 //! Small motions about a rest: how all mass answers forces.
 
+use super::moving::Moving;
 use super::step::Motion;
 use crate::interrupt;
-use crate::math::linalg::Vec3;
+use crate::math::linalg::{dot, Vec3};
 use crate::math::mlcp::eliminate;
 use crate::math::real::Scalar;
 use crate::rod::module::share;
+use crate::rod::routed::RoutedRod;
 
 /// Spans of a tendon that do not let it slip, together, in small oscillations.
 pub(crate) struct Lock {
@@ -35,17 +37,11 @@ impl<const A: usize> Rest<A> {
     fn hold(&self, forces: &[f64], displacement: &mut [f64]) {
         let size = forces.len();
         // by reciprocity a tension's displacement tells what a force does to the length
-        let longer: Vec<f64> = self
-            .moved
-            .chunks_exact(size)
-            .map(|moved| moved.iter().zip(forces).map(|(m, f)| m * f).sum())
-            .collect();
-        for (row, moved) in self
-            .inverse
-            .chunks_exact(longer.len().max(1))
-            .zip(self.moved.chunks_exact(size))
-        {
-            let tension: f64 = row.iter().zip(&longer).map(|(a, q)| -a * q).sum();
+        let moved = self.moved.chunks_exact(size);
+        let longer: Vec<_> = moved.clone().map(|moved| dot(moved, forces)).collect();
+        let rows = self.inverse.chunks_exact(longer.len().max(1));
+        for (row, moved) in rows.zip(moved) {
+            let tension = -dot(row, &longer);
             for (to, by_tension) in displacement.iter_mut().zip(moved) {
                 *to += tension * by_tension;
             }
@@ -58,7 +54,7 @@ impl<const A: usize> Motion<Scalar, A> {
     pub fn settle(&mut self) -> bool {
         self.begin_at_rest();
         for _ in 0..30 {
-            if self.residual() < 1e-10 * self.constants[0].stiffness[0] {
+            if self.residual() < 1e-10 * self.body.constants[0].stiffness[0] {
                 self.commit_at_rest(0.0);
                 return true;
             }
@@ -71,14 +67,11 @@ impl<const A: usize> Motion<Scalar, A> {
 
     /// Mass of every freedom, kg and kg m^2.
     pub fn masses_of_freedoms(&self) -> Vec<f64> {
-        let (n, per) = (self.module_count(), 3 * A + 3);
-        let mut masses = vec![0.0; n * per];
-        for k in 0..n {
-            let [e1, e3] = self.mass.directors[k];
-            for a in 0..A {
-                masses[k * per + 3 * a..][..3].fill(self.mass.points[k * A + a]);
-            }
-            masses[k * per + 3 * A..][..3].copy_from_slice(&[e1 + e3, e1 + e3, 2.0 * e1]);
+        let mass = &self.body.mass;
+        let mut masses = vec![];
+        for (points, [e1, e3]) in mass.points.chunks_exact(A).zip(&mass.directors) {
+            masses.extend(points.iter().flat_map(|m| [*m; 3]));
+            masses.extend([e1 + e3, e1 + e3, 2.0 * e1]);
         }
         masses
     }
@@ -92,7 +85,7 @@ impl<const A: usize> Motion<Scalar, A> {
         let mut rest = Rest {
             force: self.residual.force.clone(),
             moment: self.residual.moment.clone(),
-            gradients: self.rod.gradients.iter().map(|g| g.g).collect(),
+            gradients: self.body.rod.gradients.iter().map(|g| g.g).collect(),
             deltas: self.residual.modules.iter().map(|m| m.imbalance).collect(),
             moved: vec![],
             inverse: vec![],
@@ -118,12 +111,12 @@ impl<const A: usize> Motion<Scalar, A> {
             for a in 0..A {
                 self.residual.force[k * A + a] = rest.force[k * A + a] + vector(a);
             }
-            self.residual.moment[k] = rest.moment[k] + self.rod.rotations[k + 1] * vector(A);
+            self.residual.moment[k] = rest.moment[k] + self.body.rod.rotations[k + 1] * vector(A);
         }
         self.imbalance();
         for j in 0..n {
             for a in 0..A {
-                self.rod.gradients[j].g[a] -= rest.gradients[j][a];
+                self.body.rod.gradients[j].g[a] -= rest.gradients[j][a];
             }
             self.residual.modules[j].imbalance -= rest.deltas[j];
         }
@@ -138,7 +131,7 @@ impl<const A: usize> Motion<Scalar, A> {
 
     /// Finds what locked tendons hold; false where they cannot.
     fn lock(&mut self, locks: &[Lock], rest: &mut Rest<A>) -> bool {
-        self.rod.measure_spans(false);
+        self.measure_spans(false);
         let (n, m) = (self.module_count(), locks.len());
         let mut problem = vec![0.0; 2 * m * m];
         for (c, lock) in locks.iter().enumerate() {
@@ -146,10 +139,9 @@ impl<const A: usize> Motion<Scalar, A> {
                 return false;
             }
             let source = (lock.tendon, &lock.spans[..]);
-            self.response
-                .solve_tension(&self.rod, &mut self.tangent, 1, source);
-            self.response
-                .rate_spans(&self.rod, &self.tangent, &self.scheme, 1);
+            let (body, tangent) = (&self.body, &mut self.tangent);
+            self.response.solve_tension(&body.rod, tangent, 1, source);
+            self.response.rate_spans(body, tangent, 1);
             rest.moved.extend(self.displacement(1));
             let rates = &self.response.columns[1].rates;
             for (r, row) in locks.iter().enumerate() {
@@ -174,97 +166,29 @@ impl<const A: usize> Motion<Scalar, A> {
         let mut out = Vec::with_capacity(self.module_count() * (3 * A + 3));
         let mut start = [Vec3::zero(); 2];
         let column = &self.response.columns[column];
-        for (j, state) in self.rod.states.iter().enumerate() {
-            let frame = self.rod.rotations[j];
+        for (j, state) in self.body.rod.states.iter().enumerate() {
+            let frame = self.body.rod.rotations[j];
             // what shear and extension add to the motion of the end
             let mut stretched = column.delta[j];
             for i in 0..A {
-                let lever = self.tangent.contact[j].j[i] - self.rod.gradients[j].r[i];
+                let lever = self.tangent.contact[j].j[i] - self.body.rod.gradients[j].r[i];
                 stretched += lever * column.u[j][i];
             }
             for a in 0..A - 1 {
                 let mut place = state.inside(a);
-                place.0[2] += self.rod.fixed.modules[j].clamp[0];
+                place.0[2] += self.body.rod.fixed.modules[j].clamp[0];
                 let mut moved = start[1] + start[0].cross(place);
                 moved += stretched * share::<f64, A>(a);
                 for i in 0..=a {
-                    let lever = self.rod.gradients[j].r[i] + state.tail[a].skew();
+                    let lever = self.body.rod.gradients[j].r[i] + state.tail[a].skew();
                     moved += lever * column.u[j][i];
                 }
                 out.extend((frame * moved).0);
             }
-            start = self.response.disks[j];
-            out.extend((self.rod.rotations[j + 1] * start[1]).0);
+            start = column.disks[j];
+            out.extend((self.body.rod.rotations[j + 1] * start[1]).0);
             out.extend(start[0].0);
         }
         out
-    }
-}
-
-#[cfg(test)]
-impl<const A: usize> Motion<Scalar, A> {
-    /// How far the tangent at rest misses the change of the residual by finite differences, at
-    /// strains and contact forces along a line; the forces start from the balance of all ends.
-    pub(crate) fn tangent_error(
-        &mut self,
-        strain: impl Fn(usize, f64) -> Vec3,
-        force: impl Fn(usize, f64) -> Vec3,
-    ) -> f64 {
-        let n = self.module_count();
-        self.begin_at_rest();
-        let mut balanced: Vec<Vec3> = (0..n).map(|k| force(k, 0.0)).collect();
-        let at = |motion: &mut Self, step: f64, balanced: &[Vec3]| {
-            for k in 0..n {
-                for a in 0..A {
-                    motion.next[k].w[a] = strain(k * A + a, step);
-                }
-                motion.next[k].n = balanced[k] + (force(k, step) - force(k, 0.0));
-            }
-            motion.residual();
-            let mut out = vec![];
-            for k in 0..n {
-                let gradient = &motion.rod.gradients[k];
-                for a in 0..A {
-                    out.push(gradient.to_strain[a].inverse().tr_mul(gradient.g[a]));
-                }
-                out.push(motion.residual.modules[k].imbalance);
-            }
-            out
-        };
-        for _ in 0..200 {
-            let off = at(self, 0.0, &balanced);
-            for (k, n) in balanced.iter_mut().enumerate() {
-                *n -= off[k * (A + 1) + A] * 0.5;
-            }
-        }
-        let h = 1e-5;
-        let (up, down) = (at(self, h, &balanced), at(self, -h, &balanced));
-        at(self, 0.0, &balanced);
-        self.ready(true);
-        for k in 0..n {
-            for a in 0..=A {
-                let change = (up[k * (A + 1) + a] - down[k * (A + 1) + a]) * (0.5 / h);
-                if a < A {
-                    let gradient = &mut self.rod.gradients[k];
-                    gradient.g[a] = gradient.to_strain[a].tr_mul(change);
-                } else {
-                    self.residual.modules[k].imbalance = change;
-                }
-            }
-        }
-        self.substitute();
-        self.combine(&[1.0]);
-        let mut worst: f64 = 0.0;
-        for k in 0..n {
-            for a in 0..A {
-                let back = strain(k * A + a, 1.0) - strain(k * A + a, 0.0);
-                let moved = self.next[k].w[a] - strain(k * A + a, 0.0);
-                worst = worst.max((moved + back).max_abs());
-            }
-            let back = force(k, 1.0) - force(k, 0.0);
-            let moved = self.next[k].n - balanced[k];
-            worst = worst.max((moved + back).max_abs() / 10.0);
-        }
-        worst
     }
 }

@@ -1,43 +1,21 @@
 //! Position, velocity and acceleration of all mass over a step.
 
-use super::mass::LumpedMass;
+use super::mass::{LumpedMass, Nodal};
 use super::scheme::Scheme;
-use crate::math::linalg::{Mat3, Vec3};
+use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 
-/// A vector at every mass point, from base to tip, the disk last in each module, and a matrix of
-/// directors at every disk.
-#[derive(Clone)]
-pub(super) struct Nodal<T> {
-    pub points: Vec<Vec3<T>>,
-    pub frames: Vec<Mat3<T>>,
-}
-
-impl<T: Real> Nodal<T> {
-    fn zero(points: usize, frames: usize) -> Self {
-        Nodal {
-            points: vec![Vec3::zero(); points],
-            frames: vec![Mat3::zero(); frames],
-        }
-    }
-
-    fn clear(&mut self) {
-        self.points.fill(Vec3::zero());
-        self.frames.fill(Mat3::zero());
-    }
-}
-
-/// Motion of all mass at both ends of a step.
+/// Motion of all mass at both ends of a step, by modules.
 pub(super) struct Kinematics<T, const A: usize> {
-    pub position: Nodal<T>,
-    pub velocity: Nodal<T>,
+    pub position: Vec<Nodal<T, A>>,
+    pub velocity: Vec<Nodal<T, A>>,
     /// Rate of the position, and acceleration, as the scheme remembers them.
-    rate: Nodal<T>,
-    pub acceleration: Nodal<T>,
-    pub next_position: Nodal<T>,
-    pub next_velocity: Nodal<T>,
+    rate: Vec<Nodal<T, A>>,
+    pub acceleration: Vec<Nodal<T, A>>,
+    pub next_position: Vec<Nodal<T, A>>,
+    pub next_velocity: Vec<Nodal<T, A>>,
     /// Acceleration, damping included, is `factor (next_position - position) + bias`.
-    pub bias: Nodal<T>,
+    bias: Vec<Nodal<T, A>>,
     /// Mean acceleration of every disk over the step before.
     last_mean: Vec<Vec3<T>>,
 }
@@ -61,29 +39,29 @@ pub(crate) struct StepError {
 
 impl<T: Real, const A: usize> Kinematics<T, A> {
     pub fn new(modules: usize) -> Self {
-        let zero = Nodal::zero(modules * A, modules);
+        let zero = || vec![Nodal::zero(); modules];
         Kinematics {
-            position: zero.clone(),
-            velocity: zero.clone(),
-            rate: zero.clone(),
-            acceleration: zero.clone(),
-            next_position: zero.clone(),
-            next_velocity: zero.clone(),
-            bias: zero,
+            position: zero(),
+            velocity: zero(),
+            rate: zero(),
+            acceleration: zero(),
+            next_position: zero(),
+            next_velocity: zero(),
+            bias: zero(),
             last_mean: vec![Vec3::zero(); modules],
         }
     }
 
     /// Prepares a search for an equilibrium.
     pub fn begin_at_rest(&mut self) {
-        self.bias.clear();
+        self.bias.fill(Nodal::zero());
     }
 
     /// Takes the next position as one at rest.
     pub fn commit_at_rest(&mut self) {
-        self.position = self.next_position.clone();
+        self.position.copy_from_slice(&self.next_position);
         for nodal in [&mut self.velocity, &mut self.rate, &mut self.acceleration] {
-            nodal.clear();
+            nodal.fill(Nodal::zero());
         }
     }
 
@@ -93,21 +71,24 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
         let by_change = scheme.am * scheme.rate_by_change() / scheme.af;
         let memory = scheme.memory();
         // acceleration + damping * rate
-        let on_rate = T::splat((by_change + scheme.damping.mass) * memory);
-        let on_velocity = T::splat(-by_change);
-        let on_acceleration = T::splat(memory);
-        for p in 0..self.bias.points.len() {
-            self.bias.points[p] = self.rate.points[p].scaled_add(
-                on_rate,
-                self.velocity.points[p]
-                    .scaled_add(on_velocity, self.acceleration.points[p] * on_acceleration),
-            );
+        let on_rate = (by_change + scheme.damping.mass) * memory;
+        for k in 0..self.bias.len() {
+            let remembered = self.rate[k].combined(on_rate, &self.acceleration[k], memory);
+            self.bias[k] = self.velocity[k].combined(-by_change, &remembered, 1.0);
         }
-        for k in 0..self.bias.frames.len() {
-            self.bias.frames[k] = self.rate.frames[k] * on_rate
-                + self.velocity.frames[k] * on_velocity
-                + self.acceleration.frames[k] * on_acceleration;
-        }
+    }
+
+    /// Displacement of a module's mass in this step.
+    #[inline(always)]
+    fn moved(&self, k: usize) -> Nodal<T, A> {
+        self.next_position[k].minus(&self.position[k])
+    }
+
+    /// Acceleration of a module's mass where forces balance, damping included.
+    #[inline(always)]
+    pub fn balance_acceleration(&self, scheme: &Scheme, k: usize) -> Nodal<T, A> {
+        let factor = scheme.acceleration_by_distance();
+        self.moved(k).combined(factor, &self.bias[k], 1.0)
     }
 
     /// Velocities at the end of the step, and what it does to the mass.
@@ -118,42 +99,17 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
         mass: &LumpedMass<L, A>,
         disk_force: &[Vec3<T>],
     ) -> MassStep {
-        // rate = am per (next - now) + memory rate_n; velocity = (rate - (1 - af) velocity_n) / af
         let by_change = scheme.am * scheme.rate_by_change();
-        let memory = scheme.memory();
-        let (a, b, c) = (
-            T::splat(by_change / scheme.af),
-            T::splat(memory / scheme.af),
-            T::splat(1.0 - 1.0 / scheme.af),
-        );
+        let (per, keep) = (1.0 / scheme.af, 1.0 - 1.0 / scheme.af);
         let (mut lost, mut twice_kinetic, mut work) = (T::zero(), T::zero(), T::zero());
-        for p in 0..mass.points.len() {
-            let moved = self.next_position.points[p] - self.position.points[p];
-            let rate =
-                moved.scaled_add(T::splat(by_change), self.rate.points[p] * T::splat(memory));
-            let m = T::splat(mass.points[p]);
-            lost += rate.dot(moved) * m;
-            let velocity = moved.scaled_add(
-                a,
-                self.rate.points[p].scaled_add(b, self.velocity.points[p] * c),
-            );
-            twice_kinetic += velocity.norm2() * m;
-            self.next_velocity.points[p] = velocity;
-            if p % A == A - 1 {
-                work += disk_force[p / A].dot(moved);
-            }
-        }
-        for k in 0..mass.directors.len() {
-            let moved = self.next_position.frames[k] - self.position.frames[k];
-            let rate = moved * T::splat(by_change) + self.rate.frames[k] * T::splat(memory);
-            let velocity = moved * a + self.rate.frames[k] * b + self.velocity.frames[k] * c;
-            let [e1, e3] = mass.directors[k].map(T::splat);
-            for q in 0..3 {
-                let (r, m, v) = (rate.0[q], moved.0[q], velocity.0[q]);
-                lost += (r[0] * m[0] + r[1] * m[1]) * e1 + r[2] * m[2] * e3;
-                twice_kinetic += (v[0] * v[0] + v[1] * v[1]) * e1 + v[2] * v[2] * e3;
-            }
-            self.next_velocity.frames[k] = velocity;
+        for k in 0..disk_force.len() {
+            let moved = self.moved(k);
+            let rate = moved.combined(by_change, &self.rate[k], scheme.memory());
+            let velocity = rate.combined(per, &self.velocity[k], keep);
+            lost += mass.product(k, &rate, &moved);
+            twice_kinetic += mass.product(k, &velocity, &velocity);
+            work += disk_force[k].dot(moved.disk());
+            self.next_velocity[k] = velocity;
         }
         MassStep {
             kinetic: 0.5 * twice_kinetic.lane(0),
@@ -165,35 +121,20 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
     /// Takes the end of the step as the start of the next.
     #[inline(always)]
     pub fn commit(&mut self, scheme: &Scheme) {
-        let gamma = scheme.gamma;
-        let per = T::splat(scheme.rate_by_change());
-        let keep = T::splat(-(1.0 - gamma) / gamma);
-        let once = T::splat(1.0 / scheme.duration);
-        for k in 0..self.last_mean.len() {
+        let (per, keep) = if scheme.fresh {
+            (1.0 / scheme.duration, 0.0)
+        } else {
+            (scheme.rate_by_change(), 1.0 - 1.0 / scheme.gamma)
+        };
+        for k in 0..self.position.len() {
             self.last_mean[k] = self.mean_acceleration(scheme, k);
-        }
-        for p in 0..self.position.points.len() {
-            let moved = self.next_position.points[p] - self.position.points[p];
-            let gained = self.next_velocity.points[p] - self.velocity.points[p];
-            if scheme.fresh {
-                self.rate.points[p] = self.next_velocity.points[p];
-                self.acceleration.points[p] = gained * once;
+            let gained = self.next_velocity[k].minus(&self.velocity[k]);
+            self.acceleration[k] = gained.combined(per, &self.acceleration[k], keep);
+            self.rate[k] = if scheme.fresh {
+                self.next_velocity[k]
             } else {
-                self.rate.points[p] = moved.scaled_add(per, self.rate.points[p] * keep);
-                self.acceleration.points[p] =
-                    gained.scaled_add(per, self.acceleration.points[p] * keep);
-            }
-        }
-        for k in 0..self.position.frames.len() {
-            let moved = self.next_position.frames[k] - self.position.frames[k];
-            let gained = self.next_velocity.frames[k] - self.velocity.frames[k];
-            if scheme.fresh {
-                self.rate.frames[k] = self.next_velocity.frames[k];
-                self.acceleration.frames[k] = gained * once;
-            } else {
-                self.rate.frames[k] = moved * per + self.rate.frames[k] * keep;
-                self.acceleration.frames[k] = gained * per + self.acceleration.frames[k] * keep;
-            }
+                self.moved(k).combined(per, &self.rate[k], keep)
+            };
         }
         std::mem::swap(&mut self.position, &mut self.next_position);
         std::mem::swap(&mut self.velocity, &mut self.next_velocity);
@@ -220,20 +161,7 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
     /// Mean acceleration of a disk over this step.
     #[inline(always)]
     fn mean_acceleration(&self, scheme: &Scheme, k: usize) -> Vec3<T> {
-        let p = k * A + A - 1;
-        let gained = self.next_velocity.points[p] - self.velocity.points[p];
+        let gained = self.next_velocity[k].disk() - self.velocity[k].disk();
         gained * T::splat(1.0 / scheme.duration)
     }
-}
-
-/// The first lane of a matrix.
-#[inline(always)]
-pub(super) fn of_lane<T: Real>(m: &Mat3<T>) -> Mat3 {
-    let mut out = Mat3::zero();
-    for r in 0..3 {
-        for c in 0..3 {
-            out.0[r][c] = m.0[r][c].lane(0);
-        }
-    }
-    out
 }

@@ -1,8 +1,47 @@
 //! Mass and inertia lumped into points and disks.
 
-use crate::math::real::Layout;
+use crate::math::linalg::{Mat3, Vec3};
+use crate::math::real::{Layout, Real};
 use crate::model::robot::Robot;
 use crate::rod::chain::lanes;
+
+/// A vector at every mass point of a module, the disk last, and a matrix of the disk's directors.
+#[derive(Clone, Copy)]
+pub(super) struct Nodal<T, const A: usize> {
+    pub points: [Vec3<T>; A],
+    pub frame: Mat3<T>,
+}
+
+impl<T: Real, const A: usize> Nodal<T, A> {
+    pub fn zero() -> Self {
+        Nodal {
+            points: [Vec3::zero(); A],
+            frame: Mat3::zero(),
+        }
+    }
+
+    #[inline(always)]
+    pub fn disk(&self) -> Vec3<T> {
+        self.points[A - 1]
+    }
+
+    /// `self * s + o * t`
+    #[inline(always)]
+    pub fn combined(&self, s: f64, o: &Self, t: f64) -> Self {
+        let (s, t) = (T::splat(s), T::splat(t));
+        let mut out = *o;
+        for (out, own) in out.points.iter_mut().zip(self.points) {
+            *out = own.scaled_add(s, *out * t);
+        }
+        out.frame = self.frame * s + o.frame * t;
+        out
+    }
+
+    #[inline(always)]
+    pub fn minus(&self, o: &Self) -> Self {
+        self.combined(1.0, o, -1.0)
+    }
+}
 
 /// Mass in points, from base to tip, the disk last in each module, and in the directors of disks.
 pub(super) struct LumpedMass<L: Layout, const A: usize> {
@@ -57,4 +96,35 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
             directors,
         }
     }
+    /// Product of two vectors of a module's mass by the mass between them.
+    #[inline(always)]
+    pub fn product(&self, k: usize, u: &Nodal<L::Chain, A>, v: &Nodal<L::Chain, A>) -> L::Chain {
+        let splat = L::Chain::splat;
+        let mut sum = L::Chain::zero();
+        for a in 0..A {
+            sum += u.points[a].dot(v.points[a]) * splat(self.points[k * A + a]);
+        }
+        let [e1, e3] = self.directors[k].map(splat);
+        for (u, v) in u.frame.0.iter().zip(&v.frame.0) {
+            sum += (u[0] * v[0] + u[1] * v[1]) * e1 + u[2] * v[2] * e3;
+        }
+        sum
+    }
+
+    /// Sum of a vector over all mass points by their masses.
+    #[inline(always)]
+    pub fn sum(&self, vectors: &[Nodal<L::Chain, A>]) -> Vec3<L::Chain> {
+        let mut sum = Vec3::zero();
+        for (v, mass) in vectors.iter().flat_map(|v| v.points).zip(&self.points) {
+            sum += v * L::Chain::splat(*mass);
+        }
+        sum
+    }
+}
+
+/// The first lane of a matrix.
+#[inline(always)]
+pub(super) fn of_lane<T: Real>(m: &Mat3<T>) -> Mat3 {
+    let [a, b, c] = m.rows();
+    Mat3([a.of_lane(0).0, b.of_lane(0).0, c.of_lane(0).0])
 }

@@ -13,7 +13,7 @@
 //! is the energy-momentum form of the midpoint rule for a constrained system (Betsch and
 //! Steinmann 2001): energy holds to third order in the strain of one step, however stiff the
 //! rod and long the step. What this leaves is given back within the step by a force against the
-//! velocity of all mass, of either sign ([`Motion::restore`]): a discrete gradient (Gonzalez 1996)
+//! velocity of all mass, of either sign ([`Moving::restore`]): a discrete gradient (Gonzalez 1996)
 //! in the metric of the mass.
 //!
 //! The tangent takes `J` at `q_a` on both sides, which keeps it symmetric: inertia adds to
@@ -28,6 +28,7 @@ mod scheme;
 mod spans;
 mod strain;
 
+mod body;
 mod kinematics;
 
 mod residual;
@@ -38,8 +39,11 @@ mod response;
 
 mod step;
 
-mod flexibility;
 mod record;
+
+mod moving;
+
+mod flexibility;
 
 pub(crate) mod oscillation;
 
@@ -51,6 +55,7 @@ mod tests;
 pub use energy::Energies;
 pub(crate) use flexibility::Lock;
 pub(crate) use kinematics::StepError;
-pub use record::Fields;
+pub(crate) use moving::Moving;
+pub use record::{DiskFields, Fields, SectionFields, TendonFields};
 pub use scheme::Damping;
 pub(crate) use step::Motion;

@@ -2,7 +2,8 @@
 //!
 //! With flexibility `F` and masses `M`, the eigenvalues of `sqrt(M) F sqrt(M)` are `1/omega^2`.
 
-use super::flexibility::{Lock, Rest};
+use super::flexibility::Lock;
+use super::moving::Moving;
 use super::scheme::Damping;
 use super::step::Motion;
 use crate::interrupt;
@@ -13,6 +14,7 @@ use crate::memory::unknown;
 use crate::model::error::InputError;
 use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
+use crate::rod::routed::RoutedRod;
 
 /// Where a robot rests: what its elements have found.
 pub(crate) struct Equilibrium<'a> {
@@ -30,7 +32,7 @@ pub(crate) struct Equilibrium<'a> {
 /// Freedoms, module by module: translation of every mass point from base to tip, the disk
 /// last, in the base frame; then rotation of the disk, in its own frame.
 pub struct Flexibility {
-    rest: Box<dyn AnswersForces>,
+    answer: Box<dyn FnMut(&[f64]) -> Vec<f64> + Send + Sync>,
     /// kg and kg m^2.
     pub masses: Vec<f64>,
     /// Mass points of a module, the disk among them.
@@ -49,7 +51,7 @@ impl Flexibility {
     pub fn apply(&mut self, forces: &[f64]) -> Vec<f64> {
         assert_eq!(forces.len(), self.masses.len());
         interrupt::work(self.work);
-        self.rest.answer(forces)
+        (self.answer)(forces)
     }
 
     /// Displacement (row) by unit force (column), m/N, rad/N, m/(N m), rad/(N m); by rows.
@@ -79,46 +81,48 @@ impl Flexibility {
     }
 }
 
-trait AnswersForces: Send + Sync {
-    fn answer(&mut self, forces: &[f64]) -> Vec<f64>;
-}
-
-struct AtRest<const A: usize> {
-    motion: Motion<Scalar, A>,
-    rest: Rest<A>,
-}
-
-impl<const A: usize> AnswersForces for AtRest<A> {
-    fn answer(&mut self, forces: &[f64]) -> Vec<f64> {
-        self.motion.answer_forces(forces, &self.rest)
+/// Linearises at rest in an equilibrium, where span tensions other than those of the load are
+/// given by modules and tendons, N. None where mass in points leaves no equilibrium.
+pub(crate) fn linearised(
+    at: &Equilibrium,
+    load: &Load,
+    span_tensions: Option<&[f64]>,
+    locks: &[Lock],
+) -> Option<Flexibility> {
+    match at.elements {
+        1 => with_arcs::<2>(at, load, span_tensions, locks),
+        2 => with_arcs::<4>(at, load, span_tensions, locks),
+        4 => with_arcs::<8>(at, load, span_tensions, locks),
+        _ => with_arcs::<16>(at, load, span_tensions, locks),
     }
 }
 
-/// At rest in an equilibrium.
-pub(crate) fn still<const A: usize>(at: &Equilibrium, load: &Load) -> Motion<Scalar, A> {
+fn with_arcs<const A: usize>(
+    at: &Equilibrium,
+    load: &Load,
+    span_tensions: Option<&[f64]>,
+    locks: &[Lock],
+) -> Option<Flexibility> {
     let undamped = Damping {
         mass: 0.0,
         material: 0.0,
     };
-    let mut motion = Motion::new(Scalar, at.robot, at.model, load.gravity, undamped);
-    motion.take_strain(|i| at.strain[i], |k| at.force[k]);
+    let mut motion = Motion::<_, A>::new(Scalar, at.robot, at.model, load.gravity, undamped);
+    motion.take_strain(&at.strain, &at.force);
     motion.set_load(load);
-    motion
-}
-
-pub(crate) fn found<const A: usize>(
-    mut motion: Motion<Scalar, A>,
-    locks: &[Lock],
-) -> Option<Flexibility> {
+    if let Some(tensions) = span_tensions {
+        motion.set_span_tensions(tensions);
+    }
     if !motion.settle() {
         return None;
     }
     let rest = motion.linearise_at_rest(locks)?;
+    let of_locks = locks.len() * (2 * A * at.robot.module_count() + locks.len()) / 4;
     Some(Flexibility {
         masses: motion.masses_of_freedoms(),
         points: A,
-        work: motion.work() + locks.len() * (2 * A * motion.module_count() + locks.len()) / 4,
-        rest: Box::new(AtRest { motion, rest }),
+        work: motion.work() + of_locks,
+        answer: Box::new(move |forces| motion.answer_forces(forces, &rest)),
     })
 }
 
@@ -140,16 +144,7 @@ const LEAST_ANSWER: f64 = 1e-9;
 /// `oscillates`: the symmetric part of the tangent is positive definite, so that nothing leaves
 /// otherwise. None where there is no mass, and where mass in points leaves no equilibrium.
 pub(crate) fn growth(at: &Equilibrium, load: &Load, oscillates: bool) -> Option<f64> {
-    match at.elements {
-        1 => grows::<2>(at, load, oscillates),
-        2 => grows::<4>(at, load, oscillates),
-        4 => grows::<8>(at, load, oscillates),
-        _ => grows::<16>(at, load, oscillates),
-    }
-}
-
-fn grows<const A: usize>(at: &Equilibrium, load: &Load, oscillates: bool) -> Option<f64> {
-    let mut flexibility = found(still::<A>(at, load), &[])?;
+    let mut flexibility = linearised(at, load, None, &[])?;
     let roots: Vec<_> = flexibility.masses.iter().map(|m| m.sqrt()).collect();
     let mut forces = vec![0.0; roots.len()];
     let apply = |x: &[f64], out: &mut [f64]| {

@@ -1,114 +1,101 @@
 //! What a moment of a motion leaves behind: fields along the backbone, disks, tendons, energies.
 
 use super::energy::Energies;
-use super::kinematics::of_lane;
+use super::mass::of_lane;
 use super::step::Motion;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::model::load::TendonPath;
-use crate::model::robot::Tendon;
 use crate::rod::chain::{get, get_mat, in_group, put, put_mat};
 use crate::rod::constants::Constants;
 use crate::rod::module::{Span, State, Tendons};
 
 /// Fields at one time after the other, flat, SI, in the base frame unless said otherwise.
-///
-/// Points lie along the flexible part of every module, from base to tip, both ends of every module
-/// among them.
 #[derive(Clone, Debug, Default)]
 pub struct Fields {
     /// Times (s).
     pub time: Vec<f64>,
     /// Energies by time.
     pub energies: Vec<Energies>,
-    /// Points of the centreline (m), by time and point.
+    /// Of the backbone.
+    pub sections: SectionFields,
+    /// Of the disks.
+    pub disks: DiskFields,
+    /// Of the tendons.
+    pub tendons: TendonFields,
+}
+
+/// Fields of the backbone, by time and point.
+///
+/// Points lie along the flexible part of every module, from base to tip, both ends of every module
+/// among them.
+#[derive(Clone, Debug, Default)]
+pub struct SectionFields {
+    /// Points of the centreline (m).
     pub position: Vec<f64>,
-    /// Section frames (body to base, by rows), by time and point.
+    /// Section frames (body to base, by rows).
     pub rotation: Vec<f64>,
     /// Force of the part beyond on a section (N), in the section's own axes.
     pub force: Vec<f64>,
     /// Moment of the part beyond on a section (N m), in the section's own axes.
     pub moment: Vec<f64>,
-    /// Positions of the disks (m), by time and disk.
-    pub disk_position: Vec<f64>,
-    /// Rotations of the disks (body to base, by rows).
-    pub disk_rotation: Vec<f64>,
-    /// Velocities of the disks (m/s).
-    pub disk_velocity: Vec<f64>,
-    /// Angular velocities of the disks (rad/s), in base axes.
-    pub disk_angular_velocity: Vec<f64>,
-    /// Tensions (N), by time and tendon.
+}
+
+/// Fields of the disks, by time and disk.
+#[derive(Clone, Debug, Default)]
+pub struct DiskFields {
+    /// Positions (m).
+    pub position: Vec<f64>,
+    /// Rotations (body to base, by rows).
+    pub rotation: Vec<f64>,
+    /// Velocities (m/s).
+    pub velocity: Vec<f64>,
+    /// Angular velocities (rad/s), in base axes.
+    pub angular_velocity: Vec<f64>,
+}
+
+/// Fields of the tendons, by time and tendon; those of spans by time, disk at the end and tendon,
+/// NaN where the tendon does not pass.
+#[derive(Clone, Debug, Default)]
+pub struct TendonFields {
+    /// Tensions (N).
     pub tension: Vec<f64>,
-    /// Tendon lengths (m), by time and tendon.
-    pub tendon_length: Vec<f64>,
-    /// Lengths of spans (m), by time, disk at the end and tendon; NaN where the tendon does not
-    /// pass.
-    pub span_length: Vec<f64>,
-    /// Tendon displacements since home (m), by time and tendon, of a robot that is driven through its
-    /// lines.
+    /// Lengths (m).
+    pub length: Vec<f64>,
+    /// Displacements since home (m), of a robot that is driven through its lines.
     pub pull: Vec<f64>,
-    /// Slack lengths (m), by time and tendon, of a robot that is driven through its lines.
+    /// Slack lengths (m), of a robot that is driven through its lines.
     pub slack: Vec<f64>,
-    /// Tensions of spans where forces balanced in the last step (N), as `span_length`.
+    /// Lengths of spans (m).
+    pub span_length: Vec<f64>,
+    /// Tensions of spans where forces balanced in the last step (N).
     pub span_tension: Vec<f64>,
 }
 
 impl Fields {
     /// Forgets all times, not the room that they took.
     pub fn clear(&mut self) {
-        let Fields {
-            time,
-            energies,
-            position,
-            rotation,
-            force,
-            moment,
-            disk_position,
-            disk_rotation,
-            disk_velocity,
-            disk_angular_velocity,
-            tension,
-            tendon_length,
-            span_length,
-            pull,
-            slack,
-            span_tension,
-        } = self;
-        energies.clear();
+        self.energies.clear();
+        let (sections, disks, tendons) = (&mut self.sections, &mut self.disks, &mut self.tendons);
         for values in [
-            time,
-            position,
-            rotation,
-            force,
-            moment,
-            disk_position,
-            disk_rotation,
-            disk_velocity,
-            disk_angular_velocity,
-            tension,
-            tendon_length,
-            span_length,
-            pull,
-            slack,
-            span_tension,
+            &mut self.time,
+            &mut sections.position,
+            &mut sections.rotation,
+            &mut sections.force,
+            &mut sections.moment,
+            &mut disks.position,
+            &mut disks.rotation,
+            &mut disks.velocity,
+            &mut disks.angular_velocity,
+            &mut tendons.tension,
+            &mut tendons.length,
+            &mut tendons.pull,
+            &mut tendons.slack,
+            &mut tendons.span_length,
+            &mut tendons.span_tension,
         ] {
             values.clear();
         }
-    }
-
-    #[inline(always)]
-    fn disk(&mut self, position: Vec3, frame: &Mat3, velocity: Vec3, turning: &Mat3) {
-        let ([x, y, z], [u, v, w]) = (frame.rows(), turning.rows());
-        let spin = [
-            w.dot(y) - v.dot(z),
-            u.dot(z) - w.dot(x),
-            v.dot(x) - u.dot(y),
-        ];
-        self.disk_position.extend_from_slice(&position.0);
-        self.disk_rotation.extend_from_slice(frame.0.as_flattened());
-        self.disk_velocity.extend_from_slice(&velocity.0);
-        self.disk_angular_velocity
-            .extend_from_slice(&spin.map(|x| 0.5 * x));
     }
 }
 
@@ -131,49 +118,52 @@ impl<L: Layout, const A: usize> Motion<L, A> {
     /// Appends all fields of now: `points` along the flexible part of every module, both ends
     /// among them. With none of them only what disks and tendons do, spans left out.
     #[inline(always)]
-    pub fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields) {
+    pub(super) fn record_now(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields) {
         out.time.push(time);
-        out.energies.push(self.balance.now);
-        out.tension.extend_from_slice(tensions);
+        out.energies.push(self.energies.now);
+        out.tendons.tension.extend_from_slice(tensions);
         for j in 0..tensions.len() {
             let spans = self.spans.now.iter().skip(j).step_by(tensions.len());
-            out.tendon_length.push(spans.sum());
+            out.tendons.length.push(spans.sum());
         }
         if points > 0 {
             return self.record_modules(tensions, points, out);
         }
-        let place = &self.kinematics.position;
-        for k in 0..self.module_count() {
-            self.record_disk(k, &place.points[k * A + A - 1], &place.frames[k], out);
+        for (k, place) in self.kinematics.position.iter().enumerate() {
+            self.record_disk(k, &place.disk(), &place.frame, &mut out.disks);
         }
     }
 
     /// Appends disks, spans and sections of all modules.
     #[inline(always)]
     fn record_modules(&self, tensions: &[f64], points: usize, out: &mut Fields) {
-        let n = self.module_count();
-        let first = out.position.len() / 3;
-        for v in [&mut out.position, &mut out.force, &mut out.moment] {
-            v.resize(3 * (first + n * points), 0.0);
+        let (rod, n) = (&self.body.rod, self.module_count());
+        let sections = &mut out.sections;
+        let first = sections.position.len() / 3;
+        for (v, size) in [
+            (&mut sections.position, 3),
+            (&mut sections.rotation, 9),
+            (&mut sections.force, 3),
+            (&mut sections.moment, 3),
+        ] {
+            v.resize(size * (first + n * points), 0.0);
         }
-        out.rotation.resize(9 * (first + n * points), 0.0);
-        let tendons = &self.rod.tendons;
-        let first_span = out.span_length.len();
-        out.span_length
-            .resize(first_span + n * tendons.len(), f64::NAN);
-        let mut here = Vec::with_capacity(tendons.len());
+        let span_lengths = &mut out.tendons.span_length;
+        let first_span = span_lengths.len();
+        span_lengths.resize(first_span + n * tensions.len(), f64::NAN);
+        let mut here = Vec::with_capacity(tensions.len());
         let mut frame = Mat3::<L::Chain>::identity();
         let mut origin = Vec3::<L::Chain>::zero();
         for g in 0..self.next.len() {
             let start = g * L::WIDTH;
             let count = L::WIDTH.min(n - start);
             here.clear();
-            for (tendon, whole) in tendons.iter().zip(tensions) {
-                here.push(tension_in_group::<L>(start, tendon, *whole));
+            for (j, whole) in tensions.iter().enumerate() {
+                here.push(rod.fixed.passes[g * tensions.len() + j] * L::Module::splat(*whole));
             }
-            let t = in_group(tendons, &here, self.rod.path, 0);
-            let mut c = self.rod.constants[g];
-            if self.scheme.rigid {
+            let t = in_group(&rod.tendons, &here, rod.path, 0);
+            let mut c = rod.constants[g];
+            if self.body.scheme.rigid {
                 // without the device that lets the scheme divide
                 c.d[0] = L::Module::zero();
             }
@@ -187,20 +177,20 @@ impl<L: Layout, const A: usize> Motion<L, A> {
                 put::<L>(&mut pieces.load, i, load);
                 origin += frame * get::<L>(&end, i);
                 frame = frame * get_mat::<L>(&pieces.state.s, i);
-                self.record_disk(k, &origin, &frame, out);
+                self.record_disk(k, &origin, &frame, &mut out.disks);
             }
-            for (j, tendon) in tendons.iter().enumerate() {
+            for (j, tendon) in rod.tendons.iter().enumerate() {
                 let state = &pieces.state;
-                let length = match self.rod.path {
+                let length = match rod.path {
                     TendonPath::Straight => Span::new(&c, tendon, &state.s, state.rho).length,
                     TendonPath::Continuous => state.parallel_length(&c, &t, tendon),
                 };
                 for k in start..(start + count).min(tendon.end_disk + 1) {
-                    out.span_length[first_span + k * tendons.len() + j] = length.lane(k - start);
+                    span_lengths[first_span + k * tensions.len() + j] = length.lane(k - start);
                 }
             }
-            let sections = first + start * points..first + (start + count) * points;
-            pieces.record(&c, points, sections, out);
+            let at = first + start * points..first + (start + count) * points;
+            pieces.record(&c, points, at, sections);
         }
     }
 
@@ -218,11 +208,11 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         state.n = now.n;
         let mut strain = now.w;
         let mut force = now.n;
-        let tau = L::Module::splat(self.scheme.damping.material);
+        let tau = L::Module::splat(self.body.scheme.damping.material);
         for a in 0..A {
             strain[a] = rate.w[a].scaled_add(tau, strain[a]);
         }
-        if !self.scheme.rigid {
+        if !self.body.scheme.rigid {
             force = rate.n.scaled_add(tau, force);
         }
         let mut tension = L::Module::zero();
@@ -255,7 +245,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         let (mut load, mut mass) = (Vec3::zero(), 0.0);
         for a in 0..A - 1 {
             load += self.residual.last_force[k * A + a];
-            mass += self.mass.points[k * A + a];
+            mass += self.body.mass.points[k * A + a];
         }
         if mass == 0.0 {
             return Vec3::zero();
@@ -269,25 +259,21 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         k: usize,
         position: &Vec3<L::Chain>,
         frame: &Mat3<L::Chain>,
-        out: &mut Fields,
+        out: &mut DiskFields,
     ) {
-        let velocity = &self.kinematics.velocity;
-        let turning = of_lane(&velocity.frames[k]);
-        let velocity = velocity.points[k * A + A - 1].of_lane(0);
-        out.disk(position.of_lane(0), &of_lane(frame), velocity, &turning);
+        let velocity = &self.kinematics.velocity[k];
+        let frame = of_lane(frame);
+        let ([x, y, z], [u, v, w]) = (frame.rows(), of_lane(&velocity.frame).rows());
+        let spin = [
+            w.dot(y) - v.dot(z),
+            u.dot(z) - w.dot(x),
+            v.dot(x) - u.dot(y),
+        ];
+        out.position.extend(position.of_lane(0).0);
+        out.rotation.extend_from_slice(frame.0.as_flattened());
+        out.velocity.extend(velocity.disk().of_lane(0).0);
+        out.angular_velocity.extend(spin.map(|x| 0.5 * x));
     }
-}
-
-/// Tension of a tendon in the modules of a group from `start` on; zero where it does not pass.
-#[inline(always)]
-fn tension_in_group<L: Layout>(start: usize, tendon: &Tendon, whole: f64) -> L::Module {
-    L::Module::from_fn(|i| {
-        if start + i <= tendon.end_disk {
-            whole
-        } else {
-            0.0
-        }
-    })
 }
 
 impl<T: Real, const A: usize> Pieces<T, A> {
@@ -299,7 +285,7 @@ impl<T: Real, const A: usize> Pieces<T, A> {
         c: &Constants<T>,
         points: usize,
         sections: std::ops::Range<usize>,
-        out: &mut Fields,
+        out: &mut SectionFields,
     ) {
         let (state, load) = (&self.state, self.load);
         let elements = (A / 2) as f64;

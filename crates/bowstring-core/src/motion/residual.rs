@@ -1,14 +1,12 @@
 //! Forces on all mass, and the imbalance that they leave in arcs and contact forces.
 
+use super::body::Body;
 use super::kinematics::Kinematics;
-use super::mass::LumpedMass;
-use super::scheme::Scheme;
 use super::strain::StrainHistory;
-use crate::math::linalg::{Mat3, Vec3};
+use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::model::load::TendonPath;
 use crate::rod::chain::{get, get_mat, in_group, put, Rod};
-use crate::rod::constants::Constants;
 use crate::rod::module::share;
 
 /// Forces on the mass, in the base frame, and what they leave in the modules.
@@ -50,31 +48,23 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         }
     }
 
-    /// Gravity and inertia of all mass; `rotations` are those of the disks where forces balance,
-    /// base included.
+    /// Gravity and inertia of all mass.
     #[inline(always)]
-    pub fn set_inertial(
-        &mut self,
-        scheme: &Scheme,
-        mass: &LumpedMass<L, A>,
-        motion: &Kinematics<L::Chain, A>,
-        rotations: &[Mat3<L::Chain>],
-    ) {
-        let factor = L::Chain::splat(scheme.acceleration_by_distance());
-        for p in 0..self.force.len() {
-            let moved = motion.next_position.points[p] - motion.position.points[p];
-            let acceleration = moved.scaled_add(factor, motion.bias.points[p]);
-            self.force[p] = (self.gravity - acceleration) * L::Chain::splat(mass.points[p]);
-        }
+    pub fn set_inertial(&mut self, body: &Body<L, A>, motion: &Kinematics<L::Chain, A>) {
+        let splat = L::Chain::splat;
         for k in 0..self.moment.len() {
-            let [e1, e3] = mass.directors[k].map(L::Chain::splat);
-            let moved = motion.next_position.frames[k] - motion.position.frames[k];
-            let mut acceleration = moved * factor + motion.bias.frames[k];
-            for row in &mut acceleration.0 {
+            let acceleration = motion.balance_acceleration(&body.scheme, k);
+            for a in 0..A {
+                let m = splat(body.mass.points[k * A + a]);
+                self.force[k * A + a] = (self.gravity - acceleration.points[a]) * m;
+            }
+            let [e1, e3] = body.mass.directors[k].map(splat);
+            let mut push = acceleration.frame;
+            for row in &mut push.0 {
                 *row = [row[0] * e1, row[1] * e1, row[2] * e3];
             }
             // sum of director x acceleration
-            let q = acceleration * rotations[k + 1].transpose();
+            let q = push * body.rod.rotations[k + 1].transpose();
             self.moment[k] = Vec3([
                 q.0[1][2] - q.0[2][1],
                 q.0[2][0] - q.0[0][2],
@@ -84,19 +74,13 @@ impl<L: Layout, const A: usize> Residual<L, A> {
     }
 
     /// Imbalance of arcs and contact forces under the present tensions and forces on all mass;
-    /// `constants` hold the stiffness of this step. Returns the largest, N m.
+    /// returns the largest, N m.
     #[inline(always)]
-    pub fn evaluate(
-        &mut self,
-        rod: &mut Rod<L, A>,
-        constants: &[Constants<L::Module>],
-        strain: &StrainHistory<L, A>,
-        scheme: &Scheme,
-    ) -> f64 {
-        self.set_resultants(rod);
-        self.set_load_moments(rod, constants);
-        self.set_costate(rod);
-        self.set_gradients(rod, constants, strain, scheme)
+    pub fn evaluate(&mut self, body: &mut Body<L, A>, strain: &StrainHistory<L, A>) -> f64 {
+        self.set_resultants(&mut body.rod);
+        self.set_load_moments(body);
+        self.set_costate(&mut body.rod);
+        self.set_gradients(body, strain)
     }
 
     /// Loads of every module and all beyond it, from the tip, in the frame of its start.
@@ -124,7 +108,8 @@ impl<L: Layout, const A: usize> Residual<L, A> {
 
     /// Moments of the loads about the start of every module, and what spans take of them.
     #[inline(always)]
-    fn set_load_moments(&self, rod: &mut Rod<L, A>, constants: &[Constants<L::Module>]) {
+    fn set_load_moments(&self, body: &mut Body<L, A>) {
+        let (rod, constants) = (&mut body.rod, &body.constants);
         for g in 0..self.modules.len() {
             let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
             let state = &mut rod.states[g];
@@ -161,14 +146,9 @@ impl<L: Layout, const A: usize> Residual<L, A> {
 
     /// Imbalance of every arc and contact force; returns the largest, N m.
     #[inline(always)]
-    fn set_gradients(
-        &mut self,
-        rod: &mut Rod<L, A>,
-        constants: &[Constants<L::Module>],
-        strain: &StrainHistory<L, A>,
-        scheme: &Scheme,
-    ) -> f64 {
-        let stiffer = L::Module::splat(scheme.force_factor());
+    fn set_gradients(&mut self, body: &mut Body<L, A>, strain: &StrainHistory<L, A>) -> f64 {
+        let (rod, constants) = (&mut body.rod, &body.constants);
+        let stiffer = L::Module::splat(body.scheme.force_factor());
         let mut largest = L::Module::zero();
         for g in 0..self.modules.len() {
             let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
@@ -192,11 +172,9 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             largest = largest.max(forces.imbalance.max_abs() * c.flexible);
         }
         // idle lanes repeat the last module without its loads
-        let mut worst = 0.0;
-        for i in 0..L::WIDTH.min(self.moment.len()) {
-            let value = L::get(&largest, i).largest();
-            worst = Real::max(worst, value);
-        }
-        worst
+        let used = 0..L::WIDTH.min(self.moment.len());
+        used.fold(0.0, |worst, i| {
+            Real::max(worst, L::get(&largest, i).largest())
+        })
     }
 }

@@ -1,7 +1,7 @@
 //! Solutions of the eliminated tangent for right-hand sides: the own imbalance, or more tension.
 
+use super::body::Body;
 use super::residual::Residual;
-use super::scheme::Scheme;
 use super::tangent::{ModulePose, Tangent};
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
@@ -11,10 +11,8 @@ use crate::rod::module::State;
 /// Solutions for the present tangent.
 pub(super) struct Response<L: Layout, const A: usize> {
     pub columns: Vec<Column<L, A>>,
-    /// Rotation and translation of every disk by the last solution, in its own frame.
-    pub disks: Vec<[Vec3<L::Chain>; 2]>,
     /// Of the present tangent, at rest under a tip moment.
-    tip_moment: Option<Box<TipMomentCorrection<L, A>>>,
+    pub tip_moment: Option<Box<TipMomentCorrection<L, A>>>,
 }
 
 /// One solution: all arcs, contact forces and spans, by groups.
@@ -24,6 +22,8 @@ pub(super) struct Column<L: Layout, const A: usize> {
     pub u: Vec<[Vec3<L::Module>; A]>,
     /// Displacement of the ends by the contact force.
     pub delta: Vec<Vec3<L::Module>>,
+    /// Rotation and translation of every disk, in its own frame.
+    pub disks: Vec<[Vec3<L::Chain>; 2]>,
     /// Change of every span's length at the end of the step, by tendons and modules; zero where a
     /// tendon does not pass.
     pub rates: Vec<f64>,
@@ -33,98 +33,17 @@ pub(super) struct Column<L: Layout, const A: usize> {
 /// tip's frame it is a skew stiffness `S` against the tip's rotation. With the rotations `C` of the
 /// tip by moments, solutions of the symmetric elimination are right once that for a moment
 /// `-(I + S C)^-1 S` times their rotation of the tip is added.
-struct TipMomentCorrection<L: Layout, const A: usize> {
-    /// Solutions for unit moments on the tip about its own axes: arcs, contact forces and disks.
+pub(super) struct TipMomentCorrection<L: Layout, const A: usize> {
+    /// Solutions for unit moments on the tip about its own axes.
     columns: [Column<L, A>; 3],
-    disks: [Vec<[Vec3<L::Chain>; 2]>; 3],
     moment: Mat3<L::Chain>,
 }
 
-impl<L: Layout, const A: usize> Column<L, A> {
-    fn of(rod: &Rod<L, A>) -> Self {
-        let groups = rod.states.len();
-        Column {
-            u: vec![[Vec3::zero(); A]; groups],
-            delta: vec![Vec3::zero(); groups],
-            rates: vec![0.0; groups * L::WIDTH * rod.tendons.len()],
-        }
-    }
-
-    /// Takes the imbalance as right-hand side.
-    #[inline(always)]
-    fn set_imbalance(&mut self, rod: &Rod<L, A>, tangent: &Tangent<L, A>, own: &Residual<L, A>) {
-        for g in 0..self.delta.len() {
-            let (gradient, contact) = (&rod.gradients[g], &tangent.contact[g]);
-            let imbalance = own.modules[g].imbalance;
-            // an arc takes the end along by shear and extension as well
-            for a in 0..A {
-                let lever = contact.j[a] - gradient.r[a];
-                self.u[g][a] = gradient.g[a] + lever.tr_mul(imbalance);
-            }
-            self.delta[g] = imbalance;
-        }
-    }
-
-    /// Takes more tension in a tendon, by modules, as right-hand side.
-    #[inline(always)]
-    fn set_tension(
-        &mut self,
-        rod: &Rod<L, A>,
-        tangent: &Tangent<L, A>,
-        tendon: usize,
-        tension: &[f64],
-    ) {
-        let n = rod.module_count();
-        for g in 0..self.delta.len() {
-            let w = lanes::<L>(n, g, |k| tension[k]);
-            let span = rod.span(g, tendon);
-            let force = span.direction * w;
-            let torque = span.arm.cross(force);
-            for a in 0..A {
-                self.u[g][a] = torque + tangent.contact[g].j[a].tr_mul(force);
-            }
-            self.delta[g] = force;
-        }
-    }
-
-    /// Changes of all span lengths at the end of the step; by the spans where forces balance, which
-    /// is near enough for Newton's method.
-    #[inline(always)]
-    fn set_rates(&mut self, rod: &Rod<L, A>, tangent: &Tangent<L, A>, scheme: &Scheme) {
-        let groups = self.delta.len();
-        let count = rod.tendons.len();
-        let ahead = L::Module::splat(1.0 / scheme.af);
-        for g in 0..groups {
-            let (mut turn, mut moved) = (Vec3::zero(), self.delta[g]);
-            for a in 0..A {
-                turn += self.u[g][a];
-                moved += tangent.contact[g].j[a] * self.u[g][a];
-            }
-            for j in 0..count {
-                let span = rod.span(g, j);
-                let rate = span.direction.dot(moved + turn.cross(span.arm)) * ahead;
-                let rate = rate * rod.fixed.passes[g * count + j];
-                let out = &mut self.rates[(j * groups + g) * L::WIDTH..][..L::WIDTH];
-                for (i, out) in out.iter_mut().enumerate() {
-                    *out = L::get(&rate, i).lane(0);
-                }
-            }
-        }
-    }
-}
-
 impl<L: Layout, const A: usize> Response<L, A> {
-    pub fn new(modules: usize) -> Self {
+    pub fn new() -> Self {
         Response {
             columns: vec![],
-            disks: vec![[Vec3::zero(); 2]; modules],
             tip_moment: None,
-        }
-    }
-
-    fn reserve(&mut self, rod: &Rod<L, A>, column: usize) {
-        while self.columns.len() <= column {
-            self.columns.push(Column::of(rod));
         }
     }
 
@@ -136,8 +55,17 @@ impl<L: Layout, const A: usize> Response<L, A> {
         tangent: &mut Tangent<L, A>,
         own: &Residual<L, A>,
     ) {
-        self.reserve(rod, 0);
-        self.columns[0].set_imbalance(rod, tangent, own);
+        let out = self.column(rod, 0);
+        for g in 0..out.delta.len() {
+            let (gradient, contact) = (&rod.gradients[g], &tangent.contact[g]);
+            let imbalance = own.modules[g].imbalance;
+            // an arc takes the end along by shear and extension as well
+            for a in 0..A {
+                let lever = contact.j[a] - gradient.r[a];
+                out.u[g][a] = gradient.g[a] + lever.tr_mul(imbalance);
+            }
+            out.delta[g] = imbalance;
+        }
         self.solve(rod, tangent, 0);
     }
 
@@ -150,52 +78,84 @@ impl<L: Layout, const A: usize> Response<L, A> {
         column: usize,
         (tendon, tension): (usize, &[f64]),
     ) {
-        self.reserve(rod, column);
-        self.columns[column].set_tension(rod, tangent, tendon, tension);
+        let n = rod.module_count();
+        let out = self.column(rod, column);
+        for g in 0..out.delta.len() {
+            let span = rod.span(g, tendon);
+            let force = span.direction * lanes::<L>(n, g, |k| tension[k]);
+            let torque = span.arm.cross(force);
+            for a in 0..A {
+                out.u[g][a] = torque + tangent.contact[g].j[a].tr_mul(force);
+            }
+            out.delta[g] = force;
+        }
         self.solve(rod, tangent, column);
     }
 
-    /// How a solution changes the lengths of all spans.
+    /// A column to solve in.
     #[inline(always)]
-    pub fn rate_spans(
-        &mut self,
-        rod: &Rod<L, A>,
-        tangent: &Tangent<L, A>,
-        scheme: &Scheme,
-        column: usize,
-    ) {
-        self.columns[column].set_rates(rod, tangent, scheme);
+    fn column(&mut self, rod: &Rod<L, A>, column: usize) -> &mut Column<L, A> {
+        while self.columns.len() <= column {
+            self.columns.push(Column::of(rod));
+        }
+        &mut self.columns[column]
+    }
+
+    /// Solves for the right-hand side in a column, which the solution takes the place of.
+    #[inline(always)]
+    fn solve(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>, column: usize) {
+        let out = &mut self.columns[column];
+        out.substitute(rod, tangent, [Vec3::zero(); 2]);
+        if let Some(correction) = &self.tip_moment {
+            correction.apply(out);
+        }
+    }
+
+    /// How a solution changes the lengths of all spans at the end of the step; by the spans where
+    /// forces balance, which is near enough for Newton's method.
+    #[inline(always)]
+    pub fn rate_spans(&mut self, body: &Body<L, A>, tangent: &Tangent<L, A>, column: usize) {
+        let (rod, out) = (&body.rod, &mut self.columns[column]);
+        let (groups, count) = (out.delta.len(), rod.tendons.len());
+        let ahead = L::Module::splat(1.0 / body.scheme.af);
+        for g in 0..groups {
+            let (mut turn, mut moved) = (Vec3::zero(), out.delta[g]);
+            for a in 0..A {
+                turn += out.u[g][a];
+                moved += tangent.contact[g].j[a] * out.u[g][a];
+            }
+            for j in 0..count {
+                let span = rod.span(g, j);
+                let rate = span.direction.dot(moved + turn.cross(span.arm)) * ahead;
+                let rate = rate * rod.fixed.passes[g * count + j];
+                let rates = &mut out.rates[(j * groups + g) * L::WIDTH..][..L::WIDTH];
+                for (i, out) in rates.iter_mut().enumerate() {
+                    *out = L::get(&rate, i).lane(0);
+                }
+            }
+        }
     }
 
     /// Moves the end of the step by a sum of solutions.
     #[inline(always)]
     pub fn combine(
         &self,
-        rod: &Rod<L, A>,
+        body: &Body<L, A>,
         tangent: &Tangent<L, A>,
-        scheme: &Scheme,
         coefficients: &[f64],
         next: &mut [State<L::Module, A>],
     ) {
         for (column, factor) in self.columns.iter().zip(coefficients) {
-            let ahead = L::Module::splat(factor / scheme.af);
-            for g in 0..next.len() {
-                let (next, contact) = (&mut next[g], &tangent.contact[g]);
-                let gradient = &rod.gradients[g];
+            let ahead = L::Module::splat(factor / body.scheme.af);
+            for (g, next) in next.iter_mut().enumerate() {
                 for a in 0..A {
-                    let step = gradient.to_strain[a] * column.u[g][a];
+                    let step = body.rod.gradients[g].to_strain[a] * column.u[g][a];
                     next.w[a] = step.scaled_add(ahead, next.w[a]);
                 }
-                let step = contact.stiffness * column.delta[g];
+                let step = tangent.contact[g].stiffness * column.delta[g];
                 next.n = step.scaled_add(ahead, next.n);
             }
         }
-    }
-
-    /// Drops the correction of an earlier tangent.
-    #[inline(always)]
-    pub fn clear_tip_moment(&mut self) {
-        self.tip_moment = None;
     }
 
     /// Prepares the correction of this tangent.
@@ -203,17 +163,15 @@ impl<L: Layout, const A: usize> Response<L, A> {
     pub fn prepare_tip_moment(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>) {
         let n = rod.module_count();
         let mut flexibility = Mat3::zero();
-        let mut disks = [const { vec![] }; 3];
         let columns = [0, 1, 2].map(|axis| {
             let mut column = Column::of(rod);
             let mut unit = Vec3::zero();
             unit[axis] = L::Chain::splat(1.0);
-            self.substitute(rod, tangent, &mut column, [-unit, Vec3::zero()]);
-            let turned = self.disks[n - 1][0];
+            column.substitute(rod, tangent, [-unit, Vec3::zero()]);
+            let turned = column.disks[n - 1][0];
             for row in 0..3 {
                 flexibility.0[row][axis] = turned[row];
             }
-            disks[axis] = self.disks.clone();
             column
         });
         // as in statics: a rotation in its log chart sees half of the moment
@@ -222,25 +180,20 @@ impl<L: Layout, const A: usize> Response<L, A> {
         let back = (stiffness * flexibility).add_diagonal([L::Chain::splat(1.0); 3]);
         self.tip_moment = Some(Box::new(TipMomentCorrection {
             columns,
-            disks,
             moment: back.inverse() * stiffness * L::Chain::splat(-1.0),
         }));
     }
+}
 
-    /// Solves for the right-hand side in a column, which the solution takes the place of.
-    #[inline(always)]
-    fn solve(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>, column: usize) {
-        let empty = Column {
-            u: vec![],
-            delta: vec![],
-            rates: vec![],
-        };
-        let mut out = std::mem::replace(&mut self.columns[column], empty);
-        self.substitute(rod, tangent, &mut out, [Vec3::zero(); 2]);
-        if let Some(correction) = &self.tip_moment {
-            correction.apply(&mut out, &mut self.disks);
+impl<L: Layout, const A: usize> Column<L, A> {
+    fn of(rod: &Rod<L, A>) -> Self {
+        let groups = rod.states.len();
+        Column {
+            u: vec![[Vec3::zero(); A]; groups],
+            delta: vec![Vec3::zero(); groups],
+            disks: vec![[Vec3::zero(); 2]; rod.module_count()],
+            rates: vec![0.0; groups * L::WIDTH * rod.tendons.len()],
         }
-        self.columns[column] = out;
     }
 
     /// Substitution from tip to base and back; `tip` is the right-hand side on the tip.
@@ -249,19 +202,18 @@ impl<L: Layout, const A: usize> Response<L, A> {
         &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
-        out: &mut Column<L, A>,
         tip: [Vec3<L::Chain>; 2],
     ) {
-        Self::substitute_to_base(rod, tangent, out, tip);
-        self.substitute_to_tip(rod, tangent, out);
+        self.substitute_to_base(rod, tangent, tip);
+        self.substitute_to_tip(rod, tangent);
     }
 
     /// Eliminates the right-hand side, module by module from the tip.
     #[inline(always)]
     fn substitute_to_base(
+        &mut self,
         rod: &Rod<L, A>,
         tangent: &mut Tangent<L, A>,
-        out: &mut Column<L, A>,
         mut p: [Vec3<L::Chain>; 2],
     ) {
         for k in (0..rod.module_count()).rev() {
@@ -271,13 +223,12 @@ impl<L: Layout, const A: usize> Response<L, A> {
             let ModulePose { s, o, b } = ModulePose::of(rod, k);
             let push = s * p[1];
             let turn = s * p[0] + b.cross(push);
-            let delta = module.inverse * (get::<L>(&out.delta[g], i) + push);
+            let delta = module.inverse * (get::<L>(&self.delta[g], i) + push);
             module.solution = delta;
             let mut u = [Vec3::zero(); A];
             for a in 0..A {
-                u[a] =
-                    get::<L>(&out.u[g][a], i) + turn + get_mat::<L>(&contact.j[a], i).tr_mul(push)
-                        - module.u[a].tr_mul(delta);
+                let on_end = get_mat::<L>(&contact.j[a], i).tr_mul(push);
+                u[a] = get::<L>(&self.u[g][a], i) + turn + on_end - module.u[a].tr_mul(delta);
             }
             p = [
                 turn + o.cross(push) - module.x.tr_mul(delta),
@@ -285,26 +236,21 @@ impl<L: Layout, const A: usize> Response<L, A> {
             ];
             module.arcs.backward::<true>(&mut u, &mut p);
             for a in 0..A {
-                put::<L>(&mut out.u[g][a], i, u[a]);
+                put::<L>(&mut self.u[g][a], i, u[a]);
             }
         }
     }
 
     /// Solves module by module from the base.
     #[inline(always)]
-    fn substitute_to_tip(
-        &mut self,
-        rod: &Rod<L, A>,
-        tangent: &Tangent<L, A>,
-        out: &mut Column<L, A>,
-    ) {
+    fn substitute_to_tip(&mut self, rod: &Rod<L, A>, tangent: &Tangent<L, A>) {
         let mut x = [Vec3::zero(); 2];
         for k in 0..rod.module_count() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let (contact, module) = (&tangent.contact[g], &tangent.eliminated[k]);
             let mut right = [Vec3::zero(); A];
             for a in 0..A {
-                right[a] = get::<L>(&out.u[g][a], i);
+                right[a] = get::<L>(&self.u[g][a], i);
             }
             let u = module.arcs.forward(&right, &x);
             let mut pulled = module.x * x[0] + module.t * x[1];
@@ -315,10 +261,10 @@ impl<L: Layout, const A: usize> Response<L, A> {
                 pulled += module.u[a] * u[a];
                 turn += u[a];
                 moved += get_mat::<L>(&contact.j[a], i) * u[a];
-                put::<L>(&mut out.u[g][a], i, u[a]);
+                put::<L>(&mut self.u[g][a], i, u[a]);
             }
             let delta = -(module.solution + module.inverse * pulled);
-            put::<L>(&mut out.delta[g], i, delta);
+            put::<L>(&mut self.delta[g], i, delta);
             moved += delta + turn.cross(b);
             x = [s.tr_mul(turn), s.tr_mul(moved)];
             self.disks[k] = x;
@@ -327,12 +273,11 @@ impl<L: Layout, const A: usize> Response<L, A> {
 }
 
 impl<L: Layout, const A: usize> TipMomentCorrection<L, A> {
-    /// Corrects a solution and its motion of the disks.
+    /// Corrects a solution.
     #[inline(always)]
-    fn apply(&self, out: &mut Column<L, A>, disks: &mut [[Vec3<L::Chain>; 2]]) {
-        let moment = self.moment * disks[disks.len() - 1][0];
-        for axis in 0..3 {
-            let part = &self.columns[axis];
+    fn apply(&self, out: &mut Column<L, A>) {
+        let moment = self.moment * out.disks[out.disks.len() - 1][0];
+        for (axis, part) in self.columns.iter().enumerate() {
             let share = L::Module::splat(moment[axis].lane(0));
             for g in 0..out.delta.len() {
                 for a in 0..A {
@@ -340,7 +285,7 @@ impl<L: Layout, const A: usize> TipMomentCorrection<L, A> {
                 }
                 out.delta[g] = part.delta[g].scaled_add(share, out.delta[g]);
             }
-            for (disk, part) in disks.iter_mut().zip(&self.disks[axis]) {
+            for (disk, part) in out.disks.iter_mut().zip(&part.disks) {
                 for q in 0..2 {
                     disk[q] = part[q].scaled_add(moment[axis], disk[q]);
                 }

@@ -12,8 +12,6 @@ pub struct Damping {
 
 /// Largest share of its velocity that restoring the energy takes from the mass in a step.
 const MAX_RESTORING: f64 = 1e-2;
-/// Relative change of inertia or stiffness in the tangent that calls for a new one.
-const TANGENT_CHANGE: f64 = 1e-3;
 
 /// The time-integration scheme of the present step.
 pub(super) struct Scheme {
@@ -32,60 +30,28 @@ pub(super) struct Scheme {
     pub rigid: bool,
 }
 
-/// Coefficients of mass and stiffness in a tangent.
-#[derive(Clone, Copy)]
-pub(super) struct Coefficients {
-    inertia: f64,
-    stiffness: f64,
-}
-
-impl Coefficients {
-    /// Of no tangent: close to nothing.
-    pub const NONE: Self = Coefficients {
-        inertia: f64::NAN,
-        stiffness: f64::NAN,
-    };
-
-    /// Whether a tangent made for these serves for others.
-    #[inline(always)]
-    pub fn serve(&self, others: &Self) -> bool {
-        near(self.inertia, others.inertia) && near(self.stiffness, others.stiffness)
-    }
-}
-
-#[inline(always)]
-fn near(a: f64, b: f64) -> bool {
-    (a - b).abs() <= TANGENT_CHANGE * b
-}
-
 impl Scheme {
     pub fn new(damping: Damping, rigid: bool) -> Self {
-        let mut scheme = Scheme {
-            am: 0.0,
-            af: 0.0,
-            gamma: 0.0,
+        Scheme {
+            am: 0.5,
+            af: 0.5,
+            gamma: 0.5,
             duration: 0.0,
             damping,
             restoring: 0.0,
             fresh: true,
             rigid,
-        };
-        scheme.set_weights(1.0);
-        scheme
+        }
     }
 
-    /// By the spectral radius at infinite frequency: 1 damps nothing, 0 all at once.
+    /// Prepares a step by the spectral radius at infinite frequency: 1 damps nothing, 0 all at once.
+    /// Without memory there is no numerical damping.
     #[inline(always)]
-    fn set_weights(&mut self, rho: f64) {
+    pub fn begin(&mut self, duration: f64, rho: f64) {
+        let rho = if self.fresh { 1.0 } else { rho };
         self.am = 0.5 * (3.0 - rho) / (1.0 + rho);
         self.af = 1.0 / (1.0 + rho);
         self.gamma = 0.5 + self.am - self.af;
-    }
-
-    /// Prepares a step; without memory it has no numerical damping.
-    #[inline(always)]
-    pub fn begin(&mut self, duration: f64, rho: f64) {
-        self.set_weights(if self.fresh { 1.0 } else { rho });
         self.duration = duration;
         self.restoring = 0.0;
     }
@@ -143,15 +109,6 @@ impl Scheme {
         let per = self.rate_by_change();
         let damping = self.damping.mass + self.restoring;
         (self.am * per / self.af + if per > 0.0 { damping } else { 0.0 }) * self.am * per
-    }
-
-    /// Coefficients of the present tangent.
-    #[inline(always)]
-    pub fn coefficients(&self) -> Coefficients {
-        Coefficients {
-            inertia: self.tangent_inertia(),
-            stiffness: self.strain_factor(),
-        }
     }
 
     /// Coefficient of the mass in the tangent, 1/s^2.

@@ -31,14 +31,15 @@ impl<T: Real, const A: usize> Strain<T, A> {
         }
     }
 
-    /// `self * s + o`
+    /// `self * s + o * t`
     #[inline(always)]
-    pub fn scaled_add(&self, s: T, o: &Self) -> Self {
+    pub fn combined(&self, s: f64, o: &Self, t: f64) -> Self {
+        let (s, t) = (T::splat(s), T::splat(t));
         let mut out = *o;
         for a in 0..A {
-            out.w[a] = self.w[a].scaled_add(s, o.w[a]);
+            out.w[a] = self.w[a].scaled_add(s, o.w[a] * t);
         }
-        out.n = self.n.scaled_add(s, o.n);
+        out.n = self.n.scaled_add(s, o.n * t);
         out
     }
 }
@@ -115,13 +116,10 @@ impl<L: Layout, const A: usize> StrainHistory<L, A> {
             // a scheme without memory has no use for an old rate, which would never fade
             let forgets = scheme.fresh || scheme.am == scheme.gamma;
             let gamma = if forgets { 1.0 } else { scheme.gamma };
-            let per = L::Module::splat(1.0 / (gamma * scheme.duration));
-            let keep = L::Module::splat(-(1.0 - gamma) / gamma);
-            for g in 0..next.len() {
-                let now = Strain::of(&next[g]);
-                let change = self.past[0][g].scaled_add(L::Module::splat(-1.0), &now);
-                let kept = self.rate[g].scaled_add(keep, &Strain::zero());
-                self.rate[g] = change.scaled_add(per, &kept);
+            let (per, keep) = (1.0 / (gamma * scheme.duration), 1.0 - 1.0 / gamma);
+            for (g, next) in next.iter().enumerate() {
+                let change = Strain::of(next).combined(1.0, &self.past[0][g], -1.0);
+                self.rate[g] = change.combined(per, &self.rate[g], keep);
             }
         }
         self.push(next);
@@ -135,11 +133,10 @@ impl<L: Layout, const A: usize> StrainHistory<L, A> {
     #[inline(always)]
     pub fn set_offset(&mut self, scheme: &Scheme) {
         let tau = scheme.damping.material;
-        let by_start = L::Module::splat(tau * scheme.am * scheme.rate_by_change() / scheme.af);
-        let by_rate = L::Module::splat(-tau * scheme.memory());
+        let by_start = tau * scheme.am * scheme.rate_by_change() / scheme.af;
+        let by_rate = -tau * scheme.memory();
         for g in 0..self.offset.len() {
-            let start = self.past[0][g].scaled_add(by_start, &Strain::zero());
-            self.offset[g] = self.rate[g].scaled_add(by_rate, &start);
+            self.offset[g] = self.rate[g].combined(by_rate, &self.past[0][g], by_start);
             if scheme.rigid {
                 self.offset[g].n = Vec3::zero();
             }
@@ -153,7 +150,7 @@ impl<L: Layout, const A: usize> StrainHistory<L, A> {
         for g in 0..next.len() {
             let mut strain = Strain::zero();
             for q in 0..self.known {
-                strain = self.past[q][g].scaled_add(L::Module::splat(weight[q]), &strain);
+                strain = self.past[q][g].combined(weight[q], &strain, 1.0);
             }
             next[g].w = strain.w;
             // what holds a constraint may jump with the load

@@ -3,9 +3,9 @@
 //!
 //! The contact force of a module is condensed statically before its arcs are eliminated.
 
-use super::mass::LumpedMass;
+use super::body::Body;
 use super::residual::Residual;
-use super::scheme::{Coefficients, Scheme};
+use super::scheme::Scheme;
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
 use crate::rod::chain::{get, get_mat, in_group, Rod};
@@ -13,12 +13,15 @@ use crate::rod::constants::Constants;
 use crate::rod::elimination::{negative_pivots, Blocks, Eliminated};
 use crate::rod::module::{share, Gradient, Hessian, State};
 
+/// Relative change of inertia or stiffness in the tangent that calls for a new one.
+const TANGENT_CHANGE: f64 = 1e-3;
+
 /// Tangent at the present strain, and its elimination.
 pub(super) struct Tangent<L: Layout, const A: usize> {
     pub contact: Vec<ContactBlocks<L::Module, A>>,
     pub eliminated: Vec<EliminatedModule<L::Chain, A>>,
-    /// Coefficients that it was made for.
-    made_for: Coefficients,
+    /// Coefficients of mass and stiffness that it was made for; no numbers where it is not to serve.
+    made_for: [f64; 2],
     /// Smallest pivot; not positive where the energy has no minimum.
     pub least_pivot: f64,
 }
@@ -76,30 +79,19 @@ impl<T: Real> ModulePose<T> {
         let b = s.column(2) * T::splat(end);
         ModulePose { s, o, b }
     }
-}
 
-/// Second variation of a disk and all beyond it: blocks of rotation (`r`) and translation (`t`).
-#[derive(Clone, Copy)]
-struct Variation<T> {
-    rr: Mat3<T>,
-    tr: Mat3<T>,
-    tt: Mat3<T>,
-}
-
-impl<T: Real> Variation<T> {
-    /// Moves it from the end disk, in whose frame it is, to the end of the flexible part, in the
-    /// frame of the start.
+    /// Moves the second variation of a disk and all beyond it from the end disk, in whose frame it
+    /// is, to the end of the flexible part, in the frame of the start: blocks of rotation (`r`) and
+    /// translation (`t`).
     #[inline(always)]
-    fn to_flexible_end(self, pose: &ModulePose<T>) -> Self {
-        let (s, b) = (pose.s, pose.b);
+    fn to_flexible_end(&self, [[rr, _], [tr, tt]]: [[Mat3<T>; 2]; 2]) -> [Mat3<T>; 3] {
+        let (s, b) = (self.s, self.b);
         let back = s.transpose();
-        let mut rr = s * self.rr * back;
-        let mut tr = s * self.tr * back;
-        let tt = s * self.tt * back;
+        let tt = s * tt * back;
+        let mut tr = s * tr * back;
         let crossed = b.cross_mat(tr).transpose();
         tr += b.cross_mat(tt).transpose();
-        rr += crossed + b.cross_mat(tr);
-        Variation { rr, tr, tt }
+        [s * rr * back + crossed + b.cross_mat(tr), tr, tt]
     }
 }
 
@@ -116,20 +108,22 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
         Tangent {
             contact: vec![ContactBlocks::empty(); modules.div_ceil(L::WIDTH)],
             eliminated: vec![empty; modules],
-            made_for: Coefficients::NONE,
+            made_for: [f64::NAN; 2],
             least_pivot: f64::NAN,
         }
     }
 
     /// Lets no tangent serve again.
     pub fn invalidate(&mut self) {
-        self.made_for = Coefficients::NONE;
+        self.made_for = [f64::NAN; 2];
     }
 
     /// Whether the tangent of an earlier step is close to that of this one.
     #[inline(always)]
     pub fn serves(&self, scheme: &Scheme) -> bool {
-        self.made_for.serve(&scheme.coefficients())
+        let coefficients = [scheme.tangent_inertia(), scheme.strain_factor()];
+        let near = |(a, b): (&f64, &f64)| (a - b).abs() <= TANGENT_CHANGE * b;
+        self.made_for.iter().zip(&coefficients).all(near)
     }
 
     /// Whether an equilibrium is a minimum of the energy where displacement control holds this many
@@ -144,38 +138,24 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
         self.eliminated.iter().map(of).sum::<usize>() <= held
     }
 
-    /// Makes the tangent at the present strain and eliminates it; `constants` hold the stiffness of
-    /// this step.
+    /// Makes the tangent at the present strain and eliminates it.
     #[inline(always)]
-    pub fn make(
-        &mut self,
-        rod: &mut Rod<L, A>,
-        constants: &[Constants<L::Module>],
-        mass: &LumpedMass<L, A>,
-        residual: &Residual<L, A>,
-        scheme: &Scheme,
-    ) {
-        self.assemble(rod, constants, mass, residual, scheme);
-        self.eliminate(rod, mass, scheme.tangent_inertia());
-        self.made_for = scheme.coefficients();
+    pub fn make(&mut self, body: &mut Body<L, A>, residual: &Residual<L, A>) {
+        self.assemble(body, residual);
+        self.eliminate(body);
+        self.made_for = [body.scheme.tangent_inertia(), body.scheme.strain_factor()];
     }
 
     /// Second variation of every module.
     #[inline(always)]
-    fn assemble(
-        &mut self,
-        rod: &mut Rod<L, A>,
-        constants: &[Constants<L::Module>],
-        mass: &LumpedMass<L, A>,
-        residual: &Residual<L, A>,
-        scheme: &Scheme,
-    ) {
+    fn assemble(&mut self, body: &mut Body<L, A>, residual: &Residual<L, A>) {
+        let (rod, scheme) = (&mut body.rod, &body.scheme);
         let inertia = scheme.tangent_inertia();
         // a solution moves the end of the step by 1 / af, also where contact forces are taken there
         let stiffer = L::Module::splat(scheme.force_factor() * scheme.force_share() / scheme.af);
         for g in 0..self.contact.len() {
             let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
-            let c = &constants[g];
+            let c = &body.constants[g];
             let (state, gradient) = (&rod.states[g], &rod.gradients[g]);
             let hessian = &mut rod.newton.hessians[g];
             let response = state.hessian::<false>(c, &t, gradient, hessian);
@@ -190,13 +170,15 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             let nodes = &residual.modules[g].nodes;
             let stretching = state.add_dead_loads(gradient, nodes, &response.j, hessian);
             contact.delta_x = -(state.f[0] + stretching).skew();
-            contact.add_nodes(c, state, gradient, hessian, &mass.lanes[g], inertia);
+            contact.add_nodes(c, state, gradient, hessian, &body.mass.lanes[g], inertia);
         }
     }
 
     /// Elimination of all modules from tip to base.
     #[inline(always)]
-    fn eliminate(&mut self, rod: &Rod<L, A>, mass: &LumpedMass<L, A>, inertia: f64) {
+    fn eliminate(&mut self, body: &Body<L, A>) {
+        let (rod, mass) = (&body.rod, &body.mass);
+        let inertia = body.scheme.tangent_inertia();
         let splat = L::Chain::splat;
         // of a disk and all beyond it, in its own frame
         let mut value = [[Mat3::zero(); 2]; 2];
@@ -207,33 +189,26 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
             value[0][0] = value[0][0].add_diagonal([across, across, along]);
             let disk = splat(inertia * mass.points[k * A + A - 1]);
             value[1][1] = value[1][1].add_diagonal([disk; 3]);
-            let pose = ModulePose::of(rod, k);
-            let beyond = Variation {
-                rr: value[0][0],
-                tr: value[1][0],
-                tt: value[1][1],
-            };
-            let beyond = beyond.to_flexible_end(&pose);
-            let blocks = self.condense(rod, k, &pose.o, &beyond);
-            value = self.eliminated[k]
-                .arcs
-                .eliminate::<true>(blocks, &mut least_pivot);
+            let blocks = self.condense(rod, k, value);
+            let module = &mut self.eliminated[k];
+            value = module.arcs.eliminate::<true>(blocks, &mut least_pivot);
         }
         self.least_pivot = least_pivot.lane(0);
     }
 
-    /// Blocks of a module with all beyond it, its contact force condensed.
+    /// Blocks of a module with all beyond it, in the frame of the end disk; its contact force is
+    /// condensed.
     #[inline(always)]
     fn condense(
         &mut self,
         rod: &Rod<L, A>,
         k: usize,
-        o: &Vec3<L::Chain>,
-        beyond: &Variation<L::Chain>,
+        beyond: [[Mat3<L::Chain>; 2]; 2],
     ) -> Blocks<L::Chain, A, 2> {
         let (g, i) = (k / L::WIDTH, k % L::WIDTH);
         let (hessian, contact) = (&rod.newton.hessians[g], &self.contact[g]);
-        let Variation { rr, tr, tt } = *beyond;
+        let pose = ModulePose::of(rod, k);
+        let ([rr, tr, tt], o) = (pose.to_flexible_end(beyond), pose.o);
         let tr_x = tr + o.cross_mat(tt).transpose();
         let rr_x = rr + o.cross_mat(tr).transpose();
         let rt = tr.transpose();

@@ -1,23 +1,35 @@
 //! Lumped inertia, and the balance of momentum with the base.
 
-use super::{Damping, Motion};
+use super::mass::Nodal;
+use super::{Damping, Motion, Moving};
 use crate::math::linalg::Vec3;
 use crate::math::real::Scalar;
 use crate::model::load::{Load, Model};
 use crate::model::robot::{Disk, Robot, RobotSpec, Section, Tendon};
 
+const SECTION: Section = Section {
+    bending: 1.1,
+    torsion: 0.8,
+    axial: 7e5,
+    shear: 2.6e5,
+    mass_per_length: 0.035,
+    rotary_inertia: 5.5e-8,
+};
+
+fn robot(disks: Vec<Disk>, tendons: Vec<Tendon>) -> Robot {
+    Robot::new(RobotSpec {
+        sections: vec![SECTION],
+        disks,
+        tendons,
+        gravity: [0.0; 3],
+    })
+    .unwrap()
+}
+
 /// Turning as a whole, the straight robot has the inertia of its disks and of the whole rod,
 /// clamped lengths included.
 #[test]
 fn inertia_is_that_of_the_rod_with_its_clamps() {
-    let section = Section {
-        bending: 1.1,
-        torsion: 0.8,
-        axial: 7e5,
-        shear: 2.6e5,
-        mass_per_length: 0.035,
-        rotary_inertia: 5.5e-8,
-    };
     let disks = (0..4).map(|k| Disk {
         // 20 mm between all clamps; the last disk would clamp on one side alone, and has none
         station: if k < 3 { 0.045 + 0.07 * k as f64 } else { 0.23 },
@@ -26,16 +38,11 @@ fn inertia_is_that_of_the_rod_with_its_clamps() {
         inertia: [5.1e-6, 1.0e-5],
         segment: 0,
     });
-    let robot = Robot::new(RobotSpec {
-        sections: vec![section],
-        disks: disks.collect(),
-        tendons: vec![Tendon {
-            hole: [0.02, 0.0],
-            end_disk: 3,
-        }],
-        gravity: [0.0; 3],
-    })
-    .unwrap();
+    let tendon = Tendon {
+        hole: [0.02, 0.0],
+        end_disk: 3,
+    };
+    let robot = robot(disks.collect(), vec![tendon]);
     let still = Damping {
         mass: 0.0,
         material: 0.0,
@@ -43,15 +50,22 @@ fn inertia_is_that_of_the_rod_with_its_clamps() {
     let model = Model::default();
     let mut motion = Motion::<Scalar, 2>::new(Scalar, &robot, model, [0.0; 3], still);
     assert!(motion.settle());
-    let masses = &motion.mass.points;
-    let points = masses.iter().zip(&motion.kinematics.position.points);
+    let masses = &motion.body.mass.points;
+    let points = motion.kinematics.position.iter().flat_map(|p| p.points);
+    let points = masses.iter().zip(points);
     let lumped: f64 = points.map(|(m, p)| m * p.0[2].powi(2)).sum();
     // directors across the axis and along it move
-    let turning: f64 = motion.mass.directors.iter().map(|[e1, e3]| e1 + e3).sum();
+    let turning: f64 = motion
+        .body
+        .mass
+        .directors
+        .iter()
+        .map(|[e1, e3]| e1 + e3)
+        .sum();
     let length = robot.length();
-    let mut whole = section.mass_per_length * length.powi(3) / 3.0;
+    let mut whole = SECTION.mass_per_length * length.powi(3) / 3.0;
     // the first half module's rotary inertia is the base's
-    whole += section.rotary_inertia * (length - robot.modules[0].flexible / 2.0);
+    whole += SECTION.rotary_inertia * (length - robot.modules[0].flexible / 2.0);
     for disk in &robot.spec().disks {
         whole += disk.mass * disk.station.powi(2) + disk.inertia[0];
     }
@@ -64,14 +78,6 @@ fn inertia_is_that_of_the_rod_with_its_clamps() {
 /// weight goes into the base beside them, is left out on both sides.
 #[test]
 fn momentum_balances_with_the_base() {
-    let section = Section {
-        bending: 1.1,
-        torsion: 0.8,
-        axial: 7e5,
-        shear: 2.6e5,
-        mass_per_length: 0.035,
-        rotary_inertia: 5.5e-8,
-    };
     let disks = (0..9).map(|k| Disk {
         station: 0.07 * (k + 1) as f64,
         clamped_length: 0.0,
@@ -83,13 +89,7 @@ fn momentum_balances_with_the_base() {
         hole: [0.02 * (2.0 * i as f64).cos(), 0.02 * (2.0 * i as f64).sin()],
         end_disk: 8,
     });
-    let robot = Robot::new(RobotSpec {
-        sections: vec![section],
-        disks: disks.collect(),
-        tendons: tendons.collect(),
-        gravity: [0.0; 3],
-    })
-    .unwrap();
+    let robot = robot(disks.collect(), tendons.collect());
     let gravity = Vec3([1.0, 2.0, -9.0]);
     let damping = Damping {
         mass: 0.7,
@@ -110,7 +110,7 @@ fn momentum_balances_with_the_base() {
         load.tip_force = [0.0; 3];
         motion.set_load(&load);
         let duration = 2e-3;
-        let beyond: f64 = motion.mass.points[1..].iter().sum();
+        let beyond: f64 = motion.body.mass.points[1..].iter().sum();
         let mut momentum = Vec3::zero();
         for step in 0..40 {
             let start = motion.kinematics.acceleration.clone();
@@ -124,9 +124,9 @@ fn momentum_balances_with_the_base() {
             motion.residual();
             motion.finish(&load);
             // what the strain and the spans of the first module hold
-            let (state, c) = (&motion.rod.states[0], &motion.rod.constants[0]);
+            let (state, c) = (&motion.body.rod.states[0], &motion.body.rod.constants[0]);
             let strained = state.compliance(c).inverse() * (state.rho - state.rho0);
-            let mut held = strained * motion.scheme.force_factor() - motion.strain.offset[0].n;
+            let mut held = strained * motion.body.scheme.force_factor() - motion.strain.offset[0].n;
             // that is the mean over the module: half of what is on its node does not reach it
             held -= motion.residual.modules[0].nodes[0] * 0.5;
             let end = state.offset(c);
@@ -136,19 +136,20 @@ fn momentum_balances_with_the_base() {
                 held += span * (tension / span.norm());
             }
             // the scheme's acceleration at the balance of forces, and its damping
-            let (am, af) = (motion.scheme.am, motion.scheme.af);
+            let (am, af) = (motion.body.scheme.am, motion.body.scheme.af);
             let mut changes = Vec3::zero();
-            let fresh = motion.scheme.fresh;
+            let fresh = motion.body.scheme.fresh;
             motion.commit();
-            for p in 1..motion.mass.points.len() {
+            let now = &motion.kinematics;
+            for p in 1..motion.body.mass.points.len() {
+                let of = |of: &[Nodal<f64, 2>]| of[p / 2].points[p % 2];
                 let ends = if fresh {
-                    motion.kinematics.acceleration.points[p]
+                    of(&now.acceleration)
                 } else {
-                    start.points[p] * (1.0 - am) + motion.kinematics.acceleration.points[p] * am
+                    of(&start) * (1.0 - am) + of(&now.acceleration) * am
                 };
-                let speed = motion.kinematics.next_velocity.points[p] * (1.0 - af)
-                    + motion.kinematics.velocity.points[p] * af;
-                changes += (ends + speed * damping.mass) * motion.mass.points[p];
+                let speed = of(&now.next_velocity) * (1.0 - af) + of(&now.velocity) * af;
+                changes += (ends + speed * damping.mass) * motion.body.mass.points[p];
             }
             let force = gravity * beyond - held;
             let off = (changes - force).norm() / (gravity * beyond).norm();
@@ -156,11 +157,12 @@ fn momentum_balances_with_the_base() {
             // without numerical damping that is the gain of momentum itself
             let mut now = Vec3::zero();
             let mut drag = Vec3::zero();
-            for p in 1..motion.mass.points.len() {
-                let speeds = motion.kinematics.next_velocity.points[p]
-                    + motion.kinematics.velocity.points[p];
-                now += motion.kinematics.velocity.points[p] * motion.mass.points[p];
-                drag += speeds * (0.5 * damping.mass * motion.mass.points[p]);
+            for p in 1..motion.body.mass.points.len() {
+                let of = |of: &[Nodal<f64, 2>]| of[p / 2].points[p % 2];
+                let velocity = of(&motion.kinematics.velocity);
+                let speeds = of(&motion.kinematics.next_velocity) + velocity;
+                now += velocity * motion.body.mass.points[p];
+                drag += speeds * (0.5 * damping.mass * motion.body.mass.points[p]);
             }
             let gain = (now - momentum) * (1.0 / duration);
             if rho == 1.0 {

@@ -6,5 +6,6 @@ pub(crate) mod defect;
 pub(crate) mod elimination;
 pub mod estimate;
 pub(crate) mod module;
+pub(crate) mod routed;
 pub mod sensitivity;
 pub(crate) mod span;

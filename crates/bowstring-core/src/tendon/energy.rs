@@ -2,9 +2,9 @@
 
 use super::history::History;
 use super::line::Command;
-use super::spans::RoutedRod;
 use super::tendons::Tendons;
 use crate::motion::Energies;
+use crate::rod::routed::RoutedRod;
 
 impl Tendons {
     /// What a step of time does to the tendons, the one that leads to the present pose: energy of

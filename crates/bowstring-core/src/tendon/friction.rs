@@ -2,9 +2,9 @@
 
 use super::history::{History, Slip};
 use super::line::Command;
-use super::spans::RoutedRod;
 use super::tendons::Tendons;
 use crate::motion::Lock;
+use crate::rod::routed::RoutedRod;
 
 /// Below this drop of the logarithm of a tension, a hole holds nothing: the tendon is straight there.
 const HOLDS: f64 = 1e-6;

@@ -36,7 +36,6 @@
 
 mod history;
 mod line;
-mod spans;
 
 mod compliance;
 
@@ -52,6 +51,5 @@ mod transmission;
 pub use history::History;
 pub(crate) use history::Slip;
 pub use line::{Command, Line};
-pub(crate) use spans::RoutedRod;
 pub(crate) use tendons::Tendons;
 pub(crate) use transmission::Transmission;

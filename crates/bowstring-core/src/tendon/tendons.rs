@@ -3,11 +3,11 @@
 use super::compliance::{Compliance, Routing};
 use super::history::{History, Slip};
 use super::line::{Command, Line};
-use super::spans::RoutedRod;
 use crate::math::linalg::Vec3;
 use crate::model::error::{Argument, InputError, Rule};
 use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
+use crate::rod::routed::RoutedRod;
 
 /// Holes with friction: all that stick are unknown together, in a dense matrix.
 const MOST_HOLES: usize = 2000;

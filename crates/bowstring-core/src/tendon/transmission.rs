@@ -3,13 +3,13 @@
 use super::friction::Friction;
 use super::history::History;
 use super::line::{Command, Line};
-use super::spans::RoutedRod;
 use super::tendons::Tendons;
 use super::unknowns::Unknowns;
 use crate::model::error::InputError;
 use crate::model::load::Model;
 use crate::model::robot::Robot;
 use crate::motion::Lock;
+use crate::rod::routed::RoutedRod;
 
 /// Tendons, their friction, and the unknowns of a step.
 #[derive(Clone)]

@@ -2,10 +2,10 @@
 
 use super::friction::Friction;
 use super::history::{History, Slip};
-use super::spans::RoutedRod;
 use super::tendons::Tendons;
 use crate::math::mlcp::{Complementarity, Side};
 use crate::rod::chain::Sources;
+use crate::rod::routed::RoutedRod;
 
 /// Slack below this share of the robot's length counts as none.
 const NO_SLACK: f64 = 1e-12;

@@ -1,0 +1,407 @@
+//! The passes of Newton's method over a step of the rod, compiled for the instructions of its numbers.
+
+use super::energy::{Energies, EnergyBalance};
+use super::kinematics::StepError;
+use super::record::Fields;
+use super::step::Motion;
+use super::strain::Strain;
+use crate::interrupt;
+use crate::math::linalg::Vec3;
+use crate::math::real::{Layout, Real};
+use crate::model::load::{Load, TendonPath};
+use crate::rod::chain::{in_group, put, Sources};
+use crate::rod::routed::RoutedRod;
+
+/// Rounding of the forces of a step, over their sum.
+const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// A moving rod in any numbers: the passes of a step, and what is asked between them.
+pub(crate) trait Moving: RoutedRod + Send + Sync {
+    /// Prepares a step: loads are those at [`Moving::balance_time`].
+    fn begin(&mut self, duration: f64, rho: f64);
+    /// Forces at the present strain; returns the largest moment imbalance, N m.
+    fn residual(&mut self) -> f64;
+    /// Imbalance under the present tensions and forces on all mass; returns the largest, N m.
+    fn imbalance(&mut self) -> f64;
+    /// Readies the tangent. That of a step before is nearly that of this one, and costs five times
+    /// a residual: it is made anew where it is asked for, or where the step or scheme differ.
+    /// Returns whether it was.
+    fn ready(&mut self, anew: bool) -> bool;
+    /// Solves for the present imbalance.
+    fn substitute(&mut self);
+    /// Moves the end of the step by a sum of solutions.
+    fn combine(&mut self, coefficients: &[f64]);
+    /// Velocities, lengths and energies at the end of the step.
+    fn finish(&mut self, load: &Load);
+    /// Takes this much energy out of the step that was finished, once it is solved again; not all
+    /// of it where hardly anything moves. Without numerical damping only. Returns whether that
+    /// changes the step.
+    fn restore(&mut self, excess: f64) -> bool;
+    /// Estimated error of this step; none while unknown.
+    fn local_error(&self) -> Option<StepError>;
+    /// Takes the end of the step as the start of the next.
+    fn commit(&mut self);
+    /// Appends all fields of now, see [`Motion::record_now`].
+    fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
+
+    /// Prepares a search for the equilibrium at the present forces: a step without inertia.
+    fn begin_at_rest(&mut self);
+    /// Takes the equilibrium that was found as the state at rest, with the energy of the tendons.
+    fn commit_at_rest(&mut self, tendons: f64);
+    /// Takes the strain of every arc and the contact force of every module from an equilibrium.
+    fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]);
+    /// Sets tensions and tip load; gravity stays.
+    fn set_load(&mut self, load: &Load);
+    /// Dead forces on the disks beside the loads, N, base frame.
+    fn set_disk_force(&mut self, disk: usize, force: Vec3);
+    /// Lets tensions jump, which moves no disk at once: where tendons run along the backbone the
+    /// contact forces jump with them. Points inside a module have none of their own and are put
+    /// where the new tensions hold them.
+    fn jump_tensions(&mut self, tensions: &[f64]);
+    /// Lets the next step go without the scheme's memory and its numerical damping.
+    fn restart(&mut self);
+    /// Starts the next step's search from the present strain and its rate alone.
+    fn reset_predictor(&mut self);
+    /// Leaves the forces of the present strain out of the next tangent, but not what tendons and
+    /// stiffness do: the first guess of a short step may ask for forces that bend the rod over, and
+    /// only the mass tells where it really goes.
+    fn forget_forces(&mut self);
+    /// Whether the scheme has no memory.
+    fn is_fresh(&self) -> bool;
+    /// Whether no two disks have met, as of the step that was finished.
+    fn is_apart(&self) -> bool;
+    /// Whether an equilibrium is stable, see [`Tangent::is_stable`].
+    fn is_stable(&self, held: usize) -> bool;
+    /// Where in the step forces balance, as a fraction.
+    fn balance_time(&self) -> f64;
+    /// Moment that rounding leaves of the forces of this step, N m.
+    fn noise(&self, tensions: &[f64]) -> f64;
+    /// Moment that moves all mass by so much further within this step, N m.
+    fn effort(&self, distance: f64) -> f64;
+    /// Position of a disk now.
+    fn disk(&self, k: usize) -> Vec3;
+    /// Of all mass now, kg m/s.
+    fn linear_momentum(&self) -> Vec3;
+    /// Energies at both ends of the step.
+    fn energies(&self) -> &EnergyBalance;
+    fn energies_mut(&mut self) -> &mut EnergyBalance;
+    /// Of an iteration, in units of `interrupt::work`.
+    fn work(&self) -> usize;
+}
+
+impl<L: Layout, const A: usize> Moving for Motion<L, A> {
+    fn begin(&mut self, duration: f64, rho: f64) {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || {
+                self.body.scheme.begin(duration, rho);
+                self.kinematics.begin(&self.body.scheme);
+                if self.body.scheme.damping.material != 0.0 {
+                    self.body.stiffen();
+                    self.strain.set_offset(&self.body.scheme);
+                }
+                self.strain.predict(&self.body.scheme, &mut self.next);
+            },
+        )
+    }
+
+    fn residual(&mut self) -> f64 {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || {
+                self.shape();
+                self.place_mass();
+                self.residual.set_inertial(&self.body, &self.kinematics);
+                self.residual.evaluate(&mut self.body, &self.strain)
+            },
+        )
+    }
+
+    fn imbalance(&mut self) -> f64 {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.residual.evaluate(&mut self.body, &self.strain),
+        )
+    }
+
+    fn ready(&mut self, anew: bool) -> bool {
+        let made = anew || !self.tangent.serves(&self.body.scheme);
+        if made {
+            self.body.rod.layout.vectorize(
+                #[inline(always)]
+                || self.linearise(),
+            );
+        }
+        made
+    }
+
+    fn substitute(&mut self) {
+        let (rod, tangent) = (&self.body.rod, &mut self.tangent);
+        rod.layout.vectorize(
+            #[inline(always)]
+            || self.response.solve_imbalance(rod, tangent, &self.residual),
+        )
+    }
+
+    fn combine(&mut self, coefficients: &[f64]) {
+        let (body, tangent, next) = (&self.body, &self.tangent, &mut self.next);
+        body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.response.combine(body, tangent, coefficients, next),
+        )
+    }
+
+    fn finish(&mut self, load: &Load) {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || {
+                let (scheme, force) = (&self.body.scheme, &self.residual.disk_force);
+                let step = self.kinematics.finish(scheme, &self.body.mass, force);
+                let mut dissipated = scheme.damping.mass * step.loss_by_rate;
+                if scheme.damping.material != 0.0 {
+                    dissipated += scheme.damping.material * self.strain_loss();
+                }
+                self.measure();
+                let [moved, turned] = self.tip_motion();
+                let tendon_work = self.work_of_tendons();
+                let tip_work = Vec3(load.tip_force).dot(moved) + Vec3(load.tip_moment).dot(turned);
+                let before = self.energies.now;
+                self.energies = EnergyBalance {
+                    now: before,
+                    next: Energies {
+                        kinetic: step.kinetic,
+                        work: before.work + (step.disk_work + tendon_work + tip_work),
+                        dissipated: before.dissipated + dissipated,
+                        ..self.stored_energies()
+                    },
+                    tendon_work,
+                    loss_by_rate: step.loss_by_rate,
+                };
+            },
+        )
+    }
+
+    fn restore(&mut self, excess: f64) -> bool {
+        let loss_by_rate = self.energies.loss_by_rate;
+        self.body.scheme.restore(excess, loss_by_rate)
+    }
+
+    fn local_error(&self) -> Option<StepError> {
+        let scheme = &self.body.scheme;
+        if scheme.fresh {
+            return None;
+        }
+        let last = self.strain.last_duration()?;
+        Some(self.kinematics.local_error(scheme, last))
+    }
+
+    fn commit(&mut self) {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || {
+                self.kinematics.commit(&self.body.scheme);
+                self.strain.commit(&self.body.scheme, &self.next);
+            },
+        );
+        self.keep_forces();
+        self.body.scheme.fresh = false;
+        std::mem::swap(&mut self.spans.now, &mut self.spans.next);
+        self.energies.now = self.energies.next;
+    }
+
+    fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields) {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || self.record_now(time, tensions, points, out),
+        )
+    }
+
+    fn begin_at_rest(&mut self) {
+        self.body.scheme.begin_at_rest();
+        self.body.stiffen();
+        // its pivots tell of stability, so it must be that of these forces
+        self.tangent.invalidate();
+        self.strain.offset.fill(Strain::zero());
+        self.kinematics.begin_at_rest();
+    }
+
+    fn commit_at_rest(&mut self, tendons: f64) {
+        self.strain.push_at_rest(&self.next);
+        self.keep_forces();
+        self.body.scheme.fresh = true;
+        self.measure();
+        self.energies.now = self.stored_energies();
+        self.energies.now.elastic += tendons;
+        std::mem::swap(&mut self.spans.now, &mut self.spans.next);
+        self.kinematics.commit_at_rest();
+        self.body.stiffen();
+    }
+
+    fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]) {
+        for (k, (strain, force)) in strain.chunks_exact(A).zip(force).enumerate() {
+            let (state, i) = (&mut self.next[k / L::WIDTH], k % L::WIDTH);
+            for a in 0..A {
+                put::<L>(&mut state.w[a], i, Vec3::splat(strain[a].0));
+            }
+            put::<L>(&mut state.n, i, Vec3::splat(force.0));
+        }
+        // earlier strain does not count
+        self.strain.push(&self.next);
+        self.keep_forces();
+    }
+
+    fn set_load(&mut self, load: &Load) {
+        let rod = &mut self.body.rod;
+        rod.set_tensions(|i| L::Chain::splat(load.tensions[i]));
+        rod.dead.tip_moment = Vec3::splat(load.tip_moment);
+        self.residual.tip_force = Vec3::splat(load.tip_force);
+    }
+
+    fn set_disk_force(&mut self, disk: usize, force: Vec3) {
+        self.residual.disk_force[disk] = Vec3::splat(force.0);
+    }
+
+    fn jump_tensions(&mut self, tensions: &[f64]) {
+        let (rod, scheme) = (&mut self.body.rod, &self.body.scheme);
+        if scheme.rigid || rod.path != TendonPath::Continuous {
+            return;
+        }
+        rod.set_tensions(|i| L::Chain::splat(tensions[i]));
+        for (g, state) in self.next.iter_mut().enumerate() {
+            let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
+            let (c, end) = (&rod.constants[g], state.rho);
+            state.shape(c, &t);
+            state.n = state.compliance(c).inverse() * (end - state.rho0);
+            state.rho = end;
+            self.strain.set_start_force(g, state.n);
+        }
+        self.place_mass();
+        let now = &mut self.kinematics;
+        for (now, next) in now.position.iter_mut().zip(&now.next_position) {
+            now.points = next.points;
+        }
+        self.measure();
+        self.spans.now.copy_from_slice(&self.spans.next);
+    }
+
+    fn restart(&mut self) {
+        self.body.scheme.fresh = true;
+    }
+
+    fn reset_predictor(&mut self) {
+        self.strain.reset_predictor(&self.body.scheme);
+    }
+
+    fn forget_forces(&mut self) {
+        let rod = &mut self.body.rod;
+        for (state, gradient) in rod.states.iter_mut().zip(&mut rod.gradients) {
+            state.f[..2].fill(Vec3::zero());
+            state.lambda = Vec3::zero();
+            gradient.forget_forces();
+        }
+    }
+
+    fn is_fresh(&self) -> bool {
+        self.body.scheme.fresh
+    }
+
+    fn is_apart(&self) -> bool {
+        self.spans.forward > 0.0
+    }
+
+    fn is_stable(&self, held: usize) -> bool {
+        self.tangent.is_stable(held)
+    }
+
+    fn balance_time(&self) -> f64 {
+        self.body.scheme.af
+    }
+
+    fn noise(&self, tensions: &[f64]) -> f64 {
+        let pull: f64 = tensions.iter().sum();
+        let weight = self.residual.gravity.norm().lane(0) * self.body.mass.total;
+        let inertia = self.effort(1.0);
+        let force = pull + weight + inertia + self.residual.tip_force.norm().lane(0);
+        ROUNDING * force * self.length
+    }
+
+    fn effort(&self, distance: f64) -> f64 {
+        let acceleration = distance * self.body.scheme.acceleration_by_distance();
+        acceleration * self.body.mass.total * self.length
+    }
+
+    fn disk(&self, k: usize) -> Vec3 {
+        self.kinematics.position[k].disk().of_lane(0)
+    }
+
+    fn linear_momentum(&self) -> Vec3 {
+        self.body.mass.sum(&self.kinematics.velocity).of_lane(0)
+    }
+
+    fn energies(&self) -> &EnergyBalance {
+        &self.energies
+    }
+
+    fn energies_mut(&mut self) -> &mut EnergyBalance {
+        &mut self.energies
+    }
+
+    fn work(&self) -> usize {
+        A * self.module_count() * (8 + self.body.rod.tendons.len())
+    }
+}
+
+impl<L: Layout, const A: usize> RoutedRod for Motion<L, A> {
+    fn measure_spans(&mut self, angles: bool) {
+        self.body.rod.layout.vectorize(
+            #[inline(always)]
+            || {
+                self.body.rod.measure_spans(angles);
+                self.measure();
+            },
+        )
+    }
+
+    fn span_lengths(&self) -> &[f64] {
+        &self.spans.next
+    }
+
+    fn angles(&self) -> &[f64] {
+        &self.body.rod.spans.angles
+    }
+
+    fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
+        let n = self.module_count();
+        let stride = self.next.len() * L::WIDTH;
+        for (out, column) in out.iter_mut().zip(&self.response.columns) {
+            *out = column.rates[tendon * stride..][hole..n].iter().sum();
+        }
+    }
+
+    fn respond(&mut self, sources: Sources) {
+        let (body, response, tangent) = (&self.body, &mut self.response, &mut self.tangent);
+        let (rod, n) = (&body.rod, body.rod.module_count());
+        rod.layout.vectorize(
+            #[inline(always)]
+            || {
+                let own = std::iter::once(None);
+                for (column, source) in own.chain(sources.iter(n).map(Some)).enumerate() {
+                    if interrupt::work(n * (16 + 2 * rod.tendons.len())) {
+                        return;
+                    }
+                    match source {
+                        None => response.solve_imbalance(rod, tangent, &self.residual),
+                        Some(source) => response.solve_tension(rod, tangent, column, source),
+                    }
+                    response.rate_spans(body, tangent, column);
+                }
+            },
+        )
+    }
+
+    fn set_span_tensions(&mut self, tensions: &[f64]) {
+        let rod = &mut self.body.rod;
+        let count = rod.tendons.len();
+        rod.set_span_tensions(|k, i| tensions[k * count + i]);
+    }
+}
