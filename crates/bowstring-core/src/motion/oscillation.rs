@@ -27,12 +27,15 @@ pub(crate) struct Equilibrium<'a> {
     pub force: Vec<Vec3>,
 }
 
+/// How all freedoms move under forces on all of them.
+type Answer = dyn FnMut(&[f64]) -> Vec<f64> + Send + Sync;
+
 /// The linearised robot about an equilibrium.
 ///
 /// Freedoms, module by module: translation of every mass point from base to tip, the disk
 /// last, in the base frame; then rotation of the disk, in its own frame.
 pub struct Flexibility {
-    answer: Box<dyn FnMut(&[f64]) -> Vec<f64> + Send + Sync>,
+    answer: Box<Answer>,
     /// kg and kg m^2.
     pub masses: Vec<f64>,
     /// Mass points of a module, the disk among them.

@@ -84,7 +84,7 @@ impl<T: Real> ModulePose<T> {
     /// is, to the end of the flexible part, in the frame of the start: blocks of rotation (`r`) and
     /// translation (`t`).
     #[inline(always)]
-    fn to_flexible_end(&self, [[rr, _], [tr, tt]]: [[Mat3<T>; 2]; 2]) -> [Mat3<T>; 3] {
+    fn at_flexible_end(&self, [[rr, _], [tr, tt]]: [[Mat3<T>; 2]; 2]) -> [Mat3<T>; 3] {
         let (s, b) = (self.s, self.b);
         let back = s.transpose();
         let tt = s * tt * back;
@@ -208,7 +208,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
         let (g, i) = (k / L::WIDTH, k % L::WIDTH);
         let (hessian, contact) = (&rod.newton.hessians[g], &self.contact[g]);
         let pose = ModulePose::of(rod, k);
-        let ([rr, tr, tt], o) = (pose.to_flexible_end(beyond), pose.o);
+        let ([rr, tr, tt], o) = (pose.at_flexible_end(beyond), pose.o);
         let tr_x = tr + o.cross_mat(tt).transpose();
         let rr_x = rr + o.cross_mat(tr).transpose();
         let rt = tr.transpose();
