@@ -523,11 +523,12 @@ def test_pulls_that_fight() -> None:
     )
     assert run.status == "step_failed"
     assert "bowstring.solve tells whether the displacements of that time conflict" in run.message
-    # a backbone that shortens follows for a while; what it stopped at is as sound as before
+    # a backbone that shortens follows for a while, until it buckles; what it stopped at is as sound
+    # as before (slower motions may pass the buckling, which rounding decides)
     fields = simulate(
         STIFF,
         duration=0.3,
-        load=bs.Load(displacements=ramp([0.1] * 3, 0.3)),
+        load=bs.Load(displacements=ramp([0.15] * 3, 0.3)),
         output=bs.Output(every=0.005),
     ).to_dataset()
     assert fields.attrs["status"] == "step_failed" and len(fields.time) > 3
