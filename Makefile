@@ -1,4 +1,4 @@
-# Everything happens in .venv; nothing outside this folder is touched.
+# Everything happens in .venv and .venv-*; nothing outside this folder is touched.
 PYTHON ?= python3
 ROBOT ?= amouri2019
 RESOLUTION ?= lowest-direct
@@ -6,29 +6,33 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: study checks test test-all test-versions bench build campaign campaign-files clean lock
+.PHONY: study checks test test-all test-versions docs bench build campaign campaign-files clean lock \
+	wheel sdist check-wheel check-version
 
 study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
 	@$(BIN)/bowstring study "$(ROBOT)"
 
 build: $(VENV)/.built
 
-$(VENV)/.tools: requirements/dev.lock
-	@echo "== setting up $(VENV) (once)"
+$(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10) and "Bowstring needs Python 3.10 or newer")'
 	@command -v cargo >/dev/null || { echo "Bowstring needs a Rust toolchain (1.89 or newer)" >&2; exit 1; }
+	@echo "== setting up $(VENV) (once)"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --progress-bar on -q --require-hashes -r requirements/dev.lock
+
+# .installed-base is what the package needs; test, all (with the extra cad) and docs come on top
+$(VENV)/.installed-%: requirements/%.lock | $(BIN)/python
+	$(BIN)/python -m pip install --progress-bar on -q --require-hashes -r $<
 	@touch $@
 
-$(VENV)/.built: $(VENV)/.tools $(RUST_SOURCES) pyproject.toml
+$(VENV)/.built: $(VENV)/.installed-base $(RUST_SOURCES) pyproject.toml
 	@echo "== building the core (about a minute the first time)"
 	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --locked
 	@touch $@
 
 PYTEST := $(BIN)/python -m pytest -n auto --dist loadfile
 
-checks: build
+checks: build $(VENV)/.installed-test
 	cargo fmt --all --check
 	cargo clippy --all-targets --locked -- -D warnings
 	$(BIN)/ruff check .
@@ -40,14 +44,14 @@ test: checks ## lints, types, and the tests that are quick
 	cargo test -p bowstring-core --locked
 	$(PYTEST) -m "not slow and not fem and not cad and not data"
 
-test-all: checks ## the same with all tests: statistics, finite elements, solids, kills, data of others
+test-all: checks $(VENV)/.installed-all ## the same with all tests: statistics, finite elements, solids, kills, data of others
 	cargo test -p bowstring-core --locked -- --include-ignored
 	$(PYTEST)
 
 test-versions: build ## tests with the oldest versions allowed, or RESOLUTION=highest (needs uv)
 	uv venv --quiet --allow-existing --python $(PYTHON) .venv-$(RESOLUTION)
 	uv pip install --quiet --upgrade --python .venv-$(RESOLUTION) --resolution $(RESOLUTION) -r pyproject.toml
-	uv pip install --quiet --python .venv-$(RESOLUTION) -r requirements/dev.in
+	uv pip install --quiet --python .venv-$(RESOLUTION) -r requirements/build.in -r requirements/dev.in
 	@echo $(abspath python) > $$(echo .venv-$(RESOLUTION)/lib/python3*/site-packages)/bowstring.pth
 	.venv-$(RESOLUTION)/bin/python -m pytest -n auto --dist loadfile -W default $(TESTS)
 
@@ -72,9 +76,32 @@ campaign-files: build ## N more damaged files, then 100 killed commands; slow, r
 	nice -n 10 $(BIN)/python -m campaign.files $(N)
 	nice -n 10 $(BIN)/python -m campaign.kills 100
 
+docs: build $(VENV)/.installed-docs ## the documentation site, in docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -j auto -q docs docs/_build/html
+	@echo "Documentation: $(abspath docs/_build/html/index.html)"
+
+wheel: ## the wheel of this machine, in dist/
+	$(PYTHON) packaging/build_wheel.py
+
+sdist: ## the source distribution, in dist/
+	$(PYTHON) packaging/build_wheel.py --sdist
+
+check-wheel: ## install the wheel where there is no Rust, run the study and a smoke test
+	$(PYTHON) packaging/check_wheel.py dist/*.whl
+
+check-version: ## TAG=v1.2.3 names the version of the package
+	@grep -q '^version = "$(TAG:v%=%)"$$' Cargo.toml || \
+		{ echo "the tag $(TAG) is not the version in Cargo.toml" >&2; exit 1; }
+
 clean:
+	rm -rf docs/_build dist .venv-wheel
 	rm -rf $(VENV) .venv-peers .venv-lowest-direct .venv-highest target
 
-lock: ## renew the lock file (needs uv)
-	uv pip compile --universal --python-version 3.10 --no-header --no-annotate --generate-hashes --no-emit-index-url --no-emit-find-links --extra cad pyproject.toml requirements/dev.in -o requirements/dev.lock
+LOCK := uv pip compile --universal --no-header --no-annotate --generate-hashes --no-emit-index-url --no-emit-find-links
+lock: ## renew the lock files (needs uv)
+	$(LOCK) --python-version 3.10 --extra cad pyproject.toml requirements/build.in requirements/dev.in -o requirements/all.lock
+	$(LOCK) --python-version 3.10 pyproject.toml requirements/build.in -c requirements/all.lock -o requirements/base.lock
+	$(LOCK) --python-version 3.10 pyproject.toml requirements/build.in requirements/dev.in -c requirements/all.lock -o requirements/test.lock
+	$(LOCK) --python-version 3.11 pyproject.toml requirements/build.in requirements/docs.in -c requirements/all.lock -o requirements/docs.lock
+	$(LOCK) --python-version 3.10 requirements/wheel.in -o requirements/wheel.lock
 	uv pip compile --universal --python-version 3.10 --no-header --no-annotate requirements/peers.in -o requirements/peers.lock

@@ -1,0 +1,58 @@
+"""The documentation site: `make docs` builds it into docs/_build/html."""
+
+from __future__ import annotations
+
+import bowstring
+
+project = "Bowstring"
+author = "The Bowstring authors"
+copyright = "the Bowstring authors"
+release = version = bowstring.__version__
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.intersphinx",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "sphinxcontrib.bibtex",
+    "numpydoc",
+    "sphinx-mathjax-offline",  # equations show without a network
+]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "html_image", "substitution"]
+myst_heading_anchors = 4
+nb_execution_mode = "cache"
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_merge_streams = True
+bibtex_bibfiles = ["references.bib"]
+bibtex_default_style = "plain"
+
+autosummary_generate = True
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # docstrings give the types
+numpydoc_show_class_members = False
+numpydoc_xref_param_type = False
+
+# names resolve without a network; with one, `make docs-links` checks addresses
+intersphinx_mapping: dict[str, tuple[str, str]] = {}
+nitpicky = False
+math_numfig = True
+math_eqref_format = "Eq. {number}"
+numfig = True
+numfig_secnum_depth = 1  # equations and figures of a theory page are 2.1, 2.2, ...
+
+html_theme = "pydata_sphinx_theme"
+html_title = "Bowstring"
+html_theme_options = {
+    "show_toc_level": 2,
+    "navigation_with_keys": False,
+    "icon_links": [],
+    "header_links_before_dropdown": 6,
+    "pygments_light_style": "default",
+    "pygments_dark_style": "monokai",
+}
+html_show_sourcelink = False
+html_copy_source = False
+exclude_patterns = ["_build", "**/.ipynb_checkpoints"]

@@ -1,0 +1,99 @@
+"""Install a wheel where there is no Rust, and see that it works.
+
+    python packaging/check_wheel.py dist/bowstring-*.whl [--size 8]
+
+Makes an environment of its own in a temporary folder, installs the wheel and its dependencies, runs
+the study of the built-in robot and solves one robot with each set of processor instructions. Needs
+nothing but Python; any failure ends with exit code 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import venv
+from pathlib import Path
+
+SOLVE = """
+import json
+import bowstring as bs
+from bowstring import _core
+robot = bs.load_robot("amouri2019")
+tips = [bs.solve(robot, [f, 0, 0]).tip.position.tolist() for f in (5.0, 40.0, 80.0)]
+print(json.dumps({"instructions": _core.instructions(), "tips": tips}))
+"""
+IMPORT = "import time; t = time.perf_counter(); import bowstring; print(time.perf_counter() - t)"
+#: Tips that two sets of instructions may differ by: other order of rounding, m.
+ROUNDING = 1e-11
+
+
+def without_rust() -> dict[str, str]:
+    """The environment, with no Rust on PATH and nothing that points Python elsewhere."""
+    unwanted = ("CARGO", "RUST", "PYTHON", "VIRTUAL_ENV", "MATURIN", "BOWSTRING")
+    env = {k: v for k, v in os.environ.items() if not k.startswith(unwanted)}
+    places = env.get("PATH", "").split(os.pathsep)
+    tools = ("cargo", "rustc", "maturin")
+    env["PATH"] = os.pathsep.join(
+        place for place in places if not any(shutil.which(tool, path=place) for tool in tools)
+    )
+    return env
+
+
+def run(command: list[str], **options: object) -> str:
+    """What a command prints; its failure is ours, with what it said."""
+    done = subprocess.run(command, capture_output=True, text=True, **options)  # type: ignore[call-overload]
+    if done.returncode:
+        sys.exit(f"{' '.join(command[:4])} ended with {done.returncode}:\n{done.stderr[-3000:]}")
+    return str(done.stdout)
+
+
+def main() -> None:
+    """Check one wheel."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("wheel", type=Path)
+    parser.add_argument("--size", type=float, default=8.0, help="most that it may weigh, MB")
+    args = parser.parse_args()
+    wheel = args.wheel.resolve()
+    if not wheel.is_file():
+        sys.exit(f"{wheel} is no file; build a wheel by `make wheel` first")
+    size = wheel.stat().st_size / 1e6
+    print(f"{wheel.name}: {size:.2f} MB")
+    if size > args.size:
+        sys.exit(f"the wheel weighs {size:.2f} MB, it may weigh {args.size:g} MB")
+    env = without_rust()
+    with tempfile.TemporaryDirectory() as folder:
+        began = time.perf_counter()
+        home = Path(folder) / "env"
+        venv.create(home, with_pip=True)
+        programs = home / ("Scripts" if os.name == "nt" else "bin")
+        python = str(programs / "python")
+        run([python, "-m", "pip", "install", "-q", str(wheel)], env=env, cwd=folder)
+        print(f"installed after {time.perf_counter() - began:.1f} s")
+        study = [str(programs / "bowstring"), "study", "amouri2019", "--json"]
+        verdict = json.loads(run(study, env=env, cwd=folder))["verdict"]
+        print(f"verdict of the study after {time.perf_counter() - began:.1f} s")
+        holds = verdict["from_force"]["holds_to_N"]
+        if not 55.0 < holds < 57.0:
+            sys.exit(f"from force, constant curvature holds to {holds} N instead of 56 N")
+        print(f"import: {min(float(run([python, '-c', IMPORT], env=env)) for _ in range(3)):.3f} s")
+        solutions = {}
+        for limit in ("avx512", "avx2", "plain"):
+            limited = {**env, "BOWSTRING_INSTRUCTIONS": limit}
+            said = json.loads(run([python, "-c", SOLVE], env=limited, cwd=folder))
+            solutions[said["instructions"]] = [x for tip in said["tips"] for x in tip]
+        first = solutions["plain"]
+        for name, tips in solutions.items():
+            apart = max(abs(a - b) for a, b in zip(first, tips, strict=True))
+            print(f"instructions {name}: within {apart:.1e} m of plain ones")
+            if apart > ROUNDING:
+                sys.exit(f"tips with {name} differ by {apart:.1e} m, more than rounding")
+
+
+if __name__ == "__main__":
+    main()
