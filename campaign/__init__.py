@@ -1,1 +1,1 @@
-"""Campaigns: many random trials, too slow for the tests, resumable. See docs/campaign.md."""
+"""Campaigns: many random trials, too slow for the tests, resumable. See docs/verification/campaigns.md."""

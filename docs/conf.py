@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import bowstring
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
 project = "Bowstring"
 author = "The Bowstring authors"
@@ -18,6 +23,7 @@ extensions = [
     "sphinx_design",
     "sphinxcontrib.bibtex",
     "numpydoc",
+    "reference",
     "sphinx-mathjax-offline",  # equations show without a network
 ]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "html_image", "substitution"]

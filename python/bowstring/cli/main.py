@@ -1,4 +1,4 @@
-"""The command line: a thin face of the Python API. Its contract is docs/cli.md.
+"""The command line: a thin face of the Python API. Its contract is docs/reference/cli.md.
 
 Libraries that take long to load are imported by the command that needs them.
 """

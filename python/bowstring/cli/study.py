@@ -31,7 +31,7 @@ def study(
     robot: RobotSource = "amouri2019",
     measurements: Annotated[
         Path | None,
-        option("FILE", "Table of measurements (docs/bench.md): all models against them."),
+        option("FILE", "Table of measurements: all models against them."),
     ] = None,
     mapping: MappingFile = None,
     out: Annotated[
@@ -67,7 +67,7 @@ def study(
         bool,
         typer.Option(
             "--fe",
-            help="Solve the sweep by 3-D finite elements too (CalculiX, docs/fe.md); minutes.",
+            help="Solve the sweep by 3-D finite elements too (CalculiX, docs/verification/finite-elements.md); minutes.",
         ),
     ] = False,
     grip: Annotated[

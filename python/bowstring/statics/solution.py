@@ -54,7 +54,7 @@ class ErrorEstimate:
     Each element is integrated under the wrench that acts on it, by a method of its own; what it
     misses goes through the last Newton step (defect correction). Stated is three times the motion
     of the modules' ends that takes it away, summed; it covered the error of 2 000 random robots,
-    and was at most 30 times it in 99 % (docs/accuracy.md).
+    and was at most 30 times it in 99 % (docs/verification/accuracy.md).
 
     Attributes
     ----------
