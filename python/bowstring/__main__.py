@@ -9,13 +9,20 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Final
 
-_STOPPED: Final = 130  # as bowstring.cli.main has it, which takes long to import
+# as bowstring.cli.main has them, which takes long to import
+_STOPPED: Final = 130
+_BAD_INPUT: Final = 2
 
 
 def _stopped(*_: object) -> None:
     # in the middle of an import an exception may be caught there, or become another one
     os.write(2, b"Stopped: nothing was written.\n")
     os._exit(_STOPPED)
+
+
+def _refused(sentence: str) -> int:
+    print(f"Error: {sentence}.", file=sys.stderr)
+    return _BAD_INPUT
 
 
 def _answer(handler: Callable[[int, FrameType | None], object] | signal.Handlers) -> None:
@@ -28,7 +35,13 @@ def main() -> None:
     """Run the command of ``sys.argv`` and exit."""
     _answer(_stopped)
     from bowstring import interrupts
-    from bowstring.cli.main import main as command
+
+    try:
+        from bowstring.cli.main import main as command
+    except ImportError as error:
+        if "BOWSTRING_INSTRUCTIONS" not in str(error):
+            raise
+        sys.exit(_refused(str(error)))
 
     _answer(interrupts.handler)
     try:

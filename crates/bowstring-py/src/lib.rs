@@ -1,5 +1,7 @@
 //! Python face of `bowstring-core`: arrays in, arrays out, errors as exceptions.
 
+use bowstring_core::math::instructions::Instructions;
+use pyo3::exceptions::PyImportError;
 use pyo3::prelude::*;
 
 mod arc;
@@ -36,6 +38,28 @@ mod _core {
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {
+        limit_instructions()?;
         m.add("__version__", env!("CARGO_PKG_VERSION"))
     }
+
+    /// Name of the processor instructions that are used.
+    #[pyfunction]
+    fn instructions() -> &'static str {
+        Instructions::used().name()
+    }
+}
+
+/// Limits the instructions to those that the environment variable BOWSTRING_INSTRUCTIONS names.
+fn limit_instructions() -> PyResult<()> {
+    let Ok(wanted) = std::env::var("BOWSTRING_INSTRUCTIONS") else {
+        return Ok(());
+    };
+    let known = Instructions::ALL.iter().find(|i| i.name() == wanted);
+    let known = known.ok_or_else(|| {
+        PyImportError::new_err(format!(
+            "BOWSTRING_INSTRUCTIONS is {wanted:?}; it must be plain, avx2 or avx512"
+        ))
+    })?;
+    known.limit();
+    Ok(())
 }

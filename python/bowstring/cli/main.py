@@ -14,8 +14,7 @@ from typing import Annotated, Final
 import typer
 
 from bowstring import interrupts
-from bowstring._core import __version__
-from bowstring.cli import bench, cad, data, dynamics, fe, fit, statics, study
+from bowstring.cli import bench, cad, data, doctor, dynamics, fe, fit, statics, study
 from bowstring.cli.output import Stopped, say, write
 from bowstring.errors import InputError, NoSolutionError
 
@@ -48,6 +47,7 @@ for _command in (
     fit.fit,
     cad.cad,
     fe.fe,
+    doctor.doctor,
 ):
     app.command()(_command)
 bench_app.command("check")(bench.check)
@@ -58,7 +58,11 @@ data_app.command("get")(data.get)
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        write(f"bowstring {__version__}\n")
+        here = doctor.facts()
+        write(
+            f"bowstring {here['bowstring']} (Python {here['python']}, {here['platform']}, "
+            f"{here['instructions']} instructions)\n"
+        )
         raise typer.Exit()
 
 

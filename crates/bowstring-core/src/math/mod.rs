@@ -2,6 +2,7 @@
 
 pub(crate) mod anderson;
 pub(crate) mod eigenvalues;
+pub mod instructions;
 pub mod lie;
 pub mod linalg;
 pub(crate) mod mlcp;

@@ -4,6 +4,7 @@
 //! through [`Simd::vectorize`]: a function compiled for the instructions, into which everything
 //! inlines.
 
+use crate::math::instructions::Instructions;
 use crate::math::real::{Layout, Real};
 use core::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -26,7 +27,9 @@ impl Simd for Avx2 {
     type Vector = F64x4;
     #[inline]
     fn detect() -> Option<Self> {
-        let found = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+        let found = Instructions::Avx2.is_allowed()
+            && is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("fma");
         found.then_some(Avx2(()))
     }
     #[inline(always)]
@@ -48,7 +51,8 @@ impl Simd for Avx512 {
     type Vector = F64x8;
     #[inline]
     fn detect() -> Option<Self> {
-        let found = Avx2::detect().is_some()
+        let found = Instructions::Avx512.is_allowed()
+            && Avx2::detect().is_some()
             && is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512vl")
             && is_x86_feature_detected!("avx512dq");

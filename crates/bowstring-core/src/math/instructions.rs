@@ -1,0 +1,56 @@
+//! Sets of processor instructions that the passes are compiled for, and which one is used.
+
+use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+
+/// A set of processor instructions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Instructions {
+    /// Those that every processor of the platform has.
+    Plain,
+    /// AVX2 and FMA of x86-64: four numbers at once.
+    Avx2,
+    /// AVX-512 F, VL and DQ of x86-64: eight numbers at once.
+    Avx512,
+}
+
+impl Instructions {
+    /// All sets, narrowest first.
+    pub const ALL: [Self; 3] = [Self::Plain, Self::Avx2, Self::Avx512];
+
+    /// The name, as `BOWSTRING_INSTRUCTIONS` takes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
+        }
+    }
+
+    /// The widest set that is used: what the processor has, up to the limit.
+    pub fn used() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use crate::math::simd::{Avx2, Avx512, Simd};
+            if Avx512::detect().is_some() {
+                return Self::Avx512;
+            }
+            if Avx2::detect().is_some() {
+                return Self::Avx2;
+            }
+        }
+        Self::Plain
+    }
+
+    /// Whether the limit allows this set.
+    #[cfg(target_arch = "x86_64")]
+    pub(crate) fn is_allowed(self) -> bool {
+        self as u8 <= LIMIT.load(Relaxed)
+    }
+
+    /// Uses nothing wider from now on: to compare, or to reproduce what another processor gives.
+    pub fn limit(self) {
+        LIMIT.store(self as u8, Relaxed);
+    }
+}
+
+static LIMIT: AtomicU8 = AtomicU8::new(Instructions::Avx512 as u8);

@@ -1,0 +1,100 @@
+"""What is installed, what is missing, and the command that adds it."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import sys
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, Final
+
+from bowstring._core import __version__, instructions
+from bowstring.cli.options import AsJson
+from bowstring.cli.output import new_table, progress_bar, write_json, write_tables
+from bowstring.errors import InputError
+
+
+def _package(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        raise InputError(f"{name} is not installed") from None
+
+
+def _cad() -> str:
+    from bowstring.cad.solid import check_cad
+
+    _package("build123d")
+    check_cad()
+    return _package("build123d")
+
+
+def _calculix() -> str:
+    from bowstring.fem import ccx
+
+    return ccx.version(ccx.find())
+
+
+def _program(name: str) -> str:
+    found = shutil.which(name)
+    if found is None:
+        raise InputError(f"there is no program {name} on the search path")
+    return found
+
+
+#: Optional parts: name, how its version is found, what needs it, what adds it.
+_PARTS: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
+    ("build123d", _cad, "solids (bowstring cad)", "pip install 'bowstring[cad]'"),
+    (
+        "CalculiX",
+        _calculix,
+        "finite elements (bowstring fe, study --fe)",
+        "Debian: apt-get install calculix-ccx; else https://www.calculix.de",
+    ),
+    (
+        "ffmpeg",
+        lambda: _program("ffmpeg"),
+        "animations as MP4 (GIF needs nothing)",
+        "Debian: apt-get install ffmpeg; else https://ffmpeg.org",
+    ),
+)
+
+
+def facts() -> dict[str, Any]:
+    """Version, interpreter, platform and processor instructions."""
+    return {
+        "bowstring": __version__,
+        "python": platform.python_version(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        "instructions": instructions(),
+        "cores": len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1,
+    }
+
+
+def doctor(as_json: AsJson = False) -> None:
+    """What is installed, what optional parts are missing, and how to add them."""
+    found = []
+    with progress_bar() as progress:
+        for k, (name, look, purpose, cure) in enumerate(_PARTS):
+            progress(f"Looking for {name}", k / len(_PARTS))
+            try:
+                part: dict[str, Any] = {"version": look(), "problem": None, "cure": None}
+            except InputError as error:
+                part = {"version": None, "problem": str(error), "cure": cure}
+            found.append({"name": name, "needed_for": purpose, **part})
+    here = facts()
+    if as_json:
+        write_json({**here, "optional": found})
+        return
+    table = new_table("optional part", "found", "needed for")
+    for part in found:
+        table.add_row(part["name"], part["version"] or "no", part["needed_for"])
+    missing = [f"To add {p['name']}: {p['cure']}" for p in found if p["cure"]]
+    write_tables(
+        f"bowstring {here['bowstring']}, Python {here['python']}, {here['platform']}, "
+        f"{here['instructions']} instructions, {here['cores']} cores",
+        table,
+        "\n".join(missing) or "Nothing is missing.",
+    )
