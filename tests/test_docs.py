@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import doctest
+import importlib
+import inspect
 import re
 import shlex
 import shutil
@@ -15,7 +17,12 @@ import pytest
 from bowstring.cli import main
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [
+    ROOT / "README.md",
+    *(page for page in sorted(DOCS.rglob("*.md")) if "_build" not in page.parts),
+]
+TUTORIALS = [page for page in PAGES if "{code-cell}" in page.read_text("utf-8")]
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
@@ -27,6 +34,14 @@ _LONG = (
 )
 
 
+#: Messages on the troubleshooting page that pip and the system's linker print.
+_OF_OTHERS = ("Failed building wheel", "cargo not found", "libGL")
+
+
+def _name(page: Path) -> str:
+    return str(page.relative_to(ROOT)).removeprefix("docs/")
+
+
 def blocks(language: str) -> list[object]:
     """The fenced blocks of a language, each with its page and line as its name."""
     found = []
@@ -35,7 +50,7 @@ def blocks(language: str) -> list[object]:
         for match in re.finditer(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
             line = text[: match.start()].count("\n") + 1
             marks = [mark for word, mark in _LONG if re.search(word, match[1])]
-            found.append(pytest.param(match[1], id=f"{page.name}:{line}", marks=marks))
+            found.append(pytest.param(match[1], id=f"{_name(page)}:{line}", marks=marks))
     return found
 
 
@@ -74,13 +89,13 @@ def test_commands(
             assert_same_text(out, shown)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=_name)
 def test_commands_that_are_not_run(page: Path) -> None:
     """What takes minutes or others' data stands in sh blocks; its flags are those there are."""
     import typer
 
     fences = re.findall(
-        r"^```([a-z]*)\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
+        r"^```([^`\n]*)\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
     )
     for language, block in fences:
         for line in block.replace("\\\n", " ").splitlines():
@@ -129,6 +144,53 @@ def test_python(block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         exec(compile(block, "page", "exec"), {"__name__": "page"})
 
 
+@pytest.mark.parametrize("page", TUTORIALS, ids=_name)
+def test_tutorials(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The cells of a tutorial run one after the other."""
+    from matplotlib import pyplot
+
+    monkeypatch.setattr(pyplot, "show", lambda: pyplot.close("all"))
+    cells = re.findall(
+        r"^```\{code-cell\}[^\n]*\n(.*?)^```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
+    )
+    exec(compile("\n".join(cells), str(page), "exec"), {"__name__": "tutorial"})
+
+
+def test_every_public_name_has_its_place_in_the_reference() -> None:
+    import bowstring
+
+    listed = set()
+    for page in (DOCS / "reference" / "api").glob("*.md"):
+        for module, names in re.findall(
+            r"^```\{api\} (\S+)\n(.*?)^```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
+        ):
+            owner = importlib.import_module(module)
+            listed |= {id(getattr(owner, name)) for name in names.split()}
+    packages = [bowstring, *(getattr(bowstring, name) for name in dir(bowstring))]
+    for package in packages:
+        if not inspect.ismodule(package):
+            continue
+        for name in getattr(package, "__all__", ()):
+            value = getattr(package, name)
+            if name.startswith("_") or inspect.ismodule(value):
+                continue
+            assert id(value) in listed, f"{package.__name__}.{name} is on no page of docs/reference/api"
+
+
+def test_messages_of_the_troubleshooting_page_are_those_of_the_program() -> None:
+    sources = [*(ROOT / "python").rglob("*.py"), *(ROOT / "crates").rglob("*.rs")]
+    text = " ".join(path.read_text("utf-8") for path in sources)
+    text = re.sub(r'"\s*\n?\s*f?"', "", text)  # one sentence over several lines
+    text = re.sub(r"\{[^{}]*\}", "#", text)
+    page = (DOCS / "help" / "troubleshooting.md").read_text("utf-8")
+    for row in re.findall(r"^\| (`.*?) \|", page, re.MULTILINE):
+        for message in re.findall(r"`([^`]+)`", row):
+            if message in _OF_OTHERS:
+                continue
+            words = max(re.split(r"[\d.]+\S*|\.\.\.|,", message), key=len).strip()
+            assert words in text, f"no message of the program contains {words!r}"
+
+
 def test_readme_says_where_the_command_is_before_it_is_used() -> None:
     text = (ROOT / "README.md").read_text("utf-8")
     assert 0 < text.find("$ source .venv/bin/activate") < text.find("$ bowstring")
@@ -146,7 +208,7 @@ def test_make_study_of_a_robot(given: tuple[str, ...], robot: str) -> None:
     assert shlex.split(last)[-1] == robot
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=_name)
 def test_links(page: Path) -> None:
     """Every link and picture of a page leads to a file that is there."""
     for target in re.findall(r"\]\(([^)#]+)", page.read_text("utf-8")):
