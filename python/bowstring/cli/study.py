@@ -67,7 +67,7 @@ def study(
         bool,
         typer.Option(
             "--fe",
-            help="Solve the sweep by 3-D finite elements too (CalculiX, docs/verification/finite-elements.md); minutes.",
+            help="Solve the sweep by 3-D finite elements too (CalculiX); minutes.",
         ),
     ] = False,
     grip: Annotated[
