@@ -1,1 +1,4 @@
-"""Campaigns: many random trials, too slow for the tests, resumable. See docs/verification/campaigns.md."""
+"""Campaigns: many random trials, too slow for the tests, resumable.
+
+See docs/verification/campaigns.md.
+"""

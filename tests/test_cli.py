@@ -1,4 +1,4 @@
-"""The command line: its contract (docs/reference/cli.md), its exit codes, and what it says of bad input."""
+"""The command line: its contract (docs/reference/cli.md), its exit codes, and its errors."""
 
 from __future__ import annotations
 

@@ -174,9 +174,7 @@ def test_every_public_name_has_its_place_in_the_reference() -> None:
             value = getattr(package, name)
             if name.startswith("_") or inspect.ismodule(value):
                 continue
-            assert id(value) in listed, (
-                f"{package.__name__}.{name} is on no page of docs/reference/api"
-            )
+            assert id(value) in listed, f"{package.__name__}.{name} is in no reference page"
 
 
 def test_messages_of_the_troubleshooting_page_are_those_of_the_program() -> None:

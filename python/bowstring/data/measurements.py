@@ -219,8 +219,9 @@ def read_measurements(
     Parameters
     ----------
     path : str or Path
-        In the tidy format (docs/guide/measurements.md): a row for each measurement, columns with units such as
-        ``mass_1_kg``, ``tension_1_N``, ``pull_1_mm``, ``tip_x_mm``; or any other with a mapping.
+        In the tidy format (docs/guide/measurements.md): a row for each measurement, columns
+        with units such as ``mass_1_kg``, ``tension_1_N``, ``pull_1_mm``, ``tip_x_mm``; or any other
+        with a mapping.
     robot : Robot, optional
         If given, the table must have a column for each of its tendons, and tips within its reach.
     mapping : str, Path or Mapping, optional
