@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -177,7 +178,9 @@ def test_tables_are_for_people(shell: Shell) -> None:
 
 
 def test_help_and_version(shell: Shell) -> None:
-    assert shell("--version") == (0, f"bowstring {bs.__version__}\n", "")
+    code, out, err = shell("--version")
+    assert code == 0 and not err
+    assert re.fullmatch(rf"bowstring {bs.__version__} \(Python [\d.]+, .*instructions\)\n", out)
     code, out, err = shell()
     assert code == 0 and "solve" in out and not err
     for command in ("robots", "schema", "fk", "ik", "solve", "study"):

@@ -171,7 +171,7 @@ def test_each_segment_has_its_own_disks_and_tendons(load):
 
 
 def test_documented_example_loads_and_means_what_its_comments_say(load):
-    text = (ROOT / "docs" / "robot-file.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "reference" / "robot-file.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"```yaml\n(.*?)```", text, re.S)
     robot = load(example)
     jsonschema.validate(yaml.safe_load(example), robot_schema())

@@ -24,7 +24,7 @@ def test_written_robots_are_read_as_they_were(name: str | Path, tmp_path: Path) 
 
 def test_every_field_is_written(tmp_path: Path) -> None:
     """The complete example of the docs, with lists of tendons and of disks."""
-    page = (ROOT / "docs" / "robot-file.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "robot-file.md").read_text(encoding="utf-8")
     example = re.search(r"```yaml\n(name: two_segments.*?)```", page, re.DOTALL)
     assert example is not None
     given, file = tmp_path / "given.yaml", tmp_path / "robot.yaml"

@@ -91,7 +91,7 @@ def test_the_study_warns_of_its_sweep(limited: Robot, paper: Study) -> None:
     page = report._html(found, found.to_dict(), dict.fromkeys((f.stem for f in found.figures), ""))
     assert below in page and found.limits_text[0] in page
     out = io.StringIO()
-    print_study(found, Console(file=out, width=200))
+    print_study(found, Console(file=out, width=200), verbose=True)
     assert found.limits_text[0] in out.getvalue()
 
 

@@ -373,8 +373,8 @@ def test_report_and_terminal_show_it(paper: Study, written: Path) -> None:
     for name in ("drive", "hysteresis_by_tension", "hysteresis_by_pull"):
         assert (written / "tables" / f"{name}.csv").exists()
     out = io.StringIO()
-    print_study(paper, Console(file=out, width=80))
-    assert "How the robot is driven" in out.getvalue()
+    print_study(paper, Console(file=out, width=80), verbose=True)
+    assert "Actuation: mean tip error" in out.getvalue()
     assert f"assumed, the robot file gives none: friction 0.1; {STRETCH}" in (
         " ".join(out.getvalue().split())
     )

@@ -75,7 +75,7 @@ def test_constant_curvature_finite_elements_and_rod(
     written = json.loads((tmp_path / "out" / "study.json").read_text("utf-8"))
     assert written["finite_elements"] == part
     out = io.StringIO()
-    print_study(made[0], Console(file=out, width=100))
+    print_study(made[0], Console(file=out, width=100), verbose=True)
     assert "vs finite elements" in out.getvalue()
     freely = shell.json(*arguments, "--grip", "sliding", "--out", "out")["finite_elements"]
     assert freely["grip"] == "sliding" and "widen and narrow" in freely["text"][0]

@@ -245,7 +245,7 @@ def test_a_study_without_dynamics_says_why(paper: Study, tmp_path: Path) -> None
     assert not (folder / "figures" / "fig05_over_time.png").exists()
     assert (folder / "figures" / "fig05_tip_against_force.png").exists()
     out = io.StringIO()
-    print_study(found, Console(file=out, width=80))
+    print_study(found, Console(file=out, width=80), verbose=True)
     assert "Dynamics is left out" in out.getvalue()
     assert "vs dynamics" not in out.getvalue()
 
@@ -375,11 +375,11 @@ def rows_of(source: str, title: str) -> dict[str, list[str]]:
 
 def test_terminal_page_and_table_have_the_same_contributions(written: Path, paper: Study) -> None:
     out = io.StringIO()
-    print_study(paper, Console(file=out, width=100))
+    print_study(paper, Console(file=out, width=100), verbose=True)
     text = out.getvalue()
     printed = {
         line[:26].strip(): line[26:].split()
-        for line in text[text.index("(mean error)") : text.index("How the robot")].splitlines()
+        for line in text[text.index("(mean error)") : text.index("Actuation: mean")].splitlines()
         if line.strip()
     }
     source = (written / "report.html").read_text(encoding="utf-8")
@@ -443,7 +443,7 @@ def test_the_terminal_shows_table_verdict_and_path(
     paper: Study, tmp_path: Path, width: int
 ) -> None:
     out = io.StringIO()
-    print_study(paper, Console(file=out, width=width), tmp_path)
+    print_study(paper, Console(file=out, width=width), tmp_path, verbose=True)
     text = out.getvalue()
     assert str(tmp_path / "report.html") in text
     assert "lengths, chords" in text and "force, mean arm" in text
@@ -451,6 +451,19 @@ def test_the_terminal_shows_table_verdict_and_path(
     assert "vs statics" in text and "vs dynamics" in text
     assert "overshoots" in text
     assert all(len(line) <= width for line in text.splitlines() if str(tmp_path) not in line)
+
+
+@pytest.mark.parametrize("width", [80, 100])
+def test_the_terminal_begins_with_the_verdict_in_25_lines(paper: Study, width: int) -> None:
+    out = io.StringIO()
+    print_study(paper, Console(file=out, width=width), Path("report"))
+    lines = out.getvalue().splitlines()
+    assert len(lines) <= 25 and all(len(line) <= width for line in lines)
+    text = " ".join(out.getvalue().split())
+    limit = next(m.holds_to for m in paper.verdict.meanings if m.name == "cc_from_force")
+    assert limit is not None and f"{limit:.3g} N" in text
+    assert "Dominant cause: from tendon lengths and force: straight spans" in text
+    assert "friction 0.1 (assumed)" in text and "--verbose" in text
 
 
 def test_fonts_in_a_pdf_are_truetype(tmp_path: Path) -> None:

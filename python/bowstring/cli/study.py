@@ -78,6 +78,9 @@ def study(
         ),
     ] = None,
     overrides: Overrides = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Print all tables and the whole verdict as well.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare constant curvature with statics, dynamics and measurements; write a report."""
@@ -130,7 +133,7 @@ def study(
         return write_json({**found.to_dict(), "folder": folder})
     from bowstring.study.terminal import print_study
 
-    write_rich(lambda console: print_study(found, console, folder))
+    write_rich(lambda console: print_study(found, console, folder, verbose=verbose))
 
 
 def _shares(text: str, robot: Robot) -> dict[int, float]:

@@ -485,50 +485,51 @@ def _in_words(
 
     if math.isfinite(up.moved) and math.isfinite(down.moved):
         source = _SAID[friction]
-        than = "more" if up.exceeds or down.exceeds else "less"
         true, *rubbed = (
             case.comparisons["cc_from_lengths"].mean for case in (up.base, up.case, down.case)
         )
         from_lengths = ""
         if all(map(math.isfinite, (true, *rubbed))):
             from_lengths = (
-                f"; from true lengths {' and '.join(map(in_mm, rubbed))} instead of {in_mm(true)}"
+                f" From true tendon lengths it changes from {in_mm(true)} to "
+                f"{' and '.join(map(in_mm, rubbed))}."
             )
         mu = up.label.split(",")[0].split(" (")[0].removeprefix("friction ")
         out.append(
-            f"Driven by tension, friction of {mu} at the holes ({source}) moves the tip by "
-            f"{in_mm(up.moved)} in the mean while the load rises and {in_mm(down.moved)} while it "
-            f"falls: {than} than constant curvature's own error from force, {own(up)}, which "
-            f"becomes {mean(up)} and {mean(down)}{from_lengths}."
+            f"Tension control: friction of {mu} at the holes ({source}) moves the tip by "
+            f"{in_mm(up.moved)} in the mean during loading and {in_mm(down.moved)} during "
+            f"unloading. The mean error of constant curvature from force changes from {own(up)} to "
+            f"{mean(up)} (loading) and {mean(down)} (unloading).{from_lengths}"
         )
     for stretched in (row for row in stretches if math.isfinite(row.moved)):
         source = f" ({_SAID[elasticity]})"
-        than = "more" if stretched.exceeds else "less"
         give = stretched.label.removeprefix("pulled, elastic tendons (").removesuffix(")")
         text = (
-            "Driven by pulled lengths, the stretch of the tendons, "
-            f"{give.removesuffix(', assumed')}{source}, moves the tip by {in_mm(stretched.moved)} "
-            f"in the mean: {than} than constant curvature's own error from the commanded lengths, "
-            f"{own(stretched)}, which becomes {mean(stretched)}"
+            f"Displacement control: elastic tendons, {give.removesuffix(', assumed')}{source}, move "
+            f"the tip by {in_mm(stretched.moved)} in the mean. The mean error of constant curvature "
+            f"from the commanded lengths changes from {own(stretched)} to {mean(stretched)}"
         )
         if math.isfinite(pulled.moved) and math.isfinite(released.moved):
-            text += f"; with friction as well {mean(pulled)} loading, {mean(released)} unloading"
+            text += (
+                f"; with friction as well, to {mean(pulled)} (loading) and {mean(released)} "
+                "(unloading)"
+            )
         out.append(text + ".")
     widths = [
         f"{in_mm(loop.width)} ({in_percent(loop.width / loop.length)} of length) at "
         + (
             f"{significant(loop.widest_at)} N"
             if loop.driven_by == "tension"
-            else f"a pull of {in_mm(loop.widest_at)}"
+            else f"a tendon displacement of {in_mm(loop.widest_at)}"
         )
         for loop in (by_tension, by_pull)
         if math.isfinite(loop.width)
     ]
     if widths:
         out.append(
-            f"Hysteresis: loading and unloading differ by up to {' and '.join(widths)}. A model "
-            "that knows the command only, as constant curvature does, is off by at least half of "
-            "that on one of the ways."
+            f"Hysteresis: at the same command, loading and unloading differ by up to "
+            f"{' and '.join(widths)}. A model that knows only the command, as constant curvature "
+            "does, has an error of at least half of this difference on one of the two branches."
         )
     return tuple(out)
 

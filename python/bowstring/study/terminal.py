@@ -17,6 +17,7 @@ from bowstring.study.actuation_budget import COMMANDED
 from bowstring.study.comparison import COMPARISONS, MEANINGS, Case, short
 from bowstring.study.error_budget import Side
 from bowstring.study.study import Study
+from bowstring.study.summary import COLUMNS, summarise
 from bowstring.study.tables import simulated
 
 if TYPE_CHECKING:
@@ -28,8 +29,10 @@ _SIDES: Final[dict[Side, str]] = {"in_sweep": "this sweep", "removed": "full mod
 """The physics beside which the terminal shows contributions."""
 
 
-def print_study(study: Study, console: Console, folder: Path | None = None) -> None:
-    """Print the study's tables and verdict.
+def print_study(
+    study: Study, console: Console, folder: Path | None = None, *, verbose: bool = False
+) -> None:
+    """Print the study's verdict in at most 25 lines.
 
     Parameters
     ----------
@@ -37,15 +40,31 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
     console : rich.console.Console
     folder : Path, optional
         Where the report lies; its path is printed last.
+    verbose : bool
+        Print all tables and the whole verdict as well.
     """
-    robot, settings, loads = study.robot, study.settings, len(study.statics.tension)
-    console.print(
-        Text.assemble(
-            (robot.name, "bold"),
-            f": {study.length * 1e3:g} mm, {settings.pulled} pulled to {settings.max_tension:g} N",
-        )
-    )
+    summary = summarise(study)
+    console.print(Text(summary.title, style="bold"))
+    table = _table("", COLUMNS)
+    for row in summary.rows:
+        table.add_row(*row)
+    console.print(table)
+    for heading, sentence in summary.findings:
+        console.print(Text.assemble((f"{heading}: ", "bold"), sentence))
+    if study.data is not None and study.data.text:
+        console.print(Text.assemble(("Measurements: ", "bold"), study.data.text[0]))
+    if verbose:
+        console.print()
+        _print_details(study, console)
+    if folder is not None:
+        console.print(Text("Report (its tables here: --verbose): ", style="bold"), end="")
+        # a path must stay one line, to be clicked or copied
+        console.print(Text(str(folder / "report.html")), soft_wrap=True)
 
+
+def _print_details(study: Study, console: Console) -> None:
+    """All tables, and the verdict in full."""
+    loads = len(study.statics.tension)
     errors = _table(
         "Tip error of constant curvature (CC); all simulated",
         ("CC from", "mean mm", "max mm", "RMS mm", "mean %", *_BY_AXIS),
@@ -111,7 +130,7 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
 
     drive = study.budget.drive
     driven = _table(
-        "How the robot is driven: mean tip error (mm), from home to the largest command\n"
+        "Actuation: mean tip error (mm), from home to the largest command\n"
         "(loading) and back (unloading)",
         ("effect", "CC from\nlengths", "CC from\nforce", "commanded\nlengths", "tip\nmoves"),
     )
@@ -138,10 +157,6 @@ def print_study(study: Study, console: Console, folder: Path | None = None) -> N
     _print_section(console, f"Verdict at {percent}", study.verdict.text)
     if study.claim is not None:
         _print_section(console, "", [study.claim.text], "dim")
-    if folder is not None:
-        console.print(Text("Report: "), end="")
-        # a path must stay one line, to be clicked or copied
-        console.print(Text(str(folder / "report.html")), soft_wrap=True)
 
 
 def _print_data(found: AgainstData, console: Console) -> None:

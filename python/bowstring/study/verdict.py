@@ -313,10 +313,10 @@ def _blame(m: Meaning) -> str:
             f"has the largest share, the error would still be {in_mm(worst.error_without)}."
         )
     if m.fails:
-        verb = "What ends it"
+        verb = "Dominant cause"
     else:
-        verb = "Most of that" if worst.share > 0.5 else "The largest part of that"
-    rest = f"without that alone the error {where} would be {in_mm(worst.error_without)}"
+        verb = "Main cause" if worst.share > 0.5 else "Largest contribution"
+    rest = f"without it the error {where} would be {in_mm(worst.error_without)}"
     words = f" {verb}: {worst.label}; {rest}."
     rivals = [s.label for s in m.shares[1:] if s.share > 0.5 * worst.share]
     if rivals:
@@ -398,7 +398,7 @@ def _on_left_out(budget: Budget) -> list[str]:
         return []
     text = (
         "A real robot has effects that this sweep leaves out. Of those in the budget, each added "
-        f"alone to this sweep, the costliest {'is' if len(found) == 1 else 'are'} "
+        f"alone to this sweep, the largest {'is' if len(found) == 1 else 'are'} "
         f"{listed([f'{label}, which {listed(parts)}' for label, parts in found.items()])}."
     )
     if partly:
