@@ -117,13 +117,16 @@ def finite_elements_at(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def assert_same_text(printed: str, shown: str) -> None:
-    """Equal words; numbers may differ in the last digit shown, as platforms do.
+    """Equal words, up to a line of dots; numbers may differ in the last digit, as platforms do.
 
     Folders, numbers of time steps, and those that the program calls rough are left out.
     """
     vary = r"\S+(?=/bowstring-study)|\d+ (?=steps)|(?<=about )\d\S*"
     printed, shown = (re.sub(vary, "", text) for text in (printed, shown))
+    shown, dots, _ = shown.partition("\n...")
     words, expected = printed.split(), shown.split()
+    if dots:
+        words, printed = words[: len(expected)], " ".join(words[: len(expected)])
     assert [NUMBER.sub("#", w) for w in words] == [NUMBER.sub("#", w) for w in expected]
     numbers = [float(n) for w in words for n in NUMBER.findall(w)]
     assert numbers == pytest.approx([float(n) for n in NUMBER.findall(shown)], rel=2e-3, abs=2e-3)
