@@ -82,7 +82,8 @@ class RobotFields(_Table):
         required = set(part.get("required", ()))
         found = [["field", "example", "needed", "meaning"]]
         for field, about in part["properties"].items():
-            example = next(iter(about.get("examples", ())), "")
+            kinds = [about, *about.get("anyOf", ())]
+            example = next((e for kind in kinds for e in kind.get("examples", ())), "")
             found.append(
                 [
                     f"`{field}`",

@@ -572,7 +572,7 @@ def _path_notes(model: Model, steps: int, tight: bool) -> tuple[str, ...]:
     if len(pulled) > 1:
         wound = f"Tendons {listed([str(t) for t in pulled])} are wound up to their lengths"
     out = [
-        "How the robot is driven: the physics is that of the main sweep. 'Change' and 'tip moves' "
+        "Actuation: the physics is that of the main sweep. 'Change' and 'tip moves' "
         "are against the same commands on tendons that neither rub nor stretch.",
         "Loading and unloading are one path, from home to the largest command and back in "
         f"{steps} steps each way: friction remembers it.",

@@ -4,7 +4,7 @@ Each effect is added alone to the plainest physics (the baseline), removed alone
 (the full model), and changed alone in the physics of the main sweep. Its contribution is always the
 mean error with it less the mean error without it.
 
-How the robot is driven (friction, elastic tendons, pulled lengths) has a table of its own,
+Actuation (friction, elastic tendons, pulled lengths) has a table of its own,
 `bowstring.study.actuation_budget`, since it depends on the path.
 """
 

@@ -553,7 +553,7 @@ def _drive_panel(
     axes.set_yticks(places, [label for label, _ in cases])
     axes.set_ylim(-0.6, len(cases))
     axes.set_xlim(left=0.0)
-    axes.set_title("How the robot is driven")
+    axes.set_title("Actuation")
     notes = [
         line
         for each in drive.assumptions

@@ -899,7 +899,7 @@ def _notes(
         out.append(
             f"The friction {whose} is left out of the main sweep, of dynamics, of "
             "stress and strain and of the ranges in the verdict. What it does, loading and "
-            "unloading, is in the error budget under 'How the robot is driven' and in the "
+            "unloading, is in the error budget under 'Actuation' and in the "
             "verdict's last sentences."
         )
     failed = np.flatnonzero(~statics.converged)
