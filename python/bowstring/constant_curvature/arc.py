@@ -240,8 +240,9 @@ class Arc:
         -------
         Arc
             Bends along the moment m = sum of T_i r_i (cos alpha_i, sin alpha_i). Linear law: theta
-            = ``|m| l/(E I)``, ``F r l/(E I)`` for one tendon; a soft backbone winds up. With n modules, a =
-            theta/n and F = sum of T_i: ``theta = (l/EI) (|m| + F (l/n) a/12 - |m| a^2/8)``.
+            is ``|m| l/(E I)``, ``F r l/(E I)`` for one tendon; a soft backbone winds up. With n
+            modules, a = theta/n and F = sum of T_i:
+            ``theta = (l/EI) (|m| + F (l/n) a/12 - |m| a^2/8)``.
 
         Raises
         ------
@@ -280,8 +281,8 @@ class Arc:
         -------
         Arc
             Of free length: phi = atan2(y, x), theta = 2 atan2(hypot(x, y), z) below 2 pi, length =
-            ``|tip| (theta/2)/sin(theta/2)``. Of a given length: the nearest of all arcs with theta from
-            0 to 2 pi, and its distance as `misfit`; phi is 0 where it is not unique (z axis).
+            ``|tip| (theta/2)/sin(theta/2)``. Of a given length: the nearest of all arcs with theta
+            from 0 to 2 pi, and its distance as `misfit`; phi is 0 where it is not unique (z axis).
 
         Raises
         ------

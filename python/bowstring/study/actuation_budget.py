@@ -505,9 +505,10 @@ def _in_words(
         source = f" ({_SAID[elasticity]})"
         give = stretched.label.removeprefix("pulled, elastic tendons (").removesuffix(")")
         text = (
-            f"Displacement control: elastic tendons, {give.removesuffix(', assumed')}{source}, move "
-            f"the tip by {in_mm(stretched.moved)} in the mean. The mean error of constant curvature "
-            f"from the commanded lengths changes from {own(stretched)} to {mean(stretched)}"
+            f"Displacement control: elastic tendons, {give.removesuffix(', assumed')}{source}, "
+            f"move the tip by {in_mm(stretched.moved)} in the mean. The mean error of constant "
+            f"curvature from the commanded lengths changes from {own(stretched)} to "
+            f"{mean(stretched)}"
         )
         if math.isfinite(pulled.moved) and math.isfinite(released.moved):
             text += (

@@ -90,8 +90,8 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         largest, at = study.dynamics.max_difference
         yield (
             "Dynamics",
-            f"rise in {significant(study.dynamics.rise)} s: the tip is {in_mm(largest)} from statics "
-            f"at most, at {significant(at)} N",
+            f"rise in {significant(study.dynamics.rise)} s: the tip is {in_mm(largest)} from "
+            f"statics at most, at {significant(at)} N",
         )
 
 
@@ -123,8 +123,8 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     if math.isfinite(up.moved) and math.isfinite(down.moved):
         assumed = " (assumed)" if drive.friction_assumed else ""
         parts.append(
-            f"friction {drive.friction:.3g}{assumed} moves the tip by {in_mm(up.moved)} in loading, "
-            f"{in_mm(down.moved)} in unloading"
+            f"friction {drive.friction:.3g}{assumed} moves the tip by {in_mm(up.moved)} in "
+            f"loading, {in_mm(down.moved)} in unloading"
         )
     for row in stretches:
         if math.isfinite(row.moved):
