@@ -3,13 +3,12 @@
     python -m benchmarks.calibration [--quick]
 
 Data: `crl-ftdcr-mocap`, measured by others (docs/verification/calibration.md), in
-`BOWSTRING_DATA` or ../shared/data. Every parameter is fitted on train alone. Between models
-only cross-validation inside train decides: five blocks of neighbouring families of patterns, each predicted by a fit
-that never saw it. Val is predicted once by each of the final models, nothing aligned any more. All
-rows are one path in the order of the recording; of rows that are predicted only commands and times
-are used.
---quick leaves all but the final fits out. On one core the whole takes about 40 minutes.
-"""
+`BOWSTRING_DATA` or ../shared/data. Every parameter is fitted on train alone. Between models only
+cross-validation inside train decides: five blocks of neighbouring families of patterns, each
+predicted by a fit that never saw it. Val is predicted once by each of the final models, nothing
+aligned any more. All rows are one path in the order of the recording; of rows that are predicted
+only commands and times are used. --quick leaves all but the final fits out. On one core the whole
+takes about 40 minutes."""
 
 from __future__ import annotations
 
