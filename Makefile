@@ -87,7 +87,7 @@ sdist: ## the source distribution, in dist/
 	$(PYTHON) packaging/build_wheel.py --sdist
 
 check-wheel: ## install the wheel where there is no Rust, run the study and a smoke test
-	$(PYTHON) packaging/check_wheel.py dist/*.whl
+	$(PYTHON) packaging/check_wheel.py
 
 check-version: ## TAG=v1.2.3 names the version of the package
 	@grep -q '^version = "$(TAG:v%=%)"$$' Cargo.toml || \

@@ -1,6 +1,6 @@
 """Install a wheel where there is no Rust, and see that it works.
 
-    python packaging/check_wheel.py dist/bowstring-*.whl [--size 8]
+    python packaging/check_wheel.py [dist/bowstring-*.whl] [--size 8]
 
 Makes an environment of its own in a temporary folder, installs the wheel and its dependencies, runs
 the study of the built-in robot and solves one robot with each set of processor instructions. Needs
@@ -56,12 +56,13 @@ def run(command: list[str], **options: object) -> str:
 def main() -> None:
     """Check one wheel."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("wheel", type=Path)
+    parser.add_argument("wheel", type=Path, nargs="?", help="the one in dist if left out")
     parser.add_argument("--size", type=float, default=8.0, help="most that it may weigh, MB")
     args = parser.parse_args()
-    wheel = args.wheel.resolve()
+    built = sorted((Path(__file__).parents[1] / "dist").glob("*.whl"))
+    wheel = (args.wheel or (built[-1] if built else Path("dist"))).resolve()
     if not wheel.is_file():
-        sys.exit(f"{wheel} is no file; build a wheel by `make wheel` first")
+        sys.exit(f"{wheel} is no wheel; build one by `make wheel` first")
     size = wheel.stat().st_size / 1e6
     print(f"{wheel.name}: {size:.2f} MB")
     if size > args.size:
@@ -78,7 +79,8 @@ def main() -> None:
         study = [str(programs / "bowstring"), "study", "amouri2019", "--json"]
         verdict = json.loads(run(study, env=env, cwd=folder))["verdict"]
         print(f"verdict of the study after {time.perf_counter() - began:.1f} s")
-        holds = verdict["from_force"]["holds_to_N"]
+        force = next(m for m in verdict["meanings"] if m["name"] == "cc_from_force")
+        holds = force["holds_to_N"]
         if not 55.0 < holds < 57.0:
             sys.exit(f"from force, constant curvature holds to {holds} N instead of 56 N")
         print(f"import: {min(float(run([python, '-c', IMPORT], env=env)) for _ in range(3)):.3f} s")
