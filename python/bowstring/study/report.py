@@ -20,6 +20,7 @@ from bowstring.robot.model import Robot
 from bowstring.study.comparison import COMPARISONS, MEANINGS
 from bowstring.study.error_budget import SIDES, Side
 from bowstring.study.study import Study
+from bowstring.study.summary import COLUMNS, summarise
 from bowstring.study.tables import simulated, study_tables, write_csv
 from bowstring.units import printable
 from bowstring.viz.colours import COLOURS
@@ -140,6 +141,8 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
         budget=[_budget_page(study, side, title) for side, title in SIDES.items()],
         # drawn by this program, ids and text escaped by matplotlib
         figures=[(f, Markup(drawn[f.stem])) for f in study.figures],
+        summary=summarise(study),
+        columns=COLUMNS,
         tables=[name for name, _, _ in study_tables(study)],
         colours=COLOURS,
         provenance=content["provenance"],
