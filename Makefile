@@ -25,6 +25,11 @@ $(VENV)/.installed-%: requirements/%.lock | $(BIN)/python
 	$(BIN)/python -m pip install --progress-bar on -q --require-hashes -r $<
 	@touch $@
 
+# one pip at a time, also under make -j
+$(VENV)/.installed-test: | $(VENV)/.built
+$(VENV)/.installed-all: | $(VENV)/.installed-test
+$(VENV)/.installed-docs: | $(VENV)/.built
+
 $(VENV)/.built: $(VENV)/.installed-base $(RUST_SOURCES) pyproject.toml
 	@echo "== building the core (about a minute the first time)"
 	VIRTUAL_ENV=$(abspath $(VENV)) $(BIN)/maturin develop --release --locked
@@ -76,7 +81,9 @@ campaign-files: build ## N more damaged files, then 100 killed commands; slow, r
 	nice -n 10 $(BIN)/python -m campaign.files $(N)
 	nice -n 10 $(BIN)/python -m campaign.kills 100
 
-docs: build $(VENV)/.installed-docs ## the documentation site, in docs/_build/html
+docs: build ## the documentation site, in docs/_build/html
+	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11) and "the documentation needs Python 3.11 or newer")'
+	@$(MAKE) --no-print-directory $(VENV)/.installed-docs
 	$(BIN)/sphinx-build -W --keep-going -j auto -q docs docs/_build/html
 	@echo "Documentation: $(abspath docs/_build/html/index.html)"
 
@@ -90,7 +97,7 @@ check-wheel: ## install the wheel where there is no Rust, run the study and a sm
 	$(PYTHON) packaging/check_wheel.py
 
 check-version: ## TAG=v1.2.3 names the version of the package
-	@grep -q '^version = "$(TAG:v%=%)"$$' Cargo.toml || \
+	@grep -qxF 'version = "$(TAG:v%=%)"' Cargo.toml || \
 		{ echo "the tag $(TAG) is not the version in Cargo.toml" >&2; exit 1; }
 
 clean:

@@ -26,7 +26,7 @@ def programs() -> Path:
     folder = HOME / ("Scripts" if os.name == "nt" else "bin")
     done = HOME / "installed"
     if not done.exists() or done.stat().st_mtime < LOCK.stat().st_mtime:
-        venv.create(HOME, with_pip=True)
+        venv.create(HOME, with_pip=True, symlinks=os.name != "nt")
         pip = [str(folder / "python"), "-m", "pip", "install", "-q", "--require-hashes"]
         subprocess.run([*pip, "-r", str(LOCK)], check=True)
         done.touch()

@@ -42,12 +42,14 @@ def without_rust() -> dict[str, str]:
     env["PATH"] = os.pathsep.join(
         place for place in places if not any(shutil.which(tool, path=place) for tool in tools)
     )
+    env["PYTHONUTF8"] = "1"
     return env
 
 
 def run(command: list[str], **options: object) -> str:
-    """What a command prints; its failure is ours, with what it said."""
-    done = subprocess.run(command, capture_output=True, text=True, **options)  # type: ignore[call-overload]
+    """Standard output of a command; exit with its error output if it fails."""
+    options |= {"capture_output": True, "encoding": "utf-8", "errors": "replace"}
+    done = subprocess.run(command, **options)  # type: ignore[call-overload]
     if done.returncode:
         sys.exit(f"{' '.join(command[:4])} ended with {done.returncode}:\n{done.stderr[-3000:]}")
     return str(done.stdout)
@@ -57,7 +59,7 @@ def main() -> None:
     """Check one wheel."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("wheel", type=Path, nargs="?", help="the one in dist if left out")
-    parser.add_argument("--size", type=float, default=8.0, help="most that it may weigh, MB")
+    parser.add_argument("--size", type=float, default=8.0, help="largest size, MB")
     args = parser.parse_args()
     built = sorted((Path(__file__).parents[1] / "dist").glob("*.whl"))
     wheel = (args.wheel or (built[-1] if built else Path("dist"))).resolve()
@@ -71,7 +73,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
         home = Path(folder) / "env"
-        venv.create(home, with_pip=True)
+        venv.create(home, with_pip=True, symlinks=os.name != "nt")
         programs = home / ("Scripts" if os.name == "nt" else "bin")
         python = str(programs / "python")
         run([python, "-m", "pip", "install", "-q", str(wheel)], env=env, cwd=folder)
@@ -81,9 +83,10 @@ def main() -> None:
         print(f"verdict of the study after {time.perf_counter() - began:.1f} s")
         force = next(m for m in verdict["meanings"] if m["name"] == "cc_from_force")
         holds = force["holds_to_N"]
-        if not 55.0 < holds < 57.0:
+        if holds is None or not 55.0 < holds < 57.0:
             sys.exit(f"from force, constant curvature holds to {holds} N instead of 56 N")
-        print(f"import: {min(float(run([python, '-c', IMPORT], env=env)) for _ in range(3)):.3f} s")
+        times = [float(run([python, "-c", IMPORT], env=env, cwd=folder)) for _ in range(3)]
+        print(f"import: {min(times):.3f} s")
         solutions = {}
         for limit in ("avx512", "avx2", "plain"):
             limited = {**env, "BOWSTRING_INSTRUCTIONS": limit}

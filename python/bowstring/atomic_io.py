@@ -112,7 +112,7 @@ def check_whole_folder(
     """Say before any work whether `write_whole` may write to a folder; return it, absolute.
 
     It need not exist. `what` stands in the error; `check_content`, which is given the folder and
-    the begin of a sentence, refuses what may not be replaced.
+    the beginning of a sentence, refuses what may not be replaced.
     """
     folder = resolved(out, f"cannot write the {what} to {out}")
     why = f"cannot write the {what} to {folder}"

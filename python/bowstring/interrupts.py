@@ -91,7 +91,7 @@ def held() -> Iterator[None]:
 
 @contextmanager
 def unheard() -> Iterator[None]:
-    """Interrupts within, above all a second one, are not heard: what ends a work is kept whole."""
+    """Ignore interrupts within, so that the end of a run is written whole."""
     with _handled(HEARD, signal.SIG_IGN):
         yield
 

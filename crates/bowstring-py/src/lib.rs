@@ -51,9 +51,11 @@ mod _core {
 
 /// Limits the instructions to those that the environment variable BOWSTRING_INSTRUCTIONS names.
 fn limit_instructions() -> PyResult<()> {
-    let Ok(wanted) = std::env::var("BOWSTRING_INSTRUCTIONS") else {
+    let wanted = std::env::var_os("BOWSTRING_INSTRUCTIONS").unwrap_or_default();
+    if wanted.is_empty() {
         return Ok(());
-    };
+    }
+    let wanted = wanted.to_string_lossy();
     let known = Instructions::ALL.iter().find(|i| i.name() == wanted);
     let known = known.ok_or_else(|| {
         PyImportError::new_err(format!(

@@ -26,7 +26,6 @@ def _package(name: str) -> str:
 def _cad() -> str:
     from bowstring.cad.solid import check_cad
 
-    _package("build123d")
     check_cad()
     return _package("build123d")
 
@@ -91,7 +90,7 @@ def doctor(as_json: AsJson = False) -> None:
     table = new_table("optional part", "found", "needed for")
     for part in found:
         table.add_row(part["name"], part["version"] or "no", part["needed_for"])
-    missing = [f"To add {p['name']}: {p['cure']}" for p in found if p["cure"]]
+    missing = [f"{p['name']}: {p['problem']}. To add it: {p['cure']}" for p in found if p["cure"]]
     write_tables(
         f"bowstring {here['bowstring']}, Python {here['python']}, {here['platform']}, "
         f"{here['instructions']} instructions, {here['cores']} cores",

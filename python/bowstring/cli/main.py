@@ -9,6 +9,7 @@ import io
 import sys
 import traceback
 from collections.abc import Sequence
+from itertools import takewhile
 from typing import Annotated, Final
 
 import typer
@@ -98,7 +99,10 @@ _MADE_OF: Final = {
 
 def in_flags(error: InputError, arguments: Sequence[str]) -> str:
     """The sentence of an error, with those of the given flags that its value can come from."""
-    given = {text.partition("=")[0] for text in arguments}
+    if not error.argument:
+        return str(error)
+    before = takewhile(lambda text: text != "--", arguments)
+    given = {text.partition("=")[0] for text in before}
     own = _FLAGS.get(error.argument, ("--" + error.argument.replace("_", "-"),))
     flags = [flag for flag in own if flag in given]
     made_of = [flag for flag in _MADE_OF.get(error.argument, ()) if flag in given]

@@ -86,10 +86,14 @@ def check_file(path: str | Path) -> Path:
     why = f"cannot write the run to {file}"
     try:
         check_parent(file, why)
-        if file.is_dir():
+        try:
+            kind = stat.S_IFMT(file.stat().st_mode)
+        except FileNotFoundError:
+            kind = None
+        if kind == stat.S_IFDIR:
             raise InputError(f"{why}: it is a folder; name a file, for example {file / 'run.nc'}")
-        if file.exists():
-            if not file.is_file():
+        if kind is not None:
+            if kind != stat.S_IFREG:
                 raise InputError(f"{why}: it is a device or pipe; name a file")
             with file.open("rb") as former:
                 head = former.read(8192)

@@ -14,8 +14,10 @@ __all__ = ["TOLD", "discretisation", "of_actuation", "of_tensions"]
 
 Floats = NDArray[np.float64]
 
-_OF_ALL: Final = ("status", "stable", "residual", "iterations")  # what all answers tell
-TOLD: Final = (*_OF_ALL, "left_unstable", "fraction", "collision")
+TOLD: Final = (
+    *("status", "stable", "residual", "iterations"),
+    *("left_unstable", "fraction", "collision"),
+)
 """What an answer by tensions tells."""
 _MUCH_FRICTION: Final = 1.0  # coefficients beyond this are doubted where there is no answer
 

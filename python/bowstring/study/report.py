@@ -151,7 +151,7 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
 
 
 def _budget_page(study: Study, side: Side, title: str) -> dict[str, Any]:
-    """One table of the error budget; study.json and budget.csv also have the baseline."""
+    """One table of the error budget; contributions to the baseline are in budget.csv alone."""
     budget = study.budget
     of_sweep = side == "in_sweep"
     where, base = ("The sweep", budget.sweep) if of_sweep else ("The full model", budget.fullest)

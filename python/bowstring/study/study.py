@@ -546,7 +546,7 @@ def run_study(
             lambda share: tell("measurements", 0.2 * share),
         )
     whole = _between(tell, 0.2 if data is not None else 0.0, 1.0)
-    tell = _between(whole, 0.0, 1.0 if fe is None else 0.2)  # of which the rest takes most
+    tell = _between(whole, 0.0, 1.0 if fe is None else 0.2)  # finite elements take most of the time
     model = Model(robot, settings.tendon, settings.theory, settings.shares)
     model.arc_scale = _arc_scale(model, settings)
 

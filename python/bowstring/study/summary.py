@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
 from bowstring.study.comparison import MEANINGS
@@ -16,7 +18,7 @@ from bowstring.study.verdict import Meaning
 __all__ = ["COLUMNS", "Summary", "summarise"]
 
 COLUMNS: Final = ("constant curvature from", "holds to", "mean error", "largest error", "at")
-"""Of the table, without the dominant cause."""
+"""Of the table."""
 
 _INPUTS: Final = {
     "cc_from_lengths": "tendon lengths",
@@ -59,6 +61,8 @@ def _row(study: Study, meaning: Meaning) -> tuple[str, ...]:
         holds = f"{top:g} N (all)"
     elif not meaning.holds_to:
         holds = "no load"
+    elif not meaning.fails:
+        holds = f"{significant(meaning.holds_to)} N, no comparison beyond"
     else:
         holds = f"{significant(meaning.holds_to)} N"
     error = f"{in_mm(meaning.max_error)} ({in_percent(meaning.max_error / study.length)})"
@@ -67,11 +71,14 @@ def _row(study: Study, meaning: Meaning) -> tuple[str, ...]:
 
 
 def _findings(study: Study) -> Iterator[tuple[str, str]]:
-    causes: dict[str, list[str]] = {}
-    for meaning in study.verdict.meanings:
-        label = meaning.ended_by.label if meaning.ended_by else "no single effect"
-        causes.setdefault(label, []).append(_INPUTS[meaning.name].split(" (")[0])
-    yield "Dominant cause", "; ".join(f"from {listed(v)}: {k}" for k, v in causes.items())
+    for title, failing in (("Dominant cause", True), ("Largest contribution", False)):
+        causes: dict[str, list[str]] = {}
+        for m in study.verdict.meanings:
+            if m.shares and bool(m.fails) == failing:
+                label = m.ended_by.label if m.ended_by else "no single effect"
+                causes.setdefault(label, []).append(_INPUTS[m.name].split(" (")[0])
+        if causes:
+            yield title, "; ".join(f"from {listed(v)}: {k}" for k, v in causes.items())
     corrections = [
         f"{what}: {in_mm(now.mean)} in the mean"
         for name, what in (
@@ -81,7 +88,7 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         if (now := study.comparison(name, "statics")).mean
         < study.comparison(name.rsplit("_", 1)[0], "statics").mean
     ]
-    yield "Correction in closed form", "; ".join(corrections) or "none lowers the mean error"
+    yield "Corrections in closed form", "; ".join(corrections) or "none lowers the mean error"
     yield from _largest_effect(study)
     yield from _actuation(study)
     if study.limits_text:
@@ -93,26 +100,36 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
             f"rise in {significant(study.dynamics.rise)} s: the tip is {in_mm(largest)} from "
             f"statics at most, at {significant(at)} N",
         )
+    elif study.dynamics is None:
+        yield "Dynamics", study.dynamics_text[0].rstrip(".")
+    if study.bricks is not None and study.bricks.text:
+        yield "Finite elements", study.bricks.text[0].rstrip(".")
+    if study.data is not None:
+        yield "Measurements", " ".join(study.data.text[:2]).rstrip(".")
 
 
 def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
-    """The effect of the error budget, not in this sweep, that adds the largest mean error."""
+    """Of the effects that the sweep leaves out, the one that adds the largest mean error."""
     budget = study.budget
-    found = []
-    for row in budget.rows:
-        if row.acts_in_sweep or (
-            any(budget.sweep.physics.gravity) and row.effect.startswith("gravity")
-        ):
-            continue
-        added = [budget.contribution(row, "in_sweep", name) for name in MEANINGS]
-        if all(math.isfinite(each.with_effect) for each in added):
-            found.append((max(each.mean for each in added), row.label, added))
-    if found:
-        _, label, (lengths, force) = max(found, key=lambda each: each[0])
+    gravity = any(budget.sweep.physics.gravity)
+    parts: dict[str, list[str]] = {}
+    for name, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
+        needed = int(np.isfinite(budget.sweep.error(name)).sum())
+        found = []
+        for row in budget.rows:
+            # of a robot that hangs or stands, gravity in other orientations is not left out
+            if row.acts_in_sweep or (gravity and row.effect.startswith("gravity")):
+                continue
+            added = budget.contribution(row, "in_sweep", name)
+            if 0 < needed <= added.n:
+                found.append((added.mean, added.with_effect, row.label))
+        if found:
+            _, mean, label = max(found)
+            parts.setdefault(label, []).append(f"{in_mm(mean)} {words}")
+    if parts:
         yield (
             "Largest effect not in this sweep",
-            f"{label}: mean error {in_mm(lengths.with_effect)} from lengths, "
-            f"{in_mm(force.with_effect)} from force",
+            "; ".join(f"{label}: mean error {', '.join(v)}" for label, v in parts.items()),
         )
 
 
@@ -123,13 +140,13 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
     if math.isfinite(up.moved) and math.isfinite(down.moved):
         assumed = " (assumed)" if drive.friction_assumed else ""
         parts.append(
-            f"friction {drive.friction:.3g}{assumed} moves the tip by {in_mm(up.moved)} in "
-            f"loading, {in_mm(down.moved)} in unloading"
+            f"friction {drive.friction:.3g}{assumed} moves the tip by {in_mm(up.moved)} (loading) "
+            f"and {in_mm(down.moved)} (unloading) in the mean"
         )
     for row in stretches:
         if math.isfinite(row.moved):
             assumed = " (assumed)" if drive.elasticity_assumed else ""
-            parts.append(f"elastic tendons{assumed} by {in_mm(row.moved)} in the mean")
+            parts.append(f"elastic tendons{assumed} by {in_mm(row.moved)}")
     if math.isfinite(drive.loops[0].width):
         loop = drive.loops[0]
         parts.append(f"hysteresis up to {in_mm(loop.width)} at {significant(loop.widest_at)} N")

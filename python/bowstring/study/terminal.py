@@ -32,7 +32,7 @@ _SIDES: Final[dict[Side, str]] = {"in_sweep": "this sweep", "removed": "full mod
 def print_study(
     study: Study, console: Console, folder: Path | None = None, *, verbose: bool = False
 ) -> None:
-    """Print the study's verdict in at most 25 lines.
+    """Print the summary of a study; with `verbose` all tables and the whole verdict too.
 
     Parameters
     ----------
@@ -51,8 +51,6 @@ def print_study(
     console.print(table)
     for heading, sentence in summary.findings:
         console.print(Text.assemble((f"{heading}: ", "bold"), sentence))
-    if study.data is not None and study.data.text:
-        console.print(Text.assemble(("Measurements: ", "bold"), study.data.text[0]))
     if verbose:
         console.print()
         _print_details(study, console)

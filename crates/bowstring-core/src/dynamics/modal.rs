@@ -18,8 +18,8 @@ pub fn flexibility(
     elements: usize,
     load: &Load,
 ) -> Result<(Outcome, Option<Flexibility>), InputError> {
-    dispatch::check_moving(robot, elements)?;
     let mut solver = Solver::new(robot, model, elements)?;
+    dispatch::check_moving(robot, elements)?;
     let mut outcome = solver.solve(load)?;
     let has_potential = load.tip_moment == [0.0; 3];
     if outcome.status != Status::Converged || outcome.stable != Some(true) || !has_potential {

@@ -47,7 +47,8 @@ impl Instructions {
         self as u8 <= LIMIT.load(Relaxed)
     }
 
-    /// Uses nothing wider from now on: to compare, or to reproduce what another processor gives.
+    /// Limits all solvers made from now on to this set: to compare, or to reproduce what another
+    /// processor gives.
     pub fn limit(self) {
         LIMIT.store(self as u8, Relaxed);
     }

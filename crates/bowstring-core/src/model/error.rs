@@ -291,7 +291,7 @@ impl fmt::Display for InputError {
             } => {
                 let (words, unit, part) = argument.description();
                 f.write_str(words)?;
-                if let Some(index) = index {
+                if let (Some(index), false) = (index, part.is_empty()) {
                     write!(f, " of {part} {}", index + 1)?;
                 }
                 let verb = match value {
