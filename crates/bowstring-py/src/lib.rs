@@ -1,6 +1,6 @@
 //! Python face of `bowstring-core`: arrays in, arrays out, errors as exceptions.
 
-use bowstring_core::math::instructions::Instructions;
+use bowstring_core::math::{instructions::Instructions, widest_instructions};
 use pyo3::exceptions::PyImportError;
 use pyo3::prelude::*;
 
@@ -45,7 +45,7 @@ mod _core {
     /// Name of the processor instructions that are used.
     #[pyfunction]
     fn instructions() -> &'static str {
-        Instructions::used().name()
+        widest_instructions().name()
     }
 }
 

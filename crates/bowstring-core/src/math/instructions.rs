@@ -26,21 +26,6 @@ impl Instructions {
         }
     }
 
-    /// The widest set that is used: what the processor has, up to the limit.
-    pub fn used() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        {
-            use crate::math::simd::{Avx2, Avx512, Simd};
-            if Avx512::detect().is_some() {
-                return Self::Avx512;
-            }
-            if Avx2::detect().is_some() {
-                return Self::Avx2;
-            }
-        }
-        Self::Plain
-    }
-
     /// Whether the limit allows this set.
     #[cfg(target_arch = "x86_64")]
     pub(crate) fn is_allowed(self) -> bool {

@@ -11,6 +11,23 @@ pub(crate) mod series;
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod simd;
 
+use instructions::Instructions;
+
+/// The widest instructions that are used: what the processor has, up to the limit.
+pub fn widest_instructions() -> Instructions {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use crate::math::simd::{Avx2, Avx512, Simd};
+        if Avx512::detect().is_some() {
+            return Instructions::Avx512;
+        }
+        if Avx2::detect().is_some() {
+            return Instructions::Avx2;
+        }
+    }
+    Instructions::Plain
+}
+
 /// Runs `f` compiled for the widest instructions of this processor, see `Layout::vectorize`.
 #[inline(always)]
 pub(crate) fn vectorize<R>(f: impl FnOnce() -> R) -> R {
