@@ -656,9 +656,10 @@ def test_the_command(
     set_gravity = ("--set", "gravity=0 0 -9.81 m/s^2")
     code, out, _ = shell(
         "study", "amouri2019", "--measurements", str(table), "--points", "3", *set_gravity,
-        "--out", str(tmp_path / "out"),
+        "--out", str(tmp_path / "out"), "--verbose",
     )  # fmt: skip
     assert code == 0
+    assert "Measurements: Synthetic data, a made bench" in " ".join(out.split())
     assert "Tip error against the data; synthetic: a made bench" in out
     assert "The residuals are noise" in " ".join(out.split())
     assert (tmp_path / "out" / "report.html").is_file()

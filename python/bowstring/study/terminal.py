@@ -55,7 +55,9 @@ def print_study(
         console.print()
         _print_details(study, console)
     if folder is not None:
-        console.print(Text("Report (its tables here: --verbose): ", style="bold"), end="")
+        if not verbose:
+            console.print(Text("All tables: in the report, or here with --verbose", style="dim"))
+        console.print(Text("Report: ", style="bold"), end="")
         # a path must stay one line, to be clicked or copied
         console.print(Text(str(folder / "report.html")), soft_wrap=True)
 
