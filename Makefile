@@ -84,7 +84,7 @@ campaign-files: build ## N more damaged files, then 100 killed commands; slow, r
 docs: build ## the documentation site, in docs/_build/html
 	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 11) and "the documentation needs Python 3.11 or newer")'
 	@$(MAKE) --no-print-directory $(VENV)/.installed-docs
-	$(BIN)/sphinx-build -W --keep-going -j auto -q docs docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -q docs docs/_build/html
 	@echo "Documentation: $(abspath docs/_build/html/index.html)"
 
 wheel: ## the wheel of this machine, in dist/
