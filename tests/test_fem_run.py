@@ -291,9 +291,11 @@ def test_a_run_that_is_stopped_goes_on_after_its_last_step(
     save = steps._save
     enough = 3 if motion else 2  # the rest under its weight is one
 
-    def stop(kept: Path, number: int, *rest: object) -> None:
-        save(kept, number, *rest)
-        if number == enough and not list(kept.glob(f"step_{enough + 1:04d}*")):
+    def stop(kept: Path, number: int, state: object, restart: Path | None) -> None:
+        save(kept, number, state, restart)
+        # a step that is read before the next has begun has no restart, and is done again
+        goes_on = motion or restart is not None
+        if enough <= number < 4 and goes_on and not list(kept.glob(f"step_{number + 1:04d}*")):
             monkeypatch.setattr(steps, "_save", save)
             raise KeyboardInterrupt
 
