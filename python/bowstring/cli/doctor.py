@@ -7,7 +7,7 @@ import platform
 import shutil
 import sys
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from typing import Any, Final
 
 from bowstring._core import __version__, instructions
@@ -16,18 +16,11 @@ from bowstring.cli.output import new_table, progress_bar, write_json, write_tabl
 from bowstring.errors import InputError
 
 
-def _package(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        raise InputError(f"{name} is not installed") from None
-
-
 def _cad() -> str:
     from bowstring.cad.solid import check_cad
 
     check_cad()
-    return _package("build123d")
+    return version("build123d")
 
 
 def _calculix() -> str:

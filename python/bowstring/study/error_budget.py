@@ -137,6 +137,30 @@ class Budget:
         means = (known_mean(error[common]) for error in (present, absent))
         return Contribution(int(common.sum()), len(common), *means)
 
+    def left_out(self, meaning: str) -> tuple[list[tuple[float, float, str]], list[str]]:
+        """The effects that the main sweep lacks, compared at all of its loads, and the others.
+
+        Returns
+        -------
+        rows : list of (float, float, str)
+            What the effect adds to the mean error, the mean error with it (m), its label.
+        missing : list of str
+            Labels of effects with numbers at some of the loads only, or at none.
+        """
+        needed = int(np.isfinite(self.sweep.error(meaning)).sum())
+        gravity = any(self.sweep.physics.gravity)
+        rows, missing = [], []
+        for row in self.rows:
+            # of a robot that hangs or stands, gravity in other orientations is not left out
+            if row.acts_in_sweep or (gravity and row.effect.startswith("gravity")):
+                continue
+            contribution = self.contribution(row, "in_sweep", meaning)
+            if contribution.n < needed or needed == 0:
+                missing.append(row.label)
+            else:
+                rows.append((contribution.mean, contribution.with_effect, row.label))
+        return rows, missing
+
     def problems(self, row: BudgetRow, side: Side) -> tuple[str, ...]:
         """Why a contribution lacks loads, each reason once."""
         present, absent = self.cases(row, side)

@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from bowstring.display import short_repr
 from bowstring.formatting import in_mm, in_percent, listed, significant
 from bowstring.study.comparison import MEANINGS
@@ -110,19 +108,9 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
 
 def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
     """Of the effects that the sweep leaves out, the one that adds the largest mean error."""
-    budget = study.budget
-    gravity = any(budget.sweep.physics.gravity)
     parts: dict[str, list[str]] = {}
     for name, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
-        needed = int(np.isfinite(budget.sweep.error(name)).sum())
-        found = []
-        for row in budget.rows:
-            # of a robot that hangs or stands, gravity in other orientations is not left out
-            if row.acts_in_sweep or (gravity and row.effect.startswith("gravity")):
-                continue
-            added = budget.contribution(row, "in_sweep", name)
-            if 0 < needed <= added.n:
-                found.append((added.mean, added.with_effect, row.label))
+        found, _ = study.budget.left_out(name)
         if found:
             _, mean, label = max(found)
             parts.setdefault(label, []).append(f"{in_mm(mean)} {words}")

@@ -373,19 +373,8 @@ def _on_left_out(budget: Budget) -> list[str]:
     """Which effect that the main sweep lacks would cost most, as the error budget has it."""
     found: dict[str, list[str]] = {}
     partly = []
-    gravity = any(budget.sweep.physics.gravity)
     for meaning, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
-        needed = int(np.isfinite(budget.sweep.error(meaning)).sum())
-        rows, missing = [], []
-        for row in budget.rows:
-            # of a robot that hangs or stands, gravity in other orientations is not left out
-            if row.acts_in_sweep or (gravity and row.effect.startswith("gravity")):
-                continue
-            contribution = budget.contribution(row, "in_sweep", meaning)
-            if contribution.n < needed or needed == 0:
-                missing.append(row.label)
-            else:
-                rows.append((contribution.mean, contribution.with_effect, row.label))
+        rows, missing = budget.left_out(meaning)
         if rows:
             more, mean, label = max(rows)
             change = "raises the mean error" if more > 0.0 else "lowers the mean error"
