@@ -79,7 +79,7 @@ def read(name: str) -> Data:
     time_s = np.array([float(row["timestamp"]) for row in rows])
     return Data(
         points=1e-3 * np.array([[float(row[f"tip_{axis}"]) for axis in "xyz"] for row in rows]),
-        pulls=1e-3 * np.array([[float(row[servo]) for servo in servos] for row in rows]),
+        displacements=1e-3 * np.array([[float(row[servo]) for servo in servos] for row in rows]),
         group=np.array([family(row["pattern_label"]) for row in rows]),
         time=time_s - 1778538602.0,
     )
@@ -92,16 +92,19 @@ def family(label: str) -> str:
 
 
 def floor(data: Data) -> None:
-    """How far apart tips are that the same nine pulls led to, at other times."""
-    pulls, tips = MM * np.asarray(data.pulls), MM * np.asarray(data.points)
-    apart = np.linalg.norm(pulls[:, None] - pulls, axis=-1)
+    """How far apart tips are that the same nine displacements led to, at other times."""
+    displacements, tips = MM * np.asarray(data.displacements), MM * np.asarray(data.points)
+    apart = np.linalg.norm(displacements[:, None] - displacements, axis=-1)
     later = np.asarray(data.time)[:, None] - np.asarray(data.time) > 2.0
     i, j = np.nonzero((apart < 0.2) & later)
     distance = np.linalg.norm(tips[i] - tips[j], axis=1)
-    way = np.gradient(pulls, axis=0)
+    way = np.gradient(displacements, axis=0)
     size = np.linalg.norm(way, axis=1) + 1e-9
     same = (way[i] * way[j]).sum(axis=1) / (size[i] * size[j])
-    print("\nTips of rows whose nine pulls agree to 0.2 mm in all, more than 2 s apart (train)")
+    print(
+        "\nTips of rows whose nine displacements agree to 0.2 mm in all, more than 2 s apart "
+        "(train)"
+    )
     for name, which in [
         ("all pairs", same > -2),
         ("moving the same way", same > 0.7),
@@ -109,14 +112,14 @@ def floor(data: Data) -> None:
     ]:
         rms = np.sqrt(np.mean(distance[which] ** 2))
         print(
-            f"  {name}: {which.sum()} pairs, {rms:.2f} mm RMS apart; a model that knows the pulls "
-            f"alone has {rms / 2:.2f} mm RMSE on them at least"
+            f"  {name}: {which.sum()} pairs, {rms:.2f} mm RMS apart; a model that knows the "
+            f"displacements alone has {rms / 2:.2f} mm RMSE on them at least"
         )
 
 
 def hanging(data: Data) -> None:
     """Where the tip rests while all nine tendons are paid out: one pose, were the rod elastic."""
-    rest = MM * np.asarray(data.points)[(MM * np.asarray(data.pulls) < -0.5).all(axis=1)]
+    rest = MM * np.asarray(data.points)[(MM * np.asarray(data.displacements) < -0.5).all(axis=1)]
     spread = np.sqrt(((rest - rest.mean(axis=0)) ** 2).sum(axis=1).mean())
     print(
         f"\nAll nine tendons paid out by more than 0.5 mm: {len(rest)} rows (train), tips "

@@ -46,7 +46,7 @@ class Case:
 
 
 # Tips from two codes that share nothing with Bowstring; they agree to the digits given.
-PULLS = (
+DISPLACEMENTS = (
     Case("20 N", (20.0, 0.0, 0.0), (110.695401, 0.0, 628.054156)),
     Case("40 N", (40.0, 0.0, 0.0), (216.182744, 0.0, 589.450082)),
     Case("60 N", (60.0, 0.0, 0.0), (309.551981, 0.0, 527.056300)),
@@ -61,7 +61,7 @@ LOADED = Case(
     gravity=(0.0, 0.0, -9.81),
     tip_force=(0.0, 1.0, 0.0),
 )
-CASES = (*PULLS, LOADED)
+CASES = (*DISPLACEMENTS, LOADED)
 
 
 def holes() -> list[tuple[float, float]]:

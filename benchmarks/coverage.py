@@ -7,10 +7,10 @@ friction 0.1, a backbone softer by 3 % than the robot file says, a base that is 
 0.3 degrees, 0.02 mm noise. The path is solved once, noise is drawn for each bench; every bench is
 fitted as a user would, from the robot file. All of it is synthetic. About half a second a fit.
 
-`slack`: 12 rows of pulls of `amouri2019` with tendons that give way by 0.2 mm/N and are 1 mm
-shorter than they should be, fitted from 0.1 mm/N and 0 mm. In some rows tendons are at the edge of
-slack, and the error has minima on either side. Two designs, 0.5 mm noise: `in turn`, each tendon
-pulled in turn, and `one pulled`, whose rows hardly tell the offsets. One to four seconds a fit.
+`slack`: 12 rows of displacements of `amouri2019` with tendons that give way by 0.2 mm/N and are 1
+mm shorter than they should be, fitted from 0.1 mm/N and 0 mm. In some rows tendons are at the edge
+of slack, and the error has minima on either side. Two designs, 0.5 mm noise: `in turn`, each tendon
+shortened in turn, and `one tendon`, whose rows hardly tell the offsets. One to four seconds a fit.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ def inside(found: list[Fit]) -> np.ndarray:
     return np.asarray((low <= TRUTH) & (high >= TRUTH))
 
 
-#: Pulls of the designs with tendons at the edge of slack, m, and the noise of a coordinate, m.
+#: Displacements of the designs with tendons at the edge of slack, m, and the noise of a
+#: coordinate, m.
 SLACK = {
     "in turn": (
         np.concatenate(
@@ -63,32 +64,38 @@ SLACK = {
         ),
         5e-4,
     ),
-    "one pulled": (np.outer(np.linspace(0, 0.02, 12), [1.0, 0.0, 0.0]), 5e-4),
+    "one tendon": (np.outer(np.linspace(0, 0.02, 12), [1.0, 0.0, 0.0]), 5e-4),
 }
 SLACK_NAMES = ["segments.0.tendons.compliance", "offset.tendons"]
 #: mm/N, mm, mm, mm
 SLACK_TRUTH = np.array([0.2, 1.0, 1.0, 1.0])
 
 
-def slack_fits(pulls: np.ndarray, noise: float, count: int, loss: Loss, seed: int = 0) -> list[Fit]:
+def slack_fits(
+    displacements: np.ndarray, noise: float, count: int, loss: Loss, seed: int = 0
+) -> list[Fit]:
     """Fits to tables with tendons at the edge of slack, which differ by their noise alone."""
     robot = bs.load_robot("amouri2019").with_({SLACK_NAMES[0]: 1e-4})
     real = robot.with_({SLACK_NAMES[0]: 1e-3 * float(SLACK_TRUTH[0])})
     tips = bs.solve_batch(
-        real, load=bs.Load(displacements=pulls + 1e-3 * SLACK_TRUTH[1:])
+        real, load=bs.Load(displacements=displacements + 1e-3 * SLACK_TRUTH[1:])
     ).tip_position
     rng = np.random.default_rng(seed)
     return [
-        fit(robot, Data(points=tips + rng.normal(0, noise, tips.shape), pulls=pulls), SLACK_NAMES,
-            loss=loss)
+        fit(
+            robot,
+            Data(points=tips + rng.normal(0, noise, tips.shape), displacements=displacements),
+            SLACK_NAMES,
+            loss=loss,
+        )
         for _ in range(count)
-    ]  # fmt: skip
+    ]
 
 
 def slack(count: int, loss: Loss) -> None:
-    for name, (pulls, noise) in SLACK.items():
+    for name, (displacements, noise) in SLACK.items():
         began = time.perf_counter()
-        found = slack_fits(pulls, noise, count, loss)
+        found = slack_fits(displacements, noise, count, loss)
         spent = time.perf_counter() - began
         low = np.array([[e.low for e in each.estimates] for each in found])
         high = np.array([[e.high for e in each.estimates] for each in found])

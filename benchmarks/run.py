@@ -1,5 +1,5 @@
-"""`make bench`: every solver on the same robot and loads, one table for statics, one for pulled
-lengths and one for a motion, each with our own figures.
+"""`make bench`: every solver on the same robot and loads, one table for statics, one for
+displacement control and one for a motion, each with our own figures.
 
 Each solver runs in a process of its own, one after the other, on one thread (only Bowstring's batch
 row uses all cores); one that is not installed, fails or takes too long gets a row that says so.
@@ -22,8 +22,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from benchmarks import pulled, ramp
-from benchmarks.cases import LOADED, PULLS, Case, Result
+from benchmarks import displacement, ramp
+from benchmarks.cases import DISPLACEMENTS, LOADED, Case, Result
 
 ROOT = Path(__file__).parent.parent
 OURS = "Bowstring"
@@ -33,7 +33,7 @@ PEERS = {
     "PyElastica": "pyelastica_rod",
     "soromox": "soromox_rod",
 }
-PULLED_PEERS = {"Exudyn": "exudyn_pulled", "MuJoCo": "mujoco_pulled"}
+DISPLACEMENT_PEERS = {"Exudyn": "exudyn_displacement", "MuJoCo": "mujoco_displacement"}
 RAMP_PEERS = {"Exudyn": "exudyn_ramp", "MuJoCo": "mujoco_ramp"}
 LEVELS_MM = (30, 10, 3, 1, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 TIME_LIMIT_S = 600
@@ -46,7 +46,7 @@ ONE_THREAD = {
     "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
 }
 TITLES = {
-    PULLS[-1]: "tendon 1 at 80 N, nothing else",
+    DISPLACEMENTS[-1]: "tendon 1 at 80 N, nothing else",
     LOADED: "tendons at 40, 10, 5 N, gravity on 20 g disks and backbone, 1 N across the tip",
 }
 
@@ -138,7 +138,7 @@ def comparison(reports: dict[str, dict]) -> Table:
 
 @dataclass
 class Found:
-    """A setting of the pulled robot that has an answer."""
+    """A setting of the displacement-controlled robot that has an answer."""
 
     setting: str
     time_ms: float
@@ -154,8 +154,8 @@ def found(report: dict, converged: list[float] | None) -> list[Found]:
     ]
 
 
-def pulled_comparison(reports: dict[str, dict]) -> Table:
-    table = Table(title="Driven by pulled lengths: time and tip error", title_justify="left")
+def displacement_comparison(reports: dict[str, dict]) -> Table:
+    table = Table(title="Displacement control: time and tip error", title_justify="left")
     for column in ("solver", "setting"):
         table.add_column(column)
     for column in ("time, ms", "tip error, mm", "tension 1, N", "time / our one call"):
@@ -179,17 +179,19 @@ def pulled_comparison(reports: dict[str, dict]) -> Table:
     return table
 
 
-def pulled_notes(report: dict) -> str:
-    """What the table of pulled lengths compares, and our converged tip beside the independent."""
-    pulls = ", ".join(f"{1e3 * pull:.3f}" for pull in pulled.PULLS)
+def displacement_notes(report: dict) -> str:
+    """What the table of displacement control compares, and our converged tip beside the
+    independent."""
+    displacements = ", ".join(f"{1e3 * value:.3f}" for value in displacement.DISPLACEMENTS)
     lines = [
-        f"Pulls {pulls} mm: those of {pulled.TENSION_N:g} N on tendon 1. Gravity and tip force on.",
+        f"Displacements {displacements} mm: those of {displacement.TENSION_N:g} N on tendon 1. "
+        "Gravity and tip force on.",
         "Bowstring: a constraint; which tendons hang is part of the answer. Exudyn, MuJoCo: tendon",
         "1 is a stiff spring (a soft constraint), and they are told that the others hang.",
         "PyElastica, soromox: have no such input.",
     ]
     if "converged_mm" in report:
-        apart = dist(report["converged_mm"], pulled.CHECK_TIP_MM)
+        apart = dist(report["converged_mm"], displacement.CHECK_TIP_MM)
         lines.append(
             "Tip error: from ours with elements=8, which is "
             f"{apart:.1g} mm from that of Exudyn by tension, extrapolated."
@@ -385,21 +387,27 @@ def drive_figures() -> Table:
         by_tension = core[f"{case}_by_tension"]
         name = f"{case} ({readable(by_tension)} us)"
         for way, what, asked in (
-            ("by_pull", "pulled / by tension", 3),
+            ("by_displacement", "by displacement / by tension", 3),
             ("by_tension_with_friction", "by tension with friction / without", 5),
-            ("by_pull_with_friction", "pulled with friction / by tension without", 5),
+            (
+                "by_displacement_with_friction",
+                "by displacement with friction / by tension without",
+                5,
+            ),
         ):
             figures.row(f"{name}: {what}", "<=", asked, core[f"{case}_{way}"] / by_tension)
 
     def grown(small: str, large: str) -> float:
-        """How the time of a pulled solve by module and tendon changes."""
-        each = [core[f"{case}_by_pull"] / prod(DRIVEN[case]) for case in (small, large)]
+        """How the time of a solve by displacement by module and tendon changes."""
+        each = [core[f"{case}_by_displacement"] / prod(DRIVEN[case]) for case in (small, large)]
         return each[1] / each[0]
 
     for large in ("3x10", "3x20"):
-        name = f"pulled, time / (modules x tendons), {large} against 1x10"
+        name = f"by displacement, time / (modules x tendons), {large} against 1x10"
         figures.row(name, "<=", LINEAR, grown("1x10", large))
-    figures.row("pulled, time / modules, 3x20 against 3x10", "", nan, grown("3x10", "3x20"))
+    figures.row(
+        "by displacement, time / modules, 3x20 against 3x10", "", nan, grown("3x10", "3x20")
+    )
     return figures.table
 
 
@@ -430,9 +438,11 @@ def main() -> None:
     )
     console.print(figures(reports))
 
-    lengths = run_all({OURS: "ours_pulled", **{k: f"peers.{v}" for k, v in PULLED_PEERS.items()}})
-    console.print(pulled_comparison(lengths))
-    print_versions(console, lengths, f"One thread. {pulled_notes(lengths[OURS])}\n{fastest}")
+    lengths = run_all(
+        {OURS: "ours_displacement", **{k: f"peers.{v}" for k, v in DISPLACEMENT_PEERS.items()}}
+    )
+    console.print(displacement_comparison(lengths))
+    print_versions(console, lengths, f"One thread. {displacement_notes(lengths[OURS])}\n{fastest}")
     console.print(drive_figures())
 
     motions = run_all({OURS: "ours_ramp", **{k: f"peers.{v}" for k, v in RAMP_PEERS.items()}})
@@ -449,7 +459,7 @@ def main() -> None:
                 "cpu": cpu_name(),
                 "core_us": core_us(),
                 "solvers": reports,
-                "pulled": lengths,
+                "displacement": lengths,
                 "ramp": motions,
             },
             indent=1,

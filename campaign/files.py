@@ -114,7 +114,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
     )
     start = {"robot": "a", "units": "SI: m, rad, s", "values": {"gain": 1.02, "base.x": 1e-4}}
     drive = "t_s,tension_1_N,tension_2_N,tension_3_N\n0,0,0,0\n0.5,10,0,0\n1,0,5,0\n"
-    pulled = "t_s,pull_1_mm,pull_2_mm,tension_3_N\n0,0,0,0\n0.5,1,-0.5,2\n"
+    displaced = "t_s,displacement_1_mm,displacement_2_mm,tension_3_N\n0,0,0,0\n0.5,1,-0.5,2\n"
     mapping = ROOT / "examples" / "foreign.yaml"
     foreign = mapping.with_suffix(".csv")
     found = {
@@ -143,7 +143,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
             load_mapping,
         ),
         "drive": Kind(
-            ".csv", [drive.encode(), pulled.encode()], lambda file: read_drive(file, robot)
+            ".csv", [drive.encode(), displaced.encode()], lambda file: read_drive(file, robot)
         ),
         "history": Kind(".json", [json.dumps(history).encode()], read_path),
         "start": Kind(".json", [json.dumps(start).encode()], table_fit.read_start),

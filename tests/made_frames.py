@@ -57,7 +57,9 @@ def made_frames(
         tendon_length=disks[robot.tendons.end_disk]
         - robot.tendons.hole_m[:, 0] * kappa[:, None] * disks[robot.tendons.end_disk],
         span_length=np.tile(span, (t, 1, 1)),
-        pull=robot.tendons.hole_m[:, 0] * kappa[:, None] * disks[robot.tendons.end_disk],
+        tendon_displacement=robot.tendons.hole_m[:, 0]
+        * kappa[:, None]
+        * disks[robot.tendons.end_disk],
         slack=np.zeros((t, m)),
         span_tension=np.where(np.isnan(span), np.nan, np.tile(np.arange(1.0, m + 1), (t, n, 1))),
         kinetic_energy=kinetic,

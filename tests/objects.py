@@ -49,7 +49,7 @@ def objects(**given: Any) -> dict[str, Any]:
 
 def bench(**given: Any) -> dict[str, Any]:
     """Arguments of a synthetic bench by name, as objects; others stay as they are."""
-    changes = {"actual": "changes", "pulls": "displacements"}
+    changes = {"actual": "changes", "displacements": "displacements"}
     named = {changes.get(name, name): value for name, value in given.items()}
     out: dict[str, Any] = {}
     for argument, kind in (

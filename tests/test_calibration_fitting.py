@@ -36,8 +36,8 @@ def three_segments(**more):
     return bs.load_robot("crl-ftdcr-v4", {**drive, **more})
 
 
-def made_up_pulls(rows, seed=0):
-    """Synthetic commands: a smooth random walk of the nine pulls, in m."""
+def made_up_displacements(rows, seed=0):
+    """Synthetic commands: a smooth random walk of the nine displacements, in m."""
     rng = np.random.default_rng(seed)
     phase = rng.uniform(0, 2 * np.pi, (9, 3))
     t = np.linspace(0, 6 * np.pi, rows)[:, None, None]
@@ -82,11 +82,16 @@ def test_exact_derivatives_are_those_of_differences(mixed):
             "segments.2.tendons.free_length": 0.3,
         }
     )
-    pulls = made_up_pulls(12)
-    tensions = np.full_like(pulls, np.nan)
+    displacements = made_up_displacements(12)
+    tensions = np.full_like(displacements, np.nan)
     if mixed:
-        pulls[:, 4], tensions[:, 4] = np.nan, np.linspace(0.5, 3, 12)
-    data = Data(points=np.zeros((12, 3)), pulls=pulls, tensions=tensions, time=np.arange(12.0))
+        displacements[:, 4], tensions[:, 4] = np.nan, np.linspace(0.5, 3, 12)
+    data = Data(
+        points=np.zeros((12, 3)),
+        displacements=displacements,
+        tensions=tensions,
+        time=np.arange(12.0),
+    )
     start = {"tool.z": 0.008, "base.rx": 0.2, "backlash": 5e-5, "delay": 0.05}
     unknowns = Unknowns(robot, EXACT, start)
     model = TipModel(unknowns, observations.commands(data, robot), RodModel())
@@ -133,7 +138,7 @@ def test_recovers_a_single_segment_synthetic():
 
 
 @pytest.mark.slow
-def test_recovers_three_segments_pulled_synthetic():
+def test_recovers_three_segments_displaced_synthetic():
     robot = three_segments()
     names = [
         "segments.*.tendons.compliance",
@@ -152,7 +157,7 @@ def test_recovers_three_segments_pulled_synthetic():
         "base.ry": 0.05,
         "tool.z": 0.008,
     }
-    commands = {"as": "pulls", "x": made_up_pulls(150)}
+    commands = {"as": "displacements", "x": made_up_displacements(150)}
     data = synthetic(robot, names, truth, commands, noise=1e-4)
     found = fit(robot, data, names, start={"tool.z": 0.005})
     assert found.converged, found.message
@@ -286,14 +291,14 @@ def test_parameters_that_the_data_cannot_tell_apart_synthetic():
     names = ["segments.0.backbone.E", "gain", "base.x"]
     data = synthetic(robot, names, {}, {"as": "tensions", "x": masses()}, noise=2e-5)
     found = fit(robot, data, names)
-    assert found.confused == (("segments.0.backbone.E", "gain"),)
-    assert "cannot tell segments.0.backbone.E and gain apart" in found.message
+    assert found.not_identifiable == (("segments.0.backbone.E", "gain"),)
+    assert "cannot separate segments.0.backbone.E and gain, which" in found.message
     assert np.isinf(found["gain"].standard_error) and np.isfinite(found["base.x"].standard_error)
     assert "not determined" in str(found["gain"])
 
 
 def test_an_interval_ends_where_the_parameter_does_synthetic():
-    """Three loads hardly tell friction from none, and a hand's weight says nothing of it."""
+    """Three loads hardly identify friction, and with a hand's weight it is not identifiable."""
     robot = bs.load_robot("amouri2019", {"gravity": [0.0, 0.0, -9.81]})
     names = ["segments.0.backbone.E", "segments.0.tendons.friction"]
     few = bench.simulate(
@@ -314,8 +319,8 @@ def test_an_interval_ends_where_the_parameter_does_synthetic():
         seed=3,
     )
     found = fit(robot, light, names)
-    assert found.confused == ((names[1],),)
-    assert f"The data say nothing of {names[1]}." in found.message
+    assert found.not_identifiable == ((names[1],),)
+    assert f"{names[1]} is not identifiable from these data." in found.message
     assert np.isinf(found[names[1]].standard_error) and np.isnan(found.correlation[1]).all()
     assert np.isfinite(found[names[0]].standard_error)
 
@@ -323,12 +328,12 @@ def test_an_interval_ends_where_the_parameter_does_synthetic():
 def test_constant_curvature_with_gains_synthetic():
     robot = three_segments()
     names = ["bend_gain.segments", "hole_angle.segments.1", "base", "tool.z"]
-    pulls = made_up_pulls(60)
+    displacements = made_up_displacements(60)
     truth = {"bend_gain.segments.0": 0.8, "hole_angle.segments.1": 0.1, "tool.z": 0.008}
     unknowns = Unknowns(robot, names, truth)
-    empty = Data(points=np.zeros((60, 3)), pulls=pulls)
+    empty = Data(points=np.zeros((60, 3)), displacements=displacements)
     model = TipModel(unknowns, observations.commands(empty, robot), None)
-    data = Data(points=model.predict(unknowns.start).point, pulls=pulls)
+    data = Data(points=model.predict(unknowns.start).point, displacements=displacements)
     found = fit(robot, data, names, model="arc", loss="linear")
     for name, value in truth.items():
         assert found.values[name] == pytest.approx(value, rel=1e-4)
@@ -351,22 +356,22 @@ def test_blocks_never_split_a_group_synthetic():
 
 GIVE = "segments.0.tendons.compliance"
 GIVE_TRUTH = {GIVE: 2e-4, "offset.tendons": 1e-3}
-#: Each tendon pulled in turn, the others paid out by half of it, 12 rows, m.
+#: Each tendon shortened in turn, the others lengthened by half of it, 12 rows, m.
 IN_TURN = np.concatenate(
     [np.outer(np.linspace(0, 0.02, 4), np.roll([1, -0.5, -0.5], i)) for i in range(3)]
 )
-#: One tendon pulled, the others held: the offsets show in the first rows alone.
-ONE_PULLED = np.outer(np.linspace(0, 0.02, 12), [1.0, 0.0, 0.0])
+#: One tendon shortened, the others held: the offsets show in the first rows alone.
+ONE_DISPLACED = np.outer(np.linspace(0, 0.02, 12), [1.0, 0.0, 0.0])
 
 
 def giving(compliance):
     return single().with_({GIVE: compliance})
 
 
-def slack_bench(pulls, noise, seed):
+def slack_bench(displacements, noise, seed):
     """Synthetic tips of a robot whose tendons give way and are shorter than they should be."""
     names = [GIVE, "offset.tendons"]
-    commands = {"as": "pulls", "x": pulls}
+    commands = {"as": "displacements", "x": displacements}
     return synthetic(giving(1e-4), names, GIVE_TRUTH, commands, noise=noise, seed=seed)
 
 
@@ -397,7 +402,7 @@ def test_intervals_hold_the_truth_where_tendons_become_slack_synthetic():
 
 def test_an_interval_reaches_across_changes_of_sides_synthetic():
     """The lowest minimum is at -0.5 +- 0.09 mm, one at 1 mm is hardly higher."""
-    found = fit(giving(1e-4), slack_bench(ONE_PULLED, 5e-4, 1), [GIVE, "offset.tendons"])
+    found = fit(giving(1e-4), slack_bench(ONE_DISPLACED, 5e-4, 1), [GIVE, "offset.tendons"])
     assert found.converged
     offset = found["offset.tendons.0"]
     assert offset.value < 0.0 and offset.low < offset.value < 1.0 < offset.high
@@ -417,13 +422,20 @@ def test_a_parameter_that_acts_once_tendons_are_taut_is_no_idle_one_synthetic():
 
 @pytest.mark.parametrize("friction", [0.0, 0.1])
 def test_a_row_without_equilibrium_is_left_out_and_counted_synthetic(friction):
-    """Inextensible tendons on a backbone that does not shorten: three pulled alike fight."""
+    """Inextensible tendons on a backbone that does not shorten: three shortened alike fight."""
     robot = single().with_({"segments.0.tendons.friction": friction})
-    pulls = np.outer(np.linspace(0, 0.02, 24), [1.0, -1.5, -1.5])
+    displacements = np.outer(np.linspace(0, 0.02, 24), [1.0, -1.5, -1.5])
     names = ["gain", "base.x"]
-    good = synthetic(robot, names, {"gain": 1.02}, {"as": "pulls", "x": pulls}, noise=2e-5)
-    pulls[7] = 0.03
-    found = fit(robot, Data(points=good.points, pulls=pulls), names, model=RodModel("kirchhoff"))
+    good = synthetic(
+        robot, names, {"gain": 1.02}, {"as": "displacements", "x": displacements}, noise=2e-5
+    )
+    displacements[7] = 0.03
+    found = fit(
+        robot,
+        Data(points=good.points, displacements=displacements),
+        names,
+        model=RodModel("kirchhoff"),
+    )
     assert found.converged and found.unsolved == 1
     assert found.used.sum() == 23 and not found.used[7] and np.isnan(found.residuals[7]).all()
     assert "Left out, without an equilibrium: 1 of 24 rows." in found.message
@@ -433,8 +445,10 @@ def test_a_row_without_equilibrium_is_left_out_and_counted_synthetic(friction):
 
 def test_tendons_that_fight_at_the_start_do_not_stop_a_fit_synthetic():
     """Inextensible ones have no equilibrium in 23 of 40 rows; the fit begins softer."""
-    pulls = np.random.default_rng(0).uniform(-0.01, 0.02, (40, 3))
-    data = synthetic(giving(2e-4), [GIVE], {}, {"as": "pulls", "x": pulls}, noise=1e-4)
+    displacements = np.random.default_rng(0).uniform(-0.01, 0.02, (40, 3))
+    data = synthetic(
+        giving(2e-4), [GIVE], {}, {"as": "displacements", "x": displacements}, noise=1e-4
+    )
     found = fit(single(), data, [GIVE])
     assert found.converged and found.used.all()
     assert found[GIVE].value == pytest.approx(0.2, rel=0.01) and found[GIVE].start == 0.0
@@ -457,12 +471,12 @@ def test_friction_beside_parameters_that_are_hardly_told_apart_synthetic(loss):
 
 
 @pytest.mark.slow
-def test_friction_takes_few_paths_of_a_pulled_robot_synthetic():
+def test_friction_takes_few_paths_of_a_displaced_robot_synthetic():
     """Derivatives by differences after each step took 277 passes over the rows."""
     robot = three_segments(**{f"segments.{i}.tendons.friction": 0.05 for i in range(3)})
     names = ["segments.*.tendons.friction", *calibration.FRAMES, "gain.tendons", "offset.tendons"]
     truth = {"segments.*.tendons.friction": 0.1, "gain.tendons.2": 1.05, "tool.z": 0.008}
-    commands = {"as": "pulls", "x": made_up_pulls(60)}
+    commands = {"as": "displacements", "x": made_up_displacements(60)}
     data = synthetic(robot, names, truth, commands, noise=1e-4)
     found = fit(robot, data, names, loss="linear")
     assert found.converged
@@ -530,7 +544,7 @@ def loads(**change):
         ),
         (loads(tensions=np.full((17, 3), np.inf)), ["base"], "command of tendon 1 is inf"),
         (loads(tensions=np.ones((17, 4))), ["base"], "3 columns"),
-        (loads(tensions=None), ["base"], "neither tensions nor pulls"),
+        (loads(tensions=None), ["base"], "neither tensions nor displacements"),
         (loads(group=[1]), ["base"], "group has shape"),
     ],
 )
@@ -553,7 +567,7 @@ def test_bad_options_are_named():
 
 
 def test_a_start_without_solution_is_named():
-    fight = Data(points=np.ones((7, 3)), pulls=np.full((7, 3), 0.03))
+    fight = Data(points=np.ones((7, 3)), displacements=np.full((7, 3), 0.03))
     with pytest.raises(NoSolutionError, match="the first is row 0"):
         fit(single(), fight, ["base"], model=RodModel("kirchhoff"))
 
@@ -603,7 +617,7 @@ def test_numbers_go_through_json_synthetic():
     names = ["segments.0.backbone.E", "gain"]
     data = synthetic(robot, names, {}, {"as": "tensions", "x": masses()}, noise=2e-5)
     text = json.dumps(fit(robot, data, names).to_dict(), allow_nan=False)
-    assert json.loads(text)["cannot_tell_apart"] == [names]
+    assert json.loads(text)["not_identifiable"] == [names]
 
 
 def test_scores_are_over_points():
@@ -638,7 +652,7 @@ def test_plain_constant_curvature_on_the_real_robot(mocap):
         calibration.ROBOT, train, names, model="arc", start=calibration.START, loss="linear"
     )
     assert found.converged
-    assert ("base.rz" in found.confused[0]) and len(found.confused) == 1
+    assert ("base.rz" in found.not_identifiable[0]) and len(found.not_identifiable) == 1
     assert 1e3 * on_val(found, every, val).mean == pytest.approx(10.65, abs=0.05)
 
 
@@ -686,7 +700,7 @@ def test_eight_parameters_of_the_real_robot(mocap):
     train, every, val = mocap
     options = {"start": calibration.START, "loss": "linear"}
     found = fit(calibration.ELASTIC, train, calibration.EIGHT, **options)
-    assert found.converged and not found.confused and len(found.estimates) == 8
+    assert found.converged and not found.not_identifiable and len(found.estimates) == 8
     assert 1e3 * found.score.rmse == pytest.approx(5.42, abs=0.01)
     reached = on_val(found, every, val)
     assert 1e3 * reached.rmse == pytest.approx(6.84, abs=0.03)

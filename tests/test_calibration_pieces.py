@@ -10,8 +10,8 @@ from bowstring.calibration.parameters import Unknowns
 from bowstring.calibration.tip_model import TipModel
 
 NAMES = ["segments.0.tendons.compliance", "offset.tendons", "segments.0.backbone.E", "base.rx"]
-#: Three tendons, each pulled in turn while the others are paid out by half of it, m.
-PULLS = np.concatenate(
+#: Three tendons, each shortened in turn while the others are lengthened by half of it, m.
+DISPLACEMENTS = np.concatenate(
     [np.outer(np.linspace(0, 0.02, 4), np.roll([1, -0.5, -0.5], i)) for i in range(3)]
 )
 
@@ -20,7 +20,7 @@ def model_at(offset, names=NAMES):
     """The rod's model, the values, and the point there."""
     robot = bs.load_robot("amouri2019").with_({"segments.0.tendons.compliance": 2e-4})
     unknowns = Unknowns(robot, names, {"offset.tendons": offset})
-    data = Data(points=np.zeros((12, 3)), pulls=PULLS)
+    data = Data(points=np.zeros((12, 3)), displacements=DISPLACEMENTS)
     model = TipModel(unknowns, observations.commands(data, robot), RodModel())
     return model, unknowns.start, model.predict(unknowns.start, keep=True)
 

@@ -47,14 +47,14 @@ def test_a_course_without_repeats_or_sigma_is_still_seen() -> None:
     residual, run, _ = made(2)
     course = 2.0 * SIGMA * np.sin(np.arange(ROWS) / 5.0)
     found = noise_test(residual + course[:, None], run, np.arange(ROWS), 0)
-    assert math.isnan(found.size_chance) and math.isnan(found.fit_chance)
+    assert math.isnan(found.variance_p) and math.isnan(found.lack_of_fit_p)
     assert found.is_noise is False
 
 
 def test_a_stated_sigma_that_is_too_small_is_told_from_a_wrong_model() -> None:
     residual, run, cell = made(3)
     found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA / 2))
-    assert found.size_chance < NOISE and found.is_noise is True
+    assert found.variance_p < NOISE and found.is_noise is True
     assert "stated uncertainty is too small" in found.text
     # without repeats nothing else can be to blame
     alone = noise_test(residual, run, np.arange(ROWS), 0, np.full(ROWS, SIGMA / 2))
@@ -109,7 +109,7 @@ def test_repeats_that_are_none_are_no_mistyped_rows() -> None:
     residual, run, cell = made(10)
     residual[::9] += 1e-3
     found = noise_test(residual, run, cell, 0, np.full(ROWS, SIGMA))
-    assert found.wrong_lines == () and found.size_chance < NOISE
+    assert found.wrong_lines == () and found.variance_p < NOISE
 
 
 def test_too_little_is_not_tested() -> None:

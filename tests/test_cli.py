@@ -60,7 +60,7 @@ def test_fk(shell: Shell) -> None:
     found = shell.json("fk", "amouri2019", "--lengths", "612 mm,0.6555,65.55 cm")
     (segment,) = found["segments"]
     assert set(segment) == {"kappa_per_m", "phi_rad", "theta_rad", "length_m", "misfit_m"}
-    assert segment["theta_rad"] == pytest.approx(1.0, rel=1e-12)  # pull = theta r = 29 mm
+    assert segment["theta_rad"] == pytest.approx(1.0, rel=1e-12)  # displacement = theta r = 29 mm
     assert segment["length_m"] == pytest.approx(0.641, rel=1e-12)
     expected = bs.constant_curvature.RobotArcs.from_lengths(
         bs.load_robot("amouri2019"), [0.612, 0.6555, 0.6555]
@@ -573,13 +573,16 @@ FIT = ("fit", "amouri2019", "--parameter", "base")
         (["study", "--tendon", "1,1"], ("--tendon: tendon 1 is there twice",)),
         (
             ["study", "--tendon", "1:50 %"],
-            ("--tendon: the largest share of the pulled tendons is 0.5;",),
+            ("--tendon: the largest share of the actuated tendons is 0.5;",),
         ),
         (["study", "--tendon", "1,2,3"], ("--tendon: ", "balance each other")),
         (["study", "--rise", "1e-9"], ("--rise: got 1e-09 s; must be from 0.11 to 87.7 s",)),
         (["study", "--max-tension", "1e7"], ("--max-tension: by the linear law",)),
         (["study", "--measurements", "no.csv"], ("--measurements: no.csv: the table cannot",)),
-        ([*SOLVE, "--pull", "0.9,0,0"], ("--pull: got 0.9 m for tendon 1; must be less than",)),
+        (
+            [*SOLVE, "--displacement", "0.9,0,0"],
+            ("--displacement: got 0.9 m for tendon 1; must be less than",),
+        ),
         ([*SOLVE, "--angle", "0.1,0,0"], ("--angle: tendon 1 of amouri2019 has no spool_radius",)),
         (
             [*SOLVE, "--angle", "70 rad,0,0", "--set", "segments.0.tendons.spool_radius=1 cm"],
@@ -588,12 +591,21 @@ FIT = ("fit", "amouri2019", "--parameter", "base")
         ([*SOLVE, "--tension", "1,2"], ("--tension: got 2 numbers",)),
         (["solve", "no", "--set", "foo=1", "--tension", "1,0,0"], ("Error: no is neither a file",)),
         ([*SOLVE, "--set", "foo=1", "--tension", "1,0,0"], ("--set: amouri2019: foo: unknown",)),
-        ([*SIMULATE, "--pull", "0.9,0,0"], ("--pull: the displacement of tendon 1 is 0.9 m at 1",)),
         (
-            [*SIMULATE, "--pull", "0,0,0", "--from-pull", "0.9,0,0"],
-            ("--pull or --from-pull: the displacement of tendon 1 is 0.9 m at 0 s",),
+            [*SIMULATE, "--displacement", "0.9,0,0"],
+            ("--displacement: the displacement of tendon 1 is 0.9 m at 1",),
         ),
-        ([*BENCH, "--pulls", "0:0.5:1"], ("--pulls: got 1 m for tendon 1; must be less than",)),
+        (
+            [*SIMULATE, "--displacement", "0,0,0", "--from-displacement", "0.9,0,0"],
+            (
+                "--displacement or --from-displacement: the displacement of tendon 1 is 0.9 m at 0 "
+                "s",
+            ),
+        ),
+        (
+            [*BENCH, "--displacements", "0:0.5:1"],
+            ("--displacements: got 1 m for tendon 1; must be less than",),
+        ),
         ([*BENCHED, "--drift", "1e9,0,0"], ("--drift: got 1e+09 m; must be up to 1e+06 m",)),
         ([*BENCHED, "--friction", "100"], ("--friction: amouri2019: segments[0].tendons.f",)),
         ([*BENCHED, "--actual", "foo=1"], ("--actual: amouri2019: foo: unknown field",)),
@@ -671,15 +683,19 @@ def test_a_request_to_end_is_like_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Non
         ("ik amouri2019 --tip 0.1,0,600", "--tip: got 600 ", "600 mm"),
         ("fk amouri2019 --lengths 29,29,29", "--lengths: got 29 ", "29 mm"),
         ("fk amouri2019 --lengths 630,641,641", "--lengths: got 630 ", "630 mm"),
-        ("solve amouri2019 --pull 10,-5,-5", "--pull: got 10 ", "10 mm"),
-        ("solve amouri2019 --tension 5,-,- --pull -,2,-1", "--pull: got 2 ", "2 mm"),
+        ("solve amouri2019 --displacement 10,-5,-5", "--displacement: got 10 ", "10 mm"),
+        (
+            "solve amouri2019 --tension 5,-,- --displacement -,2,-1",
+            "--displacement: got 2 ",
+            "2 mm",
+        ),
         (
             "solve amouri2019 --set segments.0.tendons.spool_radius=0.01 --angle 90,-45,-45",
             "--angle: got 90 ",
             "90 deg",
         ),
         ("solve amouri2019 --tension 1,0,0 --gravity 0,0,9810", "--gravity: ", "9810 mm/s^2"),
-        ("simulate amouri2019 --pull 10,-5,-5", "--pull: got 10 ", "10 mm"),
+        ("simulate amouri2019 --displacement 10,-5,-5", "--displacement: got 10 ", "10 mm"),
         (
             "bench simulate amouri2019 --masses 0:1:2 --out x.csv --tool 0,0,8",
             "--tool: got 8 ",

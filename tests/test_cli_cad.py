@@ -58,13 +58,13 @@ def test_a_bent_robot_as_files(shell: Shell, here: Path) -> None:
         "value_m": 0.002,
     }
     settings = found["provenance"]["settings"]
-    assert settings == {"tensions_N": [60, 0, 0], "pulls_m": None, "angles_rad": None}
+    assert settings == {"tensions_N": [60, 0, 0], "displacements_m": None, "angles_rad": None}
     end = bd.import_step("robot.step").children[10].center(bd.CenterOf.MASS)
     np.testing.assert_allclose(np.array(tuple(end)) / 1e3, solution.tip.position, atol=1e-8)
 
 
 @pytest.mark.cad
-def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
+def test_displacements_and_overrides(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     heavy = (
         "--set",
@@ -72,7 +72,7 @@ def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
         "--set",
         "segments.0.disks.hole_diameter=4 mm",
     )
-    found = shell.json(*CAD, *heavy, "--pull", "10 mm,-5 mm,-5 mm", "--out", "robot.glb")
+    found = shell.json(*CAD, *heavy, "--displacement", "10 mm,-5 mm,-5 mm", "--out", "robot.glb")
     robot = bs.load_robot(
         "amouri2019", {"segments.0.disks.density": 1200, "segments.0.disks.hole_diameter": "4 mm"}
     )
@@ -85,11 +85,11 @@ def test_pulls_and_overrides(shell: Shell, here: Path) -> None:
 
 
 @pytest.mark.cad
-def test_motor_angles_bend_it_as_pulls_do(shell: Shell, here: Path) -> None:
+def test_motor_angles_bend_it_as_displacements_do(shell: Shell, here: Path) -> None:
     pytest.importorskip("build123d", exc_type=ImportError)
     spool = ("--set", "segments.0.tendons.spool_radius=10 mm", "--out", "robot.glb")
     turned = shell.json(*CAD, *spool, "--angle", "1,-1 rad,-1")
-    pulled = shell.json(*CAD, *spool, "--pull", "10 mm,-0.01,-0.01")
+    pulled = shell.json(*CAD, *spool, "--displacement", "10 mm,-0.01,-0.01")
     np.testing.assert_allclose(
         turned["tip"]["position_m"], pulled["tip"]["position_m"], rtol=0, atol=1e-12
     )

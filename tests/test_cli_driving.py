@@ -1,4 +1,4 @@
-"""`solve`, `simulate` and `modes` with pulled tendons, motor angles, friction and histories."""
+"""`solve`, `simulate` and `modes` with actuated tendons, motor angles, friction and histories."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ BRIEF = ("--rise", "0.1", "--hold", "0.1")
 NAN = float("nan")
 
 
-def test_pulls(shell: Shell) -> None:
-    found = shell.json(*SOLVE, "--pull", "20 mm,-0.03,-3 cm")
+def test_displacements(shell: Shell) -> None:
+    found = shell.json(*SOLVE, "--displacement", "20 mm,-0.03,-3 cm")
     expected = bs.solve(
         bs.load_robot("amouri2019"), load=bs.Load(displacements=[0.02, -0.03, -0.03])
     )
     assert expected.tip is not None
     np.testing.assert_array_equal(found["tip"]["position_m"], expected.tip.position)
     assert found["status"] == "converged" and found["stable"] is True
-    assert found["pulls_m"] == [0.02, -0.03, -0.03]
+    assert found["displacements_m"] == [0.02, -0.03, -0.03]
     assert found["slack"] == [2, 3] and found["slack_m"][0] == 0
     assert found["tensions_N"][1:] == [0, 0] and found["undetermined"] is False
     assert len(found["span_tensions_N"]) == 9 and found["length_residual_m"] < 1e-12
     settings = found["provenance"]["settings"]
-    assert settings["pulls_m"] == [0.02, -0.03, -0.03] and settings["tensions_N"] is None
+    assert settings["displacements_m"] == [0.02, -0.03, -0.03] and settings["tensions_N"] is None
 
 
 @pytest.mark.parametrize(
-    ("tension", "pull"),
+    ("tension", "displacement"),
     [("5,-,-", "-,2 mm,-1 mm"), ("5,,", ",0.002,-0.001"), ("5, - ,", " -,2000 um , -0.1 cm")],
 )
-def test_a_mix(shell: Shell, tension: str, pull: str) -> None:
-    found = shell.json(*SOLVE, "--tension", tension, "--pull", pull)
+def test_a_mix(shell: Shell, tension: str, displacement: str) -> None:
+    found = shell.json(*SOLVE, "--tension", tension, "--displacement", displacement)
     expected = bs.solve(
         bs.load_robot("amouri2019"),
         [5, None, None],
@@ -54,17 +54,17 @@ def test_a_mix(shell: Shell, tension: str, pull: str) -> None:
 def test_angles(shell: Shell) -> None:
     spool = ("--set", "segments.0.tendons.spool_radius=10 mm")
     angle = shell.json(*SOLVE, *spool, "--angle", "2,-3,-180 deg")
-    pull = shell.json(*SOLVE, *spool, "--pull", f"0.02,-0.03,{-0.01 * np.pi}")
-    assert angle["tip"]["position_m"] == pytest.approx(pull["tip"]["position_m"], abs=1e-12)
+    displacement = shell.json(*SOLVE, *spool, "--displacement", f"0.02,-0.03,{-0.01 * np.pi}")
+    assert angle["tip"]["position_m"] == pytest.approx(displacement["tip"]["position_m"], abs=1e-12)
     mixed = shell.json(
-        *SOLVE, *spool, "--angle", "2,-,-", "--tension", "-,0,-", "--pull", "-,-,-0.03"
+        *SOLVE, *spool, "--angle", "2,-,-", "--tension", "-,0,-", "--displacement", "-,-,-0.03"
     )
-    assert mixed["pulls_m"][0] == 0.02 and mixed["pulls_m"][2] == -0.03
+    assert mixed["displacements_m"][0] == 0.02 and mixed["displacements_m"][2] == -0.03
 
 
-def test_by_tensions_pulls_are_told(shell: Shell) -> None:
+def test_by_tensions_displacements_are_told(shell: Shell) -> None:
     found = shell.json(*SOLVE, "--tension", "80,0,0")
-    assert found["pulls_m"] == pytest.approx([0.042057, -0.019898, -0.019898], abs=1e-6)
+    assert found["displacements_m"] == pytest.approx([0.042057, -0.019898, -0.019898], abs=1e-6)
     assert found["slack"] == [] and found["slack_m"] == [0, 0, 0]
     assert found["span_tensions_N"] == [[80, 0, 0]] * 9
     rao = shell.json("solve", "rao2021", "--tension", "1,0,0,1,0,0")
@@ -72,10 +72,10 @@ def test_by_tensions_pulls_are_told(shell: Shell) -> None:
 
 
 def test_people_see_a_table(shell: Shell) -> None:
-    code, out, err = shell(*SOLVE, "--pull", "0.02,-0.03,-0.03")
+    code, out, err = shell(*SOLVE, "--displacement", "0.02,-0.03,-0.03")
     assert code == 0 and not err
     header = next(line for line in out.splitlines() if line.startswith("tendon"))
-    for word in ("tension N", "length mm", "pull mm", "slack mm"):
+    for word in ("tension N", "length mm", "displacement mm", "slack mm"):
         assert word in header
     assert "20.287" in out and "Tendons 2 and 3 hang slack." in " ".join(out.split())
 
@@ -97,43 +97,55 @@ def test_history_goes_through_files(shell: Shell, tmp_path: Path) -> None:
 
 
 def test_no_equilibrium(shell: Shell, tmp_path: Path) -> None:
-    pulls = ("--pull", "0.03,0.03,0.03", "--theory", "kirchhoff")
+    displacements = ("--displacement", "0.03,0.03,0.03", "--theory", "kirchhoff")
     file = tmp_path / "path.json"
-    code, out, err = shell(*SOLVE, *pulls, "--save-history", str(file))
+    code, out, err = shell(*SOLVE, *displacements, "--save-history", str(file))
     assert code == 1 and not out and not file.exists()
     assert "tendons 1, 2 and 3 pull against each other" in err
     assert "The nearest that have one are 0, 0, 0 mm." in err
-    code, out, err = shell(*SOLVE, *pulls, "--json")
+    code, out, err = shell(*SOLVE, *displacements, "--json")
     content = json.loads(out, parse_constant=pytest.fail)
     assert code == 1 and content["status"] == "no_equilibrium" and content["tip"] is None
-    assert content["pulls_m"] is None and content["slack"] is None
+    assert content["displacements_m"] is None and content["slack"] is None
     assert "fight" not in content["message"] and "pull against each other" in content["message"]
 
 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        ([], "give --tension T1,T2,..., --pull P1,P2,... or --angle A1,A2,..."),
-        (["--pull", "1,2"], "--pull: got 2 numbers;"),
-        (["--pull", "0,0,0,0"], "--pull: got 4 numbers;"),
-        (["--pull", ""], "--pull: got "),
-        (["--pull", "0.01,-,0"], 'got "-", which is not a number'),
-        (["--pull", "0.01,,0"], "got nothing"),
-        (["--pull", "1 N,0,0"], '"N" is not a unit of length'),
-        (["--pull", "nan,0,0"], "not a number"),
-        (["--pull", "1,0,0"], "must be less than the tendon's length, 0.641 m"),
+        ([], "give --tension T1,T2,..., --displacement P1,P2,... or --angle A1,A2,..."),
+        (["--displacement", "1,2"], "--displacement: got 2 numbers;"),
+        (["--displacement", "0,0,0,0"], "--displacement: got 4 numbers;"),
+        (["--displacement", ""], "--displacement: got "),
+        (["--displacement", "0.01,-,0"], 'got "-", which is not a number'),
+        (["--displacement", "0.01,,0"], "got nothing"),
+        (["--displacement", "1 N,0,0"], '"N" is not a unit of length'),
+        (["--displacement", "nan,0,0"], "not a number"),
+        (["--displacement", "1,0,0"], "must be less than the tendon's length, 0.641 m"),
         (["--angle", "1,0,0"], "tendon 1 of amouri2019 has no spool_radius"),
         (["--angle", "1 mm,0,0"], "is not a unit of"),
-        (["--tension", "1,-,-", "--pull", "0.01,0,0"], "tendon 1 has --tension and --pull"),
-        (["--tension", "1,-,-", "--pull", "-,0,-"], "tendon 3 is driven by nothing"),
-        (["--tension", "1,-", "--pull", "-,0,-"], "--tension: got 2 entries;"),
-        (["--tension", "-1,-,-", "--pull", "-,0,0"], "a tendon cannot push"),
-        (["--tension", "1,-,-", "--pull", "-,x,0"], '--pull: got "x", which is not a number'),
-        (["--pull", "0,0,0", "--history", "none.json"], "--history: none.json cannot be read"),
-        (["--pull", "0,0,0", "--history", "mine"], "--history: mine cannot be read"),
-        (["--pull", "0,0,0", "--history", "mine/notes.txt"], "is no JSON"),
-        (["--pull", "0,0,0", "--save-history", "no/a.json"], "cannot write the history to no/a"),
-        (["--pull", "0,0,0", "--save-history", "mine"], "it is a folder"),
+        (
+            ["--tension", "1,-,-", "--displacement", "0.01,0,0"],
+            "tendon 1 has --tension and --displacement",
+        ),
+        (["--tension", "1,-,-", "--displacement", "-,0,-"], "tendon 3 is driven by nothing"),
+        (["--tension", "1,-", "--displacement", "-,0,-"], "--tension: got 2 entries;"),
+        (["--tension", "-1,-,-", "--displacement", "-,0,0"], "a tendon cannot push"),
+        (
+            ["--tension", "1,-,-", "--displacement", "-,x,0"],
+            '--displacement: got "x", which is not a number',
+        ),
+        (
+            ["--displacement", "0,0,0", "--history", "none.json"],
+            "--history: none.json cannot be read",
+        ),
+        (["--displacement", "0,0,0", "--history", "mine"], "--history: mine cannot be read"),
+        (["--displacement", "0,0,0", "--history", "mine/notes.txt"], "is no JSON"),
+        (
+            ["--displacement", "0,0,0", "--save-history", "no/a.json"],
+            "cannot write the history to no/a",
+        ),
+        (["--displacement", "0,0,0", "--save-history", "mine"], "it is a folder"),
     ],
 )
 def test_bad_input(
@@ -149,16 +161,18 @@ def test_bad_input(
 def test_a_history_of_something_else(shell: Shell, tmp_path: Path) -> None:
     file = tmp_path / "path.json"
     upright = ("--set", "gravity=0 0 1")
-    shell.json(*SOLVE, "--pull", "0.01,-0.02,-0.02", "--save-history", str(file), *upright)
+    shell.json(*SOLVE, "--displacement", "0.01,-0.02,-0.02", "--save-history", str(file), *upright)
     again = ("--history", str(file))
-    assert "of another robot" in shell.error(*SOLVE, "--pull", "0,0,0", *again)
+    assert "of another robot" in shell.error(*SOLVE, "--displacement", "0,0,0", *again)
     assert "of another robot" in shell.error("solve", "rao2021", "--tension", "1,0,0,0,0,0", *again)
     kirchhoff = ("--theory", "kirchhoff", *upright)
-    assert "made with theory 'cosserat'" in shell.error(*SOLVE, "--pull=0,0,0", *kirchhoff, *again)
+    assert "made with theory 'cosserat'" in shell.error(
+        *SOLVE, "--displacement=0,0,0", *kirchhoff, *again
+    )
     file.write_text("[1, 2]")
-    assert "is no history" in shell.error(*SOLVE, "--pull", "0,0,0", *again)
+    assert "is no history" in shell.error(*SOLVE, "--displacement", "0,0,0", *again)
     file.write_text("[" * 100_000)
-    assert "is no JSON" in shell.error(*SOLVE, "--pull", "0,0,0", *again)
+    assert "is no JSON" in shell.error(*SOLVE, "--displacement", "0,0,0", *again)
 
 
 # -- simulate and modes ------------------------------------------------------------------------
@@ -168,8 +182,10 @@ def spooled() -> bs.Robot:
     return bs.load_robot("amouri2019", {"segments.0.tendons.spool_radius": "10 mm"})
 
 
-def test_motion_by_pulls(shell: Shell) -> None:
-    found = shell.json(*SIMULATE, "--pull", "20 mm,-0.03,-3 cm", *BRIEF, "--mass-damping", "5")
+def test_motion_by_displacements(shell: Shell) -> None:
+    found = shell.json(
+        *SIMULATE, "--displacement", "20 mm,-0.03,-3 cm", *BRIEF, "--mass-damping", "5"
+    )
     expected = bs.simulate(
         bs.load_robot("amouri2019"),
         duration=0.2,
@@ -178,14 +194,14 @@ def test_motion_by_pulls(shell: Shell) -> None:
     )
     np.testing.assert_allclose(found["tip_position_m"], expected.tip_position, atol=1e-9)
     settings = found["provenance"]["settings"]
-    assert settings["pulls_m"]["values"] == [[0, 0, 0], [0.02, -0.03, -0.03]]
-    assert settings["initial_pulls_m"] == [0, 0, 0] and "initial_tensions_N" not in settings
+    assert settings["displacements_m"]["values"] == [[0, 0, 0], [0.02, -0.03, -0.03]]
+    assert settings["initial_displacements_m"] == [0, 0, 0] and "initial_tensions_N" not in settings
 
 
 def test_motion_by_a_mix_from_a_start(shell: Shell) -> None:
     """What a list of the start leaves out starts from nothing."""
-    flags = ("--tension", "5,-,-", "--pull", "-,2 mm,-", "--angle=-,-,-0.1")
-    found = shell.json(*SIMULATE, *SPOOL, *flags, "--from-pull=-,1 mm,0.5 mm", *BRIEF)
+    flags = ("--tension", "5,-,-", "--displacement", "-,2 mm,-", "--angle=-,-,-0.1")
+    found = shell.json(*SIMULATE, *SPOOL, *flags, "--from-displacement=-,1 mm,0.5 mm", *BRIEF)
     expected = bs.simulate(
         spooled(),
         Table([0, 0.1], [[0, NAN, NAN], [5, NAN, NAN]]),
@@ -201,12 +217,21 @@ def test_motion_by_a_mix_from_a_start(shell: Shell) -> None:
 
 def test_a_release_of_elastic_tendons(shell: Shell) -> None:
     elastic = ("--set", "segments.0.tendons.axial_stiffness=20 kN")
-    flags = ("--pull", "0,0,0", "--from-pull", "10 mm,-1 cm,-0.01", "--rise", "0", "--hold", "0.1")
+    flags = (
+        "--displacement",
+        "0,0,0",
+        "--from-displacement",
+        "10 mm,-1 cm,-0.01",
+        "--rise",
+        "0",
+        "--hold",
+        "0.1",
+    )
     found = shell.json(*SIMULATE, *elastic, *flags)
     assert found["tip_position_m"][0][0] > 0.09 > found["tip_position_m"][-1][0]
 
 
-TABLE = "t_s,tension_1_N,pull_2_mm,angle_3_deg\n0,0,0,0\n0.1,5,1,-10\n0.2,5,1,-10\n"
+TABLE = "t_s,tension_1_N,displacement_2_mm,angle_3_deg\n0,0,0,0\n0.1,5,1,-10\n0.2,5,1,-10\n"
 
 
 def test_a_table_of_mixed_columns(shell: Shell, tmp_path: Path) -> None:
@@ -226,18 +251,33 @@ def test_a_table_of_mixed_columns(shell: Shell, tmp_path: Path) -> None:
     started = shell.json(*SIMULATE, *SPOOL, "--table", str(path), "--from", "1,-,-")
     settings = started["provenance"]["settings"]
     assert settings["initial_tensions_N"] == [1, None, None]
-    assert settings["initial_pulls_m"] == [None, 0, 0]
+    assert settings["initial_displacements_m"] == [None, 0, 0]
     assert "has no spool_radius" in shell.error(*SIMULATE, "--table", str(path))
 
 
 @pytest.mark.parametrize(
     ("header", "says"),
     [
-        ("t_s,tension_1_N,pull_1_m,tension_2_N,tension_3_N", "tendon 1 has tension_1_N and pull_1"),
-        ("t_s,pull_1_m,pull_1_mm,tension_2_N,tension_3_N", "pull_1_mm is there twice, as pull_1_m"),
-        ("t_s,pull_1_N,tension_2_N,tension_3_N,tension_4_N", 'got pull_1_N, but "N" is not a unit'),
-        ("t_s,pull_1_m,tension_2_N,tension_3_N,tension_4_N", "got tension_4_N; the robot has 3"),
-        ("t_s,pull_1_m,tension_2_N", "there is no column tension_3_N; write the header t_s"),
+        (
+            "t_s,tension_1_N,displacement_1_m,tension_2_N,tension_3_N",
+            "tendon 1 has tension_1_N and displacement_1",
+        ),
+        (
+            "t_s,displacement_1_m,displacement_1_mm,tension_2_N,tension_3_N",
+            "displacement_1_mm is there twice, as displacement_1_m",
+        ),
+        (
+            "t_s,displacement_1_N,tension_2_N,tension_3_N,tension_4_N",
+            'got displacement_1_N, but "N" is not a unit',
+        ),
+        (
+            "t_s,displacement_1_m,tension_2_N,tension_3_N,tension_4_N",
+            "got tension_4_N; the robot has 3",
+        ),
+        (
+            "t_s,displacement_1_m,tension_2_N",
+            "there is no column tension_3_N; write the header t_s",
+        ),
     ],
 )
 def test_bad_columns(shell: Shell, tmp_path: Path, header: str, says: str) -> None:
@@ -278,22 +318,22 @@ def test_motion_with_friction_goes_on_from_a_history(shell: Shell, tmp_path: Pat
     assert "of another robot" in shell.error(*SIMULATE, *flags)
 
 
-def test_pictures_of_a_pulled_motion(shell: Shell, tmp_path: Path) -> None:
+def test_pictures_of_a_displaced_motion(shell: Shell, tmp_path: Path) -> None:
     vtk, gif = tmp_path / "series", tmp_path / "run.gif"
-    flags = ("--pull", "0.02,-0.03,-0.03", "--rise", "0.05", "--hold", "0.05")
+    flags = ("--displacement", "0.02,-0.03,-0.03", "--rise", "0.05", "--hold", "0.05")
     shell.json(*SIMULATE, *flags, "--vtk", str(vtk), "--animation", str(gif))
     assert (vtk / "run.pvd").is_file() and gif.stat().st_size > 1000
 
 
-def test_modes_of_pulls(shell: Shell) -> None:
+def test_modes_of_displacements(shell: Shell) -> None:
     robot = spooled()
     expected = bs.modes(robot, load=bs.Load(displacements=[0.02, -0.03, -0.03]))
-    found = shell.json("modes", "amouri2019", "--pull", "20 mm,-30 mm,-30 mm")
+    found = shell.json("modes", "amouri2019", "--displacement", "20 mm,-30 mm,-30 mm")
     assert [m["frequency_hz"] for m in found["modes"]] == pytest.approx(expected.frequency_hz)
     assert found["tensions_N"] == pytest.approx(expected.tensions)
     turned = shell.json("modes", "amouri2019", *SPOOL, "--angle=2,-3,-3")
     assert turned["modes"][0]["frequency_hz"] == pytest.approx(expected.frequency_hz[0])
-    assert found["provenance"]["settings"]["pulls_m"] == [0.02, -0.03, -0.03]
+    assert found["provenance"]["settings"]["displacements_m"] == [0.02, -0.03, -0.03]
     stuck = shell.json("modes", "amouri2019", *RUBS, "--tension", "20,0,0")
     free = shell.json("modes", "amouri2019", "--tension", "20,0,0")
     assert stuck["modes"][1]["frequency_hz"] > 2 * free["modes"][1]["frequency_hz"]
@@ -302,17 +342,38 @@ def test_modes_of_pulls(shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--pull", "0.01,-,0"], 'got "-", which is not a number'),
-        (["--pull", "0.7,0,0"], "must be less than the tendon's length, 0.641 m"),
-        (["--pull", "0.01,0,0", "--rise", "0"], "jumps from 0 m to 0.01 m at 0 s, but its line"),
-        (["--tension", "1,-,-", "--pull", "0,0,0"], "tendon 1 has --tension and --pull"),
-        (["--tension", "1,0,0", "--from-pull", "0,0,0"], "--from-pull: got 0 for tendon 1, which"),
-        (["--pull", "0,0,0", "--from", "0,0,0"], "--from: got 0 for tendon 1, which no tension"),
-        (["--pull", "0,0,0", "--from-pull", "0,0"], "--from-pull: got 2 entries"),
-        (["--pull", "0,0,0", "--from-pull", "x,0,0"], '--from-pull: got "x"'),
+        (["--displacement", "0.01,-,0"], 'got "-", which is not a number'),
+        (["--displacement", "0.7,0,0"], "must be less than the tendon's length, 0.641 m"),
+        (
+            ["--displacement", "0.01,0,0", "--rise", "0"],
+            "jumps from 0 m to 0.01 m at 0 s, but its line",
+        ),
+        (
+            ["--tension", "1,-,-", "--displacement", "0,0,0"],
+            "tendon 1 has --tension and --displacement",
+        ),
+        (
+            ["--tension", "1,0,0", "--from-displacement", "0,0,0"],
+            "--from-displacement: got 0 for tendon 1, which",
+        ),
+        (
+            ["--displacement", "0,0,0", "--from", "0,0,0"],
+            "--from: got 0 for tendon 1, which no tension",
+        ),
+        (
+            ["--displacement", "0,0,0", "--from-displacement", "0,0"],
+            "--from-displacement: got 2 entries",
+        ),
+        (
+            ["--displacement", "0,0,0", "--from-displacement", "x,0,0"],
+            '--from-displacement: got "x"',
+        ),
         (["--angle", "1,0,0"], "tendon 1 of amouri2019 has no spool_radius"),
-        (["--pull", "0,0,0", "--table", "a.csv"], "leave --pull out"),
-        (["--pull", "0,0,0", "--history", "none.json"], "--history: none.json cannot be read"),
+        (["--displacement", "0,0,0", "--table", "a.csv"], "leave --displacement out"),
+        (
+            ["--displacement", "0,0,0", "--history", "none.json"],
+            "--history: none.json cannot be read",
+        ),
     ],
 )
 def test_bad_motion(

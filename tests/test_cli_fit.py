@@ -60,7 +60,7 @@ def test_the_example_is_found(shell: Shell, robot: Robot, tmp_path: Path) -> Non
         assert abs(found[name]["value"] - truth) < 3 * found[name]["standard_error"]
         assert found[name]["low"] < found[name]["value"] < found[name]["high"]
     assert found[MU]["start"] == 0 and found[E]["unit"] == "GPa"
-    assert got["converged"] and got["cannot_tell_apart"] == []
+    assert got["converged"] and got["not_identifiable"] == []
     assert got["residuals_over_stated_uncertainty"] == pytest.approx(1.0, abs=0.25)
     assert got["rmse_mm"] < 0.05 < 5 < got["rmse_before_mm"]
     assert got["data"]["source"] == "synthetic" and got["data"]["rows"] == 33
@@ -101,7 +101,7 @@ def test_people_see_what_the_data_are(shell: Shell) -> None:
     text = " ".join(out.split())
     assert code == 0 and not err
     assert "amouri2019, statics, fitted to bench (synthetic): 33 rows" in text
-    assert f"The data cannot tell {E} and gain apart: hold one." in text
+    assert f"The data cannot separate {E} and gain, which are correlated: hold one." in text
     assert text.count("unknown") == 2
     # friction is missing in this model: the residuals show it, by order and by size
     assert "The residuals are not noise" in text and "times the stated uncertainty" in text
@@ -127,15 +127,15 @@ def test_rows_held_out_do_not_touch_the_fit(robot: Robot, data: Measurements) ->
 def test_rows_without_an_answer_are_counted_in_no_score_and_said() -> None:
     robot = bs.load_robot("amouri2019")
     bend = np.linspace(0.02, 0.5, 20)
-    pulls = 0.029 * bend[:, None] * np.cos(np.radians([0.0, 120.0, 240.0]))
-    tips = bs.solve_batch(robot, load=bs.Load(displacements=pulls)).tip_position
+    displacements = 0.029 * bend[:, None] * np.cos(np.radians([0.0, 120.0, 240.0]))
+    tips = bs.solve_batch(robot, load=bs.Load(displacements=displacements)).tip_position
     tips += np.random.default_rng(0).normal(0.0, 2e-5, tips.shape)
-    pulls[-3:] = 0.03  # three inextensible tendons that all pull have no solution
+    displacements[-3:] = 0.03  # three inextensible tendons that all pull have no solution
     data = Measurements(
         source="synthetic",
         name="made",
         tensions=np.full((20, 3), np.nan),
-        pulls=pulls,
+        displacements=displacements,
         points=tips[:, None],
         line=np.arange(20),
         group=np.full(20, ""),
@@ -319,7 +319,7 @@ def of(*parts: str) -> tuple[str, ...]:
         ((*FIT, "--parameter", E, "--validate", str(TABLE)), "is the table that is fitted"),
         ((*FIT, "--parameter", E, "--start", "no.json"), "cannot read no.json"),
         ((*FIT, "--parameter", E, "--g", "-1"), "--g: got -1"),
-        ((*FIT, "--parameter", E, "--out", "mine"), "nothing of yours is replaced"),
+        ((*FIT, "--parameter", E, "--out", "mine"), "existing files are not overwritten"),
         (("fit", "rao2021", "--measurements", str(TABLE), "--parameter", E), "rao2021 has 6"),
         (of("--measurements", "no.csv", "--parameter", E), "no.csv"),
     ],
@@ -377,8 +377,8 @@ def test_bad_tables(
 def test_one_row_again_and_again_says_what_it_cannot_tell(shell: Shell, tmp_path: Path) -> None:
     file = table(tmp_path, lambda rows: [rows[0], *[rows[9]] * 12])
     got = shell.json("fit", "amouri2019", "--measurements", file, *UPRIGHT, *NAMES)
-    assert got["cannot_tell_apart"] and got["data"]["rows"] == 12
-    assert "cannot tell" in got["message"]
+    assert got["not_identifiable"] and got["data"]["rows"] == 12
+    assert "cannot separate" in got["message"]
     assert all(p["standard_error"] is None for p in got["parameters"] if p["name"] == E)
 
 

@@ -131,7 +131,7 @@ def test_a_folder_of_others_is_kept(
     assert "notes.txt, which Bowstring did not write" in said
     (mine / "notes.txt").unlink()
     (mine / result).write_text("[]")
-    assert "nothing of yours is replaced" in shell.error(*arguments, "--out", "mine")
+    assert "existing files are not overwritten" in shell.error(*arguments, "--out", "mine")
     assert (mine / result).read_text() == "[]"
 
 

@@ -270,7 +270,7 @@ def with_nan() -> Array:
     ("call", "message"),
     [
         (lambda: fit_arcs(with_nan()), r"row 2: point 4 is not finite"),
-        (lambda: fit_arcs(LINE[:2]), "2 points says nothing"),
+        (lambda: fit_arcs(LINE[:2]), "2 points has no curvature"),
         (lambda: fit_arcs(LINE[[0, 1, 1, 2]]), "row 1: points 2 and 3 lie in one place"),
         (lambda: fit_arcs(np.zeros((4, 2))), "points 1 and 2 lie in one place"),
         (lambda: fit_arcs(np.zeros((2, 4, 4))), r"shape \(2, 4, 4\)"),

@@ -41,7 +41,7 @@ LONG = {
         "r = robot(300); t = np.broadcast_to([30.0, 9, 0], (1_000_000, 3))",
         "bs.solve_batch(r, t, model=bs.RodModel(elements=8), disks=False, threads=1)",
     ),
-    "batch of pulls": (
+    "batch of displacements": (
         "r = robot(50); t = np.broadcast_to([0.02, -0.03, -0.03], (1_000_000, 3))",
         "bs.solve_batch(r, load=bs.Load(displacements=t), disks=False)",
     ),

@@ -75,8 +75,8 @@ def test_blank_cells_beside_a_constant_are_a_tip_that_was_not_measured(read: Rea
 def test_scale_and_sign_of_a_column(read: Read) -> None:
     columns = "[{column: F, unit: 0.1 mm}, {column: G, sign: -1}]"
     tip = "tip: {columns: [{column: x, unit: cm}, {column: y, sign: '-'}, z], unit: 0.5 mm}\n"
-    found = read(_mapping(columns, tip, "pull", "2 mm"), TABLE)
-    np.testing.assert_allclose(found.pulls, [[0, -2e-3], [5e-4, -4e-3]])
+    found = read(_mapping(columns, tip, "displacement", "2 mm"), TABLE)
+    np.testing.assert_allclose(found.displacements, [[0, -2e-3], [5e-4, -4e-3]])
     np.testing.assert_allclose(found.tip[1], [0.03, -2e-3, 0.3])
     negative = read(_mapping("[{column: F, sign: -1}]"), TABLE.replace("\n5,", "\n-5,"))
     assert negative.tensions.tolist() == [[0], [5]]
@@ -89,8 +89,8 @@ def test_one_column_for_an_antagonistic_pair(read: Read) -> None:
     pair = "[{column: d, part: positive}, {column: d, part: negative}]"
     found = read(_mapping(pair), table)
     assert found.tensions.tolist() == [[0, 3], [0, 0], [4, 0]] and found.left_out == 0
-    both = read(_mapping("[d, {column: d, sign: -1}]", TIP, "pull", "mm"), table)
-    np.testing.assert_allclose(both.pulls, [[-3e-3, 3e-3], [0, 0], [4e-3, -4e-3]])
+    both = read(_mapping("[d, {column: d, sign: -1}]", TIP, "displacement", "mm"), table)
+    np.testing.assert_allclose(both.displacements, [[-3e-3, 3e-3], [0, 0], [4e-3, -4e-3]])
 
 
 @pytest.mark.parametrize(
@@ -435,28 +435,28 @@ def test_drafts_for_tables_of_others(
         read_measurements(path)
     (tmp_path / "map.yaml").write_text(str(error.value).partition("\n\n")[2])
     mapping = load_mapping(tmp_path / "map.yaml")
-    assert mapping.tendons is not None and mapping.tendons.quantity == "pull"
+    assert mapping.tendons is not None and mapping.tendons.quantity == "displacement"
     assert [c.column for c in mapping.tendons.columns][: len(columns)] == columns
     found = read_measurements(path, mapping=mapping)
     whole = read_measurements(path, mapping=name)
-    np.testing.assert_array_equal(found.pulls, whole.pulls)
+    np.testing.assert_array_equal(found.displacements, whole.displacements)
     np.testing.assert_array_equal(found.points, whole.points)
 
 
-def test_pulls_and_motion_capture_of_others_joined_again(
+def test_displacements_and_motion_capture_of_others_joined_again(
     public_data: Callable[[str], Path], tmp_path: Path
 ) -> None:
-    """A recording cut into a log of pulls and one of tips is the same when it is joined."""
+    """A recording cut into a log of displacements and one of tips is the same when it is joined."""
     path = public_data("crl-ftdcr-mocap") / "ftdcr_v4_val.csv"
     rows = [line.split(",") for line in path.read_text().splitlines()]
-    (tmp_path / "pulls.csv").write_text("\n".join(",".join(r[:1] + r[2:11]) for r in rows))
+    (tmp_path / "displacements.csv").write_text("\n".join(",".join(r[:1] + r[2:11]) for r in rows))
     (tmp_path / "tips.csv").write_text("\n".join(",".join(r[:2] + r[11:]) for r in rows))
     whole = load_mapping("crl-ftdcr-mocap")
-    join = {"file": "pulls.csv", "time": {"column": "timestamp", "unit": "s"}}
+    join = {"file": "displacements.csv", "time": {"column": "timestamp", "unit": "s"}}
     mapping = Mapping.model_validate({**whole.model_dump(exclude_none=True), "join": join})
     found = read_measurements(tmp_path / "tips.csv", mapping=mapping)
     again = read_measurements(path, mapping=whole)
-    np.testing.assert_allclose(found.pulls, again.pulls, rtol=1e-12)
+    np.testing.assert_allclose(found.displacements, again.displacements, rtol=1e-12)
     np.testing.assert_array_equal(found.tip, again.tip)
 
 
@@ -472,7 +472,7 @@ def _recordings(robot: bs.Robot) -> Measurements:
         source="synthetic",
         name="two",
         tensions=np.vstack([loads, loads]),
-        pulls=np.full((rows, 3), np.nan),
+        displacements=np.full((rows, 3), np.nan),
         points=np.vstack([tips, tips])[:, None],
         line=np.arange(rows),
         group=np.repeat(["a", "b"], len(loads)),
@@ -510,12 +510,12 @@ def test_backlash_and_delay_begin_anew_with_each_recording() -> None:
     from bowstring.calibration.observations import Data
 
     robot = bs.load_robot("amouri2019")
-    pulls = np.outer([2, 4, 6, 4, 3], [1e-3, -0.5e-3, -0.5e-3])
+    displacements = np.outer([2, 4, 6, 4, 3], [1e-3, -0.5e-3, -0.5e-3])
     time = np.arange(5.0)
-    points = bs.solve_batch(robot, load=bs.Load(displacements=pulls)).tip_position
+    points = bs.solve_batch(robot, load=bs.Load(displacements=displacements)).tip_position
     data = Data(
         points=np.vstack([points, points]),
-        pulls=np.vstack([pulls, pulls]),
+        displacements=np.vstack([displacements, displacements]),
         time=np.r_[time, time],
         recording=np.repeat(["a", "b"], 5),
     )

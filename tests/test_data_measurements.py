@@ -75,7 +75,7 @@ def test_masses_become_tensions(file: Write) -> None:
     found = read_measurements(file(GOOD), bs.load_robot("amouri2019"))
     assert found.source == "measured" and found.name == "bench" and len(found) == 3
     assert found.tensions[1].tolist() == [0.5 * STANDARD_GRAVITY, 0, 0]
-    assert np.isnan(found.pulls).all()
+    assert np.isnan(found.displacements).all()
     np.testing.assert_allclose(found.tip[1], [0.0305, 0.0001, 0.64], rtol=1e-15)
     assert found.points.shape == (3, 1, 3) and found.line.tolist() == [2, 3, 4]
     assert found.issues == () and found.left_out == 0 and found.scale == 1.0
@@ -89,7 +89,7 @@ def test_everything_that_a_table_can_have(file: Write) -> None:
     table = file(
         "# source: computed\n# name: all of it\n# stations: 0.5 1\n# tool: 0 0 8 mm\n"
         "# just a remark\n\n"
-        "time_ms,tension_1_mN,pull_2_cm,point_1_x_m,point_1_y_m,point_1_z_m,"
+        "time_ms,tension_1_mN,displacement_2_cm,point_1_x_m,point_1_y_m,point_1_z_m,"
         "tip_x_m,tip_y_m,tip_z_m,sigma_um,repeat,group,bend_deg,direction_rad\n"
         "500,2500,-1,,,,0.1,0.2,0.3,20,2,up,90,1\n"
         "# in between\n\n"
@@ -100,7 +100,7 @@ def test_everything_that_a_table_can_have(file: Write) -> None:
     np.testing.assert_allclose(found.time, [0.5, 1])
     np.testing.assert_array_equal(np.isnan(found.tensions), [[False, True]] * 2)
     np.testing.assert_allclose(found.tensions[:, 0], [2.5, 0])
-    np.testing.assert_allclose(found.pulls[:, 1], [-0.01, 0.02])
+    np.testing.assert_allclose(found.displacements[:, 1], [-0.01, 0.02])
     assert np.isnan(found.points[0, 0]).all() and found.points[1, 0].tolist() == [1, 2, 3]
     assert found.tip.tolist() == [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]
     np.testing.assert_allclose(found.sigma, [2e-5, 2e-5])
@@ -142,9 +142,9 @@ def test_a_decimal_comma_is_told(file: Write) -> None:
     with pytest.raises(InputError, match="decimal comma in line 4 and a decimal point in line 3"):
         read_measurements(file(mixed))
     with pytest.raises(InputError, match="line 2: commas in numbers may stand before decimals or"):
-        read_measurements(file("pull_1_mm\tbend_deg\n1,000\t2\n12,345\t3\n"))
-    sure = read_measurements(file("pull_1_mm\tbend_deg\n1,000\t2\n0,345\t3\n"))
-    assert sure.pulls.tolist() == [[0.001], [0.345e-3]] and sure.direction is None
+        read_measurements(file("displacement_1_mm\tbend_deg\n1,000\t2\n12,345\t3\n"))
+    sure = read_measurements(file("displacement_1_mm\tbend_deg\n1,000\t2\n0,345\t3\n"))
+    assert sure.displacements.tolist() == [[0.001], [0.345e-3]] and sure.direction is None
     found = read_measurements(file(GOOD.replace(".", ",")))  # commas between the cells as well
     assert len(found) == 1 and found.left_out == 2
     assert "with decimal commas, separate the cells by semicolons" in found.issues[0][1]
@@ -195,7 +195,11 @@ def test_a_foreign_table_says_what_it_is_or_speaks_of_something_else(file: Write
 
 
 def test_made_in_python() -> None:
-    rows = {"tensions": [[1, 0], [2, 0]], "pulls": [[0, 0]] * 2, "points": [[[0, 0, 1]]] * 2}
+    rows = {
+        "tensions": [[1, 0], [2, 0]],
+        "displacements": [[0, 0]] * 2,
+        "points": [[[0, 0, 1]]] * 2,
+    }
     more = {"line": [1, 2], "group": ["a", "b"], "repeat": [1, 1]}
     found = Measurements(source="synthetic", name="made", **rows, **more)  # type: ignore[arg-type]
     assert found.tip.dtype == float and found.group.dtype.kind == "U" and len(found) == 2
@@ -251,8 +255,8 @@ def test_select_and_split() -> None:
         (GOOD.replace("tip_x_mm", "tip_x_m"), "mixed units: tip_x_m is in m and tip_y_mm in mm"),
         (GOOD.replace("mass_2_kg", "mass_2_g"), "mixed units: mass_1_kg is in kg and mass_2_g"),
         (
-            GOOD.replace("mass_2_kg", "pull_1_mm"),
-            "mass_1_kg and pull_1_mm both drive tendon 1; give each tendon one of",
+            GOOD.replace("mass_2_kg", "displacement_1_mm"),
+            "mass_1_kg and displacement_1_mm both drive tendon 1; give each tendon one of",
         ),
         (GOOD.replace("mass_2", "mass_01"), "mass_1_kg and mass_01_kg both drive tendon 1"),
         (GOOD.replace("mass_2", "mass_1"), 'the column "mass_1_kg" is there twice'),
@@ -291,7 +295,9 @@ def test_too_few_and_too_many_tendons(file: Write) -> None:
         read_measurements(path, bs.load_robot("rao2021"))
     with pytest.raises(InputError, match="drives 4 tendons, amouri2019 has 3; leave out those"):
         read_measurements(
-            file("pull_1_mm,pull_2_mm,pull_3_mm,pull_4_mm,bend_deg,direction_deg\n1,1,1,1,1,1\n"),
+            file(
+                "displacement_1_mm,displacement_2_mm,displacement_3_mm,displacement_4_mm,bend_deg,direction_deg\n1,1,1,1,1,1\n"
+            ),
             bs.load_robot("amouri2019"),
         )
 
@@ -456,13 +462,13 @@ def test_no_file(tmp_path: Path) -> None:
 def test_a_million_rows(file: Write) -> None:
     rows = [f"{i % 977 / 10},{i % 89},{i % 359}\n" for i in range(1_000_000)]
     rows[777_777] = "1,?,3\n"
-    path = file("pull_1_mm,bend_deg,direction_deg\n" + "".join(rows))
+    path = file("displacement_1_mm,bend_deg,direction_deg\n" + "".join(rows))
     started = time.process_time()
     found = read_measurements(path)
     assert time.process_time() - started < 20  # 3 to 5 s
     assert len(found) == 999_999 and found.left_out == 1
     assert (777_779, 'left out: bend_deg is "?", which is not a finite number') in found.issues
-    assert found.pulls[-1, 0] == pytest.approx(999_999 % 977 / 10 * 1e-3)
+    assert found.displacements[-1, 0] == pytest.approx(999_999 % 977 / 10 * 1e-3)
 
 
 def test_more_rows_than_are_read(file: Write, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -600,7 +606,7 @@ def test_the_foreign_example_says_the_same() -> None:
 
 MAPPING = """
 source: measured
-tendons: {quantity: pull, unit: mm, positive: paid_out, columns: [b, a]}
+tendons: {quantity: displacement, unit: mm, positive: lengthened, columns: [b, a]}
 tip: {columns: [x, y, z], unit: cm}
 """
 TABLE = "a,b,x,y,z\n1,2,3,4,5\n6,7,8,9,10\n"
@@ -612,7 +618,7 @@ def _mapped(file: Write, mapping: str, table: str = TABLE) -> Measurements:
 
 def test_order_and_sign(file: Write) -> None:
     found = _mapped(file, MAPPING)
-    np.testing.assert_allclose(found.pulls, [[-0.002, -0.001], [-0.007, -0.006]])
+    np.testing.assert_allclose(found.displacements, [[-0.002, -0.001], [-0.007, -0.006]])
     np.testing.assert_allclose(found.tip[0], [0.03, 0.04, 0.05])
 
 
@@ -656,9 +662,13 @@ def test_frames(frame: str, tip: list[float], file: Write) -> None:
         ("[b, a]", "[]", "tendons.columns: got"),
         ("[b, a]", "[b, A]", 'no column "A", which the mapping names at tendons.columns[1]; did'),
         ("unit: mm, positive", "unit: kg, positive", 'tendons: unit: got "kg"'),
-        ("quantity: pull", "quantity: mass", "tendons: unit: got"),
-        ("quantity: pull, unit: mm", "quantity: mass, unit: kg", "paid_out is for pulls"),
-        ("quantity: pull", "quantity: push", "tendons.quantity: got"),
+        ("quantity: displacement", "quantity: mass", "tendons: unit: got"),
+        (
+            "quantity: displacement, unit: mm",
+            "quantity: mass, unit: kg",
+            "lengthened is for displacements",
+        ),
+        ("quantity: displacement", "quantity: push", "tendons.quantity: got"),
         ("[x, y, z]", "[x, y]", "tip.columns"),
         ("tip: {", "tipp: {", "tipp: unknown field; did you mean tip?"),
         ("{columns: [x, y, z], unit: cm}", "x", "tip: got"),
@@ -680,7 +690,7 @@ def test_what_is_not_finite_passes_through_a_frame_without_harm(file: Write) -> 
 
 
 def test_repeats_are_whole_numbers(file: Write) -> None:
-    rows = ["pull_1_mm,bend_deg,repeat", "1,2,3", "1,2,1.5", "1,2,1e20", "1,2,"]
+    rows = ["displacement_1_mm,bend_deg,repeat", "1,2,3", "1,2,1.5", "1,2,1e20", "1,2,"]
     found = read_measurements(file("\n".join(rows)))
     assert found.repeat.tolist() == [3] and found.left_out == 3
 
@@ -735,7 +745,7 @@ def test_tamm_spring(public_data: Folder) -> None:
     ]
     assert found.bend is not None
     routing = Routing(np.radians([30, 150, 270]), 0.0025)
-    fitted = Arc.from_lengths(0.040 - found.pulls, routing)
+    fitted = Arc.from_lengths(0.040 - found.displacements, routing)
     measured = np.degrees(found.bend)
 
     def rmse(predicted: np.ndarray) -> float:
@@ -744,7 +754,7 @@ def test_tamm_spring(public_data: Folder) -> None:
     # The authors write sqrt(sum of squared differences / 6) / r. The constant curvature of three
     # tendons at 120 degrees has a third more in the square, sqrt(2 ... / 9) / r (Webster & Jones
     # 2010: kappa s = 2 sqrt(q) / 3 d), so theirs is sqrt(3) / 2 of it.
-    p = found.pulls
+    p = found.displacements
     squares = (p - p[:, [1, 2, 0]]) ** 2
     published = np.sqrt(squares.sum(axis=1) / 6) / 0.0025
     np.testing.assert_allclose(published, math.sqrt(3) / 2 * fitted.theta, rtol=1e-9)
@@ -769,7 +779,7 @@ def test_crl_ftdcr_mocap(part: str, rows: int, public_data: Folder) -> None:
     # by column, as SOURCE.md has it, not by the numbers of the servos
     raw = np.loadtxt(folder / f"ftdcr_v4_{part}.csv", delimiter=",", skiprows=1,
                      usecols=range(2, 14))  # fmt: skip
-    np.testing.assert_allclose(found.pulls, raw[:, :9] * 1e-3, rtol=1e-14)
+    np.testing.assert_allclose(found.displacements, raw[:, :9] * 1e-3, rtol=1e-14)
     np.testing.assert_allclose(found.tip, raw[:, 9:] * 1e-3, rtol=1e-14)
     assert found.tool.tolist() == [0, 0, 0.008] and found.time is not None
     assert found.tendon_count == len(robot.tendons.angle_rad)

@@ -51,7 +51,7 @@ def tips(robot: bs.Robot) -> tuple[Array, Array]:
 
 @pytest.fixture(scope="module")
 def plane_tips(robot: bs.Robot) -> tuple[Array, Array]:
-    """Tips along one pull, all in the plane of x and z."""
+    """Tips along one direction of bending, all in the plane of x and z."""
     tensions = np.zeros((17, 3))
     tensions[:, 0] = np.linspace(0, 80, 17)
     sweep = bs.sweep(robot, tensions)

@@ -63,7 +63,9 @@ def test_clean_is_the_sweep(robot: bs.Robot) -> None:
     found = simulate(robot, **bench(tensions=tensions, **CLEAN))
     np.testing.assert_array_equal(found.tip, bs.sweep(robot, tensions).tip_position)
     np.testing.assert_array_equal(found.tensions, tensions)
-    assert found.source == "synthetic" and found.sigma is None and np.isnan(found.pulls).all()
+    assert (
+        found.source == "synthetic" and found.sigma is None and np.isnan(found.displacements).all()
+    )
     assert set(found.group) == {""} and set(found.repeat) == {1} and not found.tool.any()
 
 
@@ -76,25 +78,25 @@ def test_masses_are_tensions(robot: bs.Robot) -> None:
     np.testing.assert_allclose(moon.tensions[:, 0], 1.62 * MASSES)
 
 
-def test_pulls_of_three_segments() -> None:
+def test_displacements_of_three_segments() -> None:
     robot = bs.load_robot("crl-ftdcr-v4")
-    pulls = np.outer(np.linspace(0, 3e-3, 6), [1, -1, -1, -2, 2, -2, -2, -2, 1])
-    found = simulate(robot, **bench(pulls=pulls, **CLEAN))
-    np.testing.assert_array_equal(found.pulls, pulls)
+    displacements = np.outer(np.linspace(0, 3e-3, 6), [1, -1, -1, -2, 2, -2, -2, -2, 1])
+    found = simulate(robot, **bench(displacements=displacements, **CLEAN))
+    np.testing.assert_array_equal(found.displacements, displacements)
     np.testing.assert_array_equal(
-        found.tip, bs.sweep(robot, load=bs.Load(displacements=pulls)).tip_position
+        found.tip, bs.sweep(robot, load=bs.Load(displacements=displacements)).tip_position
     )
     assert np.isnan(found.tensions).all()
 
 
-def test_some_tendons_pulled_the_others_by_tension(robot: bs.Robot) -> None:
-    pulls = [[0.001 * i, None, None] for i in range(5)]
+def test_some_tendons_displaced_the_others_by_tension(robot: bs.Robot) -> None:
+    displacements = [[0.001 * i, None, None] for i in range(5)]
     tensions = [[None, 1.0, 0.0]] * 5
-    found = simulate(robot, **bench(tensions=tensions, pulls=pulls, **CLEAN))
-    expected = bs.sweep(robot, tensions, load=bs.Load(displacements=pulls))
+    found = simulate(robot, **bench(tensions=tensions, displacements=displacements, **CLEAN))
+    expected = bs.sweep(robot, tensions, load=bs.Load(displacements=displacements))
     np.testing.assert_array_equal(found.tip, expected.tip_position)
     assert found.tensions[0, 1] == 1.0 and np.isnan(found.tensions[:, 0]).all()
-    assert found.pulls[4, 0] == 0.004 and np.isnan(found.pulls[:, 1:]).all()
+    assert found.displacements[4, 0] == 0.004 and np.isnan(found.displacements[:, 1:]).all()
 
 
 def test_order_of_the_rows(robot: bs.Robot) -> None:
@@ -634,7 +636,7 @@ def test_what_was_measured_has_no_truth(tmp_path: Path) -> None:
         ({"masses": None, "tensions": [[1, 0]]}, r"tensions has shape \(1, 2\)"),
         ({"masses": None, "tensions": np.zeros((0, 3))}, "the table has no row"),
         ({"masses": None, "tensions": [[-1, 0, 0]]}, "tendon 1"),
-        ({"masses": None, "pulls": [[math.inf, 0, 0]]}, "displacement"),
+        ({"masses": None, "displacements": [[math.inf, 0, 0]]}, "displacement"),
         ({"tendon": 4}, "tendon is 4, it must be a whole number from 1 to 3"),
         ({"tendon": 0}, "tendon is 0"),
         ({"g": 0}, "g is 0 m/s.2, it must be positive"),
@@ -737,7 +739,7 @@ def test_command(
 def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     options = {
-        "--pulls": '0:2 mm:0.006',
+        "--displacements": '0:2 mm:0.006',
         "--tilt": "0.5 deg,90 deg",
         "--shift": "1 mm,0,0",
         "--tool": "0,0,8 mm",
@@ -760,9 +762,9 @@ def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.Mo
     assert truth["disturbances"] == {"tip_force_N": [0, 0.05, 0], "drift_m": [0, 0, 0.0001]}
     assert truth["noise_m"] == 1e-5 and truth["seed"] == 0 and not truth["loads"]["unload"]
     (clamp,) = truth["differences"]
-    assert clamp["actual"] == 0.003 and truth["loads"]["by"] == "tensions and pulls"
+    assert clamp["actual"] == 0.003 and truth["loads"]["by"] == "tensions and displacements"
     found = read_measurements(tmp_path / "bench.csv")
-    np.testing.assert_allclose(found.pulls[:, 0], [0, 0.002, 0.004, 0.006])
+    np.testing.assert_allclose(found.displacements[:, 0], [0, 0.002, 0.004, 0.006])
     assert (found.tensions[:, 1:] == 0).all() and found.tool.tolist() == [0, 0, 0.008]
     shell.json(*COMMAND, "--tensions", "10,20,5")
     assert read_measurements(tmp_path / "bench.csv").tensions[:, 0].tolist() == [10, 20, 5, 20, 10]
@@ -775,7 +777,10 @@ def test_command_with_units(shell: Shell, tmp_path: Path, monkeypatch: pytest.Mo
     ("arguments", "says"),
     [
         ((), "loads are missing: give for example --masses 0:0.5:8"),
-        (("--masses", "1", "--pulls", "0"), "--masses and --pulls are the loads; give either"),
+        (
+            ("--masses", "1", "--displacements", "0"),
+            "--masses and --displacements are the loads; give either",
+        ),
         (("--masses", "0:8"), '--masses: got "0:8"; write first:step:last'),
         (("--masses", "0:0:8"), "--masses: steps of 0 kg do not lead from 0 to 8"),
         (("--masses", "0:-1:8"), "steps of -1 kg do not lead from 0 to 8"),

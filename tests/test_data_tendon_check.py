@@ -34,7 +34,7 @@ def made(robot: Robot, tensions: Floats, **loads: ArrayLike) -> Measurements:
         source="synthetic",
         name="made",
         tensions=tensions,
-        pulls=np.full_like(tensions, np.nan),
+        displacements=np.full_like(tensions, np.nan),
         points=(tip + noise)[:, None],
         line=np.arange(count),
         group=np.full(count, ""),
@@ -45,7 +45,9 @@ def made(robot: Robot, tensions: Floats, **loads: ArrayLike) -> Measurements:
 def reordered(data: Measurements, first: int, second: int) -> Measurements:
     order = np.arange(data.tendon_count)
     order[[first - 1, second - 1]] = second - 1, first - 1
-    return replace(data, tensions=data.tensions[:, order], pulls=data.pulls[:, order])
+    return replace(
+        data, tensions=data.tensions[:, order], displacements=data.displacements[:, order]
+    )
 
 
 GRAVITIES = [(0, 0, 0), (0, 0, -9.81), (9.81, 0, 0)]
@@ -91,15 +93,15 @@ def test_motion_in_a_plane_raises_no_alarm(gravity: tuple[float, float, float]) 
     assert wrong.turn == pytest.approx(-np.radians(120), abs=np.radians(2))
 
 
-def test_the_sign_of_pulls() -> None:
+def test_the_sign_of_displacements() -> None:
     data = made(STUDY, ANY)
-    pulls = bs.solve_batch(STUDY, ANY).tendon_lengths
-    pulls = STUDY.length - pulls
-    data = replace(data, tensions=np.full_like(pulls, np.nan), pulls=pulls)
+    displacements = bs.solve_batch(STUDY, ANY).tendon_lengths
+    displacements = STUDY.length - displacements
+    data = replace(data, tensions=np.full_like(displacements, np.nan), displacements=displacements)
     assert check_tendons(STUDY, data).found == "as_said"
-    found = check_tendons(STUDY, replace(data, pulls=-pulls))
+    found = check_tendons(STUDY, replace(data, displacements=-displacements))
     assert found.found == "turned" and abs(found.turn) == pytest.approx(np.pi, abs=0.05)
-    assert "the sign of the pulls is wrong" in found.sentence
+    assert "the sign of the displacements is wrong" in found.sentence
     named = check_tendons(STUDY, reordered(data, 2, 3))
     assert named.found == "mirrored" and named.tendons == (2, 3)
 
@@ -121,8 +123,11 @@ def test_what_cannot_be_checked() -> None:
         (data.select(slice(3)), "it takes 4 rows or more"),
         (replace(data, scale=None), "points are in pixels"),
         (replace(data, points=data.points * 0, tensions=1e-5 * ANY), "the tip hardly moves"),
-        (replace(data, tensions=ANY[:, :0], pulls=ANY[:, :0]), "say of no tendon"),
-        (replace(data, tensions=ANY[:, :2], pulls=ANY[:, :2]), "2 tendons, amouri2019 has 3"),
+        (replace(data, tensions=ANY[:, :0], displacements=ANY[:, :0]), "say of no tendon"),
+        (
+            replace(data, tensions=ANY[:, :2], displacements=ANY[:, :2]),
+            "2 tendons, amouri2019 has 3",
+        ),
         (replace(data, points=data.points[:, :0]), "no point and no direction"),
         (replace(data, tensions=ANY * np.nan), "some tendons are given by tension and others"),
     ):
@@ -149,9 +154,9 @@ def test_a_measured_robot_of_three_segments(part: str, public_data: Callable[[st
         assert found.found == "mirrored" and not found.tendons
     # the numbers in the names of the columns taken for the order
     by_id = np.argsort([4, 3, 9, 5, 2, 8, 6, 1, 7])
-    found = check_tendons(robot, replace(data, pulls=data.pulls[:, by_id]))
+    found = check_tendons(robot, replace(data, displacements=data.displacements[:, by_id]))
     assert found.found == "unclear" and found.alarm
-    assert check_tendons(robot, replace(data, pulls=-data.pulls)).found == "turned"
+    assert check_tendons(robot, replace(data, displacements=-data.displacements)).found == "turned"
 
 
 def test_measured_angles(public_data: Callable[[str], Path]) -> None:
@@ -224,10 +229,10 @@ SLENDER = STUDY.with_(
 )
 
 
-def by_pull(robot: Robot, tensions: Floats) -> Measurements:
+def by_displacement(robot: Robot, tensions: Floats) -> Measurements:
     data = made(robot, tensions)
     lengths = bs.solve_batch(robot, tensions).tendon_lengths
-    return replace(data, tensions=tensions * np.nan, pulls=robot.length - lengths)
+    return replace(data, tensions=tensions * np.nan, displacements=robot.length - lengths)
 
 
 BENCHES = {
@@ -235,7 +240,7 @@ BENCHES = {
     "silicone, any": (SILICONE, made(SILICONE, ANY / 60)),
     "study": (STUDY, made(STUDY, PLANE)),
     "slender": (SLENDER, made(SLENDER, STAR / 15)),
-    "slender, by pull": (SLENDER, by_pull(SLENDER, STAR / 15)),
+    "slender, by displacement": (SLENDER, by_displacement(SLENDER, STAR / 15)),
 }
 
 
@@ -260,10 +265,12 @@ def test_tips_in_another_unit_are_noticed(name: str, factor: float) -> None:
 @pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0, 1e3])
 def test_commands_in_another_unit_are_noticed(name: str, factor: float) -> None:
     robot, data = BENCHES[name]
-    changed = replace(data, tensions=factor * data.tensions, pulls=factor * data.pulls)
+    changed = replace(
+        data, tensions=factor * data.tensions, displacements=factor * data.displacements
+    )
     found = check_tendons(robot, changed)
     assert found.found == "unclear" and found.alarm
-    assert f"of the {'pulls' if 'pull' in name else 'tensions'}" in found.sentence
+    assert f"of the {'displacements' if 'displacement' in name else 'tensions'}" in found.sentence
     assert "check the unit of" in found.sentence
     assert "check the order" not in found.sentence
 
@@ -281,21 +288,21 @@ def test_other_errors_of_a_robot_file_are_not_taken_for_a_unit() -> None:
         assert not check_tendons(robot.with_({f"segments.0.{path}": value}), data).alarm
 
 
-def test_pulls_that_stretch_the_tendons_are_no_wrong_unit() -> None:
+def test_displacements_that_stretch_the_tendons_are_no_wrong_unit() -> None:
     soft = {"segments.0.tendons.compliance": "5 mm/N"}
-    data = BENCHES["slender, by pull"][1]
-    pulls = data.pulls + 5e-3 * STAR / 15
-    assert not check_tendons(SLENDER.with_(soft), replace(data, pulls=pulls)).alarm
+    data = BENCHES["slender, by displacement"][1]
+    displacements = data.displacements + 5e-3 * STAR / 15
+    assert not check_tendons(SLENDER.with_(soft), replace(data, displacements=displacements)).alarm
 
 
 @pytest.mark.parametrize("factor", [1, 10])
-def test_pulls_among_tensions_are_checked_too(factor: float) -> None:
+def test_displacements_among_tensions_are_checked_too(factor: float) -> None:
     data = made(STUDY, ANY)
-    pulls = np.full_like(data.tensions, np.nan)
-    pulls[:, 0] = np.linspace(0, 0.03, len(pulls)) * factor
+    displacements = np.full_like(data.tensions, np.nan)
+    displacements[:, 0] = np.linspace(0, 0.03, len(displacements)) * factor
     tensions = data.tensions.copy()
     tensions[:, 0] = np.nan
-    found = check_tendons(STUDY, replace(data, tensions=tensions, pulls=pulls))
-    assert "some tendons are given by tension and others by pull" in found.sentence
-    assert ("check the unit of the pulls" in found.sentence) == (factor == 10)
+    found = check_tendons(STUDY, replace(data, tensions=tensions, displacements=displacements))
+    assert "some tendons are given by tension and others by displacement" in found.sentence
+    assert ("check the unit of the displacements" in found.sentence) == (factor == 10)
     assert found.alarm == (factor == 10)

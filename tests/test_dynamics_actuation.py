@@ -1,4 +1,5 @@
-"""Motion and modes of robots that are driven by pulls and angles, hang slack, stretch and rub."""
+"""Motion and modes of robots with displacement-controlled, slack and elastic tendons and
+friction."""
 
 from __future__ import annotations
 
@@ -42,7 +43,7 @@ THREADS = {"stiff": STIFF, "elastic": ELASTIC, "rubbing": RUBBING}
 
 
 @pytest.mark.parametrize(
-    ("robot", "pulls"),
+    ("robot", "displacements"),
     [
         (STIFF, [0.02, -0.03, -0.03]),
         (STIFF, [0.012, -0.0058, -0.0062]),
@@ -50,14 +51,16 @@ THREADS = {"stiff": STIFF, "elastic": ELASTIC, "rubbing": RUBBING}
         (RAO, [0.004, -0.01, -0.01, 0.003, -0.01, -0.01]),
     ],
 )
-def test_a_ramp_ends_in_the_equilibrium_of_its_pulls(robot: bs.Robot, pulls: list[float]) -> None:
+def test_a_ramp_ends_in_the_equilibrium_of_its_displacements(
+    robot: bs.Robot, displacements: list[float]
+) -> None:
     run = simulate(
         robot,
         duration=5.0,
-        load=bs.Load(displacements=ramp(pulls, 0.5)),
+        load=bs.Load(displacements=ramp(displacements, 0.5)),
         integrator=bs.Integrator(mass_damping=15.0, material_damping=2e-3),
     ).raise_for_status()
-    rest = bs.solve(robot, load=bs.Load(displacements=pulls)).raise_for_status()
+    rest = bs.solve(robot, load=bs.Load(displacements=displacements)).raise_for_status()
     assert (
         rest.tip is not None and rest.slack_lengths is not None and rest.displacements() is not None
     )
@@ -65,17 +68,17 @@ def test_a_ramp_ends_in_the_equilibrium_of_its_pulls(robot: bs.Robot, pulls: lis
     end = run.to_dataset().isel(time=-1)
     np.testing.assert_allclose(end.tension, rest.tensions, rtol=0, atol=1e-3)
     np.testing.assert_allclose(end.slack, rest.slack_lengths, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(end.pull, pulls, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(end.tendon_displacement, displacements, rtol=0, atol=1e-15)
 
 
-def test_a_tendon_hangs_by_its_surplus_or_pulls() -> None:
+def test_a_tendon_hangs_by_its_surplus_or_displacements() -> None:
     """At every output time, in a motion that throws tendons loose and catches them."""
     for robot in (STIFF, ELASTIC):
-        pulls = [0.02, -0.01, -0.012]
+        displacements = [0.02, -0.01, -0.012]
         run = simulate(
             robot,
             duration=0.6,
-            load=bs.Load(displacements=ramp(pulls, 0.1)),
+            load=bs.Load(displacements=ramp(displacements, 0.1)),
             integrator=bs.Integrator(mass_damping=1.0),
         )
         fields = run.raise_for_status().to_dataset()
@@ -83,12 +86,12 @@ def test_a_tendon_hangs_by_its_surplus_or_pulls() -> None:
         if robot is ELASTIC:
             home = home - (0.3 + robot.length) / 20e3 * 5.0  # its stretch under the pretension
         slack = fields.slack.values
-        surplus = home - fields.pull.values - fields.tendon_length.values
+        surplus = home - fields.tendon_displacement.values - fields.tendon_length.values
         assert (slack >= 0).all() and (fields.tension.values >= 0).all()
         hangs = slack > 1e-9
         assert hangs.any(axis=0).sum() >= 2 and not hangs.all()
         np.testing.assert_allclose(slack[hangs], surplus[hangs], rtol=0, atol=1e-12)
-        # one that is taut stretches; one that does not stretch is as long as its pull says
+        # one that is taut stretches; one that does not stretch is as long as its displacement says
         taut = ~hangs & (fields.time.values > 0)[:, None]
         assert (surplus[taut] < 1e-9).all()
         if robot is STIFF:
@@ -171,30 +174,34 @@ def test_lines_without_a_law_change_nothing() -> None:
     np.testing.assert_allclose(driven.tip_position, plain.tip_position, rtol=0, atol=1e-9)
 
 
-def test_angles_wind_the_pulls() -> None:
+def test_angles_wind_the_displacements() -> None:
     angles = np.array([0.4, -0.2, -0.2])
     turned = simulate(ELASTIC, duration=0.2, load=bs.Load(angles=ramp(angles, 0.1)))
     pulled = simulate(ELASTIC, duration=0.2, load=bs.Load(displacements=ramp(0.01 * angles, 0.1)))
     np.testing.assert_allclose(turned.tip_position, pulled.tip_position, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(turned.to_dataset().pull[-1], 0.01 * angles, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        turned.to_dataset().tendon_displacement[-1], 0.01 * angles, rtol=0, atol=1e-15
+    )
     begun = simulate(
         ELASTIC,
         duration=0.01,
         load=bs.Load(angles=angles),
         start=bs.Start(load=bs.Load(angles=angles)),
     )
-    assert begun.settings["initial_pulls_m"] == pytest.approx(0.01 * angles)
+    assert begun.settings["initial_displacements_m"] == pytest.approx(0.01 * angles)
 
 
 @pytest.mark.parametrize("as_function", [False, True])
 def test_a_mix_over_time(as_function: bool) -> None:
     tensions = ramp([5, NAN, NAN], 0.1)
-    pulls = ramp([NAN, 0.002, NAN], 0.1)
+    displacements = ramp([NAN, 0.002, NAN], 0.1)
     angles = ramp([NAN, NAN, -0.1], 0.1)
     if as_function:
-        courses = [lambda t, c=course: c.at(t).tolist() for course in (tensions, pulls, angles)]
+        courses = [
+            lambda t, c=course: c.at(t).tolist() for course in (tensions, displacements, angles)
+        ]
     else:
-        courses = [tensions, pulls, angles]
+        courses = [tensions, displacements, angles]
     run = simulate(
         ELASTIC,
         courses[0],
@@ -205,14 +212,14 @@ def test_a_mix_over_time(as_function: bool) -> None:
     fields = run.raise_for_status().to_dataset()
     rise = np.clip(run.time / 0.1, 0, 1)
     np.testing.assert_allclose(fields.tension[1:, 0], 5 * rise[1:], rtol=0, atol=0.05)
-    np.testing.assert_allclose(fields.pull[:, 1], 0.002 * rise, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(fields.pull[:, 2], -0.001 * rise, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fields.tendon_displacement[:, 1], 0.002 * rise, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fields.tendon_displacement[:, 2], -0.001 * rise, rtol=0, atol=1e-12)
     assert run.settings["initial_tensions_N"] == [0, None, None]
-    assert run.settings["initial_pulls_m"] == [None, 0, 0]
+    assert run.settings["initial_displacements_m"] == [None, 0, 0]
     json.dumps(run.settings, allow_nan=False)
 
 
-def test_a_pull_that_stretches_may_jump() -> None:
+def test_a_displacement_that_stretches_may_jump() -> None:
     run = simulate(
         ELASTIC, duration=0.1, load=bs.Load(displacements=step([0.004, -0.002, -0.002], 0.02))
     )
@@ -227,35 +234,35 @@ def test_a_pull_that_stretches_may_jump() -> None:
     assert back.tip_position[0, 0] > back.tip_position[-1, 0] + 5e-3
 
 
-@pytest.mark.parametrize(("robot", "pull"), [(RAO, 0.004), (CRL, 0.004)])
-def test_several_segments(robot: bs.Robot, pull: float) -> None:
+@pytest.mark.parametrize(("robot", "displacement"), [(RAO, 0.004), (CRL, 0.004)])
+def test_several_segments(robot: bs.Robot, displacement: float) -> None:
     count = len(robot.tendons.end_disk)
-    pulls = np.full(count, -2 * pull)
-    pulls[0] = pull
+    displacements = np.full(count, -2 * displacement)
+    displacements[0] = displacement
     run = simulate(
         robot,
         duration=0.3,
-        load=bs.Load(displacements=ramp(pulls, 0.2)),
+        load=bs.Load(displacements=ramp(displacements, 0.2)),
         integrator=bs.Integrator(mass_damping=1.0),
         output=bs.Output(every=0.05),
     )
     fields = run.raise_for_status().to_dataset()
-    np.testing.assert_allclose(fields.pull[-1], pulls, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(fields.tendon_displacement[-1], displacements, rtol=0, atol=1e-15)
     assert float(fields.tension[:, 0].max()) > 0
     size = float(abs(fields.work).max())
     assert float(abs(fields.energy_balance).max()) < 2e-2 * size
 
 
-def test_modal_damping_knows_pulls_and_leaves_friction_out() -> None:
+def test_modal_damping_knows_displacements_and_leaves_friction_out() -> None:
     """Taut tendons that keep their length make the slowest mode faster, and its damping with it."""
-    pulls = [0.004, -0.002, -0.002]
+    displacements = [0.004, -0.002, -0.002]
     damped = simulate(
         ELASTIC,
         duration=0.01,
-        load=bs.Load(displacements=pulls),
+        load=bs.Load(displacements=displacements),
         integrator=bs.Integrator(modal_damping=0.05),
     )
-    found = modes(ELASTIC, count=12, load=bs.Load(displacements=pulls)).frequency_hz
+    found = modes(ELASTIC, count=12, load=bs.Load(displacements=displacements)).frequency_hz
     slow, fast = 2 * math.pi * found[0], 2 * math.pi * found[found >= 2 * found[0]][0]
     mass, material = (damped.settings[k] for k in ("mass_damping_per_s", "material_damping_s"))
     for w in (slow, fast):
@@ -324,8 +331,8 @@ def test_modes_of_a_robot_whose_tendons_hang_are_its_own() -> None:
 
 def test_modes_of_angles_and_of_a_mix() -> None:
     by_angle = modes(ELASTIC, load=bs.Load(angles=[0.4, -0.2, -0.2]))
-    by_pull = modes(ELASTIC, load=bs.Load(displacements=[0.004, -0.002, -0.002]))
-    np.testing.assert_allclose(by_angle.frequency_hz, by_pull.frequency_hz, rtol=1e-12)
+    by_displacement = modes(ELASTIC, load=bs.Load(displacements=[0.004, -0.002, -0.002]))
+    np.testing.assert_allclose(by_angle.frequency_hz, by_displacement.frequency_hz, rtol=1e-12)
     mixed = modes(ELASTIC, [5, None, None], load=bs.Load(displacements=[None, 0, 0]))
     assert mixed.tensions[0] == 5
     assert modes(ELASTIC, [5, 5, 5]).frequency_hz[0] < mixed.frequency_hz[1]
@@ -351,7 +358,7 @@ def test_fields_of_an_equilibrium_are_the_solutions(robot: bs.Robot, given: dict
     assert solution.tendon_lengths is not None
     for name, expected, error in (
         ("tension", solution.tensions, 1e-9),
-        ("pull", solution.displacements(), 1e-12),
+        ("tendon_displacement", solution.displacements(), 1e-12),
         ("slack", solution.slack_lengths, 1e-12),
         ("span_tension", solution.span_tensions, 1e-9),
         ("tendon_length", solution.tendon_lengths, 1e-12),
@@ -371,11 +378,11 @@ def test_a_file_has_the_new_fields(tmp_path: Path) -> None:
     simulate(RUBBING, **objects(**arguments, path=file))
     read = read_run(file)
     xr.testing.assert_identical(read, kept.to_dataset())
-    for name in ("tension", "pull", "slack", "span_tension"):
+    for name in ("tension", "tendon_displacement", "slack", "span_tension"):
         assert read[name].attrs["units"] == ("N" if "tension" in name else "m")
     settings = json.loads(read.attrs["settings"])
-    assert settings["pulls_m"]["values"][1] == [None, 0.002, -0.02]
-    assert settings["initial_pulls_m"] == [None, 0, 0]
+    assert settings["displacements_m"]["values"][1] == [None, 0.002, -0.02]
+    assert settings["initial_displacements_m"] == [None, 0, 0]
     assert float(read.slack[-1, 2]) > 0.01 and not (read.tension[:, 2] > 0).any()
 
 
@@ -386,7 +393,7 @@ def test_without_friction_all_spans_carry_the_tension() -> None:
     assert (np.isnan(fields.span_tension) == ~passes).all()
     spread = np.where(passes, fields.tension.values, NAN)
     np.testing.assert_array_equal(fields.span_tension, spread)
-    assert (fields.slack == 0).all() and float(fields.pull[0]) > 0
+    assert (fields.slack == 0).all() and float(fields.tendon_displacement[0]) > 0
 
 
 def test_runs_are_copied(tmp_path: Path) -> None:
@@ -394,11 +401,13 @@ def test_runs_are_copied(tmp_path: Path) -> None:
         ELASTIC, duration=0.1, load=bs.Load(displacements=ramp([0.004, -0.002, -0.002], 0.05))
     )
     again = pickle.loads(pickle.dumps(run))
-    np.testing.assert_array_equal(again.to_dataset().pull, run.to_dataset().pull)
+    np.testing.assert_array_equal(
+        again.to_dataset().tendon_displacement, run.to_dataset().tendon_displacement
+    )
     assert again.settings == run.settings
 
 
-def test_an_interrupted_run_keeps_its_pulls(tmp_path: Path) -> None:
+def test_an_interrupted_run_keeps_its_displacements(tmp_path: Path) -> None:
     def stop(t: float) -> list[float]:
         if t > 0.05:
             raise KeyboardInterrupt
@@ -413,10 +422,10 @@ def test_an_interrupted_run_keeps_its_pulls(tmp_path: Path) -> None:
         )
     read = read_run(tmp_path / "run.nc")
     assert read.attrs["status"] == "interrupted" and 0.03 < caught.value.run.end <= 0.05
-    assert float(read.pull[-1, 0]) == pytest.approx(0.1 * float(read.time[-1]))
+    assert float(read.tendon_displacement[-1, 0]) == pytest.approx(0.1 * float(read.time[-1]))
 
 
-def test_pulls_after_the_end_are_not_asked_for() -> None:
+def test_displacements_after_the_end_are_not_asked_for() -> None:
     far = Table([0, 0.1, 50], [[0, 0, 0], [0.001, 0, 0], [0.7, 0, 0]])
     run = simulate(
         STIFF,
@@ -513,7 +522,7 @@ def test_bad_drives(given: dict[str, Any], says: str, tmp_path: Path) -> None:
     assert late or not file.exists()
 
 
-def test_pulls_that_fight() -> None:
+def test_displacements_that_fight() -> None:
     """Three tendons of a backbone that does not shorten."""
     run = simulate(
         STIFF,
@@ -547,7 +556,7 @@ def test_pulls_that_fight() -> None:
         modes(STIFF, load=bs.Load(displacements=[0.03] * 3), model=bs.RodModel("kirchhoff"))
 
 
-def test_a_pull_that_jumps_acts_at_once() -> None:
+def test_a_displacement_that_jumps_acts_at_once() -> None:
     """Not over a step, which would be late by half of one: the error falls faster than the step."""
     robot = bs.load_robot("amouri2019").with_(
         {
@@ -583,8 +592,8 @@ def test_a_pull_that_jumps_acts_at_once() -> None:
 
 
 def test_rounding_is_no_jump_and_no_slip() -> None:
-    times, pulls = [0.0, 0.1, 0.2, 0.3], [0.0, -0.02, -0.007, 0.0]
-    table = bs.dynamics.Table(times, np.array([pulls, np.zeros(4), np.zeros(4)]).T)
+    times, displacements = [0.0, 0.1, 0.2, 0.3], [0.0, -0.02, -0.007, 0.0]
+    table = bs.dynamics.Table(times, np.array([displacements, np.zeros(4), np.zeros(4)]).T)
     force = bs.dynamics.Table([0.0, 0.2, 0.2, 0.3], [[0, 0, 0], [0, 0, 0], [0.01, 0, 0], [0, 0, 0]])
     run = bs.simulate(
         bs.load_robot("amouri2019"),
@@ -592,7 +601,7 @@ def test_rounding_is_no_jump_and_no_slip() -> None:
         load=bs.Load(displacements=table, tip_force=force),
     )
     assert run.converged
-    # a pull that rises and then stays does not turn friction round at the base hole
+    # a displacement that rises and then stays does not turn friction round at the base hole
     rubbing = bs.load_robot("amouri2019").with_(
         {
             "segments.0.tendons.axial_stiffness": "20 kN",

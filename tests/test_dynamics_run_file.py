@@ -225,12 +225,12 @@ def test_where_it_may_be_written(tmp_path):
     (tmp_path / "text").write_text("mine")
     with pytest.raises(InputError, match="/text is a file"):
         check_file(tmp_path / "text" / "run.nc")
-    with pytest.raises(InputError, match="nothing of yours is replaced"):
+    with pytest.raises(InputError, match="existing files are not overwritten"):
         check_file(tmp_path / "text")
     with pytest.raises(InputError, match="it is a folder; name a file"):
         check_file(tmp_path)
     xr.Dataset({"a": 1}).to_netcdf(tmp_path / "other.nc")
-    with pytest.raises(InputError, match="nothing of yours is replaced"):
+    with pytest.raises(InputError, match="existing files are not overwritten"):
         check_file(tmp_path / "other.nc")
     # a former run is, once there is another
     for end in ("first", "second"):

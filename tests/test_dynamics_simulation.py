@@ -33,7 +33,7 @@ NUMBERS = ("duration", "dt", "tolerance", "every", "mass_damping", "material_dam
 NUMBERS += ("modal_damping", "spectral_radius")
 
 
-def pulled(newtons: float) -> list[float]:
+def tendon_1(newtons: float) -> list[float]:
     return [newtons, 0.0, 0.0]
 
 
@@ -42,7 +42,7 @@ def pulled(newtons: float) -> list[float]:
 
 def test_ramp_meets_independent_engines() -> None:
     run = simulate(
-        ROBOT, ramp(pulled(80), 1.0), 1.3, integrator=bs.Integrator(mass_damping=0.5, dt=1e-3)
+        ROBOT, ramp(tendon_1(80), 1.0), 1.3, integrator=bs.Integrator(mass_damping=0.5, dt=1e-3)
     )
     assert run.converged and run.end == 1.3
     x = run.tip_position[:, 0]
@@ -54,10 +54,10 @@ def test_ramp_meets_independent_engines() -> None:
 
 
 def test_default_settings_are_near_the_limit() -> None:
-    run = simulate(ROBOT, ramp(pulled(80), 1.0), 2.0, integrator=bs.Integrator(mass_damping=0.5))
+    run = simulate(ROBOT, ramp(tendon_1(80), 1.0), 2.0, integrator=bs.Integrator(mass_damping=0.5))
     limit = simulate(
         ROBOT,
-        ramp(pulled(80), 1.0),
+        ramp(tendon_1(80), 1.0),
         2.0,
         integrator=bs.Integrator(mass_damping=0.5, dt=2e-4, spectral_radius=1.0),
     )
@@ -68,7 +68,7 @@ def test_default_settings_are_near_the_limit() -> None:
 def test_slow_ramp_is_statics() -> None:
     run = simulate(
         ROBOT,
-        ramp(pulled(80), 40.0),
+        ramp(tendon_1(80), 40.0),
         40.0,
         integrator=bs.Integrator(modal_damping=0.05),
         output=bs.Output(every=0.5),
@@ -126,7 +126,7 @@ def test_steps_know_their_error(radius: float, dt: float | None) -> None:
     def moved(dt: float | None) -> Any:
         return simulate(
             ROBOT,
-            ramp(pulled(20), 0.1),
+            ramp(tendon_1(20), 0.1),
             1.0,
             integrator=bs.Integrator(mass_damping=0.5, spectral_radius=radius, dt=dt),
             output=bs.Output(every=0.05, points=0),
@@ -141,29 +141,29 @@ def test_steps_know_their_error(radius: float, dt: float | None) -> None:
 def test_one_step_says_nothing_of_their_error() -> None:
     run = simulate(
         ROBOT,
-        pulled(20),
+        tendon_1(20),
         0.01,
-        start=bs.Start(load=bs.Load(tensions=pulled(0))),
+        start=bs.Start(load=bs.Load(tensions=tendon_1(0))),
         integrator=bs.Integrator(dt=1e-2),
         output=bs.Output(points=0),
     )
     assert run.steps == 1 and run.error_estimate is None
     assert "nothing" in run.message
     still = simulate(
-        ROBOT, pulled(0), 0.1, integrator=bs.Integrator(dt=1e-2), output=bs.Output(points=0)
+        ROBOT, tendon_1(0), 0.1, integrator=bs.Integrator(dt=1e-2), output=bs.Output(points=0)
     )
     assert still.error_estimate == 0.0
-    assert simulate(ROBOT, pulled(0), 0.0, output=bs.Output(points=0)).error_estimate == 0.0
+    assert simulate(ROBOT, tendon_1(0), 0.0, output=bs.Output(points=0)).error_estimate == 0.0
 
 
 @pytest.mark.parametrize("theory", ["cosserat", "kirchhoff"])
 def test_a_hundred_periods_keep_their_energy(theory: Any) -> None:
     run = simulate(
         ROBOT,
-        pulled(0),
+        tendon_1(0),
         44.0,
         model=bs.RodModel(theory),
-        start=bs.Start(load=bs.Load(tensions=pulled(40))),
+        start=bs.Start(load=bs.Load(tensions=tendon_1(40))),
         integrator=bs.Integrator(spectral_radius=1.0, dt=1e-3),
         output=bs.Output(every=0.05, points=2),
     )
@@ -176,9 +176,9 @@ def test_a_hundred_periods_keep_their_energy(theory: Any) -> None:
 def test_energy_is_kept_without_damping() -> None:
     run = simulate(
         ROBOT,
-        pulled(0),
+        tendon_1(0),
         2.0,
-        start=bs.Start(load=bs.Load(tensions=pulled(40))),
+        start=bs.Start(load=bs.Load(tensions=tendon_1(40))),
         integrator=bs.Integrator(spectral_radius=1.0, dt=1e-3),
     )
     data = run.to_dataset()
@@ -186,9 +186,9 @@ def test_energy_is_kept_without_damping() -> None:
     # and taken by numerical damping where it is asked for
     damped = simulate(
         ROBOT,
-        pulled(0),
+        tendon_1(0),
         2.0,
-        start=bs.Start(load=bs.Load(tensions=pulled(40))),
+        start=bs.Start(load=bs.Load(tensions=tendon_1(40))),
         integrator=bs.Integrator(spectral_radius=0.5, dt=5e-3),
     ).to_dataset()
     assert damped.energy_balance[-1] < -0.05 * damped.elastic_energy[0]
@@ -199,10 +199,10 @@ def test_energy_is_kept_without_damping() -> None:
 def test_release_never_fails(theory: Any, dt: float) -> None:
     run = simulate(
         ROBOT,
-        pulled(0),
+        tendon_1(0),
         min(1.0, 400 * dt),
         model=bs.RodModel(theory),
-        start=bs.Start(load=bs.Load(tensions=pulled(40))),
+        start=bs.Start(load=bs.Load(tensions=tendon_1(40))),
         integrator=bs.Integrator(spectral_radius=1.0, dt=dt),
     )
     assert run.converged
@@ -222,7 +222,7 @@ def test_segments_and_gravity_start_at_rest() -> None:
 
 
 def test_static_stress_is_that_of_the_internal_wrench() -> None:
-    data = bs.solve(ROBOT, pulled(80)).to_dataset()
+    data = bs.solve(ROBOT, tendon_1(80)).to_dataset()
     diameter = 5e-3
     area, inertia = math.pi * diameter**2 / 4, math.pi * diameter**4 / 64
     moment, force = data.moment.values[0], data.force.values[0]
@@ -242,10 +242,11 @@ def test_static_stress_is_that_of_the_internal_wrench() -> None:
 
 
 def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
-    """The part beyond the middle of a module pulls with 80 N along the span, at its distance."""
+    """The part beyond the middle of a module displacements with 80 N along the span, at its
+    distance."""
     model = bs.RodModel("kirchhoff", elements=4)
-    data = bs.solve(ROBOT, pulled(80), model=model).to_dataset(points=3)
-    solution = bs.solve(ROBOT, pulled(80), model=bs.RodModel("kirchhoff", elements=4))
+    data = bs.solve(ROBOT, tendon_1(80), model=model).to_dataset(points=3)
+    solution = bs.solve(ROBOT, tendon_1(80), model=bs.RodModel("kirchhoff", elements=4))
     positions, rotations = solution.disk_positions, solution.disk_rotations
     assert positions is not None and rotations is not None
     hole = np.array([0.029, 0.0, 0.0])
@@ -262,7 +263,7 @@ def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
 
 def test_fields_fit_the_weight_beyond() -> None:
     """Hanging straight, every section carries what is below it."""
-    data = bs.solve(ROBOT, pulled(0), load=bs.Load(gravity=[0, 0, 9.81])).to_dataset()
+    data = bs.solve(ROBOT, tendon_1(0), load=bs.Load(gravity=[0, 0, 9.81])).to_dataset()
     density = 1800 * math.pi * 2.5e-3**2
     for s, module, force in zip(
         data.arc_length.values, data.module.values, data.force.values[0], strict=True
@@ -272,13 +273,13 @@ def test_fields_fit_the_weight_beyond() -> None:
 
 
 def test_dataset_and_tip_agree() -> None:
-    run = simulate(ROBOT, ramp(pulled(20), 0.2), 0.35, output=bs.Output(every=0.02))
+    run = simulate(ROBOT, ramp(tendon_1(20), 0.2), 0.35, output=bs.Output(every=0.02))
     assert run.time[-1] == pytest.approx(0.35) and len(run.time) == 19
     np.testing.assert_array_equal(run.to_dataset().disk_position.values[:, -1], run.tip_position)
     np.testing.assert_allclose(run.to_dataset().position.values[:, -1], run.tip_position, atol=1e-9)
     assert run.to_dataset().attrs["status"] == "converged"
     between = run.tip_at(run.time[:-1] + 0.01)
-    fine = simulate(ROBOT, ramp(pulled(20), 0.2), 0.35, output=bs.Output(every=0.01))
+    fine = simulate(ROBOT, ramp(tendon_1(20), 0.2), 0.35, output=bs.Output(every=0.01))
     np.testing.assert_allclose(between[:17], fine.tip_position[1:35:2], atol=2e-4)
 
 
@@ -290,10 +291,10 @@ def test_a_release_needs_few_iterations_at_short_steps(
 ) -> None:
     run = simulate(
         ROBOT,
-        pulled(0),
+        tendon_1(0),
         5 * dt,
         model=bs.RodModel(theory),
-        start=bs.Start(load=bs.Load(tensions=pulled(tension))),
+        start=bs.Start(load=bs.Load(tensions=tendon_1(tension))),
         integrator=bs.Integrator(dt=dt),
     ).raise_for_status()
     assert run.repeated == 0 and run.iterations <= 25
@@ -305,16 +306,16 @@ def test_tensions_along_the_backbone_may_jump(dt: float, start: float, end: floa
     """They shorten it at once; no mass is kicked by that, however short the step."""
     run = simulate(
         ROBOT,
-        pulled(end),
+        tendon_1(end),
         10 * dt,
         model=bs.RodModel(tendon_path="continuous"),
-        start=bs.Start(load=bs.Load(tensions=pulled(start))),
+        start=bs.Start(load=bs.Load(tensions=tendon_1(start))),
         integrator=bs.Integrator(dt=dt, spectral_radius=1.0),
         output=bs.Output(every=dt),
     ).raise_for_status()
     data = run.to_dataset()
     bent = bs.solve(
-        ROBOT, pulled(max(start, end)), model=bs.RodModel(tendon_path="continuous")
+        ROBOT, tendon_1(max(start, end)), model=bs.RodModel(tendon_path="continuous")
     ).to_dataset()
     assert run.repeated == 0
     assert float(abs(data.energy_balance).max()) < 3e-4 * float(bent.elastic_energy[0])
@@ -388,8 +389,8 @@ def test_file_of_a_release_holds_the_same_run(tmp_path: Path, settings: dict[str
         "initial_tip_force": [0.2, 0.4, 0],
         **settings,
     }
-    kept = simulate(ROBOT, pulled(1), 0.05, **objects(**arguments))
-    written = simulate(ROBOT, pulled(1), 0.05, **objects(**arguments, path=tmp_path / "run.nc"))
+    kept = simulate(ROBOT, tendon_1(1), 0.05, **objects(**arguments))
+    written = simulate(ROBOT, tendon_1(1), 0.05, **objects(**arguments, path=tmp_path / "run.nc"))
     assert kept.to_dataset().elastic_energy[0] > 1e-3
     xr.testing.assert_identical(written.to_dataset(), kept.to_dataset())
 
@@ -413,7 +414,7 @@ def test_interrupted_while_it_is_written(
     monkeypatch.setattr("bowstring.dynamics.run_file._ROOM", 100_000)
     monkeypatch.setattr(RunFile, "append", interrupted)
     with pytest.raises(simulation.RunInterrupted) as caught:
-        simulate(ROBOT, pulled(5), 1.0, output=bs.Output(path=tmp_path / "run.nc"))
+        simulate(ROBOT, tendon_1(5), 1.0, output=bs.Output(path=tmp_path / "run.nc"))
     run = caught.value.run
     data = run.to_dataset()  # of the same times
     assert data.attrs["status"] == run.status == "interrupted"
@@ -427,11 +428,11 @@ def test_interrupted_while_it_is_written(
 def test_time_that_a_motion_takes(tmp_path: Path, name: str | None) -> None:
     """Its start is part of it, what `progress` does is not."""
     out = None if name is None else tmp_path / name
-    start = simulate(ROBOT, pulled(5), 0.0, output=bs.Output(path=out))
+    start = simulate(ROBOT, tendon_1(5), 0.0, output=bs.Output(path=out))
     assert start.wall_s > 0 and start.real_time_factor == 0.0
     begun = clock.perf_counter()
     run = simulate(
-        ROBOT, pulled(5), 0.05, output=bs.Output(path=out, progress=lambda _: clock.sleep(0.2))
+        ROBOT, tendon_1(5), 0.05, output=bs.Output(path=out, progress=lambda _: clock.sleep(0.2))
     )
     assert 0 < run.wall_s < clock.perf_counter() - begun - 0.2
 
@@ -443,9 +444,9 @@ def test_a_load_that_fails_at_the_start_keeps_the_former_run(tmp_path: Path) -> 
         asked.append(t)
         if len(asked) == 2:
             raise ValueError("no more")
-        return pulled(5)
+        return tendon_1(5)
 
-    former = simulate(ROBOT, pulled(6), 0.02, output=bs.Output(path=tmp_path / "run.nc"))
+    former = simulate(ROBOT, tendon_1(6), 0.02, output=bs.Output(path=tmp_path / "run.nc"))
     with pytest.raises(InputError, match="failed at 0 s: ValueError: no more"):
         simulate(ROBOT, tension, 0.1, output=bs.Output(path=tmp_path / "run.nc"))
     assert asked == [0.0, 0.0] and former.to_dataset().attrs["status"] == "converged"
@@ -457,7 +458,7 @@ def test_interrupted_run_keeps_what_is_done(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(simulation.RunInterrupted) as caught:
-        simulate(ROBOT, pulled(5), 5.0, output=bs.Output(path=tmp_path / "run.nc", progress=stop))
+        simulate(ROBOT, tendon_1(5), 5.0, output=bs.Output(path=tmp_path / "run.nc", progress=stop))
     assert caught.value.run.status == "interrupted"
     again = pickle.loads(pickle.dumps(caught.value))
     assert isinstance(again, simulation.RunInterrupted) and again.run.end == caught.value.run.end
@@ -503,7 +504,7 @@ def test_a_second_interrupt_does_not_spoil_the_file(
     try:
         with pytest.raises(simulation.RunInterrupted) as caught:
             simulate(
-                ROBOT, pulled(5), 0.1, output=bs.Output(path=tmp_path / "run.nc", progress=stop)
+                ROBOT, tendon_1(5), 0.1, output=bs.Output(path=tmp_path / "run.nc", progress=stop)
             )
     finally:
         signal.signal(signal.SIGTERM, before)
@@ -515,15 +516,15 @@ def test_a_second_interrupt_does_not_spoil_the_file(
 
 def test_function_table_and_ramp_are_one() -> None:
     arguments: dict[str, Any] = {"dt": 2e-3, "mass_damping": 0.5}
-    by_ramp = simulate(ROBOT, ramp(pulled(30), 0.2), 0.3, **objects(**arguments))
+    by_ramp = simulate(ROBOT, ramp(tendon_1(30), 0.2), 0.3, **objects(**arguments))
     by_table = simulate(
-        ROBOT, Table([0, 0.2], [pulled(0), pulled(30)]), 0.3, **objects(**arguments)
+        ROBOT, Table([0, 0.2], [tendon_1(0), tendon_1(30)]), 0.3, **objects(**arguments)
     )
     asked: list[float] = []
 
     def tension(t: float) -> list[float]:
         asked.append(t)
-        return pulled(30 * min(t / 0.2, 1.0))
+        return tendon_1(30 * min(t / 0.2, 1.0))
 
     by_function = simulate(ROBOT, tension, 0.3, **objects(**arguments))
     np.testing.assert_array_equal(by_ramp.tip_position, by_table.tip_position)
@@ -535,11 +536,11 @@ def test_function_table_and_ramp_are_one() -> None:
 
 
 def test_jump_inside_a_run() -> None:
-    run = simulate(ROBOT, step(pulled(10), 0.1), 0.3, integrator=bs.Integrator(dt=1e-3))
+    run = simulate(ROBOT, step(tendon_1(10), 0.1), 0.3, integrator=bs.Integrator(dt=1e-3))
     before = run.time <= 0.1
     assert np.abs(run.tip_position[before, 0]).max() == 0.0
     assert run.tip_position[-1, 0] > 0.02
-    later = simulate(ROBOT, step(pulled(10)), 0.2, integrator=bs.Integrator(dt=1e-3))
+    later = simulate(ROBOT, step(tendon_1(10)), 0.2, integrator=bs.Integrator(dt=1e-3))
     np.testing.assert_allclose(run.tip_position[10:], later.tip_position, atol=1e-7)
 
 
@@ -550,11 +551,11 @@ def test_times_of_two_tables_may_differ_by_rounding(rises: bool, every: float) -
     tips = []
     for time in (0.3, 0.1 + 0.2):
         times = [0, time, 0.5] if rises else [0, time, time, 0.5]
-        pulls = Table([0, 0.3, 0.3, 0.5], [pulled(t) for t in (0, 5, 3, 0)])
+        displacements = Table([0, 0.3, 0.3, 0.5], [tendon_1(t) for t in (0, 5, 3, 0)])
         force = Table(times, [[x, 0, 0] for x in ((0, 0.1, 0) if rises else (0, 0.1, 0.3, 0))])
         run = simulate(
             ROBOT,
-            pulls,
+            displacements,
             0.6,
             load=bs.Load(tip_force=force),
             integrator=bs.Integrator(dt=5e-3),
@@ -568,12 +569,12 @@ def test_times_of_two_tables_may_differ_by_rounding(rises: bool, every: float) -
 def test_tip_load_over_time() -> None:
     run = simulate(
         ROBOT,
-        pulled(0),
+        tendon_1(0),
         2.0,
         load=bs.Load(tip_force=Table([0, 1.0], [[0, 0, 0], [0.2, 0, 0]])),
         integrator=bs.Integrator(modal_damping=0.3),
     )
-    still = bs.solve(ROBOT, pulled(0), load=bs.Load(tip_force=[0.2, 0, 0])).tip
+    still = bs.solve(ROBOT, tendon_1(0), load=bs.Load(tip_force=[0.2, 0, 0])).tip
     assert still is not None
     np.testing.assert_allclose(run.tip_position[-1], still.position, atol=2e-4)
 
@@ -582,9 +583,9 @@ def test_modal_damping_gives_its_ratio() -> None:
     ratio = 0.02
     run = simulate(
         ROBOT,
-        pulled(0),
+        tendon_1(0),
         6.0,
-        start=bs.Start(load=bs.Load(tensions=pulled(2))),
+        start=bs.Start(load=bs.Load(tensions=tendon_1(2))),
         integrator=bs.Integrator(modal_damping=ratio, dt=1e-3),
     )
     x = run.tip_position[:, 0]
@@ -631,14 +632,14 @@ segments:
 
 def test_modes_move_as_the_robot_does() -> None:
     """A small free oscillation about a bent equilibrium has the rate of its mode."""
-    found = modes(ROBOT, pulled(40), count=4)
+    found = modes(ROBOT, tendon_1(40), count=4)
     sideways = int(np.argmax(np.abs(found.displacement[:2, -1, 1])))
     run = simulate(
         ROBOT,
-        pulled(40),
+        tendon_1(40),
         4.0,
         load=bs.Load(tip_force=[0.0, 0.0, 0.0]),
-        start=bs.Start(load=bs.Load(tensions=pulled(40), tip_force=[0.0, 0.002, 0.0])),
+        start=bs.Start(load=bs.Load(tensions=tendon_1(40), tip_force=[0.0, 0.002, 0.0])),
         integrator=bs.Integrator(dt=1e-3, spectral_radius=0.9),
     )
     y = run.tip_position[:, 1]
@@ -742,7 +743,7 @@ def test_bad_tables(times: Any, values: Any, text: str) -> None:
     ],
 )
 def test_bad_arguments(changes: dict[str, Any], text: str) -> None:
-    arguments = {"robot": ROBOT, "tensions": pulled(5), "duration": 0.1, **changes}
+    arguments = {"robot": ROBOT, "tensions": tendon_1(5), "duration": 0.1, **changes}
     with pytest.raises(InputError, match=text) as error:
         simulate(**objects(**arguments))
     assert len(str(error.value)) < 300 and "\n" not in str(error.value)
@@ -781,8 +782,8 @@ def test_bad_arguments_of_modes(changes: dict[str, Any], text: str) -> None:
         (lambda: ramp([80, 0, 0], 1.0, start="x"), "start is 'x', it must be a finite number"),
         (lambda: step([80, 0, 0], start=float("nan")), "start is nan s"),
         (lambda: step([80, 0, 0], start=-1), "start is -1 s, it must be zero or more"),
-        (lambda: simulate(ROBOT, pulled(5), 0.02).tip_at("now"), "times is 'now'"),
-        (lambda: simulate(ROBOT, pulled(5), 0.02).tip_at([[0.01]]), r"times has shape \(1, 1\)"),
+        (lambda: simulate(ROBOT, tendon_1(5), 0.02).tip_at("now"), "times is 'now'"),
+        (lambda: simulate(ROBOT, tendon_1(5), 0.02).tip_at([[0.01]]), r"times has shape \(1, 1\)"),
     ],
 )
 def test_booleans_and_text_are_no_numbers(make: Any, text: str) -> None:
@@ -792,7 +793,7 @@ def test_booleans_and_text_are_no_numbers(make: Any, text: str) -> None:
 
 def test_whole_numbers_of_numpy_are_whole(tmp_path: Path) -> None:
     numbers: dict[str, Any] = {"points": np.int64(3), "elements": np.int64(2)}
-    run = simulate(ROBOT, pulled(5), 0.02, **objects(**numbers, path=tmp_path / "run.nc"))
+    run = simulate(ROBOT, tendon_1(5), 0.02, **objects(**numbers, path=tmp_path / "run.nc"))
     assert run.converged and run.to_dataset().sizes["station"] == 27
     assert len(modes(ROBOT, count=np.int64(2))) == 2
 
@@ -801,19 +802,19 @@ def test_errors_carry_their_status() -> None:
     two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
     heavy = {"gravity": (0.0, 0.0, -981000.0)}
     for fails in (
-        lambda: simulate(two, pulled(4000), 1.0),
-        lambda: simulate(ROBOT, pulled(5), 0.1, **objects(**heavy)),
+        lambda: simulate(two, tendon_1(4000), 1.0),
+        lambda: simulate(ROBOT, tendon_1(5), 0.1, **objects(**heavy)),
         lambda: modes(ROBOT, **objects(**heavy)),
     ):
         with pytest.raises(NoSolutionError) as error:
             fails()
         assert error.value.status == "no_equilibrium"
         assert pickle.loads(pickle.dumps(error.value)).status == "no_equilibrium"
-    run = simulate(two, ramp(pulled(4000), 0.1), 0.1)
+    run = simulate(two, ramp(tendon_1(4000), 0.1), 0.1)
     with pytest.raises(NoSolutionError) as error:
         run.raise_for_status()
     assert error.value.status == run.status != "converged"
-    still = bs.solve(two, pulled(4000))
+    still = bs.solve(two, tendon_1(4000))
     with pytest.raises(NoSolutionError) as error:
         still.raise_for_status()
     assert error.value.status == still.status
@@ -828,10 +829,10 @@ def test_modes_are_where_they_were() -> None:
 @pytest.mark.parametrize(
     ("function", "text"),
     [
-        (lambda t: pulled(float("nan")) if t > 0.05 else pulled(1), "nan.* at 0.0"),
-        (lambda t: pulled(-1) if t > 0.05 else pulled(1), "tendon 1 is -1 N at 0.0"),
+        (lambda t: tendon_1(float("nan")) if t > 0.05 else tendon_1(1), "nan.* at 0.0"),
+        (lambda t: tendon_1(-1) if t > 0.05 else tendon_1(1), "tendon 1 is -1 N at 0.0"),
         (lambda t: [1.0], "returned shape"),
-        (lambda t: pulled(1 / (0.05 - t)) if t >= 0.05 else pulled(1), "failed at|tendon 1 is"),
+        (lambda t: tendon_1(1 / (0.05 - t)) if t >= 0.05 else tendon_1(1), "failed at|tendon 1 is"),
         (lambda t: {}["no\nsuch\nkey" * 99], "failed at 0 s: KeyError: 'no"),
     ],
 )
@@ -853,7 +854,7 @@ def test_bad_functions_stop_the_run_and_keep_it(function: Any, text: str, tmp_pa
 
 def test_failed_run_says_when_and_why() -> None:
     two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
-    run = simulate(two, ramp(pulled(4000), 4.0), 4.0, integrator=bs.Integrator(mass_damping=5.0))
+    run = simulate(two, ramp(tendon_1(4000), 4.0), 4.0, integrator=bs.Integrator(mass_damping=5.0))
     assert run.status in ("collision", "step_failed")
     assert 0 < run.end < 4.0 and f"{run.end:.6g} s" in run.message
     assert np.isfinite(run.tip_position).all()
@@ -865,9 +866,9 @@ def test_function_beside_a_ramp_whose_end_no_output_meets() -> None:
     """0.7 is not 70 times 0.01 in floating point."""
     for rise in (0.35, 0.57, 0.7):
         run = simulate(
-            ROBOT, ramp(pulled(40), rise), 0.8, load=bs.Load(tip_force=lambda t: [0.0, 0.0, 0.0])
+            ROBOT, ramp(tendon_1(40), rise), 0.8, load=bs.Load(tip_force=lambda t: [0.0, 0.0, 0.0])
         )
-        plain = simulate(ROBOT, ramp(pulled(40), rise), 0.8)
+        plain = simulate(ROBOT, ramp(tendon_1(40), rise), 0.8)
         assert run.converged and len(run.time) == 81
         np.testing.assert_allclose(run.tip_position, plain.tip_position, atol=3e-4)
 
@@ -875,13 +876,13 @@ def test_function_beside_a_ramp_whose_end_no_output_meets() -> None:
 @pytest.mark.parametrize("dt", [1e-4, 2e-3])
 def test_tendons_along_the_backbone_move_as_well(dt: float) -> None:
     arguments: dict[str, Any] = {"dt": dt, "tendon_path": "continuous", "spectral_radius": 1.0}
-    run = simulate(ROBOT, ramp(pulled(40), 0.1), 0.15, **objects(**arguments))
+    run = simulate(ROBOT, ramp(tendon_1(40), 0.1), 0.15, **objects(**arguments))
     assert run.converged
     data = run.to_dataset()
     assert abs(data.energy_balance).max() < 1e-4 * float(data.work.max())
-    still = bs.solve(ROBOT, pulled(40), model=bs.RodModel(tendon_path="continuous")).to_dataset()
-    straight = bs.solve(ROBOT, pulled(40)).to_dataset()
-    # the backbone carries what the tendon pulls
+    still = bs.solve(ROBOT, tendon_1(40), model=bs.RodModel(tendon_path="continuous")).to_dataset()
+    straight = bs.solve(ROBOT, tendon_1(40)).to_dataset()
+    # the backbone carries what the tendon displacements
     np.testing.assert_allclose(still.force.values[0, :, 2], -40.0, rtol=1e-9)
     assert float(still.von_mises_max[0]) == pytest.approx(
         float(straight.von_mises_max[0]), rel=0.03
@@ -893,27 +894,27 @@ def test_held_upside_down_is_not_an_equilibrium() -> None:
     forces = np.zeros((9, 3))
     forces[-1] = [0.0, 0.0, -10.0]
     with pytest.raises(NoSolutionError, match="no stable equilibrium"):
-        simulate(ROBOT, pulled(0), 0.1, start=bs.Start(disk_forces=forces))
+        simulate(ROBOT, tendon_1(0), 0.1, start=bs.Start(disk_forces=forces))
 
 
 def test_a_run_that_cannot_begin_spares_the_former_one(tmp_path: Path) -> None:
     file = tmp_path / "run.nc"
-    simulate(ROBOT, pulled(5), 0.1, output=bs.Output(path=file))
+    simulate(ROBOT, tendon_1(5), 0.1, output=bs.Output(path=file))
     before = file.read_bytes()
     two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
     with pytest.raises(NoSolutionError):
-        simulate(two, pulled(4000), 1.0, output=bs.Output(path=file))
+        simulate(two, tendon_1(4000), 1.0, output=bs.Output(path=file))
     assert file.read_bytes() == before
 
 
 def test_rare_outputs_do_not_make_long_steps() -> None:
-    rare = simulate(ROBOT, ramp(pulled(80), 0.1), 0.1, output=bs.Output(every=5.0))
-    often = simulate(ROBOT, ramp(pulled(80), 0.1), 0.1)
+    rare = simulate(ROBOT, ramp(tendon_1(80), 0.1), 0.1, output=bs.Output(every=5.0))
+    often = simulate(ROBOT, ramp(tendon_1(80), 0.1), 0.1)
     assert np.linalg.norm(rare.tip_position[-1] - often.tip_position[-1]) < 0.5e-3
 
 
 def test_times_outside_a_run_are_refused() -> None:
-    run = simulate(ROBOT, pulled(5), 0.1)
+    run = simulate(ROBOT, tendon_1(5), 0.1)
     assert run.tip_at(0.05).shape == (1, 3)
     with pytest.raises(InputError, match=r"from 0 to 0\.1 s"):
         run.tip_at([0.05, 5.0])
@@ -958,15 +959,17 @@ def test_forces_on_disks_hold_beside_a_moment() -> None:
     holding = np.zeros((9, 3))
     holding[4, 0], holding[8, 1] = 2.0, 0.5
     load: dict[str, Any] = {"tip_moment": [0.3, 0.6, 0.2], "points": 0}
-    run = simulate(ROBOT, pulled(10), 0.2, **objects(**load, disk_forces=holding))
-    at_rest = bs.solve(ROBOT, pulled(10), load=bs.Load(tip_moment=load["tip_moment"])).tip.position
+    run = simulate(ROBOT, tendon_1(10), 0.2, **objects(**load, disk_forces=holding))
+    at_rest = bs.solve(
+        ROBOT, tendon_1(10), load=bs.Load(tip_moment=load["tip_moment"])
+    ).tip.position
     assert np.linalg.norm(run.tip_position[0] - at_rest) > 0.05  # until they are let go
     assert np.linalg.norm(run.tip_position[-1] - run.tip_position[0]) > 0.01
     alone = np.zeros((9, 3))
     alone[8] = [0.4, 0.5, 0.0]
-    held = simulate(ROBOT, pulled(10), 0.0, **objects(**load, disk_forces=alone))
+    held = simulate(ROBOT, tendon_1(10), 0.0, **objects(**load, disk_forces=alone))
     same = bs.solve(
-        ROBOT, pulled(10), load=bs.Load(tip_force=alone[8], tip_moment=load["tip_moment"])
+        ROBOT, tendon_1(10), load=bs.Load(tip_force=alone[8], tip_moment=load["tip_moment"])
     )
     assert np.linalg.norm(held.tip_position[0] - same.tip.position) < 1e-5
 
@@ -974,13 +977,13 @@ def test_forces_on_disks_hold_beside_a_moment() -> None:
 def test_no_equilibrium_to_start_from() -> None:
     two = ROBOT.with_({"segments.0.disks.count": 2, "segments.0.disks.positions": None})
     with pytest.raises(NoSolutionError, match="no equilibrium to start from"):
-        simulate(two, pulled(4000), 1.0)
+        simulate(two, tendon_1(4000), 1.0)
 
 
 @pytest.mark.parametrize("jump", [0.0, 0.02])
 def test_a_load_that_no_step_follows_leaves_what_came_before(jump: float, tmp_path: Path) -> None:
     """At a jump beyond all bounds the motion stops at the jump, which is an output time once."""
-    pull = Table([jump, jump], [pulled(0), pulled(1e9)])
+    pull = Table([jump, jump], [tendon_1(0), tendon_1(1e9)])
     times = [0.0, 0.01, 0.02] if jump else [0.0]
     for out in (None, tmp_path / "run.nc"):
         run = simulate(ROBOT, pull, 0.05, output=bs.Output(path=out))

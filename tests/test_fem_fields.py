@@ -76,7 +76,7 @@ def test_gravity_of_the_run_counts_not_that_of_the_robot() -> None:
     assert again.to_dataset().gravity_energy.item() == pytest.approx(theirs, rel=2e-3)
 
 
-def test_a_pull_is_the_rods() -> None:
+def test_a_displacement_is_the_rods() -> None:
     """What a tendon and its transmission give way is taken in too."""
     drive = {
         "segments.0.tendons.compliance": "0.1 mm/N",
@@ -84,19 +84,22 @@ def test_a_pull_is_the_rods() -> None:
         "segments.0.tendons.free_length": "300 mm",
     }
     soft, stiff = small_robot(**drive), small_robot()
-    pulls = {}
+    displacements = {}
     for name, robot in (("soft", soft), ("stiff", stiff)):
         run = stretched(STRAIN)
         run.robot, run.wanted_tensions = robot, np.array([[20.0, 0.0, 5.0]])
         by_rod = rod.solve(robot, [20.0, 0.0, 5.0]).to_dataset(3)
-        pulls[name] = run.to_dataset().pull.to_numpy()[0], by_rod.pull.to_numpy()[0]
-    ours, theirs = (pulls["soft"][k] - pulls["stiff"][k] for k in (0, 1))
+        displacements[name] = (
+            run.to_dataset().tendon_displacement.to_numpy()[0],
+            by_rod.tendon_displacement.to_numpy()[0],
+        )
+    ours, theirs = (displacements["soft"][k] - displacements["stiff"][k] for k in (0, 1))
     assert ours[0] > 2e-3
     np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
 
 
-def test_with_pretension_no_pull_is_known() -> None:
+def test_with_pretension_no_displacement_is_known() -> None:
     """The home pose is then another, which bricks have not computed."""
     run = stretched(STRAIN)
     run.robot = small_robot(**{"segments.0.tendons.pretension": "2 N"})
-    assert np.isnan(run.to_dataset().pull).all()
+    assert np.isnan(run.to_dataset().tendon_displacement).all()

@@ -177,8 +177,8 @@ def test_the_base_holds_the_weight_and_the_tip_force_once() -> None:
         frames.disk_rotation[1, 0].T
     )
     spans = moved - [[*hole, 0.0] for hole in robot.tendons.hole_m]
-    pulls = -5.0 * spans / np.linalg.norm(spans, axis=1)[:, None]
-    np.testing.assert_allclose(force[1], dead + pulls.sum(axis=0), atol=2e-3)
+    displacements = -5.0 * spans / np.linalg.norm(spans, axis=1)[:, None]
+    np.testing.assert_allclose(force[1], dead + displacements.sum(axis=0), atol=2e-3)
 
 
 @needs_ccx

@@ -141,9 +141,11 @@ def test_answers_beyond_all_elements_say_so() -> None:
 
 def test_tensions_of_three_taut_tendons() -> None:
     robot = study(**{"disks.count": 3})
-    pulls = [2e-4, 1e-4, 1e-4]
+    displacements = [2e-4, 1e-4, 1e-4]
     coarse, fine, chosen = (
-        bs.solve(robot, load=bs.Load(displacements=pulls), model=bs.RodModel(elements=elements))
+        bs.solve(
+            robot, load=bs.Load(displacements=displacements), model=bs.RodModel(elements=elements)
+        )
         for elements in (1, 8, None)
     )
     error = np.abs(coarse.tensions - fine.tensions).max()
@@ -151,16 +153,16 @@ def test_tensions_of_three_taut_tendons() -> None:
     assert np.abs(chosen.tensions - fine.tensions).max() < 1e-4 * fine.tensions.max()
 
 
-@pytest.mark.parametrize("pulled", [True, False])
-def test_friction_remembers_the_error(pulled: bool) -> None:
+@pytest.mark.parametrize("by_displacement", [True, False])
+def test_friction_remembers_the_error(by_displacement: bool) -> None:
     there_and_back = np.r_[np.linspace(0, 1, 8), np.linspace(0.9, 0.1, 6)]
     for seed in range(6):
         rng = np.random.default_rng(seed)
         robot = study(
             **{"tendons.friction": rng.uniform(0.1, 0.5), "tendons.compliance": "1e-5 m/N"}
         )
-        most = rng.uniform(0.001, 0.012, 3) if pulled else rng.uniform(5, 90, 3)
-        given = {"displacements" if pulled else "tensions": np.outer(there_and_back, most)}
+        most = rng.uniform(0.001, 0.012, 3) if by_displacement else rng.uniform(5, 90, 3)
+        given = {"displacements" if by_displacement else "tensions": np.outer(there_and_back, most)}
         coarse, fine = (
             bs.sweep(robot, **objects(**given, elements=elements)) for elements in (1, 8)
         )
@@ -193,9 +195,9 @@ def test_sweep_and_batch_carry_the_estimate() -> None:
 
 def test_a_path_takes_on_elements_as_it_needs_them() -> None:
     robot = study(**{"disks.count": 3, "tendons.friction": 0.1})
-    pulls = np.outer(np.linspace(0, 0.06, 7), [1, -1, -1])
-    path = bs.sweep(robot, load=bs.Load(displacements=pulls))
-    fine = bs.sweep(robot, load=bs.Load(displacements=pulls), model=bs.RodModel(elements=8))
+    displacements = np.outer(np.linspace(0, 0.06, 7), [1, -1, -1])
+    path = bs.sweep(robot, load=bs.Load(displacements=displacements))
+    fine = bs.sweep(robot, load=bs.Load(displacements=displacements), model=bs.RodModel(elements=8))
     error = np.linalg.norm(path.tip_position - fine.tip_position, axis=1)
     assert path.converged.all()
     assert (error <= path.tip_error + fine.tip_error + 1e-9).all()

@@ -1,4 +1,4 @@
-"""Robots driven by pulls, motor angles and tensions, with slack, stretch and friction."""
+"""Robots driven by displacements, motor angles and tensions, with slack, stretch and friction."""
 
 import copy
 import json
@@ -59,11 +59,12 @@ def bends(solution, i):
     return np.arctan2(sines, np.einsum("ij,ij->i", spans[:-1], spans[1:]))
 
 
-# --- pulls ---------------------------------------------------------------------------------
+# --- displacements
+# ---------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["robot", "rao", "elastic"])
-def test_tensions_to_pulls_and_back(name, request):
+def test_tensions_to_displacements_and_back(name, request):
     robot = request.getfixturevalue(name)
     draw = np.random.default_rng(1)
     most = 4.0 if name == "rao" else 60.0
@@ -84,14 +85,14 @@ def test_tensions_to_pulls_and_back(name, request):
         np.testing.assert_allclose(found.tendon_lengths, given.tendon_lengths, rtol=0, atol=1e-10)
 
 
-def test_pull_of_a_stiff_tendon_is_what_it_is_shorter_by(robot):
+def test_displacement_of_a_stiff_tendon_is_what_it_is_shorter_by(robot):
     found = bs.solve(robot, [80, 3, 0])
     np.testing.assert_allclose(
         found.displacements(), 0.641 - found.tendon_lengths, rtol=0, atol=1e-15
     )
 
 
-def test_pull_of_an_elastic_tendon_is_longer_by_its_stretch(elastic):
+def test_displacement_of_an_elastic_tendon_is_longer_by_its_stretch(elastic):
     """Hooke: what motor and tendon give way by, from the pretension on."""
     home = bs.solve(elastic, [2, 2, 2])
     assert np.abs(home.displacements()).max() < 1e-15
@@ -104,13 +105,14 @@ def test_pull_of_an_elastic_tendon_is_longer_by_its_stretch(elastic):
 
 
 def test_elastic_tendons_tend_to_stiff_ones(robot):
-    pulls = [0.02, -0.03, -0.03]
-    limit = tip(bs.solve(robot, load=bs.Load(displacements=pulls)))
+    displacements = [0.02, -0.03, -0.03]
+    limit = tip(bs.solve(robot, load=bs.Load(displacements=displacements)))
     errors = [
         np.linalg.norm(
             tip(
                 bs.solve(
-                    robot.with_({DRIVE + "axial_stiffness": k}), load=bs.Load(displacements=pulls)
+                    robot.with_({DRIVE + "axial_stiffness": k}),
+                    load=bs.Load(displacements=displacements),
                 )
             )
             - limit
@@ -145,10 +147,10 @@ def test_home_does_not_hang(robot, elastic):
 
 def test_angles_wind_spools(elastic):
     by_angle = bs.solve(elastic, tensions=[None, None, 3.0], load=bs.Load(angles=[2.0, -0.5, None]))
-    by_pull = bs.solve(
+    by_displacement = bs.solve(
         elastic, tensions=[np.nan, np.nan, 3.0], load=bs.Load(displacements=[0.02, -0.005, np.nan])
     )
-    np.testing.assert_array_equal(tip(by_angle), tip(by_pull))
+    np.testing.assert_array_equal(tip(by_angle), tip(by_displacement))
     assert by_angle.tensions[2] == 3.0
     assert by_angle.displacements()[0] == pytest.approx(0.02, abs=1e-15)
 
@@ -169,7 +171,7 @@ def test_three_tendons_of_an_inextensible_backbone(robot):
 
 
 def test_two_segments(rao):
-    """Tips of the published robot by tensions, and the same by the pulls they make."""
+    """Tips of the published robot by tensions, and the same by the displacements they make."""
     for tensions, mm, within in (
         ([4, 0, 0, 0, 2, 0], (129.370, 145.940, 334.202), 0.15),
         ([0, 0, 0, 3, 0, 0], (0, 211.15, 312.10), 0.03),
@@ -178,9 +180,9 @@ def test_two_segments(rao):
         given = bs.solve(rao, tensions, model=bs.RodModel(elements=8))
         assert np.linalg.norm(1e3 * tip(given) - mm) < within
         assert np.linalg.norm(tip(bs.solve(rao, tensions)) - tip(given)) < 1e-5
-        pulls = given.displacements() - 0.001 * (np.array(tensions) == 0)  # the others hang
+        displacements = given.displacements() - 0.001 * (np.array(tensions) == 0)  # the others hang
         found = bs.solve(
-            rao, load=bs.Load(displacements=pulls), model=bs.RodModel(elements=8)
+            rao, load=bs.Load(displacements=displacements), model=bs.RodModel(elements=8)
         ).raise_for_status()
         assert np.linalg.norm(tip(found) - tip(given)) < 1e-10
         assert found.slack == tuple(np.flatnonzero(np.array(tensions) == 0) + 1)
@@ -213,15 +215,17 @@ def test_no_equilibrium_says_who_fights(robot):
 
 def test_sweep_is_the_solves_one_by_one(rao):
     draw = np.random.default_rng(2)
-    pulls = draw.uniform(-1, 1, (20, 2)) @ rao.tendons.hole_m.T - draw.uniform(0, 0.002, (20, 6))
-    path = bs.sweep(rao, load=bs.Load(displacements=pulls)).raise_for_status()
-    alone = bs.solve_batch(rao, load=bs.Load(displacements=pulls)).raise_for_status()
-    one = bs.solve_batch(rao, threads=1, disks=False, load=bs.Load(displacements=pulls))
-    cold = bs.sweep(rao, warm=False, load=bs.Load(displacements=pulls))
+    displacements = draw.uniform(-1, 1, (20, 2)) @ rao.tendons.hole_m.T - draw.uniform(
+        0, 0.002, (20, 6)
+    )
+    path = bs.sweep(rao, load=bs.Load(displacements=displacements)).raise_for_status()
+    alone = bs.solve_batch(rao, load=bs.Load(displacements=displacements)).raise_for_status()
+    one = bs.solve_batch(rao, threads=1, disks=False, load=bs.Load(displacements=displacements))
+    cold = bs.sweep(rao, warm=False, load=bs.Load(displacements=displacements))
     assert one.disk_positions is None
     np.testing.assert_array_equal(one.tip_position, alone.tip_position)
     np.testing.assert_array_equal(cold.tip_position, alone.tip_position)
-    for i, row in enumerate(pulls):
+    for i, row in enumerate(displacements):
         found = bs.solve(rao, load=bs.Load(displacements=row))
         assert np.abs(tip(found) - path.tip_position[i]).max() < 1e-9
         np.testing.assert_array_equal(tip(found), alone.tip_position[i])
@@ -234,7 +238,7 @@ def test_sweep_is_the_solves_one_by_one(rao):
     assert alone.history() is None and path.history()["robot_hash"] == rao.hash
 
 
-def test_sweep_by_tensions_knows_pulls(elastic):
+def test_sweep_by_tensions_knows_displacements(elastic):
     tensions = np.outer(np.linspace(0, 40, 5), [1, 0, 0]) + 1.0
     rows = bs.sweep(elastic, tensions)
     assert rows.driven is None and rows.history() is None and not rows.undetermined.any()
@@ -301,13 +305,13 @@ def test_history_goes_on_through_json(rubbing):
     assert np.abs(end.tip_position[-1] - end.tip_position[0]).max() > 1e-4  # the path matters
 
 
-def test_pulls_with_friction_make_a_loop_and_go_on_through_json(rubbing):
+def test_displacements_with_friction_make_a_loop_and_go_on_through_json(rubbing):
     up = np.linspace(0, 0.02, 11)
     path = np.outer(np.concatenate((up, up[-2::-1])), [1, -0.55, -0.55]) - [0, 0.001, 0.001]
     rows = bs.sweep(rubbing, load=bs.Load(displacements=path)).raise_for_status()
     np.testing.assert_array_equal(rows.displacements(), path)
     assert (rows.tensions * rows.slack_lengths == 0).all()
-    assert rows.tensions[5, 0] > rows.tensions[15, 0] + 0.5  # the same pull, up and down
+    assert rows.tensions[5, 0] > rows.tensions[15, 0] + 0.5  # the same displacement, up and down
     history = None
     for i, row in enumerate(path):
         found = bs.solve(
@@ -326,8 +330,8 @@ def test_random_paths_with_friction(rao):
     draw = np.random.default_rng(3)
     rubs = {f"segments.{s}.tendons.{i}.friction": 0.2 for s in (0, 1) for i in (0, 1, 2)}
     robot = rao.with_(rubs)
-    pulls = draw.uniform(-0.8, 0.8, (30, 2)) @ rao.tendons.hole_m.T - 0.001
-    for given in ({"displacements": pulls}, {"tensions": draw.uniform(0, 4, (30, 6))}):
+    displacements = draw.uniform(-0.8, 0.8, (30, 2)) @ rao.tendons.hole_m.T - 0.001
+    for given in ({"displacements": displacements}, {"tensions": draw.uniform(0, 4, (30, 6))}):
         rows = bs.sweep(robot, **objects(**given)).raise_for_status()
         assert (rows.tensions >= 0).all() and (rows.tensions * rows.slack_lengths == 0).all()
         half = bs.sweep(robot, **objects(**{k: v[:15] for k, v in given.items()}))
@@ -387,7 +391,7 @@ def test_shape_and_copies_of_a_driven_robot(rubbing, robot):
             np.testing.assert_array_equal(tip(other), tip(found))
             np.testing.assert_array_equal(other.tensions, found.tensions)
         content = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-        assert content["pulls_m"] == found.displacements().tolist()
+        assert content["displacements_m"] == found.displacements().tolist()
         assert content["slack"] == list(found.slack)
 
 
@@ -396,17 +400,19 @@ def test_fields_are_those_of_the_tensions(robot):
     fields = found.to_dataset()
     alone = bs.solve(robot, found.tensions).to_dataset()
     # a tendon that hangs is paid out farther; bent by one tendon, all modules are loaded alike
-    differ = {"pull", "slack", "von_mises_max_arc_length", "von_mises_max_place"}
-    np.testing.assert_allclose(fields.pull + fields.slack, alone.pull, rtol=0, atol=1e-12)
+    differ = {"tendon_displacement", "slack", "von_mises_max_arc_length", "von_mises_max_place"}
+    np.testing.assert_allclose(
+        fields.tendon_displacement + fields.slack, alone.tendon_displacement, rtol=0, atol=1e-12
+    )
     for name in alone.data_vars:
         if alone[name].dtype.kind == "f" and name not in differ:
             np.testing.assert_allclose(fields[name], alone[name], rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["robot", "elastic", "rao"])
-def test_pull_jacobian(name, request):
+def test_displacement_jacobian(name, request):
     robot = request.getfixturevalue(name)
-    pulls = {
+    displacements = {
         "robot": bs.solve(
             robot, [20, 5, 3] if name == "robot" else np.ones(robot.core.tendon_count)
         ).displacements(),
@@ -415,13 +421,13 @@ def test_pull_jacobian(name, request):
             robot, [1, 0.5, 0.4, 0.5, 0.8, 0.6] if name == "rao" else [1, 1, 1]
         ).displacements(),
     }[name]
-    found = bs.solve(robot, load=bs.Load(displacements=pulls)).raise_for_status()
+    found = bs.solve(robot, load=bs.Load(displacements=displacements)).raise_for_status()
     by = bs.displacement_jacobian(found)
     h = 1e-6
-    for i in range(len(pulls)):
-        shift = h * (np.arange(len(pulls)) == i)
+    for i in range(len(displacements)):
+        shift = h * (np.arange(len(displacements)) == i)
         more, less = (
-            bs.solve(robot, load=bs.Load(displacements=pulls + s)) for s in (shift, -shift)
+            bs.solve(robot, load=bs.Load(displacements=displacements + s)) for s in (shift, -shift)
         )
         for column, a, b in (
             (by.tip_position_by_displacement[:, i], tip(more), tip(less)),
@@ -446,7 +452,7 @@ def test_pull_jacobian(name, request):
         assert (by.tip_position_by_displacement[:, found.tensions == 0] == 0).all()
 
 
-def test_pull_jacobian_of_other_drives(robot):
+def test_displacement_jacobian_of_other_drives(robot):
     mixed = bs.displacement_jacobian(
         bs.solve(robot, [None, 3, 3], load=bs.Load(displacements=[0.02, None, None]))
     )
@@ -459,7 +465,7 @@ def test_pull_jacobian_of_other_drives(robot):
         bs.displacement_jacobian(same).tip_position_by_displacement,
         rtol=1e-6,
     )
-    with pytest.raises(InputError, match="cannot be pulled one by one"):
+    with pytest.raises(InputError, match="cannot be displaced one by one"):
         bs.displacement_jacobian(bs.solve(robot, [5, 5, 5], model=bs.RodModel("kirchhoff")))
 
 
@@ -532,7 +538,7 @@ def test_bad_drives(robot, given, says):
         (lambda h: h.update(tensions_N=[-1, 2, 3]), "the history is damaged"),
         (lambda h: h.update(tensions_N=[None, 2, 3]), "the history is damaged"),
         (lambda h: h.update(commands=[{"x": 1}] * 3), "the history is damaged"),
-        (lambda h: h.update(commands=[{"pull_m": 1}] * 2), "the history is damaged"),
+        (lambda h: h.update(commands=[{"displacement_m": 1}] * 2), "the history is damaged"),
         (lambda h: h.update(tip_force_N=[1]), "the history is damaged"),
     ],
 )
@@ -563,7 +569,7 @@ def test_much_friction_is_doubted_where_there_is_no_answer():
 def test_a_pretension_without_a_home_pose(robot):
     tight = robot.with_({DRIVE + "pretension": "100 kN"})
     found = bs.solve(tight, [20, 0, 0]).raise_for_status()
-    assert found.displacements() is None and found.to_dict()["pulls_m"] is None
+    assert found.displacements() is None and found.to_dict()["displacements_m"] is None
     assert np.isnan(bs.sweep(tight, [[20, 0, 0]]).displacements()).all()
     with pytest.raises(InputError, match="there is no home pose"):
         bs.solve(tight, load=bs.Load(displacements=[0, 0, 0]))

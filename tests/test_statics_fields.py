@@ -186,13 +186,13 @@ def test_clamped_backbone_is_rigid():
     assert ((data.curvature.sel(axis="y")[0] == 0.0) == (distance < 0.015)).all()
 
 
-def test_tip_pull_and_energy():
+def test_tip_displacement_and_energy():
     frames = made_frames(STEPPED, TIMES)
     data = fields.to_dataset(STEPPED, frames, {})
     kappa = 2.0 * np.sin(2.0 * TIMES)
     length = STEPPED.disks.station_m[STEPPED.tendons.end_disk]
     np.testing.assert_allclose(
-        data.pull, STEPPED.tendons.hole_m[:, 0] * length * kappa[:, None], atol=1e-15
+        data.tendon_displacement, STEPPED.tendons.hole_m[:, 0] * length * kappa[:, None], atol=1e-15
     )
     np.testing.assert_allclose(data.tip_displacement[0], 0.0, atol=1e-15)
     np.testing.assert_allclose(

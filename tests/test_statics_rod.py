@@ -189,7 +189,7 @@ def test_clamped_length(robot):
 
 
 def shoot(robot, tension, g):
-    """Tip (x, z) of a planar Kirchhoff robot that pulls tendon 1 under gravity g down.
+    """Tip (x, z) of a planar Kirchhoff robot with tension on tendon 1, under gravity g down.
 
     Written from the balance of forces and moments alone. Unknown are the moment at the base and
     the direction of every span; the rod is integrated as an initial value problem.
@@ -768,7 +768,7 @@ def test_contract_of_the_command_line(robot):
         "disks",
         "tendon_lengths_m",
         "tensions_N",
-        "pulls_m",
+        "displacements_m",
         "slack",
         "slack_m",
         "span_tensions_N",

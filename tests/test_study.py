@@ -14,7 +14,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.statics import rod
-from bowstring.study.actuation_budget import drive_budget
+from bowstring.study.actuation_budget import actuation_budget
 from bowstring.study.comparison import COMPARISONS
 from bowstring.study.settings import Loading, Ramp
 from bowstring.study.shapes import backbones
@@ -34,19 +34,21 @@ def test_the_sweep_is_the_studys(paper: Study) -> None:
     assert paper.statics.tip_position[-1] / MM == pytest.approx([384.556, 0.0, 444.808], abs=6e-3)
 
 
-def test_pull_beside_the_linear_law(paper: Study) -> None:
+def test_displacement_beside_the_linear_law(paper: Study) -> None:
     # delta l = F r^2 l / (E I)
-    assert paper.statics.linear_pull[-1] == pytest.approx(80.0 * 0.029**2 * 0.641 / EI, rel=1e-9)
-    # a span's lever arm grows with the bend, so the real pull runs ahead
-    assert paper.statics.pull[-1] > paper.statics.linear_pull[-1]
-    assert paper.statics.pull[0] == pytest.approx(0.0, abs=1e-12)
+    assert paper.statics.linear_displacement[-1] == pytest.approx(
+        80.0 * 0.029**2 * 0.641 / EI, rel=1e-9
+    )
+    # a span's lever arm grows with the bend, so the real displacement runs ahead
+    assert paper.statics.displacement[-1] > paper.statics.linear_displacement[-1]
+    assert paper.statics.displacement[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_geometric_sweep_is_eq_5(paper: Study) -> None:
     g = paper.geometry
     length = paper.length
     pull = np.linspace(0.0, 80.0 * 0.029**2 * 0.641 / EI, 17)
-    assert g.pull == pytest.approx(pull, rel=1e-9, abs=1e-15)
+    assert g.displacement == pytest.approx(pull, rel=1e-9, abs=1e-15)
     expected = np.column_stack([length - pull, length + pull / 2, length + pull / 2])
     assert g.tendon_lengths == pytest.approx(expected, rel=1e-12)
     theta = pull[1:] / 0.029
@@ -129,8 +131,8 @@ def test_the_load_range_in_gravity_is_that_of_statics() -> None:
     assert math.degrees(got.geometry.theta[-1, 0]) == pytest.approx(80.0, abs=1.0)
     assert any("about the robot's own bend" in note for note in got.notes())
     model, tension = got.model, got.statics.tension
-    drive = drive_budget(model, tension, model.case(model.main, tension))
-    assert drive.pull_driven.problem is None
+    drive = actuation_budget(model, tension, model.case(model.main, tension))
+    assert drive.displacement_controlled.problem is None
 
 
 def test_gravity_that_bends_further_ends_the_load_range_earlier() -> None:
@@ -140,10 +142,10 @@ def test_gravity_that_bends_further_ends_the_load_range_earlier() -> None:
     assert got.geometry.scale == 1.0
 
 
-def test_any_tendon_or_several_can_be_pulled(paper: Study) -> None:
+def test_any_tendon_or_several_can_be_actuated(paper: Study) -> None:
     robot = load_robot("rao2021")
     inner = Stages(robot, tendon=1, points=3)
-    assert inner.settings.tendon == 0 and inner.settings.pulled == "tendon 1"
+    assert inner.settings.tendon == 0 and inner.settings.actuated == "tendon 1"
     assert inner.geometry.theta[-1, 0] > 1.0 and inner.geometry.theta[-1, 1] == pytest.approx(0)
     direct = rod.solve(robot, [inner.settings.max_tension, 0, 0, 0, 0, 0]).raise_for_status().tip
     assert direct is not None
@@ -151,22 +153,22 @@ def test_any_tendon_or_several_can_be_pulled(paper: Study) -> None:
 
     stages = Stages(robot, tendon={2: 1.0, 4: 0.5}, max_tension=2.0, points=3)
     both = stages.over(paper)
-    assert both.settings.pulled == "tendons 2 and 4 (at 0.5 of it)"
+    assert both.settings.actuated == "tendons 2 and 4 (at 0.5 of it)"
     sweep = both.to_dict()["sweep"]
-    assert sweep["pulled_tendon"] == 2 and sweep["shares"] == [0, 1, 0, 0.5, 0, 0]
+    assert sweep["actuated_tendon"] == 2 and sweep["shares"] == [0, 1, 0, 0.5, 0, 0]
     direct = rod.solve(robot, [0, 2, 0, 1, 0, 0]).raise_for_status().tip
     assert direct is not None
     assert both.statics.tip_position[-1] == pytest.approx(direct.position, abs=1e-9)
-    # the linear law's pull of tendon 2: both segments' bends along its own direction
+    # the linear law's displacement of tendon 2: both segments' bends along its own direction
     ei = 54e9 * math.pi / 64 * 0.0014**4
     own, other = 2.0 * 0.01**2 * 0.2 / ei, 1.0 * 0.01**2 * 0.2 / ei * math.cos(math.radians(120))
-    assert both.statics.linear_pull[-1] == pytest.approx(own + other, rel=1e-9)
+    assert both.statics.linear_displacement[-1] == pytest.approx(own + other, rel=1e-9)
     # towards which it bends: between 90 and -30 degrees
     x, y, _ = both.towards
     assert -30.0 < math.degrees(math.atan2(y, x)) < 90.0
     assert both.comparison("cc_from_lengths").mean < 1e-3 * robot.length
     model, tension = stages.model, stages.statics.tension
-    drive = drive_budget(model, tension, model.case(model.main, tension))
+    drive = actuation_budget(model, tension, model.case(model.main, tension))
     assert drive.row("tendon_elasticity").case.problem is None
     force = next(shape for shape in backbones(both).shapes if shape.name == "cc_from_force")
     error = both.comparison("cc_from_force").error[-1]
@@ -184,7 +186,7 @@ def test_the_published_claim_is_of_the_studys_own_tendon() -> None:
         (0, "tendon is 0, it must be a whole number from 1 to 3"),
         (4, "tendon is 4, it must be"),
         ({1: 0.0}, "share of tendon 1 is 0.0; must be above 0"),
-        ({1: 0.5}, "largest share of the pulled tendons is 0.5; must be 1"),
+        ({1: 0.5}, "largest share of the actuated tendons is 0.5; must be 1"),
         ({1: 1, 2: 1, 3: 1}, "balance each other"),
         ({}, "largest share"),
     ],

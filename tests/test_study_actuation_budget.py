@@ -1,4 +1,4 @@
-"""How the robot is driven, in the study: friction, elastic tendons and pulled lengths."""
+"""The actuation of the robot in the study: friction, elastic tendons and displacement control."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from bowstring.study import report
 from bowstring.study.actuation_budget import (
     ASSUMED_FRICTION,
     COMMANDED,
-    DriveBudget,
+    ActuationBudget,
+    actuation_budget,
     assumed_stiffness,
-    drive_budget,
 )
 from bowstring.study.comparison import Model
 from bowstring.study.study import Study
@@ -41,18 +41,18 @@ ROWS = [
     "friction_loading",
     "friction_unloading",
     "tendon_elasticity",
-    "pull_driven_loading",
-    "pull_driven_unloading",
+    "displacement_controlled_loading",
+    "displacement_controlled_unloading",
 ]
 
 
-def drive(robot: Robot, max_tension: float = 80.0, points: int = 17) -> DriveBudget:
+def drive(robot: Robot, max_tension: float = 80.0, points: int = 17) -> ActuationBudget:
     """The drive's part of the budget alone."""
     model = Model(
         robot, int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0]), "cosserat"
     )
     tension = np.linspace(0.0, max_tension, points)
-    return drive_budget(model, tension, model.case(model.main, tension))
+    return actuation_budget(model, tension, model.case(model.main, tension))
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def amouri() -> Robot:
     return load_robot("amouri2019")
 
 
-def pulls_for(robot: Robot, tension: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def displacements_for(robot: Robot, tension: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What the spools are told for the first of three tendons, and the tip that is meant."""
     arcs = RobotArcs.from_tensions(robot, np.outer(tension, [1, 0, 0]))
     lengths = arcs.lengths()
@@ -79,7 +79,7 @@ def test_friction_is_that_of_a_path_up_and_down(paper: Study, amouri: Robot) -> 
     rubbing = amouri.with_({DRIVE + "friction": ASSUMED_FRICTION})
     path = bs.sweep(rubbing, np.outer(UP_AND_DOWN, [1, 0, 0])).raise_for_status()
     law = RobotArcs.from_tensions(amouri, np.outer(UP[::3], [1, 0, 0])).tip.position
-    d = paper.budget.drive
+    d = paper.budget.actuation
     for effect, rows in (
         ("friction_loading", slice(0, 49, 3)),
         ("friction_unloading", slice(96, 47, -3)),
@@ -96,37 +96,44 @@ def test_friction_is_that_of_a_path_up_and_down(paper: Study, amouri: Robot) -> 
     assert d.loops[0].width == pytest.approx(width)
 
 
-def test_pulls_are_those_that_constant_curvature_asks_for(paper: Study, amouri: Robot) -> None:
-    d = paper.budget.drive
-    pulls, meant = pulls_for(amouri, UP)
-    assert d.pull == pytest.approx(pulls[::3, 0], abs=1e-12)
+def test_displacements_are_those_that_constant_curvature_asks_for(
+    paper: Study, amouri: Robot
+) -> None:
+    d = paper.budget.actuation
+    displacements, meant = displacements_for(amouri, UP)
+    assert d.displacement == pytest.approx(displacements[::3, 0], abs=1e-12)
     elastic = amouri.with_({DRIVE + "axial_stiffness": ASSUMED})
     both = elastic.with_({DRIVE + "friction": ASSUMED_FRICTION})
-    for robot, case in ((amouri, d.pull_driven), (elastic, d.row("tendon_elasticity").case)):
-        found = bs.sweep(robot, load=bs.Load(displacements=pulls)).raise_for_status()
+    for robot, case in (
+        (amouri, d.displacement_controlled),
+        (elastic, d.row("tendon_elasticity").case),
+    ):
+        found = bs.sweep(robot, load=bs.Load(displacements=displacements)).raise_for_status()
         assert case.error(COMMANDED) == pytest.approx(
             errors(meant, found.tip_position)[::3], abs=1e-9
         )
         assert np.all(found.slack_lengths[:, 1:] > 0.0)  # the others hang
     path = bs.sweep(
-        both, load=bs.Load(displacements=np.concatenate((pulls, pulls[-2::-1])))
+        both, load=bs.Load(displacements=np.concatenate((displacements, displacements[-2::-1])))
     ).raise_for_status()
     there, back = path.tip_position[:49], path.tip_position[48:][::-1]
     for way, tips in (("loading", there), ("unloading", back)):
-        case = d.row(f"pull_driven_{way}").case
+        case = d.row(f"displacement_controlled_{way}").case
         assert case.error(COMMANDED) == pytest.approx(errors(meant, tips)[::3], abs=1e-9)
     assert d.loops[1].width == pytest.approx(errors(there, back).max(), abs=1e-9)
 
 
 def test_an_elastic_tendon_is_late_by_its_stretch(paper: Study, amouri: Robot) -> None:
-    """Elastic tendons at a pull are inextensible ones at that pull less T l0 / (E A)."""
-    pulls, _ = pulls_for(amouri, UP[-1:])
+    """Elastic tendons at a displacement are inextensible ones at that displacement less T l0 / (E
+    A)."""
+    displacements, _ = displacements_for(amouri, UP[-1:])
     elastic = bs.solve(
-        amouri.with_({DRIVE + "axial_stiffness": ASSUMED}), load=bs.Load(displacements=pulls[0])
+        amouri.with_({DRIVE + "axial_stiffness": ASSUMED}),
+        load=bs.Load(displacements=displacements[0]),
     )
-    late = pulls[0] - [elastic.tensions[0] * amouri.length / ASSUMED, 0, 0]
+    late = displacements[0] - [elastic.tensions[0] * amouri.length / ASSUMED, 0, 0]
     tip = bs.solve(amouri, load=bs.Load(displacements=late)).raise_for_status().tip
-    ours = paper.budget.drive.row("tendon_elasticity").case.tip_position[-1]
+    ours = paper.budget.actuation.row("tendon_elasticity").case.tip_position[-1]
     assert tip is not None and ours == pytest.approx(tip.position, abs=1e-9)
 
 
@@ -145,9 +152,9 @@ def test_without_friction_and_stretch_nothing_changes(amouri: Robot) -> None:
 
 
 def test_the_present_numbers_stay(paper: Study) -> None:
-    d = paper.budget.drive
+    d = paper.budget.actuation
     for name in ("cc_from_lengths", "cc_from_force"):
-        assert d.tension_driven.comparisons[name].mean == paper.comparison(name).mean
+        assert d.tension_controlled.comparisons[name].mean == paper.comparison(name).mean
     assert d.loops[0].free[::3] == pytest.approx(paper.statics.tip_position, abs=1e-9)
 
 
@@ -164,7 +171,7 @@ def test_short_steps_tell_the_same(amouri: Robot) -> None:
 
 
 def test_figures_of_the_papers_robot(paper: Study) -> None:
-    d = paper.budget.drive
+    d = paper.budget.actuation
     assert [row.effect for row in d.rows] == ROWS
     up, down = d.row("friction_loading"), d.row("friction_unloading")
     assert up.case.comparisons["cc_from_force"].mean / MM == pytest.approx(2.61, abs=0.01)
@@ -182,27 +189,27 @@ def test_figures_of_the_papers_robot(paper: Study) -> None:
 
 
 def test_json(paper: Study) -> None:
-    d = json.loads(json.dumps(paper.to_dict(), allow_nan=False))["budget"]["drive"]
+    d = json.loads(json.dumps(paper.to_dict(), allow_nan=False))["budget"]["actuation"]
     assert (d["friction"], d["friction_is"]) == (0.1, "assumed")
     assert (d["axial_stiffness_N"], d["elasticity_is"]) == (30e3, "assumed")
     assert [row["effect"] for row in d["rows"]] == ROWS
     for row in d["rows"]:
-        names = {"tension": ("cc_from_lengths", "cc_from_force"), "pull": (COMMANDED,)}
-        for name in names[row["driven_by"]]:
-            base = d[row["driven_by"]][name]
+        names = {"tension": ("cc_from_lengths", "cc_from_force"), "displacement": (COMMANDED,)}
+        for name in names[row["control"]]:
+            base = d[row["control"]][name]
             assert {"n", "mean_mm", "max_mm", "mean_percent"} <= set(row[name])
             change = row[name]["mean_mm"] - base["mean_mm"]
             assert row[name]["change_of_mean_mm"] == pytest.approx(change)
         assert row["more_than_constant_curvature"] is True
         assert ("assumed" in row["label"]) == bool(row["assumed"])
     for loop in d["hysteresis"]:
-        command = loop["tension_N" if loop["driven_by"] == "tension" else "pull_mm"]
+        command = loop["tension_N" if loop["control"] == "tension" else "displacement_mm"]
         assert len(command) == len(loop["tip_loading_mm"]) == len(loop["tip_unloading_mm"]) == 49
         assert loop["width_percent"] == pytest.approx(loop["width_mm"] / 641 * 100)
 
 
 def test_what_is_assumed_is_said(paper: Study) -> None:
-    d = paper.budget.drive
+    d = paper.budget.actuation
     assert d.assumptions == ("friction 0.1", STRETCH)
     assert sum("not measured" in note for note in d.notes) == 2
     assert all("assumed" in row.label for row in d.rows)
@@ -270,7 +277,7 @@ def test_calibrated_friction_is_that_of_the_budget(amouri: Robot) -> None:
     tension = np.linspace(0.0, 80.0, 5)
     sweep = model.case(model.main, tension)
     calibrated = amouri.with_({DRIVE + "friction": 0.2007})
-    d = drive_budget(model, tension, sweep, calibrated)
+    d = actuation_budget(model, tension, sweep, calibrated)
     assert (d.friction, d.friction_is) == (0.2007, "calibrated")
     assert "friction" not in " ".join(d.assumptions)
     assert d.row("friction_loading").label == "friction 0.2007 (calibrated), loading"
@@ -279,7 +286,7 @@ def test_calibrated_friction_is_that_of_the_budget(amouri: Robot) -> None:
     assert any("that of the calibration" in note for note in d.notes)
     assert not any("gives no friction:" in note for note in d.notes)
     assert d.origins[0] == "calibrated to the data: friction 0.2007"
-    own = drive_budget(Model(calibrated, 0, "cosserat"), tension, sweep)
+    own = actuation_budget(Model(calibrated, 0, "cosserat"), tension, sweep)
     ours, file = (each.row("friction_loading").case.tip_position for each in (d, own))
     assert ours == pytest.approx(file, abs=1e-12)
 
@@ -305,7 +312,7 @@ def test_friction_of_the_file_is_not_in_the_sweep_and_the_study_says_so(
     assert not any("left out of the main sweep" in note for note in paper.notes)
     last = found.verdict.text[-1]
     assert last.startswith("The ranges above are without friction. With that of the file, 0.2")
-    above = found.budget.drive.row("friction_loading").case.error("cc_from_force") > 6.41 * MM
+    above = found.budget.actuation.row("friction_loading").case.error("cc_from_force") > 6.41 * MM
     first = found.statics.tension[above][0]
     assert f"from force, loading: at {above.sum()} loads, {first:g} to 80 N" in last
     json.dumps(found.to_dict(), allow_nan=False)
@@ -332,7 +339,7 @@ def test_a_tendon_that_does_not_hang_is_told(
 @pytest.mark.slow
 def test_commands_without_equilibrium_are_told(amouri: Robot) -> None:
     d = drive(amouri.with_({DRIVE + "friction": 3}), 400.0)
-    case = d.row("pull_driven_loading").case
+    case = d.row("displacement_controlled_loading").case
     assert case.problem is not None and "means are over the others" in case.problem
     assert np.isfinite(case.error(COMMANDED)).sum() == case.comparisons[COMMANDED].n < 17
     json.dumps(plain(d.to_dict()), allow_nan=False)
@@ -362,15 +369,15 @@ def test_fields_of_tendons_are_filled_where_they_lack() -> None:
 def test_report_and_terminal_show_it(paper: Study, written: Path) -> None:
     page = (written / "report.html").read_text(encoding="utf-8")
     text = " ".join(re.sub(r"<[^>]*>", " ", page).split())
-    for row in paper.budget.drive.rows:
+    for row in paper.budget.actuation.rows:
         assert row.label in text
-    for sentence in (*paper.budget.drive.text, *paper.budget.drive.notes):
+    for sentence in (*paper.budget.actuation.text, *paper.budget.actuation.notes):
         assert sentence.replace("'", "&#39;") in text
     assert (
         f"Assumed, the robot file gives none: friction 0.1; {STRETCH}".replace("'", "&#39;") in text
     )
     assert 'id="hysteresis"' in page
-    for name in ("drive", "hysteresis_by_tension", "hysteresis_by_pull"):
+    for name in ("actuation", "hysteresis_by_tension", "hysteresis_by_displacement"):
         assert (written / "tables" / f"{name}.csv").exists()
     out = io.StringIO()
     print_study(paper, Console(file=out, width=80), verbose=True)

@@ -24,7 +24,7 @@ def row(s: Study | Stages, effect: str) -> BudgetRow:
 
 
 def test_constant_curvature_is_exact_in_the_plainest_physics(paper: Study) -> None:
-    for c in paper.budget.plainest.comparisons.values():
+    for c in paper.budget.baseline.comparisons.values():
         assert c.maximum < 1e-9
 
 
@@ -58,10 +58,10 @@ def test_the_budget_changes_one_thing_at_a_time(paper: Study) -> None:
         return sum(getattr(a, f) != getattr(b, f) for f in a.__dataclass_fields__)
 
     for r in paper.budget.rows:
-        assert differences(r.added.physics, paper.budget.plainest.physics) == 1
+        assert differences(r.added.physics, paper.budget.baseline.physics) == 1
         assert differences(r.removed.physics, r.full.physics) == 1
         assert differences(r.in_sweep.physics, paper.budget.sweep.physics) == 1
-        assert differences(r.full.physics, paper.budget.fullest.physics) <= 1
+        assert differences(r.full.physics, paper.budget.full_model.physics) <= 1
 
 
 def test_stiffness_off_matters_from_force_only(paper: Study) -> None:
@@ -102,7 +102,7 @@ def test_clamps_in_the_main_sweep(paper: Study) -> None:
 def test_a_robot_that_buckles_says_so_and_the_study_goes_on() -> None:
     heavy = {f"segments.{k}.disks.mass": "50 g" for k in (0, 1)}
     got = Stages(load_robot("rao2021").with_(heavy))
-    assert "tip" in got.budget.fullest_is
+    assert "tip" in got.budget.full_model_is
     for r in got.budget.rows:
         for case in (r.added, r.full, r.removed):
             known = np.isfinite(case.tip_position).all(axis=1)
@@ -121,8 +121,8 @@ def test_a_robot_that_cannot_stand_hangs_in_the_full_model(
 
     monkeypatch.setattr(Model, "case", case)
     budget = Stages(load_robot("rao2021"), points=2).budget
-    assert "gravity (hanging)" in budget.fullest_is
-    assert budget.fullest.problem is None and budget.fullest.physics.gravity[2] > 0.0
+    assert "gravity (hanging)" in budget.full_model_is
+    assert budget.full_model.problem is None and budget.full_model.physics.gravity[2] > 0.0
 
 
 # -- contributions -----------------------------------------------------------------------------
@@ -149,7 +149,7 @@ def test_a_contribution_is_with_the_effect_less_without_it(paper: Study) -> None
         assert c.mean > 0.0
     for r in b.rows:
         c = b.contribution(r, "added", name)
-        assert (c.with_effect, c.without_effect) == (mean(r.added), mean(b.plainest))
+        assert (c.with_effect, c.without_effect) == (mean(r.added), mean(b.baseline))
 
 
 def test_contributions_in_json_have_one_sign(paper: Study) -> None:

@@ -1,4 +1,4 @@
-"""The study's third opinion."""
+"""The study's verification by finite elements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The study's pull in time: against theory, against runs of its own, and where there is none."""
+"""The tension ramp of the study: against theory, against runs of its own, and where there is
+none."""
 
 from __future__ import annotations
 

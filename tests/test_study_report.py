@@ -178,7 +178,7 @@ def test_study_json_is_the_study(written: Path, paper: Study) -> None:
 
 def test_tables_have_units_and_numbers(written: Path, paper: Study) -> None:
     plain = {"name", "against", "n", "status", "disk", "effect", "case", "problem"}
-    plain |= {"driven_by", "assumed"}
+    plain |= {"control", "assumed"}
     unit = re.compile(r"_(mm|N|s|MPa|deg|percent|n)$")  # n: a count
     names = set()
     for path in (written / "tables").glob("*.csv"):
@@ -196,7 +196,7 @@ def test_tables_have_units_and_numbers(written: Path, paper: Study) -> None:
         "errors",
         "backbones",
         "budget",
-        "drive",
+        "actuation",
     } <= names
 
     with (written / "tables" / "statics.csv").open(newline="", encoding="utf-8") as file:
@@ -404,7 +404,7 @@ def test_terminal_page_and_table_have_the_same_contributions(written: Path, pape
         how = "removed from" if row.acts_in_sweep else "added to"
         in_csv = [
             signed(float(table[row.effect, case][f"{name}_contribution_mm"]))
-            for case in (f"{how} this sweep", "removed from fullest")
+            for case in (f"{how} this sweep", "removed from full model")
             for name in MEANINGS
         ]
         assert ours == in_csv

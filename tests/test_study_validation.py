@@ -79,7 +79,7 @@ def made(
         source=source,
         name="a made bench",
         tensions=tensions,
-        pulls=np.full((count, 3), np.nan),
+        displacements=np.full((count, 3), np.nan),
         points=tips[:, None],
         line=np.arange(count) + 2,
         group=np.full(count, ""),
@@ -358,23 +358,25 @@ def test_without_gravity_none_is_seen() -> None:
 
 
 @pytest.mark.slow
-def test_a_robot_driven_by_pulls_knows_its_lengths() -> None:
+def test_a_robot_driven_by_displacements_knows_its_lengths() -> None:
     robot = load_robot("amouri2019").with_({"segments.0.tendons.compliance": 1e-5})
     bend = np.linspace(0.02, 0.7, 24)
     towards = np.linspace(0.0, 2.5, 24)
-    pulls = 0.029 * bend[:, None] * np.cos(towards[:, None] - np.radians([0.0, 120.0, 240.0]))
-    tips = bs.solve_batch(robot, load=bs.Load(displacements=1.02 * pulls)).tip_position
+    displacements = (
+        0.029 * bend[:, None] * np.cos(towards[:, None] - np.radians([0.0, 120.0, 240.0]))
+    )
+    tips = bs.solve_batch(robot, load=bs.Load(displacements=1.02 * displacements)).tip_position
     rng = np.random.default_rng(1)
     data = replace(
         made(repeats=1, unload=True).select(np.arange(24)),
         tensions=np.full((24, 3), np.nan),
-        pulls=pulls,
+        displacements=displacements,
         points=(FRAME.inverse().apply(tips) + rng.normal(scale=NOISE, size=tips.shape))[:, None],
         repeat=np.ones(24, int),
     )
     found = judge_data(robot, data, 0.01)
     assert "cc_from_force" not in found.models
-    expected = RobotArcs.from_lengths(robot, 0.641 - pulls).tip.position
+    expected = RobotArcs.from_lengths(robot, 0.641 - displacements).tip.position
     assert found.comparison("cc_from_lengths").tip_position == pytest.approx(expected)
     assert found.calibration is not None
     assert found.calibration.gain == pytest.approx(1.02, abs=2e-3)
@@ -397,7 +399,7 @@ def test_a_tool_is_compared_where_it_is(robot: bs.Robot, bench: Measurements) ->
 
 @pytest.mark.slow
 def test_a_real_robot(public_data: Callable[[str], Path]) -> None:
-    """Measured: three segments, nine tendons driven by pulls, motion capture."""
+    """Measured: three segments, nine tendons driven by displacements, motion capture."""
     public_data("crl-ftdcr-mocap")
     data = load("crl-ftdcr-mocap", "train").select(slice(0, 400))
     found = judge_data(load_robot("crl-ftdcr-v4"), data, 0.01)
@@ -460,7 +462,7 @@ def test_measurements_that_cannot_be_judged(robot: bs.Robot, bench: Measurements
             check_measurements(robot, data)
     with pytest.raises(InputError, match="measurements is 3, it must be the path of a table"):
         bs.run_study(robot, measurements=3)  # type: ignore[operator]
-    with pytest.raises(InputError, match="drive 3 tendons, rao2021 has 6"):
+    with pytest.raises(InputError, match="are of 3 tendons, rao2021 has 6"):
         check_measurements(load_robot("rao2021"), bench)
     many = bench.select(np.arange(count).repeat(300))
     with pytest.raises(InputError, match="29700 rows are too many"):
@@ -476,7 +478,7 @@ def test_swapped_tendons_are_named_before_any_work() -> None:
         source="synthetic",
         name="swapped",
         tensions=tensions[:, [0, 1, 2, 4, 3, 5]],
-        pulls=np.full((40, 6), np.nan),
+        displacements=np.full((40, 6), np.nan),
         points=tips[:, None],
         line=np.arange(40),
         group=np.full(40, ""),
@@ -488,7 +490,7 @@ def test_swapped_tendons_are_named_before_any_work() -> None:
 
 @pytest.mark.slow
 def test_a_base_that_must_be_turned_is_said(robot: bs.Robot, bench: Measurements) -> None:
-    # tendon 2 pulls where tendon 1 is said to: in one plane a turned base explains it as well
+    # tendon 2 acts where tendon 1 is said to: in one plane a turned base explains it as well
     data = replace(bench, tensions=bench.tensions[:, [1, 0, 2]])
     check_measurements(robot, data)
     text = " ".join(judge_data(robot, data, 0.01).text)
@@ -522,7 +524,7 @@ def written(whole: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_friction_that_the_data_told_is_that_of_the_budget(
     whole: Study, written: Path, verdict: AgainstData
 ) -> None:
-    drive = whole.budget.drive
+    drive = whole.budget.actuation
     assert verdict.calibration is not None
     assert drive.friction_is == "calibrated" and drive.to_dict()["friction_is"] == "calibrated"
     assert drive.friction == verdict.calibration.robot.tendons.friction[0]

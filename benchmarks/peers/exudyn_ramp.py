@@ -53,12 +53,12 @@ def prepare(elements: int, steps: int, tolerance: float):
             )
         )
 
-    def pull(mbs, time: float) -> bool:  # the time at the end of the step
+    def tension_tendons(mbs, time: float) -> bool:  # the time at the end of the step
         for span in spans[0]:
             mbs.SetObjectParameter(span, "force", tension(time))
         return True
 
-    system.SetPreStepUserFunction(pull)
+    system.SetPreStepUserFunction(tension_tendons)
     tip = system.AddSensor(
         item.SensorNode(
             nodeNumber=nodes[-1],

@@ -117,7 +117,7 @@ def rod(
 
 def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Solve:
     system, nodes, beams, disks, spans = rod(elements, case.disk_mass)
-    pulled = [
+    tensioned = [
         (span, tension)
         for tendon, tension in zip(spans, case.tensions, strict=True)
         for span in tendon
@@ -135,12 +135,12 @@ def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Sol
         load = item.LoadForceVector(markerNumber=marker, loadVector=model_axes(case.tip_force))
         system.AddLoad(load)
 
-    def pull(mbs, load_factor: float) -> bool:
-        for span, tension in pulled:
+    def tension_tendons(mbs, load_factor: float) -> bool:
+        for span, tension in tensioned:
             mbs.SetObjectParameter(span, "force", tension * load_factor)
         return True
 
-    system.SetPreStepUserFunction(pull)
+    system.SetPreStepUserFunction(tension_tendons)
     system.Assemble()
 
     settings = exudyn.SimulationSettings()

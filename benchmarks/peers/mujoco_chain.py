@@ -2,7 +2,7 @@
 
 Model: equal links per module, joined in the middle of each piece of backbone by three hinges
 (bending about x and y, twist about z) whose springs are EI/h and GJ/h; a spatial tendon runs
-through one site a disk, straight and frictionless, and a motor pulls it with the tension.
+through one site a disk, straight and frictionless, and a motor applies the tension.
 Discretisation: second order in the link length h. Statics: MuJoCo has no static solver, so the
 chain is relaxed with the implicit integrator; damping = stiffness x time step makes each step a
 fixed-point iteration with the elastic stiffness as its matrix, and 4 to 10 steps are enough.

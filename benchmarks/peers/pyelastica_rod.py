@@ -25,10 +25,10 @@ from benchmarks.cases import (
     DENSITY,
     DIAMETER,
     DISKS,
+    DISPLACEMENTS,
     EI,
     LENGTH,
     LOADED,
-    PULLS,
     SHEAR,
     YOUNG,
     Case,
@@ -152,5 +152,5 @@ def measured(per_module: int, case: Case) -> Result:
 
 
 if __name__ == "__main__":
-    results = [measured(n, case) for case in (PULLS[-1], LOADED) for n in (2, 4)]
+    results = [measured(n, case) for case in (DISPLACEMENTS[-1], LOADED) for n in (2, 4)]
     report(version("pyelastica"), results)

@@ -48,8 +48,8 @@ def check_folder(out: str | Path, what: str = "study") -> Path:
         listed = _listed(folder / f"{what}.json")
         if listed is None:  # before all files are looked at, which may be those of a whole drive
             raise InputError(
-                f"{why}: it holds files but no {called} of Bowstring, and nothing of yours is "
-                "replaced; name a new or an empty folder"
+                f"{why}: it holds files but no {called} of Bowstring, and existing files are "
+                "not overwritten; name a new or an empty folder"
             )
         cannot = f"cannot replace the {called} in {folder}"
         for file in sorted(_files_in(folder)):

@@ -55,19 +55,19 @@ fn compare(c: &mut Criterion, name: &str, robot: &Robot, tensions: &[f64], tip_f
         b.iter(|| solver.solve(&load).unwrap())
     });
     let tendons = &robot.spec().tendons;
-    let pulls: Vec<_> = (0..tensions.len())
+    let displacements: Vec<_> = (0..tensions.len())
         .map(|i| {
             let straight = robot.spec().disks[tendons[i].end_disk].station;
             // those without tension hang by some more
             let surplus = if tensions[i] > 0.0 { 0.0 } else { 1e-3 };
-            Command::Pull(straight - solver.tendon_length(i).unwrap() - surplus)
+            Command::Displacement(straight - solver.tendon_length(i).unwrap() - surplus)
         })
         .collect();
     let by_tension: Vec<_> = tensions.iter().map(|t| Command::Tension(*t)).collect();
     for (way, friction, commands) in [
-        ("by_pull", 0.0, &pulls),
+        ("by_displacement", 0.0, &displacements),
         ("by_tension_with_friction", 0.1, &by_tension),
-        ("by_pull_with_friction", 0.1, &pulls),
+        ("by_displacement_with_friction", 0.1, &displacements),
     ] {
         let lines = vec![
             Line {

@@ -1,4 +1,4 @@
-//! Time of a step of motion on one core: the study's robot, tendon 1 pulled up and let go in
+//! Time of a step of motion on one core: the study's robot, tendon 1 tensioned and released in
 //! ramps of a second, so that every state on the way has its share.
 
 #[path = "../tests/common/mod.rs"]
@@ -6,7 +6,7 @@ mod common;
 
 use bowstring_core::dynamics::integrator::{Damping, Integrator, Simulator, Step};
 use bowstring_core::model::load::{Model, Theory};
-use common::{pull, study_robot};
+use common::{by_tensions, study_robot};
 use criterion::{criterion_group, criterion_main, Criterion};
 
 const STEP: f64 = 2e-3;
@@ -27,14 +27,14 @@ fn dynamics(c: &mut Criterion) {
     };
     for disks in [9, 450] {
         let mut simulator = Simulator::new(&study_robot(disks, 0.0), model, 1, settings).unwrap();
-        simulator.rest(&pull(&[0.0; 3])).unwrap();
+        simulator.rest(&by_tensions(&[0.0; 3])).unwrap();
         let mut time = 0.0f64;
         c.bench_function(&format!("step_{disks}"), |b| {
             b.iter(|| {
                 time += STEP;
                 let tension = 80.0 * (1.0 - (time % 2.0 - 1.0).abs());
                 let (stop, _) = simulator
-                    .advance(STEP, &pull(&[tension, 0.0, 0.0]))
+                    .advance(STEP, &by_tensions(&[tension, 0.0, 0.0]))
                     .unwrap();
                 assert_eq!(stop, None);
             })

@@ -1,4 +1,4 @@
-//! Time of a static solve on one core: the study's robot, three tendons pulled, gravity and
+//! Time of a static solve on one core: the study's robot, three tendons under tension, gravity and
 //! a force across the tip, so that no two modules are equal.
 
 #[path = "../tests/common/mod.rs"]

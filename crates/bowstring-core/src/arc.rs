@@ -631,7 +631,7 @@ impl TendonFit {
 }
 
 /// Sum of the tensions (N) and of tension times hole (N m).
-fn pull(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64; 2]), Error> {
+fn tendon_load(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64; 2]), Error> {
     one_a_hole("tensions", tensions, holes)?;
     let mut force = 0.0;
     let mut moment = [0.0; 2];
@@ -660,7 +660,7 @@ pub fn linear_law(
 ) -> Result<Arc, Error> {
     positive("the arc's length", length, "m")?;
     positive("the bending stiffness", bending_stiffness, "N m^2")?;
-    let (_, moment) = pull(tensions, holes)?;
+    let (_, moment) = tendon_load(tensions, holes)?;
     let bend = moment.map(|m| m * length / bending_stiffness);
     angle(bend[0].hypot(bend[1]))?;
     Ok(Arc { bend, length })
@@ -691,7 +691,7 @@ pub fn lever_arm_law(
         return input("the mean lever arm needs at least one module, got 0".into());
     }
     let linear = linear_law(tensions, holes, length, bending_stiffness)?;
-    let (force, _) = pull(tensions, holes)?;
+    let (force, _) = tendon_load(tensions, holes)?;
     let n2 = (modules as f64).powi(2);
     let unit = n2 * bending_stiffness / (length * length); // EI/h^2
     let buckling = PI * PI * unit; // Euler's column of length h, hinged at both ends

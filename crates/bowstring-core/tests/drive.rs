@@ -1,4 +1,4 @@
-//! Robots driven by pulls: lengths, slack, stretch and friction.
+//! Robots driven by displacements: lengths, slack, stretch and friction.
 
 mod common;
 
@@ -9,7 +9,7 @@ use bowstring_core::statics::batch::Loads;
 use bowstring_core::statics::path::{Command, Drive, DriveOutcome, History, Line};
 use bowstring_core::statics::path_batch::{commands, follow, solve_each, Steps};
 use bowstring_core::statics::solver::{Solver, Status};
-use common::{pull, rao_robot, study_robot, Draw};
+use common::{by_tensions, rao_robot, study_robot, Draw};
 
 fn kirchhoff() -> Model {
     Model {
@@ -26,8 +26,8 @@ fn drive(robot: &Robot, model: Model) -> Drive {
     Drive::new(robot, model, 1, &stiff(robot)).unwrap()
 }
 
-fn pulls(values: &[f64]) -> Vec<Command> {
-    values.iter().map(|p| Command::Pull(*p)).collect()
+fn displacements(values: &[f64]) -> Vec<Command> {
+    values.iter().map(|p| Command::Displacement(*p)).collect()
 }
 
 fn tensions(values: &[f64]) -> Vec<Command> {
@@ -38,7 +38,7 @@ fn step(drive: &mut Drive, commands: &[Command], load: &Load) -> DriveOutcome {
     drive.step(commands, load).unwrap()
 }
 
-/// Lengths of a solve by tensions, fed back as pulls, return the tensions.
+/// Lengths of a solve by tensions, fed back as displacements, return the tensions.
 #[test]
 fn lengths_return_tensions() {
     let mut draw = Draw(1);
@@ -57,7 +57,7 @@ fn lengths_return_tensions() {
             let load = Load {
                 gravity: [0.0, 1.0, -3.0],
                 tip_force: [draw.within(-0.1, 0.1), 0.0, 0.1],
-                ..pull(&asked)
+                ..by_tensions(&asked)
             };
             assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);
             let given: Vec<_> = (0..m)
@@ -67,7 +67,7 @@ fn lengths_return_tensions() {
                 })
                 .collect();
             drive.reset();
-            let found = step(&mut drive, &pulls(&given), &load);
+            let found = step(&mut drive, &displacements(&given), &load);
             assert_eq!(found.status, Status::Converged, "{asked:?} {found:?}");
             steps += found.iterations;
             assert_eq!(found.stable, Some(true));
@@ -105,7 +105,7 @@ fn least_tensions_without_extension() {
                     }
                 })
                 .collect();
-            let load = pull(&asked);
+            let load = by_tensions(&asked);
             solver.solve(&load).unwrap();
             let given: Vec<_> = (0..m)
                 .map(|i| {
@@ -114,7 +114,7 @@ fn least_tensions_without_extension() {
                 })
                 .collect();
             drive.reset();
-            let found = step(&mut drive, &pulls(&given), &load);
+            let found = step(&mut drive, &displacements(&given), &load);
             assert_eq!(found.status, Status::Converged, "{asked:?} {found:?}");
             let size = |t: &[f64]| t.iter().map(|t| t * t).sum::<f64>();
             let back = &drive.history().tensions;
@@ -141,7 +141,11 @@ fn slack_is_the_surplus() {
     for model in [Model::default(), kirchhoff()] {
         let mut drive = drive(&robot, model);
         let none = [0.0; 3];
-        let found = step(&mut drive, &pulls(&[0.02, -0.03, -0.03]), &pull(&none));
+        let found = step(
+            &mut drive,
+            &displacements(&[0.02, -0.03, -0.03]),
+            &by_tensions(&none),
+        );
         assert_eq!(found.status, Status::Converged);
         let t = drive.history().tensions.clone();
         assert!(t[0] > 1.0 && t[1] == 0.0 && t[2] == 0.0, "{t:?}");
@@ -151,7 +155,7 @@ fn slack_is_the_surplus() {
         }
         assert_eq!(drive.slack()[0], 0.0);
         // all paid out by 10 mm: straight, and all hang
-        let found = step(&mut drive, &pulls(&[-0.01; 3]), &pull(&none));
+        let found = step(&mut drive, &displacements(&[-0.01; 3]), &by_tensions(&none));
         assert_eq!(found.status, Status::Converged);
         assert_eq!(drive.history().tensions, none);
         for s in drive.slack() {
@@ -160,9 +164,9 @@ fn slack_is_the_surplus() {
     }
 }
 
-/// Random pulls: tendons taken in and paid out.
+/// Random displacements: tendons taken in and paid out.
 #[test]
-fn random_pulls() {
+fn random_displacements() {
     let robot = rao_robot();
     let mut draw = Draw(3);
     let mut cold = drive(&robot, Model::default());
@@ -170,7 +174,7 @@ fn random_pulls() {
     let (mut failed, mut steps, mut most) = (0, 0, 0);
     let mut hang = 0;
     for round in 0..1000 {
-        // pulls of a bend in each segment, and up to 2 mm paid out beside
+        // displacements of a bend in each segment, and up to 2 mm paid out beside
         let mut given = vec![];
         let mut inner = [0.0; 2];
         for segment in 0..2 {
@@ -186,7 +190,7 @@ fn random_pulls() {
         }
         cold.reset();
         let none = [0.0; 6];
-        let found = step(&mut cold, &pulls(&given), &pull(&none));
+        let found = step(&mut cold, &displacements(&given), &by_tensions(&none));
         if found.status != Status::Converged {
             failed += 1;
             println!("{round}: {given:?} {found:?}");
@@ -194,7 +198,7 @@ fn random_pulls() {
         }
         steps += found.iterations;
         most = most.max(found.iterations);
-        let next = step(&mut warm, &pulls(&given), &pull(&none));
+        let next = step(&mut warm, &displacements(&given), &by_tensions(&none));
         assert_eq!(next.status, Status::Converged);
         let apart = cold.solver().tip().unwrap().position - warm.solver().tip().unwrap().position;
         assert!(apart.norm() < 1e-9, "{round}: {:e} {given:?}", apart.norm());
@@ -247,9 +251,12 @@ fn bends(drive: &Drive, i: usize) -> Vec<f64> {
 fn product_law_in_full_slip() {
     let robot = study_robot(9, 0.0);
     for friction in [0.01, 0.1, 0.3, 0.8] {
-        for commands in [tensions(&[40.0, 0.0, 0.0]), pulls(&[0.02, -0.05, -0.05])] {
+        for commands in [
+            tensions(&[40.0, 0.0, 0.0]),
+            displacements(&[0.02, -0.05, -0.05]),
+        ] {
             let mut drive = rubbing(&robot, friction);
-            let found = step(&mut drive, &commands, &pull(&[0.0; 3]));
+            let found = step(&mut drive, &commands, &by_tensions(&[0.0; 3]));
             assert_eq!(found.status, Status::Converged, "{friction} {found:?}");
             println!("{friction} {} steps", found.iterations);
             let mut expected = drive.history().tensions[0];
@@ -272,7 +279,7 @@ fn friction_takes_few_steps() {
     ] {
         let load = Load {
             gravity: [0.0, 0.0, -9.81],
-            ..pull(&given)
+            ..by_tensions(&given)
         };
         let mut solver = Solver::new(&robot, Model::default(), 1).unwrap();
         assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);
@@ -282,7 +289,7 @@ fn friction_takes_few_steps() {
                 robot.spec().disks[end].station - solver.tendon_length(i).unwrap()
             })
             .collect();
-        for commands in [tensions(&given), pulls(&taken_in)] {
+        for commands in [tensions(&given), displacements(&taken_in)] {
             let found = step(&mut rubbing(&robot, 0.1), &commands, &load);
             println!("{} steps", found.iterations);
             assert_eq!(found.status, Status::Converged);
@@ -292,7 +299,7 @@ fn friction_takes_few_steps() {
 }
 
 /// What friction takes in one step, and what the motors give, J: means of the ends of the step.
-fn work(drive: &Drive, before: &History, pulls_before: &[f64]) -> (f64, f64) {
+fn work(drive: &Drive, before: &History, displacements_before: &[f64]) -> (f64, f64) {
     let (n, m) = (drive.robot().module_count(), drive.robot().tendon_count());
     let now = drive.history();
     let (mut given, mut taken) = (0.0, 0.0);
@@ -308,7 +315,7 @@ fn work(drive: &Drive, before: &History, pulls_before: &[f64]) -> (f64, f64) {
         };
         let (a, b) = (carried(before), carried(now));
         let mean = |k: usize| 0.5 * (a[k] + b[k]);
-        given += mean(0) * (drive.pull(i) - pulls_before[i]);
+        given += mean(0) * (drive.displacement(i) - displacements_before[i]);
         let mut slipped = 0.0;
         for k in (0..n.min(a.len() - 1)).rev() {
             slipped -= now.spans[k * m + i] - before.spans[k * m + i];
@@ -325,7 +332,7 @@ fn hysteresis() {
     let robot = study_robot(9, 0.0);
     let load = Load {
         gravity: [0.0, 3.0, -5.0],
-        ..pull(&[0.0; 3])
+        ..by_tensions(&[0.0; 3])
     };
     let mut ends = vec![];
     for (count, stretchy) in [(20, false), (200, false), (2000, false), (2000, true)] {
@@ -348,13 +355,13 @@ fn hysteresis() {
         let (mut half, mut closed) = (vec![], vec![]);
         for i in 0..=2 * count {
             let before = drive.history().clone();
-            let pulls_before: Vec<_> = (0..3).map(|i| drive.pull(i)).collect();
+            let displacements_before: Vec<_> = (0..3).map(|i| drive.displacement(i)).collect();
             let found = step(&mut drive, &at(i), &load);
             assert_eq!(found.status, Status::Converged, "{count} {i} {found:?}");
             steps += found.iterations;
             let tip = drive.solver().tip().unwrap().position;
             if i > count {
-                let (g, t) = work(&drive, &before, &pulls_before);
+                let (g, t) = work(&drive, &before, &displacements_before);
                 given += g;
                 taken += t;
                 least = f64::min(least, t);
@@ -397,7 +404,7 @@ fn hysteresis() {
 #[test]
 fn coarse_and_fine_paths() {
     let robot = study_robot(9, 0.0);
-    for pulled in [false, true] {
+    for by_displacement in [false, true] {
         let mut ends: Vec<(Vec3, f64)> = vec![];
         for count in [10, 100, 1000] {
             let mut drive = rubbing(&robot, 0.2);
@@ -405,19 +412,19 @@ fn coarse_and_fine_paths() {
                 let share = i as f64 / count as f64;
                 // up, and most of the way down
                 let up = (2.4 * share).sin();
-                let commands = if pulled {
-                    pulls(&[0.025 * up, -0.015 * up, -0.015 * up])
+                let commands = if by_displacement {
+                    displacements(&[0.025 * up, -0.015 * up, -0.015 * up])
                 } else {
                     tensions(&[40.0 * up, 2.0, 2.0])
                 };
-                let found = step(&mut drive, &commands, &pull(&[0.0; 3]));
+                let found = step(&mut drive, &commands, &by_tensions(&[0.0; 3]));
                 assert_eq!(found.status, Status::Converged, "{count} {i} {found:?}");
             }
             let tip = drive.solver().tip().unwrap().position;
             ends.push((tip, drive.history().tensions[0]));
         }
         let off = |i: usize| (ends[i].0 - ends[2].0).norm();
-        println!("{pulled} {:e} {:e} {:?}", off(0), off(1), ends);
+        println!("{by_displacement} {:e} {:e} {:?}", off(0), off(1), ends);
         assert!(off(0) < 5e-3 && off(1) < 5e-4);
     }
 }
@@ -442,7 +449,7 @@ fn random_paths_with_friction() {
             let none = vec![0.0; m];
             let load = Load {
                 gravity: [draw.within(-3.0, 3.0), 0.0, draw.within(-3.0, 3.0)],
-                ..pull(&none)
+                ..by_tensions(&none)
             };
             for _ in 0..15 {
                 let given: Vec<_> = (0..m).map(|_| draw.within(0.0, most)).collect();
@@ -492,7 +499,7 @@ fn elastic_tendons_tend_to_stiff_ones() {
     for model in [Model::default(), kirchhoff()] {
         let mut limit = drive(&robot, model);
         assert_eq!(
-            step(&mut limit, &pulls(&given), &pull(&none)).status,
+            step(&mut limit, &displacements(&given), &by_tensions(&none)).status,
             Status::Converged
         );
         let end = limit.solver().tip().unwrap().position;
@@ -508,7 +515,7 @@ fn elastic_tendons_tend_to_stiff_ones() {
                 6
             ];
             let mut soft = Drive::new(&robot, model, 1, &lines).unwrap();
-            let found = step(&mut soft, &pulls(&given), &pull(&none));
+            let found = step(&mut soft, &displacements(&given), &by_tensions(&none));
             assert_eq!(found.status, Status::Converged, "{found:?}");
             errors.push((soft.solver().tip().unwrap().position - end).norm());
             // Hooke's law for what the tendon lacks
@@ -531,19 +538,19 @@ fn elastic_tendons_tend_to_stiff_ones() {
     }
 }
 
-/// A robot that is held by tensions is held as well by the pulls that it then has.
+/// A robot that is held by tensions is held as well by the displacements that it then has.
 #[test]
-fn tensions_give_way_to_pulls() {
+fn tensions_give_way_to_displacements() {
     let robot = rao_robot();
     let mut draw = Draw(11);
     for _ in 0..30 {
         let mut drive = rubbing(&robot, 0.1);
         let given: Vec<_> = (0..6).map(|_| draw.within(0.5, 3.0)).collect();
-        let load = pull(&[0.0; 6]);
+        let load = by_tensions(&[0.0; 6]);
         step(&mut drive, &tensions(&given), &load);
-        let held: Vec<_> = (0..6).map(|i| drive.pull(i)).collect();
+        let held: Vec<_> = (0..6).map(|i| drive.displacement(i)).collect();
         let tip = drive.solver().tip().unwrap().position;
-        let found = step(&mut drive, &pulls(&held), &load);
+        let found = step(&mut drive, &displacements(&held), &load);
         assert_eq!(found.status, Status::Converged, "{given:?} {found:?}");
         let moved = (drive.solver().tip().unwrap().position - tip).norm();
         assert!(moved < 1e-9, "{moved:e}");
@@ -558,10 +565,18 @@ fn tensions_give_way_to_pulls() {
 fn buckling_is_seen() {
     let robot = study_robot(9, 0.0);
     for mut drive in [drive(&robot, Model::default()), rubbing(&robot, 0.3)] {
-        let found = step(&mut drive, &pulls(&[0.002; 3]), &pull(&[0.0; 3]));
+        let found = step(
+            &mut drive,
+            &displacements(&[0.002; 3]),
+            &by_tensions(&[0.0; 3]),
+        );
         assert_eq!(found.status, Status::Converged, "{found:?}");
         drive.reset();
-        let found = step(&mut drive, &pulls(&[0.003; 3]), &pull(&[0.0; 3]));
+        let found = step(
+            &mut drive,
+            &displacements(&[0.003; 3]),
+            &by_tensions(&[0.0; 3]),
+        );
         assert_ne!(found.status, Status::Converged, "{found:?}");
         assert!(drive.solver().tip().is_none());
     }
@@ -579,12 +594,12 @@ fn four_tendons_are_one_too_many() {
         .to_vec();
     let robot = Robot::new(spec).unwrap();
     let mut drive = drive(&robot, Model::default());
-    let none = pull(&[0.0; 4]);
+    let none = by_tensions(&[0.0; 4]);
     step(&mut drive, &tensions(&[5.0, 4.0, 3.0, 2.0]), &none);
-    let held: Vec<_> = (0..4).map(|i| drive.pull(i)).collect();
+    let held: Vec<_> = (0..4).map(|i| drive.displacement(i)).collect();
     let tip = drive.solver().tip().unwrap().position;
     drive.reset();
-    let found = step(&mut drive, &pulls(&held), &none);
+    let found = step(&mut drive, &displacements(&held), &none);
     assert_eq!(found.status, Status::Converged);
     assert!(found.undetermined);
     let t = &drive.history().tensions;
@@ -638,7 +653,7 @@ fn rows_are_the_steps_one_by_one() {
             let tip = drive.solver().tip().unwrap().position;
             assert_eq!(found.poses.tip_position[3 * i..][..3], tip.0);
             assert_eq!(found.tensions[i * m..][..m], drive.history().tensions);
-            assert_eq!(found.displacements[i * m], drive.pull(0));
+            assert_eq!(found.displacements[i * m], drive.displacement(0));
             let spans = drive.span_tensions();
             assert_eq!(found.span_tensions[i * spans.len()..][..spans.len()], spans);
         }

@@ -9,7 +9,7 @@ use bowstring_core::math::linalg::Vec3;
 use bowstring_core::model::load::{Load, Model, TendonPath, Theory};
 use bowstring_core::model::robot::{Disk, Robot, RobotSpec};
 use bowstring_core::statics::solver::{Solver, Status};
-use common::{pull, section, study_robot};
+use common::{by_tensions, section, study_robot};
 
 fn settings(step: f64) -> Integrator {
     Integrator {
@@ -40,20 +40,20 @@ fn go(simulator: &mut Simulator, duration: f64, load: &Load) -> Count {
 /// From rest under the first tension of tendon 1 to a sudden second one.
 fn release(robot: &Robot, model: Model, elements: usize, s: Integrator, from: f64) -> Simulator {
     let mut simulator = Simulator::new(robot, model, elements, s).unwrap();
-    let outcome = simulator.rest(&pull(&[from, 0.0, 0.0])).unwrap();
+    let outcome = simulator.rest(&by_tensions(&[from, 0.0, 0.0])).unwrap();
     assert_eq!(outcome.status, Status::Converged);
-    simulator.jump(&pull(&[0.0; 3])).unwrap();
+    simulator.jump(&by_tensions(&[0.0; 3])).unwrap();
     simulator
 }
 
 /// Tip over the ramp 0 to 80 N in 1 s and hold, at 100 Hz.
 fn ramp(model: Model, elements: usize, s: Integrator) -> Vec<Vec3> {
     let mut simulator = Simulator::new(&study_robot(9, 0.0), model, elements, s).unwrap();
-    simulator.rest(&pull(&[0.0; 3])).unwrap();
+    simulator.rest(&by_tensions(&[0.0; 3])).unwrap();
     (1..=130)
         .map(|i| {
             let tension = 80.0 * f64::min(i as f64 / 100.0, 1.0);
-            go(&mut simulator, 0.01, &pull(&[tension, 0.0, 0.0]));
+            go(&mut simulator, 0.01, &by_tensions(&[tension, 0.0, 0.0]));
             simulator.tip()
         })
         .collect()
@@ -96,7 +96,7 @@ fn steps_converge_with_second_order() {
             s.damping.material = 0.01;
             let robot = study_robot(9, 0.0);
             let mut simulator = release(&robot, Model::default(), 1, s, 5.0);
-            go(&mut simulator, duration, &pull(&[0.0; 3]));
+            go(&mut simulator, duration, &by_tensions(&[0.0; 3]));
             simulator.tip()
         };
         let finest = end(12_800);
@@ -133,7 +133,7 @@ fn release_keeps_its_energy() {
     let start = simulator.energies().elastic;
     let mut worst = 0.0f64;
     for _ in 0..100 {
-        go(&mut simulator, 1.0 / 2.2804, &pull(&[0.0; 3]));
+        go(&mut simulator, 1.0 / 2.2804, &by_tensions(&[0.0; 3]));
         let e = simulator.energies();
         assert_eq!(e.work, 0.0);
         worst = worst.max(((e.kinetic + e.elastic) / start - 1.0).abs());
@@ -153,7 +153,11 @@ fn release_is_calm_at_any_step() {
                 let mut simulator = release(&robot, model, 1, s, 40.0);
                 let start = simulator.energies().elastic;
                 for _ in 0..20 {
-                    go(&mut simulator, f64::min(50.0 * step, 1.0), &pull(&[0.0; 3]));
+                    go(
+                        &mut simulator,
+                        f64::min(50.0 * step, 1.0),
+                        &by_tensions(&[0.0; 3]),
+                    );
                     let e = simulator.energies();
                     let left = (e.kinetic + e.elastic) / start;
                     assert!(left < 1.01, "{left} at step {step}, radius {rho}");
@@ -174,7 +178,7 @@ fn energy_balances() {
     };
     let load = |tension: f64, force: f64| Load {
         tip_force: [0.0, force, -force],
-        ..pull(Vec::leak(vec![tension, 0.0, 0.3 * tension]))
+        ..by_tensions(Vec::leak(vec![tension, 0.0, 0.3 * tension]))
     };
     for model in [Model::default(), kirchhoff()] {
         for path in [TendonPath::Straight, TendonPath::Continuous] {
@@ -207,7 +211,7 @@ fn energy_balances() {
 }
 
 /// Rate of momentum is the load less what the base holds, by the strain of the backbone at the
-/// base and the pull of its tendons.
+/// base and the force of its tendons.
 #[test]
 fn momentum_balances_with_the_base() {
     let mut s = settings(2e-4);
@@ -218,7 +222,7 @@ fn momentum_balances_with_the_base() {
     let tensions = [20.0, 0.0, 5.0];
     let load = Load {
         tip_force: [0.0, 0.3, 0.1],
-        ..pull(&tensions)
+        ..by_tensions(&tensions)
     };
     simulator.rest(&load).unwrap();
     let none = Load {
@@ -283,7 +287,7 @@ fn equilibrium_stays() {
                 let load = Load {
                     tip_force: [0.2, -0.4, 0.1],
                     tip_moment: [0.05, 0.0, 0.1],
-                    ..pull(&[30.0, 0.0, 10.0])
+                    ..by_tensions(&[30.0, 0.0, 10.0])
                 };
                 let mut simulator = Simulator::new(&robot, model, elements, s).unwrap();
                 simulator.rest(&load).unwrap();
@@ -366,11 +370,11 @@ fn small_oscillations_decay_as_rayleigh_damping_says() {
         let mut simulator = release(&robot, Model::default(), 1, s, 1.0);
         let rate = mass / 2.0 + material * omega * omega / 2.0;
         // after the fast modes are gone
-        go(&mut simulator, 1.0, &pull(&[0.0; 3]));
+        go(&mut simulator, 1.0, &by_tensions(&[0.0; 3]));
         let energy = |s: &Simulator| s.energies().kinetic + s.energies().elastic;
         let first = energy(&simulator);
         let period = 1.0 / 2.28023;
-        go(&mut simulator, 20.0 * period, &pull(&[0.0; 3]));
+        go(&mut simulator, 20.0 * period, &by_tensions(&[0.0; 3]));
         let found = (first / energy(&simulator)).ln() / (2.0 * 20.0 * period);
         assert!((found / rate - 1.0).abs() < 0.02, "{found} {rate}");
     }
@@ -397,7 +401,7 @@ fn motion_does_not_care_for_the_direction() {
         let load = Load {
             tip_force: turned([0.1, 0.5, 0.0]),
             tip_moment: turned([0.0, 0.1, 0.05]),
-            ..pull(&[20.0, 5.0, 0.0])
+            ..by_tensions(&[20.0, 5.0, 0.0])
         };
         simulator.rest(&load).unwrap();
         simulator
@@ -430,7 +434,7 @@ fn elements_share_one_physics() {
     let end = |elements| {
         let robot = study_robot(13, 0.001);
         let mut simulator = release(&robot, Model::default(), elements, s, 30.0);
-        go(&mut simulator, 0.1, &pull(&[0.0; 3]));
+        go(&mut simulator, 0.1, &by_tensions(&[0.0; 3]));
         simulator.tip()
     };
     assert!((end(1) - end(2)).norm() < 2e-5);
@@ -471,12 +475,12 @@ fn collision_stops_the_run() {
     let mut s = settings(1e-3);
     s.damping.mass = 5.0;
     let mut simulator = Simulator::new(&robot, Model::default(), 1, s).unwrap();
-    simulator.rest(&pull(&[0.0; 3])).unwrap();
+    simulator.rest(&by_tensions(&[0.0; 3])).unwrap();
     let mut stopped = None;
     for i in 1..400 {
         let tension = 10.0 * i as f64;
         let (stop, _) = simulator
-            .advance(0.01, &pull(&[tension, 0.0, 0.0]))
+            .advance(0.01, &by_tensions(&[tension, 0.0, 0.0]))
             .unwrap();
         if stop.is_some() {
             stopped = stop;
@@ -515,9 +519,13 @@ fn wrong_settings_are_refused() {
     }
     assert!(Simulator::new(&robot, Model::default(), 3, settings(1e-3)).is_err());
     let mut simulator = Simulator::new(&robot, Model::default(), 1, settings(1e-3)).unwrap();
-    assert!(simulator.rest(&pull(&[1.0])).is_err());
-    simulator.rest(&pull(&[1.0, 0.0, 0.0])).unwrap();
-    assert!(simulator.advance(-1.0, &pull(&[0.0; 3])).is_err());
-    assert!(simulator.advance(f64::NAN, &pull(&[0.0; 3])).is_err());
-    assert!(simulator.advance(0.1, &pull(&[-1.0, 0.0, 0.0])).is_err());
+    assert!(simulator.rest(&by_tensions(&[1.0])).is_err());
+    simulator.rest(&by_tensions(&[1.0, 0.0, 0.0])).unwrap();
+    assert!(simulator.advance(-1.0, &by_tensions(&[0.0; 3])).is_err());
+    assert!(simulator
+        .advance(f64::NAN, &by_tensions(&[0.0; 3]))
+        .is_err());
+    assert!(simulator
+        .advance(0.1, &by_tensions(&[-1.0, 0.0, 0.0]))
+        .is_err());
 }

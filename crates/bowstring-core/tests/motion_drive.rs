@@ -1,4 +1,4 @@
-//! Motion of robots that are driven by pulls, hang slack and rub.
+//! Motion of robots that are driven by displacements, hang slack and rub.
 
 mod common;
 
@@ -7,7 +7,7 @@ use bowstring_core::model::load::{Load, Model, Theory};
 use bowstring_core::model::robot::Robot;
 use bowstring_core::statics::path::{Command, Drive, Line};
 use bowstring_core::statics::solver::Status;
-use common::{pull, rao_robot, study_robot, Draw};
+use common::{by_tensions, rao_robot, study_robot, Draw};
 
 fn settings(step: f64, rho: f64) -> Integrator {
     Integrator {
@@ -42,8 +42,8 @@ fn at_rest(
     (simulator, drive)
 }
 
-fn pulls(values: &[f64]) -> Vec<Command> {
-    values.iter().map(|p| Command::Pull(*p)).collect()
+fn displacements(values: &[f64]) -> Vec<Command> {
+    values.iter().map(|p| Command::Displacement(*p)).collect()
 }
 
 /// Moves on and asserts that nothing stopped it.
@@ -78,7 +78,7 @@ fn lines_without_a_law_change_nothing() {
     let model = Model::default();
     // with numerical damping only a motion by tension leaves its steps an imbalance
     let s = settings(2e-3, 1.0);
-    let nothing = pull(&[0.0; 3]);
+    let nothing = by_tensions(&[0.0; 3]);
     let (mut driven, _) = at_rest(
         &robot,
         model,
@@ -91,7 +91,7 @@ fn lines_without_a_law_change_nothing() {
     plain.rest(&nothing).unwrap();
     for i in 1..=50 {
         let given = [i as f64, 0.0, 5.0];
-        let load = pull(&given);
+        let load = by_tensions(&given);
         go(&mut driven, 0.01, &load);
         go(&mut plain, 0.01, &load);
         assert!((driven.tip() - plain.tip()).norm() < 1e-11);
@@ -106,7 +106,7 @@ fn lines_without_a_law_change_nothing() {
     }
 }
 
-/// Pulls over time: second order in the step, tensions too, whether tendons stretch or not.
+/// Displacements over time: second order in the step, tensions too, whether tendons stretch or not.
 #[test]
 fn steps_converge_with_second_order() {
     let robot = study_robot(9, 0.0);
@@ -128,14 +128,14 @@ fn steps_converge_with_second_order() {
                     Model::default(),
                     s,
                     line,
-                    &pulls(&[0.0; 3]),
-                    &pull(&[0.0; 3]),
+                    &displacements(&[0.0; 3]),
+                    &by_tensions(&[0.0; 3]),
                 );
                 for i in 1..=steps {
                     // starts and ends without a jolt
                     let t = i as f64 / steps as f64;
                     let p = 0.01 * t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
-                    go(&mut simulator, h, &pull(&[p, -0.5 * p, -0.5 * p]));
+                    go(&mut simulator, h, &by_tensions(&[p, -0.5 * p, -0.5 * p]));
                 }
                 simulator.tip()
             };
@@ -156,7 +156,7 @@ fn release_keeps_its_energy() {
     let robot = study_robot(9, 0.0);
     let held = Load {
         tip_force: [0.5, 0.3, 0.0],
-        ..pull(&[0.0; 3])
+        ..by_tensions(&[0.0; 3])
     };
     for (name, line) in [("stiff", Line::default()), ("elastic", elastic())] {
         for (pretension, given) in [
@@ -177,15 +177,15 @@ fn release_keeps_its_energy() {
                     model,
                     settings(1e-3, 1.0),
                     line,
-                    &pulls(&given),
+                    &displacements(&given),
                     &held,
                 );
                 let start = left(&simulator);
-                simulator.jump(&pull(&given)).unwrap();
+                simulator.jump(&by_tensions(&given)).unwrap();
                 let (mut off, mut lost, mut back): (f64, f64, f64) = (0.0, 0.0, 0.0);
                 let mut size = simulator.energies().elastic;
                 for _ in 0..200 {
-                    go(&mut simulator, 0.01, &pull(&given));
+                    go(&mut simulator, 0.01, &by_tensions(&given));
                     let e = simulator.energies();
                     size = size.max(e.kinetic + e.elastic);
                     off = off.max((left(&simulator) - start).abs());
@@ -199,45 +199,49 @@ fn release_keeps_its_energy() {
     }
 }
 
-/// Slow pulls lead along the path of equilibria, friction included, and the more so the slower.
+/// Slow displacements lead along the path of equilibria, friction included, and the more so the slower.
 #[test]
 fn slow_motion_follows_the_path() {
     let robot = study_robot(9, 0.0);
-    for (name, friction, pulled) in [
-        ("pulls", 0.0, true),
+    for (name, friction, by_displacement) in [
+        ("displacements", 0.0, true),
         ("tensions that rub", 0.1, false),
-        ("pulls that rub", 0.1, true),
+        ("displacements that rub", 0.1, true),
     ] {
         let line = Line {
             friction,
-            pretension: if pulled { 5.0 } else { 0.0 },
+            pretension: if by_displacement { 5.0 } else { 0.0 },
             ..elastic()
         };
         let apart = |duration: f64| {
             let mut s = settings(2e-3, 0.8);
             s.damping.mass = 20.0;
-            let most = if pulled { 0.012 } else { 40.0 };
-            let kind = if pulled { pulls } else { tensions };
+            let most = if by_displacement { 0.012 } else { 40.0 };
+            let kind = if by_displacement {
+                displacements
+            } else {
+                tensions
+            };
             let (mut simulator, mut drive) = at_rest(
                 &robot,
                 Model::default(),
                 s,
                 line,
                 &kind(&[0.0; 3]),
-                &pull(&[0.0; 3]),
+                &by_tensions(&[0.0; 3]),
             );
             let mut worst: f64 = 0.0;
             for i in 1..=200 {
                 let x = i as f64 / 100.0;
                 let p = most * if x < 1.0 { x } else { 2.0 - x };
-                let given = if pulled {
+                let given = if by_displacement {
                     [p, -0.5 * p, -0.5 * p]
                 } else {
                     [p, 0.0, 0.0]
                 };
-                let outcome = drive.step(&kind(&given), &pull(&[0.0; 3])).unwrap();
+                let outcome = drive.step(&kind(&given), &by_tensions(&[0.0; 3])).unwrap();
                 assert_eq!(outcome.status, Status::Converged);
-                go(&mut simulator, duration / 100.0, &pull(&given));
+                go(&mut simulator, duration / 100.0, &by_tensions(&given));
                 worst =
                     worst.max((simulator.tip() - drive.solver().tip().unwrap().position).norm());
             }
@@ -251,7 +255,7 @@ fn slow_motion_follows_the_path() {
     }
 }
 
-/// Random lines, pulls, paces and friction: every run of a Cosserat rod goes to its end, and no
+/// Random lines, displacements, paces and friction: every run of a Cosserat rod goes to its end, and no
 /// energy comes from nowhere. Of a Kirchhoff rod one of 72 does not: one tendon is taut, the rod
 /// whips (0.2 J of motion in 20 g), and Newton's method fails however short the step; so it does
 /// without friction, while half the tolerance or steps of 0.1 ms go through.
@@ -282,7 +286,7 @@ fn random_motions() {
         s.damping.mass = 1.0;
         let load = Load {
             gravity: s.gravity,
-            ..pull(&[0.0; 3])
+            ..by_tensions(&[0.0; 3])
         };
         let zero = vec![0.0; m];
         let kinds: Vec<bool> = (0..m).map(|_| draw.within(0.0, 1.0) < 0.7).collect();
@@ -290,7 +294,7 @@ fn random_motions() {
             (0..m)
                 .map(|i| {
                     if kinds[i] {
-                        Command::Pull(v[i])
+                        Command::Displacement(v[i])
                     } else {
                         Command::Tension(v[i])
                     }
@@ -358,7 +362,7 @@ fn random_motions() {
 #[test]
 fn wrong_motions_are_refused() {
     let robot = study_robot(9, 0.0);
-    let nothing = pull(&[0.0; 3]);
+    let nothing = by_tensions(&[0.0; 3]);
     let model = Model::default();
     let s = settings(1e-3, 0.8);
     let (mut stiff, drive) = at_rest(
@@ -366,19 +370,28 @@ fn wrong_motions_are_refused() {
         model,
         s,
         Line::default(),
-        &pulls(&[0.0; 3]),
+        &displacements(&[0.0; 3]),
         &nothing,
     );
-    let jump = stiff.jump(&pull(&[0.01, 0.0, 0.0])).unwrap_err();
+    let jump = stiff.jump(&by_tensions(&[0.01, 0.0, 0.0])).unwrap_err();
     assert!(jump.to_string().contains("tendon 1 jumps"), "{jump}");
-    let long = stiff.advance(0.1, &pull(&[0.7, 0.0, 0.0])).unwrap_err();
+    let long = stiff
+        .advance(0.1, &by_tensions(&[0.7, 0.0, 0.0]))
+        .unwrap_err();
     assert!(
         long.to_string().contains("less than the tendon's length"),
         "{long}"
     );
-    let (mut soft, _) = at_rest(&robot, model, s, elastic(), &pulls(&[0.0; 3]), &nothing);
-    soft.jump(&pull(&[0.001, 0.0, 0.0])).unwrap();
-    go(&mut soft, 0.01, &pull(&[0.001, 0.0, 0.0]));
+    let (mut soft, _) = at_rest(
+        &robot,
+        model,
+        s,
+        elastic(),
+        &displacements(&[0.0; 3]),
+        &nothing,
+    );
+    soft.jump(&by_tensions(&[0.001, 0.0, 0.0])).unwrap();
+    go(&mut soft, 0.01, &by_tensions(&[0.001, 0.0, 0.0]));
     let mut other = Simulator::new(&rao_robot(), model, 1, s).unwrap();
     assert!(other.rest_at(&drive).is_err());
     let mut heavy = s;

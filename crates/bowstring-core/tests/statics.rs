@@ -3,7 +3,7 @@
 mod common;
 use bowstring_core::model::load::{Load, Model, TendonPath, Theory};
 use bowstring_core::statics::solver::{Solver, Status};
-use common::{pull, study_robot};
+use common::{by_tensions, study_robot};
 
 /// Tension, X and Z of the tip in mm: Kirchhoff, then Cosserat. Independent shooting solutions.
 #[rustfmt::skip]
@@ -52,15 +52,15 @@ fn study_sweep_within_a_hundred_thousandth_of_length() {
     for row in SWEEP {
         let tensions = [row[0], 0.0, 0.0];
         let k = distance(
-            tip(1, 9, 0.0, Theory::Kirchhoff, &pull(&tensions)),
+            tip(1, 9, 0.0, Theory::Kirchhoff, &by_tensions(&tensions)),
             [row[1], 0.0, row[2]],
         );
         let c = distance(
-            tip(1, 9, 0.0, Theory::Cosserat, &pull(&tensions)),
+            tip(1, 9, 0.0, Theory::Cosserat, &by_tensions(&tensions)),
             [row[3], 0.0, row[4]],
         );
         let fine = distance(
-            tip(4, 9, 0.0, Theory::Kirchhoff, &pull(&tensions)),
+            tip(4, 9, 0.0, Theory::Kirchhoff, &by_tensions(&tensions)),
             [row[1], 0.0, row[2]],
         );
         println!("{} N: {k:.6} {c:.6} {fine:.7} mm", row[0]);
@@ -115,7 +115,7 @@ fn four_load_cases() {
 #[test]
 fn continuous_tendon_is_the_limit_of_many_disks() {
     let closed = [377.307635, 0.0, 454.867397];
-    let load = pull(&[80.0, 0.0, 0.0]);
+    let load = by_tensions(&[80.0, 0.0, 0.0]);
     let mut solver = Solver::new(
         &study_robot(9, 0.0),
         Model {

@@ -1,4 +1,4 @@
-//! Robots driven by pulls, and tendons that rub: `Drive`, one step of a path after another.
+//! Robots driven by displacements, and tendons that rub: `Drive`, one step of a path after another.
 
 use crate::input::{array, copied, input_error, numbers, refused, three, Rows};
 use crate::interrupt::interruptible;
@@ -56,22 +56,24 @@ impl Drive {
         self.inner.reset();
     }
 
-    /// One step of the path: which tendons are pulled by a length, and lengths or tensions.
+    /// One step of the path: which tendons are displacement-controlled, and lengths or tensions.
     fn step(
         &mut self,
         py: Python<'_>,
-        pulled: PyReadonlyArray1<bool>,
+        by_displacement: PyReadonlyArray1<bool>,
         commands: &Bound<'_, PyAny>,
         load: DeadLoad<'_>,
     ) -> PyResult<Solution> {
         let count = self.inner.robot().tendon_count();
         let commands = numbers(commands, "commands", "m or N", count)?;
-        let pulled: Vec<bool> = pulled.as_array().iter().copied().collect();
-        if pulled.len() != count {
-            return Err(refused(format!("pulled must have {count} entries")));
+        let by_displacement: Vec<bool> = by_displacement.as_array().iter().copied().collect();
+        if by_displacement.len() != count {
+            return Err(refused(format!(
+                "by_displacement must have {count} entries"
+            )));
         }
         let mut load = load.with(self.inner.robot(), vec![])?;
-        let given = path_batch::commands(&pulled, &commands);
+        let given = path_batch::commands(&by_displacement, &commands);
         let drive = &mut self.inner;
         let found =
             interruptible(py, || drive.step(&given, &load.borrow()))?.map_err(input_error)?;
@@ -84,7 +86,7 @@ impl Drive {
         let answer = converged.then(|| Answer::read(self.inner.robot(), self.inner.solver()));
         let state = converged.then(|| State {
             solver: self.inner.solver().clone(),
-            pulls: (0..count).map(|i| self.inner.pull(i)).collect(),
+            displacements: (0..count).map(|i| self.inner.displacement(i)).collect(),
             slack: self.inner.slack().to_vec(),
             spans: self.inner.span_tensions(),
         });
@@ -98,7 +100,7 @@ impl Drive {
             outcome: Outcome::from(&found),
             answer,
             driven: Some(Box::new(Driven {
-                pulled,
+                by_displacement,
                 commands,
                 found,
                 state,
@@ -111,7 +113,7 @@ impl Drive {
     fn follow<'py>(
         &mut self,
         py: Python<'py>,
-        pulled: PyReadonlyArray2<'py, bool>,
+        by_displacement: PyReadonlyArray2<'py, bool>,
         commands: PyReadonlyArray2<'py, f64>,
         load: DeadLoad<'py>,
         disks: bool,
@@ -119,8 +121,10 @@ impl Drive {
     ) -> PyResult<Bound<'py, PyDict>> {
         let robot = self.robot.clone_ref(py);
         let core = &robot.get().inner;
-        if pulled.shape() != commands.shape() {
-            return Err(refused("pulled and commands must have the same shape"));
+        if by_displacement.shape() != commands.shape() {
+            return Err(refused(
+                "by_displacement and commands must have the same shape",
+            ));
         }
         let (count, n, m) = (
             commands.shape()[0],
@@ -130,10 +134,10 @@ impl Drive {
         let numbers = 12 + (n + 7) * m + if disks { 12 * n } else { 0 } + 40;
         check_rows(count, numbers, disks)?;
         let loads = OwnLoads::new(core, commands, &load)?;
-        let pulled: Vec<bool> = pulled.as_array().iter().copied().collect();
+        let by_displacement: Vec<bool> = by_displacement.as_array().iter().copied().collect();
         let steps = Steps {
             loads: loads.borrow(),
-            displaced: &pulled,
+            displaced: &by_displacement,
         };
         let drive = &mut self.inner;
         let found = interruptible(py, || match threads {
@@ -149,7 +153,7 @@ impl Drive {
         let now = self.inner.history();
         let (n, m) = (self.inner.robot().module_count(), now.tensions.len());
         let out = PyDict::new(py);
-        let pulled: Vec<_> = now.commands.iter().map(Command::is_pull).collect();
+        let by_displacement: Vec<_> = now.commands.iter().map(Command::is_displacement).collect();
         let commands: Vec<_> = now.commands.iter().map(Command::value).collect();
         let [gravity, tip_force, tip_moment] = &now.load;
         let strain = self.inner.strain();
@@ -158,7 +162,10 @@ impl Drive {
             ("tensions", floats(&now.tensions, &[m])),
             ("drops", floats(&now.drops, &[n, m])),
             ("spans", floats(&now.spans, &[n, m])),
-            ("pulled", copied(py, &pulled, &[m]).into_any()),
+            (
+                "by_displacement",
+                copied(py, &by_displacement, &[m]).into_any(),
+            ),
             ("commands", floats(&commands, &[m])),
             ("gravity", floats(gravity, &[3])),
             ("tip_force", floats(tip_force, &[3])),
@@ -173,10 +180,10 @@ impl Drive {
 
     /// Goes on from a history.
     fn resume(&mut self, history: History<'_>) -> PyResult<()> {
-        let pulled: Vec<bool> = flat(&history.pulled);
+        let by_displacement: Vec<bool> = flat(&history.by_displacement);
         let commands: Vec<f64> = flat(&history.commands);
         let (true, Ok(strain)) = (
-            pulled.len() == commands.len(),
+            by_displacement.len() == commands.len(),
             history.strain.extract::<Rows<3>>(),
         ) else {
             return Err(refused("the history does not belong to this robot"));
@@ -187,7 +194,7 @@ impl Drive {
             tip_force: three(&history.tip_force, "tip_force", "N")?,
             tip_moment: three(&history.tip_moment, "tip_moment", "N m")?,
         };
-        let given = path_batch::commands(&pulled, &commands);
+        let given = path_batch::commands(&by_displacement, &commands);
         self.inner
             .resume(
                 &flat(&history.tensions),
@@ -208,7 +215,7 @@ struct History<'py> {
     tensions: PyReadonlyArray1<'py, f64>,
     drops: PyReadonlyArray2<'py, f64>,
     spans: PyReadonlyArray2<'py, f64>,
-    pulled: PyReadonlyArray1<'py, bool>,
+    by_displacement: PyReadonlyArray1<'py, bool>,
     commands: PyReadonlyArray1<'py, f64>,
     gravity: Bound<'py, PyAny>,
     tip_force: Bound<'py, PyAny>,
@@ -235,7 +242,7 @@ fn arrays<'py>(
     let out = robot.arrays(py, found.poses, disks)?;
     for (name, values, shape) in [
         ("tensions", found.tensions, &[count, m][..]),
-        ("pulls", found.displacements, &[count, m]),
+        ("displacements", found.displacements, &[count, m]),
         ("slack_lengths", found.slack, &[count, m]),
         ("span_tensions", found.span_tensions, &[count, n, m]),
     ] {

@@ -24,7 +24,7 @@ pub struct Simulator {
     count: Count,
     /// Stations in each module; 0 keeps the motion of the tip alone.
     points: usize,
-    /// Of each tendon, for the pull of those that are given by tension: length at home, m, and
+    /// Of each tendon, for the displacement of those that are given by tension: length at home, m, and
     /// compliance, m/N.
     home: Vec<f64>,
     compliance: Vec<f64>,
@@ -290,7 +290,7 @@ impl Simulator {
             ("disk_angular_velocity", disks.angular_velocity, &[n, 3]),
             ("tension", tendons.tension, &[m]),
             ("tendon_length", tendons.length, &[m]),
-            ("pull", tendons.pull, &[m]),
+            ("tendon_displacement", tendons.displacement, &[m]),
             ("slack", tendons.slack, &[m]),
             ("span_length", tendons.span_length, &[n, m]),
             ("span_tension", tendons.span_tension, &[n, m]),
@@ -377,12 +377,12 @@ impl Simulator {
             return Ok(());
         }
         let tendons = &mut fields.tendons;
-        if tendons.pull.len() < tendons.tension.len() {
-            let first = tendons.pull.len();
+        if tendons.displacement.len() < tendons.tension.len() {
+            let first = tendons.displacement.len();
             for j in 0..self.home.len() {
                 let (tension, length) = (tendons.tension[first + j], tendons.length[first + j]);
-                let pull = self.home[j] - length + self.compliance[j] * tension;
-                tendons.pull.push(pull);
+                let displacement = self.home[j] - length + self.compliance[j] * tension;
+                tendons.displacement.push(displacement);
                 tendons.slack.push(0.0);
             }
             // NaN where there is none

@@ -297,8 +297,8 @@ impl Solution {
 
 /// What a step of a `Drive` adds to a solution by tensions.
 pub(crate) struct Driven {
-    /// Whether each tendon is pulled by a length, and the length or tension.
-    pub pulled: Vec<bool>,
+    /// Whether each tendon is displacement-controlled, and the length or tension.
+    pub by_displacement: Vec<bool>,
     pub commands: Vec<f64>,
     pub found: DriveOutcome,
     pub state: Option<State>,
@@ -308,7 +308,7 @@ pub(crate) struct Driven {
 pub(crate) struct State {
     /// In the pose of the step: tensions alone do not always lead there again.
     pub solver: Solver,
-    pub pulls: Vec<f64>,
+    pub displacements: Vec<f64>,
     pub slack: Vec<f64>,
     /// By modules and tendons.
     pub spans: Vec<f64>,
@@ -433,10 +433,10 @@ impl Solution {
     fn driven(&self) -> bool {
         self.driven.is_some()
     }
-    /// Which tendons were pulled by a length.
+    /// Which tendons are displacement-controlled.
     #[getter]
-    fn pulled<'py>(&self, py: Python<'py>) -> Option<Array<'py, bool>> {
-        Some(vector(py, &self.driven.as_ref()?.pulled))
+    fn by_displacement<'py>(&self, py: Python<'py>) -> Option<Array<'py, bool>> {
+        Some(vector(py, &self.driven.as_ref()?.by_displacement))
     }
     /// Lengths and tensions that were asked for.
     #[getter]
@@ -451,15 +451,15 @@ impl Solution {
     fn length_residual(&self) -> Option<f64> {
         Some(self.driven.as_ref()?.found.length_residual)
     }
-    /// Tendons that fight, from 0, and the nearest pulls with an equilibrium.
+    /// Tendons that fight, from 0, and the nearest displacements with an equilibrium.
     #[getter]
     fn conflict(&self) -> Option<(Vec<usize>, Option<Vec<f64>>)> {
         let found = &self.driven.as_ref()?.found;
         Some((found.fighting.clone(), found.nearest.clone()))
     }
     #[getter]
-    fn pulls<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
-        Some(vector(py, &self.state()?.pulls))
+    fn displacements<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
+        Some(vector(py, &self.state()?.displacements))
     }
     #[getter]
     fn slack_lengths<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {

@@ -26,7 +26,7 @@ _TAILS: Final = (0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL)
 _SEED: Final = 2019  # the same data give the same report
 _AT_ONCE: Final = 4_000_000  # counts that are held at a time
 _FEWEST: Final = 6  # units; resamples of fewer often do not determine a fit
-_LOST: Final = 1e-8  # of the largest eigenvalue: a resample says nothing of this direction
+_LOST: Final = 1e-8  # of the largest eigenvalue: a direction that a resample does not identify
 
 
 @dataclass(frozen=True, eq=False)

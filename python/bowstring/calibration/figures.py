@@ -42,10 +42,12 @@ def _residuals(calibration: Calibration) -> Figure:
     data, found, out = calibration.data, calibration.fit, calibration.held_out
     figure, panels = subplots(2, 5.4, sharey=True)
     by_tension = not np.isnan(data.tensions).all()
-    given = data.tensions if by_tension else 1e3 * data.pulls
+    given = data.tensions if by_tension else 1e3 * data.displacements
     # the largest command of a row; all tendons paid out is negative
     load = np.nanmax(np.where(np.isnan(given), -np.inf, given), axis=1)
-    kind = "largest tension of the row (N)" if by_tension else "largest pull of the row (mm)"
+    kind = (
+        "largest tension of the row (N)" if by_tension else "largest displacement of the row (mm)"
+    )
     labels = ("row, in the order of the table", kind)
     for axes, x, label in zip(panels, (np.arange(1, len(data) + 1), load), labels, strict=True):
         for k, (name, colour, marker) in enumerate(AXES):

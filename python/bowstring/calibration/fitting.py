@@ -100,9 +100,9 @@ class Fit:
     estimates : tuple of Estimate
     correlation : ndarray (P, P)
         Of the estimates; NaN for those that the data cannot tell.
-    confused : tuple of tuples of str
-        Parameters that the data cannot tell apart; a tuple of one names one they say nothing of:
-        its standard error is as wide as all that it may be, or infinite.
+    not_identifiable : tuple of tuples of str
+        Groups of correlated parameters that the data cannot separate. A group of one is a parameter
+        that is not identifiable: its standard error spans its whole range, or is infinite.
     residuals : ndarray (K, 3)
         Predicted less measured, m, of all rows; NaN where there is no measurement.
     used : ndarray of bool (K,)
@@ -136,7 +136,7 @@ class Fit:
     robot: Robot
     estimates: tuple[Estimate, ...]
     correlation: Floats
-    confused: tuple[tuple[str, ...], ...]
+    not_identifiable: tuple[tuple[str, ...], ...]
     residuals: Floats
     before: Floats
     used: Bools
@@ -202,7 +202,7 @@ class Fit:
             "message": self.message,
             "parameters": plain([asdict(e) for e in self.estimates]),
             "correlation": plain(self.correlation),
-            "cannot_tell_apart": [list(names) for names in self.confused],
+            "not_identifiable": [list(names) for names in self.not_identifiable],
             "rows": int(self.used.sum()),
             "rows_without_equilibrium": self.unsolved,
             **self.score.to_dict(),
@@ -239,12 +239,12 @@ def fit(
         Numbers of the robot file by path, ``*`` for one number shared by all:
         ``segments.0.backbone.E``, ``segments.*.tendons.compliance``. Further, for all, each
         segment or each tendon (``gain``, ``gain.segments``, ``gain.tendons``,
-        ``gain.tendons.4``): ``gain`` of pulls or tensions; ``offset`` of pulls, positive where a
-        tendon is shorter than it should be; ``backlash``, half the dead travel of a pull; for all
-        or each segment: ``hole_angle``, turned by, ``pitch_radius``, times, ``bend_gain`` of
-        constant curvature. ``delay`` of the tip behind the commands in s. ``base``: the robot's
-        base in the measuring frame, ``base.x`` to ``base.rz`` (a rotation vector). ``tool``: the
-        measured point in the frame of the end disk.
+        ``gain.tendons.4``): ``gain`` of displacements or tensions; ``offset`` of displacements,
+        positive where a tendon is shorter than it should be; ``backlash``, half the dead travel of
+        a displacement; for all or each segment: ``hole_angle``, turned by, ``pitch_radius``,
+        times, ``bend_gain`` of constant curvature. ``delay`` of the tip behind the commands in s.
+        ``base``: the robot's base in the measuring frame, ``base.x`` to ``base.rz`` (a rotation
+        vector). ``tool``: the measured point in the frame of the end disk.
     model : RodModel or "arc", optional
         Of the statics of `bowstring.solve`, with one element if it does not say how many; or
         constant curvature from tendon lengths (from force where the rows have tensions), segments
@@ -259,7 +259,7 @@ def fit(
     Returns
     -------
     Fit
-        Look at `converged`, `message` and `confused` before its numbers.
+        Look at `converged`, `message` and `not_identifiable` before its numbers.
 
     Raises
     ------
@@ -314,7 +314,7 @@ def fit(
     work = Residuals(TipModel(unknowns, commands, rod), measured, used, sigma)
     first = work.begin(start or {})
     work.take(first)
-    if rod is not None and commands.pulled.any() and work.has_friction(first):
+    if rod is not None and commands.by_displacement.any() and work.has_friction(first):
         again = partial(fit, data=data, rows=rows, loss=loss, model=rod)
         first = _from_frictionless(work, first, robot, start or {}, again)
     work.refuse_without_effect(first)
@@ -357,12 +357,12 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
     residuals, jacobian = work.residuals(found.x), work.jacobian(found.x)
     at = work.prediction(found.x)
     land = search.landscape(found.x)
-    pull, slope = force(residuals, search.loss, search.turn)
+    weighted, slope = force(residuals, search.loss, search.turn)
     size = np.linalg.norm(jacobian, axis=0)
     size[size == 0] = 1.0
     _, singular, direction = np.linalg.svd(jacobian / size, full_matrices=False)
     told = singular > SAME * singular[0]
-    confused = [
+    not_identifiable = [
         tuple(items[i].name for i in np.flatnonzero(np.abs(row) >= _MEMBER * np.abs(row).max()))
         for row in direction[~told]
     ]
@@ -371,7 +371,7 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
     is_alike = alike > _ALIKE and chance < NOISE
     lag = intervals.newey_west_lag(alike, len(run)) if is_alike else 0
     covariance, half = intervals.covariance(
-        (pull, slope), jacobian / size, direction[told], run, lag
+        (weighted, slope), jacobian / size, direction[told], run, lag
     )
     covariance = covariance / np.outer(size, size)
     error = np.sqrt(np.diag(covariance))
@@ -385,7 +385,7 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
         one_sided = np.isinf(ends).sum(axis=0) == 1
     # as wide as all that it may be
     idle = ~untold & ~one_sided & (error >= work.high - work.low)
-    confused += [(items[i].name,) for i in np.flatnonzero(idle)]
+    not_identifiable += [(items[i].name,) for i in np.flatnonzero(idle)]
     none = untold | idle
     correlation[none] = correlation[:, none] = np.nan
     error[none] = np.inf
@@ -398,24 +398,24 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
     # a motion that is larger than the robot is not of it
     astray = scored.rmse_centred > at.setting.robot.length
     before = work.before[work.used & np.isfinite(work.before).all(axis=1)]
-    excess, excess_chance = _excess(errors, work.used, work.sigma, len(items))
+    excess, excess_p = _excess(errors, work.used, work.sigma, len(items))
     estimates = _estimates(work, found, error, ends)
     message = _message(
         work,
         found,
         (lost, stuck, astray),
         estimates,
-        confused,
+        not_identifiable,
         profiled,
         alike if is_alike else None,
-        excess if excess > _EXCESS and excess_chance < NOISE else None,
+        excess if excess > _EXCESS and excess_p < NOISE else None,
     )
     return Fit(
         model="arc" if work.model.rod is None else "rod",
         robot=at.setting.robot,
         estimates=tuple(estimates),
         correlation=correlation,
-        confused=tuple(confused),
+        not_identifiable=tuple(not_identifiable),
         residuals=errors,
         before=work.before,
         used=work.used,
@@ -431,7 +431,7 @@ def _result(search: Search, found: Any, group: NDArray[Any], tool_said: Bools) -
         # in m, with loss and weights of rows
         linear=Linear(
             by_parameter=(1e-3 * jacobian / work.weight[:, None]).reshape(-1, 3, len(items)),
-            force=(1e-3 * pull * work.weight).reshape(-1, 3),
+            force=(1e-3 * weighted * work.weight).reshape(-1, 3),
             slope=(slope * work.weight**2).reshape(-1, 3),
         ),
         _unknowns=work.model.unknowns,
@@ -462,7 +462,7 @@ def _message(
     found: Any,
     doubts: tuple[bool, bool, bool],
     estimates: Sequence[Estimate],
-    confused: Sequence[Sequence[str]],
+    not_identifiable: Sequence[Sequence[str]],
     profiled: bool,
     alike: float | None,
     excess: float | None,
@@ -496,11 +496,13 @@ def _message(
         ]
     if work.unsolved and not lost:
         said.append(f"Left out, without an equilibrium: {unsolved}.")
-    for names in confused:
+    for names in not_identifiable:
         if len(names) == 1:
-            said.append(f"The data say nothing of {names[0]}.")
+            said.append(f"{names[0]} is not identifiable from these data.")
         else:
-            said.append(f"The data cannot tell {listed(names)} apart: hold one.")
+            said.append(
+                f"The data cannot separate {listed(names)}, which are correlated: hold one."
+            )
     if profiled:
         said.append(
             "Tendons become slack or taut inside the intervals, or elsewhere the error is hardly "

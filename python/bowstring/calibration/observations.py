@@ -41,9 +41,9 @@ Bools = NDArray[np.bool_]
 class Measured(Protocol):
     """What is read of measurements: K rows, in the order in which they were taken.
 
-    ``tensions`` and ``pulls`` are (K, T) in N and m, NaN where a tendon has the other; either may
-    be None. ``points`` is (K, P, 3) in m, the last point the tip (or ``tip`` (K, 3)). ``group``
-    (K,) and ``time`` (K,) in s may be None. Read where they are there, as in
+    ``tensions`` and ``displacements`` are (K, T) in N and m, NaN where a tendon has the other;
+    either may be None. ``points`` is (K, P, 3) in m, the last point the tip (or ``tip`` (K, 3)).
+    ``group`` (K,) and ``time`` (K,) in s may be None. Read where they are there, as in
     `bowstring.Measurements`: ``sigma`` (K,) in m, ``repeat`` (K,), ``recording`` (K,),
     ``tool`` (3,) in m.
     """
@@ -51,7 +51,7 @@ class Measured(Protocol):
     @property
     def tensions(self) -> Any: ...
     @property
-    def pulls(self) -> Any: ...
+    def displacements(self) -> Any: ...
     @property
     def points(self) -> Any: ...
     @property
@@ -68,7 +68,7 @@ class Data:
     ----------
     points : array_like (K, P, 3) or (K, 3)
         Measured, the last one the tip; NaN where it was not seen.
-    tensions, pulls : array_like (K, T) or None
+    tensions, displacements : array_like (K, T) or None
         In N and m, NaN where a tendon has the other.
     group : array_like (K,) or None
         Names of runs or patterns, for validation.
@@ -81,7 +81,7 @@ class Data:
 
     points: ArrayLike
     tensions: ArrayLike | None = None
-    pulls: ArrayLike | None = None
+    displacements: ArrayLike | None = None
     group: Any = None
     time: ArrayLike | None = None
     recording: ArrayLike | None = None
@@ -149,10 +149,10 @@ def score(predicted: ArrayLike, measured: ArrayLike) -> Score:
 
 
 def commands(data: Measured, robot: Robot) -> Commands:
-    """Pulls and tensions of all rows, checked."""
+    """Displacements and tensions of all rows, checked."""
     count = robot.core.tendon_count
     given = {}
-    for name in ("tensions", "pulls"):
+    for name in ("tensions", "displacements"):
         table = getattr(data, name, None)
         if table is None:
             continue
@@ -166,11 +166,11 @@ def commands(data: Measured, robot: Robot) -> Commands:
                 f"and {count} columns, one for each tendon of {robot.name}"
             )
     if not given:
-        raise InputError("the measurements have neither tensions nor pulls")
+        raise InputError("the measurements have neither tensions nor displacements")
     if len({table.shape for table in given.values()}) > 1:
-        raise InputError("tensions and pulls must have one row each for each measurement")
-    load = Load(given.get("tensions"), given.get("pulls"))
-    pulled, values = actuation.commands(robot, load, rows=True)
+        raise InputError("tensions and displacements must have one row each for each measurement")
+    load = Load(given.get("tensions"), given.get("displacements"))
+    by_displacement, values = actuation.commands(robot, load, rows=True)
     if not np.isfinite(values).all():
         k, t = np.argwhere(~np.isfinite(values))[0]
         raise InputError(f"row {k}: the command of tendon {t + 1} is {values[k, t]}")
@@ -180,7 +180,7 @@ def commands(data: Measured, robot: Robot) -> Commands:
     recording = _column(data, "recording", len(values))
     if recording is not None:
         recording = np.unique(recording, return_inverse=True)[1].ravel().astype(np.int64)
-    return Commands(pulled, values, time, recording)
+    return Commands(by_displacement, values, time, recording)
 
 
 def _column(data: Measured, name: str, count: int, unit: str = "") -> NDArray[Any] | None:

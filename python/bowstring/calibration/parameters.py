@@ -58,7 +58,7 @@ _STEP: Final = {
     "gravity": 1.0,
 }
 _SHARE: Final = 0.05
-#: What the law of the drive alone turns into a change of pull.
+#: What the law of the drive alone turns into a change of displacement.
 DRIVE: Final = frozenset({"compliance", "axial_stiffness", "free_length", "pretension"})
 
 
@@ -100,8 +100,8 @@ class Setting:
     ----------
     robot : Robot
     gain, offset, backlash : ndarray (T,)
-        A pull that counts is gain x (the pull after delay and backlash) + offset; a tension only
-        has the gain.
+        A displacement that counts is gain x (the displacement after delay and backlash) + offset;
+        a tension only has the gain.
     delay : float
         Time by which the tip runs behind the commands, s.
     position, turn : ndarray (3,)

@@ -1,6 +1,6 @@
 """The measured point near a state of the parameters: linear, except where tendons go slack.
 
-With T the tensions of the pulled tendons, s their slack lengths and d a change of the parameters,
+With T the tensions of the actuated tendons, s their slack lengths and d a change of the parameters,
 a row of measurements is
 
     s = s0 + G d + M (T - T0),    s >= 0,    T >= 0,    s T = 0
@@ -54,13 +54,13 @@ class Pieces:
     Attributes
     ----------
     point_by_parameter : ndarray (K, 3, P)
-        At constant tensions of pulled tendons.
+        At constant tensions of actuated tendons.
     point_by_tension : ndarray (K, 3, T)
     slack, tensions : ndarray (K, T)
     slack_by_parameter : ndarray (K, T, P)
         At constant tensions.
     slack_by_tension : ndarray (K, T, T)
-    pulled : ndarray of bool (K, T)
+    by_displacement : ndarray of bool (K, T)
         Whether a tendon has a given displacement; only these may go slack.
     """
 
@@ -70,7 +70,7 @@ class Pieces:
     tensions: Floats
     slack_by_parameter: Floats
     slack_by_tension: Floats
-    pulled: Bools
+    by_displacement: Bools
 
     def rows(self, which: Bools) -> Pieces:
         """The model of some rows alone."""
@@ -116,16 +116,16 @@ class Pieces:
         """Distance (K, T) along its gradient to where a tendon changes sides, and gradients.
 
         Of a slack tendon the slack length, of a taut one the tension, over the norm of its
-        gradient (K, T, P) by the parameters; infinite for tendons that are not pulled.
+        gradient (K, T, P) by the parameters; infinite for tendons that are not by_displacement.
         """
-        taut = self.pulled & (self.tensions > 0.0)
+        taut = self.by_displacement & (self.tensions > 0.0)
         by = self._tensions_by_parameter(taut)
         slack_by = self.slack_by_parameter + self.slack_by_tension @ by
         gradient = np.where(taut[:, :, None], by, slack_by)
         value = np.where(taut, self.tensions, self.slack)
         norm = np.linalg.norm(gradient, axis=2)
         with np.errstate(divide="ignore", invalid="ignore"):
-            distance = np.where(self.pulled & (norm > 0.0), value / norm, np.inf)
+            distance = np.where(self.by_displacement & (norm > 0.0), value / norm, np.inf)
         return distance, gradient
 
     @cached_property
@@ -142,11 +142,11 @@ class Pieces:
     def _complementary(self, free: Floats) -> tuple[Floats, Bools]:
         """Tensions (K, T) by block principal pivoting (Judice and Pires, 1994), and who is taut.
 
-        `free` (K, T) is the slack at zero tension of all pulled tendons.
+        `free` (K, T) is the slack at zero tension of all actuated tendons.
         """
-        taut = self.pulled & (self.tensions > 0.0)
-        tensions = np.where(self.pulled, 0.0, self.tensions)
-        matrix, pulled = self.slack_by_tension, self.pulled
+        taut = self.by_displacement & (self.tensions > 0.0)
+        tensions = np.where(self.by_displacement, 0.0, self.tensions)
+        matrix, by_displacement = self.slack_by_tension, self.by_displacement
         free = free + (matrix @ tensions[:, :, None])[:, :, 0]  # by tensions that are commanded
         size = np.abs(free).max(initial=0.0) + 1e-300
         force = size / self._size
@@ -160,14 +160,16 @@ class Pieces:
             )
             found = np.where(now, found[:, :, 0], 0.0)
             slack = free[todo] + (matrix @ found[:, :, None])[:, :, 0]
-            wrong = (now & (found < -_TINY * force)) | (pulled & ~now & (slack < -_TINY * size))
-            tensions[todo] = np.where(pulled, found, tensions[todo])
+            wrong = (now & (found < -_TINY * force)) | (
+                by_displacement & ~now & (slack < -_TINY * size)
+            )
+            tensions[todo] = np.where(by_displacement, found, tensions[todo])
             count = wrong.sum(axis=1)
             some = count > 0
             if not some.any():
                 break
             todo, wrong, count, now = todo[some], wrong[some], count[some], now[some]
-            matrix, pulled = matrix[some], pulled[some]
+            matrix, by_displacement = matrix[some], by_displacement[some]
             fewer = count < best[todo]
             left[todo] = np.where(fewer, _BLOCKS, left[todo] - 1)
             best[todo] = np.minimum(best[todo], count)

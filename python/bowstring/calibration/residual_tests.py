@@ -42,14 +42,14 @@ class NoiseTest:
     """Standard deviation of a coordinate by the repeats' own scatter, m."""
     chi_square: float = math.nan
     """Sum of squares over the stated variance."""
-    size_chance: float = math.nan
+    variance_p: float = math.nan
     """Probability of residuals as large, if they were noise of the stated size."""
-    fit_ratio: float = math.nan
+    lack_of_fit_ratio: float = math.nan
     """F: what repeats have in common, over their own scatter."""
-    fit_chance: float = math.nan
+    lack_of_fit_p: float = math.nan
     autocorrelation: float = math.nan
     """Of neighbours along the load order, of all axes together."""
-    order_chance: float = math.nan
+    autocorrelation_p: float = math.nan
     far: int = 0
     """Rows with a coordinate beyond five standard deviations."""
     far_lines: tuple[int, ...] = ()
@@ -64,13 +64,13 @@ class NoiseTest:
     @property
     def wrong_size(self) -> bool:
         """Whether the residuals are larger than noise: repeats decide where there are any."""
-        chance = self.fit_chance if math.isfinite(self.fit_chance) else self.size_chance
+        chance = self.lack_of_fit_p if math.isfinite(self.lack_of_fit_p) else self.variance_p
         return chance < NOISE  # False for NaN
 
     @property
     def in_order(self) -> bool:
         """Whether neighbours err alike."""
-        return self.order_chance < NOISE
+        return self.autocorrelation_p < NOISE
 
     @property
     def nothing_left(self) -> bool:
@@ -81,7 +81,7 @@ class NoiseTest:
     def tested(self) -> bool:
         """Whether there was any test."""
         return not self.nothing_left and any(
-            map(math.isfinite, (self.size_chance, self.fit_chance, self.order_chance))
+            map(math.isfinite, (self.variance_p, self.lack_of_fit_p, self.autocorrelation_p))
         )
 
     @property
@@ -107,30 +107,30 @@ class NoiseTest:
                 "has no repeats, and too few rows."
             )
         parts = []
-        if math.isfinite(self.size_chance):
+        if math.isfinite(self.variance_p):
             times = significant(math.sqrt(self.chi_square / self.dof), 2)
             parts.append(
                 f"they are {times} times as large as the stated {in_mm(self.sigma)} "
                 f"(chi-square {significant(self.chi_square)} for {self.dof} degrees of freedom, "
-                f"{_chance(self.size_chance)})"
+                f"{_p_value(self.variance_p)})"
             )
-        if math.isfinite(self.fit_chance):
-            times = significant(math.sqrt(self.fit_ratio), 2)
+        if math.isfinite(self.lack_of_fit_p):
+            times = significant(math.sqrt(self.lack_of_fit_ratio), 2)
             parts.append(
                 f"what repeats have in common is {times} times what their own scatter of "
-                f"{in_mm(self.scatter)} explains ({_chance(self.fit_chance)})"
+                f"{in_mm(self.scatter)} explains ({_p_value(self.lack_of_fit_p)})"
             )
-        if math.isfinite(self.order_chance):
+        if math.isfinite(self.autocorrelation_p):
             parts.append(
                 f"neighbours along the load correlate by {self.autocorrelation:.2f} "
-                f"({_chance(self.order_chance)})"
+                f"({_p_value(self.autocorrelation_p)})"
             )
         if self.other_load:
             parts.append("a constant load that the model does not have would explain them in part")
         said = "; ".join(parts)
         if self.is_noise:
             out = f"The residuals are noise, as far as these data can tell: {said}."
-            if self.size_chance < NOISE:
+            if self.variance_p < NOISE:
                 out += " The stated uncertainty is too small: the repeats scatter by more."
         else:
             out = (
@@ -160,12 +160,12 @@ class NoiseTest:
             "scatter_of_repeats_mm": self.scatter * 1e3,
             "chi_square": self.chi_square,
             "dof": self.dof,
-            "size_chance": self.size_chance,
-            "fit_ratio": self.fit_ratio,
-            "fit_chance": self.fit_chance,
+            "variance_p": self.variance_p,
+            "lack_of_fit_ratio": self.lack_of_fit_ratio,
+            "lack_of_fit_p": self.lack_of_fit_p,
             "autocorrelation": self.autocorrelation,
-            "order_chance": self.order_chance,
-            "chance_below_which_not_noise": NOISE,
+            "autocorrelation_p": self.autocorrelation_p,
+            "significance_level": NOISE,
             "far_rows": self.far,
             "lines_against_their_repeats": list(self.wrong_lines),
             "other_load": self.other_load,
@@ -173,7 +173,7 @@ class NoiseTest:
         }
 
 
-def _chance(probability: float) -> str:
+def _p_value(probability: float) -> str:
     return "p < 0.0001" if probability < 1e-4 else f"p = {significant(probability, 2)}"
 
 
@@ -280,7 +280,7 @@ def noise_test(
         spread = sigma[good]
         limit = float(np.sqrt(np.mean(spread**2)))
         square = float(np.sum((e / spread[:, None]) ** 2))
-        tests |= {"sigma": limit, "chi_square": square, "size_chance": chi_square_p(square, dof)}
+        tests |= {"sigma": limit, "chi_square": square, "variance_p": chi_square_p(square, dof)}
 
     _, place, size = np.unique(cells, return_inverse=True, return_counts=True)
     own = 3 * (count - len(size))
@@ -291,9 +291,10 @@ def noise_test(
         tests["scatter"] = limit = math.sqrt(within)
         if common > 0 and within > 0.0:
             ratio = float(size @ np.sum(means**2, axis=1)) / common / within
-            tests |= {"fit_ratio": ratio, "fit_chance": variance_ratio_p(ratio, common, own)}
+            p = variance_ratio_p(ratio, common, own)
+            tests |= {"lack_of_fit_ratio": ratio, "lack_of_fit_p": p}
 
-    correlation, order_chance = autocorrelation(e, runs[1:] == runs[:-1])
+    correlation, autocorrelation_p = autocorrelation(e, runs[1:] == runs[:-1])
     # nothing is far where no limit is known
     far = (np.abs(e) > _FAR * limit).any(axis=1) & (limit > 0.0)
     return NoiseTest(
@@ -301,7 +302,7 @@ def noise_test(
         dof,
         **tests,
         autocorrelation=correlation,
-        order_chance=order_chance,
+        autocorrelation_p=autocorrelation_p,
         far=int(far.sum()),
         far_lines=tuple(lines[good][far].tolist()),
         wrong_lines=tuple(lines[wrong].tolist()),

@@ -42,8 +42,8 @@ class Commands:
 
     Attributes
     ----------
-    pulled : ndarray of bool (K, T)
-        Whether a tendon has a pull, otherwise a tension.
+    by_displacement : ndarray of bool (K, T)
+        Whether a tendon has a displacement, otherwise a tension.
     values : ndarray (K, T)
         In m and N.
     time : ndarray (K,) or None
@@ -52,7 +52,7 @@ class Commands:
         Rows with the same number are one path, which begins at home; None: all rows are.
     """
 
-    pulled: Bools
+    by_displacement: Bools
     values: Floats
     time: Floats | None
     recording: NDArray[np.int64] | None = None
@@ -61,7 +61,7 @@ class Commands:
         return len(self.values)
 
     def effective(self, setting: Setting) -> Floats:
-        """Pulls and tensions (K, T) after delay, backlash, gain and offset."""
+        """Displacements and tensions (K, T) after delay, backlash, gain and offset."""
         values = self.values
         if setting.delay:
             time, late = self.clock(), np.empty_like(values)
@@ -72,8 +72,8 @@ class Commands:
             followed = np.empty_like(values)
             for rows in self.paths:
                 followed[rows] = _play(values[rows], setting.backlash)
-            values = np.where(self.pulled, followed, values)
-        out: Floats = values * setting.gain + np.where(self.pulled, setting.offset, 0.0)
+            values = np.where(self.by_displacement, followed, values)
+        out: Floats = values * setting.gain + np.where(self.by_displacement, setting.offset, 0.0)
         return out
 
     @property
@@ -149,7 +149,8 @@ class Prediction:
 
     @cached_property
     def exact(self) -> _Exact | None:
-        """Exact derivatives; None without solutions, or where pulls do not determine tensions."""
+        """Exact derivatives; None without solutions, or where displacements do not determine
+        tensions."""
         return None if self.solutions is None else _Exact.of(self.solutions, self)
 
     @property
@@ -195,8 +196,8 @@ class TipModel:
     def jacobian(self, values: Floats, at: Prediction) -> Floats:
         """Derivatives (K, 3, P) of the measured point.
 
-        Exact for what acts on pulls and tensions, for E, base and tool, unless tendons rub; central
-        differences for the rest.
+        Exact for what acts on displacements and tensions, for E, base and tool, unless tendons
+        rub; central differences for the rest.
         """
         return np.stack([column.whole for column in self._columns(values, at)], axis=-1)
 
@@ -218,10 +219,10 @@ class TipModel:
     def pieces(self, values: Floats, at: Prediction) -> Pieces | None:
         """The measured point nearby, also where tendons become taut or slack.
 
-        None where no tendon is pulled by a length, where the pulls do not determine the tensions,
-        with friction, and for constant curvature. Rows without a solution have NaN.
+        None where no tendon is displacement-controlled, where the displacements do not determine
+        the tensions, with friction, and for constant curvature. Rows without a solution have NaN.
         """
-        exact = at.exact if self.commands.pulled.any() else None
+        exact = at.exact if self.commands.by_displacement.any() else None
         if exact is None:
             return None
         assert at.slack is not None
@@ -237,7 +238,7 @@ class TipModel:
             tensions=exact.tensions,
             slack_by_parameter=by_slack + exact.slack_by_tension @ by_tension,
             slack_by_tension=exact.slack_by_tension,
-            pulled=self.commands.pulled,
+            by_displacement=self.commands.by_displacement,
         )
 
     def _columns(self, values: Floats, at: Prediction) -> list[_Column]:
@@ -253,17 +254,17 @@ class TipModel:
 
     def _rod(self, rod: RodModel, setting: Setting, given: Floats, keep: bool) -> Prediction:
         robot = setting.robot
-        pulled = self.commands.pulled
-        given = np.where(pulled, given, np.maximum(given, 0.0))
+        by_displacement = self.commands.by_displacement
+        given = np.where(by_displacement, given, np.maximum(given, 0.0))
         core = actuation.Path(robot, rod).core
         if robot.has_friction or not keep:
             return self._followed(core, setting, given)
         solutions = []
-        for held, row in zip(pulled, given, strict=True):
+        for held, row in zip(by_displacement, given, strict=True):
             core.reset()
             solutions.append(core.step(held, row, _NO_LOAD))
         solved = np.array([s.converged for s in solutions])
-        _continue_from_neighbours(core, pulled, given, solutions, solved)
+        _continue_from_neighbours(core, by_displacement, given, solutions, solved)
         position = _table(solutions, solved, "tip_position", 3)
         turned = _table(solutions, solved, "tip_rotation", 3, 3)
         slack = _table(solutions, solved, "slack_lengths", given.shape[1])
@@ -277,8 +278,8 @@ class TipModel:
         for rows in paths:
             core.reset()
             threads = None if rubs else 0
-            pulled = self.commands.pulled[rows]
-            found.append(core.follow(pulled, given[rows], _NO_LOAD, False, threads))
+            by_displacement = self.commands.by_displacement[rows]
+            found.append(core.follow(by_displacement, given[rows], _NO_LOAD, False, threads))
         back = np.argsort(np.concatenate(paths))
         names = ("tip_position", "tip_rotation", "converged", "tensions", "slack_lengths")
         position, turned, solved, tensions, slack = (
@@ -288,16 +289,16 @@ class TipModel:
 
     def _arcs(self, setting: Setting, given: Floats) -> Prediction:
         """Constant curvature: the tendons' arcs, segment by segment, each bend times its gain."""
-        robot, pulled = setting.robot, self.commands.pulled
-        if not pulled.any():
+        robot, by_displacement = setting.robot, self.commands.by_displacement
+        if not by_displacement.any():
             arc = RobotArcs.from_tensions(robot, given).arc
-        elif pulled.all():  # segments keep their lengths
+        elif by_displacement.all():  # segments keep their lengths
             lengths = robot.disks.station_m[robot.tendons.end_disk] - given
             arc = RobotArcs.from_lengths(robot, lengths, hold_length=True).arc
         else:
             raise InputError(
-                "constant curvature needs all tendons by pull or all by tension, these rows mix "
-                "both"
+                "constant curvature needs all tendons by displacement or all by tension, these "
+                "rows mix both"
             )
         bent = Arc(arc.kappa * setting.bend_gain, arc.phi, arc.length)
         position, turned = RobotArcs(robot, bent).tip
@@ -313,19 +314,19 @@ class TipModel:
             moved = self._by_frame(i, values, at)
             return _Column(moved, moved, none, none)
         still = np.zeros((len(none), 3))
-        pulled = self.commands.pulled
+        by_displacement = self.commands.by_displacement
         if exact is not None:
             if not item.paths and not name.startswith(("hole_angle", "pitch_radius", "bend_gain")):
                 commands = self._difference(i, values, self.commands.effective)
-                shorter = np.where(pulled, commands, 0.0)
-                return exact.column(still, -shorter, np.where(pulled, 0.0, commands))
-            by_home = np.where(pulled, self._difference(i, values, self._home), 0.0)
+                shorter = np.where(by_displacement, commands, 0.0)
+                return exact.column(still, -shorter, np.where(by_displacement, 0.0, commands))
+            by_home = np.where(by_displacement, self._difference(i, values, self._home), 0.0)
             if item.leaf in DRIVE:
-                # what gives way more is pulled less, tension by tension
+                # what yields more is shortened less, tension by tension
                 by_compliance = self._difference(
                     i, values, lambda setting: actuation.compliances(setting.robot)
                 )
-                gives = np.where(pulled, exact.tensions * by_compliance, 0.0)
+                gives = np.where(by_displacement, exact.tensions * by_compliance, 0.0)
                 return exact.column(still, by_home + gives, none)
             if item.leaf == "E" and self._same_nu(item):
                 for path in item.paths:
@@ -357,13 +358,13 @@ class TipModel:
         none = np.zeros(self.commands.values.shape)
         if exact is None:
             return _Column(change[:, :3], change[:, :3], none, none)
-        pulled = self.commands.pulled
+        by_displacement = self.commands.by_displacement
         change = np.where(at.solved[:, None], change, 0.0)
         whole, tensions, slack = change[:, :3], change[:, 3 : 3 + count], change[:, 3 + count :]
-        forced = np.where(pulled, 0.0, tensions)
+        forced = np.where(by_displacement, 0.0, tensions)
         by_tensions = np.einsum("kit,kt->ki", exact.by_tension, tensions)
         slack = slack - np.einsum("kst,kt->ks", exact.slack_by_tension, tensions)
-        return _Column(whole, whole - by_tensions, np.where(pulled, slack, 0.0), forced)
+        return _Column(whole, whole - by_tensions, np.where(by_displacement, slack, 0.0), forced)
 
     def _along_paths(self, values: Floats, at: Prediction) -> dict[int, _Column]:
         """Columns of all parameters that are no frame's by differences of paths, side by side."""
@@ -410,7 +411,7 @@ class TipModel:
 
 
 def _continue_from_neighbours(
-    core: Any, pulled: Bools, given: Floats, solutions: list[Any], solved: Bools
+    core: Any, by_displacement: Bools, given: Floats, solutions: list[Any], solved: Bools
 ) -> None:
     """Solve rows that have no solution from home from the rows with the nearest commands.
 
@@ -418,13 +419,13 @@ def _continue_from_neighbours(
     """
     known = np.flatnonzero(solved)
     for k in np.flatnonzero(~solved):
-        alike = known[(pulled[known] == pulled[k]).all(axis=1)]
+        alike = known[(by_displacement[known] == by_displacement[k]).all(axis=1)]
         apart = np.linalg.norm(given[alike] - given[k], axis=1)
         for near in alike[np.argsort(apart, kind="stable")[:_NEIGHBOURS]]:
             core.reset()
-            if not core.step(pulled[near], given[near], _NO_LOAD).converged:
+            if not core.step(by_displacement[near], given[near], _NO_LOAD).converged:
                 continue
-            found = core.step(pulled[k], given[k], _NO_LOAD)
+            found = core.step(by_displacement[k], given[k], _NO_LOAD)
             if found.converged:
                 solutions[k], solved[k] = found, True
                 break
@@ -469,9 +470,9 @@ class _Exact:
         By the relative change of the stiffness of each segment, tensions held.
     lengths_by_stiffness : ndarray (K, T, S)
     slack_by_tension : ndarray (K, T, T)
-        slack = home - pull - length + compliance x tension
+        slack = home - displacement - length + compliance x tension
     answer : ndarray (K, T, T)
-        Tensions by slack, of the taut tendons that hold their pull.
+        Tensions by slack, of the taut tendons that hold their displacement.
     tensions : ndarray (K, T)
     """
 
@@ -484,7 +485,7 @@ class _Exact:
 
     @classmethod
     def of(cls, solutions: list[Any], at: Prediction) -> _Exact | None:
-        """None where the pulls do not determine the tensions."""
+        """None where the displacements do not determine the tensions."""
         if not at.solved.any():
             return None
         each = [s.jacobians() for s, solved in zip(solutions, at.solved, strict=True) if solved]
@@ -498,8 +499,8 @@ class _Exact:
             return table
 
         tensions = np.where(at.solved[:, None], [s.tensions for s in solutions], 0.0)
-        pulled = np.stack([s.pulled for s in solutions])
-        held = pulled & (tensions > 0)
+        by_displacement = np.stack([s.by_displacement for s in solutions])
+        held = by_displacement & (tensions > 0)
         by_tension = np.diag(actuation.compliances(at.setting.robot)) - stacked(
             "lengths_by_tension"
         )

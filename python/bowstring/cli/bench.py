@@ -94,7 +94,9 @@ def simulate(
         option("FIRST:STEP:LAST", "Masses hung on one tendon; a list M1,M2,... as well."),
     ] = None,
     tensions: Annotated[str | None, option("FIRST:STEP:LAST", "Its tensions instead.")] = None,
-    pulls: Annotated[str | None, option("FIRST:STEP:LAST", "Its pulls instead.")] = None,
+    displacements: Annotated[
+        str | None, option("FIRST:STEP:LAST", "Its displacements instead.")
+    ] = None,
     tendon: Annotated[int, option("N", "The tendon; nothing pulls the others.")] = 1,
     g: OfMasses = "9.80665",
     repeats: Annotated[int, option("N", "Runs through the loads.")] = 1,
@@ -140,7 +142,7 @@ def simulate(
     from bowstring.data import synthetic
 
     model = load(robot, overrides)
-    given = {"--masses": masses, "--tensions": tensions, "--pulls": pulls}
+    given = {"--masses": masses, "--tensions": tensions, "--displacements": displacements}
     angles = numbers_of("--tilt", tilt, "rad")
     if len(angles) > 2:
         raise InputError(f"--tilt: got {len(angles)} numbers; write an angle, and where to.")
@@ -190,7 +192,7 @@ def simulate(
     found = made.measure(seed)
     table, truth = synthetic.write(found, out)
     if as_json:
-        names = ("tensions", "pulls", "masses")
+        names = ("tensions", "displacements", "masses")
         settings = {k: v for k, v in zip(names, values, strict=True) if v is not None}
         for part in (loads, really, mounting, instrument):
             settings |= {k: v for k, v in vars(part).items() if k not in _NOT_SETTINGS}
@@ -217,7 +219,7 @@ def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> tu
     if not given:
         raise InputError(
             "loads are missing: give for example --masses 0:0.5:8 (kg), --tensions 0:5:80 (N) or "
-            '--pulls 0:"2 mm":0.03.'
+            '--displacements 0:"2 mm":0.03.'
         )
     if len(given) > 1:
         raise InputError(f"{' and '.join(flag for flag, _ in given)} are the loads; give either.")
@@ -225,10 +227,10 @@ def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> tu
     if not 1 <= tendon <= count:
         raise InputError(f"--tendon: got {tendon}; {robot.name} has {counted(count, 'tendon')}.")
     ((flag, text),) = given
-    si = {"--masses": "kg", "--tensions": "N", "--pulls": "m"}[flag]
+    si = {"--masses": "kg", "--tensions": "N", "--displacements": "m"}[flag]
     values = range_of(flag, text, si)
     for value in values:
-        if flag != "--pulls" and value < 0:
+        if flag != "--displacements" and value < 0:
             raise InputError(
                 f"{flag}: got {value:g} {si}; must be 0 or more, a tendon cannot push."
             )
@@ -238,10 +240,10 @@ def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> tu
     if flag == "--tensions":
         tensions[:, tendon - 1] = values
         return tensions, None, None
-    pulls = np.full_like(tensions, np.nan)
+    displacements = np.full_like(tensions, np.nan)
     tensions[:, tendon - 1] = np.nan
-    pulls[:, tendon - 1] = values
-    return tensions if count > 1 else None, pulls, None
+    displacements[:, tendon - 1] = values
+    return tensions if count > 1 else None, displacements, None
 
 
 def _measurements_json(
@@ -322,9 +324,9 @@ def _groups(found: Measurements) -> dict[str, int]:
 def _driven(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
     """Of each tendon: what it is given by, the unit, and the range."""
     for k in range(found.tendon_count):
-        by_pull = bool(np.isnan(found.tensions[:, k]).all())
-        values = (found.pulls if by_pull else found.tensions)[:, k]
-        kind, unit = ("pull", "m") if by_pull else ("tension", "N")
+        by_displacement = bool(np.isnan(found.tensions[:, k]).all())
+        values = (found.displacements if by_displacement else found.tensions)[:, k]
+        kind, unit = ("displacement", "m") if by_displacement else ("tension", "N")
         yield kind, unit, float(np.nanmin(values)), float(np.nanmax(values))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from bowstring.atomic_io import resolved
-from bowstring.cli.driving import Angle, Pull, Tension, actuated_by
+from bowstring.cli.driving import Angle, Displacement, Tension, actuated_by
 from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag, option
 from bowstring.cli.output import (
     Stopped,
@@ -38,7 +38,7 @@ def cad(
         str | None, option("FILE", "The solid: .step, .stp, .stl, .glb or .gltf.")
     ] = None,
     tension: Tension = None,
-    pull: Pull = None,
+    displacement: Displacement = None,
     angle: Angle = None,
     picture: Annotated[
         str | None, option("FILE", "A rendered picture: .png, .pdf or .svg.")
@@ -64,7 +64,7 @@ def cad(
     if out is None and picture is None and drawing is None:
         raise InputError("nothing to write: give --out FILE, --picture FILE or --drawing FILE.")
     model = load(robot, overrides)
-    wanted = (tension, pull, angle)
+    wanted = (tension, displacement, angle)
     acting = None if wanted == (None, None, None) else actuated_by(model, *wanted)
     for flag, check, file in (
         ("--out", export.check_solid_file, out),
@@ -112,7 +112,7 @@ def cad(
                 **provenance_of(
                     model,
                     tensions_N=acting and acting.tensions,
-                    pulls_m=acting and acting.displacements,
+                    displacements_m=acting and acting.displacements,
                     angles_rad=acting and acting.angles,
                 ),
             }

@@ -22,28 +22,34 @@ from bowstring.statics.load import Load
 
 LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
-TOO_SHORT: Final = f"{SHORTEST_STEP:g} s or more are possible, less drowns in rounding."
+TOO_SHORT: Final = f"{SHORTEST_STEP:g} s is the shortest, as less is below numerical resolution."
 Driven = list[float | None]
 Tension = Annotated[str | None, option("T1,T2,...", "Tendon tensions.")]
-Pull = Annotated[
+Displacement = Annotated[
     str | None,
     option(
         "P1,P2,...",
         "Lengths taken in since the home pose; negative is paid out. With - for a tendon in "
-        "one list, another says how it is driven: --tension 5,-,- --pull -,2mm,2mm.",
+        "one list, another says how it is driven: --tension 5,-,- --displacement -,2mm,2mm.",
     ),
 ]
 Angle = Annotated[str | None, option("A1,A2,...", "Motor angles, in rad or with a unit.")]
 
 
-def actuated_by(robot: Robot, tension: str | None, pull: str | None, angle: str | None) -> Load:
+def actuated_by(
+    robot: Robot, tension: str | None, displacement: str | None, angle: str | None
+) -> Load:
     """The load of tensions, displacements and angles; each tendon has one of them."""
-    flags = (("--tension", tension, "N"), ("--pull", pull, "m"), ("--angle", angle, "rad"))
+    flags = (
+        ("--tension", tension, "N"),
+        ("--displacement", displacement, "m"),
+        ("--angle", angle, "rad"),
+    )
     given = [text for _, text, _ in flags if text is not None]
     if not given:
         raise InputError(
-            "how the tendons are driven is missing: give --tension T1,T2,..., --pull P1,P2,... or "
-            "--angle A1,A2,..."
+            "how the tendons are driven is missing: give --tension T1,T2,..., --displacement "
+            "P1,P2,... or --angle A1,A2,..."
         )
     lists = _lists(robot, flags, dashes=len(given) > 1)
     for i in range(tendon_count(robot)):
@@ -128,12 +134,12 @@ def actuated_over_time(
     """What the flags of `simulate` say of the tendons: over time, at the start, the duration."""
     from bowstring.dynamics.load_history import CLOSEST, Table
 
-    begin_at = ("--from", before[0], "N"), ("--from-pull", before[1], "m")
+    begin_at = ("--from", before[0], "N"), ("--from-displacement", before[1], "m")
     starts = _lists(robot, begin_at, dashes=True)
     if table is not None:
         from bowstring.dynamics.load_table import read_drive
 
-        flags = zip(("--tension", "--pull", "--angle"), wanted, strict=True)
+        flags = zip(("--tension", "--displacement", "--angle"), wanted, strict=True)
         for flag, given in (*flags, ("--rise", rise), ("--hold", hold)):
             if given is not None:
                 raise InputError(f"--table says it all: leave {flag} out, or --table.")
@@ -150,15 +156,15 @@ def actuated_over_time(
         return Load(**driven), Load(**begin) if begin else None, duration
     if wanted == (None, None, None):
         raise InputError(
-            "what drives the tendons is missing: give --tension T1,T2,..., --pull P1,P2,..., "
-            "--angle A1,A2,... or --table FILE."
+            "what drives the tendons is missing: give --tension T1,T2,..., --displacement "
+            "P1,P2,..., --angle A1,A2,... or --table FILE."
         )
     load = actuated_by(robot, *wanted)
     rising = not_negative("--rise", "1" if rise is None else rise, "s")
     if 0 < rising < CLOSEST:
         raise InputError(
             f"--rise: got {rising:g} s; must be 0, which is a jump, or {CLOSEST:g} s or more: less "
-            "drowns in rounding."
+            "is below numerical resolution."
         )
     holding = not_negative("--hold", "1" if hold is None else hold, "s")
     duration = float(f"{rising + holding:.12g}")  # 0.1 + 0.2 is 0.3
@@ -186,7 +192,8 @@ def actuated_over_time(
 def _starts(
     robot: Robot, starts: Mapping[str, Driven | None], at_zero: Mapping[str, list[float]]
 ) -> dict[str, list[float]]:
-    """Tensions, pulls and angles of the start: those of --from and --from-pull, else at time 0.
+    """Tensions, displacements and angles of the start: those of --from and --from-displacement,
+    else at time 0.
 
     NaN stands for a tendon that is driven otherwise; nothing if nothing is asked for.
     """
@@ -199,7 +206,7 @@ def _starts(
             if value is None:
                 continue
             if not mine:
-                other = "tension" if flag == "--from" else "pull or angle"
+                other = "tension" if flag == "--from" else "displacement or angle"
                 raise InputError(
                     f"{flag}: got {value:g} for tendon {i + 1}, which no {other} moves; write - "
                     "for it."

@@ -11,7 +11,7 @@ import numpy as np
 from bowstring.cli.driving import (
     SHORTEST_STEP,
     Angle,
-    Pull,
+    Displacement,
     Tension,
     actuated_by,
     actuated_over_time,
@@ -65,11 +65,14 @@ MOST_OUTPUTS: Final = 1_000_000
 def simulate(
     robot: RobotSource,
     tension: Tension = None,
-    pull: Pull = None,
+    displacement: Displacement = None,
     angle: Angle = None,
     rise: Annotated[
         str | None,
-        option("s", "Time of the rise to --tension, --pull, --angle; 0 is a jump.  [default: 1]"),
+        option(
+            "s",
+            "Time of the rise to --tension, --displacement, --angle; 0 is a jump.  [default: 1]",
+        ),
     ] = None,
     hold: Annotated[str | None, option("s", "Time after the rise.  [default: 1]")] = None,
     before: Annotated[
@@ -81,16 +84,17 @@ def simulate(
             "--from",
         ),
     ] = None,
-    from_pull: Annotated[
-        str | None, option("P1,P2,...", "Pulls of that equilibrium.  [default: those of home, 0]")
+    from_displacement: Annotated[
+        str | None,
+        option("P1,P2,...", "Displacements of that equilibrium.  [default: those of home, 0]"),
     ] = None,
     history: HistoryFile = None,
     table: Annotated[
         Path | None,
         option(
             "FILE",
-            "CSV over time, columns t_s and for each tendon tension_1_N, pull_1_mm or "
-            "angle_1_deg; instead of --tension, --pull, --angle, --rise and --hold.",
+            "CSV over time, columns t_s and for each tendon tension_1_N, displacement_1_mm or "
+            "angle_1_deg; instead of --tension, --displacement, --angle, --rise and --hold.",
         ),
     ] = None,
     theory: Theory = "cosserat",
@@ -121,11 +125,12 @@ def simulate(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Dynamics: tensions and pulls over time to the robot's motion, from rest in equilibrium."""
+    """Dynamics: tensions and displacements over time to the robot's motion, from rest in
+    equilibrium."""
     model = load(robot, overrides)
-    wanted = (tension, pull, angle)
+    wanted = (tension, displacement, angle)
     acting, start, duration = actuated_over_time(
-        model, wanted, rise, hold, (before, from_pull), table
+        model, wanted, rise, hold, (before, from_displacement), table
     )
     path = None if history is None else read_history(history)
     check_elements(elements)
@@ -233,7 +238,7 @@ def _step(flag: str, text: str) -> float:
 def modes(
     robot: RobotSource,
     tension: Tension = None,
-    pull: Pull = None,
+    displacement: Displacement = None,
     angle: Angle = None,
     count: Annotated[int, option("N", "How many, the slowest.")] = 6,
     theory: Theory = "cosserat",
@@ -247,12 +252,12 @@ def modes(
 ) -> None:
     """Natural frequencies and mode shapes about an equilibrium, that of no tension if not given.
 
-    Tensions, pulls and angles keep their values while the robot oscillates.
+    Tensions, displacements and angles keep their values while the robot oscillates.
     """
     model = load(robot, overrides)
-    if tension is None and pull is None and angle is None:
+    if tension is None and displacement is None and angle is None:
         tension = ",".join("0" for _ in range(tendon_count(model)))
-    acting = actuated_by(model, tension, pull, angle)
+    acting = actuated_by(model, tension, displacement, angle)
     check_elements(elements)
     path = None if history is None else read_history(history)
     if not 1 <= count <= 1000:
@@ -264,7 +269,11 @@ def modes(
     from bowstring.dynamics import modal
 
     out = out_folder(out, "modes")
-    driven = {"pulls_m": acting.displacements, "angles_rad": acting.angles, "history": history}
+    driven = {
+        "displacements_m": acting.displacements,
+        "angles_rad": acting.angles,
+        "history": history,
+    }
     provenance = provenance_of(
         model,
         count=count,

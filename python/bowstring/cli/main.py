@@ -86,14 +86,14 @@ def _main(
 # flags that give an argument of another name
 _FLAGS: Final = {
     "tensions": ("--tension", "--tensions"),
-    "displacements": ("--pull", "--pulls"),
+    "displacements": ("--displacement", "--displacements"),
     "angles": ("--angle",),
     "parameters": ("--parameter",),
 }
 # flags of which an argument is made
 _MADE_OF: Final = {
     "tensions": ("--from", "--masses", "--table"),
-    "displacements": ("--angle", "--from-pull", "--table"),
+    "displacements": ("--angle", "--from-displacement", "--table"),
 }
 
 

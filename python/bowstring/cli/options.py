@@ -70,7 +70,7 @@ OfMasses = Annotated[str, option("g", "Gravity that makes tensions of masses.", 
 _EXAMPLES: Final = {
     "--lengths": '"641 mm",0.65,0.65',
     "--tension": "80,0,0",
-    "--pull": '"10 mm",-0.005,-0.005',
+    "--displacement": '"10 mm",-0.005,-0.005',
     "--angle": '"90 deg",-0.5,-0.5',
     "--tip": "0.1,0,0.6",
     "--gravity": "0,0,-9.81",
@@ -79,7 +79,7 @@ _EXAMPLES: Final = {
     "--tolerance": '"1 %"',
     "--max-tension": "80",
     "--from": "40,0,0",
-    "--from-pull": '"10 mm",-0.005,-0.005',
+    "--from-displacement": '"10 mm",-0.005,-0.005',
     "--rise": '"500 ms"',
     "--hold": '"2 s"',
     "--dt": '"1 ms"',
@@ -92,7 +92,7 @@ _EXAMPLES: Final = {
     "--masses": '0:"500 g":8',
     "--tensions": "0:5:80",
     "--loads": "10:10:80",
-    "--pulls": '0:"2 mm":0.03',
+    "--displacements": '0:"2 mm":0.03',
     "--noise": '"0.02 mm"',
     "--friction": "0.1",
     "--tilt": '"0.3 deg"',
@@ -224,10 +224,10 @@ def _is_bare(flag: str, item: str, si: str, small: str, why: str = "") -> InputE
 
 
 def check_bare_drive(flag: str, text: str, si: str, robot: Robot) -> None:
-    """Refuse pulls and angles without a unit that take in more than all of a tendon."""
+    """Refuse displacements and angles without a unit that take in more than all of a tendon."""
     tendons = robot.tendons
     longest = robot.disks.station_m[tendons.end_disk] + tendons.free_length_m
-    if si == "m":  # of a pull that is but a little too long the solver has more to say
+    if si == "m":  # of a displacement that is but a little too long the solver has more to say
         check_bare(flag, text, si, robot, (1.6 * longest).tolist(), "mm")
     if si == "rad":
         turns = longest / tendons.spool_radius_m  # NaN without a spool, which is refused elsewhere

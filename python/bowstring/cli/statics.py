@@ -13,7 +13,7 @@ import typer
 
 from bowstring.cli.driving import (
     Angle,
-    Pull,
+    Displacement,
     Tension,
     actuated_by,
     check_history_file,
@@ -175,7 +175,7 @@ def ik(
 def solve(
     robot: RobotSource,
     tension: Tension = None,
-    pull: Pull = None,
+    displacement: Displacement = None,
     angle: Angle = None,
     history: HistoryFile = None,
     save_history: Annotated[
@@ -189,12 +189,12 @@ def solve(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Statics: tendon tensions, pulls and loads to the robot's equilibrium."""
+    """Statics: tendon tensions, displacements and loads to the robot's equilibrium."""
     from bowstring._core import RodModel
     from bowstring.statics import rod
 
     model = load(robot, overrides)
-    load_ = actuated_by(model, tension, pull, angle)
+    load_ = actuated_by(model, tension, displacement, angle)
     check_elements(elements)
     weight = vector("--gravity", gravity, "m/s^2") if gravity is not None else model.gravity
     force = vector("--tip-force", tip_force, "N")
@@ -219,7 +219,7 @@ def solve(
                 **provenance_of(
                     model,
                     tensions_N=load_.tensions,
-                    pulls_m=load_.displacements,
+                    displacements_m=load_.displacements,
                     angles_rad=load_.angles,
                     history=history,
                     theory=theory,
@@ -271,7 +271,7 @@ def _arc_table(segments: Sequence[dict[str, float]]) -> Table:
 
 def _tendon_table(robot: Robot, lengths: Any) -> Table:
     straight = robot.disks.station_m[robot.tendons.end_disk]
-    table = new_table("tendon", ">length mm", ">pull mm")
+    table = new_table("tendon", ">length mm", ">displacement mm")
     for i, length in enumerate(lengths):
         table.add_row(str(i + 1), fixed(1e3 * length, 3), fixed(1e3 * (straight[i] - length), 3))
     return table
@@ -287,7 +287,7 @@ def _driven_table(solution: Solution) -> Table:
     displacements = solution.displacements()
     assert lengths is not None and slack is not None
     by_tension = not solution.core.driven
-    columns = ("tendon", ">tension N", ">length mm", ">pull mm")
+    columns = ("tendon", ">tension N", ">length mm", ">displacement mm")
     table = new_table(*columns, *([] if by_tension else [">slack mm"]))
     for i, tension in enumerate(solution.tensions):
         table.add_row(

@@ -49,7 +49,7 @@ def study(
         str | None,
         option(
             "N[:SHARE],...",
-            "The pulled tendon, or several: 1,4:0.5 pulls tendon 4 half as much.  "
+            "The actuated tendon, or several: 1,4:0.5 displacements tendon 4 half as much.  "
             "[default: the first of the outermost segment]",
         ),
     ] = None,
@@ -93,7 +93,7 @@ def study(
     seconds = None if rise is None else number_of("--rise", rise, "s")
     damping = share_of("--modal-damping", modal_damping)
     model = load(robot, overrides)
-    pulled = None if tendon is None else _shares(tendon, model)
+    shares = None if tendon is None else _shares(tendon, model)
 
     from bowstring.fem.run import RunInterrupted, Settings
     from bowstring.result_folder import check_folder
@@ -101,7 +101,7 @@ def study(
     from bowstring.study.settings import Extras, Loading, Ramp
     from bowstring.study.study import run_study
 
-    loading, ramp = Loading(limit, points, pulled), Ramp(seconds, damping)
+    loading, ramp = Loading(limit, points, shares), Ramp(seconds, damping)
     extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None)
     folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
     try:

@@ -297,9 +297,7 @@ def _checked(points: ArrayLike, stations: ArrayLike | None) -> tuple[Array, Arra
             "do without the first"
         )
     if rows.shape[1] < 3:
-        raise InputError(
-            f"a shape of {rows.shape[1]} points says nothing of its curvature: give 3 or more"
-        )
+        raise InputError(f"a shape of {rows.shape[1]} points has no curvature: give 3 or more")
     bad = ~np.isfinite(rows).all(axis=-1)
     if bad.any():
         k, p = np.argwhere(bad)[0]

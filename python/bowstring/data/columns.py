@@ -41,13 +41,13 @@ TOOL: Final = Quantity("m", "0 0 8 mm", "-10 m", "10 m", vector=3)
 SIGMA: Final = Quantity("m", "0.02 mm", "1e-12 m", "10 m")
 
 Floats = NDArray[np.float64]
-Kind = Literal["tension", "pull"]
+Kind = Literal["tension", "displacement"]
 Part = Literal["all", "positive", "negative"]
 
 _SI: Final = {
     "mass": "kg",
     "tension": "N",
-    "pull": "m",
+    "displacement": "m",
     "point": "m",
     "sigma": "m",
     "time": "s",
@@ -56,7 +56,7 @@ _SI: Final = {
 }
 _EXAMPLE: Final = {"kg": "kg", "N": "N", "m": "mm", "s": "s", "rad": "deg"}
 _PATTERN: Final = re.compile(
-    r"(?:(?P<tendon>mass|tension|pull)_(?P<k>[0-9]{1,4})"
+    r"(?:(?P<tendon>mass|tension|displacement)_(?P<k>[0-9]{1,4})"
     r"|(?:tip|point_(?P<p>[0-9]{1,4}))_(?P<axis>[xyz])"
     r"|(?P<one>sigma|time|bend|direction))(?:_(?P<unit>.+))?"
     r"|(?P<plain>repeat|group|recording|source)"
@@ -65,7 +65,7 @@ _SYNONYMS: Final = {
     "force": "tension",
     "load": "mass",
     "weight": "mass",
-    "displacement": "pull",
+    "pull": "displacement",
     "x": "tip_x",
     "y": "tip_y",
     "z": "tip_z",
@@ -196,13 +196,13 @@ class _Header:
             elif match is None:
                 strangers.append(name)
             elif match["tendon"]:
-                kind: Kind = "pull" if match["tendon"] == "pull" else "tension"
+                kind: Kind = "displacement" if match["tendon"] == "displacement" else "tension"
                 column = self.column(index, name, match["tendon"], match["unit"])
                 k = int(match["k"])
                 if k in tendons:
                     raise self.fail(
                         f"{tendons[k][1].name} and {name} both drive tendon {k}; give each tendon "
-                        "one of mass, tension and pull"
+                        "one of mass, tension and displacement"
                     )
                 tendons[k] = (kind, column)
             elif axis := match["axis"]:
@@ -288,7 +288,9 @@ class _Header:
         """A column that a stranger is probably meant for, and that is not there yet."""
         unit = self.units.get("point", ("mm", ""))[0]
         digits = (re.findall(r"[0-9]+", name) or ["1"])[0]
-        known = [f"{kind}_{digits}_{_EXAMPLE[_SI[kind]]}" for kind in ("mass", "tension", "pull")]
+        known = [
+            f"{kind}_{digits}_{_EXAMPLE[_SI[kind]]}" for kind in ("mass", "tension", "displacement")
+        ]
         known += [f"tip_{axis}_{unit}" for axis in "xyz"]
         known += ["sigma_mm", "time_s", "bend_deg", "direction_deg"]
         known += ["repeat", "group", "recording"]
@@ -319,8 +321,8 @@ class _Header:
         if not found:
             raise self.missing(
                 "no column says how the tendons are driven; give each tendon a column such as "
-                "mass_1_kg, tension_1_N or pull_1_mm",
-                ("mass", "tension", "pull"),
+                "mass_1_kg, tension_1_N or displacement_1_mm",
+                ("mass", "tension", "displacement"),
                 whole=True,
             )
         for k in range(1, max(found)):
@@ -329,7 +331,7 @@ class _Header:
                 raise self.missing(
                     f"tendon {k} has no column, but there is {last}; give one for each tendon, "
                     "with 0 where nothing pulls",
-                    ("mass", "tension", "pull"),
+                    ("mass", "tension", "displacement"),
                 )
         return [found[k] for k in sorted(found)]
 

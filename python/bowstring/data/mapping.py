@@ -179,10 +179,10 @@ class Join(_Part):
 class Tendons(_Part):
     """How the tendons are driven, in the robot's order."""
 
-    quantity: Literal["mass", "tension", "pull"]
+    quantity: Literal["mass", "tension", "displacement"]
     unit: str
     columns: tuple[Source, ...] = Field(min_length=1, max_length=1_000)
-    positive: Literal["pulled", "paid_out"] = "pulled"
+    positive: Literal["shortened", "lengthened"] = "shortened"
 
     @model_validator(mode="after")
     def _check(self) -> Tendons:
@@ -190,8 +190,8 @@ class Tendons(_Part):
         for i, each in enumerate(self.columns):
             if each.unit is not None:
                 _check_unit(each.unit, self.si, f"columns[{i}].unit: ")
-        if self.positive == "paid_out" and self.quantity != "pull":
-            raise wrong(f"positive: paid_out is for pulls, a {self.quantity} pulls")
+        if self.positive == "lengthened" and self.quantity != "displacement":
+            raise wrong(f"positive: lengthened is for displacements, a {self.quantity} pulls")
         named = [(s.column, s.sign in ("-1", "-"), s.part) for s in self.columns if not s.is_number]
         if len(set(named)) < len(named):
             raise wrong(
@@ -203,13 +203,17 @@ class Tendons(_Part):
     @property
     def si(self) -> str:
         """SI unit of the quantity."""
-        return {"mass": "kg", "tension": "N", "pull": "m"}[self.quantity]
+        return {"mass": "kg", "tension": "N", "displacement": "m"}[self.quantity]
 
-    def layout(self, find: _Finder, g: float) -> list[tuple[Literal["tension", "pull"], Column]]:
+    def layout(
+        self, find: _Finder, g: float
+    ) -> list[tuple[Literal["tension", "displacement"], Column]]:
         """Kind and column of each tendon, factors to SI with their signs."""
-        kind: Literal["tension", "pull"] = "pull" if self.quantity == "pull" else "tension"
-        paid_out = -1.0 if self.positive == "paid_out" else 1.0
-        factor = g if self.quantity == "mass" else paid_out
+        kind: Literal["tension", "displacement"] = (
+            "displacement" if self.quantity == "displacement" else "tension"
+        )
+        lengthened = -1.0 if self.positive == "lengthened" else 1.0
+        factor = g if self.quantity == "mass" else lengthened
         return [
             (kind, find.source(f"tendons.columns[{i}]", each, self.unit, self.si, factor))
             for i, each in enumerate(self.columns)

@@ -19,14 +19,24 @@ __all__ = ["draft"]
 _KINDS: Final = {
     "mass": ("mass", "load", "weight"),
     "tension": ("tension", "force", "kraft", "newton"),
-    "pull": ("pull", "displacement", "disp", "servo", "motor", "tendon", "cable", "spool", "wire"),
+    "displacement": (
+        "displacement",
+        "pull",
+        "disp",
+        "servo",
+        "motor",
+        "tendon",
+        "cable",
+        "spool",
+        "wire",
+    ),
 }
 _UNITS: Final = {
     "mass": ("kg", "g", "mg"),
     "tension": ("N", "mN", "kN", "kgf", "lbf"),
-    "pull": ("mm", "cm", "m", "um", "inch"),
+    "displacement": ("mm", "cm", "m", "um", "inch"),
 }
-_LENGTHS: Final = _UNITS["pull"]
+_LENGTHS: Final = _UNITS["displacement"]
 _ANGLES: Final = {"bend": ("bend", "theta", "angle"), "direction": ("direction", "phi", "plane")}
 _TIMES: Final = ("s", "ms", "us", "min")
 _TIME_WORDS: Final = ("time", "timestamp", "t", "zeit", "sec", "seconds")
@@ -111,7 +121,7 @@ def _tendon_lines(
     unit = next((u for u in (_unit_in(name, _UNITS[quantity]) for name in found) if u), None)
     return [
         "tendons:",
-        f"  quantity: {quantity:<10}   # mass, tension or pull",
+        f"  quantity: {quantity:<10}   # mass, tension or displacement",
         f"  unit: {unit or _UNITS[quantity][0]:<14}   # or a scale, such as 0.1 N",
         f"  columns: [{cells}]   # in the order of the robot's tendons; 0: nothing pulls",
     ]
@@ -181,7 +191,7 @@ def _angles(names: Sequence[str]) -> dict[str, str]:
 def _driven(names: Sequence[str], known: bool) -> tuple[str, list[str]]:
     """What drives the tendons, and the columns that say so.
 
-    Lengths may be pulls where it is `known` which columns are the tip.
+    Lengths may be displacements where it is `known` which columns are the tip.
     """
     for kind, words in _KINDS.items():
         found = [name for name in names if any(w.startswith(words) for w in _words(name))]
@@ -190,6 +200,6 @@ def _driven(names: Sequence[str], known: bool) -> tuple[str, list[str]]:
             return (kind if kind in units or not units else units[0]), found
     for kind, units_of in _UNITS.items():
         found = [name for name in names if _unit_in(name, units_of) and not _is_coordinate(name)]
-        if found and (kind != "pull" or known):
+        if found and (kind != "displacement" or known):
             return kind, found
     return "tension", []

@@ -73,8 +73,9 @@ class Measurements:
     name: str
     tensions: Floats
     """(K, T), N; NaN where a tendon is not given by its tension."""
-    pulls: Floats
-    """(K, T), m, positive where the tendon is taken in; NaN where it is not given by its pull."""
+    displacements: Floats
+    """(K, T), m, positive where the tendon is taken in; NaN where it is not given by its
+    displacement."""
     points: Floats
     """(K, P, 3), m, in the measuring frame, from base to tip, the last is the tip; NaN where a
     point was not measured: a row without a tip only leads the path. P is 0 for data with angles
@@ -173,7 +174,7 @@ class Measurements:
 
 # shapes of the arrays: K rows, T tendons, P points
 _ARRAYS: Final = {
-    **{"tensions": "KT", "pulls": "KT", "points": "KP3", "stations": "P", "tool": "3"},
+    **{"tensions": "KT", "displacements": "KT", "points": "KP3", "stations": "P", "tool": "3"},
     **dict.fromkeys(("line", "group", "repeat", "recording"), "K"),
     **dict.fromkeys(("sigma", "bend", "direction", "time"), "K"),
 }
@@ -220,8 +221,8 @@ def read_measurements(
     ----------
     path : str or Path
         In the tidy format (docs/guide/measurements.md): a row for each measurement, columns
-        with units such as ``mass_1_kg``, ``tension_1_N``, ``pull_1_mm``, ``tip_x_mm``; or any other
-        with a mapping.
+        with units such as ``mass_1_kg``, ``tension_1_N``, ``displacement_1_mm``, ``tip_x_mm``; or
+        any other with a mapping.
     robot : Robot, optional
         If given, the table must have a column for each of its tendons, and tips within its reach.
     mapping : str, Path or Mapping, optional
@@ -444,9 +445,9 @@ class _Reader:
 
         n, layout = len(rows), self.layout
         tensions = np.full((n, len(layout.tendons)), np.nan)
-        pulls = tensions.copy()
+        displacements = tensions.copy()
         for k, (kind, column) in enumerate(layout.tendons):
-            target = tensions if kind == "tension" else pulls
+            target = tensions if kind == "tension" else displacements
             target[:, k] = numbers(column, kind)
         if layout.shape is not None:
             points = self.shapes(columns[layout.shape.index] if rows else (), lines, good)
@@ -460,7 +461,11 @@ class _Reader:
         if layout.rotation is not None:
             points[~good] = 0.0
             points = points @ layout.rotation.T
-        out: dict[str, NDArray[Any]] = {"tensions": tensions, "pulls": pulls, "points": points}
+        out: dict[str, NDArray[Any]] = {
+            "tensions": tensions,
+            "displacements": displacements,
+            "points": points,
+        }
         for name in ("bend", "direction", "sigma", "time"):
             if (one := getattr(layout, name)) is not None:
                 out[name] = numbers(one, name)
@@ -685,7 +690,7 @@ def write_measurements(
     """
     path = Path(path)
     m = measurements
-    both = ~(np.isnan(m.tensions).all(axis=0) | np.isnan(m.pulls).all(axis=0))
+    both = ~(np.isnan(m.tensions).all(axis=0) | np.isnan(m.displacements).all(axis=0))
     if not m.tendon_count or both.any():
         why = "no tendon is driven" if not m.tendon_count else "a tendon is driven in two ways"
         raise InputError(f"{m.name} cannot be written as a table: {why}")
@@ -714,10 +719,10 @@ def _write_tidy(file: TextIO, m: Measurements, comments: Sequence[str]) -> None:
     file.writelines(f"# {line}\n" for line in above)
     columns: dict[str, Any] = {}
     for k in range(m.tendon_count):
-        if np.isnan(m.pulls[:, k]).all():
+        if np.isnan(m.displacements[:, k]).all():
             columns[f"tension_{k + 1}_N"] = m.tensions[:, k]
         else:
-            columns[f"pull_{k + 1}_mm"] = _rounded(1e3 * m.pulls[:, k])
+            columns[f"displacement_{k + 1}_mm"] = _rounded(1e3 * m.displacements[:, k])
     unit, factor = ("px", 1.0) if m.scale is None else ("mm", 1e3)
     count = m.points.shape[1]
     for p in range(count):

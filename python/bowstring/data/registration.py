@@ -102,7 +102,7 @@ class Registration:
     offset: Array | None = None
     """Of the measured point from the tip (3,), m, in the tip's axes; None if not fitted."""
     undetermined: tuple[str, ...] = ()
-    """Directions that the data say nothing of, in words; their values are as near as can be to the
+    """Directions that are not identifiable, in words; their values are as near as can be to the
     start of the fit."""
     weak: tuple[str, ...] = ()
     """Directions that the data hardly tell apart, in words, with their standard deviation."""
@@ -383,7 +383,7 @@ def fit_model(
     robust : bool
         Huber's loss of the distance of each point, quadratic up to 2.5 standard deviations.
     start : Rigid, optional
-        Where to start, and where to stay in directions that the data say nothing of; the best
+        Where to start, and where to stay in directions that are not identifiable; the best
         motion without an offset if not given.
 
     Returns
@@ -649,9 +649,9 @@ def _registration(
     robust, given = down is not None, spread is not None
     spread = spread if scale is None else scale
     down = np.ones(len(pairs.base)) if down is None else down
-    pull = pairs.weight * down
+    force = pairs.weight * down
     moved = best.frame.apply(pairs.measured)
-    pivot = pull @ moved / pull.sum()
+    pivot = force @ moved / force.sum()
     by = np.concatenate([-_cross(moved - pivot), pairs.linear], axis=2)
     residual = pairs.residual(best.frame, best.offset)
     count, unknowns, dof = len(residual), pairs.unknowns, pairs.dof

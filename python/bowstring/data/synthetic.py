@@ -84,8 +84,8 @@ class Bench:
     actual: Robot
     """As it is."""
     tensions: Floats
-    """(n, T), N; NaN where a tendon is driven by its pull."""
-    pulls: Floats
+    """(n, T), N; NaN where a tendon is driven by its displacement."""
+    displacements: Floats
     """(n, T), m; NaN where a tendon is driven by its tension."""
     group: NDArray[np.str_]
     """(n,), loading and unloading; empty if nothing is unloaded."""
@@ -155,7 +155,7 @@ class Bench:
             source="synthetic",
             name=f"{self.robot.name}, virtual bench",
             tensions=self.tensions,
-            pulls=self.pulls,
+            displacements=self.displacements,
             points=points[:, None],
             line=np.arange(1, n + 1),
             group=self.group,
@@ -333,8 +333,8 @@ def set_up(
     moves = _lengths("drift", mounting.drift)
 
     driven = by_tension[rows], by_displacement[rows]
-    tensions, pulls = (None if np.isnan(table).all() else table for table in driven)
-    load = Load(tensions, pulls, gravity=felt, tip_force=force)
+    tensions, displacements = (None if np.isnan(table).all() else table for table in driven)
+    load = Load(tensions, displacements, gravity=felt, tip_force=force)
     found = rod.sweep(other, load=load, model=RodModel(theory), disks=False).raise_for_status()
     points = pose.apply(found.tip_position + found.tip_rotation @ there)
     points = points + np.linspace(0.0, 1.0, len(rows))[:, None] * moves
@@ -369,7 +369,7 @@ def set_up(
         robot=robot,
         actual=other,
         tensions=driven[0],
-        pulls=driven[1],
+        displacements=driven[1],
         group=group,
         repeat=repeat,
         tip_position=found.tip_position,
@@ -443,17 +443,23 @@ def _loads(robot: Robot, given: Loads) -> tuple[Floats, Floats, dict[str, Any]]:
             f"of {robot.name}"
         )
     if masses is None:
-        said = {"tensions": tensions, "pulls": displacements}
+        said = {"tensions": tensions, "displacements": displacements}
         by = " and ".join(name for name, value in said.items() if value is not None)
         if not by:
             raise InputError(
                 "there is no load: give tensions or displacements (K, T), or masses (K,) on a "
                 "tendon"
             )
-        pulled, values = actuation.commands(robot, Load(tensions, displacements), rows=True)
+        by_displacement, values = actuation.commands(
+            robot, Load(tensions, displacements), rows=True
+        )
         if not len(values):
             raise InputError("there is no load: the table has no row")
-        return np.where(pulled, np.nan, values), np.where(pulled, values, np.nan), {"by": by}
+        return (
+            np.where(by_displacement, np.nan, values),
+            np.where(by_displacement, values, np.nan),
+            {"by": by},
+        )
     if tensions is not None or displacements is not None:
         raise InputError(
             "masses are given, and tensions or displacements as well; give one of them"

@@ -1,4 +1,4 @@
-"""Do the tendons of a table pull as those of the robot? Swapped tendons, mirrored numbering.
+"""Do the tendons of a table act as those of the robot? Swapped tendons, mirrored numbering.
 
 Each candidate for what may have gone wrong (two tendons swapped, numbered the other way round)
 predicts by constant curvature where the tip goes. A rigid motion and a gain are fitted, for the
@@ -123,7 +123,7 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
         return TendonCheck("unclear", doubt)
     if problem or motion is None:
         unchecked = f"The order of the tendons is not checked: {problem}."
-        if doubt := _doubted_pulls(robot, measurements):
+        if doubt := _doubted_displacements(robot, measurements):
             return TendonCheck("unclear", f"{doubt} {unchecked}")
         return TendonCheck("unchecked", unchecked)
     found = _order(motion)
@@ -208,17 +208,18 @@ def _agreed(
     swap = f"tendons {_or(named)} are swapped, " if named else ""
     text += (
         f". That takes a measuring frame turned by {np.degrees(turn):.0f} degrees about z; if it "
-        f"is not, {swap}the tendons are numbered from another one, or the sign of the pulls is "
-        "wrong"
+        f"is not, {swap}the tendons are numbered from another one, or the sign of the "
+        "displacements is wrong"
     )
     return "turned", f"{text}.", named
 
 
 def _doubted_commands(motion: _Motion) -> str:
-    """A sentence where tensions or pulls differ from what moves so as a wrong unit makes them."""
+    """A sentence where tensions or displacements differ from what moves so as a wrong unit makes
+    them."""
     robot, m = motion.robot, motion.m
     bends = np.linalg.norm(motion.bends(), axis=2)
-    if motion.by_pull:
+    if motion.by_displacement:
         return _wound(robot, m, bends)
     bend = float(bends.max())
     largest = f"{significant(float(m.tensions.max()))} N, the largest tension,"
@@ -235,11 +236,11 @@ def _doubted_commands(motion: _Motion) -> str:
     return ""
 
 
-def _doubted_pulls(robot: Robot, m: Measurements) -> str:
-    """The same of pulls alone, each by itself, where other tendons are given by tension."""
-    if m.tendon_count != len(robot.tendons.angle_rad) or np.isnan(m.pulls).all():
+def _doubted_displacements(robot: Robot, m: Measurements) -> str:
+    """The same of displacements alone, each by itself, where other tendons are given by tension."""
+    if m.tendon_count != len(robot.tendons.angle_rad) or np.isnan(m.displacements).all():
         return ""
-    return _wound(robot, m, np.abs(m.pulls) / robot.tendons.pitch_radius_m)
+    return _wound(robot, m, np.abs(m.displacements) / robot.tendons.pitch_radius_m)
 
 
 def _wound(robot: Robot, m: Measurements, bends: Floats) -> str:
@@ -247,9 +248,9 @@ def _wound(robot: Robot, m: Measurements, bends: Floats) -> str:
     if bend <= _TURN or _stretches(robot):
         return ""
     return (
-        f"{in_mm(float(np.nanmax(np.abs(m.pulls))))}, the largest pull, would wind {robot.name} "
-        f"{significant(bend / _TURN, 2)} times around: check the unit of the pulls, and the "
-        "pitch radius of the robot file."
+        f"{in_mm(float(np.nanmax(np.abs(m.displacements))))}, the largest displacement, would wind "
+        f"{robot.name} {significant(bend / _TURN, 2)} times around: check the unit of the "
+        "displacements, and the pitch radius of the robot file."
     )
 
 
@@ -257,7 +258,7 @@ def _doubted_size(motion: _Motion) -> str:
     """A sentence where the motion is several times larger or smaller than that of the robot file.
 
     The same arcs are fitted to the measured motion and to that which the commands should make, by
-    geometry from pulls and by statics from tensions; their gains are compared.
+    geometry from displacements and by statics from tensions; their gains are compared.
     """
     robot, m, measured = motion.robot, motion.m, motion.measured
     reach = robot.length + float(np.linalg.norm(motion.tool))
@@ -282,9 +283,9 @@ def _doubted_size(motion: _Motion) -> str:
         moved = gains[0][0] / gains[1][0]
     if 1 / _FACTOR < moved < _FACTOR:
         return ""
-    if motion.by_pull:
-        what, rest = "pulls", "the pitch radius"
-        shown = in_mm(float(np.abs(m.pulls).max()))
+    if motion.by_displacement:
+        what, rest = "displacements", "the pitch radius"
+        shown = in_mm(float(np.abs(m.displacements).max()))
     else:
         what, rest = "tensions or masses", "E and gravity"
         shown = f"{significant(float(np.abs(m.tensions).max()))} N"
@@ -310,9 +311,9 @@ def _expected(motion: _Motion) -> tuple[Floats, NDArray[np.int64]]:
         rows = np.arange(len(arcs))
     some = np.linspace(0, len(rows) - 1, min(len(rows), _MOST_SOLVED)).round().astype(int)
     rows = rows[np.unique(some)]
-    if motion.by_pull and not _stretches(motion.robot):
+    if motion.by_displacement and not _stretches(motion.robot):
         return motion.tips(arcs[rows]), rows
-    load = Load(**{"displacements" if motion.by_pull else "tensions": motion.driven[rows]})
+    load = Load(**{"displacements" if motion.by_displacement else "tensions": motion.driven[rows]})
     try:
         found = rod.solve_batch(motion.robot, load=load, disks=False)
     except BowstringError:
@@ -322,7 +323,7 @@ def _expected(motion: _Motion) -> tuple[Floats, NDArray[np.int64]]:
 
 
 def _stretches(robot: Robot) -> bool:
-    """Whether a pull may go into the tendon or its transmission instead of into a bend."""
+    """Whether a displacement may go into the tendon or its transmission instead of into a bend."""
     tendons = robot.tendons
     elastic = np.isfinite(tendons.axial_stiffness_N).any()
     return bool(elastic or tendons.compliance_m_per_N.any())
@@ -365,15 +366,15 @@ class _Motion:
     robot: Robot
     m: Measurements
     driven: Floats
-    """(n, T), pulls or tensions."""
+    """(n, T), displacements or tensions."""
     by_tendon: Floats
     """(2 S, T), bends of the segments by these, rad."""
     measured: Floats
     """Tips; where no point is measured, directions of the tip."""
 
     @property
-    def by_pull(self) -> bool:
-        return not np.isnan(self.m.pulls).any()
+    def by_displacement(self) -> bool:
+        return not np.isnan(self.m.displacements).any()
 
     @property
     def with_tip(self) -> bool:
@@ -428,12 +429,12 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
         )
     else:
         return "no point and no direction of bending is measured", None
-    if not np.isnan(m.pulls).any():
-        driven, by_tendon = m.pulls, _by_pull(robot)
+    if not np.isnan(m.displacements).any():
+        driven, by_tendon = m.displacements, _by_displacement(robot)
     elif not np.isnan(m.tensions).any():
         driven, by_tendon = m.tensions, _by_tension(robot)
     else:
-        return "some tendons are given by tension and others by pull", None
+        return "some tendons are given by tension and others by displacement", None
     rows = np.unique(np.linspace(0, len(m) - 1, min(len(m), _MOST_ROWS)).round().astype(int))
     rows = rows[np.isfinite(measured[rows]).all(axis=1)]
     if len(rows) < _FEWEST_ROWS:
@@ -443,8 +444,8 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
     return "the tip hardly moves" if still else "", motion
 
 
-def _by_pull(robot: Robot) -> Floats:
-    """(2 S, T): bends of the segments by pulls, least squares; tendons run parallel.
+def _by_displacement(robot: Robot) -> Floats:
+    """(2 S, T): bends of the segments by displacements, least squares; tendons run parallel.
 
     What lengthens or shortens a segment's tendons alike does not bend it.
     """

@@ -30,7 +30,7 @@ _LOOK: Final = 0.1  # seconds between two looks at the keyboard
 _WORK: Final = 3e-6  # seconds of a step and module, as guessed for the first stretch
 _MOST_AT_FIRST: Final = 250  # times in the first stretch, should the guess be bad
 _LONGEST_WHY: Final = 300  # letters of an error of a user's function
-CLOSEST: Final = 1e-11  # s, between two times: a step of 1e-13 drowns in rounding
+CLOSEST: Final = 1e-11  # s, between two times: a step of 1e-13 is below numerical resolution
 
 
 class Table:
@@ -41,8 +41,8 @@ class Table:
     times : array_like (K,)
         In s, never decreasing; the same time twice is a jump.
     values : array_like (K, C)
-        One row a time: a tension for each tendon in N, a pull in m, or a vector. A column of NaN is
-        a tendon that is driven otherwise.
+        One row a time: a tension for each tendon in N, a displacement in m, or a vector. A column
+        of NaN is a tendon that is driven otherwise.
 
     Raises
     ------
@@ -88,8 +88,8 @@ class Table:
             row = int(np.argmax(near)) + 1
             raise InputError(
                 f"the times of a table are {gaps[row - 1]:.2g} s apart in rows {row - 1} and {row} "
-                f"({self.times[row]:g} s), which drowns in rounding; give the same time twice for "
-                f"a jump, else {CLOSEST:g} s or more"
+                f"({self.times[row]:g} s), which is below numerical resolution; give the same time "
+                f"twice for a jump, else {CLOSEST:g} s or more"
             )
 
     def at(self, time: float, *, before: bool = False) -> Floats:
@@ -287,8 +287,12 @@ class Actuation:
         return any(c.is_sampled for c in self._histories.values())
 
     def to_dict(self) -> dict[str, Any]:
-        """For a file, by ``tensions_N``, ``pulls_m`` and ``angles_rad``."""
-        keys = {"tensions": "tensions_N", "displacements": "pulls_m", "angles": "angles_rad"}
+        """For a file, by ``tensions_N``, ``displacements_m`` and ``angles_rad``."""
+        keys = {
+            "tensions": "tensions_N",
+            "displacements": "displacements_m",
+            "angles": "angles_rad",
+        }
         return {keys[name]: c.to_dict() for name, c in self._histories.items()}
 
 

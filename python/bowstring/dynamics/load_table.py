@@ -23,19 +23,19 @@ _LARGEST: Final = 100_000_000  # bytes
 _LONG: Final = 100  # letters of the name of a column
 _KINDS: Final = {
     "tension": ("tensions", "N"),
-    "pull": ("displacements", "m"),
+    "displacement": ("displacements", "m"),
     "angle": ("angles", "rad"),
 }
 
 
 def read_drive(path: str | Path, robot: Robot) -> dict[str, Table]:
-    """Read a table of tensions, pulls and motor angles over time.
+    """Read a table of tensions, displacements and motor angles over time.
 
     Parameters
     ----------
     path : str or Path
         CSV: a header, ``t_s`` and for each tendon, in any order, one of ``tension_1_N``,
-        ``pull_1_mm`` and ``angle_1_deg``, each with its unit at the end (``t_ms``,
+        ``displacement_1_mm`` and ``angle_1_deg``, each with its unit at the end (``t_ms``,
         ``tension_2_mN``); then a row a time. Times do not decrease; the
         same time twice is a jump. Empty lines and lines that begin with # are skipped.
     robot : Robot
@@ -83,7 +83,7 @@ def read_drive(path: str | Path, robot: Robot) -> dict[str, Table]:
         if times and 0 < time - times[-1] < CLOSEST:
             raise InputError(
                 f"{here}: the time {time:g} s is {time - times[-1]:.2g} s after the one before, "
-                "which drowns in rounding; give the same time twice for a jump, else "
+                "which is below numerical resolution; give the same time twice for a jump, else "
                 f"{CLOSEST:g} s or more"
             )
         times.append(time)
@@ -132,7 +132,7 @@ def _columns(here: str, header: list[str], count: int) -> tuple[list[tuple[int, 
     found: dict[int, tuple[int, float]] = {}  # 0 is time
     kinds: dict[int, str] = {}
     for i, name in enumerate(header):
-        pattern = r"t_(?P<t>.+)|(?P<kind>tension|pull|angle)_(?P<k>[0-9]{1,4})_(?P<unit>.+)"
+        pattern = r"t_(?P<t>.+)|(?P<kind>tension|displacement|angle)_(?P<k>[0-9]{1,4})_(?P<unit>.+)"
         match = re.fullmatch(pattern, name)
         if match is None or len(name) > _LONG:
             raise InputError(f"{here}: {quote(name)} is no column of a table; {_wanted(count)}")
@@ -172,4 +172,4 @@ def _wanted(count: int) -> str:
     if count > 2:
         names += (["..."] if count > 3 else []) + [f"tension_{count}_N"]
     text = f"write the header {','.join(names)}"
-    return text + " (or pull_1_mm, angle_1_deg for a tendon that is driven so)"
+    return text + " (or displacement_1_mm, angle_1_deg for a tendon that is driven so)"

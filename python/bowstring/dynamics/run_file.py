@@ -99,7 +99,7 @@ def check_file(path: str | Path) -> Path:
                 head = former.read(8192)
             if head and not (head.startswith(_MAGIC) and _OURS in head):
                 raise InputError(
-                    f"{why}: it is not a run of Bowstring, and nothing of yours is replaced; "
+                    f"{why}: it is not a run of Bowstring, and existing files are not overwritten; "
                     "name another file"
                 )
         check_writable(file, why)

@@ -48,7 +48,7 @@ _SHORTEST: Final = 1e-6  # s, between two outputs
 _LOOK: Final = 0.1  # seconds between two looks at the keyboard
 _MOST_OUTPUTS: Final = 1_000_000
 _LONGEST_WHY: Final = 300  # letters of an error of a user's function
-_STILL: Final = 1e-11  # of the length: a pull that does not jump
+_STILL: Final = 1e-11  # of the length: a displacement that does not jump
 _INCREMENTS: Final = 20  # in which forces on disks are put on
 _COARSE: Final = 0.01  # of the length: an error of the steps worth a word
 
@@ -619,7 +619,7 @@ def _initial(robot: Robot, actuated: Actuation, otherwise: Floats, given: Load) 
 
 def _told(by_displacement: NDArray[np.bool_], row: Floats) -> dict[str, list[float | None]]:
     """Actuation of each tendon at the start, for a file; None where it has another."""
-    kinds = {"initial_tensions_N": ~by_displacement, "initial_pulls_m": by_displacement}
+    kinds = {"initial_tensions_N": ~by_displacement, "initial_displacements_m": by_displacement}
     return {
         name: [v if own else None for v, own in zip(row.tolist(), mine.tolist(), strict=True)]
         for name, mine in kinds.items()

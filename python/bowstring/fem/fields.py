@@ -198,7 +198,7 @@ def frames(
             "tension": tensions[i],
             "tendon_length": whole,
             "span_length": lengths,
-            "pull": home - whole + stretch * tensions[i],
+            "tendon_displacement": home - whole + stretch * tensions[i],
             "slack": np.zeros(len(ends)),
             "span_tension": span_tension(mesh, state),
             "kinetic_energy": np.array(kinetic),

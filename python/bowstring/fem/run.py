@@ -90,7 +90,8 @@ class Settings:
     residual: float = 5e-4  # rounding leaves 1.5e-4 where fine disks slide
 
     def check(self) -> None:
-        """Raise `InputError` for what is none, drowns in rounding, or is no equilibrium."""
+        """Raise `InputError` for a wrong value, one below numerical resolution, or no
+        equilibrium."""
         if not isinstance(self.fineness, Fineness):
             raise InputError(
                 f"fineness is {validation.shown(self.fineness)}, it must be a Fineness"
@@ -229,9 +230,9 @@ class BrickRun:
     @property
     def span_error(self) -> float:
         """Largest deviation of a span's force from its tendon's tension, by that tension."""
-        pulled = np.broadcast_to(self.tensions[:, None, :], self.span_tensions.shape)
-        here = (pulled > 0) & np.isfinite(self.span_tensions)
-        return float(np.max(np.abs(self.span_tensions[here] / pulled[here] - 1.0), initial=0.0))
+        tensions = np.broadcast_to(self.tensions[:, None, :], self.span_tensions.shape)
+        here = (tensions > 0) & np.isfinite(self.span_tensions)
+        return float(np.max(np.abs(self.span_tensions[here] / tensions[here] - 1.0), initial=0.0))
 
     def section_stress(self, step: int = -1) -> SectionStress:
         """Largest normal stress of the sections between bricks at a step."""

@@ -215,7 +215,7 @@ class TendonDrive(Part):
         0.0, description="Coulomb's coefficient mu at each hole; 0 if left out."
     )
     pretension: Annotated[float, Quantity("N", "2 N", "0 N", "1e9 N")] = Field(
-        0.0, description="Tension in the home pose, where the pull is zero; 0 if left out."
+        0.0, description="Tension in the home pose, where its displacement is zero; 0 if left out."
     )
     spool_radius: Annotated[float | None, Quantity("m", "10 mm", "1 um", "100 m")] = Field(
         None, description="Radius at which a spool winds the tendon; needed for motor angles."
@@ -273,7 +273,7 @@ class Tendon(TendonDrive):
     friction : float
         Coulomb's coefficient at each hole.
     pretension : float
-        Tension in the home pose, where the pull is zero, in N.
+        Tension in the home pose, where its displacement is zero, in N.
     spool_radius : float or None
         In m; None where no spool is given, hence no motor angle.
     diameter : float or None

@@ -117,7 +117,7 @@ def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Fl
     count = np.sum([*said.values()], axis=0)
     if (count != 1).any():
         raise _not_one(tables, count, said)
-    pulled = np.zeros(count.shape, bool)
+    by_displacement = np.zeros(count.shape, bool)
     values = np.zeros(count.shape)
     for name, table in tables.items():
         here = said[name]
@@ -135,8 +135,8 @@ def commands(robot: Robot, load: Load, *, rows: bool = False) -> tuple[Bools, Fl
             table = table * radius
         values[here] = table[here]
         if name != "tensions":
-            pulled |= here
-    return pulled, values
+            by_displacement |= here
+    return by_displacement, values
 
 
 def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Floats:
@@ -222,13 +222,16 @@ class Path:
     def history(self) -> dict[str, Any]:
         """What friction remembers, and where the path has come to; ready for `json.dumps`."""
         now = self.core.history()
-        orders = zip(now["pulled"].tolist(), now["commands"].tolist(), strict=True)
+        orders = zip(now["by_displacement"].tolist(), now["commands"].tolist(), strict=True)
         return {
             "schema_version": HISTORY_SCHEMA_VERSION,
             "robot": self.robot.name,
             "robot_hash": self.robot.hash,
             **self._settings,
-            "commands": [{"pull_m" if pulled else "tension_N": v} for pulled, v in orders],
+            "commands": [
+                {"displacement_m" if by_displacement else "tension_N": v}
+                for by_displacement, v in orders
+            ],
             "gravity_m_per_s2": now["gravity"].tolist(),
             "tip_force_N": now["tip_force"].tolist(),
             "tip_moment_Nm": now["tip_moment"].tolist(),
@@ -271,7 +274,9 @@ class Path:
                     "tensions": _numbers(history, "tensions_N", 1),
                     "drops": _numbers(history, "log_tension_drops", 2),
                     "spans": _numbers(history, "unstretched_spans_m", 2),
-                    "pulled": np.array([pulled for pulled, _ in orders], dtype=bool),
+                    "by_displacement": np.array(
+                        [by_displacement for by_displacement, _ in orders], dtype=bool
+                    ),
                     "commands": np.array([value for _, value in orders], dtype=float),
                     "gravity": _numbers(history, "gravity_m_per_s2", 1),
                     "tip_force": _numbers(history, "tip_force_N", 1),
@@ -290,9 +295,9 @@ class Path:
 
 def _order(item: Mapping[str, float]) -> tuple[bool, float]:
     ((name, value),) = item.items()
-    if name not in ("pull_m", "tension_N") or not np.isfinite(float(value)):
+    if name not in ("displacement_m", "tension_N") or not np.isfinite(float(value)):
         raise ValueError(f"a command is {name}: {value}")
-    return name == "pull_m", float(value)
+    return name == "displacement_m", float(value)
 
 
 def _numbers(history: Mapping[str, Any], name: str, dimensions: int) -> Floats:

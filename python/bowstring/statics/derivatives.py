@@ -55,10 +55,10 @@ class Jacobians:
 @short_repr
 @dataclass(frozen=True, eq=False)
 class DisplacementJacobian:
-    """Derivatives of an equilibrium by pulls; made by `displacement_jacobian`.
+    """Derivatives of an equilibrium by displacements; made by `displacement_jacobian`.
 
-    Rows are what changes, columns the tendon whose pull changes it. The column of a tendon that
-    hangs is zero, that of one whose tension is given NaN.
+    Rows are what changes, columns the tendon whose displacement changes it. The column of a tendon
+    that hangs is zero, that of one whose tension is given NaN.
 
     Attributes
     ----------
@@ -123,15 +123,16 @@ def jacobians(solution: Solution) -> Jacobians:
 
 
 def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
-    """Differentiate an equilibrium by pulls: what the robot does when a motor turns.
+    """Differentiate an equilibrium by displacements: what the robot does when a motor turns.
 
     From the derivatives by tensions and the stretch of the tendons.
 
     Parameters
     ----------
     solution : Solution
-        Converged, with straight tendons and without friction. The tendons that hold their pull are
-        those that were pulled and are taut; after a solve by tensions alone, all that are taut.
+        Converged, with straight tendons and without friction. The tendons that hold their
+        displacement are those that are displacement-controlled and taut; after a solve by tensions
+        alone, all that are taut.
 
     Returns
     -------
@@ -142,8 +143,8 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
     NoSolutionError
         If the solution did not converge.
     InputError
-        With friction, with continuous tendons, and where the taut tendons cannot be pulled one by
-        one: without extension and stretch, three of them to a segment.
+        With friction, with continuous tendons, and where the taut tendons cannot be displaced one
+        by one: without extension and stretch, three of them to a segment.
 
     Examples
     --------
@@ -157,18 +158,23 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
     array([ 9.63,  0.  , -4.73])
     """
     by = jacobians(solution)
-    tensions, pulled = solution.tensions, solution.core.pulled
-    driven = np.ones(len(tensions), bool) if pulled is None or not pulled.any() else pulled
+    tensions, by_displacement = solution.tensions, solution.core.by_displacement
+    driven = (
+        np.ones(len(tensions), bool)
+        if by_displacement is None or not by_displacement.any()
+        else by_displacement
+    )
     held = np.flatnonzero(driven & (tensions > 0))
-    # pull = home - length + compliance * tension
+    # displacement = home - length + compliance * tension
     answer = np.diag(actuation.compliances(solution.robot)) - by.lengths_by_tension
     block = answer[np.ix_(held, held)]
     tensions_by_displacement = np.zeros_like(answer)
     if held.size:
         if np.linalg.cond(block) > 1e10:
             raise InputError(
-                "the taut tendons cannot be pulled one by one, as the backbone does not shorten: "
-                "solve with a Cosserat rod (bowstring.RodModel()), or with fewer taut tendons"
+                "the taut tendons cannot be displaced one by one, as the backbone does not "
+                "shorten: solve with a Cosserat rod (bowstring.RodModel()), or with fewer taut "
+                "tendons"
             )
         tensions_by_displacement[np.ix_(held, held)] = np.linalg.inv(block)
     tensions_by_displacement[:, ~driven] = np.nan

@@ -1,4 +1,5 @@
-"""Fields of a run: curvature, strain, stress, pull and energy, labelled and with units.
+"""Fields of a run: curvature, strain, stress, tendon displacement and energy, labelled and with
+units.
 
 `derive` turns raw output (`Frames`) into arrays, many output times at once, and knows no labels;
 `to_dataset` adds them. For a run with a file the core packs the same into bytes as it goes, in the
@@ -70,7 +71,7 @@ class Frames:
     tension, tendon_length : ndarray (T, m)
     span_length : ndarray (T, n, m)
         NaN where a tendon does not pass.
-    pull, slack : ndarray (T, m)
+    tendon_displacement, slack : ndarray (T, m)
         Length that each tendon is taken in by since the home pose, and length that hangs.
     span_tension : ndarray (T, n, m)
         In motion that where forces balanced in the last step. NaN where a tendon does not pass.
@@ -92,7 +93,7 @@ class Frames:
     tension: Floats
     tendon_length: Floats
     span_length: Floats
-    pull: Floats
+    tendon_displacement: Floats
     slack: Floats
     span_tension: Floats
     kinetic_energy: Floats
@@ -148,12 +149,12 @@ FIELDS: Final[tuple[Field, ...]] = (
     Field("tip_displacement", ("axis",), "m", "base", "displacement of the tip from straight"),
     Field("tension", _TENDON, "N", "", "tension of the tendons before the base hole"),
     Field("tendon_length", _TENDON, "m", "", "length of the tendons, base to end disk"),
-    Field("pull", _TENDON, "m", "", "length that the tendons are taken in by since home"),
+    Field("tendon_displacement", _TENDON, "m", "", "tendon displacement since the home pose"),
     Field("slack", _TENDON, "m", "", "length of the tendons that hangs"),
     Field("span_length", ("disk", "tendon"), "m", "", "length of the span that ends at the disk"),
     Field("span_tension", ("disk", "tendon"), "N", "", "tension of that span"),
     Field("kinetic_energy", (), "J", "", "kinetic energy"),
-    Field("elastic_energy", (), "J", "", "elastic energy, that of pulled tendons too"),
+    Field("elastic_energy", (), "J", "", "elastic energy, that of actuated tendons too"),
     Field("gravity_energy", (), "J", "", "potential energy in gravity"),
     Field("work", (), "J", "", "work of motors and tip load since the start"),
     Field(

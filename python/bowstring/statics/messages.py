@@ -90,7 +90,7 @@ def of_tensions(found: Any, advice: str = "") -> str:
             reached = "none of the load" if share == 0 else f"{100 * share:.3g} % of the load"
             return (
                 f"No equilibrium was found: {reached} converged, then the solver gave up after "
-                f"{_effort(found)}. A pulled tendon or the compressed backbone "
+                f"{_effort(found)}. A actuated tendon or the compressed backbone "
                 f"between two disks is probably at its limit (buckling between disks). {advice}"
                 "Lower the load."
             )
@@ -119,22 +119,23 @@ def of_actuation(
                 hang = "hangs" if len(slack) == 1 else "hang"
                 said += f" {_tendons(slack).capitalize()} {hang} slack."
             if found.undetermined:
-                said += " The pulls do not determine the tensions: these are the smallest."
+                said += " The displacements do not determine the tensions: these are the smallest."
             return said
         case "no_equilibrium" if nearest is not None:
             fight = "" if len(fighting) < 2 else f": {_tendons(fighting)} pull against each other"
             if len(fighting) == 1:
-                fight = f": {_tendons(fighting)} is pulled farther than the robot can follow"
+                fight = f": {_tendons(fighting)} is displaced farther than the robot can follow"
             near = ", ".join(
                 f"{round(1e3 * p, 4) + 0.0:g}" if np.isfinite(p) else "-" for p in nearest
             )
             return (
-                f"No equilibrium for these pulls{fight}. The nearest that have one are {near} mm."
+                f"No equilibrium for these displacements{fight}. "
+                f"The nearest that have one are {near} mm."
             )
         case "no_equilibrium":
             return (
-                f"No equilibrium: two neighbouring disks collide. {advice}Lower pulls, tensions "
-                "and loads."
+                f"No equilibrium: two neighbouring disks collide. {advice}Lower displacements, "
+                "tensions and loads."
             )
         case "unstable":
             return (
@@ -150,7 +151,7 @@ def of_actuation(
                 )
             return (
                 f"No equilibrium was found: the solver gave up after {_effort(found)}. "
-                f"{advice}{doubt}Approach it by a sweep in smaller steps, or lower pulls, "
+                f"{advice}{doubt}Approach it by a sweep in smaller steps, or lower displacements, "
                 "tensions and loads."
             )
 

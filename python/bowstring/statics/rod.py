@@ -194,7 +194,7 @@ def _follow(
     given, commands = actuation.commands(robot, load, rows=True)
     path = actuation.Path(robot, model, before)
     found = path.core.follow(given, commands, load, disks, threads)
-    names = ("pulls", "slack_lengths", "span_tensions", "undetermined", "conflicts")
+    names = ("displacements", "slack_lengths", "span_tensions", "undetermined", "conflicts")
     extra = {name: found.pop(name) for name in (*names, "length_residual")}
     extra["history"] = path.history() if threads is None else None
     return Sweep(robot, model=model, **found, driven=extra)

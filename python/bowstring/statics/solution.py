@@ -61,7 +61,7 @@ class ErrorEstimate:
     tip : float
         Of the tip's position, in m; no disk is further off.
     tension : float
-        Of the tension of a tendon that is pulled by a length, in N.
+        Of the tension of a tendon that is displacement-controlled, in N.
     """
 
     tip: float
@@ -88,16 +88,17 @@ class Solution:
     robot : Robot
     status : str
         ``"converged"``, or why not: ``"max_iterations"``, ``"unstable"`` (an equilibrium was
-        found, but no stable one), ``"no_equilibrium"`` (disks collide, or tendons that are pulled
-        fight each other).
+        found, but no stable one), ``"no_equilibrium"`` (disks collide, or displacement-controlled
+        tendons fight each other).
     converged : bool
     stable : bool or None
         Whether the energy has a minimum here, under what the tendons are driven by. Under a tip
         moment, which has no potential: whether small motions die out at a damping ratio of 1 %.
         False with the status ``"converged"`` where it is the moment that leads from a stable
         equilibrium to one where they do not, as a moment does that rolls a rod up.
-        None where that takes more damping, where a tip moment acts on tendons that are pulled or
-        on a robot without mass, with friction, and where the elements are too few to tell.
+        None where that takes more damping, where a tip moment acts on displacement-controlled
+        tendons or on a robot without mass, with friction, and where the elements are too few to
+        tell.
     iterations : int
         Newton steps, those of continuation included.
     residual : float
@@ -178,9 +179,9 @@ class Solution:
     def load(self) -> Load:
         core = self.core
         tensions, displacements = core.tensions, None
-        if core.pulled is not None and core.commands is not None:
-            tensions = np.where(core.pulled, np.nan, core.commands)
-            displacements = np.where(core.pulled, core.commands, np.nan)
+        if core.by_displacement is not None and core.commands is not None:
+            tensions = np.where(core.by_displacement, np.nan, core.commands)
+            displacements = np.where(core.by_displacement, core.commands, np.nan)
         return Load(
             tensions,
             displacements,
@@ -225,7 +226,7 @@ class Solution:
         """
         core = self.core
         if core.driven or core.tendon_lengths is None:
-            return core.pulls
+            return core.displacements
         return actuation.taken_in(self.robot, self.model, core.tendon_lengths, core.tensions)
 
     @property
@@ -408,9 +409,9 @@ class Solution:
         -------
         dict
             ``status, stable, iterations, residual, error_estimate, elements, theory, tip, disks,
-            tendon_lengths_m, tensions_N, pulls_m, slack, slack_m, span_tensions_N, undetermined,
-            length_residual_m``; the pose's entries are None if the solve failed, as is a number
-            that is not finite.
+            tendon_lengths_m, tensions_N, displacements_m, slack, slack_m, span_tensions_N,
+            undetermined, length_residual_m``; the pose's entries are None if the solve failed, as
+            is a number that is not finite.
         """
         core = self.core
         error = self.error_estimate
@@ -433,7 +434,7 @@ class Solution:
             "disks": disks,
             "tendon_lengths_m": plain(core.tendon_lengths),
             "tensions_N": plain(core.tensions),
-            "pulls_m": plain(self.displacements()),
+            "displacements_m": plain(self.displacements()),
             "slack": plain(self.slack),
             "slack_m": plain(self.slack_lengths),
             "span_tensions_N": plain(self.span_tensions),
@@ -511,7 +512,7 @@ class Sweep:
     def displacements(self) -> Floats:
         """Lengths (n, T) that the actuators have taken in since the home pose, in m."""
         if self.driven is not None:
-            return np.array(self.driven["pulls"])
+            return np.array(self.driven["displacements"])
         found = actuation.taken_in(self.robot, self.model, self.tendon_lengths, self.tensions)
         return np.full_like(self.tensions, np.nan) if found is None else found
 
@@ -573,7 +574,7 @@ class Sweep:
         values = {
             "tension": self.tensions,
             "tendon_length": self.tendon_lengths,
-            "pull": self.displacements(),
+            "tendon_displacement": self.displacements(),
             "slack": self.slack_lengths,
             "span_tension": self.span_tensions,
         }

@@ -1,12 +1,13 @@
-"""The error budget of the drive: friction at the holes, elastic tendons, pulled lengths.
+"""The error budget of actuation: friction at the holes, elastic tendons, displacement control.
 
-Two ways to drive the tendon that the study pulls, each beside itself without the effects:
+Two kinds of control of the actuated tendon, each compared with itself without the effects:
 
-- by *tension*, from zero to the study's largest and back, with friction at the holes;
-- by *pull*: constant curvature says which lengths the tendons must have, and spools command them;
-  with inextensible tendons, with elastic ones, and with elastic ones that rub, there and back.
+- *tension control*, from zero to the study's largest tension and back, with friction at the holes;
+- *displacement control*: constant curvature gives the tendon lengths, and spools command them; with
+  inextensible tendons, with elastic ones, and with elastic ones and friction, loading and
+  unloading.
 
-With friction the pose depends on the path, so both ways are followed step by step. Friction that
+With friction the pose depends on the path, so both are followed step by step. Friction that
 was calibrated to measurements is taken before that of the robot file. A file that gives no friction
 or no elasticity is studied with a stated assumption, to show what it would be worth; it is marked
 as assumed wherever it shows. The assumed elasticity follows from the diameter and the material of
@@ -37,15 +38,15 @@ from bowstring.study.comparison import MEANINGS, Case, Model
 __all__ = [
     "ASSUMED_FRICTION",
     "COMMANDED",
-    "DriveBudget",
-    "DriveRow",
+    "ActuationBudget",
+    "ActuationRow",
     "Loop",
+    "actuation_budget",
     "assumed_stiffness",
-    "drive_budget",
 ]
 
 Array = NDArray[np.float64]
-DrivenBy = Literal["tension", "pull"]
+Control = Literal["tension", "displacement"]
 Source = Literal["file", "calibrated", "assumed", "left_out"]
 
 ASSUMED_FRICTION: Final = 0.1
@@ -58,7 +59,7 @@ _SURPLUS: Final = 0.01  # of the length: by how much more than needed the other 
 _STEPS: Final = 40  # at least so many, up and again down
 
 COMMANDED: Final = "cc_from_commanded_lengths"
-"""Constant curvature from the lengths that the spools command, l0 - pull."""
+"""Constant curvature from the lengths that the spools command, l0 - displacement."""
 
 
 # -- what is computed --------------------------------------------------------------------------
@@ -66,22 +67,22 @@ COMMANDED: Final = "cc_from_commanded_lengths"
 
 @short_repr
 @dataclass(frozen=True)
-class DriveRow:
-    """One effect of the drive, beside the same commands without it."""
+class ActuationRow:
+    """One effect of actuation, beside the same commands without it."""
 
     effect: str
     label: str
-    driven_by: DrivenBy
+    control: Control
     assumed: tuple[str, ...]
     """What of it the robot file does not give: ``"friction"``, ``"elasticity"``."""
     case: Case
     base: Case
-    """The same commands on tendons that neither rub nor stretch."""
+    """The same commands on inextensible tendons without friction."""
 
     @property
     def short_label(self) -> str:
-        """For narrow tables: without what is in brackets."""
-        label = re.sub(r" \([^)]*\)", "", self.label)
+        """For narrow tables: without the control and what is in brackets."""
+        label = re.sub(r" \([^)]*\)", "", self.label).removeprefix("displacement control, ")
         return label.replace("elastic tendons,", "elastic,")
 
     @property
@@ -90,8 +91,8 @@ class DriveRow:
         return known_mean(np.linalg.norm(self.case.tip_position - self.base.tip_position, axis=-1))
 
     def mean_error(self, case: Case) -> float:
-        """Of constant curvature from force, or for pulls from the commanded lengths, m."""
-        return case.comparisons["cc_from_force" if self.driven_by == "tension" else COMMANDED].mean
+        """Of constant curvature from force, or for displacements from the commanded lengths, m."""
+        return case.comparisons["cc_from_force" if self.control == "tension" else COMMANDED].mean
 
     @property
     def exceeds(self) -> bool:
@@ -103,7 +104,7 @@ class DriveRow:
         return {
             "effect": self.effect,
             "label": self.label,
-            "driven_by": self.driven_by,
+            "control": self.control,
             "assumed": list(self.assumed),
             **self.case.to_dict(self.base),
             "more_than_constant_curvature": self.exceeds,
@@ -115,9 +116,9 @@ class DriveRow:
 class Loop:
     """Up to the largest command and down again: the hysteresis of the tip."""
 
-    driven_by: DrivenBy
+    control: Control
     command: Array
-    """(n,) tension in N or pull in m of the pulled tendon."""
+    """(n,) tension in N or displacement in m of the actuated tendon."""
     free: Array
     """(n, 3) tip without friction and stretch, m."""
     loading: Array
@@ -145,10 +146,10 @@ class Loop:
 
     def to_dict(self) -> dict[str, Any]:
         """The loop in N or mm, mm and percent."""
-        name, scale = ("tension_N", 1.0) if self.driven_by == "tension" else ("pull_mm", 1e3)
+        name, scale = ("tension_N", 1.0) if self.control == "tension" else ("displacement_mm", 1e3)
         tips = ("free", "loading", "unloading", "constant_curvature")
         return {
-            "driven_by": self.driven_by,
+            "control": self.control,
             "width_mm": self.width * 1e3,
             "width_percent": self.width / self.length * 100.0,
             f"widest_at_{name}": self.widest_at * scale,
@@ -159,15 +160,15 @@ class Loop:
 
 @short_repr
 @dataclass(frozen=True)
-class DriveBudget:
-    """What friction, elastic tendons and pulled lengths do to constant curvature's error."""
+class ActuationBudget:
+    """What friction, elastic tendons and displacement control do to constant curvature's error."""
 
     friction: float
-    """Of the pulled tendon."""
+    """Of the actuated tendon."""
     friction_is: Source
     """Where it comes from: the robot file, the calibration to measurements, or an assumption."""
     axial_stiffness: float
-    """E A of the pulled tendon, N; infinite if only its transmission gives way."""
+    """E A of the actuated tendon, N; infinite if only its transmission gives branch."""
     compliance: float
     """Of its transmission, m/N."""
     free_length: float
@@ -175,15 +176,15 @@ class DriveBudget:
     """``"left_out"`` where nothing tells an E A."""
     elasticity_by: str
     """What an assumed E A follows from, or why there is none."""
-    pull: Array
-    """(n,) commanded of the pulled tendon at the loads of the sweep, m."""
-    tension_driven: Case
+    displacement: Array
+    """(n,) commanded displacement of the actuated tendon at the loads of the sweep, m."""
+    tension_controlled: Case
     """Tensions without friction: the main sweep."""
-    pull_driven: Case
-    """Pulls of tendons that neither stretch nor rub."""
-    rows: tuple[DriveRow, ...]
+    displacement_controlled: Case
+    """Displacements of inextensible tendons without friction."""
+    rows: tuple[ActuationRow, ...]
     loops: tuple[Loop, Loop]
-    """By tension, by pull."""
+    """Tension control, displacement control."""
     notes: tuple[str, ...]
     text: tuple[str, ...]
 
@@ -216,12 +217,12 @@ class DriveBudget:
             out.append(f"left out: stretch of the tendons, {self.elasticity_by}")
         return tuple(out)
 
-    def row(self, effect: str) -> DriveRow:
+    def row(self, effect: str) -> ActuationRow:
         """The row of that effect."""
         return next(row for row in self.rows if row.effect == effect)
 
     def to_dict(self) -> dict[str, Any]:
-        """The budget of the drive in mm and percent."""
+        """The budget of actuation in mm and percent."""
         return {
             "friction": self.friction,
             "friction_is": self.friction_is,
@@ -230,9 +231,15 @@ class DriveBudget:
             "free_length_m": self.free_length,
             "elasticity_is": self.elasticity_is,
             "elasticity_by": self.elasticity_by,
-            "commanded_pull_mm": (self.pull * 1e3).tolist(),
-            "tension": {"is": "tension, no friction (this sweep)", **self.tension_driven.to_dict()},
-            "pull": {"is": "pull, no stretch, no friction", **self.pull_driven.to_dict()},
+            "commanded_displacement_mm": (self.displacement * 1e3).tolist(),
+            "tension": {
+                "is": "tension control, no friction (this sweep)",
+                **self.tension_controlled.to_dict(),
+            },
+            "displacement": {
+                "is": "displacement control, inextensible tendons, no friction",
+                **self.displacement_controlled.to_dict(),
+            },
             "rows": [row.to_dict() for row in self.rows],
             "hysteresis": [loop.to_dict() for loop in self.loops],
             "text": list(self.text),
@@ -243,16 +250,16 @@ class DriveBudget:
 # -- running it --------------------------------------------------------------------------------
 
 
-def drive_budget(
+def actuation_budget(
     model: Model, tension: Array, sweep: Case, calibrated: Robot | None = None
-) -> DriveBudget:
-    """What the drive does to the error of constant curvature.
+) -> ActuationBudget:
+    """What actuation does to the error of constant curvature.
 
     Parameters
     ----------
     model : Model
     tension : array (n,)
-        Loads of the pulled tendon, rising in even steps, N.
+        Loads of the actuated tendon, rising in even steps, N.
     sweep : Case
         The main sweep at these loads.
     calibrated : Robot, optional
@@ -260,11 +267,11 @@ def drive_budget(
 
     Returns
     -------
-    DriveBudget
+    ActuationBudget
     """
     t = model.tendon
     given = model.driven.tendons
-    rubbing, friction_is = _rubbing(model, calibrated)
+    with_friction, friction_is = _with_friction(model, calibrated)
     stiff_of: float | None = None
     elasticity_is: Source = "file"
     elasticity_by = "as in the file"
@@ -273,7 +280,7 @@ def drive_budget(
         elasticity_is = "left_out" if stiff_of is None else "assumed"
     elastic_too = elasticity_is != "left_out"
     gives = {} if stiff_of is None else {"axial_stiffness": stiff_of}
-    both = with_tendons(rubbing, gives, missing=True)
+    both = with_tendons(with_friction, gives, missing=True)
     elastic = with_tendons(both, {"friction": 0.0})
     rigid = with_tendons(elastic, {"axial_stiffness": None, "compliance": 0.0})
 
@@ -281,64 +288,78 @@ def drive_budget(
     there = np.linspace(0.0, tension[-1], every * (len(tension) - 1) + 1)
     and_back = np.concatenate((there, there[-2::-1]))
     commanded = _Commanded(model, there)
-    pulls = np.concatenate((commanded.pulls, commanded.pulls[-2::-1]))
+    displacements = np.concatenate((commanded.displacements, commanded.displacements[-2::-1]))
 
-    def solved(robot: Robot, load: Load) -> tuple[_Way, _Way]:
+    def solved(robot: Robot, load: Load) -> tuple[_Branch, _Branch]:
         """Loading and unloading, both in the order of rising commands."""
         load = load.replace(gravity=model.main.gravity)
         path = rod.sweep(robot, load=load, model=model.main.model, disks=False)
         up = np.arange(len(there))
-        return _Way(path, up, every), _Way(path, len(path.status) - 1 - up, every)
+        return _Branch(path, up, every), _Branch(path, len(path.status) - 1 - up, every)
 
-    def by_pull(robot: Robot) -> tuple[_Way, _Way]:
-        return solved(robot, Load(displacements=pulls))
+    def by_displacement(robot: Robot) -> tuple[_Branch, _Branch]:
+        return solved(robot, Load(displacements=displacements))
 
     intended = commanded.tip[::every]
 
-    def case(way: _Way, driven_by: DrivenBy) -> Case:
-        if driven_by == "tension":
-            compared = model.compare(tension, way.tip, way.lengths, MEANINGS)
+    def case(branch: _Branch, control: Control) -> Case:
+        if control == "tension":
+            compared = model.compare(tension, branch.tip, branch.lengths, MEANINGS)
         else:
-            off = intended - way.tip
+            off = intended - branch.tip
             compared = {COMMANDED: Comparison(COMMANDED, "statics", model.length, intended, off)}
-        return Case(model.main, way.problem, way.tip, compared)
+        return Case(model.main, branch.problem, branch.tip, compared)
 
     free = model.solve(model.main, there).tip_position
-    up, down = solved(rubbing, Load(model.tensions(and_back)))
-    stiff, _ = by_pull(rigid)
-    stretched, _ = by_pull(elastic)
-    pulled, released = by_pull(both)
-    base = case(stiff, "pull")
-    tight = any(commanded.fights(way) for way in (stiff, stretched, pulled, released))
+    up, down = solved(with_friction, Load(model.tensions(and_back)))
+    stiff, _ = by_displacement(rigid)
+    stretched, _ = by_displacement(elastic)
+    loaded, released = by_displacement(both)
+    base = case(stiff, "displacement")
+    taut = any(commanded.fights(branch) for branch in (stiff, stretched, loaded, released))
 
     mu = both.tendons.friction[t]
     stiffness = float(both.tendons.axial_stiffness_N[t])
     compliance = float(both.tendons.compliance_m_per_N[t])
-    rub = f"friction {mu:.4g}" + ("" if friction_is == "file" else f" ({friction_is})")
+    friction = f"friction {mu:.4g}" + ("" if friction_is == "file" else f" ({friction_is})")
     elasticity = _elasticity(stiffness, compliance) + ", assumed" * (elasticity_is == "assumed")
-    give = f"pulled, elastic tendons ({elasticity})" if elastic_too else "pulled"
-    rub_is = ("friction",) * (friction_is == "assumed")
-    give_is = ("elasticity",) * (elasticity_is == "assumed")
+    give = (
+        f"displacement control, elastic tendons ({elasticity})"
+        if elastic_too
+        else "displacement control"
+    )
+    friction_assumed = ("friction",) * (friction_is == "assumed")
+    elasticity_assumed = ("elasticity",) * (elasticity_is == "assumed")
 
-    def row(effect: str, label: str, assumed: tuple[str, ...], way: _Way) -> DriveRow:
-        by: DrivenBy = "tension" if effect.startswith("friction") else "pull"
+    def row(effect: str, label: str, assumed: tuple[str, ...], branch: _Branch) -> ActuationRow:
+        by: Control = "tension" if effect.startswith("friction") else "displacement"
         beside = sweep if by == "tension" else base
-        return DriveRow(effect, label, by, assumed, case(way, by), beside)
+        return ActuationRow(effect, label, by, assumed, case(branch, by), beside)
 
     rows = (
-        row("friction_loading", f"{rub}, loading", rub_is, up),
-        row("friction_unloading", f"{rub}, unloading", rub_is, down),
-        *[row("tendon_elasticity", give, give_is, stretched)] * elastic_too,
-        row("pull_driven_loading", f"{give}, {rub}, loading", rub_is + give_is, pulled),
-        row("pull_driven_unloading", f"{give}, {rub}, unloading", rub_is + give_is, released),
+        row("friction_loading", f"{friction}, loading", friction_assumed, up),
+        row("friction_unloading", f"{friction}, unloading", friction_assumed, down),
+        *[row("tendon_elasticity", give, elasticity_assumed, stretched)] * elastic_too,
+        row(
+            "displacement_controlled_loading",
+            f"{give}, {friction}, loading",
+            friction_assumed + elasticity_assumed,
+            loaded,
+        ),
+        row(
+            "displacement_controlled_unloading",
+            f"{give}, {friction}, unloading",
+            friction_assumed + elasticity_assumed,
+            released,
+        ),
     )
     law = model.constant_curvature("cc_from_force", there, commanded.lengths)
-    tips = stiff.path_tip, pulled.path_tip, released.path_tip, commanded.tip
+    tips = stiff.path_tip, loaded.path_tip, released.path_tip, commanded.tip
     loops = (
         Loop("tension", there, free, up.path_tip, down.path_tip, law, model.length),
-        Loop("pull", commanded.pulls[:, t], *tips, model.length),
+        Loop("displacement", commanded.displacements[:, t], *tips, model.length),
     )
-    return DriveBudget(
+    return ActuationBudget(
         friction=float(mu),
         friction_is=friction_is,
         axial_stiffness=stiffness,
@@ -346,19 +367,20 @@ def drive_budget(
         free_length=float(both.tendons.free_length_m[t]),
         elasticity_is=elasticity_is,
         elasticity_by=elasticity_by,
-        pull=commanded.pulls[::every, t],
-        tension_driven=sweep,
-        pull_driven=base,
+        displacement=commanded.displacements[::every, t],
+        tension_controlled=sweep,
+        displacement_controlled=base,
         rows=rows,
         loops=loops,
         notes=_notes(model, friction_is, elasticity_is, elasticity_by, stiffness)
-        + _path_notes(model, len(there) - 1, tight),
+        + _path_notes(model, len(there) - 1, taut),
         text=_in_words(rows, loops, friction_is, elasticity_is),
     )
 
 
-def _rubbing(model: Model, calibrated: Robot | None) -> tuple[Robot, Source]:
-    """The robot with the friction that is shown, and where that of the pulled tendon comes from."""
+def _with_friction(model: Model, calibrated: Robot | None) -> tuple[Robot, Source]:
+    """The robot with the friction that is shown, and where that of the actuated tendon comes
+    from."""
     robot = model.driven
     if calibrated is not None:
         changes = {}
@@ -406,7 +428,7 @@ def assumed_stiffness(robot: Robot, tendon: int) -> tuple[float | None, str]:
 
 
 class _Commanded:
-    """What the spools are told: the lengths of the arcs that the linear law has at these loads.
+    """What the spools command: the lengths of the arcs that the linear law gives at these loads.
 
     In gravity, where it bends far more than the robot does, up to about the robot's own bend.
     """
@@ -418,21 +440,22 @@ class _Commanded:
         """(n, 3) that constant curvature means by these lengths, m."""
         self.lengths = arcs.lengths()
         straight = robot.disks.station_m[robot.tendons.end_disk]
-        # A tendon with pretension is meant to stay tight; one without is given room, so that it
-        # hangs and does not fight the pulled one over what the arc gets wrong.
-        hangs = robot.tendons.pretension_N == 0.0
-        hangs[model.shares > 0.0] = False
-        self._others = np.flatnonzero(hangs)
+        # A tendon with pretension is meant to stay taut; one without is given room, so that it
+        # stays slack and does not act against the actuated one where the arc is wrong.
+        slack = robot.tendons.pretension_N == 0.0
+        slack[model.shares > 0.0] = False
+        self._others = np.flatnonzero(slack)
         self._nothing = 1e-12 * robot.length
-        self.pulls = straight - self.lengths - _SURPLUS * robot.length * hangs
+        self.displacements = straight - self.lengths - _SURPLUS * robot.length * slack
 
-    def fights(self, way: _Way) -> bool:
-        """Whether a tendon that should hang is tight somewhere."""
-        return bool(np.any(way.slack[:, self._others] <= self._nothing))
+    def fights(self, branch: _Branch) -> bool:
+        """Whether a tendon that should be slack is taut somewhere."""
+        return bool(np.any(branch.slack[:, self._others] <= self._nothing))
 
 
-class _Way:
-    """One way of a path, in the order of rising commands, and every so many rows of it."""
+class _Branch:
+    """Loading or unloading of a path, in the order of rising commands, and every so many rows of
+    it."""
 
     def __init__(self, path: Sweep, order: NDArray[np.int64], every: int) -> None:
         self.path_tip = path.tip_position[order]
@@ -471,28 +494,28 @@ def _elasticity(stiffness: float, compliance: float) -> str:
 
 
 def _in_words(
-    rows: tuple[DriveRow, ...], loops: tuple[Loop, Loop], friction: Source, elasticity: Source
+    rows: tuple[ActuationRow, ...], loops: tuple[Loop, Loop], friction: Source, elasticity: Source
 ) -> tuple[str, ...]:
-    up, down, *stretches, pulled, released = rows
-    by_tension, by_pull = loops
+    up, down, *stretches, loaded, released = rows
+    by_tension, by_displacement = loops
     out = []
 
-    def mean(row: DriveRow) -> str:
+    def mean(row: ActuationRow) -> str:
         return in_mm(row.mean_error(row.case))
 
-    def own(row: DriveRow) -> str:
+    def own(row: ActuationRow) -> str:
         return in_mm(row.mean_error(row.base))
 
     if math.isfinite(up.moved) and math.isfinite(down.moved):
         source = _SAID[friction]
-        true, *rubbed = (
+        true, *changed = (
             case.comparisons["cc_from_lengths"].mean for case in (up.base, up.case, down.case)
         )
         from_lengths = ""
-        if all(map(math.isfinite, (true, *rubbed))):
+        if all(map(math.isfinite, (true, *changed))):
             from_lengths = (
                 f" From true tendon lengths it changes from {in_mm(true)} to "
-                f"{' and '.join(map(in_mm, rubbed))}."
+                f"{' and '.join(map(in_mm, changed))}."
             )
         mu = up.label.split(",")[0].split(" (")[0].removeprefix("friction ")
         out.append(
@@ -503,16 +526,18 @@ def _in_words(
         )
     for stretched in (row for row in stretches if math.isfinite(row.moved)):
         source = f" ({_SAID[elasticity]})"
-        give = stretched.label.removeprefix("pulled, elastic tendons (").removesuffix(")")
+        give = stretched.label.removeprefix("displacement control, elastic tendons (").removesuffix(
+            ")"
+        )
         text = (
             f"Displacement control: elastic tendons, {give.removesuffix(', assumed')}{source}, "
             f"move the tip by {in_mm(stretched.moved)} in the mean. The mean error of constant "
             f"curvature from the commanded lengths changes from {own(stretched)} to "
             f"{mean(stretched)}"
         )
-        if math.isfinite(pulled.moved) and math.isfinite(released.moved):
+        if math.isfinite(loaded.moved) and math.isfinite(released.moved):
             text += (
-                f"; with friction as well, to {mean(pulled)} (loading) and {mean(released)} "
+                f"; with friction as well, to {mean(loaded)} (loading) and {mean(released)} "
                 "(unloading)"
             )
         out.append(text + ".")
@@ -520,10 +545,10 @@ def _in_words(
         f"{in_mm(loop.width)} ({in_percent(loop.width / loop.length)} of length) at "
         + (
             f"{significant(loop.widest_at)} N"
-            if loop.driven_by == "tension"
+            if loop.control == "tension"
             else f"a tendon displacement of {in_mm(loop.widest_at)}"
         )
-        for loop in (by_tension, by_pull)
+        for loop in (by_tension, by_displacement)
         if math.isfinite(loop.width)
     ]
     if widths:
@@ -566,31 +591,33 @@ def _notes(
     return tuple(out)
 
 
-def _path_notes(model: Model, steps: int, tight: bool) -> tuple[str, ...]:
+def _path_notes(model: Model, steps: int, taut: bool) -> tuple[str, ...]:
     """How the paths are made, and how to read them."""
-    pulled = np.flatnonzero(model.shares) + 1
-    wound = f"Tendon {pulled[0]} is wound up to its length"
-    if len(pulled) > 1:
-        wound = f"Tendons {listed([str(t) for t in pulled])} are wound up to their lengths"
+    actuated = np.flatnonzero(model.shares) + 1
+    wound = f"Tendon {actuated[0]} is wound up to its length"
+    if len(actuated) > 1:
+        wound = f"Tendons {listed([str(t) for t in actuated])} are wound up to their lengths"
     out = [
         "Actuation: the physics is that of the main sweep. 'Change' and 'tip moves' "
-        "are against the same commands on tendons that neither rub nor stretch.",
+        "compare with the same commands on inextensible tendons without friction.",
         "Loading and unloading are one path, from home to the largest command and back in "
-        f"{steps} steps each way: friction remembers it.",
-        "Friction can also lower constant curvature's error: while loading it takes bend away, and "
-        "a law that bends the robot too little comes nearer by that.",
-        "Pulls: the linear law makes an arc of each tension of the sweep, and the inverse of Eq. 5 "
-        f"makes tendon lengths of the arc. {wound}, the others are paid out to theirs and "
-        f"{_SURPLUS * 100:g} % of the robot's length more, so that they hang and do not fight; one "
+        f"{steps} steps each branch: friction depends on the history.",
+        "Friction can also lower constant curvature's error: during loading it reduces the bend, "
+        "and a law that bends the robot too little then has a smaller error.",
+        "Displacements: the linear law makes an arc of each tension of the sweep, and the inverse "
+        f"of Eq. 5 makes tendon lengths of the arc. {wound}, the others are paid out to theirs and "
+        f"{_SURPLUS * 100:g} % of the robot's length more, so that they stay slack; one "
         "that the file gives a pretension gets no surplus. Constant curvature's tip is that of the "
         "lengths without the surplus.",
     ]
     if model.arc_scale < 1.0:
         out.append(
-            "In gravity the linear law bends far more than the robot: its arcs, of which the pulls "
-            f"are made, are taken at {in_percent(model.arc_scale)} of the tensions, so that they "
-            "end at about the robot's own bend."
+            "In gravity the linear law bends far more than the robot: its arcs, of which the "
+            f"displacements are made, are taken at {in_percent(model.arc_scale)} of the tensions, "
+            "so that they end at about the robot's own bend."
         )
-    if tight:
-        out.append("In spite of that another tendon than the pulled one is tight at some commands.")
+    if taut:
+        out.append(
+            "In spite of that, another tendon than the actuated one is taut at some commands."
+        )
     return tuple(out)

@@ -1,9 +1,10 @@
 """The robot and its base frame as the measurements have them: the calibration that a study makes.
 
-A study calibrates few things, the same for every robot: stiffness (or the gain of the pulls),
-friction and the base frame. `bowstring.fit`, which does it, can do more. A robot whose file has no
-gravity was still measured on Earth, and one whose base stands askew feels gravity askew: gravity is
-tried as well, and taken over only if it explains clearly more and can be gravity.
+A study calibrates few things, the same for every robot: stiffness (or the gain of the
+displacements), friction and the base frame. `bowstring.fit`, which does it, can do more. A robot
+whose file has no gravity was still measured on Earth, and one whose base stands askew feels
+gravity askew: gravity is tried as well, and taken over only if it explains clearly more and can be
+gravity.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ _GAINS: Final = (1.0, 0.3, 0.1)  # of constant curvature, from which its fit is 
 @short_repr
 @dataclass(frozen=True, eq=False)
 class StudyCalibration:
-    """A robot, its drive and its base frame by measurements."""
+    """A robot, its actuation and its base frame by measurements."""
 
     robot: Robot
     """With the calibrated numbers of the robot file."""
@@ -65,7 +66,7 @@ class StudyCalibration:
     def to_dict(self) -> dict[str, Any]:
         """Parameters with standard errors, and how the fit ended."""
         found = self.fit.to_dict()
-        keys = ("converged", "message", "parameters", "correlation", "cannot_tell_apart", "rows")
+        keys = ("converged", "message", "parameters", "correlation", "not_identifiable", "rows")
         return {
             **{key: found[key] for key in keys},
             "gravity_is": self.gravity,
@@ -86,7 +87,7 @@ def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.
     gain : float
         Of the commands.
     """
-    tables = (data.tensions, data.pulls)
+    tables = (data.tensions, data.displacements)
     given = [None if np.isnan(values).all() else gain * values for values in tables]
     model = RodModel(theory)
     if not robot.has_friction:
@@ -121,8 +122,8 @@ def calibrate(robot: Robot, data: Measurements, theory: Theory) -> StudyCalibrat
     InputError, NoSolutionError
         If the data do not suffice, or the robot has no equilibrium at some rows.
     """
-    pulled = not np.isnan(data.pulls).all()
-    names = ["gain"] if pulled else _stiffness(robot)
+    by_displacement = not np.isnan(data.displacements).all()
+    names = ["gain"] if by_displacement else _stiffness(robot)
     few = len(data) * data.tendon_count <= _MOST_SLOW
     friction = _friction(robot) if few else []
     found, notes = _without_the_untold(robot, data, [*names, *friction, "base"], theory, friction)
@@ -167,7 +168,8 @@ class ArcCalibration:
 def calibrate_arc(robot: Robot, data: Measurements, frame: Rigid | None = None) -> ArcCalibration:
     """Calibrate constant curvature: a gain on the bend of each segment.
 
-    From force where tendons are driven by tension, from lengths where they are pulled. In gravity
+    From force where tendons are tension-controlled, from lengths where they are
+    displacement-controlled. In gravity
     the linear law can bend the robot ten times too much, and the least squares have local minima:
     the fit is started from several gains, and the one with the least error is taken.
 
@@ -240,8 +242,8 @@ def _without_the_untold(
 ) -> tuple[Fit, list[str]]:
     """The fit, without friction where the data cannot tell it from other parameters."""
     found = _fit(robot, data, names, theory)
-    confused = {name for group in found.confused for name in group}
-    drop = [name for name in optional if name in confused]
+    not_identifiable = {name for group in found.not_identifiable for name in group}
+    drop = [name for name in optional if name in not_identifiable]
     if not drop:
         return found, []
     kept = [name for name in names if name not in drop]
@@ -350,7 +352,7 @@ def _standing(
 
 def _clearly_better(plain: Fit, richer: Fit) -> bool:
     """Whether more parameters explain more than chance would, by the F test."""
-    if not richer.converged or richer.confused:
+    if not richer.converged or richer.not_identifiable:
         return False
     before, after = _squares(plain), _squares(richer)
     more = len(richer.estimates) - len(plain.estimates)

@@ -71,7 +71,7 @@ MEANINGS: Final = ("cc_from_lengths", "cc_from_force")
 @short_repr
 @dataclass(frozen=True)
 class Physics:
-    """One set of physical assumptions; the defaults are the plainest."""
+    """One set of physical assumptions; the defaults are the baseline."""
 
     tendon: Literal["straight", "continuous"] = "continuous"
     theory: Theory = "kirchhoff"
@@ -170,7 +170,7 @@ def points_by_arcs(
 
 
 class Model:
-    """Robot, pulled tendons and theory, and what all parts of the study ask of them.
+    """Robot, actuated tendons and theory, and what all parts of the study ask of them.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ class Model:
         self.robot = with_tendons(robot, {"friction": 0.0})
         """Without friction, which the main sweep, its dynamics and the verdict leave out."""
         self.tendon = tendon
-        """Index of the pulled tendon, from 0; of several, the one with the whole tension."""
+        """Index of the actuated tendon, from 0; of several, the one with the whole tension."""
         self.shares = np.zeros(len(robot.tendons.segment))
         """Share (T,) of the sweep's tension in each tendon."""
         self.shares[tendon] = 1.0
@@ -202,7 +202,7 @@ class Model:
         self.length = robot.length
         angle = self._angle()
         self.towards = (math.cos(angle), math.sin(angle), 0.0)
-        """The way the pulled tendon bends the robot."""
+        """The way the actuated tendon bends the robot."""
         self.across = (-math.sin(angle), math.cos(angle), 0.0)
         self.main = Physics(
             tendon="straight",
@@ -236,8 +236,8 @@ class Model:
         """Sum of the bends of the segments by 1 N of the sweep, linear law, rad/N."""
         return float(np.linalg.norm(self.linear_bend, axis=1).sum())
 
-    def linear_pull(self, tension: Array) -> Array:
-        """By how much the linear law shortens the pulled tendon (n,), m."""
+    def linear_displacement(self, tension: Array) -> Array:
+        """By how much the linear law shortens the actuated tendon (n,), m."""
         last = int(self.robot.tendons.segment[self.tendon])
         hole = self.robot.tendons.hole_m[self.tendon]
         return np.asarray(tension * float((self.linear_bend[: last + 1] @ hole).sum()))

@@ -233,7 +233,7 @@ class AgainstData:
     """Whose tendon lengths constant curvature gets: measurement, rod_calibrated or rod."""
     calibration: StudyCalibration | None
     plain: float
-    """Mean error of the plainest rod, with which the decomposition begins, m."""
+    """Mean error of the baseline rod, with which the decomposition begins, m."""
     effects: tuple[Effect, ...]
     residuals: NoiseTest | None
     """Of the calibrated rod."""
@@ -353,7 +353,7 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
     count = len(robot.tendons.segment)
     if data.tendon_count != count:
         raise InputError(
-            f"{name}: the measurements drive {data.tendon_count} "
+            f"{name}: the measurements are of {data.tendon_count} "
             f"tendon{'s' * (data.tendon_count != 1)}, {robot.name} has {count}; name the robot "
             "that was measured"
         )
@@ -396,10 +396,13 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
 
 def _loads(data: Measurements) -> Loads:
     """What drives the robot, row by row."""
-    pulled = ~np.isnan(data.pulls)
-    commands = np.where(pulled, data.pulls, data.tensions)
+    by_displacement = ~np.isnan(data.displacements)
+    commands = np.where(by_displacement, data.displacements, data.tensions)
     span = np.ptp(commands, axis=0)
-    kinds = [np.where(kind, span, 0.0) for kind in (~pulled.any(axis=0), pulled.any(axis=0))]
+    kinds = [
+        np.where(kind, span, 0.0)
+        for kind in (~by_displacement.any(axis=0), by_displacement.any(axis=0))
+    ]
     by_tension = float(kinds[0].max(initial=0.0)) > 0.0
     changing = kinds[0 if by_tension else 1]
     tendon = int(np.argmax(changing))
@@ -427,7 +430,7 @@ def _loads(data: Measurements) -> Loads:
     if alone and by_tension:
         what, axis = f"tension of tendon {tendon + 1} (N)", main
     elif alone:
-        what, axis = f"pull of tendon {tendon + 1} (mm)", main * 1e3
+        what, axis = f"displacement of tendon {tendon + 1} (mm)", main * 1e3
     return Loads(
         axis=axis,
         label=what,
@@ -603,9 +606,9 @@ def _points(
         why.append("The rod as the robot file has it has no equilibrium at any row.")
     if calibration is not None:
         out["rod_calibrated"] = calibration.point
-    if not np.isnan(data.pulls).any():
+    if not np.isnan(data.displacements).any():
         lengths_of = "measurement"
-        lengths = robot.disks.station_m[robot.tendons.end_disk] - data.pulls
+        lengths = robot.disks.station_m[robot.tendons.end_disk] - data.displacements
     else:
         lengths_of, whose, sweep = "rod", "the rod as the robot file has it", file
         if calibration is not None:

@@ -1,10 +1,10 @@
 """The error budget: what each physical effect does to constant curvature's error.
 
-Each effect is added alone to the plainest physics (the baseline), removed alone from the fullest
+Each effect is added alone to the baseline (the baseline), removed alone from the full model
 (the full model), and changed alone in the physics of the main sweep. Its contribution is always the
 mean error with it less the mean error without it.
 
-Actuation (friction, elastic tendons, pulled lengths) has a table of its own,
+Actuation (friction, elastic tendons, displacement control) has a table of its own,
 `bowstring.study.actuation_budget`, since it depends on the path.
 """
 
@@ -21,7 +21,7 @@ from bowstring.data.tip_errors import known_mean
 from bowstring.display import short_repr
 from bowstring.formatting import round_down
 from bowstring.robot.model import Robot
-from bowstring.study.actuation_budget import DriveBudget, drive_budget
+from bowstring.study.actuation_budget import ActuationBudget, actuation_budget
 from bowstring.study.comparison import MEANINGS, Case, Model, Physics
 
 __all__ = ["GRAVITY", "SIDES", "Budget", "BudgetRow", "Contribution", "Side", "error_budget"]
@@ -72,7 +72,7 @@ class Contribution:
 @short_repr
 @dataclass(frozen=True)
 class BudgetRow:
-    """One effect: added alone to the plainest physics, removed alone from the fullest.
+    """One effect: added alone to the baseline, removed alone from the full model.
 
     And, since both are far from the sweep that the verdict is about, changed alone in that sweep.
     """
@@ -81,7 +81,7 @@ class BudgetRow:
     label: str
     added: Case
     full: Case
-    """The fullest physics in which the effect acts (of alternatives, with this one)."""
+    """The full_model physics in which the effect acts (of alternatives, with this one)."""
     removed: Case
     in_sweep: Case
     """The main sweep with only this effect changed: removed if it acts there, else added."""
@@ -96,21 +96,21 @@ class BudgetRow:
 class Budget:
     """The error budget."""
 
-    plainest: Case
-    fullest: Case
+    baseline: Case
+    full_model: Case
     sweep: Case
     """The physics of the main sweep."""
     rows: tuple[BudgetRow, ...]
-    plainest_is: str
-    fullest_is: str
+    baseline_is: str
+    full_model_is: str
     notes: tuple[str, ...]
-    drive: DriveBudget
-    """Friction, elastic tendons and pulled lengths."""
+    actuation: ActuationBudget
+    """Friction, elastic tendons and displacement control."""
 
     def cases(self, row: BudgetRow, side: Side) -> tuple[Case, Case]:
         """The two cases that differ in one effect alone: with it, and without it."""
         if side == "added":
-            return row.added, self.plainest
+            return row.added, self.baseline
         if side == "removed":
             return row.full, row.removed
         pair = (row.beside, row.in_sweep)
@@ -170,12 +170,12 @@ class Budget:
     def to_dict(self) -> dict[str, Any]:
         """The budget in mm and percent."""
         return {
-            "plainest": {"is": self.plainest_is, **self.plainest.to_dict()},
-            "fullest": {"is": self.fullest_is, **self.fullest.to_dict()},
+            "baseline": {"is": self.baseline_is, **self.baseline.to_dict()},
+            "full_model": {"is": self.full_model_is, **self.full_model.to_dict()},
             "sweep": self.sweep.to_dict(),
             "rows": [self._row_to_dict(row) for row in self.rows],
             "notes": list(self.notes),
-            "drive": self.drive.to_dict(),
+            "actuation": self.actuation.to_dict(),
         }
 
     def _row_to_dict(self, row: BudgetRow) -> dict[str, Any]:
@@ -216,7 +216,7 @@ def error_budget(
     ----------
     model : Model
     tension : array (n,)
-        Loads of the pulled tendon, N.
+        Loads of the actuated tendon, N.
     tell : callable, optional
         Is told the share that is done, up to 1.
     calibrated : Robot, optional
@@ -265,7 +265,7 @@ def error_budget(
             )
         )
         tell((i + 1) / (len(effects) + 1))
-    drive = drive_budget(model, tension, case(model.main), calibrated)
+    actuation = actuation_budget(model, tension, case(model.main), calibrated)
     tell(1.0)
 
     clamps = (
@@ -275,14 +275,14 @@ def error_budget(
     )
     x, y, _ = model.towards
     return Budget(
-        plainest=case(plain),
-        fullest=case(full),
+        baseline=case(plain),
+        full_model=case(full),
         sweep=case(model.main),
         rows=tuple(rows),
-        plainest_is="continuous tendon, no clamps, no shear or extension, no twist, no gravity, no "
+        baseline_is="continuous tendon, no clamps, no shear or extension, no twist, no gravity, no "
         "tip force, E as in the file",
-        fullest_is=f"straight spans, clamps, shear and extension, twist, gravity ({posture}), tip "
-        "force, E 10 % lower",
+        full_model_is=f"straight spans, clamps, shear and extension, twist, gravity ({posture}), "
+        "tip force, E 10 % lower",
         notes=(
             "A contribution is the mean error with the effect less the mean error without it, all "
             "else the same: positive if the effect makes the error larger.",
@@ -298,13 +298,13 @@ def error_budget(
             "in the other orientations, E 10 % higher) take the place of the full model's own.",
             f"Gravity is {GRAVITY} m/s2: upright along -z (base below), hanging along +z, "
             f"horizontal along ({_zero(-x):.3g}, {_zero(-y):.3g}, 0), in the bending plane and "
-            "against the pulled tendon, which lies on top.",
+            "against the actuated tendon, which lies on top.",
             "The transverse tip force is dead and perpendicular to the bending plane. It is the "
             "largest round force that moves the straight robot's tip by at most 13 % of the "
             "length by linear theory: 1 N for the study's robot.",
             f"Clamps: {clamps}.",
         ),
-        drive=drive,
+        actuation=actuation,
     )
 
 
@@ -318,7 +318,7 @@ class _Effect:
     on: dict[str, Any]
     """Fields of `Physics` that make the effect act."""
     alternative: bool = False
-    """Another value of a field that the fullest physics sets otherwise."""
+    """Another value of a field that the full model sets otherwise."""
 
 
 def _effects(model: Model) -> list[_Effect]:

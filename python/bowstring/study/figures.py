@@ -15,7 +15,7 @@ from bowstring.data.tip_errors import known_max
 from bowstring.fem.figures import field, stress_along
 from bowstring.formatting import in_mm
 from bowstring.statics.model import RodModel
-from bowstring.study.actuation_budget import COMMANDED, DriveBudget
+from bowstring.study.actuation_budget import COMMANDED, ActuationBudget
 from bowstring.study.comparison import short
 from bowstring.study.data_figures import (
     measured_comparison,
@@ -119,11 +119,11 @@ def _tip_against_force(study: Study) -> Figure:
 def _over_time(study: Study) -> Figure:
     motion = study.dynamics
     assert motion is not None
-    figure, (pull, tip, apart) = subplots(3, 6.4, sharex=True, height_ratios=(2, 4, 2))
+    figure, (tension, tip, apart) = subplots(3, 6.4, sharex=True, height_ratios=(2, 4, 2))
     time = motion.time
-    pull.plot(time, motion.tension, color=LIGHT["ink"])
-    pull.set(ylabel=f"tension of\n{study.settings.pulled} (N)")
-    pull.set_title("simulated", fontsize=8.5, loc="right")
+    tension.plot(time, motion.tension, color=LIGHT["ink"])
+    tension.set(ylabel=f"tension of\n{study.settings.actuated} (N)")
+    tension.set_title("simulated", fontsize=8.5, loc="right")
     for k, (name, colour, _) in enumerate(AXES):
         tip.plot(time, motion.tip_position[:, k] * 1e3, color=LIGHT[colour], label=name)
         tip.plot(time, motion.static_tip[:, k] * 1e3, "--", color=LIGHT[colour], lw=1.0)
@@ -151,24 +151,26 @@ def _over_time(study: Study) -> Figure:
     return figure
 
 
-def _pull_against_force(study: Study) -> Figure:
+def _displacement_against_force(study: Study) -> Figure:
     figure, (axes, below) = subplots(2, 4.0, sharex=True, height_ratios=(2, 1))
     s = study.statics
-    axes.plot(s.tension, s.pull * 1e3, "-o", color=LIGHT["blue"], label="statics")
-    axes.plot(s.tension, s.linear_pull * 1e3, "--", color=LIGHT["red"], label="linear law")
-    axes.set(ylabel="pull (mm)")
+    axes.plot(s.tension, s.displacement * 1e3, "-o", color=LIGHT["blue"], label="statics")
+    axes.plot(s.tension, s.linear_displacement * 1e3, "--", color=LIGHT["red"], label="linear law")
+    axes.set(ylabel="displacement (mm)")
     legend_above(axes, 2)
-    below.plot(s.tension, (s.linear_pull - s.pull) * 1e3, "-d", color=LIGHT["purple"])
+    below.plot(
+        s.tension, (s.linear_displacement - s.displacement) * 1e3, "-d", color=LIGHT["purple"]
+    )
     below.set(xlabel=_force_label(study), ylabel="linear law\nminus statics (mm)")
     return figure
 
 
-def _tip_against_pull(study: Study) -> Figure:
+def _tip_against_displacement(study: Study) -> Figure:
     figure, (axes,) = subplots(1, 3.0)
     g = study.geometry
     for k, (name, colour, marker) in enumerate(AXES):
         tip = g.tip_position[:, k] * 1e3
-        axes.plot(g.pull * 1e3, tip, "-" + marker, color=LIGHT[colour], label=name)
+        axes.plot(g.displacement * 1e3, tip, "-" + marker, color=LIGHT[colour], label=name)
     axes.set(
         xlabel=f"shortening of tendon {study.settings.tendon + 1} (mm)",
         ylabel="tip coordinate (mm)",
@@ -190,7 +192,7 @@ def _configurations(study: Study) -> Figure:
     turn = np.linspace(0.0, math.tau, 33)
     rim = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
     holes = np.column_stack([robot.tendons.hole_m, np.zeros(len(robot.tendons.hole_m))])
-    pulled = np.flatnonzero(study.settings.shares)
+    actuated = np.flatnonzero(study.settings.shares)
     points: list[Array] = []
     tips: list[tuple[Array, Array, str]] = []
     for i in shown:
@@ -215,22 +217,26 @@ def _configurations(study: Study) -> Figure:
         for t, hole in enumerate(holes):
             last = int(robot.tendons.end_disk[t]) + 2
             path = centres[:last] + frames[:last] @ (hole * 1e3)
-            colour, width = ("red", 1.2) if t in pulled else ("blue", 0.8)
+            colour, width = ("red", 1.2) if t in actuated else ("blue", 0.8)
             axes.plot(*path.T, color=LIGHT[colour], linewidth=width)
         backbone = g.backbone[i] * 1e3
         axes.plot(*backbone.T, color=LIGHT["ink"], linewidth=2.0)
         points += [*rings, backbone]
-        tips.append((backbone[-1], frames[-1][:, 2], f"{g.pull[i] * 1e3:.3g}"))
+        tips.append((backbone[-1], frames[-1][:, 2], f"{g.displacement[i] * 1e3:.3g}"))
     _fit_box(axes, np.concatenate(points))
     # the bending plane is seen nearly from the front
     azimuth = math.degrees(math.atan2(study.towards[1], study.towards[0])) - 65.0
     axes.view_init(elev=20.0, azim=azimuth)
     _label_tips(axes, tips, np.concatenate(points))
-    for colour, label in (("ink", "backbone"), ("red", "pulled tendon"), ("blue", "other tendons")):
+    for colour, label in (
+        ("ink", "backbone"),
+        ("red", "actuated tendon"),
+        ("blue", "other tendons"),
+    ):
         axes.plot([], [], [], color=LIGHT[colour], label=label)
     axes.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
     figure.legend(loc="upper left", ncols=3, handlelength=1.4, columnspacing=1.0)
-    figure.text(0.02, 0.9, "number at each tip: pull in mm", fontsize=8.5)
+    figure.text(0.02, 0.9, "number at each tip: tendon displacement in mm", fontsize=8.5)
     return figure
 
 
@@ -399,7 +405,7 @@ def _backbones(study: Study) -> Figure:
     shapes.set(xlabel=f"{_direction(study)} (mm)", ylabel="z (mm)")
     shapes.set_aspect("equal", adjustable="datalim")
     legend_above(shapes, 3)
-    shapes.set_title(f"{study.settings.pulled} at {found.tension:.4g} N", pad=22)
+    shapes.set_title(f"{study.settings.actuated} at {found.tension:.4g} N", pad=22)
     apart.set(xlabel="disk (% of length from the base)", ylabel="CC from statics,\nby disk (mm)")
     apart.set_ylim(0.0, max(apart.get_ylim()[1], TINY * 1e3))
     return figure
@@ -412,7 +418,7 @@ def _in_plane(study: Study, points: Array) -> Array:
 
 def _direction(study: Study) -> str:
     x, y, _ = study.towards
-    return "x" if abs(y) < 1e-9 and x > 0 else "towards the pulled tendon"
+    return "x" if abs(y) < 1e-9 and x > 0 else "towards the actuated tendon"
 
 
 def _errors(study: Study) -> Figure:
@@ -445,15 +451,17 @@ def _errors(study: Study) -> Figure:
 
 def _error_budget(study: Study) -> Figure:
     budget = study.budget
-    drive = budget.drive
+    actuation = budget.actuation
     count = len(budget.rows)
-    figure, (*panels, driven) = subplots(3, 8.8, height_ratios=(count, count, len(drive.rows) + 3))
+    figure, (*panels, driven) = subplots(
+        3, 8.8, height_ratios=(count, count, len(actuation.rows) + 3)
+    )
     for axes, (side, title) in zip(panels, SIDES.items(), strict=True):
         _contributions(axes, budget, side)
         axes.set_title(title)
-    by_drive = (*_BY_MEANING, (COMMANDED, "CC from commanded lengths", "green", "^", 0.0))
-    _drive_panel(driven, drive, by_drive)
-    keys = [(label, colour, marker, colour) for _, label, colour, marker, _ in by_drive]
+    by_control = (*_BY_MEANING, (COMMANDED, "CC from commanded lengths", "green", "^", 0.0))
+    _actuation_panel(driven, actuation, by_control)
+    keys = [(label, colour, marker, colour) for _, label, colour, marker, _ in by_control]
     keys += [("with the effect", "muted", "o", "muted"), ("without it", "muted", "o", "paper")]
     for label, colour, marker, face in keys:
         look: dict[str, Any] = {"color": LIGHT[colour], "markerfacecolor": LIGHT[face]}
@@ -523,23 +531,23 @@ def _mean_axis(axes: Axes, notes: Sequence[str], counted: bool) -> None:
     axes.grid(axis="x", which="major")
 
 
-def _drive_panel(
-    axes: Axes, drive: DriveBudget, series: tuple[tuple[str, str, str, str, float], ...]
+def _actuation_panel(
+    axes: Axes, actuation: ActuationBudget, series: tuple[tuple[str, str, str, str, float], ...]
 ) -> None:
-    by_tension = [("no friction (this sweep)", drive.tension_driven)]
-    by_pull = [("pulled, no stretch or friction", drive.pull_driven)]
-    for row in drive.rows:
-        rows = by_tension if row.driven_by == "tension" else by_pull
-        label = row.short_label.removeprefix("pulled, ")
+    by_tension = [("no friction (this sweep)", actuation.tension_controlled)]
+    by_displacement = [("displacement control, no friction", actuation.displacement_controlled)]
+    for row in actuation.rows:
+        rows = by_tension if row.control == "tension" else by_displacement
+        label = row.short_label
         if label.startswith("elastic, "):
             label = re.sub(r"(?<=friction) [^,]*", "", label)  # said above
         rows.append((label, row.case))
-    cases = [*by_tension, *by_pull]
+    cases = [*by_tension, *by_displacement]
     places = np.arange(len(cases), dtype=float)[::-1]
-    places[: len(by_tension)] += 0.4  # a gap between the two ways to drive
+    places[: len(by_tension)] += 0.4  # a gap between the two kinds of control
     counted = []
     for (_, case), place in zip(cases, places, strict=True):
-        base = case is drive.tension_driven or case is drive.pull_driven
+        base = case is actuation.tension_controlled or case is actuation.displacement_controlled
         counts = []
         for name, _, colour, marker, shift in series:
             if name not in case.comparisons:
@@ -556,23 +564,23 @@ def _drive_panel(
     axes.set_title("Actuation")
     notes = [
         line
-        for each in drive.assumptions
+        for each in actuation.assumptions
         for line in textwrap.wrap(f"assumed: {each}", _NOTE_WIDTH, subsequent_indent="   ")
     ]
     _mean_axis(axes, notes, any(counted))
 
 
 def _hysteresis(study: Study) -> Figure:
-    drive = study.budget.drive
+    actuation = study.budget.actuation
     figure, panels = subplots(2, 5.6)
     number = study.settings.tendon + 1
-    for axes, loop in zip(panels, drive.loops, strict=True):
-        by_tension = loop.driven_by == "tension"
+    for axes, loop in zip(panels, actuation.loops, strict=True):
+        by_tension = loop.control == "tension"
         onward = np.gradient(loop.constant_curvature, axis=0)
         onward /= np.linalg.norm(onward, axis=1, keepdims=True)
         command = loop.command * (1.0 if by_tension else 1e3)
         for way, label, colour, line in (
-            (loop.free, "no friction" if by_tension else "no friction, no stretch", "ink", ":"),
+            (loop.free, "no friction" if by_tension else "no friction, inextensible", "ink", ":"),
             (loop.loading, "loading", "blue", "-"),
             (loop.unloading, "unloading", "red", "--"),
         ):
@@ -580,16 +588,18 @@ def _hysteresis(study: Study) -> Figure:
             axes.plot(command, ahead, line, color=LIGHT[colour], label=label)
         axes.axhline(0.0, color=LIGHT["muted"], linewidth=0.8)
         wide = f"up to {in_mm(loop.width)} apart" if math.isfinite(loop.width) else "no numbers"
-        axes.set_title(f"driven by {'tension' if by_tension else 'pulled lengths'}; {wide}")
+        axes.set_title(f"{'tension' if by_tension else 'displacement'} control; {wide}")
         law = "force" if by_tension else "commanded lengths"
         axes.set(ylabel=f"tip ahead of\nCC from {law} (mm)")
-        axes.set_xlabel(_force_label(study) if by_tension else f"pull of tendon {number} (mm)")
+        axes.set_xlabel(
+            _force_label(study) if by_tension else f"displacement of tendon {number} (mm)"
+        )
         axes.legend(loc="best")
     return figure
 
 
 def _force_label(study: Study) -> str:
-    return f"tension of {study.settings.pulled} (N)"
+    return f"tension of {study.settings.actuated} (N)"
 
 
 def _solid(study: Study) -> Figure:
@@ -628,8 +638,8 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig02_disk": _disk,
     "fig05_tip_against_force": _tip_against_force,
     "fig05_over_time": _over_time,
-    "pull_against_force": _pull_against_force,
-    "fig06_tip_against_pull": _tip_against_pull,
+    "displacement_against_force": _displacement_against_force,
+    "fig06_tip_against_displacement": _tip_against_displacement,
     "fig07_configurations": _configurations,
     "fig10_overlay": _overlay,
     "backbones": _backbones,

@@ -1,4 +1,4 @@
-"""The third opinion of a study: the same sweep by 3-D finite elements."""
+"""Independent verification of a study: the same sweep by 3-D finite elements."""
 
 from __future__ import annotations
 
@@ -104,14 +104,14 @@ class FiniteElements:
         rows = int(np.isfinite(self.measured_point).all(axis=1).sum())
         if rows == 0:
             return (
-                f"No row of the {self.measured_source} table pulls this tendon alone within these "
-                "loads: there is nothing to compare.",
+                f"No row of the {self.measured_source} table actuates this tendon alone within "
+                "these loads: there is nothing to compare.",
             )
         means = [f"{name} {in_mm(size)}" for name, size in self.measured_errors.items()]
         return (
-            f"At the {rows} rows of the {self.measured_source} table that pull this tendon alone "
-            "within these loads the mean distance from the table's point, in the one base frame "
-            f"for all, is: {listed(means)}; finite elements are interpolated between loads.",
+            f"At the {rows} rows of the {self.measured_source} table that actuate this tendon "
+            "alone within these loads the mean distance from the table's point, in the one base "
+            f"frame for all, is: {listed(means)}; finite elements are interpolated between loads.",
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -170,7 +170,7 @@ def solve(
 def at_data(
     found: FiniteElements, tension: Array, shares: Array, data: AgainstData
 ) -> FiniteElements:
-    """Set a sweep beside measurements, at the rows that pull its tendons alone, in its shares.
+    """Set a sweep beside measurements, at the rows that actuate its tendons alone, in its shares.
 
     Parameters
     ----------

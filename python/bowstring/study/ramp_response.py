@@ -1,4 +1,4 @@
-"""The dynamic ramp of the study: one tendon pulled in time, as for Fig. 5, beside its statics.
+"""The dynamic ramp of the study: one tendon tensioned over time, as for Fig. 5, beside its statics.
 
 The tension rises in a straight line from zero, the robot at rest, and is then held. By default the
 rise takes 20 periods of the slowest mode at 5 % of critical damping. That is slow enough for a tip
@@ -103,7 +103,7 @@ class Transient:
     time: Array
     """(K,) s."""
     tension: Array
-    """(K,) of the pulled tendon, N."""
+    """(K,) of the actuated tendon, N."""
     tip_position: Array
     """(K, 3), m."""
     surface: Surface
@@ -282,7 +282,7 @@ def transient(
     modal_damping: float = MODAL_DAMPING,
     progress: Callable[[float], None] | None = None,
 ) -> Transient:
-    """Pull the tendon in time up to the last of these tensions, and hold.
+    """Raise the tension over time up to the last of these tensions, and hold.
 
     Parameters
     ----------
@@ -327,10 +327,10 @@ def transient(
     frames = run.frames
     if frames is None:
         raise NoSolutionError(f"{robot.name}: {run.message}")
-    pulled = np.minimum(top * run.time / rise, top)
+    tension = np.minimum(top * run.time / rise, top)
     reached = min(len(run.time), often * loads + 1)
 
-    still = model.solve(main, pulled[:reached]).tip_position
+    still = model.solve(main, tension[:reached]).tip_position
     beside = np.concatenate([still, np.repeat(still[-1:], len(run.time) - reached, axis=0)])
     at_loads = slice(0, reached, often)
     load_tip = np.full((loads + 1, 3), math.nan)
@@ -351,7 +351,7 @@ def transient(
         status=run.status,
         reason=run.reason,
         time=run.time,
-        tension=pulled,
+        tension=tension,
         tip_position=run.tip_position,
         surface=_surface(model, frames),
         static_tip=beside,

@@ -154,7 +154,7 @@ def _budget_page(study: Study, side: Side, title: str) -> dict[str, Any]:
     """One table of the error budget; contributions to the baseline are in budget.csv alone."""
     budget = study.budget
     of_sweep = side == "in_sweep"
-    where, base = ("The sweep", budget.sweep) if of_sweep else ("The full model", budget.fullest)
+    where, base = ("The sweep", budget.sweep) if of_sweep else ("The full model", budget.full_model)
     rows = []
     for row in budget.rows:
         present, absent = budget.cases(row, side)
@@ -198,8 +198,8 @@ def _sweep_rows(study: Study) -> list[dict[str, Any]]:
         "tension": s.tension,
         "status": s.status,
         "tip": s.tip_position * 1e3,
-        "pull": s.pull * 1e3,
-        "linear_pull": s.linear_pull * 1e3,
+        "displacement": s.displacement * 1e3,
+        "linear_displacement": s.linear_displacement * 1e3,
         "from_lengths": study.comparison("cc_from_lengths").error * 1e3,
         "from_force": study.comparison("cc_from_force").error * 1e3,
     }

@@ -79,7 +79,7 @@ class Loading:
             out[tendon - 1] = float(share)
         if max(out) != 1.0:
             raise InputError(
-                f"the largest share of the pulled tendons is {max(out):g}; must be 1, the tendon "
+                f"the largest share of the actuated tendons is {max(out):g}; must be 1, the tendon "
                 "that has the whole tension of the sweep",
                 argument="tendon",
             )
@@ -142,7 +142,7 @@ class Settings:
     points: int
     theory: Theory
     tendon: int
-    """Index of the pulled tendon, from 0; of several, of the first that has the whole tension."""
+    """Index of the actuated tendon, from 0; of several, of the first that has the whole tension."""
     shares: tuple[float, ...]
     """Share of the sweep's tension in each tendon, from 0 to 1."""
     range_chosen: bool
@@ -153,8 +153,8 @@ class Settings:
     """Of the slowest modes in dynamics, as a share of critical."""
 
     @property
-    def pulled(self) -> str:
-        """The pulled tendons in words: ``tendon 1``, ``tendons 1 and 4 (at 0.5 of it)``."""
+    def actuated(self) -> str:
+        """The actuated tendons in words: ``tendon 1``, ``tendons 1 and 4 (at 0.5 of it)``."""
         parts = [
             f"{i}" if share == 1.0 else f"{i} (at {significant(share)} of it)"
             for i, share in enumerate(self.shares, 1)
@@ -163,6 +163,6 @@ class Settings:
         return f"tendon{'s' * (len(parts) > 1)} {listed(parts)}"
 
     @property
-    def pulled_alone(self) -> bool:
-        """Whether one tendon is pulled and all others are slack."""
+    def actuated_alone(self) -> bool:
+        """Whether one tendon is actuated and all others are slack."""
         return sum(share > 0.0 for share in self.shares) == 1

@@ -40,7 +40,7 @@ class Backbones:
     """All backbones at one load."""
 
     tension: float
-    """Of the pulled tendon, N: the largest load of the sweep that has an equilibrium."""
+    """Of the actuated tendon, N: the largest load of the sweep that has an equilibrium."""
     shapes: tuple[Shape, ...]
     """Statics first; constant curvature where it has an arc."""
 

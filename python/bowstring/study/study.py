@@ -4,20 +4,20 @@
 
 1. its geometric sweep, constant curvature alone (Eq. 5, Fig. 6 and 7);
 2. a sweep of the tension from zero, solved by straight-span statics;
-3. the same pull in time, solved by dynamics, with stress and strain as in Fig. 5
+3. the same tension over time, solved by dynamics, with stress and strain as in Fig. 5
    (`bowstring.study.ramp_response`);
 4. constant curvature beside both in its two meanings: fed with the *lengths* that physics gives
    (Eq. 2-5), and fed with the *force* through the linear law; each plain and corrected
    (`bowstring.study.comparison`);
 5. an error budget: physical effects one by one, in this sweep, added to a baseline and removed from
-   a full model (`bowstring.study.error_budget`); friction, elastic tendons and pulled lengths along
-   a path of loading and unloading (`bowstring.study.actuation_budget`);
+   a full model (`bowstring.study.error_budget`); friction, elastic tendons and displacement
+   control along a path of loading and unloading (`bowstring.study.actuation_budget`);
 6. a verdict at a stated tolerance (`bowstring.study.verdict`);
 7. with measurements, every model against them, registered and not, what explains the error, and
    whether what is left is noise (`bowstring.study.data_validation`).
 
 Budget and verdict are about statics, which needs no rise time and no damping to be chosen. Friction
-at the holes is in the part of the budget that is about the drive, and nowhere else.
+at the holes is in the actuation part of the budget only.
 
 There are only numbers here: `bowstring.study.report` writes them, `bowstring.study.figures` draws
 them. Inside all is SI and radians; `Study.to_dict` is for people and files, in mm, degrees and
@@ -116,7 +116,7 @@ FIGURES: Final = (
     Figure(
         "fig05_tip_against_force",
         "Tip, displacement, stress and strain against force",
-        "One tendon is pulled, as in Fig. 5 of the study; simulated. Lines: dynamics, while the "
+        "One tendon is actuated, as in Fig. 5 of the study; simulated. Lines: dynamics, while the "
         "tension rises. Markers: statics at the same tension. Crosses: constant curvature from "
         "force. Stress and strain are the largest on the surface of the backbone.",
     ),
@@ -127,14 +127,14 @@ FIGURES: Final = (
         "Dashed: statics at the same tension. Below, the distance of the tip between the two.",
     ),
     Figure(
-        "pull_against_force",
-        "Pull against force",
-        "How far the pulled tendon has shortened: statics beside the linear law that the study "
+        "displacement_against_force",
+        "Tendon displacement against force",
+        "How far the actuated tendon has shortened: statics beside the linear law that the study "
         "assumes, and the difference of the two.",
     ),
     Figure(
-        "fig06_tip_against_pull",
-        "Tip against pull",
+        "fig06_tip_against_displacement",
+        "Tip against tendon displacement",
         "The study's geometric sweep, as its Fig. 6: tip coordinates by constant curvature alone "
         "while one tendon is shortened and the others follow.",
     ),
@@ -177,8 +177,8 @@ FIGURES: Final = (
         "Loading and unloading",
         "How far the tip is ahead of that of constant curvature at the same command, along the "
         "path of the latter: below zero the robot is bent less. Above, driven by tension with "
-        "friction at the holes; below, by pulled lengths on elastic tendons with friction. Dotted: "
-        "without friction and stretch.",
+        "friction at the holes; below, displacement control with elastic tendons with friction. "
+        "Dotted: without friction and stretch.",
     ),
 )
 
@@ -246,8 +246,8 @@ DATA_FIGURES: Final = (
 class GeometricSweep:
     """The study's own sweep: constant curvature alone, no physics."""
 
-    pull: Array
-    """(n,) shortening of the pulled tendon, m."""
+    displacement: Array
+    """(n,) shortening of the actuated tendon, m."""
     tendon_lengths: Array
     """(n, T), m."""
     theta: Array
@@ -270,7 +270,7 @@ class Statics:
     """The sweep by straight-span statics."""
 
     tension: Array
-    """(n,) of the pulled tendon, N; the others have their shares of it."""
+    """(n,) of the actuated tendon, N; the others have their shares of it."""
     status: tuple[str, ...]
     converged: NDArray[np.bool_]
     tip_position: Array
@@ -279,9 +279,9 @@ class Statics:
     """(n, N, 3), m."""
     tendon_lengths: Array
     """(n, T), m."""
-    pull: Array
-    """(n,) l0 - l of the pulled tendon, l0 with the backbone straight, m."""
-    linear_pull: Array
+    displacement: Array
+    """(n,) l0 - l of the actuated tendon, l0 with the backbone straight, m."""
+    linear_displacement: Array
     """(n,) what the linear law says it is, m."""
     surface: Surface
     """Largest stress and strain (n,)."""
@@ -341,13 +341,13 @@ class Study:
 
     @cached_property
     def model(self) -> Model:
-        """Robot and pulled tendons as the parts of the study have them."""
+        """Robot and actuated tendons as the parts of the study have them."""
         chosen = self.settings
         return Model(self.robot, chosen.tendon, chosen.theory, chosen.shares)
 
     @property
     def towards(self) -> tuple[float, float, float]:
-        """Towards which side the pulled tendons bend the robot, a unit vector."""
+        """Towards which side the actuated tendons bend the robot, a unit vector."""
         return self.model.towards
 
     def comparison(self, name: str, against: str = "statics") -> Comparison:
@@ -426,14 +426,14 @@ class Study:
             "warnings": list(self.warnings),
             "backbone_limits": list(self.limits_text),
             "sweep": {
-                "pulled_tendon": self.settings.tendon + 1,
+                "actuated_tendon": self.settings.tendon + 1,
                 "shares": list(self.settings.shares),
                 "tension_N": s.tension.tolist(),
                 "status": list(s.status),
                 "tip_position_mm": (s.tip_position * 1e3).tolist(),
                 "tendon_lengths_mm": (s.tendon_lengths * 1e3).tolist(),
-                "pull_mm": (s.pull * 1e3).tolist(),
-                "linear_pull_mm": (s.linear_pull * 1e3).tolist(),
+                "displacement_mm": (s.displacement * 1e3).tolist(),
+                "linear_displacement_mm": (s.linear_displacement * 1e3).tolist(),
                 **s.surface.to_dict(),
                 "errors_mm": self._errors_mm("statics"),
             },
@@ -442,7 +442,7 @@ class Study:
             else {**self.dynamics.to_dict(), "errors_mm": self._errors_mm("dynamics")},
             "finite_elements": None if self.bricks is None else self.bricks.to_dict(),
             "geometric_sweep": {
-                "pull_mm": (g.pull * 1e3).tolist(),
+                "displacement_mm": (g.displacement * 1e3).tolist(),
                 "tip_position_mm": (g.tip_position * 1e3).tolist(),
                 "theta_deg": np.degrees(g.theta).tolist(),
             },
@@ -665,8 +665,8 @@ def _largest_load(model: Model) -> float:
     by_newton = model.linear_bend_of_all
     if not by_newton > 0.0:
         raise InputError(
-            "the pulled tendons balance each other and bend nothing by the linear law, so that no "
-            "load range follows; give a largest tension, or pull other tendons",
+            "the actuated tendons balance each other and bend nothing by the linear law, so that "
+            "no load range follows; give a largest tension, or actuate other tendons",
             argument="tendon",
         )
     linear = _MAX_BEND / by_newton
@@ -727,7 +727,7 @@ def _arc_scale(model: Model, settings: Settings) -> float:
 
 
 def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
-    """Shorten the pulled tendon as the linear law would, the others follow at constant length."""
+    """Shorten the actuated tendon as the linear law would, the others follow at constant length."""
     robot = model.robot
     tension = np.linspace(0.0, settings.max_tension, settings.points)
     arcs = RobotArcs.from_tensions(robot, model.tensions(model.arc_scale * tension))
@@ -746,7 +746,7 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     with suppress(InputError):
         arcs = RobotArcs.from_lengths(robot, lengths)
     return GeometricSweep(
-        pull=_pull(model, lengths),
+        displacement=_displacement(model, lengths),
         tendon_lengths=lengths,
         theta=arcs.theta,
         tip_position=arcs.tip.position,
@@ -757,8 +757,8 @@ def _geometric_sweep(model: Model, settings: Settings) -> GeometricSweep:
     )
 
 
-def _pull(model: Model, lengths: Array) -> Array:
-    """By how much the pulled tendon is shorter than with the backbone straight (n,), m."""
+def _displacement(model: Model, lengths: Array) -> Array:
+    """By how much the actuated tendon is shorter than with the backbone straight (n,), m."""
     end = model.robot.tendons.end_disk[model.tendon]
     return np.asarray(model.robot.disks.station_m[end] - lengths[:, model.tendon])
 
@@ -779,8 +779,8 @@ def _statics(model: Model, settings: Settings) -> Statics:
         tip_position=sweep.tip_position,
         disk_positions=sweep.disk_positions,
         tendon_lengths=sweep.tendon_lengths,
-        pull=_pull(model, sweep.tendon_lengths),
-        linear_pull=model.linear_pull(tension),
+        displacement=_displacement(model, sweep.tendon_lengths),
+        linear_displacement=model.linear_displacement(tension),
         surface=surface_at_rest(model, tension, sweep.tip_position),
     )
 
@@ -827,7 +827,7 @@ def _claim(
     """The study's printed mean, for its own robot and load range only."""
     if robot.name != "amouri2019" or settings.max_tension != 80.0:
         return None
-    if settings.tendon != 0 or not settings.pulled_alone:
+    if settings.tendon != 0 or not settings.actuated_alone:
         return None
     ours = comparisons["cc_from_force"]
     x, _, z = ours.mean_by_axis

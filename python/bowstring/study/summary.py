@@ -43,7 +43,7 @@ def summarise(study: Study) -> Summary:
     tolerance = f"{in_percent(verdict.tolerance, 3)} of length, {in_mm(verdict.tolerance_length)}"
     return Summary(
         title=(
-            f"{robot.name}: {study.length * 1e3:g} mm, {study.settings.pulled} to "
+            f"{robot.name}: {study.length * 1e3:g} mm, {study.settings.actuated} to "
             f"{study.settings.max_tension:g} N, tolerance {tolerance} ({data})"
         ),
         rows=tuple(_row(study, meaning) for meaning in verdict.meanings),
@@ -122,21 +122,21 @@ def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
 
 
 def _actuation(study: Study) -> Iterator[tuple[str, str]]:
-    drive = study.budget.drive
-    up, down, *stretches, _, _ = drive.rows
+    actuation = study.budget.actuation
+    up, down, *stretches, _, _ = actuation.rows
     parts = []
     if math.isfinite(up.moved) and math.isfinite(down.moved):
-        assumed = " (assumed)" if drive.friction_assumed else ""
+        assumed = " (assumed)" if actuation.friction_assumed else ""
         parts.append(
-            f"friction {drive.friction:.3g}{assumed} moves the tip by {in_mm(up.moved)} (loading) "
-            f"and {in_mm(down.moved)} (unloading) in the mean"
+            f"friction {actuation.friction:.3g}{assumed} moves the tip by {in_mm(up.moved)} "
+            f"(loading) and {in_mm(down.moved)} (unloading) in the mean"
         )
     for row in stretches:
         if math.isfinite(row.moved):
-            assumed = " (assumed)" if drive.elasticity_assumed else ""
+            assumed = " (assumed)" if actuation.elasticity_assumed else ""
             parts.append(f"elastic tendons{assumed} by {in_mm(row.moved)}")
-    if math.isfinite(drive.loops[0].width):
-        loop = drive.loops[0]
+    if math.isfinite(actuation.loops[0].width):
+        loop = actuation.loops[0]
         parts.append(f"hysteresis up to {in_mm(loop.width)} at {significant(loop.widest_at)} N")
     if parts:
         yield "Actuation", "; ".join(parts)

@@ -52,12 +52,14 @@ def study_tables(study: Study) -> Iterable[Table]:
     g = study.geometry
     yield _table(
         "geometric_sweep",
-        ("pull_mm", g.pull * 1e3),
+        ("displacement_mm", g.displacement * 1e3),
         (tendons, g.tendon_lengths * 1e3),
         (bends, np.degrees(g.theta)),
         (_TIP, g.tip_position * 1e3),
     )
-    yield _by_disk("geometric_configurations", "pull_mm", g.pull * 1e3, g.disk_positions)
+    yield _by_disk(
+        "geometric_configurations", "displacement_mm", g.displacement * 1e3, g.disk_positions
+    )
 
     s = study.statics
     yield _table(
@@ -66,8 +68,8 @@ def study_tables(study: Study) -> Iterable[Table]:
         ("status", s.status),
         (_TIP, s.tip_position * 1e3),
         (tendons, s.tendon_lengths * 1e3),
-        ("pull_mm", s.pull * 1e3),
-        ("linear_law_pull_mm", s.linear_pull * 1e3),
+        ("displacement_mm", s.displacement * 1e3),
+        ("linear_law_displacement_mm", s.linear_displacement * 1e3),
         *s.surface.to_dict().items(),
     )
     yield _by_disk("statics_configurations", "tension_N", s.tension, s.disk_positions)
@@ -124,12 +126,12 @@ def study_tables(study: Study) -> Iterable[Table]:
     )
     budget = study.budget.to_dict()
     yield "budget", *_budget_table(budget)
-    yield "drive", *_drive_table(budget["drive"])
-    for loop in study.budget.drive.loops:
+    yield "actuation", *_actuation_table(budget["actuation"])
+    for loop in study.budget.actuation.loops:
         d = loop.to_dict()
-        command = "tension_N" if loop.driven_by == "tension" else "pull_mm"
+        command = "tension_N" if loop.control == "tension" else "displacement_mm"
         yield _table(
-            f"hysteresis_by_{loop.driven_by}",
+            f"hysteresis_by_{loop.control}",
             (command, d[command]),
             *(
                 (_named(f"{kind}_tip"), d[f"tip_{kind}_mm"])
@@ -180,7 +182,7 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
     data, loads = found.data, found.loads
     source = [data.source]
     ways = np.where(loads.loading, "loading", "unloading") if loads.single else None
-    by_tension, by_pull = _of(data.tensions), _of(data.pulls)
+    by_tension, by_displacement = _of(data.tensions), _of(data.displacements)
     yield _table(
         "measured",
         ("source", source * len(data)),
@@ -188,7 +190,10 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
         ("run", loads.run + 1),
         ("way", [None] * len(data) if ways is None else ways),
         ([f"tension_{t + 1}_N" for t in by_tension], data.tensions[:, by_tension]),
-        ([f"pull_{t + 1}_mm" for t in by_pull], data.pulls[:, by_pull] * 1e3),
+        (
+            [f"displacement_{t + 1}_mm" for t in by_displacement],
+            data.displacements[:, by_displacement] * 1e3,
+        ),
         (_named("measured"), data.tip * 1e3),
         (_named("registered"), found.point * 1e3),
         *((_named(name), found.comparison(name).tip_position * 1e3) for name in found.models),
@@ -234,32 +239,32 @@ def _budget_table(budget: dict[str, Any]) -> tuple[list[str], list[Sequence[Cell
         return [effect, what, d["problem"], *map(d.get, _MOVED), *errors]
 
     rows: list[Sequence[Cell]] = [
-        row("", "plainest", budget["plainest"]),
-        row("", "fullest", budget["fullest"]),
+        row("", "baseline", budget["baseline"]),
+        row("", "full_model", budget["full_model"]),
         row("", "this sweep", budget["sweep"]),
     ]
     for r in budget["rows"]:
         to = {"added": "added to", "removed": "removed from"}[r["in_sweep"]["how"]]
         rows += [
-            row(r["effect"], "added to plainest", r["added"]),
-            row(r["effect"], "fullest with it", r["full"]),
-            row(r["effect"], "removed from fullest", r["removed"]),
+            row(r["effect"], "added to baseline", r["added"]),
+            row(r["effect"], "full model with it", r["full"]),
+            row(r["effect"], "removed from full model", r["removed"]),
             row(r["effect"], f"{to} this sweep", r["in_sweep"]),
         ]
     return header, rows
 
 
-def _drive_table(drive: dict[str, Any]) -> tuple[list[str], list[Sequence[Cell]]]:
+def _actuation_table(actuation: dict[str, Any]) -> tuple[list[str], list[Sequence[Cell]]]:
     kinds = (*_ERROR, "change_of_mean_mm")
     rows: list[Sequence[Cell]] = []
     for kind, d in (
-        ("tension", drive["tension"]),
-        ("pull", drive["pull"]),
-        *(("", row) for row in drive["rows"]),
+        ("tension", actuation["tension"]),
+        ("displacement", actuation["displacement"]),
+        *(("", row) for row in actuation["rows"]),
     ):
-        what = [d.get("effect"), d.get("driven_by", kind), " ".join(d.get("assumed", ()))]
+        what = [d.get("effect"), d.get("control", kind), " ".join(d.get("assumed", ()))]
         for name in (*MEANINGS, COMMANDED):
             if name in d:
                 errors = map(d[name].get, kinds)
                 rows.append([*what, name, d["problem"], *errors, *map(d.get, _MOVED)])
-    return ["effect", "driven_by", "assumed", "name", "problem", *kinds, *_MOVED], rows
+    return ["effect", "control", "assumed", "name", "problem", *kinds, *_MOVED], rows

@@ -106,7 +106,7 @@ def _print_details(study: Study, console: Console) -> None:
         ),
     )
     b = study.budget
-    first = [*means(b.sweep).values(), *means(b.fullest).values()]
+    first = [*means(b.sweep).values(), *means(b.full_model).values()]
     budget.add_row("(mean error)", *first)
     partial = any(" of " in cell for cell in first)
     problems: dict[str, None] = {}
@@ -128,27 +128,27 @@ def _print_details(study: Study, console: Console) -> None:
     if partial or problems:
         console.print()
 
-    drive = study.budget.drive
+    actuation = study.budget.actuation
     driven = _table(
         "Actuation: mean tip error (mm), from home to the largest command\n"
         "(loading) and back (unloading)",
         ("effect", "CC from\nlengths", "CC from\nforce", "commanded\nlengths", "tip\nmoves"),
     )
-    for driven_by, title, base in (
-        ("tension", "(tension, no friction)", drive.tension_driven),
-        ("pull", "(pulled, no stretch or friction)", drive.pull_driven),
+    for control, title, base in (
+        ("tension", "(tension control, no friction)", actuation.tension_controlled),
+        ("displacement", "(displacement control, inextensible)", actuation.displacement_controlled),
     ):
         shown = [(title, base, "")]
-        for r in drive.rows:
-            if r.driven_by == driven_by:
+        for r in actuation.rows:
+            if r.control == control:
                 mark = " *" if r.case.problem or r.base.problem else ""
                 shown.append((r.short_label + mark, r.case, number(r.moved * 1e3, 2)))
         for label, case, moved in shown:
             errors_of = (means(case).get(name, "") for name in (*MEANINGS, COMMANDED))
             driven.add_row(label, *errors_of, moved)
     console.print(driven)
-    gaps = dict.fromkeys(c.problem for r in drive.rows for c in (r.base, r.case) if c.problem)
-    _print_notes(console, [*drive.origins, *(f"* {gap}" for gap in gaps)])
+    gaps = dict.fromkeys(c.problem for r in actuation.rows for c in (r.base, r.case) if c.problem)
+    _print_notes(console, [*actuation.origins, *(f"* {gap}" for gap in gaps)])
     console.print()
 
     if study.data is not None:

@@ -161,7 +161,7 @@ def judge(
             *(m.text for m in meanings),
             *_on_corrections(comparisons),
             *_on_left_out(budget),
-            *budget.drive.text,
+            *budget.actuation.text,
             *_on_friction(budget, case_tension, tolerance, model.length),
         ),
     )
@@ -345,12 +345,12 @@ def _on_corrections(comparisons: dict[str, Comparison]) -> list[str]:
 
 def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float) -> list[str]:
     """Where the file's own friction, which the main sweep leaves out, breaks the tolerance."""
-    if budget.drive.friction_assumed:
+    if budget.actuation.friction_assumed:
         return []
     parts = []
     for meaning, words in zip(MEANINGS, ("from lengths", "from force"), strict=True):
         for way in ("loading", "unloading"):
-            error = budget.drive.row(f"friction_{way}").case.error(meaning)
+            error = budget.actuation.row(f"friction_{way}").case.error(meaning)
             if not np.isfinite(error).any():
                 continue
             above = tension[np.nan_to_num(error) > tolerance * length]
@@ -360,10 +360,10 @@ def _on_friction(budget: Budget, tension: Array, tolerance: float, length: float
             parts.append(f"{words}, {way}: {where}")
     if not parts:
         return []
-    calibrated = budget.drive.friction_is == "calibrated"
+    calibrated = budget.actuation.friction_is == "calibrated"
     whose = "the calibrated one" if calibrated else "that of the file"
     return [
-        f"The ranges above are without friction. With {whose}, {budget.drive.friction:.4g}, "
+        f"The ranges above are without friction. With {whose}, {budget.actuation.friction:.4g}, "
         f"the error is above {in_percent(tolerance, 3)} of length at these of the sweep's "
         f"{len(tension)} loads: {'; '.join(parts)}."
     ]

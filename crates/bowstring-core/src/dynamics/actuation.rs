@@ -74,8 +74,8 @@ impl Actuation {
     }
 
     /// Displacement of a tendon now, m.
-    pub fn pull(&self, i: usize) -> f64 {
-        self.tendons().pull_now(i, &self.old)
+    pub fn displacement(&self, i: usize) -> f64 {
+        self.tendons().displacement_now(i, &self.old)
     }
 
     /// Tension of a tendon's spans from base to tip at the last balance of forces, N; what a step
@@ -93,7 +93,7 @@ impl Actuation {
 
     /// Whether a tendon is under displacement control and does not stretch.
     pub fn is_stiff(&self, i: usize) -> bool {
-        self.commands[i].is_pull() && self.tendons().tension_of_stretch(i).is_none()
+        self.commands[i].is_displacement() && self.tendons().tension_of_stretch(i).is_none()
     }
 
     /// Whether Newton's method on a step takes more work by this factor.
@@ -102,11 +102,17 @@ impl Actuation {
     }
 
     /// Takes on the commands of a step: tensions where forces balance, displacements of its end.
-    pub fn begin(&mut self, motion: &mut dyn Moving, tensions: &[f64], pulls: &[f64], share: f64) {
+    pub fn begin(
+        &mut self,
+        motion: &mut dyn Moving,
+        tensions: &[f64],
+        displacements: &[f64],
+        share: f64,
+    ) {
         for (i, command) in self.commands.iter_mut().enumerate() {
             match command {
                 Command::Tension(t) => *t = tensions[i],
-                Command::Pull(p) => *p = pulls[i],
+                Command::Displacement(p) => *p = displacements[i],
             }
         }
         self.transmission.start(&self.old, &self.commands);

@@ -31,10 +31,10 @@ use crate::statics::solver::{Outcome, Solver, Status};
 ///     spectral_radius: 1.0,
 ///     step: Step::Fixed(2e-3),
 /// })?;
-/// let pull = |tension: &'static [f64]| Load { tensions: tension, gravity: [0.0; 3], tip_force: [0.0; 3], tip_moment: [0.0; 3] };
-/// simulator.rest(&pull(&[0.0]))?;
+/// let load = |tension: &'static [f64]| Load { tensions: tension, gravity: [0.0; 3], tip_force: [0.0; 3], tip_moment: [0.0; 3] };
+/// simulator.rest(&load(&[0.0]))?;
 /// // 0 to 40 N in half a second
-/// let (stop, _) = simulator.advance(0.5, &pull(&[40.0]))?;
+/// let (stop, _) = simulator.advance(0.5, &load(&[40.0]))?;
 /// assert_eq!(stop, None);
 /// assert!((simulator.tip().0[0] - 0.19836).abs() < 1e-3);
 /// # Ok::<(), bowstring_core::model::error::InputError>(())
@@ -157,8 +157,8 @@ impl Simulator {
     }
 
     /// Starts anew, at rest where a path of equilibria has come to, at time zero; from there on
-    /// each tendon is driven as in the path's last step, by a tension or by a pull, and friction
-    /// goes on from the path. In loads that follow, a tendon that is pulled has its pull in the
+    /// each tendon is driven as in the path's last step, by a tension or by a displacement, and friction
+    /// goes on from the path. In loads that follow, a tendon that is by_displacement has its displacement in the
     /// place of the tension, m.
     ///
     /// # Errors
@@ -284,7 +284,7 @@ impl Simulator {
     /// Changes the load at once: a release, or a step of tension.
     ///
     /// # Errors
-    /// If a number does not fit the robot, or a pull jumps that nothing gives way to.
+    /// If a number does not fit the robot, or a displacement jumps that nothing gives way to.
     pub fn jump(&mut self, load: &Load) -> Result<(), InputError> {
         self.check_ready()?;
         self.check(load)?;
@@ -367,15 +367,15 @@ impl Simulator {
         let tensions: Vec<_> = commands
             .map(|(i, (command, now))| match command {
                 Command::Tension(_) => *now,
-                Command::Pull(_) => actuation.tension(i),
+                Command::Displacement(_) => actuation.tension(i),
             })
             .collect();
         self.engine.record(time, &tensions, points, fields);
         let (n, m) = (self.robot.module_count(), now.len());
         fields
             .tendons
-            .pull
-            .extend((0..m).map(|i| actuation.pull(i)));
+            .displacement
+            .extend((0..m).map(|i| actuation.displacement(i)));
         fields.tendons.slack.extend(&actuation.slack);
         let span_tensions = &mut fields.tendons.span_tension;
         let first = span_tensions.len();

@@ -32,7 +32,7 @@ pub fn flexibility(
     Ok((outcome, found))
 }
 
-/// The same where a path of equilibria has come to: tendons that are pulled by a length keep it,
+/// The same where a path of equilibria has come to: tendons that are displacement-controlled keep it,
 /// and with friction none slips. None where the path has not come to a stable one.
 ///
 /// # Errors

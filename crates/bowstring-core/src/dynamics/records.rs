@@ -90,7 +90,7 @@ impl Records {
             &[tip[0], tip[1], tip[2] - self.length],
             &tendons.tension,
             &tendons.length,
-            &tendons.pull,
+            &tendons.displacement,
             &tendons.slack,
             &tendons.span_length,
             &tendons.span_tension,

@@ -318,10 +318,10 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
     }
 
     fn noise(&self, tensions: &[f64]) -> f64 {
-        let pull: f64 = tensions.iter().sum();
+        let tension: f64 = tensions.iter().sum();
         let weight = self.residual.gravity.norm().lane(0) * self.body.mass.total;
         let inertia = self.effort(1.0);
-        let force = pull + weight + inertia + self.residual.tip_force.norm().lane(0);
+        let force = tension + weight + inertia + self.residual.tip_force.norm().lane(0);
         ROUNDING * force * self.length
     }
 

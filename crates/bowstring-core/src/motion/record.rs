@@ -63,7 +63,7 @@ pub struct TendonFields {
     /// Lengths (m).
     pub length: Vec<f64>,
     /// Displacements since home (m), of a robot that is driven through its lines.
-    pub pull: Vec<f64>,
+    pub displacement: Vec<f64>,
     /// Slack lengths (m), of a robot that is driven through its lines.
     pub slack: Vec<f64>,
     /// Lengths of spans (m).
@@ -89,7 +89,7 @@ impl Fields {
             &mut disks.angular_velocity,
             &mut tendons.tension,
             &mut tendons.length,
-            &mut tendons.pull,
+            &mut tendons.displacement,
             &mut tendons.slack,
             &mut tendons.span_length,
             &mut tendons.span_tension,

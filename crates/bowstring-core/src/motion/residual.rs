@@ -116,8 +116,8 @@ impl<L: Layout, const A: usize> Residual<L, A> {
             state.end_force = state.f[0];
             state.span_torque = Vec3::zero();
             if t.path == TendonPath::Straight {
-                let (_, pull, torque, _) = state.spans(&constants[g], &t);
-                state.end_force -= pull;
+                let (_, force, torque, _) = state.spans(&constants[g], &t);
+                state.end_force -= force;
                 state.span_torque = torque;
             }
             let tangent = state.s.column(2);

@@ -975,11 +975,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                         break;
                     }
                     self.placed.lengths[j] += L::get(&length, i);
-                    let (pull, forward) = (L::get(&t.tensions[j], i), L::get(&forward, i));
+                    let (tension, forward) = (L::get(&t.tensions[j], i), L::get(&forward, i));
                     for robot in 0..L::Chain::LANES {
                         let least = self.placed.forward[k].lane(robot);
                         // a NaN counts as backward
-                        if pull.lane(robot) > 0.0 && !(forward.lane(robot) >= least) {
+                        if tension.lane(robot) > 0.0 && !(forward.lane(robot) >= least) {
                             self.placed.forward[k].set_lane(robot, forward.lane(robot));
                         }
                     }

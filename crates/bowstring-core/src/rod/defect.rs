@@ -318,8 +318,8 @@ impl<T: Real, const A: usize> State<T, A> {
             section.rotation = rotation;
             section.place = start;
         }
-        let pull = self.f[0] - self.end_force;
-        let exact = section.moment + self.rho.cross(pull) + self.span_torque;
+        let force = self.f[0] - self.end_force;
+        let exact = section.moment + self.rho.cross(force) + self.span_torque;
         let mut assumed = self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) - self.lambda;
         // Hermite's couple at the start stands with the clamp's weight
         assumed += Vec3::ez().cross(weight * (length * length * T::splat(1.0 / 12.0)));

@@ -15,7 +15,7 @@ use crate::rod::module::Span;
 pub struct ErrorEstimate {
     /// Largest error of a disk's position, the tip's among them (m).
     pub tip: f64,
-    /// Largest error of the tension of a tendon that is pulled by a length (N).
+    /// Largest error of the tension of a tendon that is displacement-controlled (N).
     pub tension: f64,
 }
 

@@ -20,7 +20,7 @@ pub(crate) struct Nearest {
     /// Tendons that pull against each other.
     pub fighting: Vec<usize>,
     /// By tendons, m; NaN under tension control.
-    pub pulls: Vec<f64>,
+    pub displacements: Vec<f64>,
 }
 
 impl PathStep {
@@ -54,11 +54,11 @@ impl PathStep {
                 fighting: (0..commands.len())
                     .filter(|&i| lacks[i] > FIGHTS * most)
                     .collect(),
-                pulls: commands
+                displacements: commands
                     .iter()
                     .zip(&lacks)
                     .map(|(command, lack)| match command {
-                        Command::Pull(p) => p - lack,
+                        Command::Displacement(p) => p - lack,
                         Command::Tension(_) => f64::NAN,
                     })
                     .collect(),
@@ -75,7 +75,7 @@ impl PathStep {
     fn lacks(&self, commands: &[Command], compliance: f64) -> Vec<f64> {
         let tensions = &self.transmission.tendons.now.tensions;
         let lack = |(command, tension): (&Command, &f64)| match command {
-            Command::Pull(_) => compliance * tension,
+            Command::Displacement(_) => compliance * tension,
             Command::Tension(_) => 0.0,
         };
         commands.iter().zip(tensions).map(lack).collect()

@@ -145,7 +145,7 @@ impl Drive {
         now.spans.copy_from_slice(spans);
         now.commands.copy_from_slice(commands);
         now.load = [load.gravity, load.tip_force, load.tip_moment];
-        self.tendons().note_pulls();
+        self.tendons().note_displacements();
         Ok(())
     }
 
@@ -155,8 +155,8 @@ impl Drive {
     }
 
     /// Displacement of a tendon since home, m.
-    pub fn pull(&self, i: usize) -> f64 {
-        self.history().pulls[i]
+    pub fn displacement(&self, i: usize) -> f64 {
+        self.history().displacements[i]
     }
 
     /// Tension of a span, N.
@@ -180,8 +180,8 @@ impl Drive {
     pub fn check(&mut self, commands: &[Command], load: &Load) -> Result<(), InputError> {
         let transmission = self.transmission();
         transmission.tendons.check(self.robot(), commands, load)?;
-        let pulled = commands.iter().filter(|c| c.is_pull());
-        let unknowns = pulled.count() + transmission.most_holes();
+        let by_displacement = commands.iter().filter(|c| c.is_displacement());
+        let unknowns = by_displacement.count() + transmission.most_holes();
         if unknowns > self.fitting {
             dispatch::check_driven(self.robot(), self.solver().elements(), unknowns, 1)?;
             self.fitting = unknowns;
@@ -229,12 +229,12 @@ impl Drive {
         load: &Load,
     ) {
         self.tendons().now = old;
-        let pulled = commands.iter().any(|c| c.is_pull());
-        if pulled && outcome.status != Status::NoEquilibrium && !interrupt::interrupted() {
+        let by_displacement = commands.iter().any(|c| c.is_displacement());
+        if by_displacement && outcome.status != Status::NoEquilibrium && !interrupt::interrupted() {
             if let Some(nearest) = self.last.nearest(&self.home, commands, load) {
                 outcome.status = Status::NoEquilibrium;
                 outcome.fighting = nearest.fighting;
-                outcome.nearest = Some(nearest.pulls);
+                outcome.nearest = Some(nearest.displacements);
             }
         }
         self.last.solver.unsettle();

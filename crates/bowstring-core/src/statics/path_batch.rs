@@ -14,7 +14,7 @@ use crate::statics::solver::{Outcome, Status};
 pub fn commands(displaced: &[bool], values: &[f64]) -> Vec<Command> {
     let both = displaced.iter().zip(values);
     both.map(|(displaced, value)| match displaced {
-        true => Command::Pull(*value),
+        true => Command::Displacement(*value),
         false => Command::Tension(*value),
     })
     .collect()
@@ -22,7 +22,13 @@ pub fn commands(displaced: &[bool], values: &[f64]) -> Vec<Command> {
 
 /// Tensions that commands give (N); NaN for tendons that are displaced.
 pub fn commanded_tensions(commands: &[Command]) -> Vec<f64> {
-    let tension = |c: &Command| if c.is_pull() { f64::NAN } else { c.value() };
+    let tension = |c: &Command| {
+        if c.is_displacement() {
+            f64::NAN
+        } else {
+            c.value()
+        }
+    };
     commands.iter().map(tension).collect()
 }
 
@@ -230,7 +236,7 @@ impl Part<'_> {
         if found.status == Status::Converged {
             self.poses.write_answer(i, drive.solver());
             put(self.tensions, &drive.history().tensions);
-            let displacements: Vec<f64> = (0..m).map(|j| drive.pull(j)).collect();
+            let displacements: Vec<f64> = (0..m).map(|j| drive.displacement(j)).collect();
             put(self.displacements, &displacements);
             put(self.slack, drive.slack());
             put(self.span_tensions, &drive.span_tensions());

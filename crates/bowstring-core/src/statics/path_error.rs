@@ -23,7 +23,7 @@ impl PathStep {
         let tendons = &self.transmission.tendons;
         let (commands, tensions) = (&tendons.now.commands, &tendons.now.tensions);
         let held: Vec<usize> = (0..commands.len())
-            .filter(|&i| commands[i].is_pull() && tensions[i] > 0.0)
+            .filter(|&i| commands[i].is_displacement() && tensions[i] > 0.0)
             .collect();
         let tautest = tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
         let mut largest = 0.0;

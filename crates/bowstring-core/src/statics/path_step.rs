@@ -189,7 +189,7 @@ impl PathStep {
             for (i, to) in commands.iter().enumerate() {
                 let start = match to {
                     Command::Tension(_) => old.tensions[i],
-                    Command::Pull(_) => old.pulls[i],
+                    Command::Displacement(_) => old.displacements[i],
                 };
                 part_commands[i] = to.with(between(start, to.value(), share));
             }
@@ -475,7 +475,7 @@ impl PathStep {
                 *slack = 0.0;
             }
         }
-        tendons.note_pulls();
+        tendons.note_displacements();
         let strain = &mut tendons.now.strain;
         self.solver.engine.strains(&mut |i, w| strain[i] = w);
         outcome.undetermined = unknowns.is_undetermined(tendons);

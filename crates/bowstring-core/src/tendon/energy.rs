@@ -19,7 +19,7 @@ impl Tendons {
             let lengths = rod.span_lengths();
             match *command {
                 Command::Tension(t) => motors += t * (step.routed[i] - self.length_of(lengths, i)),
-                Command::Pull(p) => {
+                Command::Displacement(p) => {
                     let stretched = self.stretch_at(lengths, i, p);
                     motors += self.now.tensions[i] * (p - step.counted[i]);
                     before += self.energy(i, step.stretched[i]);
@@ -60,7 +60,7 @@ impl Tendons {
     pub fn jump(&mut self, values: &[f64], slack: &mut [f64]) -> f64 {
         let mut energy = 0.0;
         for (i, to) in values.iter().enumerate() {
-            if self.now.commands[i].is_pull() {
+            if self.now.commands[i].is_displacement() {
                 let stretched = self.step.routed[i] - self.home[i] + to;
                 let now = f64::max(stretched, 0.0);
                 energy += self.energy(i, now) - self.energy(i, self.step.stretched[i]);
@@ -75,10 +75,10 @@ impl Tendons {
     }
 
     /// Displacement of a tendon now, m.
-    pub fn pull_now(&self, i: usize, old: &History) -> f64 {
+    pub fn displacement_now(&self, i: usize, old: &History) -> f64 {
         match self.now.commands[i] {
-            Command::Pull(_) => self.step.counted[i],
-            Command::Tension(_) => old.pulls[i],
+            Command::Displacement(_) => self.step.counted[i],
+            Command::Tension(_) => old.displacements[i],
         }
     }
 
@@ -101,7 +101,7 @@ impl Tendons {
             let lengths = rod.span_lengths();
             let (stretched, slack) = match self.now.commands[i] {
                 Command::Tension(_) => (0.0, 0.0),
-                Command::Pull(p) => {
+                Command::Displacement(p) => {
                     let stretched = self.stretch_at(lengths, i, p);
                     self.step.counted[i] = p;
                     // the slack of a taut tendon that does not stretch is rounding
@@ -118,7 +118,7 @@ impl Tendons {
             (self.step.stretched[i], self.slack[i]) = (stretched, slack);
             energy += self.energy(i, stretched);
         }
-        self.note_pulls();
+        self.note_displacements();
         energy
     }
 }

@@ -61,9 +61,9 @@ impl Friction {
         if self.enabled {
             for i in 0..tendons.lines.len() {
                 self.from[i] = if old.tensions[i] > 0.0 {
-                    old.pulls[i]
+                    old.displacements[i]
                 } else {
-                    tendons.pull_of(old, i)
+                    tendons.displacement_of(old, i)
                 };
             }
         }
@@ -154,7 +154,9 @@ impl Friction {
     /// stands still the drop stays.
     fn base_slip(&self, tendons: &Tendons, i: usize) -> Option<f64> {
         match tendons.now.commands[i] {
-            Command::Pull(to) if tendons.compliance.before[i] == 0.0 => Some(to - self.from[i]),
+            Command::Displacement(to) if tendons.compliance.before[i] == 0.0 => {
+                Some(to - self.from[i])
+            }
             _ => None,
         }
     }
@@ -202,7 +204,7 @@ impl Friction {
                 }
                 let free = start == 0 && !holds(0);
                 let from = std::mem::replace(&mut start, k + 1);
-                if free && !tendons.now.commands[i].is_pull() {
+                if free && !tendons.now.commands[i].is_displacement() {
                     continue;
                 }
                 let own = if friction {

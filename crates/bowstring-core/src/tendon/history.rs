@@ -13,7 +13,7 @@ pub struct History {
     /// Lengths of the spans less their creep (m), by modules and tendons.
     pub spans: Vec<f64>,
     /// Tendon displacements since home (m).
-    pub pulls: Vec<f64>,
+    pub displacements: Vec<f64>,
     /// Strain of the backbone, where the next step starts from.
     pub(crate) strain: Vec<Vec3>,
     pub(crate) slip: Vec<Slip>,
@@ -29,7 +29,7 @@ impl History {
         self.tensions.clone_from(&other.tensions);
         self.drops.clone_from(&other.drops);
         self.spans.clone_from(&other.spans);
-        self.pulls.clone_from(&other.pulls);
+        self.displacements.clone_from(&other.displacements);
         self.strain.clone_from(&other.strain);
         self.slip.clone_from(&other.slip);
         self.commands.clone_from(&other.commands);

@@ -34,19 +34,19 @@ pub enum Command {
     /// Tension before the base hole (N).
     Tension(f64),
     /// Tendon displacement since home (m); negative if it is paid out.
-    Pull(f64),
+    Displacement(f64),
 }
 
 impl Command {
     /// Whether it gives the displacement.
-    pub fn is_pull(&self) -> bool {
-        matches!(self, Command::Pull(_))
+    pub fn is_displacement(&self) -> bool {
+        matches!(self, Command::Displacement(_))
     }
 
     /// The tension or the displacement.
     pub fn value(&self) -> f64 {
         match *self {
-            Command::Tension(value) | Command::Pull(value) => value,
+            Command::Tension(value) | Command::Displacement(value) => value,
         }
     }
 
@@ -54,7 +54,7 @@ impl Command {
     pub(crate) fn with(&self, value: f64) -> Self {
         match self {
             Command::Tension(_) => Command::Tension(value),
-            Command::Pull(_) => Command::Pull(value),
+            Command::Displacement(_) => Command::Displacement(value),
         }
     }
 }

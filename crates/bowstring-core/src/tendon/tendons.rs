@@ -91,7 +91,7 @@ impl Tendons {
             tensions,
             drops: vec![0.0; n * m],
             spans,
-            pulls: vec![0.0; m],
+            displacements: vec![0.0; m],
             strain,
             slip: vec![Slip::Sticks; n * m],
             load: [[0.0; 3]; 3],
@@ -111,7 +111,7 @@ impl Tendons {
     }
 
     /// Displacement that a tendon without slack has.
-    pub fn pull_of(&self, history: &History, i: usize) -> f64 {
+    pub fn displacement_of(&self, history: &History, i: usize) -> f64 {
         let compliance = &self.compliance;
         let (mut tension, mut routed) = (history.tensions[i], 0.0);
         for at in self.spans_of(i) {
@@ -122,11 +122,11 @@ impl Tendons {
     }
 
     /// Displacements of the present state, as commanded or as the tensions give them.
-    pub fn note_pulls(&mut self) {
+    pub fn note_displacements(&mut self) {
         for i in 0..self.lines.len() {
-            self.now.pulls[i] = match self.now.commands[i] {
-                Command::Pull(p) => p,
-                Command::Tension(_) => self.pull_of(&self.now, i),
+            self.now.displacements[i] = match self.now.commands[i] {
+                Command::Displacement(p) => p,
+                Command::Tension(_) => self.displacement_of(&self.now, i),
             };
         }
     }
@@ -149,7 +149,7 @@ impl Tendons {
         for (i, command) in commands.iter().enumerate() {
             tensions.push(match *command {
                 Command::Tension(t) => t,
-                Command::Pull(p) => {
+                Command::Displacement(p) => {
                     let length = self.routing.straight[i];
                     InputError::check_number(Argument::Displacement, i, p, Rule::Finite)?;
                     if p >= length {
@@ -212,7 +212,7 @@ impl Tendons {
         for i in 0..self.lines.len() {
             self.slack[i] = match self.now.commands[i] {
                 Command::Tension(_) => 0.0,
-                Command::Pull(p) => {
+                Command::Displacement(p) => {
                     let spans = self.spans_of(i);
                     let carried: f64 = spans
                         .map(|at| compliance.stretch[at] * self.tensions[at])
@@ -232,15 +232,15 @@ impl Tendons {
     }
 
     /// Stretch of a tendon at a displacement, slack as negative.
-    pub fn stretch_at(&self, lengths: &[f64], i: usize, pull: f64) -> f64 {
-        self.length_of(lengths, i) - self.home[i] + pull
+    pub fn stretch_at(&self, lengths: &[f64], i: usize, displacement: f64) -> f64 {
+        self.length_of(lengths, i) - self.home[i] + displacement
     }
 
     /// Largest length by which a tendon is too short, or slack under tension.
     pub fn length_residual(&self) -> f64 {
         let mut most: f64 = 0.0;
         for (i, command) in self.now.commands.iter().enumerate() {
-            if command.is_pull() {
+            if command.is_displacement() {
                 let s = self.slack[i];
                 let miss = if self.now.tensions[i] > 0.0 {
                     s.abs()
@@ -289,7 +289,8 @@ fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputE
     }
     if model.tendon == TendonPath::Continuous {
         return fail(
-            "pulls, slack and friction need straight spans; a continuous tendon has none".into(),
+            "displacements, slack and friction need straight spans; a continuous tendon has none"
+                .into(),
         );
     }
     for (i, line) in lines.iter().enumerate() {

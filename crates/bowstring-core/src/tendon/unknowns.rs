@@ -165,7 +165,7 @@ impl Unknowns {
         let (m, now) = (tendons.lines.len(), &tendons.now);
         self.list.clear();
         for (i, command) in now.commands.iter().enumerate() {
-            if command.is_pull() {
+            if command.is_displacement() {
                 self.list.push(Unknown::Tension(i));
             }
         }
@@ -177,7 +177,7 @@ impl Unknowns {
                 continue;
             }
             // a line that does not stretch gives the slip of the base hole
-            let given = now.commands[i].is_pull() && tendons.compliance.before[i] == 0.0;
+            let given = now.commands[i].is_displacement() && tendons.compliance.before[i] == 0.0;
             for hole in usize::from(given)..=tendons.routing.ends[i] {
                 if friction.is_global() || now.slip[hole * m + i] == Slip::Sticks {
                     self.list.push(Unknown::Drop { tendon: i, hole });

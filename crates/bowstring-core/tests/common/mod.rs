@@ -45,7 +45,7 @@ pub fn study_robot(n: usize, clamped_length: f64) -> Robot {
     .unwrap()
 }
 
-pub fn pull(tensions: &[f64]) -> Load<'_> {
+pub fn by_tensions(tensions: &[f64]) -> Load<'_> {
     Load {
         tensions,
         gravity: [0.0; 3],

@@ -1,9 +1,8 @@
-"""The pulled robot that every solver in `make bench` gets that can take lengths, and how it is
-measured.
+"""The displacement-controlled robot of `make bench`, for every solver that takes tendon lengths.
 
-Robot, gravity and tip force: those of `cases.LOADED`. Tendon 1 is taken in; tendons 2 and 3 are
-paid out so far that they hang by 10 mm. From straight, in one call; the building of a model that
-can be used again is not counted.
+Robot, gravity and tip force: those of `cases.LOADED`. Tendon 1 is shortened; 2 and 3 are
+lengthened so far that they are slack by 10 mm. From straight, in one call; the building of a model
+that can be used again is not counted.
 """
 
 from __future__ import annotations
@@ -15,24 +14,24 @@ from dataclasses import dataclass
 from benchmarks.cases import LENGTH, LOADED, Case, median_ms
 
 TENSION_N = 40.0
-PULLS = (0.022265557409, -0.015678655058, -0.025854244622)
+DISPLACEMENTS = (0.022265557409, -0.015678655058, -0.025854244622)
 """In m. At 40, 0 and 0 N our solution with elements=8 has the first of these, and the others but
 for 10 mm each."""
 SLACK = 0.01
-LIMITS = tuple(LENGTH - pull for pull in PULLS)
+LIMITS = tuple(LENGTH - value for value in DISPLACEMENTS)
 """Largest length of each tendon from the base hole to its end, in m."""
 
 BY_TENSION = Case("", (TENSION_N, 0, 0), (0, 0, 0), LOADED.gravity, LOADED.tip_force)
 CHECK_TIP_MM = (234.99458, 89.37542, 571.62069)
-"""The tip by the tension instead of the pull: Exudyn (peers/exudyn_rod.py on `BY_TENSION`) with 8
-and 16 elements a module and tolerance 1e-8, extrapolated."""
+"""The tip by the tension instead of the displacement: Exudyn (peers/exudyn_rod.py on `BY_TENSION`)
+with 8 and 16 elements a module and tolerance 1e-8, extrapolated."""
 
 Found = tuple[Sequence[float], float]
 """Tip in mm and tension of tendon 1 in N."""
 
 
 @dataclass
-class Pulled:
+class Displaced:
     """The case at one setting; without an answer `tip_mm` is None and `note` says why."""
 
     setting: str
@@ -44,7 +43,7 @@ class Pulled:
 
 def measure(
     settings: Mapping[str, Callable[[], Callable[[], Found]]], repeat: bool = True
-) -> list[Pulled]:
+) -> list[Displaced]:
     """Solve and time every setting (name -> how to prepare it); once if it is not to `repeat`."""
     results = []
     for setting, prepare in settings.items():
@@ -55,8 +54,8 @@ def measure(
             spent = 1e3 * (time.perf_counter() - start)
             if repeat:  # the first run is not timed
                 spent = median_ms(solve)
-            results.append(Pulled(setting, spent, [float(x) for x in tip], float(tension)))
+            results.append(Displaced(setting, spent, [float(x) for x in tip], float(tension)))
         except Exception as error:  # a peer that fails gets a row, not a crash
             reason = (str(error).strip() or type(error).__name__).split("\n")[0]
-            results.append(Pulled(setting, note=reason))
+            results.append(Displaced(setting, note=reason))
     return results

@@ -1,5 +1,5 @@
-"""Bowstring on the pulled robot: one call of `bs.solve`. The tip that every error is measured from
-is ours too, with elements=8; run.py shows it beside the independent one."""
+"""Bowstring on the displacement-controlled robot: one call of `bs.solve`. The tip that every error
+is measured from is ours too, with elements=8; run.py shows it beside the independent one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import partial
 
 import bowstring as bs
 from benchmarks.cases import report
-from benchmarks.pulled import BY_TENSION, PULLS, SLACK, Found, measure
+from benchmarks.displacement import BY_TENSION, DISPLACEMENTS, SLACK, Found, measure
 
 ROBOT = bs.load_robot("amouri2019")
 SETTINGS = {"one call": 1, "one call, elements=2": 2, "one call, elements=4": 4}
@@ -17,7 +17,7 @@ def found(elements: int) -> Found:
     solution = bs.solve(
         ROBOT,
         load=bs.Load(
-            displacements=PULLS, gravity=BY_TENSION.gravity, tip_force=BY_TENSION.tip_force
+            displacements=DISPLACEMENTS, gravity=BY_TENSION.gravity, tip_force=BY_TENSION.tip_force
         ),
         model=bs.RodModel(elements=elements),
     ).raise_for_status()
@@ -25,11 +25,11 @@ def found(elements: int) -> Found:
 
 
 def check() -> None:
-    """The pulls are those of 40 N."""
+    """The displacements are those of 40 N."""
     load = bs.Load(BY_TENSION.tensions, gravity=BY_TENSION.gravity, tip_force=BY_TENSION.tip_force)
     solution = bs.solve(ROBOT, load=load, model=bs.RodModel(elements=8)).raise_for_status()
     paid_out = solution.displacements() - [0.0, SLACK, SLACK]
-    assert abs(paid_out - PULLS).max() < 1e-9, f"at 40 N the pulls are {paid_out}"
+    assert abs(paid_out - DISPLACEMENTS).max() < 1e-9, f"at 40 N the displacements are {paid_out}"
 
 
 if __name__ == "__main__":

@@ -1,13 +1,15 @@
-"""MuJoCo on the pulled robot: the chain of mujoco_chain.py, tendon 1 held by a stiff spring.
+"""MuJoCo on the displacement-controlled robot: the chain of mujoco_chain.py, tendon 1 held by a
+stiff spring.
 
 Model: as in statics. A tendon's own limit on its length (`range`) is a soft constraint too, solved
 beside the masses and not beside the stiffness, and does not come to rest in the long steps that
 make MuJoCo fast here. So tendon 1 has a spring that starts at the length asked for; with damping =
 stiffness x time step, as in the hinges, each step has it in its matrix, and 4 to 10 are enough.
-A spring that only pulls jumps between its two states in such steps; so the spring of tendon 1
-also pushes, and tendons 2 and 3 have none. That they hang is told beforehand, and checked.
-Limits: the spring gives way by T/k. No stretch of the backbone (0.04 mm at 40 N), which pulled by
-length is 0.4 mm at the tip however fine the chain; a spring of 1e6 N/m happens to make up for it.
+A spring that only pulls jumps between its two states in such steps; so the spring of
+tendon 1 also pushes, and tendons 2 and 3 have none. That they hang is told beforehand, and checked.
+Limits: the spring gives way by T/k. No stretch of the backbone (0.04 mm at 40 N), which displaced
+by length is 0.4 mm at the tip however fine the chain; a spring of 1e6 N/m happens to make up for
+it.
 """
 
 from __future__ import annotations
@@ -17,8 +19,8 @@ from functools import partial
 import mujoco
 
 from benchmarks.cases import AREA, DENSITY, DISKS, LENGTH, report
+from benchmarks.displacement import BY_TENSION, LIMITS, Found, measure
 from benchmarks.peers.mujoco_chain import STEP_S, chain
-from benchmarks.pulled import BY_TENSION, LIMITS, Found, measure
 
 INERTIA = 1e-3  # plays no part in statics; with less, springs above 1e7 N/m overflow
 

@@ -1,4 +1,5 @@
-"""Exudyn on the pulled robot: the rod of exudyn_rod.py, tendon 1 a rope that is shortened.
+"""Exudyn on the displacement-controlled robot: the rod of exudyn_rod.py, tendon 1 a rope that is
+shortened.
 
 Model: as in statics; tendon 1 is a `ReevingSystemSprings` through points of all disks, one force
 all along, stiffness EA over its length, whose reference length falls to the one asked for in load
@@ -14,8 +15,8 @@ from __future__ import annotations
 from functools import partial
 
 from benchmarks.cases import LENGTH, holes, report
+from benchmarks.displacement import BY_TENSION, DISPLACEMENTS, Found, measure
 from benchmarks.peers.exudyn_rod import exudyn, item, model_axes, rod
-from benchmarks.pulled import BY_TENSION, PULLS, Found, measure
 
 
 def prepare(elements: int, stiffness: float, load_steps: int, tolerance: float, adaptive: bool):
@@ -49,7 +50,7 @@ def prepare(elements: int, stiffness: float, load_steps: int, tolerance: float, 
     )
 
     def shorten(mbs, load_factor: float) -> bool:
-        mbs.SetObjectParameter(rope, "referenceLength", LENGTH - PULLS[0] * load_factor)
+        mbs.SetObjectParameter(rope, "referenceLength", LENGTH - DISPLACEMENTS[0] * load_factor)
         return True
 
     system.SetPreStepUserFunction(shorten)
