@@ -2,6 +2,7 @@
 PYTHON ?= python3
 ROBOT ?= amouri2019
 RESOLUTION ?= lowest-direct
+SMALL_EXTRAS := --extra excel --extra download
 VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
@@ -20,7 +21,8 @@ $(BIN)/python:
 	@echo "== setting up $(VENV) (once)"
 	$(PYTHON) -m venv $(VENV)
 
-# .installed-base is what the package needs; test, all (with the extra cad) and docs come on top
+# .installed-base is what the package needs; test (with the extras excel and download), all (with cad) and docs come on
+# top
 $(VENV)/.installed-%: requirements/%.lock | $(BIN)/python
 	$(BIN)/python -m pip install --progress-bar on -q --require-hashes -r $<
 	@touch $@
@@ -55,7 +57,7 @@ test-all: checks $(VENV)/.installed-all ## the same with all tests: statistics, 
 
 test-versions: build ## tests with the oldest versions allowed, or RESOLUTION=highest (needs uv)
 	uv venv --quiet --allow-existing --python $(PYTHON) .venv-$(RESOLUTION)
-	uv pip install --quiet --upgrade --python .venv-$(RESOLUTION) --resolution $(RESOLUTION) -r pyproject.toml
+	uv pip install --quiet --upgrade --python .venv-$(RESOLUTION) --resolution $(RESOLUTION) $(SMALL_EXTRAS) -r pyproject.toml
 	uv pip install --quiet --python .venv-$(RESOLUTION) -r requirements/build.in -r requirements/dev.in
 	@echo $(abspath python) > $$(echo .venv-$(RESOLUTION)/lib/python3*/site-packages)/bowstring.pth
 	.venv-$(RESOLUTION)/bin/python -m pytest -n auto --dist loadfile -W default $(TESTS)
@@ -77,7 +79,7 @@ N ?= 100000
 campaign: ## random solves by the million, each checked from the outside: make campaign N=1000000
 	cargo run --release --locked -p bowstring-core --example campaign -- $(N)
 
-campaign-files: build ## N more damaged files, then 100 killed commands; slow, resumable
+campaign-files: build $(VENV)/.installed-test ## N more damaged files, then 100 killed commands; slow, resumable
 	nice -n 10 $(BIN)/python -m campaign.files $(N)
 	nice -n 10 $(BIN)/python -m campaign.kills 100
 
@@ -106,9 +108,9 @@ clean:
 
 LOCK := uv pip compile --universal --no-header --no-annotate --generate-hashes --no-emit-index-url --no-emit-find-links
 lock: ## renew the lock files (needs uv)
-	$(LOCK) --python-version 3.10 --extra cad pyproject.toml requirements/build.in requirements/dev.in -o requirements/all.lock
+	$(LOCK) --python-version 3.10 --all-extras pyproject.toml requirements/build.in requirements/dev.in -o requirements/all.lock
 	$(LOCK) --python-version 3.10 pyproject.toml requirements/build.in -c requirements/all.lock -o requirements/base.lock
-	$(LOCK) --python-version 3.10 pyproject.toml requirements/build.in requirements/dev.in -c requirements/all.lock -o requirements/test.lock
+	$(LOCK) --python-version 3.10 $(SMALL_EXTRAS) pyproject.toml requirements/build.in requirements/dev.in -c requirements/all.lock -o requirements/test.lock
 	$(LOCK) --python-version 3.11 pyproject.toml requirements/build.in requirements/docs.in -c requirements/all.lock -o requirements/docs.lock
 	$(LOCK) --python-version 3.10 requirements/wheel.in -o requirements/wheel.lock
 	uv pip compile --universal --python-version 3.10 --no-header --no-annotate requirements/peers.in -o requirements/peers.lock

@@ -198,6 +198,26 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
     return folder, json.loads(done.stdout, parse_constant=pytest.fail)
 
 
+def test_doctor_says_what_is_missing(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    for extra in ("build123d", "openpyxl"):
+        monkeypatch.setitem(sys.modules, extra, None)
+    monkeypatch.setenv("PATH", "")
+    parts = {part["name"]: part for part in shell.json("doctor")["optional"]}
+    assert parts["requests"]["version"] and parts["requests"]["problem"] is None
+    del parts["requests"]
+    assert {name: part["cure"].split(" ")[-1] for name, part in parts.items()} == {
+        "build123d": "'bowstring[cad]'",
+        "openpyxl": "'bowstring[excel]'",
+        "CalculiX": "https://www.calculix.de",
+        "ffmpeg": "https://ffmpeg.org",
+    }
+    code, out, _ = shell("doctor")
+    said = " ".join(out.split())
+    assert code == 0
+    for part in parts.values():
+        assert part["version"] is None and part["problem"] in said
+
+
 def test_study(studied: tuple[Path, dict[str, Any]]) -> None:
     folder, found = studied
     assert found["robot"] == "amouri2019" and found["length_m"] == 0.641

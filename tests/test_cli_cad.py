@@ -155,7 +155,7 @@ def test_without_the_extra(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flag: str
 ) -> None:
     monkeypatch.setitem(sys.modules, "build123d", None)
-    says = "solids need build123d, which cannot be loaded; install Bowstring with its extra cad"
+    says = "solids need build123d, which cannot be loaded; install it: pip install 'bowstring[cad]'"
     refuses(shell, tmp_path, monkeypatch, says, *CAD, flag)
 
 

@@ -9,6 +9,7 @@ import http.server
 import os
 import re
 import shutil
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -178,6 +179,19 @@ def test_a_damaged_cache_is_mended(online: tuple[datasets.DataSet, Path]) -> Non
     kept = datasets.path("made-up") / "a.csv"
     kept.write_bytes(b"damaged")
     assert datasets.table("made-up").read_bytes() == b"x\n1\n"
+
+
+def test_a_download_without_the_extra(
+    online: tuple[datasets.DataSet, Path], monkeypatch: pytest.MonkeyPatch, shell: Shell
+) -> None:
+    datasets.path("made-up")
+    monkeypatch.setitem(sys.modules, "requests", None)
+    shell.json("data", "get", "made-up")  # the cache has it
+    monkeypatch.setenv("XDG_CACHE_HOME", str(online[1].parent))
+    assert shell.error("data", "get", "made-up") == (
+        "downloads need requests, which cannot be loaded; install it: "
+        "pip install 'bowstring[download]'"
+    )
 
 
 def test_no_network(

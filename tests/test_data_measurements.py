@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 import time
 import zipfile
 from collections.abc import Callable, Sequence
@@ -482,6 +483,20 @@ def _archive(path: Path, parts: dict[str, bytes]) -> Path:
         for name, content in parts.items():
             archive.writestr(name, content)
     return path
+
+
+def test_a_workbook_without_the_extra(
+    sheet: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, shell: Shell, tmp_path: Path
+) -> None:
+    book = sheet([["tension_1_N", "tip_x_mm", "tip_y_mm", "tip_z_mm"], [1, 2, 3, 4]])
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    monkeypatch.chdir(tmp_path)
+    for command in (["study", "--measurements"], ["bench", "check"]):
+        assert shell.error(*command, str(book)).removeprefix("--measurements: ") == (
+            "Excel tables need openpyxl, which cannot be loaded; install it: "
+            "pip install 'bowstring[excel]'"
+        )
+    assert list(tmp_path.iterdir()) == [book]
 
 
 def test_a_spreadsheet_bomb_is_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,7 +35,7 @@ _LONG = (
 
 
 #: Messages on the troubleshooting page that pip and the system's linker print.
-_OF_OTHERS = ("Failed building wheel", "cargo not found", "libGL")
+_OF_OTHERS = ("Failed building wheel", "cargo not found", "libGL", "requires a different Python")
 
 
 def _name(page: Path) -> str:

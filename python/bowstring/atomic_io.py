@@ -35,6 +35,7 @@ __all__ = [
     "readable",
     "resolved",
     "sweep",
+    "user_cache",
     "write_whole",
     "write_whole_file",
 ]
@@ -60,6 +61,15 @@ def resolved(path: str | Path, why: str) -> Path:
     if circle:
         raise InputError(f"{why}: links lead to it in a circle")
     return found
+
+
+def user_cache() -> Path:
+    """Folder of the user for what can be fetched or computed again."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData/Local") / "bowstring"
+    if sys.platform == "darwin":
+        return Path.home() / "Library/Caches/bowstring"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "bowstring"
 
 
 def check_parent(file: Path, why: str) -> None:

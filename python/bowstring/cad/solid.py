@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from bowstring.errors import InputError
 from bowstring.formatting import listed, significant
-from bowstring.interrupts import was_stopped
+from bowstring.optional import load_extra
 from bowstring.robot.model import Robot, check_robot
 from bowstring.robot.sizes import Sizes, sizes_of
 from bowstring.validation import shown
@@ -156,22 +156,7 @@ def check_cad() -> Any:
     InputError
         If it is not installed.
     """
-    try:
-        import build123d
-    except ImportError as error:
-        if was_stopped(error):
-            raise KeyboardInterrupt from None
-        why = "" if error.name == "build123d" else f" ({error})"
-        if "libGL" in why:  # the kernel is there, and what it draws with is not
-            raise InputError(
-                f"solids need build123d, which cannot be loaded{why}; install the system's OpenGL "
-                "library, on Debian and Ubuntu: apt-get install libgl1"
-            ) from None
-        raise InputError(
-            f"solids need build123d, which cannot be loaded{why}; install Bowstring with its "
-            "extra cad: pip install '.[cad]' in its folder, or pip install build123d"
-        ) from None
-    return build123d
+    return load_extra("cad")
 
 
 MESHED: Final = 1e9  # mm; what build123d is told to reach where `triangulate` has been before

@@ -7,6 +7,7 @@ import platform
 import shutil
 import sys
 from collections.abc import Callable
+from functools import partial
 from importlib.metadata import version
 from typing import Any, Final
 
@@ -14,13 +15,13 @@ from bowstring._core import __version__, instructions
 from bowstring.cli.options import AsJson
 from bowstring.cli.output import new_table, progress_bar, write_json, write_tables
 from bowstring.errors import InputError
+from bowstring.optional import EXTRAS, load_extra
+
+_FFMPEG: Final = "Debian: apt-get install ffmpeg; else https://ffmpeg.org"
 
 
-def _cad() -> str:
-    from bowstring.cad.solid import check_cad
-
-    check_cad()
-    return version("build123d")
+def _extra(name: str) -> str:
+    return version(load_extra(name).__name__)
 
 
 def _calculix() -> str:
@@ -29,16 +30,27 @@ def _calculix() -> str:
     return ccx.version(ccx.find())
 
 
-def _program(name: str) -> str:
-    found = shutil.which(name)
+def _ffmpeg() -> str:
+    found = shutil.which("ffmpeg")
     if found is None:
-        raise InputError(f"there is no program {name} on the search path")
+        raise InputError(
+            "animations as MP4 need ffmpeg, and there is no program ffmpeg on the search path; "
+            f"install it ({_FFMPEG})"
+        )
     return found
 
 
-#: Optional parts: name, how its version is found, what needs it, what adds it.
+#: Optional parts: name, how its version is found (the error has the cure), what needs it, the cure.
 _PARTS: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
-    ("build123d", _cad, "solids (bowstring cad)", "pip install 'bowstring[cad]'"),
+    *(
+        (
+            module,
+            partial(_extra, extra),
+            f"{purpose} ({where})",
+            f"pip install 'bowstring[{extra}]'",
+        )
+        for extra, (module, purpose, where) in EXTRAS.items()
+    ),
     (
         "CalculiX",
         _calculix,
@@ -47,9 +59,9 @@ _PARTS: Final[tuple[tuple[str, Callable[[], str], str, str], ...]] = (
     ),
     (
         "ffmpeg",
-        lambda: _program("ffmpeg"),
+        _ffmpeg,
         "animations as MP4 (GIF needs nothing)",
-        "Debian: apt-get install ffmpeg; else https://ffmpeg.org",
+        _FFMPEG,
     ),
 )
 
@@ -83,7 +95,7 @@ def doctor(as_json: AsJson = False) -> None:
     table = new_table("optional part", "found", "needed for")
     for part in found:
         table.add_row(part["name"], part["version"] or "no", part["needed_for"])
-    missing = [f"{p['name']}: {p['problem']}. To add it: {p['cure']}" for p in found if p["cure"]]
+    missing = [f"{p['name']}: {p['problem']}." for p in found if p["problem"]]
     write_tables(
         f"bowstring {here['bowstring']}, Python {here['python']}, {here['platform']}, "
         f"{here['instructions']} instructions, {here['cores']} cores",

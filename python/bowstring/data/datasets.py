@@ -18,9 +18,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from bowstring.atomic_io import check_replaceable, folder_beside, readable, resolved, write_whole
+from bowstring.atomic_io import (
+    check_replaceable,
+    folder_beside,
+    readable,
+    resolved,
+    user_cache,
+    write_whole,
+)
 from bowstring.errors import InputError
 from bowstring.formatting import listed
+from bowstring.optional import load_extra
 from bowstring.units import quote
 
 __all__ = ["DataFile", "DataSet", "available", "copy", "describe", "path", "table"]
@@ -385,15 +393,14 @@ def _digest(file: Path) -> str:
 
 
 def _download(found: DataSet, file: DataFile, url: str) -> Path:
-    import pooch
-
-    cache = Path(pooch.os_cache("bowstring")) / found.name / found.commit[:12]
+    cache = user_cache() / found.name / found.commit[:12]
     there = cache / file.name
     try:
         if _digest(there) == file.sha256:
             return there
     except OSError:
         pass  # not there, or to be mended
+    load_extra("download")  # before work begins
     data = _fetch(found, file, url)
     if hashlib.sha256(data).hexdigest() != file.sha256:
         raise InputError(

@@ -23,6 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from bowstring.atomic_io import readable
 from bowstring.data import motive
 from bowstring.errors import InputError
+from bowstring.optional import load_extra
 from bowstring.units import NUMBER, Text, quote
 
 __all__ = [
@@ -389,8 +390,8 @@ def _check_header(table: Table) -> None:
 
 
 def _workbook(path: Path, data: bytes, sha256: str, form: Form) -> Table:
+    openpyxl = load_extra("excel")
     _check_parts(path, data)
-    import openpyxl
 
     try:
         with warnings.catch_warnings():

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import validation
-from bowstring.atomic_io import check_place
+from bowstring.atomic_io import check_place, user_cache
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.fem import ccx, deck
 from bowstring.fem.fields import (
@@ -569,9 +569,7 @@ def _straight(mesh: BrickMesh) -> State:
 
 def cache_folder() -> Path:
     """Folder of all that is kept; it may be removed at any time."""
-    import pooch
-
-    return Path(pooch.os_cache("bowstring")) / "finite-elements"
+    return user_cache() / "finite-elements"
 
 
 def _key(job: Job, version: str) -> str:

@@ -1,0 +1,47 @@
+"""Packages that are installed only with an extra of Bowstring."""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+from typing import Final
+
+from bowstring.errors import InputError
+from bowstring.interrupts import was_stopped
+
+__all__ = ["EXTRAS", "load_extra"]
+
+#: Extra -> the module it brings, what needs that, and where.
+EXTRAS: Final = {
+    "cad": ("build123d", "solids", "bowstring cad"),
+    "excel": ("openpyxl", "Excel tables", "measurements as .xlsx"),
+    "download": ("requests", "downloads", "bowstring data get"),
+}
+
+
+def load_extra(extra: str) -> ModuleType:
+    """The module that an extra brings.
+
+    Parameters
+    ----------
+    extra : {"cad", "excel", "download"}
+
+    Raises
+    ------
+    InputError
+        If it cannot be loaded; the message has the command that installs it.
+    """
+    name, purpose, _ = EXTRAS[extra]
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        if was_stopped(error):
+            raise KeyboardInterrupt from None
+        why = "" if error.name == name else f" ({error})"
+        if "libGL" in why:  # the CAD kernel is there, and what it draws with is not
+            cure = (
+                "install the system's OpenGL library, on Debian and Ubuntu: apt-get install libgl1"
+            )
+        else:
+            cure = f"install it: pip install 'bowstring[{extra}]'"
+        raise InputError(f"{purpose} need {name}, which cannot be loaded{why}; {cure}") from None
