@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
 .PHONY: study checks test test-all test-versions docs bench build campaign campaign-files clean lock \
-	wheel sdist check-wheel check-version
+	wheel sdist check-wheel check-sdist check-version
 
 study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
 	@$(BIN)/bowstring study "$(ROBOT)"
@@ -97,6 +97,9 @@ sdist: ## the source distribution, in dist/
 
 check-wheel: ## install the wheel where there is no Rust, run the study and a smoke test
 	$(PYTHON) packaging/check_wheel.py
+
+check-sdist: ## build and install the source distribution in an empty folder
+	$(PYTHON) packaging/check_sdist.py
 
 check-version: ## TAG=v1.2.3 names the version of the package
 	@grep -qxF 'version = "$(TAG:v%=%)"' Cargo.toml || \

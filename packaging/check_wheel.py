@@ -33,17 +33,30 @@ IMPORT = "import time; t = time.perf_counter(); import bowstring; print(time.per
 ROUNDING = 1e-11
 
 
+def without(*prefixes: str) -> dict[str, str]:
+    """The environment without the variables that begin so."""
+    env = {k: v for k, v in os.environ.items() if not k.startswith(prefixes)}
+    return {**env, "PYTHONUTF8": "1"}
+
+
 def without_rust() -> dict[str, str]:
     """The environment, with no Rust on PATH and nothing that points Python elsewhere."""
-    unwanted = ("CARGO", "RUST", "PYTHON", "VIRTUAL_ENV", "MATURIN", "BOWSTRING")
-    env = {k: v for k, v in os.environ.items() if not k.startswith(unwanted)}
+    env = without("CARGO", "RUST", "PYTHON", "VIRTUAL_ENV", "MATURIN", "BOWSTRING")
     places = env.get("PATH", "").split(os.pathsep)
     tools = ("cargo", "rustc", "maturin")
     env["PATH"] = os.pathsep.join(
         place for place in places if not any(shutil.which(tool, path=place) for tool in tools)
     )
-    env["PYTHONUTF8"] = "1"
     return env
+
+
+def built(given: Path | None, pattern: str, command: str) -> Path:
+    """The package that was named, or the newest in dist."""
+    found = sorted((Path(__file__).parents[1] / "dist").glob(pattern), key=os.path.getmtime)
+    package = (given or (found[-1] if found else Path("dist") / pattern)).resolve()
+    if not package.is_file():
+        sys.exit(f"there is no file {package}; make it by `{command}` first")
+    return package
 
 
 def run(command: list[str], **options: object) -> str:
@@ -61,10 +74,7 @@ def main() -> None:
     parser.add_argument("wheel", type=Path, nargs="?", help="the one in dist if left out")
     parser.add_argument("--size", type=float, default=8.0, help="largest size, MB")
     args = parser.parse_args()
-    built = sorted((Path(__file__).parents[1] / "dist").glob("*.whl"))
-    wheel = (args.wheel or (built[-1] if built else Path("dist"))).resolve()
-    if not wheel.is_file():
-        sys.exit(f"{wheel} is no wheel; build one by `make wheel` first")
+    wheel = built(args.wheel, "*.whl", "make wheel")
     size = wheel.stat().st_size / 1e6
     print(f"{wheel.name}: {size:.2f} MB")
     if size > args.size:
