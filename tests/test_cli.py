@@ -485,6 +485,14 @@ def test_process_keeps_stdout_pure() -> None:
     assert done.stderr.startswith("Error: ") and done.stderr.count("\n") == 1
 
 
+def test_figures_need_no_display(tmp_path: Path) -> None:
+    env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    env["MPLBACKEND"] = "TkAgg"  # a window's, as one sets for notebooks
+    done = process("modes", "amouri2019", "--out", "modes", cwd=tmp_path, env=env)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert list((tmp_path / "modes").rglob("*.png"))
+
+
 def test_solve_loads_no_heavy_library() -> None:
     code = (
         "import sys; from bowstring.cli import main as cli;"

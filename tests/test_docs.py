@@ -35,7 +35,14 @@ _LONG = (
 
 
 #: Messages on the troubleshooting page that pip and the system's linker print.
-_OF_OTHERS = ("Failed building wheel", "cargo not found", "libGL", "requires a different Python")
+_OF_OTHERS = (
+    "Failed building wheel",
+    "cargo not found",
+    "libGL",
+    "requires a different Python",
+    "No matching distribution found for typer",
+    "Illegal instruction",
+)
 
 
 def _name(page: Path) -> str:

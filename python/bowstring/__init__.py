@@ -5,8 +5,16 @@ Names are imported when first used: ``import bowstring as bs`` is quick.
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+if sys.version_info < (3, 10):  # noqa: UP036 - pip refuses an older one, a folder on the path not
+    raise ImportError(
+        "Bowstring needs Python 3.10 or newer, and this is "
+        + sys.version.split()[0]
+        + "; make an environment of a newer one: python3.12 -m venv .venv"
+    )
 
 if TYPE_CHECKING:
     from bowstring import (
