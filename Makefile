@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
 .PHONY: study checks test test-all test-versions docs bench build campaign campaign-files clean lock \
-	wheel sdist check-wheel check-sdist check-version
+	paper-figures wheel sdist check-wheel check-sdist check-version
 
 study: build ## the main job: the study of the built-in robot, or of ROBOT=my_robot.yaml
 	@$(BIN)/bowstring study "$(ROBOT)"
@@ -88,6 +88,9 @@ docs: build ## the documentation site, in docs/_build/html
 	@$(MAKE) --no-print-directory $(VENV)/.installed-docs
 	$(BIN)/sphinx-build -W --keep-going -q docs docs/_build/html
 	@echo "Documentation: $(abspath docs/_build/html/index.html)"
+
+paper-figures: build $(VENV)/.installed-test ## the figures of paper/paper.md and the numbers it quotes
+	$(BIN)/python paper/figures.py
 
 wheel: ## the wheel of this machine, in dist/
 	$(PYTHON) packaging/build_wheel.py
