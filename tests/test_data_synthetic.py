@@ -69,6 +69,32 @@ def test_clean_is_the_sweep(robot: bs.Robot) -> None:
     assert set(found.group) == {""} and set(found.repeat) == {1} and not found.tool.any()
 
 
+@pytest.mark.parametrize(
+    "loads",
+    [
+        {"masses": MASSES, "friction": 0.1, "repeats": 8},
+        {"displacements": np.outer(np.linspace(0, 0.03, 130), [1, -0.5, -0.5])},
+    ],
+)
+def test_progress_changes_no_number(robot: bs.Robot, loads: dict[str, Any]) -> None:
+    told: list[float] = []
+    made = set_up(robot, **bench(**loads), progress=told.append)
+    assert len(made.points) > 250 and told == [100 * k / len(made.points) for k in range(3)]
+    without = set_up(robot, **bench(**loads))
+    np.testing.assert_array_equal(made.points, without.points)
+    np.testing.assert_array_equal(made.tip_rotation, without.tip_rotation)
+    assert made.truth == without.truth
+
+
+def test_a_load_without_solution_is_named_with_progress(robot: bs.Robot) -> None:
+    loads = bench(masses=[*np.linspace(0, 8, 150), 1e6], friction=0.1, unload=False)
+    with pytest.raises(NoSolutionError, match="1 of 151 loads") as plain:
+        set_up(robot, **loads)
+    with pytest.raises(NoSolutionError) as told:
+        set_up(robot, **loads, progress=lambda share: None)
+    assert str(told.value) == str(plain.value)
+
+
 def test_masses_are_tensions(robot: bs.Robot) -> None:
     found = simulate(robot, **bench(masses=MASSES, tendon=2, **CLEAN))
     tensions = np.outer(MASSES * STANDARD_GRAVITY, [0, 1, 0])

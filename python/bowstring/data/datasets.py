@@ -14,6 +14,7 @@ import shutil
 import stat
 import threading
 import urllib.parse
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -33,6 +34,7 @@ from bowstring.units import quote
 
 __all__ = ["DataFile", "DataSet", "available", "copy", "describe", "path", "table"]
 
+Progress = Callable[[str, float], None]
 VARIABLE: Final = "BOWSTRING_DATA"
 _RAW: Final = "https://raw.githubusercontent.com"
 _LICENCE: Final = "LICENSE"
@@ -228,13 +230,15 @@ def describe(name: str) -> DataSet:
     raise InputError(f"there is no data set {quote(name)}; {hint} are {listed(available())}.")
 
 
-def path(name: str) -> Path:
+def path(name: str, *, progress: Progress | None = None) -> Path:
     """The folder with all files of a data set, fetched if need be, and checked.
 
     Parameters
     ----------
     name : str
         One of `available`.
+    progress : callable, optional
+        Called with what is being done and the share that is done, from 0 to 1.
 
     Returns
     -------
@@ -245,9 +249,16 @@ def path(name: str) -> Path:
     InputError
         If there is no such set, or a file cannot be had or is not the pinned one.
     """
-    found = describe(name)
-    files = [_file(found, file) for file in found.files]
-    return files[0].parent
+    return _files(describe(name), progress)[0].parent
+
+
+def _files(found: DataSet, progress: Progress | None) -> list[Path]:
+    files = []
+    for k, file in enumerate(found.files):
+        if progress is not None:
+            progress(file.name, k / len(found.files))
+        files.append(_file(found, file))
+    return files
 
 
 def table(name: str, part: str | None = None) -> Path:
@@ -281,7 +292,7 @@ def table(name: str, part: str | None = None) -> Path:
     raise InputError(f"{name} has no part {quote(part)}; {hint}It has {listed(found.parts)}.")
 
 
-def copy(name: str, folder: str | Path) -> Path:
+def copy(name: str, folder: str | Path, *, progress: Progress | None = None) -> Path:
     """Copy a data set into a folder of its name.
 
     Parameters
@@ -291,6 +302,8 @@ def copy(name: str, folder: str | Path) -> Path:
     folder : str or Path
         Gets a folder NAME, or has one with files of this set alone, which is replaced whole;
         `BOWSTRING_DATA` may point to it afterwards.
+    progress : callable, optional
+        Called with what is being done and the share that is done, from 0 to 1.
 
     Returns
     -------
@@ -301,7 +314,7 @@ def copy(name: str, folder: str | Path) -> Path:
     target = Path(folder) / name
     check_replaceable(resolved(target, f"cannot write {target}"), f"cannot write {name}")
     _check_copy(found, target)
-    files = [_file(found, file) for file in found.files]
+    files = _files(found, progress)
     _check_copy(found, target)
 
     def fill(new: Path) -> None:

@@ -13,7 +13,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -30,6 +30,7 @@ from bowstring.robot.model import Robot, check_robot, with_tendons
 from bowstring.statics import actuation, rod
 from bowstring.statics.load import Load
 from bowstring.statics.model import RodModel
+from bowstring.statics.solution import Sweep
 from bowstring.units import NUMBER, quote
 from bowstring.validation import choice, floats, instance, is_whole, number, numbers, shown, whole
 
@@ -61,6 +62,7 @@ NOISE: Final = 0.02e-3
 one standard deviation, which is how it is taken here."""
 NOISE_IS: Final = "standard deviation of each coordinate; normal, independent"
 _MOST_ROWS: Final = 1_000_000
+_AT_ONCE: Final = 100  # rows between two reports of progress
 _FAR: Final = 1e6  # m
 _HEAVY: Final = 1e9  # kg
 _SHARE: Final = re.compile(rf"({NUMBER})\s*%")
@@ -290,6 +292,7 @@ def set_up(
     actual: Actual | None = None,
     mounting: Mounting | None = None,
     instrument: Instrument | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Bench:
     """Solve the actual robot along the loads, and see it from the measuring frame.
 
@@ -301,6 +304,9 @@ def set_up(
     actual : Actual, optional
     mounting : Mounting, optional
     instrument : Instrument, optional
+    progress : callable, optional
+        Called with the share of the loads that is solved, where each load is a step from the one
+        before; else nobody knows it.
 
     Returns
     -------
@@ -335,8 +341,8 @@ def set_up(
     driven = by_tension[rows], by_displacement[rows]
     tensions, displacements = (None if np.isnan(table).all() else table for table in driven)
     load = Load(tensions, displacements, gravity=felt, tip_force=force)
-    found = rod.sweep(other, load=load, model=RodModel(theory), disks=False).raise_for_status()
-    points = pose.apply(found.tip_position + found.tip_rotation @ there)
+    tip_position, tip_rotation = _tips(other, load, RodModel(theory), len(rows), progress)
+    points = pose.apply(tip_position + tip_rotation @ there)
     points = points + np.linspace(0.0, 1.0, len(rows))[:, None] * moves
     x, y, z = pose.rotation[:, 2].tolist()
     lean = math.atan2(math.hypot(x, y), z)
@@ -363,7 +369,7 @@ def set_up(
         "noise_m": sigma,
         "noise_is": NOISE_IS,
         "disturbances": {"tip_force_N": force.tolist(), "drift_m": moves.tolist()},
-        "rows": {"tip_position_m": found.tip_position.tolist(), "point_m": points.tolist()},
+        "rows": {"tip_position_m": tip_position.tolist(), "point_m": points.tolist()},
     }
     return Bench(
         robot=robot,
@@ -372,13 +378,47 @@ def set_up(
         displacements=driven[1],
         group=group,
         repeat=repeat,
-        tip_position=found.tip_position,
-        tip_rotation=found.tip_rotation,
+        tip_position=tip_position,
+        tip_rotation=tip_rotation,
         points=points,
         frame=pose.inverse(),
         tool=said,
         noise=sigma,
         truth=truth,
+    )
+
+
+def _tips(
+    robot: Robot,
+    load: Load,
+    model: RodModel,
+    count: int,
+    progress: Callable[[float], None] | None,
+) -> tuple[Floats, Floats]:
+    """Positions and rotations of the tip along the loads.
+
+    With progress a path is solved in pieces, which changes no number.
+    """
+    found: list[Sweep] = []
+    if progress is not None and not actuation.is_by_tensions(robot, load):
+        for first in range(0, count, _AT_ONCE):
+            progress(first / count)
+            rows = slice(first, first + _AT_ONCE)
+            piece = load.replace(
+                tensions=None if load.tensions is None else load.tensions[rows],
+                displacements=None if load.displacements is None else load.displacements[rows],
+            )
+            before = found[-1].history() if found else None
+            found.append(rod.sweep(robot, load=piece, model=model, history=before, disks=False))
+            stable = robot.has_friction or all(found[-1].stable)
+            if not (found[-1].converged.all() and stable):  # which is said of the whole
+                found.clear()
+                break
+    if not found:
+        found = [rod.sweep(robot, load=load, model=model, disks=False).raise_for_status()]
+    return (
+        np.concatenate([part.tip_position for part in found]),
+        np.concatenate([part.tip_rotation for part in found]),
     )
 
 
