@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 __all__ = [
     "in_mm",
     "in_newtons",
@@ -106,7 +104,7 @@ def plain(value: Any) -> Any:
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
-    if isinstance(value, (np.ndarray, np.generic)):
+    if hasattr(value, "tolist"):  # of numpy, which takes long to import
         return plain(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None

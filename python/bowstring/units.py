@@ -11,11 +11,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import cache
-from typing import Any, Final
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic_core import CoreSchema, PydanticCustomError
 
 # Everyday units, so that pint (0.3 s to load) is needed for rare ones only. Decimal factors keep
 # "3 mm" and "0.003 m" the same float, hence the same robot hash.
@@ -80,7 +81,7 @@ def _factor(unit: str, si: str) -> Decimal:
     if any(plain in units for units in _UNITS.values()):
         raise ValueError(f"; {quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}")
     if not re.fullmatch(_UNIT, plain):
-        raise ValueError(f"; {quote(unit)} is not a unit")
+        raise ValueError(f"; {quote(unit)} is not a unit of {_QUANTITY_NAMES[si]}")
     registry = _pint()
     try:
         found = registry.parse_units(plain)
@@ -219,6 +220,8 @@ def quote(value: object) -> str:
 
 
 def wrong(sentence: str) -> PydanticCustomError:
+    from pydantic_core import PydanticCustomError
+
     return PydanticCustomError("bowstring", "{sentence}", {"sentence": sentence})
 
 
@@ -231,6 +234,8 @@ class _Marker(ABC):
     def __get_pydantic_core_schema__(
         self, source: object, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
+        from pydantic_core import core_schema
+
         return core_schema.no_info_plain_validator_function(self.read)
 
     @abstractmethod
@@ -292,7 +297,7 @@ class Quantity(_Marker):
             if len(values) != 1:
                 raise self._refuse(value, "; must be one number")
             return values[0]
-        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+        if isinstance(value, bool) or not isinstance(value, Real):
             raise self._refuse(value, "")
         try:
             number = float(value)
@@ -343,8 +348,8 @@ class Count(_Marker):
             number = value
         if (
             isinstance(number, bool)
-            or not isinstance(number, (int, np.integer))
-            or not 1 <= number <= self.most
+            or not isinstance(number, Integral)
+            or not 1 <= int(number) <= self.most
         ):
             raise wrong(f"got {quote(value)}; must be a whole number from 1 to {self.most}")
         return int(number)
