@@ -21,7 +21,8 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 import bowstring as bs
-from bowstring.cli import main, statics
+from bowstring.cli import main
+from bowstring.robot import reader
 from bowstring.robot.model import Robot
 from bowstring.robot.reader import load_robot
 from bowstring.study import study as study_module
@@ -238,6 +239,7 @@ def test_study(studied: tuple[Path, dict[str, Any]]) -> None:
         assert comparison["n"] == 17
         assert len(comparison["mean_by_axis_mm"]) == 3
     assert found["verdict"] and found["budget"]
+    assert found["provenance"]["settings"]["tolerance_percent"] == pytest.approx(1.0)
     assert Path(found["folder"]) == folder
     for figure in found["figures"]:
         assert (folder / figure["png"]).is_file() and (folder / figure["pdf"]).is_file()
@@ -292,7 +294,7 @@ def test_study_of_an_own_robot(
         (["--measurements", "data.csv"], "data.csv"),
         (["--tolerance", "0"], "tolerance"),
         (["--tolerance", "150 %"], "tolerance"),
-        (["--tolerance", "nan"], "not a number"),
+        (["--tolerance", "nan"], "must be a share of the length above 0 and below 1"),
         (["--tolerance", "6 mm"], "--tolerance"),
         (["--max-tension", "-1"], "tension"),
         (["--max-tension", "1,2"], "write one"),
@@ -541,7 +543,7 @@ def test_a_bug_is_not_called_bad_input(shell: Shell, monkeypatch: pytest.MonkeyP
     def broken(*_: object) -> None:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(statics, "robot_names", broken)
+    monkeypatch.setattr(reader, "robot_names", broken)
     code, out, err = shell("robots")
     assert code == 70 and not out
     assert "ZeroDivisionError" in err and err.endswith("report it with the lines above.\n")
@@ -551,7 +553,7 @@ def test_stopped_by_the_user(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> N
     def stopped(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(statics, "robot_names", stopped)
+    monkeypatch.setattr(reader, "robot_names", stopped)
     assert shell("robots") == (130, "", "Stopped: nothing was written.\n")
 
 
@@ -590,6 +592,21 @@ FIT = ("fit", "amouri2019", "--parameter", "base")
         ),
         (["solve", "amouri2019", "--tension", "1,0,0", "--elements", "3"], ("--elements: got 3",)),
         (["study", "--tolerance", "0"], ("--tolerance: got 0",)),
+        (
+            ["study", "--tolerance", "2 mm"],
+            (
+                '--tolerance: got "2 mm"; must be a share of the length above 0 and below 1, write '
+                'for example --tolerance "1 %".',
+            ),
+        ),
+        (
+            ["study", "--modal-damping", "5 N"],
+            ('--modal-damping: got "5 N"; must be a share of critical damping',),
+        ),
+        (
+            ["simulate", "amouri2019", "--tension", "1,0,0", "--tolerance", "1 %"],
+            ('--tolerance: got "1 %", but "%" is not a unit of length',),
+        ),
         (["study", "--max-tension", "-5"], ("--max-tension: got -5 N",)),
         (["study", "--points", "1"], ("--points: got 1",)),
         (
@@ -725,6 +742,31 @@ def test_a_request_to_end_is_like_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> Non
         ("solve amouri2019 --tension 1,0,0 --gravity 0,0,9810", "--gravity: ", "9810 mm/s^2"),
         ("simulate amouri2019 --displacement 10,-5,-5", "--displacement: got 10 ", "10 mm"),
         (
+            "solve amouri2019 --tension 1,0,0 --set segments.0.length=700",
+            "--set segments.0.length: got 700 ",
+            "700 mm",
+        ),
+        (
+            "solve amouri2019 --tension 1,0,0 --set segments[0].disks.clamped_length=3",
+            "--set segments[0].disks.clamped_length: got 3 ",
+            "3 mm",
+        ),
+        (
+            "study --set segments.0.length=0.7 --set segments.0.backbone.E=35",
+            "--set segments.0.backbone.E: got 35 ",
+            "35 GPa",
+        ),
+        (
+            "solve amouri2019 --tension 1,0,0 --set segments.0.tendons.pitch_radius=29",
+            "--set segments.0.tendons.pitch_radius: got 29 ",
+            "29 mm",
+        ),
+        (
+            "bench simulate amouri2019 --masses 0:1:2 --out x.csv --actual segments.0.length=700",
+            "--actual segments.0.length: got 700 ",
+            "700 mm",
+        ),
+        (
             "bench simulate amouri2019 --masses 0:1:2 --out x.csv --tool 0,0,8",
             "--tool: got 8 ",
             "8 mm",
@@ -738,6 +780,14 @@ def test_a_bare_number_that_is_far_too_large_suggests_its_unit(shell, arguments,
 
 
 def test_a_unit_that_is_given_is_believed(shell):
+    code, _, err = shell(*SOLVE, "--tension", "1,0,0", "--set", "segments.0.length=600 m")
+    assert code == 1 and "segments[0].length = 600 m" in err
+    # SI without a unit, where nothing is doubtful
+    assert shell(*SOLVE, "--tension", "1,0,0", "--set", "segments.0.length=0.6")[::2] == (0, "")
+    assert shell(*SOLVE, "--tension", "1,0,0", "--set", "segments.0.backbone.E=3e10")[::2] == (
+        0,
+        "",
+    )
     said = shell.error("ik", "amouri2019", "--tip", "0,0,600 m")
     assert "got a point 600 m from the base, out of reach: amouri2019 is 641 mm long" in said
     said = shell.error("fk", "amouri2019", "--lengths", "29 m,29 m,29 m")

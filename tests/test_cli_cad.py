@@ -177,7 +177,8 @@ def test_progress_begins_with_what_takes_long(
     told: list[str] = []
 
     @contextmanager
-    def bar() -> Iterator[Callable[[str, float], None]]:
+    def bar(first: str) -> Iterator[Callable[[str, float], None]]:
+        told.append(first)
         yield lambda what, done: told.append(what)
 
     def kernel() -> None:

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-import numpy as np
 import typer
 
+from bowstring.cli import completion
 from bowstring.cli.options import (
     AsJson,
     Gravity,
@@ -20,6 +20,7 @@ from bowstring.cli.options import (
     Theory,
     changes_of,
     check_bare,
+    check_bare_changes,
     load,
     mapping_of,
     not_negative,
@@ -36,12 +37,12 @@ from bowstring.cli.output import (
     fields_of,
     fixed,
     new_table,
+    progress_bar,
     provenance_of,
     write_json,
     write_tables,
 )
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot, with_tendons
 from bowstring.units import rounded
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
     from bowstring.data.synthetic import Bench
     from bowstring.data.tendon_check import TendonCheck
+    from bowstring.robot.model import Robot
 
 MOST_ISSUES: Final = 20  # that people are shown
 
@@ -59,7 +61,12 @@ def check(
         Path, typer.Argument(metavar="FILE", help="Table of measurements: CSV, TSV or .xlsx.")
     ],
     robot: Annotated[
-        str | None, option("ROBOT", "Robot that was measured; checks its tendons' order.")
+        str | None,
+        option(
+            "ROBOT",
+            "Robot that was measured; checks the order of its tendons.",
+            values=completion.robots,
+        ),
     ] = None,
     mapping: MappingFile = None,
     g: OfMasses = "9.80665",
@@ -74,8 +81,10 @@ def check(
     model = None if robot is None else load(robot, overrides)
     if model is None and overrides:
         raise InputError("--set changes a robot; name it by --robot.")
-    found = read_measurements(file, model, mapping_of(mapping), g=gravity)
-    check = None if model is None else check_tendons(model, found)
+    with progress_bar("table") as tell:
+        found = read_measurements(file, model, mapping_of(mapping), g=gravity)
+        tell("tendons", 0.0)
+        check = None if model is None else check_tendons(model, found)
     if as_json:
         settings = {"file": file, "mapping": mapping, "g_m_per_s2": gravity}
         return write_json(_measurements_json(found, check, model, settings))
@@ -88,7 +97,14 @@ _NOT_SETTINGS: Final = {"tensions", "displacements", "masses", "changes", "base"
 
 def simulate(
     robot: RobotSource,
-    out: Annotated[Path, option("FILE", "Table to write, .csv; its truth stands beside it.")],
+    out: Annotated[
+        Path,
+        option(
+            "FILE",
+            "Table to write, .csv; the true values go to a .truth.json file beside it.",
+            values=completion.formats(".csv"),
+        ),
+    ],
     masses: Annotated[
         str | None,
         option("FIRST:STEP:LAST", "Masses hung on one tendon; a list M1,M2,... as well."),
@@ -140,6 +156,7 @@ def simulate(
 ) -> None:
     """Make synthetic measurements of a robot, with known truth."""
     from bowstring.data import synthetic
+    from bowstring.robot.model import with_tendons
 
     model = load(robot, overrides)
     given = {"--masses": masses, "--tensions": tensions, "--displacements": displacements}
@@ -168,9 +185,11 @@ def simulate(
     rubs = None if friction is None else not_negative("--friction", friction, "")
     if rubs is not None:
         of_flag("--friction", lambda value: with_tendons(model, {"friction": value}), rubs)
+    changes = changes_of("--actual", actual, 'segments.0.backbone.E="+5 %"')
+    check_bare_changes("--actual", model.with_, changes)
     really = synthetic.Actual(
         friction=rubs,
-        changes=changes_of("--actual", actual, 'segments.0.backbone.E="+5 %"'),
+        changes=changes,
         gravity=None if gravity is None else vector("--gravity", gravity, "m/s^2"),
         gravity_frame=gravity_frame,
         tip_force=vector("--tip-force", tip_force, "N"),
@@ -188,9 +207,13 @@ def simulate(
         vector("--tool-error", tool_error, "m"),
     )
     of_flag("--out", synthetic.check_table, out)
-    made = synthetic.set_up(model, loads, actual=really, mounting=mounting, instrument=instrument)
-    found = made.measure(seed)
-    table, truth = synthetic.write(found, out)
+    with progress_bar("equilibria") as tell:
+        made = synthetic.set_up(
+            model, loads, actual=really, mounting=mounting, instrument=instrument
+        )
+        found = made.measure(seed)
+        tell("table", 0.0)
+        table, truth = synthetic.write(found, out)
     if as_json:
         names = ("tensions", "displacements", "masses")
         settings = {k: v for k, v in zip(names, values, strict=True) if v is not None}
@@ -215,6 +238,8 @@ def simulate(
 
 def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> tuple[Any, Any, Any]:
     """Tensions, displacements and masses of one tendon, as `synthetic.Loads` takes them."""
+    import numpy as np
+
     given = [(flag, text) for flag, text in texts.items() if text is not None]
     if not given:
         raise InputError(
@@ -249,6 +274,8 @@ def _loads_of_one(robot: Robot, texts: dict[str, str | None], tendon: int) -> tu
 def _measurements_json(
     found: Measurements, check: TendonCheck | None, robot: Robot | None, settings: dict[str, Any]
 ) -> dict[str, Any]:
+    import numpy as np
+
     tendons = [
         {"given_by": kind, f"smallest_{unit}": low, f"largest_{unit}": high}
         for kind, unit, low, high in _driven(found)
@@ -317,12 +344,16 @@ def _shown(value: Any) -> str:
 
 
 def _groups(found: Measurements) -> dict[str, int]:
+    import numpy as np
+
     labels, counts = np.unique(found.group, return_counts=True)
     return dict(zip(labels.tolist(), counts.tolist(), strict=True))
 
 
 def _driven(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
     """Of each tendon: what it is given by, the unit, and the range."""
+    import numpy as np
+
     for k in range(found.tendon_count):
         by_displacement = bool(np.isnan(found.tensions[:, k]).all())
         values = (found.displacements if by_displacement else found.tensions)[:, k]
@@ -331,6 +362,8 @@ def _driven(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
 
 
 def _measurements_tables(found: Measurements, check: TendonCheck | None) -> Iterator[Table | str]:
+    import numpy as np
+
     left = f", {found.without_tip} without a tip" if found.without_tip else ""
     left += f", {found.left_out} left out" if found.left_out else ""
     yield f"{found.name}: {found.source}, {counted(len(found), 'row')}{left}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from bowstring.atomic_io import resolved
+from bowstring.cli import completion
 from bowstring.cli.driving import Angle, Displacement, Tension, actuated_by
 from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag, option
 from bowstring.cli.output import (
@@ -35,16 +36,31 @@ _OF_PART: Final = ("name", "kind", "colour", "volume_m3", "centre_m", "mass_kg")
 def cad(
     robot: RobotSource,
     out: Annotated[
-        str | None, option("FILE", "The solid: .step, .stp, .stl, .glb or .gltf.")
+        str | None,
+        option(
+            "FILE",
+            "The solid: .step, .stp, .stl, .glb or .gltf.",
+            values=completion.formats(".step", ".stp", ".stl", ".glb", ".gltf"),
+        ),
     ] = None,
     tension: Tension = None,
     displacement: Displacement = None,
     angle: Angle = None,
     picture: Annotated[
-        str | None, option("FILE", "A rendered picture: .png, .pdf or .svg.")
+        str | None,
+        option(
+            "FILE",
+            "A rendered picture: .png, .pdf or .svg.",
+            values=completion.formats(".png", ".pdf", ".svg"),
+        ),
     ] = None,
     drawing: Annotated[
-        str | None, option("FILE", "The disks with dimensions: .svg, .pdf or .png.")
+        str | None,
+        option(
+            "FILE",
+            "The disks with dimensions: .svg, .pdf or .png.",
+            values=completion.formats(".svg", ".pdf", ".png"),
+        ),
     ] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
@@ -77,23 +93,22 @@ def cad(
     sizes = sizes_of(model)
     pose, solid, files = None, None, {}
     try:
-        with progress_bar() as tell:
+        with progress_bar("CAD kernel" if out or picture else "drawing") as tell:
             if out is not None or picture is not None:
-                tell("CAD kernel", 0.0)
                 check_cad()
             if acting is not None:
                 pose = rod.solve(model, load=acting).raise_for_status()
             if out is not None or picture is not None:
-                tell("solid", 0.3)
+                tell("solid", 0.6)
                 solid = make_solid(model, pose)
                 if out is not None:
-                    tell("file", 0.4)
+                    tell("file", 0.7)
                     files["solid"] = export.write_solid(solid, out)
                 if picture is not None:
-                    tell("picture", 0.5)
+                    tell("picture", 0.75)
                     files["picture"] = write_picture(solid, picture)
             if drawing is not None:
-                tell("drawing", 0.9)
+                tell("drawing", 0.95 if out or picture else 0.0)
                 files["drawing"] = write_drawing(model, drawing)
     except KeyboardInterrupt:
         if not files:

@@ -7,8 +7,9 @@ from typing import Annotated, Final
 
 import typer
 
+from bowstring.cli import completion
 from bowstring.cli.options import AsJson, of_flag, option
-from bowstring.cli.output import fields_of, new_table, write, write_json, write_tables
+from bowstring.cli.output import fields_of, new_table, progress_bar, write, write_json, write_tables
 from bowstring.units import printable
 
 _WHERE: Final = ("kind", "repository", "commit", "licence")
@@ -39,7 +40,14 @@ def list_sets(as_json: AsJson = False) -> None:
 
 
 def get(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="See bowstring data list.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="One of those that bowstring data list shows.",
+            autocompletion=completion.data_sets,
+        ),
+    ],
     out: Annotated[Path | None, option("DIR", "Copy the files to DIR/NAME.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -47,10 +55,11 @@ def get(
     from bowstring.data import datasets
 
     item = datasets.describe(name)
-    if out is None:
-        folder = datasets.path(name)
-    else:
-        folder = of_flag("--out", lambda place: datasets.copy(name, place), out)
+    with progress_bar(name) as tell:
+        if out is None:
+            folder = datasets.path(name, progress=tell)
+        else:
+            folder = of_flag("--out", lambda place: datasets.copy(name, place, progress=tell), out)
     if as_json:
         return write_json(
             {

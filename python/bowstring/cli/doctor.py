@@ -80,9 +80,9 @@ def facts() -> dict[str, Any]:
 def doctor(as_json: AsJson = False) -> None:
     """What is installed, what optional parts are missing, and how to add them."""
     found = []
-    with progress_bar() as progress:
+    with progress_bar(_PARTS[0][0]) as progress:
         for k, (name, look, purpose, cure) in enumerate(_PARTS):
-            progress(f"Looking for {name}", k / len(_PARTS))
+            progress(name, k / len(_PARTS))
             try:
                 part: dict[str, Any] = {"version": look(), "problem": None, "cure": None}
             except InputError as error:

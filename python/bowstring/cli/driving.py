@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from bowstring.atomic_io import check_file, not_overwritten, readable, write_whole_file
 from bowstring.cli.options import (
@@ -17,8 +17,10 @@ from bowstring.cli.options import (
     tendon_count,
 )
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot
-from bowstring.statics.load import Load
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
+    from bowstring.statics.load import Load
 
 LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
@@ -40,11 +42,9 @@ def actuated_by(
     robot: Robot, tension: str | None, displacement: str | None, angle: str | None
 ) -> Load:
     """The load of tensions, displacements and angles; each tendon has one of them."""
-    flags = (
-        ("--tension", tension, "N"),
-        ("--displacement", displacement, "m"),
-        ("--angle", angle, "rad"),
-    )
+    from bowstring.statics.load import Load
+
+    flags = (("--tension", tension, "N"), ("--displacement", displacement, "m"), ("--angle", angle, "rad"))
     given = [text for _, text, _ in flags if text is not None]
     if not given:
         raise InputError(
@@ -133,6 +133,7 @@ def actuated_over_time(
 ) -> tuple[Load, Load | None, float]:
     """What the flags of `simulate` say of the tendons: over time, at the start, the duration."""
     from bowstring.dynamics.load_history import CLOSEST, Table
+    from bowstring.statics.load import Load
 
     begin_at = ("--from", before[0], "N"), ("--from-displacement", before[1], "m")
     starts = _lists(robot, begin_at, dashes=True)

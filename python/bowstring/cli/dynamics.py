@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import numpy as np
-
+from bowstring.cli import completion
 from bowstring.cli.driving import (
     SHORTEST_STEP,
     Angle,
@@ -119,9 +118,15 @@ def simulate(
     ] = None,
     every: Annotated[str, option("s", "Time between two outputs of all fields.")] = "0.01",
     elements: Elements = 1,
-    out: Annotated[Path | None, option("FILE", "NetCDF file of all fields, run.nc.")] = None,
+    out: Annotated[
+        Path | None,
+        option("FILE", "NetCDF file of all fields, .nc.", values=completion.formats(".nc")),
+    ] = None,
     vtk: Annotated[Path | None, option("DIR", "Folder of a series for ParaView.")] = None,
-    animation: Annotated[Path | None, option("FILE", "Moving picture, .gif or .mp4.")] = None,
+    animation: Annotated[
+        Path | None,
+        option("FILE", "Animation, .gif or .mp4.", values=completion.formats(".gif", ".mp4")),
+    ] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -173,11 +178,11 @@ def simulate(
     integrator = Integrator(fixed, error, spectral_radius, mass, material, modal)
     fields = out or vtk or animation
     points = simulation.DEFAULT_POINTS if fields else 0  # nobody looks at them
-    share = 0.5 if vtk or animation else 1.0
+    share = 0.1 if vtk or animation else 1.0  # of the time
     run: Run | None = None
     files: dict[str, Path | None] | None = None
     try:
-        with progress_bar() as tell:
+        with progress_bar("motion") as tell:
             try:
                 run = simulation.simulate(
                     model,
@@ -284,13 +289,14 @@ def modes(
         **{name: given for name, given in driven.items() if given is not None},
     )
     try:
-        found = modal.modes(
-            model,
-            load=acting.replace(tip_force=force, gravity=weight),
-            model=RodModel(theory, elements=elements),
-            history=path,
-            count=count,
-        )
+        with progress_bar("modes"):
+            found = modal.modes(
+                model,
+                load=acting.replace(tip_force=force, gravity=weight),
+                model=RodModel(theory, elements=elements),
+                history=path,
+                count=count,
+            )
     except NoSolutionError as error:
         if as_json:
             nothing = {"status": error.status, "tensions_N": acting.tensions}
@@ -299,7 +305,7 @@ def modes(
     content = plain({**found.to_dict(), **provenance})
     folder = None
     if out is not None:
-        with progress_bar() as tell:
+        with progress_bar("pictures") as tell:
             from bowstring.viz.modes_folder import write_modes
 
             folder = write_modes(found, content, out, progress=tell)
@@ -360,7 +366,7 @@ class _Targets:
             return files
         if self.vtk is None and self.animation is None:
             return files
-        share = 0.5 if self.vtk and self.animation else 0.0
+        share = 0.5 if self.vtk and self.animation else 1.0  # of the time, each
         data = run.to_dataset()
         if self.vtk is not None:
             from bowstring.viz.vtk import write_vtk
@@ -375,12 +381,14 @@ class _Targets:
                 run.robot,
                 data,
                 self.animation,
-                progress=lambda what, done: tell(what, share + (1 - share) * done),
+                progress=lambda what, done: tell(what, 1 - share + share * done),
             )
         return files
 
 
 def _run_json(run: Run, every: float) -> dict[str, Any]:
+    import numpy as np
+
     interval = max(TIP_INTERVAL, every)
     count = int(run.end / interval + 1e-9)
     times = np.round(np.arange(count + 1) * interval, 12)
@@ -402,6 +410,8 @@ def _run_json(run: Run, every: float) -> dict[str, Any]:
 
 
 def _run_tables(run: Run, files: dict[str, Path | None]) -> Iterator[Table | str]:
+    import numpy as np
+
     yield (
         f"{run.robot.name}, {run.settings['theory']}: {run.status}, {run.end:.6g} s in "
         f"{counted(run.steps, 'step')}, about {rounded(run.real_time_factor)} times real time"

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import numpy as np
 import typer
 
 from bowstring.cli.options import (
@@ -99,6 +99,8 @@ def fe(
     as_json: AsJson = False,
 ) -> None:
     """3-D finite elements of the robot (CalculiX, a program of its own) beside the rod."""
+    import numpy as np
+
     model = load(robot, overrides)
     last = np.array(per_tendon("--tension", tension, "N", model))
     if not last.any():
@@ -133,7 +135,7 @@ def fe(
     )
     limit: Convergence | None = None
     try:
-        with progress_bar() as tell:
+        with progress_bar("mesh") as tell:
             common: dict[str, Any] = {"settings": settings, "progress": tell}
             if study:
                 from bowstring.fem import convergence
@@ -155,7 +157,7 @@ def fe(
     content = plain({**_content(run, beside, limit), **provenance_of(run.robot, **run.settings)})
     folder = None
     if out is not None and run.states:
-        with progress_bar() as tell:
+        with progress_bar("figures") as tell:
             folder = report.write(run, beside, content, out, progress=tell)
     if as_json:
         write_json({**content, "folder": folder})
@@ -180,6 +182,8 @@ def _fineness(mesh: str) -> Fineness:
 
 
 def _rows(last: Any, loads: str | None) -> Any:
+    import numpy as np
+
     top = float(last.max())
     if loads is None:
         values = np.linspace(0.0, top, _STEPS + 1)[1:]
@@ -191,6 +195,8 @@ def _rows(last: Any, loads: str | None) -> Any:
 
 
 def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> dict[str, Any]:
+    import numpy as np
+
     from bowstring.fem.report import rows
 
     content: dict[str, Any] = {
@@ -230,6 +236,8 @@ def _content(run: BrickRun, beside: BesideRod, limit: Convergence | None) -> dic
 def _tables(
     run: BrickRun, beside: BesideRod, limit: Convergence | None, folder: Path | None
 ) -> Iterator[Table | str]:
+    import numpy as np
+
     mesh = run.mesh
     yield (
         f"{run.robot.name}, finite elements: {run.message}; mesh {run.settings['mesh']}, "
@@ -273,6 +281,8 @@ def _tables(
 
 
 def _refinements(limit: Convergence) -> Table:
+    import numpy as np
+
     table = new_table("refined", "of", ">moves the last tip by mm", ">beyond mm", ">order")
     for r in limit.refinements:
         moved = 1e3 * np.linalg.norm(np.diff(r.tips[:, -1], axis=0), axis=1)
@@ -287,4 +297,4 @@ def _refinements(limit: Convergence) -> Table:
 
 
 def _known(value: float, digits: int) -> str:
-    return fixed(value, digits) if np.isfinite(value) else "-"
+    return fixed(value, digits) if math.isfinite(value) else "-"

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
-import numpy as np
 import typer
 
+from bowstring.cli import completion
 from bowstring.cli.options import (
     AsJson,
     MappingFile,
@@ -37,7 +37,7 @@ from bowstring.cli.output import (
 )
 from bowstring.errors import InputError, NoSolutionError
 from bowstring.formatting import in_mm, plain
-from bowstring.units import quote, rounded
+from bowstring.units import rounded
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -59,15 +59,23 @@ def fit(
             "NAME",
             "To fit: a number of the robot file (segments.0.backbone.E), base, tool, gain, "
             "offset, backlash, delay, hole_angle, pitch_radius, bend_gain. Repeatable.",
+            values=completion.words(
+                *("base", "tool", "gain", "offset", "backlash", "delay"),
+                *("hole_angle", "pitch_radius", "bend_gain", "segments.0.backbone.E"),
+            ),
         ),
     ],
     measurements: Annotated[
         Path | None, option("FILE", "Table of measurements: CSV, TSV or .xlsx.")
     ] = None,
     mapping: MappingFile = None,
-    data: Annotated[str | None, option("NAME", "A public data set instead of a table.")] = None,
+    data: Annotated[
+        str | None,
+        option("NAME", "A public data set instead of a table.", values=completion.data_sets),
+    ] = None,
     part: Annotated[
-        str | None, option("PART", "Which of its tables, if there are several.")
+        str | None,
+        option("PART", "Which of its tables, if it has several.", values=completion.parts),
     ] = None,
     g: OfMasses = "9.80665",
     model: Annotated[
@@ -124,11 +132,10 @@ def fit(
         raise InputError("--mapping is of a table; a set of --data brings its own.")
     if sum(way is not None for way in (holdout, folds, validate)) > 1:
         raise InputError("--holdout, --folds and --validate are ways to validate; give one.")
-    share = None if holdout is None else share_of("--holdout", holdout)
-    if share is not None and not 0 < share < 1:
-        raise InputError(
-            f"--holdout: got {quote(str(holdout))}; must lie between 0 and 1, or 0 % and 100 %."
-        )
+    share = None
+    if holdout is not None:
+        rule = "a share of the rows above 0 and below 1"
+        share = share_of("--holdout", holdout, rule, lambda value: 0 < value < 1)
     if folds is not None and folds < 2:
         raise InputError(f"--folds: got {folds}; must be 2 or more.")
     known = load(robot, overrides)
@@ -144,9 +151,9 @@ def fit(
         return replace(found, name=data if part is None else f"{data}, {part}")
 
     flag = "--measurements" if data is None else "--data" if part is None else "--part"
-    table = read(flag, measurements, part)
-    other = None if validate is None else read("--validate", validate, validate)
-    with progress_bar() as tell:
+    with progress_bar("measurements") as tell:
+        table = read(flag, measurements, part)
+        other = None if validate is None else read("--validate", validate, validate)
         found = table_fit.calibrate(
             known,
             table,
@@ -183,7 +190,7 @@ def fit(
     )
     folder = None
     if out is not None and found.fit.converged:
-        with progress_bar() as tell:
+        with progress_bar("figures") as tell:
             from bowstring.calibration.fit_folder import write_fit
 
             folder = write_fit(found, content, out, progress=tell)
@@ -196,6 +203,8 @@ def fit(
 
 
 def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str]:
+    import numpy as np
+
     from bowstring.calibration import table_fit
 
     fit, data = found.fit, found.data

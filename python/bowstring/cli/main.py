@@ -8,23 +8,25 @@ from __future__ import annotations
 import io
 import sys
 import traceback
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
+from functools import wraps
+from inspect import Parameter, signature
 from itertools import takewhile
-from typing import Annotated, Final
+from typing import Annotated, Any, Final, TextIO
 
 import typer
 
 from bowstring import interrupts
 from bowstring.cli import bench, cad, data, doctor, dynamics, fe, fit, statics, study
-from bowstring.cli.output import Stopped, say, write
-from bowstring.errors import InputError, NoSolutionError
+from bowstring.cli.output import Stopped, be_quiet, coloured, say, write
+from bowstring.errors import InputError, NoSolutionError, StabilityWarning
 
 BAD_INPUT: Final = 2
 NO_SOLUTION: Final = 1
 STOPPED: Final = 130  # as a shell reports Ctrl-C
 BUG: Final = 70  # EX_SOFTWARE
 app = typer.Typer(
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -35,6 +37,28 @@ bench_app = typer.Typer(help="Data of a test bench.", rich_markup_mode=None)
 data_app = typer.Typer(help="Public data sets.", rich_markup_mode=None)
 app.add_typer(bench_app, name="bench")
 app.add_typer(data_app, name="data")
+
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr, errors only.")
+]
+
+
+def _with_quiet(command: Callable[..., None]) -> Callable[..., None]:
+    """The command with the flag --quiet."""
+
+    @wraps(command)
+    def run(*, quiet: bool, **values: Any) -> None:
+        if quiet:
+            be_quiet(True)
+        command(**values)
+
+    flag = Parameter("quiet", Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
+    own = signature(command, eval_str=True)
+    run.__signature__ = own.replace(  # type: ignore[attr-defined]
+        parameters=[*own.parameters.values(), flag]
+    )
+    return run
+
 
 for _command in (
     statics.robots,
@@ -50,11 +74,11 @@ for _command in (
     fe.fe,
     doctor.doctor,
 ):
-    app.command()(_command)
-bench_app.command("check")(bench.check)
-bench_app.command("simulate")(bench.simulate)
-data_app.command("list")(data.list_sets)
-data_app.command("get")(data.get)
+    app.command()(_with_quiet(_command))
+bench_app.command("check")(_with_quiet(bench.check))
+bench_app.command("simulate")(_with_quiet(bench.simulate))
+data_app.command("list")(_with_quiet(data.list_sets))
+data_app.command("get")(_with_quiet(data.get))
 
 
 def _show_version(wanted: bool) -> None:
@@ -74,11 +98,14 @@ def _main(
         bool,
         typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version."),
     ] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Is constant curvature good enough for my cable-driven continuum robot?
 
     Numbers are SI unless a unit is attached: 80, "80 N", 0.641, "641 mm".
     """
+    if quiet:
+        be_quiet(True)
     if context.invoked_subcommand is None:
         write(context.get_help() + "\n")
 
@@ -128,8 +155,11 @@ def run(arguments: Sequence[str]) -> int:
         Exit code: 0, 1 for no solution, 2 for bad input, 70 for a bug, 130 after Ctrl-C, 141 when
         the reader of stdout has left.
     """
+    be_quiet(False)
     try:
-        code = app(list(arguments), prog_name="bowstring", standalone_mode=False)
+        # None: typer sees for itself whether it writes to a terminal
+        style = None if coloured(sys.stdout) else False
+        code = app(list(arguments), prog_name="bowstring", standalone_mode=False, color=style)
         late = interrupts.pending() and code != STOPPED
         interrupts.answered()
         if late:
@@ -177,11 +207,27 @@ def run(arguments: Sequence[str]) -> int:
     return code if isinstance(code, int) else 0
 
 
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Show a warning of Python: one of ours without the line of code where it arose."""
+    if issubclass(category, StabilityWarning):
+        say("Warning", str(message))
+    else:
+        sys.stderr.write(warnings.formatwarning(message, category, filename, lineno, line))
+
+
 def main() -> None:
     """Entry point of the command ``bowstring``."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a name in Greek on an ASCII terminal
+    warnings.showwarning = _show_warning
     interrupts.listen()
     try:
         code = run(sys.argv[1:])

@@ -6,33 +6,43 @@ Flags of how the tendons are driven are in `driving`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-import numpy as np
 import typer
 
+from bowstring.cli import completion
 from bowstring.cli.output import counted, say
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot
-from bowstring.robot.reader import load_robot
 from bowstring.units import is_bare, number_with_unit, quote, read_number
 
 if TYPE_CHECKING:
     from bowstring.data.measurements import Measurements
+    from bowstring.robot.model import Robot
 
 MOST_LOADS: Final = 100_000  # of a range
 _EARTH_IN_MM: Final = (9700.0, 9900.0)  # what Earth's gravity is in mm/s^2
 
 
-def option(form: str, text: str, *names: str) -> Any:
-    """A flag by the form of its value and what it says; named as its argument if not otherwise."""
-    return typer.Option(*names, metavar=form, help=text)
+def option(
+    form: str, text: str, *names: str, values: Callable[..., list[str]] | None = None
+) -> Any:
+    """A flag by the form of its value and what it says; named as its argument if not otherwise.
+
+    ``values`` are offered by completion.
+    """
+    return typer.Option(*names, metavar=form, help=text, autocompletion=values)
 
 
 RobotSource = Annotated[
-    str, typer.Argument(metavar="ROBOT", help="A built-in robot's name or the path of a file.")
+    str,
+    typer.Argument(
+        metavar="ROBOT",
+        help="A built-in robot's name or the path of a robot file.",
+        autocompletion=completion.robots,
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,
@@ -50,16 +60,26 @@ Chord = Annotated[
 ]
 Theory = Annotated[Literal["cosserat", "kirchhoff"], typer.Option(help="Rod theory.")]
 Gravity = Annotated[str | None, option("x,y,z", "Gravity, instead of the file's.")]
-Elements = Annotated[int, option("1|2|4|8", "Elements of fourth order between two disks.")]
+_ELEMENTS: Final = completion.words("1", "2", "4", "8")
+Elements = Annotated[
+    int, option("1|2|4|8", "Elements of fourth order between two disks.", values=_ELEMENTS)
+]
 AutomaticElements = Annotated[
     int | None,
     option(
-        "1|2|4|8", "Elements of fourth order between two disks; chosen for accuracy if left out."
+        "1|2|4|8",
+        "Elements of fourth order between two disks; chosen for accuracy if left out.",
+        values=_ELEMENTS,
     ),
 ]
 TipForce = Annotated[str, option("x,y,z", "Dead force at the tip, base axes, all the time.")]
 MappingFile = Annotated[
-    str | None, option("FILE", "Mapping of a table that is not in the tidy format (YAML).")
+    str | None,
+    option(
+        "FILE",
+        "Mapping of a table that is not in the tidy format (YAML).",
+        values=completion.mappings,
+    ),
 ]
 HistoryFile = Annotated[
     Path | None, option("FILE", "Go on with the path of solve --save-history.", "--history")
@@ -105,9 +125,12 @@ _EXAMPLES: Final = {
 
 
 def load(source: str, overrides: Sequence[str] | None) -> Robot:
+    from bowstring.robot.reader import load_robot
+
     if not source.strip():
         raise InputError("ROBOT: got nothing; name a built-in robot or a robot file (YAML).")
     changes = changes_of("--set", overrides, 'segments.0.length="500 mm"')
+    check_bare_changes("--set", lambda change: load_robot(source, change), changes)
     try:
         robot = load_robot(source, changes)
     except InputError as error:
@@ -155,11 +178,18 @@ def number_of(flag: str, text: str, si: str) -> float:
     return values[0]
 
 
-def share_of(flag: str, text: str) -> float:
-    """A share as "0.01" or "1 %"."""
+def share_of(flag: str, text: str, rule: str, accepts: Callable[[float], bool]) -> float:
+    """A share as "0.01" or "1 %"; ``rule`` says what it is of, and its range."""
     percent = text.strip().endswith("%")
-    value = number_of(flag, text.strip().rstrip("%") if percent else text, "")
-    return value / 100.0 if percent else value
+    value = math.nan
+    with suppress(ValueError):
+        value = read_number(text.strip().removesuffix("%"), "") / (100.0 if percent else 1.0)
+    if not accepts(value):
+        raise InputError(
+            f"{flag}: got {quote(text.strip())}; must be {rule}, "
+            f"write for example {flag} {_EXAMPLES[flag]}."
+        )
+    return value
 
 
 def positive(flag: str, text: str, si: str) -> float:
@@ -177,10 +207,10 @@ def not_negative(flag: str, text: str, si: str) -> float:
 
 
 def ratio(flag: str, text: str | None) -> float | None:
-    value = None if text is None else share_of(flag, text)
-    if value is not None and not 0 <= value <= 1:
-        raise InputError(f"{flag}: got {quote(text)}; must be from 0 to 1, or 0 % to 100 %.")
-    return value
+    if text is None:
+        return None
+    rule = "a share of critical damping from 0 to 1"
+    return share_of(flag, text, rule, lambda value: 0 <= value <= 1)
 
 
 def check_elements(elements: int | None) -> None:
@@ -223,8 +253,35 @@ def _is_bare(flag: str, item: str, si: str, small: str, why: str = "") -> InputE
     )
 
 
+def check_bare_changes(
+    flag: str, make: Callable[[dict[str, str]], Robot], changes: Mapping[str, str]
+) -> None:
+    """Refuse a change of a robot's field to a number without a unit if one makes sense of it.
+
+    ``make`` returns the changed robot. With the unit that is usual for the field it is valid and
+    has fewer doubtful numbers.
+    """
+    from bowstring.robot.messages import units_of_field
+
+    def doubts(path: str, value: str) -> float:
+        try:
+            return len(make({path: value}).warnings)
+        except InputError:
+            return math.inf
+
+    for path, text in changes.items():
+        units = units_of_field(path) if is_bare(text) else None
+        if units is None:
+            continue
+        si, usual = units
+        if doubts(path, f"{text} {si}") > doubts(path, f"{text} {usual}"):
+            raise _is_bare(f"{flag} {path}", text.strip(), si, usual)
+
+
 def check_bare_drive(flag: str, text: str, si: str, robot: Robot) -> None:
     """Refuse displacements and angles without a unit that take in more than all of a tendon."""
+    import numpy as np
+
     tendons = robot.tendons
     longest = robot.disks.station_m[tendons.end_disk] + tendons.free_length_m
     if si == "m":  # of a displacement that is but a little too long the solver has more to say

@@ -7,24 +7,32 @@ import json
 import math
 import os
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
 import typer
 
 from bowstring._core import __version__
 from bowstring.formatting import plain
-from bowstring.robot.model import Robot
 from bowstring.units import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from bowstring.robot.model import Robot
+
 OUTPUT_LOST: Final = 74  # EX_IOERR
 PIPE_CLOSED: Final = 141  # as a shell reports SIGPIPE
 JSON_SCHEMA_VERSION: Final = 1
+_BAR_AFTER: Final = 0.3  # s that work takes before its bar is seen
+_BAR_EVERY: Final = 0.1  # s between two drawings
+_BAR_WIDTH: Final = 24
+_quiet = False
+_bar: _Bar | None = None  # that is on the terminal
 
 
 class Stopped(Exception):
@@ -35,9 +43,26 @@ def counted(n: int, thing: str, things: str | None = None) -> str:
     return f"{n} {thing if n == 1 else things or thing + 's'}"
 
 
+def be_quiet(wanted: bool) -> None:
+    """Leave out progress and warnings from now on, or show them again."""
+    global _quiet
+    _quiet = wanted
+
+
 def say(kind: str, sentence: str) -> None:
     """A line on stderr."""
+    if kind == "Warning" and _quiet:
+        return
+    if _bar is not None:
+        _bar.clear()
     print(printable(f"{kind}: {sentence}"), file=sys.stderr)
+
+
+def coloured(stream: TextIO) -> bool:
+    """Whether styled text may be written: https://no-color.org and https://force-color.org."""
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return False
+    return bool(os.environ.get("FORCE_COLOR")) or stream.isatty()
 
 
 def write(text: str) -> None:
@@ -69,18 +94,90 @@ def provenance_of(robot: Robot | None, **settings: Any) -> dict[str, Any]:
     }
 
 
+class _Bar:
+    """A line on the terminal: what is being done, how far, for how long, and the time left.
+
+    A thread draws it, so that time goes on within work that reports nothing. It needs neither
+    colours nor other escape codes.
+    """
+
+    def __init__(self, what: str) -> None:
+        self._began = time.monotonic()
+        self._state = (what, 0.0, 0.0)  # what is done, which share, since how many seconds
+        self._drawn = 0  # columns
+        self._lock, self._end = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._draw, daemon=True)
+        self._thread.start()
+
+    def update(self, what: str, done: float) -> None:
+        _, before, told = self._state
+        self._state = (what, done, told if done == before else time.monotonic() - self._began)
+
+    def clear(self) -> None:
+        """Take the line away, until it is drawn again."""
+        with self._lock:
+            if self._drawn:
+                self._write("")
+
+    def close(self) -> None:
+        self._end.set()
+        self._thread.join()
+        self.clear()
+
+    def _draw(self) -> None:
+        pause = _BAR_AFTER
+        while not self._end.wait(pause):
+            with self._lock:
+                self._write(progress_line(*self._state, time.monotonic() - self._began))
+            pause = _BAR_EVERY
+
+    def _write(self, line: str) -> None:
+        width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
+        line = line[: width - 1]
+        print(f"\r{line:{self._drawn}}", end="\r" * (not line), file=sys.stderr, flush=True)
+        self._drawn = len(line)
+
+
+def progress_line(what: str, done: float, told: float, now: float) -> str:
+    """A bar as one line of text.
+
+    Times are in seconds from the start: of the report that the share ``done`` of the work is done
+    (0 where no share is known), and of now.
+    """
+    if done > 0.0:
+        filled = round(_BAR_WIDTH * min(done, 1.0))
+        bar = "#" * filled + "." * (_BAR_WIDTH - filled)
+        left = max(told / done - now, 0.0)
+        state = f"{100 * min(done, 1.0):3.0f} %  {_clock(now)} elapsed, {_clock(left)} left"
+    else:
+        place = int(now / _BAR_EVERY) % (_BAR_WIDTH - 2)
+        bar = f"{'...':.>{place + 3}}"[:place] + "###"
+        bar, state = f"{bar:.<{_BAR_WIDTH}}", f"  -    {_clock(now)} elapsed"
+    return f"[{bar}] {state}  {printable(what)}"
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
+
 @contextmanager
-def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """A bar on stderr if a person looks at it; what it yields is told what is done, and how far."""
-    if not sys.stderr.isatty():
+def progress_bar(what: str) -> Iterator[Callable[[str, float], None]]:
+    """A bar on stderr if a person looks at it, which begins with ``what`` is being done first.
+
+    What it yields is told what is being done and the share that is done, 0 if nobody knows.
+    """
+    global _bar
+    if _quiet or not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
         yield lambda what, done: None
         return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda what, done: bar.update(task, description=what, completed=done)
+    _bar = bar = _Bar(what)
+    try:
+        yield bar.update
+    finally:
+        _bar = None
+        bar.close()
 
 
 def fields_of(thing: object, *names: str) -> dict[str, Any]:
@@ -136,7 +233,8 @@ def write_rich(draw: Callable[[Console], None]) -> None:
             for part in super().render(renderable, options):
                 yield part if part.control else part._replace(text=printable(part.text))
 
-    buffer, terminal = io.StringIO(), sys.stdout.isatty()
-    width = Console().width if terminal else 100
-    draw(Plain(file=buffer, width=width, force_terminal=terminal, highlight=False, markup=False))
+    buffer = io.StringIO()
+    width = Console().width if sys.stdout.isatty() else 100
+    styled = coloured(sys.stdout)
+    draw(Plain(file=buffer, width=width, force_terminal=styled, highlight=False, markup=False))
     write("\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n")

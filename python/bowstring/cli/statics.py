@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import numpy as np
 import typer
 
 from bowstring.cli.driving import (
@@ -49,16 +48,15 @@ from bowstring.cli.output import (
     write_json,
     write_tables,
 )
-from bowstring.constant_curvature import RobotArcs
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot
-from bowstring.robot.reader import load_robot, robot_names, robot_schema
-from bowstring.statics import limits
 from bowstring.units import number_with_unit
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from bowstring.constant_curvature import RobotArcs
+    from bowstring.robot.model import Robot
+    from bowstring.statics import limits
     from bowstring.statics.solution import Solution
 
 
@@ -68,7 +66,9 @@ _FAR: Final = 10.0
 
 def robots(as_json: AsJson = False) -> None:
     """List the built-in robots."""
-    known = [load_robot(name) for name in robot_names()]
+    from bowstring.robot import reader
+
+    known = [reader.load_robot(name) for name in reader.robot_names()]
     if as_json:
         rows = [
             {
@@ -91,6 +91,8 @@ def robots(as_json: AsJson = False) -> None:
 
 def schema(as_json: AsJson = False) -> None:
     """Print the JSON Schema of a robot file, for editors."""
+    from bowstring.robot.reader import robot_schema
+
     if as_json:
         return write_json(robot_schema())
     write(json.dumps(robot_schema(), indent=2) + "\n")
@@ -104,6 +106,8 @@ def fk(
     as_json: AsJson = False,
 ) -> None:
     """Constant curvature forward: tendon lengths to arcs and tip."""
+    from bowstring.constant_curvature import RobotArcs
+
     model = load(robot, overrides)
     values = per_tendon("--lengths", lengths, "m", model, above_zero=True)
     check_bare("--lengths", lengths, "m", model, _FAR * model.length, "mm")
@@ -139,6 +143,10 @@ def ik(
     The arc has the robot's own length and comes as near to the point as it can; the miss is
     reported.
     """
+    import numpy as np
+
+    from bowstring.constant_curvature import RobotArcs
+
     model = load(robot, overrides)
     point = np.array(vector("--tip", tip, "m"))
     check_bare("--tip", tip, "m", model, _FAR * model.length, "mm")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -23,8 +24,10 @@ from bowstring.cli.options import (
 )
 from bowstring.cli.output import Stopped, progress_bar, say, write_json, write_rich
 from bowstring.errors import InputError
-from bowstring.robot.model import Robot
 from bowstring.units import quote
+
+if TYPE_CHECKING:
+    from bowstring.robot.model import Robot
 
 
 def study(
@@ -88,10 +91,20 @@ def study(
         raise InputError("--mapping is of a table; name the table by --measurements.")
     if grip is not None and not fe:
         raise InputError("--grip is of finite elements; give --fe too.")
-    share = share_of("--tolerance", tolerance)
+    tolerated = share_of(
+        "--tolerance",
+        tolerance,
+        "a share of the length above 0 and below 1",
+        lambda value: 0 < value < 1,
+    )
     limit = None if max_tension is None else number_of("--max-tension", max_tension, "N")
     seconds = None if rise is None else number_of("--rise", rise, "s")
-    damping = share_of("--modal-damping", modal_damping)
+    damping = share_of(
+        "--modal-damping",
+        modal_damping,
+        "a share of critical damping from 0 to below 1",
+        lambda value: 0 <= value < 1,
+    )
     model = load(robot, overrides)
     shares = None if tendon is None else _shares(tendon, model)
 
@@ -105,23 +118,27 @@ def study(
     extras = Extras(solid, Settings(grip=grip or Settings.grip) if fe else None)
     folder = of_flag("--out", check_folder, report.default_folder(model) if out is None else out)
     try:
-        with progress_bar() as tell:
+        with progress_bar("CAD kernel" if solid else "geometric sweep") as tell:
             data = None
             if measurements is not None:
                 tell("measurements", 0.0)
                 data = measurements_of("--measurements", measurements, model, mapping)
+            solving = 0.9 if fe else 0.2  # share of the time; the report takes the rest
             found = run_study(
                 model,
-                tolerance=share,
+                tolerance=tolerated,
                 theory=theory,
                 loading=loading,
                 ramp=ramp,
                 measurements=data,
                 extras=extras,
-                progress=lambda what, done: tell(what, 0.5 * done),
+                progress=lambda what, done: tell(what, solving * done),
             )
+            tell("figures", solving)
             folder = report.write(
-                found, folder, progress=lambda what, done: tell(what, 0.5 + 0.5 * done)
+                found,
+                folder,
+                progress=lambda what, done: tell(what, solving + (1 - solving) * done),
             )
     except RunInterrupted as stopped:
         raise Stopped(
@@ -140,6 +157,7 @@ def _shares(text: str, robot: Robot) -> dict[int, float]:
     """Numbers of tendons and their shares of the sweep's tension."""
     out: dict[int, float] = {}
     count = tendon_count(robot)
+    rule = "a tendon and, after a colon, its share of the sweep's tension"
     for item in text.split(","):
         number, colon, share = item.strip().partition(":")
         if not (number.isdecimal() and 1 <= int(number) <= count):
@@ -149,5 +167,5 @@ def _shares(text: str, robot: Robot) -> dict[int, float]:
             )
         if int(number) in out:
             raise InputError(f"--tendon: tendon {number} is there twice; name each one once.")
-        out[int(number)] = share_of("--tendon", share) if colon else 1.0
+        out[int(number)] = share_of("--tendon", share, rule, math.isfinite) if colon else 1.0
     return out

@@ -10,9 +10,9 @@ from pydantic import BaseModel, ValidationError
 
 from bowstring.errors import InputError
 from bowstring.robot.parts import MAX_SEGMENTS, Backbone, Disks, Segment, Tendon, TendonRing
-from bowstring.units import quote
+from bowstring.units import Quantity, quote
 
-__all__ = ["build"]
+__all__ = ["build", "units_of_field"]
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -113,6 +113,18 @@ def _advice(names: tuple[str, ...], model: type[BaseModel]) -> str:
     field = _PARTS.get(names[:-1], model).model_fields[names[-1]]
     example = next(mark.example for mark in field.metadata if hasattr(mark, "example"))
     return f'write for example "{names[-1]}: {example}"'
+
+
+def units_of_field(path: str) -> tuple[str, str] | None:
+    """The SI unit and the usual unit of the field that a path names, if it has a unit."""
+    names = tuple(name for name in re.split(r"[.\[\]]+", path) if name and not name.isdecimal())
+    parts = [_PARTS.get((*names[:-1], *kind)) for kind in ((), ("ring",), ("list",))]
+    for part in parts:
+        field = part.model_fields.get(names[-1]) if part is not None else None
+        for mark in field.metadata if field is not None else ():
+            if isinstance(mark, Quantity) and mark.si and mark.vector is None:
+                return mark.si, mark.example.partition(" ")[2]
+    return None
 
 
 def _fields_of(part: type[BaseModel]) -> list[str]:
