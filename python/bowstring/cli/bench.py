@@ -73,7 +73,7 @@ def check(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Read a table of measurements and say what is in it, and what is wrong with it."""
+    """Read a table of measurements; say what it holds and what is wrong."""
     from bowstring.data.measurements import read_measurements
     from bowstring.data.tendon_check import check_tendons
 
@@ -107,50 +107,59 @@ def simulate(
     ],
     masses: Annotated[
         str | None,
-        option("FIRST:STEP:LAST", "Masses hung on one tendon; a list M1,M2,... as well."),
+        option("FIRST:STEP:LAST", "Masses that hang on one tendon; a list M1,M2,... too."),
     ] = None,
-    tensions: Annotated[str | None, option("FIRST:STEP:LAST", "Its tensions instead.")] = None,
+    tensions: Annotated[
+        str | None, option("FIRST:STEP:LAST", "Tensions of that tendon instead.")
+    ] = None,
     displacements: Annotated[
         str | None, option("FIRST:STEP:LAST", "Its displacements instead.")
     ] = None,
     tendon: Annotated[int, option("N", "The tendon; nothing pulls the others.")] = 1,
     g: OfMasses = "9.80665",
-    repeats: Annotated[int, option("N", "Runs through the loads.")] = 1,
+    repeats: Annotated[int, option("N", "Number of runs through the loads.")] = 1,
     unload: Annotated[
-        bool, typer.Option("--unload/--no-unload", help="Each time also back to the first load.")
+        bool,
+        typer.Option("--unload/--no-unload", help="Whether each run returns to the first load."),
     ] = True,
     noise: Annotated[
         str, option("m", "Standard deviation of each measured coordinate.")
     ] = "0.02 mm",
-    friction: Annotated[str | None, option("mu", "Actual friction, instead of the file's.")] = None,
+    friction: Annotated[
+        str | None, option("mu", "Actual friction coefficient, in place of the file's.")
+    ] = None,
     actual: Annotated[
         list[str] | None,
         option(
             "PATH=VALUE",
-            'What else is not as ROBOT says: segments.0.backbone.E="+5 %". Repeatable.',
+            'Field that differs from ROBOT in fact: segments.0.backbone.E="+5 %". Repeatable.',
         ),
     ] = None,
     gravity: Gravity = None,
     gravity_frame: Annotated[
         Literal["base", "measuring"],
-        typer.Option(help="Axes of gravity: it turns with a tilted base, or stays plumb."),
+        typer.Option(help="Frame of --gravity: it tilts with the base, or stays vertical."),
     ] = "base",
     tilt: Annotated[
-        str, option("ANGLE[,TOWARDS]", "Lean of the base, and towards which angle from x.")
+        str, option("ANGLE[,TOWARDS]", "Tilt of the base, and its direction as an angle from x.")
     ] = "0",
-    shift: Annotated[str, option("x,y,z", "Base in the measuring frame.")] = "0,0,0",
-    tool: Annotated[
-        str, option("x,y,z", "Measured point seen from the tip; the data say so.")
+    shift: Annotated[
+        str, option("x,y,z", "Position of the base in the measuring frame.")
     ] = "0,0,0",
-    tool_error: Annotated[str, option("x,y,z", "By how much it is elsewhere, unsaid.")] = "0,0,0",
+    tool: Annotated[
+        str, option("x,y,z", "Measured point relative to the tip, as the table states it.")
+    ] = "0,0,0",
+    tool_error: Annotated[
+        str, option("x,y,z", "Offset of the measured point that the table does not state.")
+    ] = "0,0,0",
     tip_force: Annotated[
-        str, option("x,y,z", "Disturbance: dead force at the tip, base axes.")
+        str, option("x,y,z", "Disturbance: constant force at the tip, base axes.")
     ] = "0,0,0",
     drift: Annotated[
-        str, option("x,y,z", "Disturbance: how far the base has moved at the end.")
+        str, option("x,y,z", "Disturbance: displacement of the base by the last row.")
     ] = "0,0,0",
     theory: Theory = "cosserat",
-    seed: Annotated[int, option("N", "Of the noise.")] = 0,
+    seed: Annotated[int, option("N", "Seed of the noise.")] = 0,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
@@ -209,10 +218,15 @@ def simulate(
     of_flag("--out", synthetic.check_table, out)
     with progress_bar("equilibria") as tell:
         made = synthetic.set_up(
-            model, loads, actual=really, mounting=mounting, instrument=instrument
+            model,
+            loads,
+            actual=really,
+            mounting=mounting,
+            instrument=instrument,
+            progress=lambda share: tell("equilibria", 0.95 * share),
         )
         found = made.measure(seed)
-        tell("table", 0.0)
+        tell("table", 0.95)
         table, truth = synthetic.write(found, out)
     if as_json:
         names = ("tensions", "displacements", "masses")

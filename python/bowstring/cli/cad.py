@@ -67,8 +67,8 @@ def cad(
 ) -> None:
     """The robot as a solid: CAD file, picture, drawing of its disks.
 
-    Bent as its tendons are driven, straight if they are not. Needs the extra cad (build123d),
-    except for the drawing.
+    With actuation it is bent, without it straight. Needs the extra cad (build123d), except for the
+    drawing.
     """
     from bowstring.cad import export
     from bowstring.cad.drawing import check_drawing_file, write_drawing

@@ -51,7 +51,7 @@ def get(
     out: Annotated[Path | None, option("DIR", "Copy the files to DIR/NAME.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fetch a public data set at its pinned commit, and check it."""
+    """Download a public data set and check it."""
     from bowstring.data import datasets
 
     item = datasets.describe(name)

@@ -78,7 +78,7 @@ def facts() -> dict[str, Any]:
 
 
 def doctor(as_json: AsJson = False) -> None:
-    """What is installed, what optional parts are missing, and how to add them."""
+    """Show what is installed, what is missing and how to add it."""
     found = []
     with progress_bar(_PARTS[0][0]) as progress:
         for k, (name, look, purpose, cure) in enumerate(_PARTS):

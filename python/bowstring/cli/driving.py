@@ -44,7 +44,11 @@ def actuated_by(
     """The load of tensions, displacements and angles; each tendon has one of them."""
     from bowstring.statics.load import Load
 
-    flags = (("--tension", tension, "N"), ("--displacement", displacement, "m"), ("--angle", angle, "rad"))
+    flags = (
+        ("--tension", tension, "N"),
+        ("--displacement", displacement, "m"),
+        ("--angle", angle, "rad"),
+    )
     given = [text for _, text, _ in flags if text is not None]
     if not given:
         raise InputError(

@@ -78,8 +78,8 @@ def simulate(
         str | None,
         option(
             "T1,T2,...",
-            "Tensions of the equilibrium at the start, from where they rise or, with "
-            "--rise 0, are released.  [default: none]",
+            "Tensions at the start, where the robot is in equilibrium; they change to "
+            "--tension within --rise.  [default: none]",
             "--from",
         ),
     ] = None,
@@ -100,29 +100,35 @@ def simulate(
     gravity: Gravity = None,
     tip_force: TipForce = "0,0,0",
     tip_moment: Annotated[
-        str, option("x,y,z", "Dead moment at the tip, base axes, all the time.")
+        str, option("x,y,z", "Dead load: constant moment at the tip, base axes.")
     ] = "0,0,0",
-    mass_damping: Annotated[str, option("1/s", "Damping force per mass and velocity.")] = "0",
+    mass_damping: Annotated[
+        str, option("1/s", "Mass-proportional damping: force per mass and velocity.")
+    ] = "0",
     material_damping: Annotated[
-        str, option("s", "Kelvin-Voigt: stress of strain rate over strain.")
+        str, option("s", "Kelvin-Voigt damping of the backbone: its time constant.")
     ] = "0",
     modal_damping: Annotated[
-        str | None, option("RATIO", 'Of the slowest modes, 0.01 or "1 %"; instead of these two.')
+        str | None,
+        option(
+            "RATIO", 'Damping ratio of the slowest modes, 0.01 or "1 %"; in place of the two above.'
+        ),
     ] = None,
     spectral_radius: Annotated[
-        float, option("0...1", "Numerical damping: 1 is none, 0 most.")
+        float, option("0...1", "Spectral radius at infinity: 1 no numerical damping, 0 most.")
     ] = 0.8,
-    dt: Annotated[str | None, option("s", "Fixed step.  [default: steps adapt]")] = None,
+    dt: Annotated[str | None, option("s", "Fixed time step.  [default: adaptive steps]")] = None,
     tolerance: Annotated[
-        str | None, option("m", "Error of one step.  [default: 2e-6 of the length]")
+        str | None,
+        option("m", "Tolerated error of one adaptive step.  [default: 2e-6 of the length]"),
     ] = None,
-    every: Annotated[str, option("s", "Time between two outputs of all fields.")] = "0.01",
+    every: Annotated[str, option("s", "Time between outputs.")] = "0.01",
     elements: Elements = 1,
     out: Annotated[
         Path | None,
         option("FILE", "NetCDF file of all fields, .nc.", values=completion.formats(".nc")),
     ] = None,
-    vtk: Annotated[Path | None, option("DIR", "Folder of a series for ParaView.")] = None,
+    vtk: Annotated[Path | None, option("DIR", "Folder of a VTK series for ParaView.")] = None,
     animation: Annotated[
         Path | None,
         option("FILE", "Animation, .gif or .mp4.", values=completion.formats(".gif", ".mp4")),
@@ -245,17 +251,19 @@ def modes(
     tension: Tension = None,
     displacement: Displacement = None,
     angle: Angle = None,
-    count: Annotated[int, option("N", "How many, the slowest.")] = 6,
+    count: Annotated[int, option("N", "Number of modes, slowest first.")] = 6,
     theory: Theory = "cosserat",
     gravity: Gravity = None,
     tip_force: TipForce = "0,0,0",
     elements: AutomaticElements = None,
     history: HistoryFile = None,
-    out: Annotated[Path | None, option("DIR", "Folder of pictures of the shapes.")] = None,
+    out: Annotated[Path | None, option("DIR", "Folder for pictures of the mode shapes.")] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Natural frequencies and mode shapes about an equilibrium, that of no tension if not given.
+    """Natural frequencies and mode shapes about an equilibrium.
+
+    Without actuation it is that of zero tension.
 
     Tensions, displacements and angles keep their values while the robot oscillates.
     """

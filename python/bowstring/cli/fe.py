@@ -51,54 +51,57 @@ _STEPS = 8  # of a sweep, if none are asked for
 
 def fe(
     robot: RobotSource,
-    tension: Annotated[str, option("T1,T2,...", "Tendon tensions at the end.")],
+    tension: Annotated[str, option("T1,T2,...", "Tendon tensions of the last load.")],
     loads: Annotated[
         str | None,
         option(
             "FIRST:STEP:LAST",
-            "Loads on the way, as the largest tension; the others keep their share. "
+            "Loads to solve, as the largest tension; the others keep their ratio to it.  "
             "[default: 8 equal steps]",
         ),
     ] = None,
     dynamic: Annotated[
-        bool, typer.Option("--dynamic", help="Motion from rest in place of a sweep of statics.")
+        bool, typer.Option("--dynamic", help="Simulate a motion from rest, not a static sweep.")
     ] = False,
     rise: Annotated[
-        str | None, option("s", "With --dynamic: time of the rise.  [default: 1]")
+        str | None, option("s", "With --dynamic: rise time of the tensions.  [default: 1]")
     ] = None,
-    hold: Annotated[str | None, option("s", "With --dynamic: time after it.  [default: 0]")] = None,
+    hold: Annotated[
+        str | None, option("s", "With --dynamic: time after the rise.  [default: 0]")
+    ] = None,
     mass_damping: Annotated[
-        str | None, option("1/s", "With --dynamic: force on all mass by velocity.  [default: 0]")
+        str | None, option("1/s", "With --dynamic: mass-proportional damping.  [default: 0]")
     ] = None,
     mesh: Annotated[
         str,
         option(
-            "M,A,R", "Bricks along each module (even), around (a multiple of 4), rings of them."
+            "M,A,R",
+            "Bricks along each module (even), around it (a multiple of 4), and rings across.",
         ),
     ] = "8,8,1",
     stiffness: Annotated[
-        float, option("K", "Young's modulus of disks by the backbone's.")
+        float, option("K", "Young's modulus of the disks over that of the backbone.")
     ] = 1000.0,
     grip: Annotated[
         Literal["bonded", "sliding"],
-        typer.Option(help="Disks hold the backbone across too, or let it widen and narrow."),
+        typer.Option(help="Disks hold the backbone's cross-section, or let it widen and narrow."),
     ] = "bonded",
     study: Annotated[
         bool,
         typer.Option(
             "--study",
-            help="Run coarser and finer too, and extrapolate to the limit with its error; takes "
-            "about ten times as long.",
+            help="Convergence study: refine the mesh and extrapolate to the limit, with its error; "
+            "takes about ten times as long.",
         ),
     ] = False,
     gravity: Gravity = None,
     tip_force: TipForce = "0,0,0",
-    out: Annotated[Path | None, option("DIR", "Folder of fields, pictures and numbers.")] = None,
+    out: Annotated[Path | None, option("DIR", "Folder for fields, figures and numbers.")] = None,
     keep: Annotated[Path | None, option("DIR", "Folder for CalculiX's own files.")] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """3-D finite elements of the robot (CalculiX, a program of its own) beside the rod."""
+    """Independent verification by 3-D finite elements (CalculiX)."""
     import numpy as np
 
     model = load(robot, overrides)

@@ -57,8 +57,8 @@ def fit(
         list[str],
         option(
             "NAME",
-            "To fit: a number of the robot file (segments.0.backbone.E), base, tool, gain, "
-            "offset, backlash, delay, hole_angle, pitch_radius, bend_gain. Repeatable.",
+            "Parameter to fit: a number of the robot file (segments.0.backbone.E), base, tool, "
+            "gain, offset, backlash, delay, hole_angle, pitch_radius, bend_gain. Repeatable.",
             values=completion.words(
                 *("base", "tool", "gain", "offset", "backlash", "delay"),
                 *("hole_angle", "pitch_radius", "bend_gain", "segments.0.backbone.E"),
@@ -79,41 +79,44 @@ def fit(
     ] = None,
     g: OfMasses = "9.80665",
     model: Annotated[
-        Literal["rod", "arc"], typer.Option(help="Statics, or constant curvature.")
+        Literal["rod", "arc"],
+        typer.Option(help="Model to fit: rod statics, or arcs of constant curvature."),
     ] = "rod",
     loss: Annotated[
         Literal["linear", "soft_l1", "huber"],
-        typer.Option(help="Least squares, or robust against outliers."),
+        typer.Option(help="Least squares (linear), or robust against outliers."),
     ] = "soft_l1",
     holdout: Annotated[
-        str | None, option("SHARE", "Keep the last rows from the fit, and predict them.")
+        str | None,
+        option("SHARE", "Leave this share of the rows, the last, out of the fit and predict it."),
     ] = None,
     folds: Annotated[
-        int | None, option("K", "Predict each of K parts by a fit to the others.")
+        int | None,
+        option("K", "Cross-validation: predict each of K parts from a fit to the others."),
     ] = None,
     validate: Annotated[
         str | None,
         option(
             "FILE",
-            "Predict another table once (with --data another of its parts); nothing is "
-            "aligned to it.",
+            "Table (with --data a part of the data set) that the fit predicts; nothing is aligned "
+            "to it.",
         ),
     ] = None,
     start: Annotated[
         Path | None,
         option(
             "FILE",
-            "calibration.json of a former fit: base, tool and drive begin there, or are "
-            "held there.",
+            "calibration.json of an earlier fit: base, tool and drive start from its values, or "
+            "keep them if they are not fitted.",
         ),
     ] = None,
     out: Annotated[
-        Path | None, option("DIR", "Folder of the calibrated robot file, and of figures.")
+        Path | None, option("DIR", "Folder for the calibrated robot file and figures.")
     ] = None,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Calibrate a robot: parameters from measured tips, and what the data know of them."""
+    """Calibrate a robot: fit parameters to measured tips."""
     from bowstring.calibration import table_fit
     from bowstring.data import datasets
     from bowstring.data.measurements import read_measurements

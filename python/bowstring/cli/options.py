@@ -48,7 +48,7 @@ Overrides = Annotated[
     list[str] | None,
     option(
         "PATH=VALUE",
-        'Override a field: segments.0.disks.clamped_length="3 mm". Repeatable.',
+        'Change a field of the robot file: segments.0.disks.clamped_length="3 mm". Repeatable.',
         "--set",
     ),
 ]
@@ -56,35 +56,39 @@ AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON object and nothing else on stdout.")
 ]
 Chord = Annotated[
-    bool, typer.Option("--chord", help="Tendons straight from disk to disk, not parallel curves.")
+    bool, typer.Option("--chord", help="Tendons are straight between disks, not parallel curves.")
 ]
-Theory = Annotated[Literal["cosserat", "kirchhoff"], typer.Option(help="Rod theory.")]
-Gravity = Annotated[str | None, option("x,y,z", "Gravity, instead of the file's.")]
+Theory = Annotated[
+    Literal["cosserat", "kirchhoff"],
+    typer.Option(help="Rod theory: with shear and extension, or without."),
+]
+Gravity = Annotated[str | None, option("x,y,z", "Gravity, in place of that of the robot file.")]
 _ELEMENTS: Final = completion.words("1", "2", "4", "8")
 Elements = Annotated[
-    int, option("1|2|4|8", "Elements of fourth order between two disks.", values=_ELEMENTS)
+    int, option("1|2|4|8", "Fourth-order elements between two disks.", values=_ELEMENTS)
 ]
 AutomaticElements = Annotated[
     int | None,
     option(
         "1|2|4|8",
-        "Elements of fourth order between two disks; chosen for accuracy if left out.",
+        "Fourth-order elements between two disks.  [default: chosen for accuracy]",
         values=_ELEMENTS,
     ),
 ]
-TipForce = Annotated[str, option("x,y,z", "Dead force at the tip, base axes, all the time.")]
+TipForce = Annotated[str, option("x,y,z", "Dead load: constant force at the tip, base axes.")]
 MappingFile = Annotated[
     str | None,
     option(
         "FILE",
-        "Mapping of a table that is not in the tidy format (YAML).",
+        "What the columns of a foreign table are: a built-in mapping or a YAML file.",
         values=completion.mappings,
     ),
 ]
 HistoryFile = Annotated[
-    Path | None, option("FILE", "Go on with the path of solve --save-history.", "--history")
+    Path | None,
+    option("FILE", "Continue the load path that solve --save-history wrote.", "--history"),
 ]
-OfMasses = Annotated[str, option("g", "Gravity that makes tensions of masses.", "--g")]
+OfMasses = Annotated[str, option("g", "Gravity that turns masses into tensions.", "--g")]
 
 
 _EXAMPLES: Final = {

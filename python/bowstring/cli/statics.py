@@ -100,12 +100,12 @@ def schema(as_json: AsJson = False) -> None:
 
 def fk(
     robot: RobotSource,
-    lengths: Annotated[str, option("L1,L2,...", "Tendon lengths, base to end disk.")],
+    lengths: Annotated[str, option("L1,L2,...", "Tendon lengths, from the base to the end disk.")],
     chord: Chord = False,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Constant curvature forward: tendon lengths to arcs and tip."""
+    """Forward kinematics, constant curvature: lengths to arcs and tip."""
     from bowstring.constant_curvature import RobotArcs
 
     model = load(robot, overrides)
@@ -130,15 +130,16 @@ def fk(
 
 def ik(
     robot: RobotSource,
-    tip: Annotated[str, option("x,y,z", "Wanted tip position.")],
+    tip: Annotated[str, option("x,y,z", "Desired tip position, base axes.")],
     free_length: Annotated[
-        bool, typer.Option("--free-length", help="Let the arc's length change to meet the point.")
+        bool,
+        typer.Option("--free-length", help="Let the length of the arc change to meet the point."),
     ] = False,
     chord: Chord = False,
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Constant curvature backward: a tip position to arc and lengths.
+    """Inverse kinematics, constant curvature: tip to arc and lengths.
 
     The arc has the robot's own length and comes as near to the point as it can; the miss is
     reported.
@@ -187,12 +188,14 @@ def solve(
     angle: Angle = None,
     history: HistoryFile = None,
     save_history: Annotated[
-        Path | None, option("FILE", "JSON file of where the path has come to.")
+        Path | None, option("FILE", "JSON file for the state of the load path, to continue from.")
     ] = None,
     theory: Theory = "cosserat",
     gravity: Gravity = None,
-    tip_force: Annotated[str, option("x,y,z", "Dead force at the tip, base axes.")] = "0,0,0",
-    tip_moment: Annotated[str, option("x,y,z", "Dead moment at the tip, base axes.")] = "0,0,0",
+    tip_force: Annotated[str, option("x,y,z", "Dead load: force at the tip, base axes.")] = "0,0,0",
+    tip_moment: Annotated[
+        str, option("x,y,z", "Dead load: moment at the tip, base axes.")
+    ] = "0,0,0",
     elements: AutomaticElements = None,
     overrides: Overrides = None,
     as_json: AsJson = False,

@@ -34,7 +34,7 @@ def study(
     robot: RobotSource = "amouri2019",
     measurements: Annotated[
         Path | None,
-        option("FILE", "Table of measurements: all models against them."),
+        option("FILE", "Table of measurements; each model is compared with it."),
     ] = None,
     mapping: MappingFile = None,
     out: Annotated[
@@ -45,9 +45,9 @@ def study(
         str, typer.Option(help='Tolerated tip error, a share of the length: 0.01 or "1 %".')
     ] = "1 %",
     max_tension: Annotated[
-        str | None, option("T", "End of the sweep; chosen if not given.")
+        str | None, option("T", "Largest tension of the sweep.  [default: chosen for the robot]")
     ] = None,
-    points: Annotated[int, option("N", "Loads of the sweep.")] = 17,
+    points: Annotated[int, option("N", "Number of loads in the sweep.")] = 17,
     tendon: Annotated[
         str | None,
         option(
@@ -58,10 +58,14 @@ def study(
     ] = None,
     theory: Theory = "cosserat",
     rise: Annotated[
-        str | None, option("s", "Rise of the tension in dynamics; chosen if not given.")
+        str | None,
+        option("s", "Rise time of the tension in dynamics.  [default: chosen for the robot]"),
     ] = None,
     modal_damping: Annotated[
-        str, typer.Option(help='Damping in dynamics, a share of critical: 0.05 or "5 %".')
+        str,
+        typer.Option(
+            help='Modal damping ratio in dynamics, a share of critical damping: 0.05 or "5 %".'
+        ),
     ] = "5 %",
     solid: Annotated[
         bool, typer.Option("--solid", help="Show the robot as a solid in the report (extra cad).")
@@ -70,13 +74,13 @@ def study(
         bool,
         typer.Option(
             "--fe",
-            help="Solve the sweep by 3-D finite elements too (CalculiX); minutes.",
+            help="Solve the sweep by 3-D finite elements too; takes minutes, needs CalculiX.",
         ),
     ] = False,
     grip: Annotated[
         Literal["bonded", "sliding"] | None,
         typer.Option(
-            help="With --fe: disks hold the backbone across too, or let it widen and narrow.  "
+            help="With --fe: disks hold the backbone's cross-section, or let it widen and narrow.  "
             "[default: bonded]"
         ),
     ] = None,
@@ -86,7 +90,10 @@ def study(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compare constant curvature with statics, dynamics and measurements; write a report."""
+    """Find where constant curvature holds for a robot; write a report.
+
+    It is compared with statics, with dynamics and, if they are given, with measurements.
+    """
     if mapping is not None and measurements is None:
         raise InputError("--mapping is of a table; name the table by --measurements.")
     if grip is not None and not fe:
