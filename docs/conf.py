@@ -40,6 +40,18 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings give the types
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
+# every public name is documented: summary, parameters with types and descriptions, what is returned
+numpydoc_validation_checks = {
+    "GL06",
+    "GL07",
+    "PR02",
+    "PR03",
+    "PR04",
+    "PR07",
+    "PR10",
+    "RT03",
+    "SS01",
+}
 
 # names resolve without a network; with one, `make docs-links` checks addresses
 intersphinx_mapping: dict[str, tuple[str, str]] = {}

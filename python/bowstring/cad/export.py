@@ -48,6 +48,7 @@ def write_solid(solid: Solid, path: str | Path) -> Path:
     Parameters
     ----------
     solid : Solid
+        From `make_solid`.
     path : str or Path
         ``.step`` or ``.stp``: an assembly of named and coloured parts. ``.stl``: one mesh, binary.
         ``.glb`` or ``.gltf``: meshes with names and colours; ``.gltf`` holds its data too.

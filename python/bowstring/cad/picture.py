@@ -45,7 +45,9 @@ def write_picture(solid: Solid, path: str | Path) -> Path:
     Parameters
     ----------
     solid : Solid
+        From `make_solid`.
     path : str or Path
+        Of the picture; a file there is replaced.
 
     Returns
     -------

@@ -191,6 +191,7 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
     Parameters
     ----------
     robot : Robot
+        The robot.
     pose : Solution or xarray.Dataset, optional
         An equilibrium, or one output time of a run (``run.to_dataset().isel(time=[k])``);
         straight and unloaded if not given.
@@ -198,6 +199,7 @@ def make_solid(robot: Robot, pose: Solution | xr.Dataset | None = None) -> Solid
     Returns
     -------
     Solid
+        Parts with names and colours, in mm.
 
     Raises
     ------

@@ -74,14 +74,27 @@ def cross_validate(
 
     Parameters
     ----------
-    robot, data, parameters, model, start, rows, loss
+    robot : Robot
+        As for `fit`.
+    data : Measurements or Data
+        As for `fit`.
+    parameters : sequence of str
         As for `fit`.
     folds : int
         Number of parts.
+    model : RodModel or "arc", optional
+        As for `fit`.
+    start : mapping of str to float, optional
+        As for `fit`.
+    rows : array_like, optional
+        As for `fit`.
+    loss : {"linear", "soft_l1", "huber"}
+        As for `fit`.
 
     Returns
     -------
     CrossValidation
+        Errors of the predicted rows, part by part and together.
     """
     if not is_whole(folds) or folds < 2:
         raise InputError(f"folds is {shown(folds)}, it must be a whole number from 2")
@@ -125,7 +138,9 @@ def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
 
     Parameters
     ----------
-    robot, data
+    robot : Robot
+        As for `fit`.
+    data : Measurements or Data
         As for `fit`.
     share : float
         Of the rows with a measured tip, about: a run of a group is not split.
@@ -133,6 +148,7 @@ def hold_out(robot: Robot, data: Measured, share: float) -> Bools:
     Returns
     -------
     ndarray of bool (K,)
+        True for the rows that are held out.
     """
     if not 0 < share < 1:
         raise InputError(f"share is {shown(share)}, it must lie between 0 and 1")

@@ -128,7 +128,17 @@ class Score:
 
 
 def score(predicted: ArrayLike, measured: ArrayLike) -> Score:
-    """Compare points (K, 3) in m; rows with NaN in either are left out.
+    """Compare predicted with measured points.
+
+    Parameters
+    ----------
+    predicted, measured : array_like (K, 3)
+        Points in m; rows with NaN in either are left out.
+
+    Returns
+    -------
+    Score
+        Number of rows, RMS, mean and maximum distance, and RMS and mean about the mean error, m.
 
     Raises
     ------

@@ -243,7 +243,17 @@ def calibrate(
 
     Parameters
     ----------
-    robot, data, parameters, model, loss, start
+    robot : Robot
+        As for `bowstring.fit`.
+    data : Measurements
+        As for `bowstring.fit`.
+    parameters : sequence of str
+        As for `bowstring.fit`.
+    model : RodModel or "arc", optional
+        As for `bowstring.fit`.
+    loss : {"linear", "soft_l1", "huber"}
+        As for `bowstring.fit`.
+    start : mapping of str to float, optional
         As for `bowstring.fit`.
     validation : Validation, optional
         How the fit is checked; not at all if left out.
@@ -253,6 +263,7 @@ def calibrate(
     Returns
     -------
     Calibration
+        The fit, its check on rows that it never saw, and the check of the tendons.
 
     Raises
     ------

@@ -190,6 +190,7 @@ class Arc:
         lengths : array_like (..., T)
             Tendon lengths, m; three tendons or more, two if `length` is given.
         routing : Routing
+            Holes and spans of the tendons.
         length : array_like (...), optional
             Holds the arc's length (m) and fits the bend alone, for tendons parallel to the
             backbone; otherwise the length is free.
@@ -380,6 +381,7 @@ class Arc:
         Parameters
         ----------
         routing : Routing
+            As for `from_lengths`.
         coordinates : {"bend", "curvature"}
             What the rows refer to: (theta cos phi, theta sin phi, length), or (kappa, phi, length).
         hold_length : bool
@@ -388,6 +390,7 @@ class Arc:
         Returns
         -------
         ndarray (..., 3, T)
+            Rows as chosen by `coordinates`, in SI units per metre of tendon.
 
         Raises
         ------

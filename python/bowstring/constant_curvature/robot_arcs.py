@@ -105,6 +105,7 @@ class RobotArcs:
         Parameters
         ----------
         robot : Robot
+            The robot.
         lengths : array_like (..., T)
             Tendon lengths from the base to each tendon's end disk, m.
         correction : {None, "chord"}
@@ -158,6 +159,7 @@ class RobotArcs:
         Parameters
         ----------
         robot : Robot
+            The robot.
         tensions : array_like (..., T)
             Tensions, N, not negative.
         law : {"linear", "arm"}

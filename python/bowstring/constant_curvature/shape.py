@@ -183,6 +183,7 @@ class ArcFit:
         Returns
         -------
         Profile
+            Distances and curvatures at these shares of the length.
         """
         if not is_whole(places) or places < 2:
             raise InputError(f"places is {shown(places)}, it must be a whole number of 2 or more")
@@ -230,6 +231,7 @@ def fit_arcs(points: ArrayLike, pieces: int = 1, stations: ArrayLike | None = No
     Returns
     -------
     ArcFit
+        Curvatures, directions and residuals of each shape.
 
     Raises
     ------

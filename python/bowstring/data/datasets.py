@@ -243,6 +243,7 @@ def path(name: str, *, progress: Progress | None = None) -> Path:
     Returns
     -------
     Path
+        Of the folder.
 
     Raises
     ------

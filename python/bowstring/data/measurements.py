@@ -233,6 +233,7 @@ def read_measurements(
     Returns
     -------
     Measurements
+        Commands and measured points in SI units, with the lines of the table that they come from.
 
     Raises
     ------
@@ -672,6 +673,7 @@ def write_measurements(
     Parameters
     ----------
     measurements : Measurements
+        What is written.
     path : str or Path
         Of the file, which is written whole or not at all. A file that this function wrote is
         replaced, no other.
@@ -681,6 +683,7 @@ def write_measurements(
     Returns
     -------
     Path
+        Of the file.
 
     Raises
     ------

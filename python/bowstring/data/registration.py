@@ -261,6 +261,7 @@ def fit_fiducials(
     Returns
     -------
     Registration
+        The rigid motion with its covariance and residuals.
 
     Raises
     ------
@@ -389,6 +390,7 @@ def fit_model(
     Returns
     -------
     Registration
+        The rigid motion with its covariance and residuals.
 
     Raises
     ------
@@ -759,6 +761,7 @@ def with_and_without(
     Parameters
     ----------
     registration : Registration
+        From `fit_model` or `fit_fiducials`.
     measured : array_like (K, 3)
         Measured points, m, measuring frame.
     predicted : array_like (K, 3)

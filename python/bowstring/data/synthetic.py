@@ -435,7 +435,15 @@ def simulate(
 
     Parameters
     ----------
-    robot, loads, actual, mounting, instrument
+    robot : Robot
+        As for `set_up`.
+    loads : Loads
+        As for `set_up`.
+    actual : Actual, optional
+        As for `set_up`.
+    mounting : Mounting, optional
+        As for `set_up`.
+    instrument : Instrument, optional
         As for `set_up`.
     seed : int, Generator or None
         As for `Bench.measure`.

@@ -106,6 +106,7 @@ def check_tendons(robot: Robot, measurements: Measurements) -> TendonCheck:
     Parameters
     ----------
     robot : Robot
+        The robot that was measured.
     measurements : Measurements
         With as many tendons as the robot.
 

@@ -126,7 +126,22 @@ class Table:
 
 
 def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
-    """A rise in a straight line from zero to `values`, which takes `rise` seconds; then hold."""
+    """Raise values from zero in a straight line, then hold them.
+
+    Parameters
+    ----------
+    values : array_like (T,)
+        After the rise, for example tensions in N.
+    rise : float
+        Duration of the rise, s; 0 is a jump.
+    start : float
+        Time at which it starts, s.
+
+    Returns
+    -------
+    Table
+        A load over time for `bowstring.simulate`.
+    """
     try:
         end = np.atleast_1d(validation.floats(values))
     except TypeError:
@@ -139,7 +154,20 @@ def ramp(values: ArrayLike, rise: float, start: float = 0.0) -> Table:
 
 
 def step(values: ArrayLike, start: float = 0.0) -> Table:
-    """A jump from zero to `values` at `start`."""
+    """Jump from zero to values.
+
+    Parameters
+    ----------
+    values : array_like (T,)
+        After the jump, for example tensions in N.
+    start : float
+        Time of the jump, s.
+
+    Returns
+    -------
+    Table
+        A load over time for `bowstring.simulate`.
+    """
     return ramp(values, 0.0, start)
 
 

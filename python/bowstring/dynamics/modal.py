@@ -137,13 +137,16 @@ def modes(
     Parameters
     ----------
     robot : Robot
+        The robot.
     tensions : array_like (T,), optional
         In N: short for ``load=Load(tensions)``; none if nothing is given. They stay as they are
         while the robot oscillates.
     load : Load, optional
         As in `bowstring.solve`, without a tip moment. A tendon whose displacement is given keeps
         its length while the robot oscillates, but for its own stretch; a slack one does nothing.
-    model, history
+    model : RodModel, optional
+        As in `bowstring.solve`.
+    history : mapping, optional
         As in `bowstring.solve`. Where a tendon with friction bends at a hole it does not slip in
         a small oscillation: each stretch between two such holes keeps its length.
     count : int
@@ -152,6 +155,7 @@ def modes(
     Returns
     -------
     Modes
+        The slowest first.
 
     Raises
     ------

@@ -365,6 +365,7 @@ def read_run(path: str | Path) -> xr.Dataset:
     Parameters
     ----------
     path : str or Path
+        Of the file that `bowstring.simulate` wrote.
 
     Returns
     -------

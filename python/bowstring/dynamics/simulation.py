@@ -326,6 +326,7 @@ def simulate(
     Parameters
     ----------
     robot : Robot
+        The robot.
     tensions : Table, callable or array_like (T,)
         Tension of each tendon over time in N: a table (`ramp`, `step`, `Table`), a function of
         time that is called once before each step, for the step's end, or constant. Short for

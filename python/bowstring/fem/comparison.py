@@ -87,10 +87,12 @@ def beside_rod(run: BrickRun) -> BesideRod:
     Parameters
     ----------
     run : BrickRun
+        Of `sweep` or `ramp`.
 
     Returns
     -------
     BesideRod
+        Tips and stresses of both, output by output.
     """
     stress = [run.section_stress(i) for i in range(len(run.states))]
     modules = len(run.robot.disks.station_m)

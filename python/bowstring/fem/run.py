@@ -317,7 +317,7 @@ def sweep(
     keep: str | Path | None = None,
     progress: Progress | None = None,
 ) -> BrickRun:
-    """Statics by finite elements, one load after the other.
+    """Solve statics by finite elements, one load after the other.
 
     Parameters
     ----------
@@ -328,6 +328,7 @@ def sweep(
     load : Load, optional
         Tensions, gravity and tip force (3,); no other actuation and no tip moment.
     settings : Settings, optional
+        Fineness of the mesh and solver settings.
     keep : str or Path, optional
         Folder, new or empty, that gets the files of CalculiX; else they are removed.
     progress : callable, optional
@@ -424,13 +425,19 @@ def ramp(
     Parameters
     ----------
     robot : Robot
+        The robot.
     tensions : array_like (T,)
         After the rise, in N: short for ``load=Load(tensions)``.
     motion : Motion
+        Rise, hold and output times.
     load : Load, optional
         Tensions and gravity. Under gravity the motion starts at rest in equilibrium.
-    settings, keep, progress
-        As of `sweep`.
+    settings : Settings, optional
+        As for `sweep`.
+    keep : str or Path, optional
+        As for `sweep`.
+    progress : callable, optional
+        As for `sweep`.
 
     Returns
     -------
@@ -568,7 +575,13 @@ def _straight(mesh: BrickMesh) -> State:
 
 
 def cache_folder() -> Path:
-    """Folder of all that is kept; it may be removed at any time."""
+    """Find the folder of all that is kept; it may be removed at any time.
+
+    Returns
+    -------
+    Path
+        It need not exist.
+    """
     return user_cache() / "finite-elements"
 
 

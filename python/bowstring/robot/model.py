@@ -94,6 +94,7 @@ class Robot(RobotArrays):
         Returns
         -------
         Robot
+            This robot stays as it is.
 
         Raises
         ------

@@ -62,6 +62,7 @@ def load_robot(source: str | Path, overrides: Mapping[str, Any] | None = None) -
     Returns
     -------
     Robot
+        Checked, with warnings for doubtful numbers.
 
     Raises
     ------

@@ -87,6 +87,7 @@ def jacobians(solution: Solution) -> Jacobians:
     Returns
     -------
     Jacobians
+        Derivatives of tip and tendon lengths, in SI units.
 
     Raises
     ------
@@ -137,6 +138,7 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
     Returns
     -------
     DisplacementJacobian
+        Derivatives by the displacement of each tendon, per metre.
 
     Raises
     ------

@@ -42,6 +42,7 @@ def solve(
     Parameters
     ----------
     robot : Robot
+        The robot.
     tensions : array_like (T,), optional
         Tension of each tendon in N: short for ``load=Load(tensions)``.
     load : Load, optional
@@ -97,6 +98,7 @@ def sweep(
     Parameters
     ----------
     robot : Robot
+        The robot.
     tensions : array_like (n, T), optional
         In N: short for ``load=Load(tensions)``.
     load : Load, optional
@@ -154,10 +156,18 @@ def solve_batch(
 
     Parameters
     ----------
-    robot, tensions, load, model, disks
+    robot : Robot
+        The robot.
+    tensions : array_like (n, T), optional
+        As for `sweep`.
+    load : Load, optional
+        As for `sweep`.
+    model : RodModel, optional
         As for `sweep`.
     threads : int
         Number of threads; 0 takes one for each core. The answers do not depend on it.
+    disks : bool
+        As for `sweep`.
 
     Returns
     -------

@@ -488,6 +488,7 @@ def run_study(
     Parameters
     ----------
     robot : Robot
+        The robot.
     tolerance : float
         Tolerated tip error as a share of the robot's length.
     theory : {"cosserat", "kirchhoff"}
@@ -508,6 +509,7 @@ def run_study(
     Returns
     -------
     Study
+        Comparison, error budget and verdict; `bowstring.study.report.write` writes its report.
 
     Raises
     ------

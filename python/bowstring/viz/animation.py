@@ -85,6 +85,7 @@ def animate(
     Parameters
     ----------
     robot : Robot
+        Of the run.
     data : xarray.Dataset
         From `bowstring.statics.fields.to_dataset` or `bowstring.dynamics.run_file.read_run`.
     path : str or Path
@@ -92,7 +93,7 @@ def animate(
     speed : float
         1 is real time, 0.5 half as fast. Each picture shows the output time nearest to its own.
     progress : callable, optional
-        Is told what is being done and the share that is done, from 0 to 1.
+        Called with what is being done and the share that is done, from 0 to 1.
 
     Returns
     -------

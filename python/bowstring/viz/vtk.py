@@ -91,6 +91,7 @@ def write_vtk(
     Parameters
     ----------
     robot : Robot
+        Of the run.
     data : xarray.Dataset
         From `Run.to_dataset` or `bowstring.dynamics.run_file.read_run`; choose times by
         ``data.isel(time=slice(None, None, 10))``.
@@ -99,7 +100,7 @@ def write_vtk(
     angles : int
         Points around the backbone.
     progress : callable, optional
-        Is told what is being done and the share that is done, from 0 to 1.
+        Called with what is being done and the share that is done, from 0 to 1.
 
     Returns
     -------
