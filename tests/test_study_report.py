@@ -23,6 +23,7 @@ from bowstring.formatting import signed
 from bowstring.robot.reader import load_robot
 from bowstring.study import figures, report
 from bowstring.study.comparison import MEANINGS
+from bowstring.study.counterparts import counterparts
 from bowstring.study.data_validation import judge_data
 from bowstring.study.study import FIGURES, SCHEMA_VERSION, Study
 from bowstring.study.terminal import print_study
@@ -100,6 +101,24 @@ def test_the_page_is_whole_and_needs_nothing_else(written: Path) -> None:
     assert all(a.startswith("http://www.w3.org/") for a in re.findall(r"https?://[^\"' <]+", text))
 
 
+def test_each_figure_of_the_source_study_has_its_counterpart_or_a_reason(
+    written: Path, paper: Study
+) -> None:
+    rows = counterparts(paper)
+    numbers = {int(n) for c in rows for n in re.findall(r"^Fig. (\d+)", c.source)}
+    assert numbers == set(range(1, 13)) and rows[-1].source == "Table 1"
+    assert all(c.anchor or c.missing for c in rows)
+    page = (written / "report.html").read_text(encoding="utf-8")
+    for row in rows:
+        if row.anchor:
+            assert f'<a href="#{row.anchor}">' in page and f'id="{row.anchor}"' in page
+        else:
+            assert f"not available: {row.missing}".replace("'", "&#39;") in page
+    # without a solid and measurements, and what is not drawn
+    missing = [c.source for c in rows if not c.anchor]
+    assert missing == ["Fig. 1", "Fig. 2", "Fig. 3", "Fig. 4", "Fig. 8", "Fig. 9", "Fig. 12"]
+
+
 def test_the_page_tells_a_reader_everything(written: Path, paper: Study) -> None:
     page = read(written / "report.html")
     text = " ".join(" ".join(page.text).split())
@@ -158,7 +177,7 @@ def test_names_from_a_robot_file_are_escaped(paper: Study, tmp_path: Path) -> No
 def test_the_folder_holds_what_the_study_lists(written: Path) -> None:
     content = json.loads((written / "study.json").read_text(encoding="utf-8"))
     assert set(contents(written)) == set(content["files"])
-    assert len(content["figures"]) == len(FIGURES) == 10
+    assert len(content["figures"]) == len(FIGURES) == 11
     for figure in content["figures"]:
         assert (written / figure["png"]).read_bytes().startswith(b"\x89PNG")
         assert (written / figure["pdf"]).read_bytes().startswith(b"%PDF")

@@ -36,6 +36,8 @@ __all__ = ["draw"]
 
 Array = NDArray[np.float64]
 
+_TENDON_COLOURS: Final = ("red", "blue", "amber", "purple", "green")
+_TENDON_DASHES: Final = ("-", "--", ":", "-.")
 _MAGNIFIED: Final = 2.0  # an inset that magnifies less is not worth its place
 
 
@@ -176,6 +178,26 @@ def _tip_against_displacement(study: Study) -> Figure:
         ylabel="tip coordinate (mm)",
     )
     legend_above(axes, 3)
+    return figure
+
+
+def _tendon_lengths(study: Study) -> Figure:
+    figure, (axes,) = subplots(1, 3.0)
+    g = study.geometry
+    count = g.tendon_lengths.shape[1]
+    for t, length in enumerate(g.tendon_lengths.T * 1e3):
+        # the first are wide and solid, so that later ones of equal length do not hide them
+        style = {
+            "color": LIGHT[_TENDON_COLOURS[t % len(_TENDON_COLOURS)]],
+            "linestyle": _TENDON_DASHES[t % len(_TENDON_DASHES)],
+            "linewidth": 1.4 + 1.8 * (1.0 - t / max(1, count - 1)),
+        }
+        axes.plot(g.displacement * 1e3, length, label=f"tendon {t + 1}", **style)
+    axes.set(
+        xlabel=f"displacement of tendon {study.settings.tendon + 1} (mm)",
+        ylabel="tendon length (mm)",
+    )
+    legend_above(axes, min(count, 5))
     return figure
 
 
@@ -521,7 +543,7 @@ def _say_loads(axes: Axes, place: float, counts: Sequence[tuple[int, int]]) -> b
     return True
 
 
-_NOTE_WIDTH: Final = 58
+_NOTE_WIDTH: Final = 40
 """Letters of a note below half a figure."""
 
 
@@ -640,6 +662,7 @@ _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig05_over_time": _over_time,
     "displacement_against_force": _displacement_against_force,
     "fig06_tip_against_displacement": _tip_against_displacement,
+    "fig06_tendon_lengths": _tendon_lengths,
     "fig07_configurations": _configurations,
     "fig10_overlay": _overlay,
     "backbones": _backbones,

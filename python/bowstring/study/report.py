@@ -18,6 +18,7 @@ from bowstring.processes import for_each
 from bowstring.result_folder import check_folder, write_listing
 from bowstring.robot.model import Robot
 from bowstring.study.comparison import COMPARISONS, MEANINGS
+from bowstring.study.counterparts import counterparts
 from bowstring.study.error_budget import SIDES, Side
 from bowstring.study.study import Study
 from bowstring.study.summary import COLUMNS, summarise
@@ -141,6 +142,7 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
         budget=[_budget_page(study, side, title) for side, title in SIDES.items()],
         # drawn by this program, ids and text escaped by matplotlib
         figures=[(f, Markup(drawn[f.stem])) for f in study.figures],
+        counterparts=counterparts(study),
         summary=summarise(study),
         columns=COLUMNS,
         tables=[name for name, _, _ in study_tables(study)],

@@ -135,8 +135,14 @@ FIGURES: Final = (
     Figure(
         "fig06_tip_against_displacement",
         "Tip against tendon displacement",
-        "The study's geometric sweep, as its Fig. 6: tip coordinates by constant curvature alone "
+        "The study's geometric sweep, as its Fig. 6b: tip coordinates by constant curvature alone "
         "while one tendon is shortened and the others follow.",
+    ),
+    Figure(
+        "fig06_tendon_lengths",
+        "Tendon lengths against tendon displacement",
+        "The study's geometric sweep, as its Fig. 6a: lengths of all tendons by constant curvature "
+        "alone. Lines of tendons with equal lengths lie on each other.",
     ),
     Figure(
         "fig07_configurations",

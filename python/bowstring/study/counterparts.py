@@ -1,0 +1,65 @@
+"""The figures and tables of the source study, each with its counterpart in a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from bowstring.study.study import Study
+
+__all__ = ["Counterpart", "counterparts"]
+
+_SOLID: Final = "run the study with --solid, which needs the extra cad"
+_DATA: Final = "run the study with --data and measurements of this robot"
+_THEORY: Final = "not drawn for a robot; the documentation defines the symbols with its equations"
+
+
+@dataclass(frozen=True)
+class Counterpart:
+    """A figure or table of the source study (Amouri 2019), and where this report has it."""
+
+    source: str
+    shows: str
+    anchor: str | None
+    """Of the figure or section in the report; None where there is none."""
+    missing: str
+    """Why there is none, or how to get it."""
+
+
+_ALL: Final = (
+    ("Fig. 1", "the robot as a solid", "fig01_robot", _SOLID),
+    ("Fig. 2", "spacer disk with dimensions", "fig02_disk", _SOLID),
+    ("Fig. 3", "symbols of the arc", None, _THEORY),
+    ("Fig. 4", "geometry of a module", None, _THEORY),
+    ("Fig. 5", "tip, displacement, stress and strain", "fig05_tip_against_force", ""),
+    ("Fig. 6a", "lengths of all tendons", "fig06_tendon_lengths", ""),
+    ("Fig. 6b", "tip by constant curvature", "fig06_tip_against_displacement", ""),
+    ("Fig. 7", "configurations", "fig07_configurations", ""),
+    ("Fig. 8", "the test bench", None, "a photograph of the study's own bench"),
+    ("Fig. 9", "measured tip", "fig09_measured_tip", _DATA),
+    ("Fig. 10", "constant curvature over the simulation", "fig10_overlay", ""),
+    ("Fig. 11", "errors against the simulation", "fig11_errors", ""),
+    ("Fig. 12", "errors against the measurement", "fig12_measured_errors", _DATA),
+    ("Table 1", "parameters of the robot", "robot", ""),
+)
+
+
+def counterparts(study: Study) -> tuple[Counterpart, ...]:
+    """List what the source study shows, and where the report of a study has the same.
+
+    Parameters
+    ----------
+    study : Study
+        Of any robot.
+
+    Returns
+    -------
+    tuple of Counterpart
+        In the order of the source study.
+    """
+    here = {"robot", *(figure.stem for figure in study.figures)}
+    return tuple(
+        Counterpart(source, shows, anchor if anchor in here else None, missing)
+        for source, shows, anchor, missing in _ALL
+    )
