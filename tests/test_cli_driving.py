@@ -77,7 +77,7 @@ def test_people_see_a_table(shell: Shell) -> None:
     header = next(line for line in out.splitlines() if line.startswith("tendon"))
     for word in ("tension N", "length mm", "displacement mm", "slack mm"):
         assert word in header
-    assert "20.287" in out and "Tendons 2 and 3 hang slack." in " ".join(out.split())
+    assert "20.287" in out and "Tendons 2 and 3 are slack." in " ".join(out.split())
 
 
 def test_history_goes_through_files(shell: Shell, tmp_path: Path) -> None:
@@ -128,7 +128,7 @@ def test_no_equilibrium(shell: Shell, tmp_path: Path) -> None:
             ["--tension", "1,-,-", "--displacement", "0.01,0,0"],
             "tendon 1 has --tension and --displacement",
         ),
-        (["--tension", "1,-,-", "--displacement", "-,0,-"], "tendon 3 is driven by nothing"),
+        (["--tension", "1,-,-", "--displacement", "-,0,-"], "tendon 3 has no command"),
         (["--tension", "1,-", "--displacement", "-,0,-"], "--tension: got 2 entries;"),
         (["--tension", "-1,-,-", "--displacement", "-,0,0"], "a tendon cannot push"),
         (

@@ -117,7 +117,7 @@ def test_without_calculix_it_says_how_to_install_it(
             ("--set", "segments.0.disks.clamped_length=0"),
             'for a glued disk add --set segments.0.disks.clamped_length="3 mm"',
         ),
-        (("--set", "segments.0.tendons.friction=0.1"), "rub at their holes"),
+        (("--set", "segments.0.tendons.friction=0.1"), "have friction, which"),
     ],
 )
 def test_wrong_input_is_named(shell: Shell, arguments: tuple[str, ...], says: str) -> None:

@@ -451,7 +451,7 @@ OTHER = bs.solve(STIFF.with_({TENDONS + "friction": 0.2}), [10, 0, 0]).history()
             {"tensions": [1, 0, 0], "displacements": [0, 0, 0]},
             "tendon 1 has a tension and a displacement",
         ),
-        ({"displacements": [0.01, None, 0]}, "tendon 2 is driven by nothing"),
+        ({"displacements": [0.01, None, 0]}, "tendon 2 has no command"),
         ({"displacements": [0.01, 0]}, "displacements is .* it must be 3 numbers in m"),
         ({"displacements": "20 mm"}, "displacements is '20 mm', it must be 3 numbers in m"),
         ({"displacements": [0, 0, math.inf]}, "all must be finite numbers"),
@@ -466,7 +466,7 @@ OTHER = bs.solve(STIFF.with_({TENDONS + "friction": 0.2}), [10, 0, 0]).history()
             {"displacements": lambda t: [0.7 if t else 0, 0, 0]},
             "it must be less than the tendon's length, 0.641 m",
         ),
-        ({"displacements": lambda t: [0, 0, NAN]}, "at 0 s: tendon 3 is driven by nothing"),
+        ({"displacements": lambda t: [0, 0, NAN]}, "at 0 s: tendon 3 has no command"),
         ({"displacements": lambda t: [0, 0]}, r"returned shape \(2,\)"),
         (
             {"displacements": lambda t: [0, 0, 1 / 0]},

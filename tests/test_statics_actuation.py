@@ -132,7 +132,7 @@ def test_what_is_paid_out_hangs(robot, theory):
     assert found.tensions[0] > 1 and (found.tensions[1:] == 0).all()
     surplus = 0.641 + 0.03 - found.tendon_lengths[1:]
     np.testing.assert_allclose(found.slack_lengths, [0, *surplus], rtol=0, atol=1e-12)
-    assert found.slack_lengths[0] == 0 and "Tendons 2 and 3 hang slack." in found.message
+    assert found.slack_lengths[0] == 0 and "Tendons 2 and 3 are slack." in found.message
     straight = bs.solve(robot, load=bs.Load(displacements=[-0.01] * 3), model=bs.RodModel(theory))
     assert straight.slack == (1, 2, 3) and (straight.tensions == 0).all()
     np.testing.assert_allclose(straight.slack_lengths, 0.01, rtol=0, atol=1e-12)
@@ -489,7 +489,7 @@ def test_what_does_not_know_friction_says_so(rubbing):
     ("given", "says"),
     [
         ({}, "tensions is None, and so are displacements and angles"),
-        ({"displacements": [0.01, None, 0]}, "tendon 2 is driven by nothing"),
+        ({"displacements": [0.01, None, 0]}, "tendon 2 has no command"),
         (
             {"displacements": [0.01, 0, 0], "tensions": [None, 1, None]},
             "tendon 2 has a tension and a displacement",
@@ -585,7 +585,7 @@ def test_bad_rows(robot):
     for given, says in (
         ({"displacements": [0, 0, 0]}, "displacements has shape (3,)"),
         ({"displacements": [[0, 0, 0]], "tensions": [[np.nan] * 3] * 2}, "1 of displacements"),
-        ({"displacements": [[0, 0, 0], [0, np.nan, 0]]}, "row 1: tendon 2 is driven by nothing"),
+        ({"displacements": [[0, 0, 0], [0, np.nan, 0]]}, "row 1: tendon 2 has no command"),
         ({"displacements": [[0, 0, 0], [0, 2, 0]]}, "row 1: displacement of tendon 2 is 2 m"),
         ({}, "tensions is None"),
     ):

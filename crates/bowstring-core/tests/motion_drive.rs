@@ -1,4 +1,4 @@
-//! Motion of robots that are driven by displacements, hang slack and rub.
+//! Motion with displacement control, slack tendons and friction.
 
 mod common;
 

@@ -197,7 +197,7 @@ class TipModel:
         """Derivatives (K, 3, P) of the measured point.
 
         Exact for what acts on displacements and tensions, for E, base and tool, unless tendons
-        rub; central differences for the rest.
+        have friction; central differences for the rest.
         """
         return np.stack([column.whole for column in self._columns(values, at)], axis=-1)
 
@@ -272,12 +272,12 @@ class TipModel:
 
     def _followed(self, core: Any, setting: Setting, given: Floats) -> Prediction:
         """The rod row by row; with friction along each path, which begins at home."""
-        rubs = setting.robot.has_friction
-        paths = self.commands.paths if rubs else [np.arange(len(given))]
+        friction = setting.robot.has_friction
+        paths = self.commands.paths if friction else [np.arange(len(given))]
         found = []
         for rows in paths:
             core.reset()
-            threads = None if rubs else 0
+            threads = None if friction else 0
             by_displacement = self.commands.by_displacement[rows]
             found.append(core.follow(by_displacement, given[rows], _NO_LOAD, False, threads))
         back = np.argsort(np.concatenate(paths))

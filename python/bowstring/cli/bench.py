@@ -191,13 +191,13 @@ def simulate(
         repeats=repeats,
         unload=unload,
     )
-    rubs = None if friction is None else not_negative("--friction", friction, "")
-    if rubs is not None:
-        of_flag("--friction", lambda value: with_tendons(model, {"friction": value}), rubs)
+    mu = None if friction is None else not_negative("--friction", friction, "")
+    if mu is not None:
+        of_flag("--friction", lambda value: with_tendons(model, {"friction": value}), mu)
     changes = changes_of("--actual", actual, 'segments.0.backbone.E="+5 %"')
     check_bare_changes("--actual", model.with_, changes)
     really = synthetic.Actual(
-        friction=rubs,
+        friction=mu,
         changes=changes,
         gravity=None if gravity is None else vector("--gravity", gravity, "m/s^2"),
         gravity_frame=gravity_frame,

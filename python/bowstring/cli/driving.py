@@ -64,7 +64,7 @@ def actuated_by(
             )
         if not said:
             raise InputError(
-                f"tendon {i + 1} is driven by nothing; write a number for it in one of the lists."
+                f"tendon {i + 1} has no command; write a number for it in one of the lists."
             )
     return Load(*lists.values())
 

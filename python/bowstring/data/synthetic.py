@@ -86,9 +86,9 @@ class Bench:
     actual: Robot
     """As it is."""
     tensions: Floats
-    """(n, T), N; NaN where a tendon is driven by its displacement."""
+    """(n, T), N; NaN where a tendon is displacement-controlled."""
     displacements: Floats
-    """(n, T), m; NaN where a tendon is driven by its tension."""
+    """(n, T), m; NaN where a tendon is tension-controlled."""
     group: NDArray[np.str_]
     """(n,), loading and unloading; empty if nothing is unloaded."""
     repeat: Ints

@@ -174,8 +174,8 @@ def check_meshable(robot: Robot) -> None:
             )
     if robot.has_friction:
         raise InputError(
-            f"{robot.name}: tendons rub at their holes, which the finite elements do not know; "
-            "leave out friction"
+            f"{robot.name}: tendons have friction, which the finite elements do not model; "
+            "set friction to 0"
         )
 
 

@@ -187,7 +187,7 @@ class RobotArrays(Part):
 
     @cached_property
     def has_friction(self) -> bool:
-        """Whether any tendon rubs at its holes."""
+        """Whether any tendon has friction at its holes."""
         return bool(self.tendons.friction.any())
 
     @cached_property

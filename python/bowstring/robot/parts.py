@@ -197,7 +197,7 @@ _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 
 
 class TendonDrive(Part):
-    """What ring and list say alike: how a tendon stretches, rubs and is driven, how thick it is.
+    """What ring and list have in common: elasticity, friction, actuation and diameter of a tendon.
 
     Left out, a tendon is inextensible, frictionless and directly driven.
     """

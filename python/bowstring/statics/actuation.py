@@ -33,7 +33,7 @@ __all__ = [
 
 HISTORY_SCHEMA_VERSION: Final = 1
 KINDS: Final = {"tensions": "N", "displacements": "m", "angles": "rad"}
-"""What a tendon can be driven by, as a load has it, with its unit."""
+"""The commands of a tendon, as in a load, with their units."""
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -182,7 +182,7 @@ def _not_one(
     where = f"row {place[0]}: " if len(place) == 2 else ""
     tendon = f"{where}tendon {place[-1] + 1}"
     if count[place] == 0:
-        return InputError(f"{tendon} is driven by nothing; {_GIVE}")
+        return InputError(f"{tendon} has no command; {_GIVE}")
     one = {"tensions": "a tension", "displacements": "a displacement", "angles": "an angle"}
     both = " and ".join(one[name] for name in tables if said[name][place])
     return InputError(f"{tendon} has {both}; it can have only one of them")

@@ -94,7 +94,7 @@ def jacobians(solution: Solution) -> Jacobians:
     NoSolutionError
         If the solution did not converge.
     InputError
-        If its tendons are continuous or rub, for which there are no derivatives.
+        If its tendons are continuous or have friction, for which there are no derivatives.
 
     Examples
     --------
@@ -109,8 +109,8 @@ def jacobians(solution: Solution) -> Jacobians:
     solution.raise_for_status()
     if solution.robot.has_friction:
         raise InputError(
-            f"the tendons of {solution.robot.name} rub at their holes: what a tendon does then "
-            "depends on which way it goes, and there are no derivatives; set friction to 0"
+            f"the tendons of {solution.robot.name} have friction: the equilibrium then depends "
+            "on the load history and has no derivatives; set friction to 0"
         )
     if solution.model.tendon_path == "continuous":
         raise InputError(

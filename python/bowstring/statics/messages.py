@@ -116,8 +116,8 @@ def of_actuation(
                     f"{why} no potential."
                 )
             if len(slack):
-                hang = "hangs" if len(slack) == 1 else "hang"
-                said += f" {_tendons(slack).capitalize()} {hang} slack."
+                verb = "is" if len(slack) == 1 else "are"
+                said += f" {_tendons(slack).capitalize()} {verb} slack."
             if found.undetermined:
                 said += " The displacements do not determine the tensions: these are the smallest."
             return said

@@ -92,7 +92,7 @@ class Solution:
         tendons fight each other).
     converged : bool
     stable : bool or None
-        Whether the energy has a minimum here, under what the tendons are driven by. Under a tip
+        Whether the energy has a minimum here, under these commands of the tendons. Under a tip
         moment, which has no potential: whether small motions die out at a damping ratio of 1 %.
         False with the status ``"converged"`` where it is the moment that leads from a stable
         equilibrium to one where they do not, as a moment does that rolls a rod up.

@@ -77,7 +77,7 @@ class StudyCalibration:
 
 
 def predicted(robot: Robot, data: Measurements, theory: Theory, gain: float = 1.0) -> Sweep:
-    """The robot's answer to the commands of all rows; each recording a path where its tendons rub.
+    """The robot's answer to the commands of all rows; each recording is a path with friction.
 
     Parameters
     ----------

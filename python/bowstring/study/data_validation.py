@@ -621,10 +621,7 @@ def _points(
         )
     fed = {"cc_from_lengths": lengths, "cc_from_lengths_chord": lengths}
     if np.isnan(data.tensions).any():
-        why.append(
-            "The tendons are not driven by known tensions: constant curvature from force has "
-            "nothing to start from."
-        )
+        why.append("The tensions are not known, and constant curvature from force needs them.")
     else:
         fed |= dict.fromkeys(FROM_FORCE, data.tensions)
     for name, commands in fed.items():

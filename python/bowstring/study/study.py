@@ -175,15 +175,14 @@ FIGURES: Final = (
         "else the same: in this sweep, and in the full model. The line between them is the "
         "contribution of the effect; it points to the left where the effect makes the error "
         "smaller. A count at the right, such as 11 of 17, marks means over so many loads only. "
-        "Below, how the robot is driven: friction and stretch of the tendons, loading and "
-        "unloading.",
+        "Below, actuation: friction and elasticity of the tendons, loading and unloading.",
     ),
     Figure(
         "hysteresis",
         "Loading and unloading",
         "How far the tip is ahead of that of constant curvature at the same command, along the "
-        "path of the latter: below zero the robot is bent less. Above, driven by tension with "
-        "friction at the holes; below, displacement control with elastic tendons with friction. "
+        "path of the latter: below zero the robot is bent less. Above, tension control with "
+        "friction at the holes; below, displacement control with elastic tendons and friction. "
         "Dotted: without friction and stretch.",
     ),
 )
