@@ -6,7 +6,7 @@ beside the masses and not beside the stiffness, and does not come to rest in the
 make MuJoCo fast here. So tendon 1 has a spring that starts at the length asked for; with damping =
 stiffness x time step, as in the hinges, each step has it in its matrix, and 4 to 10 are enough.
 A spring that only pulls jumps between its two states in such steps; so the spring of
-tendon 1 also pushes, and tendons 2 and 3 have none. That they hang is told beforehand, and checked.
+tendon 1 also pushes, and tendons 2 and 3 have none. That they are slack is prescribed, and checked.
 Limits: the spring gives way by T/k. No stretch of the backbone (0.04 mm at 40 N), which displaced
 by length is 0.4 mm at the tip however fine the chain; a spring of 1e6 N/m happens to make up for
 it.

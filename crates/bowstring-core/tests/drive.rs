@@ -429,7 +429,7 @@ fn coarse_and_fine_paths() {
     }
 }
 
-/// Random paths of robots that rub: every step is answered and obeys Coulomb's law.
+/// Random paths with friction: every step is answered and obeys Coulomb's law.
 #[test]
 fn random_paths_with_friction() {
     let mut draw = Draw(7);

@@ -205,8 +205,8 @@ fn slow_motion_follows_the_path() {
     let robot = study_robot(9, 0.0);
     for (name, friction, by_displacement) in [
         ("displacements", 0.0, true),
-        ("tensions that rub", 0.1, false),
-        ("displacements that rub", 0.1, true),
+        ("tensions with friction", 0.1, false),
+        ("displacements with friction", 0.1, true),
     ] {
         let line = Line {
             friction,

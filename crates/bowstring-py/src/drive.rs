@@ -1,4 +1,4 @@
-//! Robots driven by displacements, and tendons that rub: `Drive`, one step of a path after another.
+//! Displacement control and friction: `Drive`, one step of a path after another.
 
 use crate::input::{array, copied, input_error, numbers, refused, three, Rows};
 use crate::interrupt::interruptible;

@@ -107,7 +107,7 @@ def simulate(
     ],
     masses: Annotated[
         str | None,
-        option("FIRST:STEP:LAST", "Masses that hang on one tendon; a list M1,M2,... too."),
+        option("FIRST:STEP:LAST", "Masses on one tendon; a list M1,M2,... too."),
     ] = None,
     tensions: Annotated[
         str | None, option("FIRST:STEP:LAST", "Tensions of that tendon instead.")

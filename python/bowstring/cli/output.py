@@ -151,8 +151,8 @@ def progress_line(what: str, done: float, told: float, now: float) -> str:
         state = f"{100 * min(done, 1.0):3.0f} %  {_clock(now)} elapsed, {_clock(left)} left"
     else:
         place = int(now / _BAR_EVERY) % (_BAR_WIDTH - 2)
-        bar = f"{'...':.>{place + 3}}"[:place] + "###"
-        bar, state = f"{bar:.<{_BAR_WIDTH}}", f"  -    {_clock(now)} elapsed"
+        bar = f"{'.' * place + '###':.<{_BAR_WIDTH}}"
+        state = f"  -    {_clock(now)} elapsed"
     return f"[{bar}] {state}  {printable(what)}"
 
 
@@ -164,9 +164,9 @@ def _clock(seconds: float) -> str:
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[str, float], None]]:
-    """A bar on stderr if a person looks at it, which begins with ``what`` is being done first.
+    """Show a progress bar on stderr if it is a terminal; ``what`` is its first label.
 
-    What it yields is told what is being done and the share that is done, 0 if nobody knows.
+    Yields a callback that takes the current step and the share done, 0 if it is unknown.
     """
     global _bar
     if _quiet or not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":

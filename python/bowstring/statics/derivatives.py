@@ -57,8 +57,8 @@ class Jacobians:
 class DisplacementJacobian:
     """Derivatives of an equilibrium by displacements; made by `displacement_jacobian`.
 
-    Rows are what changes, columns the tendon whose displacement changes it. The column of a tendon
-    that hangs is zero, that of one whose tension is given NaN.
+    Rows are what changes, columns the tendon whose displacement changes it. The column of a slack
+    tendon is zero, that of a tension-controlled one NaN.
 
     Attributes
     ----------
