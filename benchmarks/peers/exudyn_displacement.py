@@ -16,7 +16,7 @@ from functools import partial
 
 from benchmarks.cases import LENGTH, holes, report
 from benchmarks.displacement import BY_TENSION, DISPLACEMENTS, Found, measure
-from benchmarks.peers.exudyn_rod import exudyn, item, model_axes, rod
+from benchmarks.peers.exudyn_rod import exudyn, item, model_axes, rod, static_settings
 
 
 def prepare(elements: int, stiffness: float, load_steps: int, tolerance: float, adaptive: bool):
@@ -56,15 +56,7 @@ def prepare(elements: int, stiffness: float, load_steps: int, tolerance: float, 
     system.SetPreStepUserFunction(shorten)
     system.Assemble()
 
-    settings = exudyn.SimulationSettings()
-    settings.linearSolverType = exudyn.LinearSolverType.EigenSparse
-    settings.solution.file.write = False
-    static = settings.staticSolver
-    static.verboseMode = 0
-    static.numberOfLoadSteps = load_steps
-    static.adaptiveStep = adaptive
-    static.computeLoadsJacobian = False
-    static.newton.relativeTolerance = tolerance
+    settings = static_settings(load_steps, tolerance, adaptive=adaptive)
 
     def solve() -> Found:
         if not system.SolveStatic(

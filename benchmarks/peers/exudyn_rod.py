@@ -115,6 +115,19 @@ def rod(
     return Rod(system, nodes, beams, disks, spans)
 
 
+def static_settings(load_steps: int, tolerance: float, *, adaptive: bool = False):
+    settings = exudyn.SimulationSettings()
+    settings.linearSolverType = exudyn.LinearSolverType.EigenSparse
+    settings.solution.file.write = False
+    static = settings.staticSolver
+    static.verboseMode = 0
+    static.numberOfLoadSteps = load_steps
+    static.adaptiveStep = adaptive
+    static.computeLoadsJacobian = False  # dead loads: the iterations are the same without
+    static.newton.relativeTolerance = tolerance
+    return settings
+
+
 def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Solve:
     system, nodes, beams, disks, spans = rod(elements, case.disk_mass)
     tensioned = [
@@ -143,15 +156,7 @@ def prepare(elements: int, load_steps: int, tolerance: float, case: Case) -> Sol
     system.SetPreStepUserFunction(tension_tendons)
     system.Assemble()
 
-    settings = exudyn.SimulationSettings()
-    settings.linearSolverType = exudyn.LinearSolverType.EigenSparse
-    settings.solution.file.write = False
-    static = settings.staticSolver
-    static.verboseMode = 0
-    static.numberOfLoadSteps = load_steps
-    static.adaptiveStep = False
-    static.computeLoadsJacobian = False  # dead loads: the iterations are the same without
-    static.newton.relativeTolerance = tolerance
+    settings = static_settings(load_steps, tolerance)
 
     def solve() -> list[float]:
         if not system.SolveStatic(settings, storeSolver=False, showCausingItems=False):
