@@ -180,8 +180,7 @@ def displacement_comparison(reports: dict[str, dict]) -> Table:
 
 
 def displacement_notes(report: dict) -> str:
-    """What the table of displacement control compares, and our converged tip beside the
-    independent."""
+    """What the table of displacement control compares, and our tip beside the independent."""
     displacements = ", ".join(f"{1e3 * value:.3f}" for value in displacement.DISPLACEMENTS)
     lines = [
         f"Displacements {displacements} mm: those of {displacement.TENSION_N:g} N on tendon 1. "

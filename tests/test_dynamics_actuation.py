@@ -1,5 +1,4 @@
-"""Motion and modes of robots with displacement-controlled, slack and elastic tendons and
-friction."""
+"""Motion and modes with displacement control, slack and elastic tendons, and friction."""
 
 from __future__ import annotations
 

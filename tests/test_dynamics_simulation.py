@@ -242,8 +242,7 @@ def test_static_stress_is_that_of_the_internal_wrench() -> None:
 
 
 def test_internal_moment_is_that_of_the_tendon_at_the_disks() -> None:
-    """The part beyond the middle of a module displacements with 80 N along the span, at its
-    distance."""
+    """Beyond the middle of a module 80 N act along the span, at its distance."""
     model = bs.RodModel("kirchhoff", elements=4)
     data = bs.solve(ROBOT, tendon_1(80), model=model).to_dataset(points=3)
     solution = bs.solve(ROBOT, tendon_1(80), model=bs.RodModel("kirchhoff", elements=4))

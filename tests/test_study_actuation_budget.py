@@ -124,8 +124,7 @@ def test_displacements_are_those_that_constant_curvature_asks_for(
 
 
 def test_an_elastic_tendon_is_late_by_its_stretch(paper: Study, amouri: Robot) -> None:
-    """Elastic tendons at a displacement are inextensible ones at that displacement less T l0 / (E
-    A)."""
+    """Elastic tendons equal inextensible ones with the displacement less T l0 / (E A)."""
     displacements, _ = displacements_for(amouri, UP[-1:])
     elastic = bs.solve(
         amouri.with_({DRIVE + "axial_stiffness": ASSUMED}),

@@ -1,5 +1,4 @@
-"""The tension ramp of the study: against theory, against runs of its own, and where there is
-none."""
+"""The tension ramp of the study: against theory, its own runs, and where there is none."""
 
 from __future__ import annotations
 

@@ -149,8 +149,7 @@ class Prediction:
 
     @cached_property
     def exact(self) -> _Exact | None:
-        """Exact derivatives; None without solutions, or where displacements do not determine
-        tensions."""
+        """Exact derivatives; None without solutions or with tensions not determined."""
         return None if self.solutions is None else _Exact.of(self.solutions, self)
 
     @property

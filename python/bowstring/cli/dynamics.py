@@ -136,8 +136,7 @@ def simulate(
     overrides: Overrides = None,
     as_json: AsJson = False,
 ) -> None:
-    """Dynamics: tensions and displacements over time to the robot's motion, from rest in
-    equilibrium."""
+    """Dynamics: the motion under tensions and displacements over time, from equilibrium."""
     model = load(robot, overrides)
     wanted = (tension, displacement, angle)
     acting, start, duration = actuated_over_time(

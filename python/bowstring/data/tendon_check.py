@@ -216,8 +216,7 @@ def _agreed(
 
 
 def _doubted_commands(motion: _Motion) -> str:
-    """A sentence where tensions or displacements differ from what moves so as a wrong unit makes
-    them."""
+    """A sentence where tensions or displacements are wrong by a factor, as from a wrong unit."""
     robot, m = motion.robot, motion.m
     bends = np.linalg.norm(motion.bends(), axis=2)
     if motion.by_displacement:

@@ -90,8 +90,7 @@ class Settings:
     residual: float = 5e-4  # rounding leaves 1.5e-4 where fine disks slide
 
     def check(self) -> None:
-        """Raise `InputError` for a wrong value, one below numerical resolution, or no
-        equilibrium."""
+        """Raise `InputError` for a value that is wrong or below numerical resolution."""
         if not isinstance(self.fineness, Fineness):
             raise InputError(
                 f"fineness is {validation.shown(self.fineness)}, it must be a Fineness"

@@ -379,8 +379,7 @@ def actuation_budget(
 
 
 def _with_friction(model: Model, calibrated: Robot | None) -> tuple[Robot, Source]:
-    """The robot with the friction that is shown, and where that of the actuated tendon comes
-    from."""
+    """The robot with the friction that is shown, and the source of the friction."""
     robot = model.driven
     if calibrated is not None:
         changes = {}
@@ -454,8 +453,7 @@ class _Commanded:
 
 
 class _Branch:
-    """Loading or unloading of a path, in the order of rising commands, and every so many rows of
-    it."""
+    """Loading or unloading of a path, in the order of rising commands, thinned by a step."""
 
     def __init__(self, path: Sweep, order: NDArray[np.int64], every: int) -> None:
         self.path_tip = path.tip_position[order]
