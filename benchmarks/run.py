@@ -47,11 +47,11 @@ ONE_THREAD = {
 }
 TITLES = {
     DISPLACEMENTS[-1]: "tendon 1 at 80 N, nothing else",
-    LOADED: "tendons at 40, 10, 5 N, gravity on 20 g disks and backbone, 1 N across the tip",
+    LOADED: "tendons at 40, 10, 5 N, gravity on 20 g disks and backbone, 1 N transverse at the tip",
 }
 
-# The cases of crates/bowstring-core/benches/drive.rs: modules and tendons of each.
-DRIVEN = {
+# The cases of crates/bowstring-core/benches/path.rs: modules and tendons of each.
+CORE_CASES = {
     "study": (9, 3),
     "slack": (9, 3),
     "1x10": (10, 3),
@@ -378,11 +378,11 @@ def ramp_figures(reports: dict) -> Table:
     return figures.table
 
 
-def drive_figures() -> Table:
-    """Of driven tendons; all of the core, on one thread, beside the solve by tensions."""
-    figures = Figures("Bowstring: asked and measured (driven tendons, core)")
+def displacement_figures() -> Table:
+    """Displacement control in the core, on one thread, beside the solve by tensions."""
+    figures = Figures("Bowstring: asked and measured (displacement control, core)")
     core = defaultdict(lambda: nan, core_us())
-    for case in DRIVEN:
+    for case in CORE_CASES:
         by_tension = core[f"{case}_by_tension"]
         name = f"{case} ({readable(by_tension)} us)"
         for way, what, asked in (
@@ -398,7 +398,7 @@ def drive_figures() -> Table:
 
     def grown(small: str, large: str) -> float:
         """How the time of a solve by displacement by module and tendon changes."""
-        each = [core[f"{case}_by_displacement"] / prod(DRIVEN[case]) for case in (small, large)]
+        each = [core[f"{case}_by_displacement"] / prod(CORE_CASES[case]) for case in (small, large)]
         return each[1] / each[0]
 
     for large in ("3x10", "3x20"):
@@ -442,7 +442,7 @@ def main() -> None:
     )
     console.print(displacement_comparison(lengths))
     print_versions(console, lengths, f"One thread. {displacement_notes(lengths[OURS])}\n{fastest}")
-    console.print(drive_figures())
+    console.print(displacement_figures())
 
     motions = run_all({OURS: "ours_ramp", **{k: f"peers.{v}" for k, v in RAMP_PEERS.items()}})
     against_converged(motions)

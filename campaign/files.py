@@ -38,7 +38,7 @@ SHARES: Final = {
         "foreign": 6,
         "workbook": 4,
         "mapping": 8,
-        "drive": 6,
+        "actuation": 6,
         "history": 6,
     },
     **{"start": 2, "truth": 2, "run": 21, "hdf5": 1},
@@ -64,10 +64,10 @@ def kinds(folder: Path) -> dict[str, Kind]:
     """All kinds; whole files that are not in the repository are made in a folder."""
     import bowstring as bs
     from bowstring.calibration import table_fit
-    from bowstring.cli.driving import read_history
+    from bowstring.cli.actuation import read_history
     from bowstring.data import synthetic
     from bowstring.data.mapping import load_mapping
-    from bowstring.dynamics.load_table import read_drive
+    from bowstring.dynamics.load_table import read_actuation
     from bowstring.dynamics.run_file import read_run
     from bowstring.robot.writer import to_yaml
     from bowstring.statics.actuation import Path as DrivePath
@@ -113,8 +113,8 @@ def kinds(folder: Path) -> dict[str, Kind]:
         folder / "packed.h5", encoding={"position": {"zlib": True}}
     )
     start = {"robot": "a", "units": "SI: m, rad, s", "values": {"gain": 1.02, "base.x": 1e-4}}
-    drive = "t_s,tension_1_N,tension_2_N,tension_3_N\n0,0,0,0\n0.5,10,0,0\n1,0,5,0\n"
-    displaced = "t_s,displacement_1_mm,displacement_2_mm,tension_3_N\n0,0,0,0\n0.5,1,-0.5,2\n"
+    actuation = "t_s,tension_1_N,tension_2_N,tension_3_N\n0,0,0,0\n0.5,10,0,0\n1,0,5,0\n"
+    displacements = "t_s,displacement_1_mm,displacement_2_mm,tension_3_N\n0,0,0,0\n0.5,1,-0.5,2\n"
     mapping = ROOT / "examples" / "foreign.yaml"
     foreign = mapping.with_suffix(".csv")
     found = {
@@ -142,8 +142,10 @@ def kinds(folder: Path) -> dict[str, Kind]:
             ],
             load_mapping,
         ),
-        "drive": Kind(
-            ".csv", [drive.encode(), displaced.encode()], lambda file: read_drive(file, robot)
+        "actuation": Kind(
+            ".csv",
+            [actuation.encode(), displacements.encode()],
+            lambda file: read_actuation(file, robot),
         ),
         "history": Kind(".json", [json.dumps(history).encode()], read_path),
         "start": Kind(".json", [json.dumps(start).encode()], table_fit.read_start),

@@ -16,7 +16,7 @@ import pytest
 
 import bowstring as bs
 from bowstring.dynamics import simulation
-from bowstring.dynamics.load_table import read_drive
+from bowstring.dynamics.load_table import read_actuation
 from bowstring.dynamics.run_file import read_run
 from shell import Shell, process, refuses
 
@@ -122,7 +122,7 @@ def test_table(shell: Shell, tmp_path: Path) -> None:
 def test_table_may_jump(tmp_path: Path, robot: bs.Robot) -> None:
     path = tmp_path / "tensions.csv"
     path.write_text("t_s,tension_1_N,tension_2_N,tension_3_N\n0,5,0,0\n1,5,0,0\n1,8,0,0\n2,8,0,0\n")
-    table = read_drive(path, robot)["tensions"]
+    table = read_actuation(path, robot)["tensions"]
     assert table.at(1.0, before=True)[0] == 5 and table.at(1.0)[0] == 8
 
 

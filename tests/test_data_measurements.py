@@ -249,7 +249,7 @@ def test_select_and_split() -> None:
         (GOOD.replace("tip_z_mm", "tip_w_mm"), "no column tip_z; did you mean tip_z_mm by"),
         (GOOD.replace("tip_", "top_"), 'did you mean tip_x_mm by "top_x_mm"?'),
         (GOOD.replace("mass_", "weight_"), 'did you mean mass_1_kg by "weight_1_kg"?'),
-        (GOOD.replace("mass_", "m"), "no column says how the tendons are driven"),
+        (GOOD.replace("mass_", "m"), "no column has the command of a tendon"),
         (GOOD.replace("tip_x_mm", "tip_x"), "tip_x has no unit; write for example tip_x_mm"),
         (GOOD.replace("tip_x_mm", "tip_x_N"), "got tip_x_N, "),
         (GOOD.replace("tip_x_mm", "tip_x_parsnip"), "is not a known unit"),
@@ -257,9 +257,9 @@ def test_select_and_split() -> None:
         (GOOD.replace("mass_2_kg", "mass_2_g"), "mixed units: mass_1_kg is in kg and mass_2_g"),
         (
             GOOD.replace("mass_2_kg", "displacement_1_mm"),
-            "mass_1_kg and displacement_1_mm both drive tendon 1; give each tendon one of",
+            "mass_1_kg and displacement_1_mm both command tendon 1; give each tendon one of",
         ),
-        (GOOD.replace("mass_2", "mass_01"), "mass_1_kg and mass_01_kg both drive tendon 1"),
+        (GOOD.replace("mass_2", "mass_01"), "mass_1_kg and mass_01_kg both command tendon 1"),
         (GOOD.replace("mass_2", "mass_1"), 'the column "mass_1_kg" is there twice'),
         (GOOD.replace("mass_1", "mass_0"), "tendons are numbered from 1"),
         ("# stations: 0.5\n" + GOOD, ""),
@@ -292,9 +292,9 @@ def test_what_is_wrong_with_a_table(text: str, says: str, file: Write) -> None:
 
 def test_too_few_and_too_many_tendons(file: Write) -> None:
     path = file(GOOD)
-    with pytest.raises(InputError, match="drives 3 tendons, rao2021 has 6; give every tendon"):
+    with pytest.raises(InputError, match="has 3 tendons, rao2021 has 6; give every tendon"):
         read_measurements(path, bs.load_robot("rao2021"))
-    with pytest.raises(InputError, match="drives 4 tendons, amouri2019 has 3; leave out those"):
+    with pytest.raises(InputError, match="has 4 tendons, amouri2019 has 3; leave out those"):
         read_measurements(
             file(
                 "displacement_1_mm,displacement_2_mm,displacement_3_mm,displacement_4_mm,bend_deg,direction_deg\n1,1,1,1,1,1\n"
@@ -850,7 +850,7 @@ def test_check_lists_bad_rows(shell: Shell, file: Write) -> None:
     [
         (("nothing.csv",), "cannot be read: No such file"),
         (("bench.csv", "--robot", "amouri"), "neither a file nor a built-in robot"),
-        (("bench.csv", "--robot", "rao2021"), "drives 3 tendons, rao2021 has 6"),
+        (("bench.csv", "--robot", "rao2021"), "has 3 tendons, rao2021 has 6"),
         (("bench.csv", "--mapping", "tamm-sprin"), "did you mean tamm-spring?"),
         (("bench.csv", "--mapping", "tamm-spring"), 'there is no column "l1_mm"'),
         (("bench.csv", "--g", "0"), "--g: got 0 m/s^2; must be positive"),

@@ -123,7 +123,7 @@ def test_what_cannot_be_checked() -> None:
         (data.select(slice(3)), "it takes 4 rows or more"),
         (replace(data, scale=None), "points are in pixels"),
         (replace(data, points=data.points * 0, tensions=1e-5 * ANY), "the tip hardly moves"),
-        (replace(data, tensions=ANY[:, :0], displacements=ANY[:, :0]), "say of no tendon"),
+        (replace(data, tensions=ANY[:, :0], displacements=ANY[:, :0]), "no command of any tendon"),
         (
             replace(data, tensions=ANY[:, :2], displacements=ANY[:, :2]),
             "2 tendons, amouri2019 has 3",

@@ -161,7 +161,7 @@ def test_lines_without_a_law_change_nothing() -> None:
     course = ramp([40, 0, 0], 0.2)
     steps = {"dt": 2e-3, "spectral_radius": 1.0}
     plain = simulate(STIFF, course, 0.5, **objects(**steps))
-    driven = simulate(
+    controlled = simulate(
         STIFF,
         course,
         0.5,
@@ -170,7 +170,7 @@ def test_lines_without_a_law_change_nothing() -> None:
             initial_history=bs.solve(STIFF, load=bs.Load(displacements=[0, 0, 0])).history(),
         ),
     )
-    np.testing.assert_allclose(driven.tip_position, plain.tip_position, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(controlled.tip_position, plain.tip_position, rtol=0, atol=1e-9)
 
 
 def test_angles_wind_the_displacements() -> None:
@@ -512,7 +512,7 @@ OTHER = bs.solve(STIFF.with_({TENDONS + "friction": 0.2}), [10, 0, 0]).history()
         ({"displacements": [0, 0, 0], "initial_history": [1]}, "this is no history"),
     ],
 )
-def test_bad_drives(given: dict[str, Any], says: str, tmp_path: Path) -> None:
+def test_bad_commands(given: dict[str, Any], says: str, tmp_path: Path) -> None:
     file = tmp_path / "run.nc"
     with pytest.raises(InputError, match=says) as error:
         simulate(STIFF, **objects(**{"duration": 0.1, **given}, path=file))

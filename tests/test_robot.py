@@ -200,7 +200,7 @@ def test_name_is_the_file_name_unless_given(load):
     assert load("name: 12\n" + GOOD).name == "12"
 
 
-# --- how tendons are driven -----------------------------------------------------------
+# --- tendon properties ----------------------------------------------------------------
 
 # text in a file, SI, the array, its value where the field is left out
 DRIVE = {
@@ -247,7 +247,7 @@ def test_a_ring_drives_all_of_its_tendons_alike(load):
     assert arrays(listed) == arrays(robot) and listed.hash == robot.hash
 
 
-def test_each_tendon_of_a_list_has_its_own_drive(load):
+def test_each_tendon_of_a_list_has_its_own_properties(load):
     one = f"{{angle: 0 deg, pitch_radius: 12 mm, {DRIVEN}}}"
     two = "{angle: 180 deg, pitch_radius: 11 mm, friction: 0.2}"
     robot = load(changed(RING, f"[{one}, {two}]"))
@@ -276,12 +276,12 @@ def test_each_tendon_of_a_list_has_its_own_drive(load):
         ("spool_radius", "1 cm", 0.01),
     ],
 )
-def test_units_of_drives(load, field, text, value):
+def test_units_of_tendon_properties(load, field, text, value):
     robot = load(changed(RING, f"{{count: 3, pitch_radius: 12 mm, {field}: {text}}}"))
     assert getattr(robot.tendons, DRIVE[field][2]).tolist() == [value] * 3
 
 
-def test_overrides_of_drives():
+def test_overrides_of_tendon_properties():
     robot = load_robot("amouri2019")
     by_text = robot.with_({f"segments.0.tendons.{name}": v[0] for name, v in DRIVE.items()})
     by_si = robot.with_({f"segments[0].tendons.{name}": v[1] for name, v in DRIVE.items()})
@@ -299,7 +299,7 @@ def test_a_drive_counts_in_the_hash_where_it_is_not_ideal():
         hashes.add(robot.with_({f"segments.0.tendons.{name}": value}).hash)
         if absent == 0:
             same = robot.with_({f"segments.0.tendons.{name}": -0.0})
-            assert same.hash == robot.hash  # the hash from before there were drives
+            assert same.hash == robot.hash  # the hash from before there were tendon properties
     assert len(hashes) == 1 + len(DRIVE)
 
 
@@ -1301,7 +1301,7 @@ def test_schema_is_valid_and_accepts_the_robots():
 
 
 @pytest.mark.parametrize("part", ["TendonRing", "Tendon"])
-def test_schema_holds_the_drives(part):
+def test_schema_holds_the_tendon_properties(part):
     schema = robot_schema()["$defs"][part]
     assert schema["additionalProperties"] is False
     assert not set(DRIVE) & set(schema["required"])

@@ -1,4 +1,4 @@
-"""Robots driven by displacements, motor angles and tensions, with slack, stretch and friction."""
+"""Robots actuated by displacements, motor angles and tensions, with slack, stretch and friction."""
 
 import copy
 import json
@@ -13,7 +13,7 @@ from bowstring.errors import InputError, NoSolutionError
 from bowstring.statics import messages
 from objects import objects
 
-DRIVE = "segments.0.tendons."
+TENDONS = "segments.0.tendons."
 
 
 @pytest.fixture(scope="module")
@@ -31,18 +31,18 @@ def elastic(robot):
     """Tendons as of steel wire, a little taut at home."""
     return robot.with_(
         {
-            DRIVE + "axial_stiffness": "20 kN",
-            DRIVE + "free_length": "300 mm",
-            DRIVE + "compliance": "0.01 mm/N",
-            DRIVE + "pretension": "2 N",
-            DRIVE + "spool_radius": "10 mm",
+            TENDONS + "axial_stiffness": "20 kN",
+            TENDONS + "free_length": "300 mm",
+            TENDONS + "compliance": "0.01 mm/N",
+            TENDONS + "pretension": "2 N",
+            TENDONS + "spool_radius": "10 mm",
         }
     )
 
 
 @pytest.fixture(scope="module")
 def rubbing(robot):
-    return robot.with_({DRIVE + "friction": 0.1})
+    return robot.with_({TENDONS + "friction": 0.1})
 
 
 def tip(solution):
@@ -111,7 +111,7 @@ def test_elastic_tendons_tend_to_stiff_ones(robot):
         np.linalg.norm(
             tip(
                 bs.solve(
-                    robot.with_({DRIVE + "axial_stiffness": k}),
+                    robot.with_({TENDONS + "axial_stiffness": k}),
                     load=bs.Load(displacements=displacements),
                 )
             )
@@ -241,7 +241,7 @@ def test_sweep_is_the_solves_one_by_one(rao):
 def test_sweep_by_tensions_knows_displacements(elastic):
     tensions = np.outer(np.linspace(0, 40, 5), [1, 0, 0]) + 1.0
     rows = bs.sweep(elastic, tensions)
-    assert rows.driven is None and rows.history() is None and not rows.undetermined.any()
+    assert rows.path is None and rows.history() is None and not rows.undetermined.any()
     for i in range(5):
         found = bs.solve(elastic, tensions[i])
         np.testing.assert_allclose(
@@ -274,7 +274,7 @@ def test_tensions_of_a_robot_that_rubs_are_a_product_over_its_bends(rubbing):
     np.testing.assert_allclose(found.span_tensions[:, 0], expected, rtol=1e-11)
     assert found.stable is None and "friction has no potential" in found.message
     assert (
-        np.abs(tip(found) - tip(bs.solve(rubbing.with_({DRIVE + "friction": 0}), [40, 0, 0])))[0]
+        np.abs(tip(found) - tip(bs.solve(rubbing.with_({TENDONS + "friction": 0}), [40, 0, 0])))[0]
         > 1e-3
     )
 
@@ -452,7 +452,7 @@ def test_displacement_jacobian(name, request):
         assert (by.tip_position_by_displacement[:, found.tensions == 0] == 0).all()
 
 
-def test_displacement_jacobian_of_other_drives(robot):
+def test_displacement_jacobian_of_other_transmissions(robot):
     mixed = bs.displacement_jacobian(
         bs.solve(robot, [None, 3, 3], load=bs.Load(displacements=[0.02, None, None]))
     )
@@ -516,7 +516,7 @@ def test_what_does_not_know_friction_says_so(rubbing):
         ({"displacements": [0, 0, 0], "tip_force": "x"}, "tip_force is 'x'"),
     ],
 )
-def test_bad_drives(robot, given, says):
+def test_bad_commands(robot, given, says):
     with pytest.raises(InputError) as error:
         bs.solve(robot, **objects(**given))
     text = str(error.value)
@@ -567,7 +567,7 @@ def test_much_friction_is_doubted_where_there_is_no_answer():
 
 
 def test_a_pretension_without_a_home_pose(robot):
-    tight = robot.with_({DRIVE + "pretension": "100 kN"})
+    tight = robot.with_({TENDONS + "pretension": "100 kN"})
     found = bs.solve(tight, [20, 0, 0]).raise_for_status()
     assert found.displacements() is None and found.to_dict()["displacements_m"] is None
     assert np.isnan(bs.sweep(tight, [[20, 0, 0]]).displacements()).all()

@@ -51,7 +51,7 @@ def test_a_backbone_beyond_its_limit_is_named(limited: Robot) -> None:
     weak = limited.with_({ROD + "yield_strength": "100 MPa", ROD + "strain_limit": None})
     (warning,) = bs.solve(weak, [80.0, 0.0, 0.0]).warnings()
     assert "von Mises stress" in warning and "of yield_strength 100 MPa" in warning
-    # driven by the displacements of that pose it is as far
+    # actuated by the displacements of that pose it is as far
     by_displacement = bs.solve(limited, load=bs.Load(displacements=bent.displacements())).limits()[
         1
     ]

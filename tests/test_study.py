@@ -131,8 +131,8 @@ def test_the_load_range_in_gravity_is_that_of_statics() -> None:
     assert math.degrees(got.geometry.theta[-1, 0]) == pytest.approx(80.0, abs=1.0)
     assert any("about the robot's own bend" in note for note in got.notes())
     model, tension = got.model, got.statics.tension
-    drive = actuation_budget(model, tension, model.case(model.main, tension))
-    assert drive.displacement_controlled.problem is None
+    budget = actuation_budget(model, tension, model.case(model.main, tension))
+    assert budget.displacement_controlled.problem is None
 
 
 def test_gravity_that_bends_further_ends_the_load_range_earlier() -> None:
@@ -168,8 +168,8 @@ def test_any_tendon_or_several_can_be_actuated(paper: Study) -> None:
     assert -30.0 < math.degrees(math.atan2(y, x)) < 90.0
     assert both.comparison("cc_from_lengths").mean < 1e-3 * robot.length
     model, tension = stages.model, stages.statics.tension
-    drive = actuation_budget(model, tension, model.case(model.main, tension))
-    assert drive.row("tendon_elasticity").case.problem is None
+    budget = actuation_budget(model, tension, model.case(model.main, tension))
+    assert budget.row("tendon_elasticity").case.problem is None
     force = next(shape for shape in backbones(both).shapes if shape.name == "cc_from_force")
     error = both.comparison("cc_from_force").error[-1]
     assert force.from_statics[-1] == pytest.approx(error, rel=1e-6)

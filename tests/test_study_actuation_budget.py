@@ -34,7 +34,7 @@ from stages import Stages
 MM = 1e-3
 UP = np.linspace(0.0, 80.0, 49)
 UP_AND_DOWN = np.concatenate((UP, UP[-2::-1]))
-DRIVE = "segments.0.tendons."
+TENDONS = "segments.0.tendons."
 STRETCH = "E A 30 kN (steel, 0.6 mm, by the robot's size)"
 ASSUMED = 30e3
 ROWS = [
@@ -46,8 +46,8 @@ ROWS = [
 ]
 
 
-def drive(robot: Robot, max_tension: float = 80.0, points: int = 17) -> ActuationBudget:
-    """The drive's part of the budget alone."""
+def budget(robot: Robot, max_tension: float = 80.0, points: int = 17) -> ActuationBudget:
+    """The actuation part of the budget alone."""
     model = Model(
         robot, int(np.flatnonzero(robot.tendons.segment == len(robot.segments) - 1)[0]), "cosserat"
     )
@@ -76,7 +76,7 @@ def errors(tips: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def test_friction_is_that_of_a_path_up_and_down(paper: Study, amouri: Robot) -> None:
-    rubbing = amouri.with_({DRIVE + "friction": ASSUMED_FRICTION})
+    rubbing = amouri.with_({TENDONS + "friction": ASSUMED_FRICTION})
     path = bs.sweep(rubbing, np.outer(UP_AND_DOWN, [1, 0, 0])).raise_for_status()
     law = RobotArcs.from_tensions(amouri, np.outer(UP[::3], [1, 0, 0])).tip.position
     d = paper.budget.actuation
@@ -102,8 +102,8 @@ def test_displacements_are_those_that_constant_curvature_asks_for(
     d = paper.budget.actuation
     displacements, meant = displacements_for(amouri, UP)
     assert d.displacement == pytest.approx(displacements[::3, 0], abs=1e-12)
-    elastic = amouri.with_({DRIVE + "axial_stiffness": ASSUMED})
-    both = elastic.with_({DRIVE + "friction": ASSUMED_FRICTION})
+    elastic = amouri.with_({TENDONS + "axial_stiffness": ASSUMED})
+    both = elastic.with_({TENDONS + "friction": ASSUMED_FRICTION})
     for robot, case in (
         (amouri, d.displacement_controlled),
         (elastic, d.row("tendon_elasticity").case),
@@ -127,7 +127,7 @@ def test_an_elastic_tendon_is_late_by_its_stretch(paper: Study, amouri: Robot) -
     """Elastic tendons equal inextensible ones with the displacement less T l0 / (E A)."""
     displacements, _ = displacements_for(amouri, UP[-1:])
     elastic = bs.solve(
-        amouri.with_({DRIVE + "axial_stiffness": ASSUMED}),
+        amouri.with_({TENDONS + "axial_stiffness": ASSUMED}),
         load=bs.Load(displacements=displacements[0]),
     )
     late = displacements[0] - [elastic.tensions[0] * amouri.length / ASSUMED, 0, 0]
@@ -140,7 +140,7 @@ def test_an_elastic_tendon_is_late_by_its_stretch(paper: Study, amouri: Robot) -
 
 
 def test_without_friction_and_stretch_nothing_changes(amouri: Robot) -> None:
-    d = drive(amouri.with_({DRIVE + "friction": 1e-12, DRIVE + "axial_stiffness": 1e12}))
+    d = budget(amouri.with_({TENDONS + "friction": 1e-12, TENDONS + "axial_stiffness": 1e12}))
     assert not d.friction_assumed and not d.elasticity_assumed and d.assumptions == ()
     for row in d.rows:
         moved = errors(row.case.tip_position, row.base.tip_position)
@@ -158,7 +158,7 @@ def test_the_present_numbers_stay(paper: Study) -> None:
 
 
 def test_short_steps_tell_the_same(amouri: Robot) -> None:
-    coarse, fine = drive(amouri), drive(amouri, points=401)
+    coarse, fine = budget(amouri), budget(amouri, points=401)
     for effect in ROWS:
         some = fine.row(effect).case.tip_position[::25]
         assert errors(coarse.row(effect).case.tip_position, some).max() < 0.02 * MM, effect
@@ -219,29 +219,29 @@ def test_what_is_assumed_is_said(paper: Study) -> None:
 
 def test_values_of_the_file_are_used(amouri: Robot) -> None:
     own = {"friction": 0.05, "axial_stiffness": "50 kN", "compliance": "0.01 mm/N"}
-    d = drive(amouri.with_({DRIVE + name: value for name, value in own.items()}))
+    d = budget(amouri.with_({TENDONS + name: value for name, value in own.items()}))
     assert (d.friction, d.axial_stiffness, d.compliance) == (0.05, 50e3, 1e-5)
     assert d.assumptions == () and not any("assumed" in n for n in (*d.notes, *d.text))
     assert "as in the file" in d.text[0] and "transmission 0.01 mm/N" in d.text[1]
-    narrower = drive(amouri)
+    narrower = budget(amouri)
     assert d.loops[0].width < narrower.loops[0].width
 
 
 def test_a_compliance_alone_is_elasticity_enough(amouri: Robot) -> None:
-    d = drive(amouri.with_({DRIVE + "compliance": "0.01 mm/N"}))
+    d = budget(amouri.with_({TENDONS + "compliance": "0.01 mm/N"}))
     assert not d.elasticity_assumed and np.isinf(d.axial_stiffness)
     assert d.assumptions == ("friction 0.1",)
 
 
 def test_assumed_stiffness_follows_from_the_tendon(amouri: Robot) -> None:
-    thin = amouri.with_({DRIVE + "diameter": "150 um"})
+    thin = amouri.with_({TENDONS + "diameter": "150 um"})
     assert assumed_stiffness(thin, 0) == (1.9e3, "steel, 0.15 mm, diameter as in the file")
-    nylon = thin.with_({DRIVE + "material": "nylon"})
+    nylon = thin.with_({TENDONS + "material": "nylon"})
     assert assumed_stiffness(nylon, 0)[0] == pytest.approx(44.0)
     assert nylon.hash == amouri.hash  # an assumption of a study is no physics of the robot
     with pytest.raises(InputError, match='got "wood"; must be one of steel'):
-        thin.with_({DRIVE + "material": "wood"})
-    d = drive(thin, points=3)
+        thin.with_({TENDONS + "material": "wood"})
+    d = budget(thin, points=3)
     assert d.axial_stiffness == 1.9e3 and d.elasticity_is == "assumed"
     assert d.assumptions[1] == "E A 1.9 kN (steel, 0.15 mm, diameter as in the file)"
     assert any("diameter as in the file" in note for note in d.notes)
@@ -255,10 +255,10 @@ def test_a_robot_whose_size_tells_no_tendon_has_no_row_of_stretch() -> None:
             "segments.0.disks.radius": "1 mm",
             "segments.0.disks.thickness": "0.2 mm",
             "segments.0.disks.mass": "1 mg",
-            DRIVE + "pitch_radius": "0.8 mm",
+            TENDONS + "pitch_radius": "0.8 mm",
         }
     )
-    d = drive(small, 0.5, points=5)
+    d = budget(small, 0.5, points=5)
     assert d.elasticity_is == "left_out" and np.isinf(d.axial_stiffness)
     assert [row.effect for row in d.rows] == [name for name in ROWS if "elasticity" not in name]
     assert all("elastic" not in row.label for row in d.rows)
@@ -267,7 +267,7 @@ def test_a_robot_whose_size_tells_no_tendon_has_no_row_of_stretch() -> None:
     assert any("stretch of the tendons is left out" in note for note in d.notes)
     assert not any("stretch of the tendons, " in sentence for sentence in d.text)
     # with a diameter there is one
-    d = drive(small.with_({DRIVE + "diameter": "0.05 mm"}), 0.5, points=5)
+    d = budget(small.with_({TENDONS + "diameter": "0.05 mm"}), 0.5, points=5)
     assert d.row("tendon_elasticity").moved > 0.0
 
 
@@ -275,7 +275,7 @@ def test_calibrated_friction_is_that_of_the_budget(amouri: Robot) -> None:
     model = Model(amouri, 0, "cosserat")
     tension = np.linspace(0.0, 80.0, 5)
     sweep = model.case(model.main, tension)
-    calibrated = amouri.with_({DRIVE + "friction": 0.2007})
+    calibrated = amouri.with_({TENDONS + "friction": 0.2007})
     d = actuation_budget(model, tension, sweep, calibrated)
     assert (d.friction, d.friction_is) == (0.2007, "calibrated")
     assert "friction" not in " ".join(d.assumptions)
@@ -297,7 +297,7 @@ def test_calibrated_friction_is_that_of_the_budget(amouri: Robot) -> None:
 def test_friction_of_the_file_is_not_in_the_sweep_and_the_study_says_so(
     paper: Study, amouri: Robot
 ) -> None:
-    stages = Stages(amouri.with_({DRIVE + "friction": 0.2}))
+    stages = Stages(amouri.with_({TENDONS + "friction": 0.2}))
     found = replace(
         stages.over(paper),
         dynamics=stages.motion,
@@ -322,7 +322,7 @@ def test_friction_of_the_file_is_not_in_the_sweep_and_the_study_says_so(
 @pytest.mark.parametrize("name", ["rao2021", "crl-ftdcr-v4"])
 def test_robots_of_several_segments(name: str) -> None:
     robot = load_robot(name)
-    d = drive(robot, 3.0, points=7)
+    d = budget(robot, 3.0, points=7)
     assert all(row.case.problem is None and np.isfinite(row.moved) for row in d.rows)
     assert all(loop.width > 0.5 * MM for loop in d.loops)
     assert not any("In spite of that" in note for note in d.notes)
@@ -332,12 +332,12 @@ def test_a_tendon_that_does_not_hang_is_told(
     amouri: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("bowstring.study.actuation_budget._SURPLUS", -0.001)
-    assert any("In spite of that" in note for note in drive(amouri).notes)
+    assert any("In spite of that" in note for note in budget(amouri).notes)
 
 
 @pytest.mark.slow
 def test_commands_without_equilibrium_are_told(amouri: Robot) -> None:
-    d = drive(amouri.with_({DRIVE + "friction": 3}), 400.0)
+    d = budget(amouri.with_({TENDONS + "friction": 3}), 400.0)
     case = d.row("displacement_controlled_loading").case
     assert case.problem is not None and "means are over the others" in case.problem
     assert np.isfinite(case.error(COMMANDED)).sum() == case.comparisons[COMMANDED].n < 17
@@ -345,7 +345,7 @@ def test_commands_without_equilibrium_are_told(amouri: Robot) -> None:
 
 
 def test_pretension_and_two_points(amouri: Robot) -> None:
-    d = drive(amouri.with_({DRIVE + "pretension": "2 N"}), points=2)
+    d = budget(amouri.with_({TENDONS + "pretension": "2 N"}), points=2)
     assert len(d.loops[0].command) == 41
     assert all(np.isfinite(row.moved) for row in d.rows)
 

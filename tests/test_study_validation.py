@@ -399,7 +399,7 @@ def test_a_tool_is_compared_where_it_is(robot: bs.Robot, bench: Measurements) ->
 
 @pytest.mark.slow
 def test_a_real_robot(public_data: Callable[[str], Path]) -> None:
-    """Measured: three segments, nine tendons driven by displacements, motion capture."""
+    """Measured: three segments, nine tendons actuated by displacements, motion capture."""
     public_data("crl-ftdcr-mocap")
     data = load("crl-ftdcr-mocap", "train").select(slice(0, 400))
     found = judge_data(load_robot("crl-ftdcr-v4"), data, 0.01)
@@ -524,11 +524,11 @@ def written(whole: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_friction_that_the_data_told_is_that_of_the_budget(
     whole: Study, written: Path, verdict: AgainstData
 ) -> None:
-    drive = whole.budget.actuation
+    budget = whole.budget.actuation
     assert verdict.calibration is not None
-    assert drive.friction_is == "calibrated" and drive.to_dict()["friction_is"] == "calibrated"
-    assert drive.friction == verdict.calibration.robot.tendons.friction[0]
-    assert "(calibrated)" in drive.row("friction_loading").label
+    assert budget.friction_is == "calibrated" and budget.to_dict()["friction_is"] == "calibrated"
+    assert budget.friction == verdict.calibration.robot.tendons.friction[0]
+    assert "(calibrated)" in budget.row("friction_loading").label
     assert "With the calibrated one, 0.1" in whole.verdict.text[-1]
     assert any("friction that was calibrated is left out" in note for note in whole.notes)
     page = (written / "report.html").read_text(encoding="utf-8")
@@ -671,7 +671,7 @@ def test_what_the_command_refuses(shell: Shell, bench: Measurements, tmp_path: P
     one = write_measurements(bench.select([3]), tmp_path / "one.csv")
     for args, words in (
         (["amouri2019", "--measurements", str(one)], "there is one row"),
-        (["rao2021", "--measurements", str(one)], "drives 3 tendons"),
+        (["rao2021", "--measurements", str(one)], "has 3 tendons"),
         (["amouri2019", "--measurements", str(tmp_path / "none.csv")], "none.csv"),
         (["amouri2019", "--mapping", "m.yaml"], "name the table by --measurements"),
     ):

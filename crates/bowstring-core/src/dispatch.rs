@@ -331,7 +331,7 @@ const TRANSMISSION_ARRAYS: f64 = 20.0;
 
 /// Checks that a robot that is driven through its tendons fits into memory, with `unknowns`
 /// tensions and holes that stick, so many times.
-pub(crate) fn check_driven(
+pub(crate) fn check_path(
     robot: &Robot,
     elements: usize,
     unknowns: usize,

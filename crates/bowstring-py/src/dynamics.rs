@@ -1,10 +1,10 @@
 //! Dynamics of the rod: `Simulator`, a robot that moves, and `flexibility` for its modes.
 
-use crate::drive::Drive;
 use crate::fields::Records;
 use crate::input::{array, copied, input_error, numbers, refused, three, Array, Rows};
 use crate::interrupt::interruptible;
 use crate::model::{self, DeadLoad, RodModel};
+use crate::path::PathSolver;
 use crate::rod::Robot;
 use bowstring_core::dynamics::integrator::{
     self, Count, Damping, Energies, Fields, Integrator, Step, Stop,
@@ -132,11 +132,12 @@ impl Simulator {
         Ok(outcome.status.word())
     }
 
-    /// Goes to rest where a drive of the same robot and settings has come to, and is driven on as in
+    /// Goes to rest where a path of the same robot and settings has come to, and is driven on as in
     /// its last step; returns whether that worked.
-    fn rest_at(&mut self, drive: PyRef<'_, Drive>) -> PyResult<bool> {
-        let path = drive.inner();
-        let stop = interruptible(drive.py(), || self.inner.rest_at(path))?.map_err(input_error)?;
+    fn rest_at(&mut self, path: PyRef<'_, PathSolver>) -> PyResult<bool> {
+        let py = path.py();
+        let path = path.inner();
+        let stop = interruptible(py, || self.inner.rest_at(path))?.map_err(input_error)?;
         Ok(stop.is_none())
     }
 
@@ -454,11 +455,14 @@ impl Flexibility {
     }
 }
 
-/// Flexibility where a drive has come to: None where that is no stable equilibrium.
+/// Flexibility where a path has come to: None where that is no stable equilibrium.
 #[pyfunction]
-pub fn flexibility_at(py: Python<'_>, drive: PyRef<'_, Drive>) -> PyResult<Option<Flexibility>> {
-    let drive = drive.inner();
-    let found = interruptible(py, || modal::flexibility_at(drive))?.map_err(input_error)?;
+pub fn flexibility_at(
+    py: Python<'_>,
+    path: PyRef<'_, PathSolver>,
+) -> PyResult<Option<Flexibility>> {
+    let path = path.inner();
+    let found = interruptible(py, || modal::flexibility_at(path))?.map_err(input_error)?;
     Ok(found.map(|inner| Flexibility { inner }))
 }
 

@@ -5,12 +5,12 @@ use pyo3::exceptions::PyImportError;
 use pyo3::prelude::*;
 
 mod arc;
-mod drive;
 mod dynamics;
 mod fields;
 mod input;
 mod interrupt;
 mod model;
+mod path;
 mod rod;
 
 #[pymodule]
@@ -24,8 +24,6 @@ mod _core {
         arc_part, arc_pose, arc_pose_jacobian, arc_through,
     };
     #[pymodule_export]
-    use crate::drive::Drive;
-    #[pymodule_export]
     use crate::dynamics::{flexibility, flexibility_at, Flexibility, Simulator};
     #[pymodule_export]
     use crate::fields::{derive, surface_stress, von_mises};
@@ -33,6 +31,8 @@ mod _core {
     use crate::input::check_memory;
     #[pymodule_export]
     use crate::model::RodModel;
+    #[pymodule_export]
+    use crate::path::PathSolver;
     #[pymodule_export]
     use crate::rod::{Robot, Solution};
 

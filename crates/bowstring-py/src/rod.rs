@@ -10,7 +10,7 @@ use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::rod::sensitivity::Derivative;
 use bowstring_core::statics::adaptive::Adaptive;
 use bowstring_core::statics::batch::{self, write_pose, Solutions};
-use bowstring_core::statics::path::DriveOutcome;
+use bowstring_core::statics::path::PathOutcome;
 use bowstring_core::statics::solver::Solver;
 use bowstring_core::statics::solver::{Outcome, Status};
 use numpy::{Element, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -81,7 +81,7 @@ impl Robot {
                 load,
                 outcome,
                 answer,
-                driven: None,
+                path: None,
             })
             .map_err(input_error)
     }
@@ -272,14 +272,14 @@ pub struct Solution {
     pub(crate) load: OwnedLoad,
     pub(crate) outcome: Outcome,
     pub(crate) answer: Option<Answer>,
-    /// If it was found by a `Drive`, not by tensions alone.
-    pub(crate) driven: Option<Box<Driven>>,
+    /// If it was found by a `PathSolver`, not by tensions alone.
+    pub(crate) path: Option<Box<PathResult>>,
 }
 
 impl Solution {
-    /// What a converged step of a drive adds.
+    /// What a converged step of a path adds.
     fn state(&self) -> Option<&State> {
-        self.driven.as_ref()?.state.as_ref()
+        self.path.as_ref()?.state.as_ref()
     }
 
     /// Something of the solver in the pose of the answer. After tensions alone it is solved anew,
@@ -295,12 +295,12 @@ impl Solution {
     }
 }
 
-/// What a step of a `Drive` adds to a solution by tensions.
-pub(crate) struct Driven {
+/// What a step of a `PathSolver` adds to a solution by tensions.
+pub(crate) struct PathResult {
     /// Whether each tendon is displacement-controlled, and the length or tension.
     pub by_displacement: Vec<bool>,
     pub commands: Vec<f64>,
-    pub found: DriveOutcome,
+    pub found: PathOutcome,
     pub state: Option<State>,
 }
 
@@ -428,33 +428,33 @@ impl Solution {
         Some(vector(py, &self.answer.as_ref()?.tendon_length))
     }
 
-    /// Whether a `Drive` found it: what follows is `None` otherwise.
+    /// Whether a `PathSolver` found it: what follows is `None` otherwise.
     #[getter]
-    fn driven(&self) -> bool {
-        self.driven.is_some()
+    fn on_path(&self) -> bool {
+        self.path.is_some()
     }
     /// Which tendons are displacement-controlled.
     #[getter]
     fn by_displacement<'py>(&self, py: Python<'py>) -> Option<Array<'py, bool>> {
-        Some(vector(py, &self.driven.as_ref()?.by_displacement))
+        Some(vector(py, &self.path.as_ref()?.by_displacement))
     }
     /// Lengths and tensions that were asked for.
     #[getter]
     fn commands<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
-        Some(vector(py, &self.driven.as_ref()?.commands))
+        Some(vector(py, &self.path.as_ref()?.commands))
     }
     #[getter]
     fn undetermined(&self) -> Option<bool> {
-        Some(self.driven.as_ref()?.found.undetermined)
+        Some(self.path.as_ref()?.found.undetermined)
     }
     #[getter]
     fn length_residual(&self) -> Option<f64> {
-        Some(self.driven.as_ref()?.found.length_residual)
+        Some(self.path.as_ref()?.found.length_residual)
     }
     /// Tendons that fight, from 0, and the nearest displacements with an equilibrium.
     #[getter]
     fn conflict(&self) -> Option<(Vec<usize>, Option<Vec<f64>>)> {
-        let found = &self.driven.as_ref()?.found;
+        let found = &self.path.as_ref()?.found;
         Some((found.fighting.clone(), found.nearest.clone()))
     }
     #[getter]

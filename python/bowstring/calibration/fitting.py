@@ -1,4 +1,4 @@
-"""Calibration: the parameters of a robot, its drive and its frames from measurements.
+"""Calibration: the parameters of a robot, its actuation and its frames from measurements.
 
 Robust nonlinear least squares (scipy) on the measured tip, with what the data say of each
 parameter and what they do not. Inside all is SI; K is the number of rows, P that of parameters.
@@ -225,7 +225,7 @@ def fit(
     rows: ArrayLike | None = None,
     loss: Loss = "soft_l1",
 ) -> Fit:
-    """Fit parameters of a robot, its drive and its frames to measured tips.
+    """Fit parameters of a robot, its actuation and its frames to measured tips.
 
     Parameters
     ----------

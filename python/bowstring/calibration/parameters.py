@@ -1,7 +1,8 @@
 """The parameters of a fit by name: what they are, where they begin, and what they change.
 
 A parameter is a path of the robot file, as ``segments.0.backbone.E`` (with ``*`` for all, one
-number shared), or one of the drive and of the frames, which no robot file has. Inside all is SI.
+number shared), or one of the actuation and of the frames, which no robot file has. All are SI
+inside.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from bowstring.robot.parts import TendonRing
 from bowstring.units import Quantity, read_number, unit_of_size
 from bowstring.validation import shown
 
-__all__ = ["DRIVE", "Setting", "Unknown", "Unknowns"]
+__all__ = ["TENDON_PROPERTIES", "Setting", "Unknown", "Unknowns"]
 
 Floats = NDArray[np.float64]
 
@@ -58,8 +59,8 @@ _STEP: Final = {
     "gravity": 1.0,
 }
 _SHARE: Final = 0.05
-#: What the law of the drive alone turns into a change of displacement.
-DRIVE: Final = frozenset({"compliance", "axial_stiffness", "free_length", "pretension"})
+#: What the law of the actuation alone turns into a change of displacement.
+TENDON_PROPERTIES: Final = frozenset({"compliance", "axial_stiffness", "free_length", "pretension"})
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Unknown:
     start, step, low, high : float
         Where it begins, a natural step of it, and its limits, in SI.
     paths : tuple of str
-        Paths in the robot file that it sets; none for those of the drive and of the frames.
+        Paths in the robot file that it sets; none for those of the actuation and of the frames.
     """
 
     name: str
@@ -133,7 +134,7 @@ class Unknowns:
     names : sequence of str
         Groups such as ``"base"`` or ``"gain.tendons"`` stand for all their members.
     start : mapping from name to float
-        SI; where fitted parameters begin, and what those of drive and frames are held at.
+        SI; where fitted parameters begin, and what those of actuation and frames are held at.
 
     Raises
     ------

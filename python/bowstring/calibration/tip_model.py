@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from bowstring.calibration.parameters import DRIVE, Setting, Unknown, Unknowns
+from bowstring.calibration.parameters import TENDON_PROPERTIES, Setting, Unknown, Unknowns
 from bowstring.calibration.pieces import Pieces
 from bowstring.constant_curvature import Arc, RobotArcs
 from bowstring.errors import BowstringError, InputError
@@ -38,7 +38,7 @@ _NEIGHBOURS: Final = 2
 
 @dataclass(frozen=True)
 class Commands:
-    """What drives the robot, row by row in the order in which it was done.
+    """Actuation of the robot, row by row in the order in which it was done.
 
     Attributes
     ----------
@@ -320,7 +320,7 @@ class TipModel:
                 shorter = np.where(by_displacement, commands, 0.0)
                 return exact.column(still, -shorter, np.where(by_displacement, 0.0, commands))
             by_home = np.where(by_displacement, self._difference(i, values, self._home), 0.0)
-            if item.leaf in DRIVE:
+            if item.leaf in TENDON_PROPERTIES:
                 # what yields more is shortened less, tension by tension
                 by_compliance = self._difference(
                     i, values, lambda setting: actuation.compliances(setting.robot)

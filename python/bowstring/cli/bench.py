@@ -292,7 +292,7 @@ def _measurements_json(
 
     tendons = [
         {"given_by": kind, f"smallest_{unit}": low, f"largest_{unit}": high}
-        for kind, unit, low, high in _driven(found)
+        for kind, unit, low, high in _commands(found)
     ]
     ranges = None
     if found.points.shape[1] and found.seen.any():
@@ -364,7 +364,7 @@ def _groups(found: Measurements) -> dict[str, int]:
     return dict(zip(labels.tolist(), counts.tolist(), strict=True))
 
 
-def _driven(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
+def _commands(found: Measurements) -> Iterator[tuple[str, str, float, float]]:
     """Of each tendon: what it is given by, the unit, and the range."""
     import numpy as np
 
@@ -383,7 +383,7 @@ def _measurements_tables(found: Measurements, check: TendonCheck | None) -> Iter
     yield f"{found.name}: {found.source}, {counted(len(found), 'row')}{left}"
     if found.tendon_count:
         table = new_table("tendon", "given by", ">from", ">to", "")
-        for k, (kind, unit, low, high) in enumerate(_driven(found), 1):
+        for k, (kind, unit, low, high) in enumerate(_commands(found), 1):
             factor, shown = (1e3, "mm") if unit == "m" else (1.0, unit)
             table.add_row(str(k), kind, fixed(factor * low, 3), fixed(factor * high, 3), shown)
         yield table

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from bowstring.atomic_io import resolved
 from bowstring.cli import completion
-from bowstring.cli.driving import Angle, Displacement, Tension, actuated_by
+from bowstring.cli.actuation import Angle, Displacement, Tension, actuated_by
 from bowstring.cli.options import AsJson, Overrides, RobotSource, load, of_flag, option
 from bowstring.cli.output import (
     Stopped,

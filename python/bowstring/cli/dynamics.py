@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from bowstring.cli import completion
-from bowstring.cli.driving import (
+from bowstring.cli.actuation import (
     SHORTEST_STEP,
     Angle,
     Displacement,
@@ -281,7 +281,7 @@ def modes(
     from bowstring.dynamics import modal
 
     out = out_folder(out, "modes")
-    driven = {
+    actuation = {
         "displacements_m": acting.displacements,
         "angles_rad": acting.angles,
         "history": history,
@@ -293,7 +293,7 @@ def modes(
         gravity_m_per_s2=weight,
         tip_force_N=force,
         elements=elements,
-        **{name: given for name, given in driven.items() if given is not None},
+        **{name: given for name, given in actuation.items() if given is not None},
     )
     try:
         with progress_bar("modes"):

@@ -106,8 +106,8 @@ def fit(
         Path | None,
         option(
             "FILE",
-            "calibration.json of an earlier fit: base, tool and drive start from its values, or "
-            "keep them if they are not fitted.",
+            "calibration.json of an earlier fit: base, tool and actuation start from its values, "
+            "or keep them if they are not fitted.",
         ),
     ] = None,
     out: Annotated[
@@ -277,7 +277,7 @@ def _fit_tables(found: Calibration, folder: Path | None) -> Iterator[Table | str
     if folder is not None:
         yield f"Calibrated robot: {folder / 'robot.yaml'}"
         if found.beside:
-            yield f"Base, tool and drive, for --start: {folder / table_fit.BESIDE}"
+            yield f"Base, tool and actuation, for --start: {folder / table_fit.BESIDE}"
 
 
 def _of_others(fit: Fit) -> str:

@@ -1,6 +1,6 @@
 """Flags that commands share, and how their texts become numbers; a bad one is named.
 
-Flags of how the tendons are driven are in `driving`.
+The flags of the actuation are in `actuation`.
 """
 
 from __future__ import annotations
@@ -282,7 +282,7 @@ def check_bare_changes(
             raise _is_bare(f"{flag} {path}", text.strip(), si, usual)
 
 
-def check_bare_drive(flag: str, text: str, si: str, robot: Robot) -> None:
+def check_bare_command(flag: str, text: str, si: str, robot: Robot) -> None:
     """Refuse displacements and angles without a unit that take in more than all of a tendon."""
     import numpy as np
 
@@ -319,7 +319,7 @@ def per_tendon(
             f"{counted(wanted, 'tendon')}, write {rest}."
         )
     if signed:
-        check_bare_drive(flag, text, si, robot)
+        check_bare_command(flag, text, si, robot)
     for i, value in enumerate(values, 1):
         if value is not None and not signed and (value < 0 or (above_zero and value == 0)):
             rule = "positive" if above_zero else "0 or more, a tendon cannot push"

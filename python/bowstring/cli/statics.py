@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from bowstring.cli.driving import (
+from bowstring.cli.actuation import (
     Angle,
     Displacement,
     Tension,
@@ -254,7 +254,7 @@ def solve(
             f"({solution.iterations} iterations, residual {solution.residual:.1e})",
             tip_line(tip.position, tip.rotation),
             *([_used_line(uses, model)] if uses else []),
-            _driven_table(solution),
+            _actuation_table(solution),
         )
 
 
@@ -293,11 +293,11 @@ def _used_line(uses: Sequence[limits.Use], robot: Robot) -> str:
     return "\n".join(f"backbone{f' of segment {u.segment}' * several}: {u}" for u in uses)
 
 
-def _driven_table(solution: Solution) -> Table:
+def _actuation_table(solution: Solution) -> Table:
     lengths, slack = solution.tendon_lengths, solution.slack_lengths
     displacements = solution.displacements()
     assert lengths is not None and slack is not None
-    by_tension = not solution.core.driven
+    by_tension = not solution.core.on_path
     columns = ("tendon", ">tension N", ">length mm", ">displacement mm")
     table = new_table(*columns, *([] if by_tension else [">slack mm"]))
     for i, tension in enumerate(solution.tensions):

@@ -201,8 +201,8 @@ class _Header:
                 k = int(match["k"])
                 if k in tendons:
                     raise self.fail(
-                        f"{tendons[k][1].name} and {name} both drive tendon {k}; give each tendon "
-                        "one of mass, tension and displacement"
+                        f"{tendons[k][1].name} and {name} both command tendon {k}; give each "
+                        "tendon one of mass, tension and displacement"
                     )
                 tendons[k] = (kind, column)
             elif axis := match["axis"]:
@@ -320,7 +320,7 @@ class _Header:
             raise self.fail(f"got {found[0][1].name}; tendons are numbered from 1")
         if not found:
             raise self.missing(
-                "no column says how the tendons are driven; give each tendon a column such as "
+                "no column has the command of a tendon; give each tendon a column such as "
                 "mass_1_kg, tension_1_N or displacement_1_mm",
                 ("mass", "tension", "displacement"),
                 whole=True,

@@ -177,7 +177,7 @@ class Join(_Part):
 
 
 class Tendons(_Part):
-    """How the tendons are driven, in the robot's order."""
+    """Actuation of the tendons, in the robot's order."""
 
     quantity: Literal["mass", "tension", "displacement"]
     unit: str

@@ -76,7 +76,7 @@ def draft(table: Table, tendons: int | None = None) -> str:
     angles = {} if tip else _angles(left)
     left = [name for name in left if name not in angles.values()]
     known = bool(tip or angles)
-    quantity, found = _driven(left, known) if not table.length_unit else ("tension", [])
+    quantity, found = _commands(left, known) if not table.length_unit else ("tension", [])
     if not table.length_unit and not known:  # nothing says what is what: commands, then the tip
         free = [name for name in left if name not in found]
         tip = tuple(free[-3:])
@@ -96,7 +96,7 @@ def draft(table: Table, tendons: int | None = None) -> str:
     if table.length_unit:
         lines += [
             "frame: {axes: [z, x, y]}   # the measuring frame's x, y and z in the file's axes",
-            "join:                      # the log of what drives the tendons, by time",
+            "join:                      # the log of the tendons' actuation, by time",
             "  file: forces.csv         # beside the export",
             "  time: {column: time, unit: s}",
             "  shift: 0 s               # added to its times",
@@ -188,8 +188,8 @@ def _angles(names: Sequence[str]) -> dict[str, str]:
     return found if "bend" in found else {}
 
 
-def _driven(names: Sequence[str], known: bool) -> tuple[str, list[str]]:
-    """What drives the tendons, and the columns that say so.
+def _commands(names: Sequence[str], known: bool) -> tuple[str, list[str]]:
+    """The quantity that is the tendons' command, and its columns.
 
     Lengths may be displacements where it is `known` which columns are the tip.
     """

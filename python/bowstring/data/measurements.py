@@ -302,7 +302,7 @@ def _wrong_count(table: Table, robot: Robot, count: int) -> InputError:
         if count < needed
         else "leave out those that are none, or name the right robot"
     )
-    return InputError(f"{table.path}: the table drives {what}, {robot.name} has {needed}; {advice}")
+    return InputError(f"{table.path}: the table has {what}, {robot.name} has {needed}; {advice}")
 
 
 class _Reader:
@@ -695,7 +695,7 @@ def write_measurements(
     m = measurements
     both = ~(np.isnan(m.tensions).all(axis=0) | np.isnan(m.displacements).all(axis=0))
     if not m.tendon_count or both.any():
-        why = "no tendon is driven" if not m.tendon_count else "a tendon is driven in two ways"
+        why = "no tendon is actuated" if not m.tendon_count else "a tendon has two commands"
         raise InputError(f"{m.name} cannot be written as a table: {why}")
 
     def fill(new: Path) -> None:

@@ -1,9 +1,9 @@
 """The virtual bench: synthetic measurements of any robot, with known truth.
 
-The *actual* robot, which differs from the one that the user knows (friction, stiffness), is driven
-along a path of loads by `bowstring.sweep`; its tips are seen from a misplaced measuring frame, with
-noise. The path is solved once, after which noise is drawn as often as wanted. What comes out is
-synthetic, and says so. SI and radians.
+The *actual* robot, which differs from the one that the user knows (friction, stiffness), is
+actuated along a path of loads by `bowstring.sweep`; its tips are seen from a misplaced measuring
+frame, with noise. The path is solved once, after which noise is drawn as often as wanted. What
+comes out is synthetic, and says so. SI and radians.
 """
 
 from __future__ import annotations
@@ -338,8 +338,8 @@ def set_up(
     force = numbers("tip_force", actual.tip_force, (3,), "N")
     moves = _lengths("drift", mounting.drift)
 
-    driven = by_tension[rows], by_displacement[rows]
-    tensions, displacements = (None if np.isnan(table).all() else table for table in driven)
+    commands = by_tension[rows], by_displacement[rows]
+    tensions, displacements = (None if np.isnan(table).all() else table for table in commands)
     load = Load(tensions, displacements, gravity=felt, tip_force=force)
     tip_position, tip_rotation = _tips(other, load, RodModel(theory), len(rows), progress)
     points = pose.apply(tip_position + tip_rotation @ there)
@@ -374,8 +374,8 @@ def set_up(
     return Bench(
         robot=robot,
         actual=other,
-        tensions=driven[0],
-        displacements=driven[1],
+        tensions=commands[0],
+        displacements=commands[1],
         group=group,
         repeat=repeat,
         tip_position=tip_position,
@@ -475,7 +475,7 @@ def simulate(
     return made.measure(seed)
 
 
-# -- what is driven, and from where it is seen ---------------------------------------------------
+# -- what is actuated, and from where it is seen ---------------------------------------------------
 
 
 def _loads(robot: Robot, given: Loads) -> tuple[Floats, Floats, dict[str, Any]]:

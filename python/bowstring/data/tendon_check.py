@@ -313,7 +313,9 @@ def _expected(motion: _Motion) -> tuple[Floats, NDArray[np.int64]]:
     rows = rows[np.unique(some)]
     if motion.by_displacement and not _stretches(motion.robot):
         return motion.tips(arcs[rows]), rows
-    load = Load(**{"displacements" if motion.by_displacement else "tensions": motion.driven[rows]})
+    load = Load(
+        **{"displacements" if motion.by_displacement else "tensions": motion.commands[rows]}
+    )
     try:
         found = rod.solve_batch(motion.robot, load=load, disks=False)
     except BowstringError:
@@ -361,11 +363,11 @@ def _swapped(count: int, pair: tuple[int, int]) -> NDArray[np.int64]:
 
 @dataclass(frozen=True)
 class _Motion:
-    """What drives a robot, and where the tip was (n, 3), in some of the rows."""
+    """Actuation of a robot, and where the tip was (n, 3), in some of the rows."""
 
     robot: Robot
     m: Measurements
-    driven: Floats
+    commands: Floats
     """(n, T), displacements or tensions."""
     by_tendon: Floats
     """(2 S, T), bends of the segments by these, rad."""
@@ -394,8 +396,8 @@ class _Motion:
 
         By tension they are relative, the largest is a quarter turn.
         """
-        driven = self.driven if order is None else self.driven[:, order]
-        return np.asarray((driven @ self.by_tendon.T).reshape(len(driven), -1, 2))
+        commands = self.commands if order is None else self.commands[:, order]
+        return np.asarray((commands @ self.by_tendon.T).reshape(len(commands), -1, 2))
 
     def seen(self, position: Floats, rotation: Floats) -> Floats:
         """What is measured (n, 3) of tips: the tool or the direction."""
@@ -412,7 +414,7 @@ class _Motion:
 def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
     """Why it cannot be checked, and what moves how, as far as that is known."""
     if m.tendon_count == 0:
-        return "the data say of no tendon how it is driven", None
+        return "the data have no command of any tendon", None
     if m.tendon_count != len(robot.tendons.angle_rad):
         needed = len(robot.tendons.angle_rad)
         return f"the data have {m.tendon_count} tendons, {robot.name} has {needed}", None
@@ -430,16 +432,16 @@ def _motion(robot: Robot, m: Measurements) -> tuple[str, _Motion | None]:
     else:
         return "no point and no direction of bending is measured", None
     if not np.isnan(m.displacements).any():
-        driven, by_tendon = m.displacements, _by_displacement(robot)
+        commands, by_tendon = m.displacements, _by_displacement(robot)
     elif not np.isnan(m.tensions).any():
-        driven, by_tendon = m.tensions, _by_tension(robot)
+        commands, by_tendon = m.tensions, _by_tension(robot)
     else:
         return "some tendons are given by tension and others by displacement", None
     rows = np.unique(np.linspace(0, len(m) - 1, min(len(m), _MOST_ROWS)).round().astype(int))
     rows = rows[np.isfinite(measured[rows]).all(axis=1)]
     if len(rows) < _FEWEST_ROWS:
         return f"it takes {_FEWEST_ROWS} rows or more", None
-    motion = _Motion(robot, m, driven[rows], by_tendon, measured[rows])
+    motion = _Motion(robot, m, commands[rows], by_tendon, measured[rows])
     still = _spread(motion.measured) < _STILL * motion.size
     return "the tip hardly moves" if still else "", motion
 

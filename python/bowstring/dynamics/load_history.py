@@ -42,7 +42,7 @@ class Table:
         In s, never decreasing; the same time twice is a jump.
     values : array_like (K, C)
         One row a time: a tension for each tendon in N, a displacement in m, or a vector. A column
-        of NaN is a tendon that is driven otherwise.
+        of NaN is a tendon with a command of another kind.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class Table:
                 row = int(np.argwhere(~np.isfinite(array))[0][0])
                 text = f"the {name} of a table over time are not finite in row {row}"
                 if name == "values" and not np.isinf(array).any():
-                    text += "; a tendon that is driven otherwise has NaN in all rows"
+                    text += "; a tendon with a command of another kind has NaN in all rows"
                 raise InputError(text)
         gaps = np.diff(self.times)
         if (gaps < 0).any():
@@ -121,7 +121,7 @@ class Table:
         return False
 
     def to_dict(self) -> Any:
-        """Times and values, for a file; None where a tendon is driven otherwise."""
+        """Times and values, for a file; None where a tendon has a command of another kind."""
         return {"times_s": self.times.tolist(), "values": plain(self.values)}
 
 
@@ -376,7 +376,7 @@ class Loads(NamedTuple):
             yield from self._sampled(simulator, ends, record, longest)
             return
         durations = np.diff(ends, prepend=0.0)
-        driven, force, moment = (c.rows(ends, before=True) for c in self)
+        commands, force, moment = (c.rows(ends, before=True) for c in self)
         jumps = np.array(sorted(self.jumps()))
         jumped = np.searchsorted(jumps, ends + CLOSEST) > np.searchsorted(jumps, ends - CLOSEST)
         stops = np.flatnonzero(jumped) + 1
@@ -387,7 +387,7 @@ class Loads(NamedTuple):
             next_stop = stops[np.searchsorted(stops, first, side="right") :]
             last = min([first + size, len(ends), *next_stop[:1].tolist()])
             part = slice(first, last)
-            yield durations[part], driven[part], force[part], moment[part], record[part]
+            yield durations[part], commands[part], force[part], moment[part], record[part]
             spent = max(clock.perf_counter() - begun, 1e-9)
             size = int(np.clip((last - first) * _LOOK / spent, 1, min(4 * size, 1000)))
             first = last
@@ -402,9 +402,9 @@ class Loads(NamedTuple):
                 reach = min(simulator.next_step, longest)
                 left = max(1, int(np.ceil((end - now) / reach - 1e-6)))
                 then = end if left == 1 else now + (end - now) / left
-                driven, force, moment = (row[None, :] for row in self.at(then, before=True))
+                commands, force, moment = (row[None, :] for row in self.at(then, before=True))
                 recorded = np.array([wanted and left == 1])
-                yield np.array([then - now]), driven, force, moment, recorded
+                yield np.array([then - now]), commands, force, moment, recorded
                 now = then
 
 
@@ -426,8 +426,8 @@ def over_time(name: str, value: Any, count: int, unit: str, *, loose: bool = Fal
         return _Function(name, value, count, loose=loose)
     if loose:
         what = (
-            f"{count} numbers in {unit} (None where a tendon is driven otherwise), a table or a "
-            "function"
+            f"{count} numbers in {unit} (None where a tendon has a command of another kind), "
+            "a table or a function"
         )
         row = validation.read(name, value, what)
         if row.shape != (count,):

@@ -1,4 +1,4 @@
-"""What drives the tendons over time, from a CSV file."""
+"""Actuation of the tendons over time, from a CSV file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bowstring.errors import InputError
 from bowstring.robot.model import Robot
 from bowstring.units import quote, read_number
 
-__all__ = ["read_drive"]
+__all__ = ["read_actuation"]
 
 _LARGEST: Final = 100_000_000  # bytes
 _LONG: Final = 100  # letters of the name of a column
@@ -28,7 +28,7 @@ _KINDS: Final = {
 }
 
 
-def read_drive(path: str | Path, robot: Robot) -> dict[str, Table]:
+def read_actuation(path: str | Path, robot: Robot) -> dict[str, Table]:
     """Read a table of tensions, displacements and motor angles over time.
 
     Parameters
@@ -172,4 +172,4 @@ def _wanted(count: int) -> str:
     if count > 2:
         names += (["..."] if count > 3 else []) + [f"tension_{count}_N"]
     text = f"write the header {','.join(names)}"
-    return text + " (or displacement_1_mm, angle_1_deg for a tendon that is driven so)"
+    return text + " (or displacement_1_mm, angle_1_deg for such a command)"

@@ -16,7 +16,7 @@ from bowstring.errors import InputError
 from bowstring.robot.arrays import RobotArrays
 from bowstring.robot.messages import build
 from bowstring.robot.overrides import check_mapping, fill, override
-from bowstring.robot.parts import Disks, Tendon, TendonDrive, TendonRing
+from bowstring.robot.parts import Disks, Tendon, TendonProperties, TendonRing
 from bowstring.robot.plausibility import doubts
 from bowstring.units import number_with_unit
 from bowstring.validation import shown
@@ -129,12 +129,12 @@ class Robot(RobotArrays):
 
         def tendon(t: Tendon) -> list[Any]:
             # What is not used is not named, so that robots keep the hash they had without it.
-            drive = {
+            properties = {
                 name: exact(getattr(t, name))
-                for name, field in TendonDrive.model_fields.items()
+                for name, field in TendonProperties.model_fields.items()
                 if getattr(t, name) != field.default and name not in ("diameter", "material")
             }
-            return [exact(t.angle), exact(t.pitch_radius), *([drive] if drive else [])]
+            return [exact(t.angle), exact(t.pitch_radius), *([properties] if properties else [])]
 
         def weight(disks: Disks) -> dict[str, str]:
             if disks.density is None or disks.hole_diameter is None:

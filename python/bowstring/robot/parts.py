@@ -20,7 +20,7 @@ __all__ = [
     "Part",
     "Segment",
     "Tendon",
-    "TendonDrive",
+    "TendonProperties",
     "TendonRing",
     "tendon_field",
 ]
@@ -196,10 +196,10 @@ _PITCH = Quantity("m", "29 mm", "1 um", "100 m")
 _ANGLE = Quantity("rad", "120 deg", "-360 deg", "360 deg")
 
 
-class TendonDrive(Part):
+class TendonProperties(Part):
     """What ring and list have in common: elasticity, friction, actuation and diameter of a tendon.
 
-    Left out, a tendon is inextensible, frictionless and directly driven.
+    Left out, a tendon is inextensible, frictionless and without a transmission.
     """
 
     axial_stiffness: Annotated[float | None, Quantity("N", "20 kN", "1 mN", "1e12 N")] = Field(
@@ -229,8 +229,8 @@ class TendonDrive(Part):
     )
 
 
-class TendonRing(TendonDrive):
-    """Tendons evenly spaced on a circle, counter-clockwise about z, all driven alike.
+class TendonRing(TendonProperties):
+    """Tendons evenly spaced on a circle, counter-clockwise about z, all actuated alike.
 
     Attributes
     ----------
@@ -255,7 +255,7 @@ class TendonRing(TendonDrive):
     )
 
 
-class Tendon(TendonDrive):
+class Tendon(TendonProperties):
     """One tendon of a list.
 
     Attributes
@@ -339,10 +339,10 @@ class Segment(Part):
         if not isinstance(ring, TendonRing):
             return ring
         step = math.tau / ring.count
-        drive = {name: getattr(ring, name) for name in TendonDrive.model_fields}
+        properties = {name: getattr(ring, name) for name in TendonProperties.model_fields}
         return tuple(
             Tendon.model_construct(
-                angle=ring.first_angle + i * step, pitch_radius=ring.pitch_radius, **drive
+                angle=ring.first_angle + i * step, pitch_radius=ring.pitch_radius, **properties
             )
             for i in range(ring.count)
         )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bowstring import validation
-from bowstring._core import Drive, check_memory
+from bowstring._core import PathSolver, check_memory
 from bowstring.errors import InputError
 from bowstring.statics.load import Load
 
@@ -37,7 +37,7 @@ KINDS: Final = {"tensions": "N", "displacements": "m", "angles": "rad"}
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-#: Numbers for the tendons, None or NaN where one is driven otherwise; also rows of them.
+#: Numbers for the tendons, None or NaN where one has a command of another kind; also rows of them.
 Given = ArrayLike | Sequence[float | None] | Sequence[Sequence[float | None]]
 
 _GIVE: Final = (
@@ -151,8 +151,8 @@ def _table(robot: Robot, name: str, values: Given, unit: str, rows: bool) -> Flo
     except TypeError:
         shape = f"(n, {count})" if rows else f"({count},)"
         raise InputError(
-            f"{name} must be numbers of shape {shape} in {unit}, None where a tendon is driven "
-            "otherwise"
+            f"{name} must be numbers of shape {shape} in {unit}, None where a tendon has a "
+            "command of another kind"
         ) from None
     _check_shape(name, table, count, unit, rows)
     return table
@@ -194,7 +194,7 @@ def _not_one(
 
 
 class Path:
-    """A robot in the core that is driven step by step, and what is written down of it."""
+    """A robot in the core solved step by step along a path, and what is written down of it."""
 
     __slots__ = ("core", "model", "robot")
 
@@ -207,7 +207,7 @@ class Path:
         friction: bool = True,
     ) -> None:
         self.robot, self.model = robot, model
-        self.core = Drive(robot.core, model, robot.tendons, friction)
+        self.core = PathSolver(robot.core, model, robot.tendons, friction)
         if history is not None:
             try:
                 self._resume(history)

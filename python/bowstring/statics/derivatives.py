@@ -161,12 +161,12 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
     """
     by = jacobians(solution)
     tensions, by_displacement = solution.tensions, solution.core.by_displacement
-    driven = (
+    actuated = (
         np.ones(len(tensions), bool)
         if by_displacement is None or not by_displacement.any()
         else by_displacement
     )
-    held = np.flatnonzero(driven & (tensions > 0))
+    held = np.flatnonzero(actuated & (tensions > 0))
     # displacement = home - length + compliance * tension
     answer = np.diag(actuation.compliances(solution.robot)) - by.lengths_by_tension
     block = answer[np.ix_(held, held)]
@@ -179,7 +179,7 @@ def displacement_jacobian(solution: Solution) -> DisplacementJacobian:
                 "tendons"
             )
         tensions_by_displacement[np.ix_(held, held)] = np.linalg.inv(block)
-    tensions_by_displacement[:, ~driven] = np.nan
+    tensions_by_displacement[:, ~actuated] = np.nan
     return DisplacementJacobian(
         tip_position_by_displacement=by.tip_position_by_tension @ tensions_by_displacement,
         tip_rotation_by_displacement=by.tip_rotation_by_tension @ tensions_by_displacement,

@@ -207,7 +207,7 @@ def _follow(
     names = ("displacements", "slack_lengths", "span_tensions", "undetermined", "conflicts")
     extra = {name: found.pop(name) for name in (*names, "length_residual")}
     extra["history"] = path.history() if threads is None else None
-    return Sweep(robot, model=model, **found, driven=extra)
+    return Sweep(robot, model=model, **found, path=extra)
 
 
 def _tensions(robot: Robot, load: Load) -> Floats:

@@ -155,7 +155,7 @@ class Solution:
 
     def __reduce__(self) -> tuple[Any, ...]:
         model = self.model
-        if self._path is not None and self.core.driven:
+        if self._path is not None and self.core.on_path:
             # elements as they were asked for: a path that chooses them meets the same ones again
             model = self._path.model
         return solution, (self.robot, self.load, model, self._before)
@@ -225,7 +225,7 @@ class Solution:
         None if the solve failed, or if the robot's pretension has no home pose.
         """
         core = self.core
-        if core.driven or core.tendon_lengths is None:
+        if core.on_path or core.tendon_lengths is None:
             return core.displacements
         return actuation.taken_in(self.robot, self.model, core.tendon_lengths, core.tensions)
 
@@ -241,7 +241,7 @@ class Solution:
     def slack_lengths(self) -> Floats | None:
         """Slack length (T,) of tendons with a given displacement, in m; exactly 0 where taut."""
         core = self.core
-        if core.driven:
+        if core.on_path:
             return core.slack_lengths
         return np.zeros(len(core.tensions)) if core.converged else None
 
@@ -351,7 +351,7 @@ class Solution:
         """The raw fields of a converged solution."""
         from bowstring.statics import simulator
 
-        path = self._path if self.core.driven else None
+        path = self._path if self.core.on_path else None
         load = self.load.replace(tensions=self.tensions)
         return simulator.at_rest(self.robot, load, self.model, path, points=points)
 
@@ -482,7 +482,7 @@ class Sweep:
         Module (from 0) in which two disks collide; -1 if none.
     tip_error, tension_error : ndarray (n,)
         Estimated discretisation error, in m and N, as `ErrorEstimate`.
-    driven : dict or None
+    path : dict or None
         What a path adds; its numbers are the properties and methods below.
     """
 
@@ -504,39 +504,39 @@ class Sweep:
     collision: NDArray[np.int64]
     tip_error: Floats
     tension_error: Floats
-    driven: dict[str, Any] | None = None
+    path: dict[str, Any] | None = None
 
     def __len__(self) -> int:
         return len(self.status)
 
     def displacements(self) -> Floats:
         """Lengths (n, T) that the actuators have taken in since the home pose, in m."""
-        if self.driven is not None:
-            return np.array(self.driven["displacements"])
+        if self.path is not None:
+            return np.array(self.path["displacements"])
         found = actuation.taken_in(self.robot, self.model, self.tendon_lengths, self.tensions)
         return np.full_like(self.tensions, np.nan) if found is None else found
 
     @property
     def slack_lengths(self) -> Floats:
         """Slack length (n, T) of tendons with a given displacement, in m; 0 where taut."""
-        if self.driven is not None:
-            return np.array(self.driven["slack_lengths"])
+        if self.path is not None:
+            return np.array(self.path["slack_lengths"])
         return np.where(self.converged[:, None], np.zeros_like(self.tensions), np.nan)
 
     @property
     def span_tensions(self) -> Floats:
         """Tensions (n, N, T) of the spans from base to tip, in N; NaN beyond a tendon's end."""
         passes = _passes(self.robot)
-        if self.driven is not None:
-            return np.where(passes, self.driven["span_tensions"], np.nan)
+        if self.path is not None:
+            return np.where(passes, self.path["span_tensions"], np.nan)
         spans = np.where(passes, self.tensions[:, None, :], np.nan)
         return np.where(self.converged[:, None, None], spans, np.nan)
 
     @property
     def undetermined(self) -> NDArray[np.bool_]:
         """Rows (n,) whose displacements allow many tensions in the same pose; the smallest."""
-        if self.driven is not None:
-            return np.array(self.driven["undetermined"])
+        if self.path is not None:
+            return np.array(self.path["undetermined"])
         return np.zeros(len(self), bool)
 
     def history(self) -> dict[str, Any] | None:
@@ -544,7 +544,7 @@ class Sweep:
 
         None if the rows were no path: by tensions without friction, or each from home.
         """
-        return None if self.driven is None else self.driven["history"]
+        return None if self.path is None else self.path["history"]
 
     def __repr__(self) -> str:
         done = int(self.converged.sum())
@@ -594,11 +594,11 @@ class Sweep:
         """One sentence on how a row ended, as `Solution.message`."""
         advice = "" if self.converged[row] else load_advice(self.robot, self.tensions[row])
         found = SimpleNamespace(**{name: getattr(self, name)[row] for name in messages.TOLD})
-        if self.driven is None:
+        if self.path is None:
             return messages.of_tensions(found, advice)
-        found.undetermined = self.driven["undetermined"][row]
-        found.conflict = self.driven["conflicts"].get(range(len(self))[row], ((), None))
-        lengths = self.driven["slack_lengths"][row]
+        found.undetermined = self.path["undetermined"][row]
+        found.conflict = self.path["conflicts"].get(range(len(self))[row], ((), None))
+        lengths = self.path["slack_lengths"][row]
         slack = actuation.slack(self.robot, lengths) if self.converged[row] else ()
         friction = float(self.robot.tendons.friction.max())
         return messages.of_actuation(found, slack, friction, advice)
@@ -673,18 +673,18 @@ def joined(parts: Sequence[tuple[NDArray[np.int64], Sweep]]) -> Sweep:
     rows = {
         field.name: whole([getattr(sweep, field.name) for sweep in sweeps])
         for field in fields(Sweep)
-        if field.name not in ("robot", "model", "driven")
+        if field.name not in ("robot", "model", "path")
     }
-    driven = [sweep.driven for sweep in sweeps if sweep.driven is not None]
+    path = [sweep.path for sweep in sweeps if sweep.path is not None]
     extra = None
-    if len(driven) == len(sweeps):
-        names = driven[0].keys() - {"history", "conflicts"}
-        extra = {name: whole([each[name] for each in driven]) for name in names}
+    if len(path) == len(sweeps):
+        names = path[0].keys() - {"history", "conflicts"}
+        extra = {name: whole([each[name] for each in path]) for name in names}
         extra["conflicts"] = {
             int(places[k]): why
-            for (places, _), each in zip(parts, driven, strict=True)
+            for (places, _), each in zip(parts, path, strict=True)
             for k, why in each["conflicts"].items()
         }
         extra["history"] = None
     first = sweeps[0]
-    return Sweep(first.robot, model=first.model, driven=extra, **rows)
+    return Sweep(first.robot, model=first.model, path=extra, **rows)

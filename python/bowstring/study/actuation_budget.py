@@ -270,13 +270,13 @@ def actuation_budget(
     ActuationBudget
     """
     t = model.tendon
-    given = model.driven.tendons
+    given = model.given_robot.tendons
     with_friction, friction_is = _with_friction(model, calibrated)
     stiff_of: float | None = None
     elasticity_is: Source = "file"
     elasticity_by = "as in the file"
     if math.isinf(given.axial_stiffness_N[t]) and not given.compliance_m_per_N[t]:
-        stiff_of, elasticity_by = assumed_stiffness(model.driven, t)
+        stiff_of, elasticity_by = assumed_stiffness(model.given_robot, t)
         elasticity_is = "left_out" if stiff_of is None else "assumed"
     elastic_too = elasticity_is != "left_out"
     gives = {} if stiff_of is None else {"axial_stiffness": stiff_of}
@@ -380,7 +380,7 @@ def actuation_budget(
 
 def _with_friction(model: Model, calibrated: Robot | None) -> tuple[Robot, Source]:
     """The robot with the friction that is shown, and the source of the friction."""
-    robot = model.driven
+    robot = model.given_robot
     if calibrated is not None:
         changes = {}
         for k, segment in enumerate(calibrated.segments):
@@ -571,7 +571,11 @@ def _notes(
     elif friction == "calibrated":
         out.append(
             "Friction is that of the calibration to the measurements"
-            + (", not that of the file." if model.driven.has_friction else "; the file gives none.")
+            + (
+                ", not that of the file."
+                if model.given_robot.has_friction
+                else "; the file gives none."
+            )
         )
     if elasticity == "assumed":
         out.append(

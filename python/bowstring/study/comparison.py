@@ -186,7 +186,7 @@ class Model:
     def __init__(
         self, robot: Robot, tendon: int, theory: Theory, shares: Sequence[float] | None = None
     ) -> None:
-        self.driven = robot
+        self.given_robot = robot
         """As the file has it, with the friction of its tendons."""
         self.robot = with_tendons(robot, {"friction": 0.0})
         """Without friction, which the main sweep, its dynamics and the verdict leave out."""

@@ -395,7 +395,7 @@ def check_measurements(robot: Robot, data: Measurements) -> None:
 
 
 def _loads(data: Measurements) -> Loads:
-    """What drives the robot, row by row."""
+    """Actuation of the robot, row by row."""
     by_displacement = ~np.isnan(data.displacements)
     commands = np.where(by_displacement, data.displacements, data.tensions)
     span = np.ptp(commands, axis=0)

@@ -475,20 +475,20 @@ def _error_budget(study: Study) -> Figure:
     budget = study.budget
     actuation = budget.actuation
     count = len(budget.rows)
-    figure, (*panels, driven) = subplots(
+    figure, (*panels, controlled) = subplots(
         3, 8.8, height_ratios=(count, count, len(actuation.rows) + 3)
     )
     for axes, (side, title) in zip(panels, SIDES.items(), strict=True):
         _contributions(axes, budget, side)
         axes.set_title(title)
     by_control = (*_BY_MEANING, (COMMANDED, "CC from commanded lengths", "green", "^", 0.0))
-    _actuation_panel(driven, actuation, by_control)
+    _actuation_panel(controlled, actuation, by_control)
     keys = [(label, colour, marker, colour) for _, label, colour, marker, _ in by_control]
     keys += [("with the effect", "muted", "o", "muted"), ("without it", "muted", "o", "paper")]
     for label, colour, marker, face in keys:
         look: dict[str, Any] = {"color": LIGHT[colour], "markerfacecolor": LIGHT[face]}
-        driven.plot([], [], marker, label=label, markersize=5.5, **look)
-    figure.legend(*driven.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+        controlled.plot([], [], marker, label=label, markersize=5.5, **look)
+    figure.legend(*controlled.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure
 
 

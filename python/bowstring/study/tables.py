@@ -221,7 +221,7 @@ def _data_tables(found: AgainstData) -> Iterable[Table]:
 
 
 def _of(commands: Array) -> list[int]:
-    """Tendons that are driven so."""
+    """Indices of tendons with these commands."""
     return [int(t) for t in np.flatnonzero(~np.isnan(commands).all(axis=0))]
 
 

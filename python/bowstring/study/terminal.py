@@ -129,7 +129,7 @@ def _print_details(study: Study, console: Console) -> None:
         console.print()
 
     actuation = study.budget.actuation
-    driven = _table(
+    controlled = _table(
         "Actuation: mean tip error (mm), from home to the largest command\n"
         "(loading) and back (unloading)",
         ("effect", "CC from\nlengths", "CC from\nforce", "commanded\nlengths", "tip\nmoves"),
@@ -145,8 +145,8 @@ def _print_details(study: Study, console: Console) -> None:
                 shown.append((r.short_label + mark, r.case, number(r.moved * 1e3, 2)))
         for label, case, moved in shown:
             errors_of = (means(case).get(name, "") for name in (*MEANINGS, COMMANDED))
-            driven.add_row(label, *errors_of, moved)
-    console.print(driven)
+            controlled.add_row(label, *errors_of, moved)
+    console.print(controlled)
     gaps = dict.fromkeys(c.problem for r in actuation.rows for c in (r.base, r.case) if c.problem)
     _print_notes(console, [*actuation.origins, *(f"* {gap}" for gap in gaps)])
     console.print()

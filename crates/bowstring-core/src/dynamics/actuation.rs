@@ -1,7 +1,7 @@
 //! Tendons of a robot in motion under tension and displacement control.
 
 use crate::motion::Moving;
-use crate::statics::path::{Command, Drive, History};
+use crate::statics::path::{Command, History, PathSolver};
 use crate::tendon::{Tendons, Transmission};
 
 // Tuned constants. Lengths are shares of the robot's.
@@ -41,15 +41,15 @@ pub(super) struct TendonCheck {
 }
 
 impl Actuation {
-    pub fn new(drive: &Drive, length: f64) -> Self {
-        let mut transmission = drive.transmission().clone();
+    pub fn new(path: &PathSolver, length: f64) -> Self {
+        let mut transmission = path.transmission().clone();
         transmission.friction.tolerance.drop = NO_DROP;
         transmission.friction.tolerance.slip = NO_SLIP * length;
         Actuation {
             slack: transmission.tendons.slack.clone(),
             transmission,
-            old: drive.history().clone(),
-            commands: drive.history().commands.clone(),
+            old: path.history().clone(),
+            commands: path.history().commands.clone(),
             lacked: f64::INFINITY,
             length,
         }

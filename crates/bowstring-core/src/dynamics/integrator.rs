@@ -10,7 +10,7 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::motion::Moving;
 pub use crate::motion::{DiskFields, Energies, Fields, SectionFields, TendonFields};
-use crate::statics::path::{Command, Drive, Line};
+use crate::statics::path::{Command, Line, PathSolver};
 use crate::statics::solver::{Outcome, Solver, Status};
 
 /// A moving robot.
@@ -152,22 +152,22 @@ impl Simulator {
     }
 
     /// A robot at home for [`Simulator::rest_at`], driven through lines.
-    pub fn drive(&self, lines: &[Line]) -> Result<Drive, InputError> {
-        Drive::new(&self.robot, self.model, self.elements, lines)
+    pub fn path_solver(&self, lines: &[Line]) -> Result<PathSolver, InputError> {
+        PathSolver::new(&self.robot, self.model, self.elements, lines)
     }
 
     /// Starts anew, at rest where a path of equilibria has come to, at time zero; from there on
     /// each tendon is driven as in the path's last step, by a tension or by a displacement, and friction
-    /// goes on from the path. In loads that follow, a tendon that is by_displacement has its displacement in the
+    /// goes on from the path. In loads that follow, a displacement-controlled tendon has its displacement in the
     /// place of the tension, m.
     ///
     /// # Errors
-    /// If the path is not one of [`Simulator::drive`], has not come to an equilibrium, or was
+    /// If the path is not one of [`Simulator::path_solver`], has not come to an equilibrium, or was
     /// under another gravity.
-    pub fn rest_at(&mut self, drive: &Drive) -> Result<Option<Stop>, InputError> {
-        let (solver, history) = (drive.solver(), drive.history());
+    pub fn rest_at(&mut self, path: &PathSolver) -> Result<Option<Stop>, InputError> {
+        let (solver, history) = (path.solver(), path.history());
         let arcs = 2 * self.elements * self.robot.module_count();
-        if drive.robot().spec() != self.robot.spec()
+        if path.robot().spec() != self.robot.spec()
             || solver.model() != self.model
             || history.strain.len() != arcs
         {
@@ -192,7 +192,7 @@ impl Simulator {
             tip_force,
             tip_moment,
         };
-        let actuation = Actuation::new(drive, self.robot.length());
+        let actuation = Actuation::new(path, self.robot.length());
         self.take(solver, &load, Some(actuation));
         self.ready = self.settle(Equilibrium::Given).is_some();
         Ok((!self.ready).then_some(Stop::StepFailed))

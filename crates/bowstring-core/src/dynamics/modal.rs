@@ -7,7 +7,7 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::motion::oscillation::linearised;
 pub use crate::motion::oscillation::Flexibility;
-use crate::statics::path::Drive;
+use crate::statics::path::PathSolver;
 use crate::statics::solver::{Outcome, Solver, Status};
 
 /// Flexibility about the equilibrium under a load; none where there is no stable one, or where
@@ -37,8 +37,8 @@ pub fn flexibility(
 ///
 /// # Errors
 /// If what holds the tendons does not fit into memory.
-pub fn flexibility_at(drive: &Drive) -> Result<Option<Flexibility>, InputError> {
-    let (solver, history) = (drive.solver(), drive.history());
+pub fn flexibility_at(path: &PathSolver) -> Result<Option<Flexibility>, InputError> {
+    let (solver, history) = (path.solver(), path.history());
     dispatch::check_moving(solver.robot(), solver.elements())?;
     let [gravity, tip_force, tip_moment] = history.load;
     if solver.tip().is_none() || tip_moment != [0.0; 3] {
@@ -46,7 +46,7 @@ pub fn flexibility_at(drive: &Drive) -> Result<Option<Flexibility>, InputError> 
     }
     let (modules, tendons) = (solver.robot().module_count(), history.tensions.len());
     let freedoms = (modules * (6 * solver.elements() + 4)) as f64;
-    let locks = drive.transmission().lock_count() as f64;
+    let locks = path.transmission().lock_count() as f64;
     memory::check(
         8.0 * locks * (freedoms + 3.0 * locks),
         || format!("a robot with {modules} disks and {locks} spans of tendons that are held"),
@@ -58,8 +58,8 @@ pub fn flexibility_at(drive: &Drive) -> Result<Option<Flexibility>, InputError> 
         tip_force,
         tip_moment,
     };
-    let spans = (0..modules * tendons).map(|at| drive.span_tension(at / tendons, at % tendons));
+    let spans = (0..modules * tendons).map(|at| path.span_tension(at / tendons, at % tendons));
     let spans: Vec<_> = spans.collect();
-    let locks = drive.transmission().locks();
+    let locks = path.transmission().locks();
     Ok(linearised(&solver.at_rest(), &load, Some(&spans), &locks))
 }

@@ -9,7 +9,7 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::rod::estimate::{ErrorEstimate, LEVELS};
 use crate::statics::adaptive::refine_to;
-pub use crate::statics::path_step::DriveOutcome;
+pub use crate::statics::path_step::PathOutcome;
 use crate::statics::path_step::PathStep;
 use crate::statics::solver::{Solver, Status};
 pub use crate::tendon::{Command, History, Line};
@@ -17,7 +17,7 @@ use crate::tendon::{Slip, Tendons, Transmission};
 
 /// A robot that is driven through its tendons.
 #[derive(Clone)]
-pub struct Drive {
+pub struct PathSolver {
     last: PathStep,
     /// Whether elements are chosen step by step.
     automatic: bool,
@@ -29,7 +29,7 @@ pub struct Drive {
     remembered: ErrorEstimate,
 }
 
-impl Drive {
+impl PathSolver {
     /// As for [`Solver::new`], with one line for each tendon. Without a number of elements they
     /// are chosen step by step, and not taken back along a path.
     pub fn new(
@@ -40,7 +40,7 @@ impl Drive {
     ) -> Result<Self, InputError> {
         let given = elements.into();
         let elements = given.unwrap_or(1);
-        dispatch::check_driven(robot, elements, 0, 1)?;
+        dispatch::check_path(robot, elements, 0, 1)?;
         let mut transmission = Transmission::new(robot, model, lines)?;
         let mut solver = Solver::new(robot, model, elements)?;
         // home: pretension alone, no load
@@ -61,7 +61,7 @@ impl Drive {
         let mut strain = vec![Vec3::zero(); 2 * elements * robot.module_count()];
         solver.engine.strains(&mut |i, w| strain[i] = w);
         let lengths = solver.engine.span_lengths();
-        Ok(Drive {
+        Ok(PathSolver {
             home: transmission.tendons.go_home(lengths, strain),
             last: PathStep::new(solver, transmission),
             automatic: given.is_none(),
@@ -170,7 +170,7 @@ impl Drive {
     /// If they do not.
     pub fn check_copies(&self, copies: usize) -> Result<(), InputError> {
         let unknowns = self.robot().tendon_count() + self.transmission().most_holes();
-        dispatch::check_driven(self.robot(), self.solver().elements(), unknowns, copies)
+        dispatch::check_path(self.robot(), self.solver().elements(), unknowns, copies)
     }
 
     /// Checks the numbers of a step, and that its unknowns fit into memory.
@@ -183,7 +183,7 @@ impl Drive {
         let by_displacement = commands.iter().filter(|c| c.is_displacement());
         let unknowns = by_displacement.count() + transmission.most_holes();
         if unknowns > self.fitting {
-            dispatch::check_driven(self.robot(), self.solver().elements(), unknowns, 1)?;
+            dispatch::check_path(self.robot(), self.solver().elements(), unknowns, 1)?;
             self.fitting = unknowns;
         }
         Ok(())
@@ -193,7 +193,7 @@ impl Drive {
     ///
     /// # Errors
     /// If a number does not fit the robot.
-    pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<DriveOutcome, InputError> {
+    pub fn step(&mut self, commands: &[Command], load: &Load) -> Result<PathOutcome, InputError> {
         self.check(commands, load)?;
         let load = &load.without_moment_below(self.solver().settings.least_moment());
         let mut iterations = 0;
@@ -224,7 +224,7 @@ impl Drive {
     fn go_back(
         &mut self,
         old: History,
-        outcome: &mut DriveOutcome,
+        outcome: &mut PathOutcome,
         commands: &[Command],
         load: &Load,
     ) {
@@ -242,7 +242,7 @@ impl Drive {
     }
 
     /// The same robot at `old`, where a step from there needs more elements than it has.
-    fn finer(&self, needed: usize, old: &History) -> Option<Drive> {
+    fn finer(&self, needed: usize, old: &History) -> Option<PathSolver> {
         let enough = needed == self.solver().elements();
         if enough || !self.automatic || interrupt::interrupted() {
             return None;
@@ -251,11 +251,11 @@ impl Drive {
     }
 
     /// The same robot at `now` with more elements; none where it has no home then.
-    fn with_elements(&self, elements: usize, now: &History) -> Option<Drive> {
+    fn with_elements(&self, elements: usize, now: &History) -> Option<PathSolver> {
         let (solver, lines) = (self.solver(), &self.transmission().tendons.lines);
-        let mut finer = Drive::new(self.robot(), solver.model(), elements, lines).ok()?;
+        let mut finer = PathSolver::new(self.robot(), solver.model(), elements, lines).ok()?;
         finer.automatic = self.automatic;
-        dispatch::check_driven(self.robot(), elements, self.fitting, 1).ok()?;
+        dispatch::check_path(self.robot(), elements, self.fitting, 1).ok()?;
         finer.fitting = self.fitting;
         finer.remembered = self.remembered;
         let factor = elements / solver.elements();
@@ -266,7 +266,7 @@ impl Drive {
 }
 
 /// Where the next step starts from, for a history that is written down.
-impl Drive {
+impl PathSolver {
     /// Strain of the backbone.
     pub fn strain(&self) -> Vec<[f64; 3]> {
         self.history().strain.iter().map(|w| w.0).collect()
@@ -278,8 +278,8 @@ impl Drive {
         self.history().slip.iter().map(|slip| *slip as i8).collect()
     }
 
-    /// Starts the next step from what [`Drive::strain`] and [`Drive::slips`] gave; after
-    /// [`Drive::resume`].
+    /// Starts the next step from what [`PathSolver::strain`] and [`PathSolver::slips`] gave; after
+    /// [`PathSolver::resume`].
     ///
     /// # Errors
     /// If it does not fit the robot and its elements, or is not finite.

@@ -1,4 +1,4 @@
-//! Many steps of a drive in one call: in order along a path, or independent over all cores.
+//! Many steps of a path in one call: in order along a path, or independent over all cores.
 
 use crate::interrupt;
 use crate::memory::{filled, unknown};
@@ -6,21 +6,21 @@ use crate::model::error::InputError;
 use crate::model::load::Load;
 use crate::model::robot::Robot;
 use crate::statics::batch::{for_each, pieces, thread_count, too_many, Chunk, Loads, Solutions};
-use crate::statics::path::{Command, Drive, DriveOutcome};
+use crate::statics::path::{Command, PathOutcome, PathSolver};
 use crate::statics::solver::{Outcome, Status};
 
-/// Commands of all tendons: the displacement (m) of those that are `displaced`, the tension (N)
+/// Commands of all tendons: the displacement (m) of those that are `by_displacement`, the tension (N)
 /// of the others.
-pub fn commands(displaced: &[bool], values: &[f64]) -> Vec<Command> {
-    let both = displaced.iter().zip(values);
-    both.map(|(displaced, value)| match displaced {
+pub fn commands(by_displacement: &[bool], values: &[f64]) -> Vec<Command> {
+    let both = by_displacement.iter().zip(values);
+    both.map(|(by_displacement, value)| match by_displacement {
         true => Command::Displacement(*value),
         false => Command::Tension(*value),
     })
     .collect()
 }
 
-/// Tensions that commands give (N); NaN for tendons that are displaced.
+/// Tensions that commands give (N); NaN for tendons that are by_displacement.
 pub fn commanded_tensions(commands: &[Command]) -> Vec<f64> {
     let tension = |c: &Command| {
         if c.is_displacement() {
@@ -32,7 +32,7 @@ pub fn commanded_tensions(commands: &[Command]) -> Vec<f64> {
     commands.iter().map(tension).collect()
 }
 
-impl Drive {
+impl PathSolver {
     /// Tensions of all spans by modules and tendons (N).
     pub fn span_tensions(&self) -> Vec<f64> {
         let (n, m) = (self.robot().module_count(), self.robot().tendon_count());
@@ -42,8 +42,8 @@ impl Drive {
     }
 }
 
-impl From<&DriveOutcome> for Outcome {
-    fn from(found: &DriveOutcome) -> Self {
+impl From<&PathOutcome> for Outcome {
+    fn from(found: &PathOutcome) -> Self {
         Outcome {
             status: found.status,
             stable: match found.status {
@@ -61,29 +61,29 @@ impl From<&DriveOutcome> for Outcome {
 /// Steps as flat arrays, row by row.
 #[derive(Clone, Copy, Debug)]
 pub struct Steps<'a> {
-    /// Loads, with a displacement (m) in the place of the tension of a tendon that is displaced.
+    /// Loads, with a displacement (m) in the place of the tension of a tendon that is by_displacement.
     pub loads: Loads<'a>,
-    /// Whether each tendon is displaced, by rows and tendons.
-    pub displaced: &'a [bool],
+    /// Whether each tendon is by_displacement, by rows and tendons.
+    pub by_displacement: &'a [bool],
 }
 
 impl<'a> Steps<'a> {
     /// Commands and load of a row, for a robot with so many tendons.
     fn row(&self, i: usize, tendons: usize) -> (Vec<Command>, Load<'a>) {
         let load = self.loads.row(i, tendons);
-        let displaced = &self.displaced[i * tendons..][..tendons];
-        (commands(displaced, load.tensions), load)
+        let by_displacement = &self.by_displacement[i * tendons..][..tendons];
+        (commands(by_displacement, load.tensions), load)
     }
 
     /// Checks every row; the error names the first bad one, counted from 0.
-    fn check(&self, drive: &mut Drive) -> Result<(), InputError> {
-        let tendons = drive.robot().tendon_count();
+    fn check(&self, path: &mut PathSolver) -> Result<(), InputError> {
+        let tendons = path.robot().tendon_count();
         for i in 0..self.loads.count {
             if interrupt::work(10 + tendons) {
                 break;
             }
             let (commands, load) = self.row(i, tendons);
-            drive.check(&commands, &load).map_err(|e| e.in_row(i))?;
+            path.check(&commands, &load).map_err(|e| e.in_row(i))?;
         }
         Ok(())
     }
@@ -97,7 +97,7 @@ pub type Conflict = (Vec<usize>, Option<Vec<f64>>);
 pub struct Detail {
     /// Whether the tensions are the smallest of many that hold the same pose.
     pub undetermined: bool,
-    /// Largest length that a displaced tendon lacks (m).
+    /// Largest length that a by_displacement tendon lacks (m).
     pub length_residual: f64,
     /// Why there is no equilibrium, where tendons pull against each other.
     pub conflict: Option<Box<Conflict>>,
@@ -120,41 +120,45 @@ pub struct PathSolutions {
     pub details: Vec<Detail>,
 }
 
-/// Steps in order, each from where the drive has come to.
+/// Steps in order, each from where the path has come to.
 ///
 /// # Errors
 /// If a row does not fit the robot, or the answers do not fit into memory.
-pub fn follow(drive: &mut Drive, steps: &Steps, disks: bool) -> Result<PathSolutions, InputError> {
-    steps.check(drive)?;
+pub fn follow(
+    path: &mut PathSolver,
+    steps: &Steps,
+    disks: bool,
+) -> Result<PathSolutions, InputError> {
+    steps.check(path)?;
     let count = steps.loads.count;
-    let mut solutions = PathSolutions::pending(drive.robot(), count, disks)?;
-    for part in &mut solutions.parts(drive.robot(), count.max(1)) {
-        part.fill(steps, drive, |_| ());
+    let mut solutions = PathSolutions::pending(path.robot(), count, disks)?;
+    for part in &mut solutions.parts(path.robot(), count.max(1)) {
+        part.fill(steps, path, |_| ());
     }
     Ok(solutions)
 }
 
-/// Independent steps, each from where the drive stands, over `threads` cores (0: all there are).
+/// Independent steps, each from where the path stands, over `threads` cores (0: all there are).
 ///
 /// # Errors
-/// As [`follow`], or if the copies of the drive do not fit into memory.
+/// As [`follow`], or if the copies of the path do not fit into memory.
 pub fn solve_each(
-    drive: &mut Drive,
+    path: &mut PathSolver,
     steps: &Steps,
     threads: usize,
     disks: bool,
 ) -> Result<PathSolutions, InputError> {
-    steps.check(drive)?;
+    steps.check(path)?;
     let count = steps.loads.count;
-    let mut solutions = PathSolutions::pending(drive.robot(), count, disks)?;
-    drive.check_copies(2 * thread_count(threads).min(count))?;
-    let drive = &*drive;
-    let mut parts = solutions.parts(drive.robot(), PART);
+    let mut solutions = PathSolutions::pending(path.robot(), count, disks)?;
+    path.check_copies(2 * thread_count(threads).min(count))?;
+    let path = &*path;
+    let mut parts = solutions.parts(path.robot(), PART);
     for_each(
         &mut parts,
         threads,
-        || drive.clone(),
-        |copy, part| part.fill(steps, copy, |copy| copy.clone_from(drive)),
+        || path.clone(),
+        |copy, part| part.fill(steps, copy, |copy| copy.clone_from(path)),
     );
     Ok(solutions)
 }
@@ -215,31 +219,31 @@ struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// Steps to all rows, with what is done to the drive before each.
-    fn fill(&mut self, steps: &Steps, drive: &mut Drive, before: impl Fn(&mut Drive)) {
+    /// Steps to all rows, with what is done to the path before each.
+    fn fill(&mut self, steps: &Steps, path: &mut PathSolver, before: impl Fn(&mut PathSolver)) {
         for i in 0..self.details.len() {
             if interrupt::interrupted() {
                 return;
             }
-            before(drive);
-            self.step(i, steps, drive);
+            before(path);
+            self.step(i, steps, path);
         }
     }
 
-    fn step(&mut self, i: usize, steps: &Steps, drive: &mut Drive) {
-        let m = drive.robot().tendon_count();
+    fn step(&mut self, i: usize, steps: &Steps, path: &mut PathSolver) {
+        let m = path.robot().tendon_count();
         let (commands, load) = steps.row(self.poses.first + i, m);
-        let found = drive.step(&commands, &load).expect("all rows were checked");
+        let found = path.step(&commands, &load).expect("all rows were checked");
         let put = |to: &mut [f64], from: &[f64]| {
             to[i * from.len()..][..from.len()].copy_from_slice(from);
         };
         if found.status == Status::Converged {
-            self.poses.write_answer(i, drive.solver());
-            put(self.tensions, &drive.history().tensions);
-            let displacements: Vec<f64> = (0..m).map(|j| drive.displacement(j)).collect();
+            self.poses.write_answer(i, path.solver());
+            put(self.tensions, &path.history().tensions);
+            let displacements: Vec<f64> = (0..m).map(|j| path.displacement(j)).collect();
             put(self.displacements, &displacements);
-            put(self.slack, drive.slack());
-            put(self.span_tensions, &drive.span_tensions());
+            put(self.slack, path.slack());
+            put(self.span_tensions, &path.span_tensions());
         } else {
             put(self.tensions, &commanded_tensions(&commands));
         }

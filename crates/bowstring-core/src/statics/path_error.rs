@@ -2,7 +2,7 @@
 
 use crate::rod::chain::Sources;
 use crate::rod::estimate::{ErrorEstimate, Verdict};
-use crate::statics::path_step::{DriveOutcome, PathStep};
+use crate::statics::path_step::{PathOutcome, PathStep};
 
 /// What the error estimates of tip and tension are multiplied by with friction: it changes span
 /// tensions with the bends, and the estimate keeps them. As measured against finer elements.
@@ -16,7 +16,7 @@ impl PathStep {
     /// elements that the tolerances need.
     pub fn estimate_error(
         &mut self,
-        outcome: &mut DriveOutcome,
+        outcome: &mut PathOutcome,
         remembered: &ErrorEstimate,
     ) -> usize {
         let mut found = self.solver.engine.estimate();

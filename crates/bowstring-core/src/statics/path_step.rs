@@ -10,7 +10,7 @@ use crate::tendon::{Command, History, Transmission};
 
 /// What a step found.
 #[derive(Clone, Debug, PartialEq)]
-pub struct DriveOutcome {
+pub struct PathOutcome {
     /// How the step ended.
     pub status: Status,
     /// Whether it is a minimum of the energy under the given displacements and tensions; `None`
@@ -34,10 +34,10 @@ pub struct DriveOutcome {
     pub error: Option<ErrorEstimate>,
 }
 
-impl DriveOutcome {
+impl PathOutcome {
     /// Of a step that is not solved yet.
     pub fn pending() -> Self {
-        DriveOutcome {
+        PathOutcome {
             status: Status::MaxIterations,
             stable: None,
             iterations: 0,
@@ -174,7 +174,7 @@ impl PathStep {
     }
 
     /// Straight to the load, or along a line of increments where that fails.
-    pub fn solve(&mut self, old: &History, commands: &[Command], load: &Load) -> DriveOutcome {
+    pub fn solve(&mut self, old: &History, commands: &[Command], load: &Load) -> PathOutcome {
         let first = self.newton(old, commands, load);
         if first.status == Status::Converged {
             return first;
@@ -202,7 +202,7 @@ impl PathStep {
             if found.status == Status::Converged {
                 increments += 1;
                 if share == 1.0 {
-                    return DriveOutcome {
+                    return PathOutcome {
                         increments,
                         iterations,
                         ..found
@@ -218,15 +218,15 @@ impl PathStep {
                 }
             }
         }
-        DriveOutcome {
+        PathOutcome {
             iterations,
             ..first
         }
     }
 
     /// One implicit step from `old`; leaves the solution in `self.transmission`.
-    fn newton(&mut self, old: &History, commands: &[Command], load: &Load) -> DriveOutcome {
-        let mut outcome = DriveOutcome::pending();
+    fn newton(&mut self, old: &History, commands: &[Command], load: &Load) -> PathOutcome {
+        let mut outcome = PathOutcome::pending();
         self.start(old, commands, load);
         let friction = self.transmission.friction.enabled;
         let fresh = friction && old.drops.iter().all(|y| *y == 0.0);
@@ -459,7 +459,7 @@ impl PathStep {
     }
 
     /// Takes the solution as the state of the path.
-    fn finish(&mut self, mut outcome: DriveOutcome, load: &Load) -> DriveOutcome {
+    fn finish(&mut self, mut outcome: PathOutcome, load: &Load) -> PathOutcome {
         let Transmission {
             tendons, unknowns, ..
         } = &mut self.transmission;

@@ -6,7 +6,7 @@ use bowstring_core::math::linalg::Vec3;
 use bowstring_core::model::load::{Load, Model, Theory};
 use bowstring_core::model::robot::{Robot, Tendon};
 use bowstring_core::statics::batch::Loads;
-use bowstring_core::statics::path::{Command, Drive, DriveOutcome, History, Line};
+use bowstring_core::statics::path::{Command, History, Line, PathOutcome, PathSolver};
 use bowstring_core::statics::path_batch::{commands, follow, solve_each, Steps};
 use bowstring_core::statics::solver::{Solver, Status};
 use common::{by_tensions, rao_robot, study_robot, Draw};
@@ -22,8 +22,8 @@ fn stiff(robot: &Robot) -> Vec<Line> {
     vec![Line::default(); robot.tendon_count()]
 }
 
-fn drive(robot: &Robot, model: Model) -> Drive {
-    Drive::new(robot, model, 1, &stiff(robot)).unwrap()
+fn path_solver(robot: &Robot, model: Model) -> PathSolver {
+    PathSolver::new(robot, model, 1, &stiff(robot)).unwrap()
 }
 
 fn displacements(values: &[f64]) -> Vec<Command> {
@@ -34,8 +34,8 @@ fn tensions(values: &[f64]) -> Vec<Command> {
     values.iter().map(|t| Command::Tension(*t)).collect()
 }
 
-fn step(drive: &mut Drive, commands: &[Command], load: &Load) -> DriveOutcome {
-    drive.step(commands, load).unwrap()
+fn step(path: &mut PathSolver, commands: &[Command], load: &Load) -> PathOutcome {
+    path.step(commands, load).unwrap()
 }
 
 /// Lengths of a solve by tensions, fed back as displacements, return the tensions.
@@ -49,7 +49,7 @@ fn lengths_return_tensions() {
     ] {
         let m = robot.tendon_count();
         let mut solver = Solver::new(&robot, Model::default(), 1).unwrap();
-        let mut drive = drive(&robot, Model::default());
+        let mut path = path_solver(&robot, Model::default());
         let mut worst: f64 = 0.0;
         let mut steps = 0;
         for _ in 0..200 {
@@ -66,18 +66,18 @@ fn lengths_return_tensions() {
                     robot.spec().disks[end].station - solver.tendon_length(i).unwrap()
                 })
                 .collect();
-            drive.reset();
-            let found = step(&mut drive, &displacements(&given), &load);
+            path.reset();
+            let found = step(&mut path, &displacements(&given), &load);
             assert_eq!(found.status, Status::Converged, "{asked:?} {found:?}");
             steps += found.iterations;
             assert_eq!(found.stable, Some(true));
             let largest = asked.iter().fold(0.0, |a: f64, t| a.max(*t));
-            for (t, back) in asked.iter().zip(&drive.history().tensions) {
+            for (t, back) in asked.iter().zip(&path.history().tensions) {
                 worst = worst.max((t - back).abs() / largest);
             }
-            let apart = drive.solver().tip().unwrap().position - solver.tip().unwrap().position;
+            let apart = path.solver().tip().unwrap().position - solver.tip().unwrap().position;
             assert!(apart.norm() < 1e-11);
-            assert!(drive.slack().iter().all(|s| *s == 0.0));
+            assert!(path.slack().iter().all(|s| *s == 0.0));
         }
         println!("worst {worst:e}, {} steps", steps as f64 / 200.0);
         assert!(worst < 1e-8, "{worst:e}");
@@ -92,7 +92,7 @@ fn least_tensions_without_extension() {
     for (robot, most) in [(study_robot(9, 0.0), 60.0), (rao_robot(), 4.0)] {
         let m = robot.tendon_count();
         let mut solver = Solver::new(&robot, kirchhoff(), 1).unwrap();
-        let mut drive = drive(&robot, kirchhoff());
+        let mut path = path_solver(&robot, kirchhoff());
         let mut worst: f64 = 0.0;
         for round in 0..100 {
             let common = if round % 10 == 0 { most / 2.0 } else { 0.0 };
@@ -113,16 +113,16 @@ fn least_tensions_without_extension() {
                     robot.spec().disks[end].station - solver.tendon_length(i).unwrap()
                 })
                 .collect();
-            drive.reset();
-            let found = step(&mut drive, &displacements(&given), &load);
+            path.reset();
+            let found = step(&mut path, &displacements(&given), &load);
             assert_eq!(found.status, Status::Converged, "{asked:?} {found:?}");
             let size = |t: &[f64]| t.iter().map(|t| t * t).sum::<f64>();
-            let back = &drive.history().tensions;
+            let back = &path.history().tensions;
             assert!(
                 size(back) <= size(&asked) * (1.0 + 1e-6),
                 "{asked:?} {back:?}"
             );
-            let apart = drive.solver().tip().unwrap().position - solver.tip().unwrap().position;
+            let apart = path.solver().tip().unwrap().position - solver.tip().unwrap().position;
             worst = worst.max(apart.norm() / robot.length());
             assert_eq!(found.undetermined, round % 10 == 0, "{asked:?} {back:?}");
             if round % 10 == 0 {
@@ -139,26 +139,26 @@ fn least_tensions_without_extension() {
 fn slack_is_the_surplus() {
     let robot = study_robot(9, 0.0);
     for model in [Model::default(), kirchhoff()] {
-        let mut drive = drive(&robot, model);
+        let mut path = path_solver(&robot, model);
         let none = [0.0; 3];
         let found = step(
-            &mut drive,
+            &mut path,
             &displacements(&[0.02, -0.03, -0.03]),
             &by_tensions(&none),
         );
         assert_eq!(found.status, Status::Converged);
-        let t = drive.history().tensions.clone();
+        let t = path.history().tensions.clone();
         assert!(t[0] > 1.0 && t[1] == 0.0 && t[2] == 0.0, "{t:?}");
         for i in 1..3 {
-            let surplus = 0.641 + 0.03 - drive.solver().tendon_length(i).unwrap();
-            assert!((drive.slack()[i] - surplus).abs() < 1e-12 && surplus > 1e-3);
+            let surplus = 0.641 + 0.03 - path.solver().tendon_length(i).unwrap();
+            assert!((path.slack()[i] - surplus).abs() < 1e-12 && surplus > 1e-3);
         }
-        assert_eq!(drive.slack()[0], 0.0);
+        assert_eq!(path.slack()[0], 0.0);
         // all paid out by 10 mm: straight, and all hang
-        let found = step(&mut drive, &displacements(&[-0.01; 3]), &by_tensions(&none));
+        let found = step(&mut path, &displacements(&[-0.01; 3]), &by_tensions(&none));
         assert_eq!(found.status, Status::Converged);
-        assert_eq!(drive.history().tensions, none);
-        for s in drive.slack() {
+        assert_eq!(path.history().tensions, none);
+        for s in path.slack() {
             assert!((s - 0.01).abs() < 1e-12, "{s}");
         }
     }
@@ -169,8 +169,8 @@ fn slack_is_the_surplus() {
 fn random_displacements() {
     let robot = rao_robot();
     let mut draw = Draw(3);
-    let mut cold = drive(&robot, Model::default());
-    let mut warm = drive(&robot, Model::default());
+    let mut cold = path_solver(&robot, Model::default());
+    let mut warm = path_solver(&robot, Model::default());
     let (mut failed, mut steps, mut most) = (0, 0, 0);
     let mut hang = 0;
     for round in 0..1000 {
@@ -202,9 +202,9 @@ fn random_displacements() {
         assert_eq!(next.status, Status::Converged);
         let apart = cold.solver().tip().unwrap().position - warm.solver().tip().unwrap().position;
         assert!(apart.norm() < 1e-9, "{round}: {:e} {given:?}", apart.norm());
-        for (drive, found) in [(&cold, &found), (&warm, &next)] {
+        for (path, found) in [(&cold, &found), (&warm, &next)] {
             assert!(found.length_residual < 1e-12);
-            for (t, s) in drive.history().tensions.iter().zip(drive.slack()) {
+            for (t, s) in path.history().tensions.iter().zip(path.slack()) {
                 assert!(*t >= 0.0 && *s > -1e-12 && t * s == 0.0);
             }
         }
@@ -217,7 +217,7 @@ fn random_displacements() {
     assert_eq!(failed, 0);
 }
 
-fn rubbing(robot: &Robot, friction: f64) -> Drive {
+fn with_friction(robot: &Robot, friction: f64) -> PathSolver {
     let lines = vec![
         Line {
             friction,
@@ -225,18 +225,18 @@ fn rubbing(robot: &Robot, friction: f64) -> Drive {
         };
         robot.tendon_count()
     ];
-    Drive::new(robot, Model::default(), 1, &lines).unwrap()
+    PathSolver::new(robot, Model::default(), 1, &lines).unwrap()
 }
 
 /// Angles of a tendon at its holes, from the poses of the disks alone.
-fn bends(drive: &Drive, i: usize) -> Vec<f64> {
-    let tendon = &drive.robot().spec().tendons[i];
+fn bends(path: &PathSolver, i: usize) -> Vec<f64> {
+    let tendon = &path.robot().spec().tendons[i];
     let [x, y] = tendon.hole;
     let mut hole = Vec3([x, y, 0.0]);
     let mut before = Vec3([0.0, 0.0, 1.0]);
     (0..=tendon.end_disk)
         .map(|k| {
-            let disk = drive.solver().disk(k).unwrap();
+            let disk = path.solver().disk(k).unwrap();
             let next = disk.position + disk.rotation * Vec3([x, y, 0.0]);
             let span = (next - hole) * (1.0 / (next - hole).norm());
             let angle = before.cross(span).norm().atan2(before.dot(span));
@@ -255,15 +255,15 @@ fn product_law_in_full_slip() {
             tensions(&[40.0, 0.0, 0.0]),
             displacements(&[0.02, -0.05, -0.05]),
         ] {
-            let mut drive = rubbing(&robot, friction);
-            let found = step(&mut drive, &commands, &by_tensions(&[0.0; 3]));
+            let mut path = with_friction(&robot, friction);
+            let found = step(&mut path, &commands, &by_tensions(&[0.0; 3]));
             assert_eq!(found.status, Status::Converged, "{friction} {found:?}");
             println!("{friction} {} steps", found.iterations);
-            let mut expected = drive.history().tensions[0];
-            for (k, angle) in bends(&drive, 0).into_iter().enumerate() {
+            let mut expected = path.history().tensions[0];
+            for (k, angle) in bends(&path, 0).into_iter().enumerate() {
                 assert!(angle > 0.01);
                 expected *= (-friction * angle).exp();
-                let off = drive.span_tension(k, 0) / expected - 1.0;
+                let off = path.span_tension(k, 0) / expected - 1.0;
                 assert!(off.abs() < 1e-12, "{friction} {k}: {off:e}");
             }
         }
@@ -290,7 +290,7 @@ fn friction_takes_few_steps() {
             })
             .collect();
         for commands in [tensions(&given), displacements(&taken_in)] {
-            let found = step(&mut rubbing(&robot, 0.1), &commands, &load);
+            let found = step(&mut with_friction(&robot, 0.1), &commands, &load);
             println!("{} steps", found.iterations);
             assert_eq!(found.status, Status::Converged);
             assert!(found.iterations <= 12, "{found:?}");
@@ -299,15 +299,15 @@ fn friction_takes_few_steps() {
 }
 
 /// What friction takes in one step, and what the motors give, J: means of the ends of the step.
-fn work(drive: &Drive, before: &History, displacements_before: &[f64]) -> (f64, f64) {
-    let (n, m) = (drive.robot().module_count(), drive.robot().tendon_count());
-    let now = drive.history();
+fn work(path: &PathSolver, before: &History, displacements_before: &[f64]) -> (f64, f64) {
+    let (n, m) = (path.robot().module_count(), path.robot().tendon_count());
+    let now = path.history();
     let (mut given, mut taken) = (0.0, 0.0);
     for i in 0..m {
         let carried = |history: &History| {
             let mut tension = history.tensions[i];
             let mut all = vec![tension];
-            for k in 0..=drive.robot().spec().tendons[i].end_disk {
+            for k in 0..=path.robot().spec().tendons[i].end_disk {
                 tension *= (-history.drops[k * m + i]).exp();
                 all.push(tension);
             }
@@ -315,7 +315,7 @@ fn work(drive: &Drive, before: &History, displacements_before: &[f64]) -> (f64, 
         };
         let (a, b) = (carried(before), carried(now));
         let mean = |k: usize| 0.5 * (a[k] + b[k]);
-        given += mean(0) * (drive.displacement(i) - displacements_before[i]);
+        given += mean(0) * (path.displacement(i) - displacements_before[i]);
         let mut slipped = 0.0;
         for k in (0..n.min(a.len() - 1)).rev() {
             slipped -= now.spans[k * m + i] - before.spans[k * m + i];
@@ -325,7 +325,7 @@ fn work(drive: &Drive, before: &History, displacements_before: &[f64]) -> (f64, 
     (given, taken)
 }
 
-/// Loading, unloading and loading again with rubbing tendons: a loop that closes, in which the
+/// Loading, unloading and loading again with friction at the holes: a loop that closes, in which the
 /// motors give what friction takes, and which shorter steps hardly change.
 #[test]
 fn hysteresis() {
@@ -345,7 +345,7 @@ fn hysteresis() {
             };
             3
         ];
-        let mut drive = Drive::new(&robot, Model::default(), 1, &lines).unwrap();
+        let mut path = PathSolver::new(&robot, Model::default(), 1, &lines).unwrap();
         let at = |i: usize| {
             let phase = std::f64::consts::TAU * i as f64 / count as f64;
             tensions(&[25.0 - 15.0 * phase.cos(), 10.0, 5.0 + 3.0 * phase.sin()])
@@ -354,14 +354,14 @@ fn hysteresis() {
         let (mut given, mut taken, mut least) = (0.0, 0.0, f64::INFINITY);
         let (mut half, mut closed) = (vec![], vec![]);
         for i in 0..=2 * count {
-            let before = drive.history().clone();
-            let displacements_before: Vec<_> = (0..3).map(|i| drive.displacement(i)).collect();
-            let found = step(&mut drive, &at(i), &load);
+            let before = path.history().clone();
+            let displacements_before: Vec<_> = (0..3).map(|i| path.displacement(i)).collect();
+            let found = step(&mut path, &at(i), &load);
             assert_eq!(found.status, Status::Converged, "{count} {i} {found:?}");
             steps += found.iterations;
-            let tip = drive.solver().tip().unwrap().position;
+            let tip = path.solver().tip().unwrap().position;
             if i > count {
-                let (g, t) = work(&drive, &before, &displacements_before);
+                let (g, t) = work(&path, &before, &displacements_before);
                 given += g;
                 taken += t;
                 least = f64::min(least, t);
@@ -407,7 +407,7 @@ fn coarse_and_fine_paths() {
     for by_displacement in [false, true] {
         let mut ends: Vec<(Vec3, f64)> = vec![];
         for count in [10, 100, 1000] {
-            let mut drive = rubbing(&robot, 0.2);
+            let mut path = with_friction(&robot, 0.2);
             for i in 0..=count {
                 let share = i as f64 / count as f64;
                 // up, and most of the way down
@@ -417,11 +417,11 @@ fn coarse_and_fine_paths() {
                 } else {
                     tensions(&[40.0 * up, 2.0, 2.0])
                 };
-                let found = step(&mut drive, &commands, &by_tensions(&[0.0; 3]));
+                let found = step(&mut path, &commands, &by_tensions(&[0.0; 3]));
                 assert_eq!(found.status, Status::Converged, "{count} {i} {found:?}");
             }
-            let tip = drive.solver().tip().unwrap().position;
-            ends.push((tip, drive.history().tensions[0]));
+            let tip = path.solver().tip().unwrap().position;
+            ends.push((tip, path.history().tensions[0]));
         }
         let off = |i: usize| (ends[i].0 - ends[2].0).norm();
         println!("{by_displacement} {:e} {:e} {:?}", off(0), off(1), ends);
@@ -445,7 +445,7 @@ fn random_paths_with_friction() {
                     ..Line::default()
                 })
                 .collect();
-            let mut drive = Drive::new(&robot, Model::default(), 1, &lines).unwrap();
+            let mut path = PathSolver::new(&robot, Model::default(), 1, &lines).unwrap();
             let none = vec![0.0; m];
             let load = Load {
                 gravity: [draw.within(-3.0, 3.0), 0.0, draw.within(-3.0, 3.0)],
@@ -453,8 +453,8 @@ fn random_paths_with_friction() {
             };
             for _ in 0..15 {
                 let given: Vec<_> = (0..m).map(|_| draw.within(0.0, most)).collect();
-                let before = drive.history().clone();
-                let found = step(&mut drive, &tensions(&given), &load);
+                let before = path.history().clone();
+                let found = step(&mut path, &tensions(&given), &load);
                 count += 1;
                 if found.status != Status::Converged {
                     failed += 1;
@@ -465,9 +465,9 @@ fn random_paths_with_friction() {
                 if found.increments > 1 {
                     continue;
                 }
-                let now = drive.history();
+                let now = path.history();
                 for i in 0..m {
-                    let angles = bends(&drive, i);
+                    let angles = bends(&path, i);
                     let mut slipped = 0.0;
                     for k in (0..angles.len()).rev() {
                         let at = k * m + i;
@@ -497,7 +497,7 @@ fn elastic_tendons_tend_to_stiff_ones() {
     let given = [0.004, -0.003, -0.003, 0.009, -0.006, -0.007];
     let none = [0.0; 6];
     for model in [Model::default(), kirchhoff()] {
-        let mut limit = drive(&robot, model);
+        let mut limit = path_solver(&robot, model);
         assert_eq!(
             step(&mut limit, &displacements(&given), &by_tensions(&none)).status,
             Status::Converged
@@ -514,7 +514,7 @@ fn elastic_tendons_tend_to_stiff_ones() {
                 };
                 6
             ];
-            let mut soft = Drive::new(&robot, model, 1, &lines).unwrap();
+            let mut soft = PathSolver::new(&robot, model, 1, &lines).unwrap();
             let found = step(&mut soft, &displacements(&given), &by_tensions(&none));
             assert_eq!(found.status, Status::Converged, "{found:?}");
             errors.push((soft.solver().tip().unwrap().position - end).norm());
@@ -544,17 +544,17 @@ fn tensions_give_way_to_displacements() {
     let robot = rao_robot();
     let mut draw = Draw(11);
     for _ in 0..30 {
-        let mut drive = rubbing(&robot, 0.1);
+        let mut path = with_friction(&robot, 0.1);
         let given: Vec<_> = (0..6).map(|_| draw.within(0.5, 3.0)).collect();
         let load = by_tensions(&[0.0; 6]);
-        step(&mut drive, &tensions(&given), &load);
-        let held: Vec<_> = (0..6).map(|i| drive.displacement(i)).collect();
-        let tip = drive.solver().tip().unwrap().position;
-        let found = step(&mut drive, &displacements(&held), &load);
+        step(&mut path, &tensions(&given), &load);
+        let held: Vec<_> = (0..6).map(|i| path.displacement(i)).collect();
+        let tip = path.solver().tip().unwrap().position;
+        let found = step(&mut path, &displacements(&held), &load);
         assert_eq!(found.status, Status::Converged, "{given:?} {found:?}");
-        let moved = (drive.solver().tip().unwrap().position - tip).norm();
+        let moved = (path.solver().tip().unwrap().position - tip).norm();
         assert!(moved < 1e-9, "{moved:e}");
-        for (t, now) in given.iter().zip(&drive.history().tensions) {
+        for (t, now) in given.iter().zip(&path.history().tensions) {
             assert!((t - now).abs() < 1e-6, "{given:?} {now}");
         }
     }
@@ -564,21 +564,24 @@ fn tensions_give_way_to_displacements() {
 #[test]
 fn buckling_is_seen() {
     let robot = study_robot(9, 0.0);
-    for mut drive in [drive(&robot, Model::default()), rubbing(&robot, 0.3)] {
+    for mut path in [
+        path_solver(&robot, Model::default()),
+        with_friction(&robot, 0.3),
+    ] {
         let found = step(
-            &mut drive,
+            &mut path,
             &displacements(&[0.002; 3]),
             &by_tensions(&[0.0; 3]),
         );
         assert_eq!(found.status, Status::Converged, "{found:?}");
-        drive.reset();
+        path.reset();
         let found = step(
-            &mut drive,
+            &mut path,
             &displacements(&[0.003; 3]),
             &by_tensions(&[0.0; 3]),
         );
         assert_ne!(found.status, Status::Converged, "{found:?}");
-        assert!(drive.solver().tip().is_none());
+        assert!(path.solver().tip().is_none());
     }
 }
 
@@ -593,25 +596,25 @@ fn four_tendons_are_one_too_many() {
         })
         .to_vec();
     let robot = Robot::new(spec).unwrap();
-    let mut drive = drive(&robot, Model::default());
+    let mut path = path_solver(&robot, Model::default());
     let none = by_tensions(&[0.0; 4]);
-    step(&mut drive, &tensions(&[5.0, 4.0, 3.0, 2.0]), &none);
-    let held: Vec<_> = (0..4).map(|i| drive.displacement(i)).collect();
-    let tip = drive.solver().tip().unwrap().position;
-    drive.reset();
-    let found = step(&mut drive, &displacements(&held), &none);
+    step(&mut path, &tensions(&[5.0, 4.0, 3.0, 2.0]), &none);
+    let held: Vec<_> = (0..4).map(|i| path.displacement(i)).collect();
+    let tip = path.solver().tip().unwrap().position;
+    path.reset();
+    let found = step(&mut path, &displacements(&held), &none);
     assert_eq!(found.status, Status::Converged);
     assert!(found.undetermined);
-    let t = &drive.history().tensions;
+    let t = &path.history().tensions;
     let along = t[0] - t[1] + t[2] - t[3];
     assert!(
         along.abs() < 1e-2,
         "the part that moves nothing is least: {t:?}"
     );
-    assert!((drive.solver().tip().unwrap().position - tip).norm() < 1e-9);
+    assert!((path.solver().tip().unwrap().position - tip).norm() < 1e-9);
 }
 
-/// Rows in one call are the steps one by one: in order, and each from where the drive stands.
+/// Rows in one call are the steps one by one: in order, and each from where the path stands.
 #[test]
 fn rows_are_the_steps_one_by_one() {
     let robot = study_robot(9, 0.0);
@@ -620,7 +623,7 @@ fn rows_are_the_steps_one_by_one() {
     let values: Vec<f64> = (0..rows)
         .flat_map(|i| [1e-4 * i as f64, 5.0, draw.within(0.0, 3.0)])
         .collect();
-    let displaced = [true, false, false].repeat(rows);
+    let by_displacement = [true, false, false].repeat(rows);
     let steps = Steps {
         loads: Loads {
             count: rows,
@@ -629,7 +632,7 @@ fn rows_are_the_steps_one_by_one() {
             tip_force: &[0.1, 0.0, 0.0],
             tip_moment: &[0.0; 3],
         },
-        displaced: &displaced,
+        by_displacement: &by_displacement,
     };
     let lines = vec![
         Line {
@@ -638,23 +641,23 @@ fn rows_are_the_steps_one_by_one() {
         };
         m
     ];
-    let home = Drive::new(&robot, Model::default(), 1, &lines).unwrap();
+    let home = PathSolver::new(&robot, Model::default(), 1, &lines).unwrap();
     let path = follow(&mut home.clone(), &steps, true).unwrap();
     let each = solve_each(&mut home.clone(), &steps, 2, false).unwrap();
     assert!(each.poses.disk_position.is_empty());
-    let mut drive = home.clone();
+    let mut in_order = home.clone();
     for i in 0..rows {
         let load = steps.loads.row(i, m);
-        let given = commands(&displaced[i * m..][..m], load.tensions);
+        let given = commands(&by_displacement[i * m..][..m], load.tensions);
         let mut fresh = home.clone();
-        for (drive, found) in [(&mut drive, &path), (&mut fresh, &each)] {
-            assert_eq!(step(drive, &given, &load).status, Status::Converged);
+        for (solver, found) in [(&mut in_order, &path), (&mut fresh, &each)] {
+            assert_eq!(step(solver, &given, &load).status, Status::Converged);
             assert_eq!(found.poses.outcomes[i].status, Status::Converged);
-            let tip = drive.solver().tip().unwrap().position;
+            let tip = solver.solver().tip().unwrap().position;
             assert_eq!(found.poses.tip_position[3 * i..][..3], tip.0);
-            assert_eq!(found.tensions[i * m..][..m], drive.history().tensions);
-            assert_eq!(found.displacements[i * m], drive.displacement(0));
-            let spans = drive.span_tensions();
+            assert_eq!(found.tensions[i * m..][..m], solver.history().tensions);
+            assert_eq!(found.displacements[i * m], solver.displacement(0));
+            let spans = solver.span_tensions();
             assert_eq!(found.span_tensions[i * spans.len()..][..spans.len()], spans);
         }
     }

@@ -6,7 +6,7 @@ mod common;
 
 use bowstring_core::model::load::{Load, Model};
 use bowstring_core::model::robot::{Disk, Robot, RobotSpec, Tendon};
-use bowstring_core::statics::path::{Command, Drive, Line};
+use bowstring_core::statics::path::{Command, Line, PathSolver};
 use bowstring_core::statics::solver::{Solver, Status};
 use common::{section, study_robot};
 use criterion::{criterion_group, criterion_main, Criterion};
@@ -76,8 +76,8 @@ fn compare(c: &mut Criterion, name: &str, robot: &Robot, tensions: &[f64], tip_f
             };
             tensions.len()
         ];
-        let mut drive = Drive::new(robot, Model::default(), 1, &lines).unwrap();
-        let found = drive.step(commands, &load).unwrap();
+        let mut path = PathSolver::new(robot, Model::default(), 1, &lines).unwrap();
+        let found = path.step(commands, &load).unwrap();
         assert_eq!(found.status, Status::Converged);
         println!(
             "{name} {way}: {} steps in {} parts",
@@ -85,8 +85,8 @@ fn compare(c: &mut Criterion, name: &str, robot: &Robot, tensions: &[f64], tip_f
         );
         c.bench_function(&format!("{name}_{way}"), |b| {
             b.iter(|| {
-                drive.reset();
-                drive.step(commands, &load).unwrap()
+                path.reset();
+                path.step(commands, &load).unwrap()
             })
         });
     }

@@ -1,4 +1,4 @@
-"""How the tendons are driven, as the flags say it: at rest, over time, and after what."""
+"""Actuation of the tendons from flags: at rest, over time, and after a preload."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 LONGEST_RUN: Final = 10_000.0  # s
 SHORTEST_STEP: Final = 1e-6  # s
 TOO_SHORT: Final = f"{SHORTEST_STEP:g} s is the shortest, as less is below numerical resolution."
-Driven = list[float | None]
+Commands = list[float | None]
 Tension = Annotated[str | None, option("T1,T2,...", "Tendon tensions.")]
 Displacement = Annotated[
     str | None,
     option(
         "P1,P2,...",
         "Lengths taken in since the home pose; negative is paid out. With - for a tendon in "
-        "one list, another says how it is driven: --tension 5,-,- --displacement -,2mm,2mm.",
+        "one list, another says how it is actuated: --tension 5,-,- --displacement -,2mm,2mm.",
     ),
 ]
 Angle = Annotated[str | None, option("A1,A2,...", "Motor angles, in rad or with a unit.")]
@@ -52,7 +52,7 @@ def actuated_by(
     given = [text for _, text, _ in flags if text is not None]
     if not given:
         raise InputError(
-            "how the tendons are driven is missing: give --tension T1,T2,..., --displacement "
+            "no tendon has a command: give --tension T1,T2,..., --displacement "
             "P1,P2,... or --angle A1,A2,..."
         )
     lists = _lists(robot, flags, dashes=len(given) > 1)
@@ -71,7 +71,7 @@ def actuated_by(
 
 def _lists(
     robot: Robot, flags: Iterable[tuple[str, str | None, str]], *, dashes: bool
-) -> dict[str, Driven | None]:
+) -> dict[str, Commands | None]:
     """Numbers by flag, None for a flag that is not given."""
     return {
         flag: None
@@ -142,26 +142,30 @@ def actuated_over_time(
     begin_at = ("--from", before[0], "N"), ("--from-displacement", before[1], "m")
     starts = _lists(robot, begin_at, dashes=True)
     if table is not None:
-        from bowstring.dynamics.load_table import read_drive
+        from bowstring.dynamics.load_table import read_actuation
 
         flags = zip(("--tension", "--displacement", "--angle"), wanted, strict=True)
         for flag, given in (*flags, ("--rise", rise), ("--hold", hold)):
             if given is not None:
                 raise InputError(f"--table says it all: leave {flag} out, or --table.")
-        driven: dict[str, Any] = of_flag("--table", lambda path: read_drive(path, robot), table)
-        duration = float(next(iter(driven.values())).times[-1])
+        actuation: dict[str, Any] = of_flag(
+            "--table", lambda path: read_actuation(path, robot), table
+        )
+        duration = float(next(iter(actuation.values())).times[-1])
         if duration < SHORTEST_STEP:
             raise InputError(f"--table: it takes {duration:g} s; {TOO_SHORT}")
         if duration > LONGEST_RUN:
             raise InputError(
                 f"--table: it takes {duration:g} s; a run of up to {LONGEST_RUN:g} s is possible."
             )
-        at_zero = {name: course.at(0.0, before=True).tolist() for name, course in driven.items()}
+        at_zero = {
+            name: history.at(0.0, before=True).tolist() for name, history in actuation.items()
+        }
         begin = _starts(robot, starts, at_zero)
-        return Load(**driven), Load(**begin) if begin else None, duration
+        return Load(**actuation), Load(**begin) if begin else None, duration
     if wanted == (None, None, None):
         raise InputError(
-            "what drives the tendons is missing: give --tension T1,T2,..., --displacement "
+            "no tendon has a command: give --tension T1,T2,..., --displacement "
             "P1,P2,..., --angle A1,A2,... or --table FILE."
         )
     load = actuated_by(robot, *wanted)
@@ -195,12 +199,12 @@ def actuated_over_time(
 
 
 def _starts(
-    robot: Robot, starts: Mapping[str, Driven | None], at_zero: Mapping[str, list[float]]
+    robot: Robot, starts: Mapping[str, Commands | None], at_zero: Mapping[str, list[float]]
 ) -> dict[str, list[float]]:
     """Tensions, displacements and angles of the start: those of --from and --from-displacement,
     else at time 0.
 
-    NaN stands for a tendon that is driven otherwise; nothing if nothing is asked for.
+    NaN stands for a tendon with a command of another kind; nothing if nothing is asked for.
     """
     found = {name: list(row) for name, row in at_zero.items()}
     asked = False

@@ -1,9 +1,9 @@
-//! Displacement control and friction: `Drive`, one step of a path after another.
+//! Displacement control and friction: `PathSolver`, one step of a path after another.
 
 use crate::input::{array, copied, input_error, numbers, refused, three, Rows};
 use crate::interrupt::interruptible;
 use crate::model::{DeadLoad, Lines, OwnLoads, RodModel};
-use crate::rod::{check_rows, column, Answer, Driven, Robot, Solution, State};
+use crate::rod::{check_rows, column, Answer, PathResult, Robot, Solution, State};
 use bowstring_core::model::load::Load;
 use bowstring_core::model::load::RodModel as Settings;
 use bowstring_core::statics::path::{self, Command};
@@ -16,20 +16,20 @@ use pyo3::types::PyDict;
 
 /// A robot that is driven through its tendons, along a path.
 #[pyclass(module = "bowstring._core")]
-pub struct Drive {
+pub struct PathSolver {
     robot: Py<Robot>,
     settings: Settings,
-    inner: path::Drive,
+    inner: path::PathSolver,
 }
 
-impl Drive {
-    pub(crate) fn inner(&self) -> &path::Drive {
+impl PathSolver {
+    pub(crate) fn inner(&self) -> &path::PathSolver {
         &self.inner
     }
 }
 
 #[pymethods]
-impl Drive {
+impl PathSolver {
     /// From the arrays of a robot's tendons; without friction if it is left out.
     #[new]
     fn new(
@@ -41,13 +41,13 @@ impl Drive {
         let settings = model.0;
         let inner = &robot.get().inner;
         let lines = tendons.lines(inner.tendon_count(), friction)?;
-        let drive = interruptible(robot.py(), || {
-            path::Drive::new(inner, settings.model, settings.elements, &lines)
+        let path = interruptible(robot.py(), || {
+            path::PathSolver::new(inner, settings.model, settings.elements, &lines)
         })?;
-        Ok(Drive {
+        Ok(PathSolver {
             robot: robot.clone().unbind(),
             settings,
-            inner: drive.map_err(input_error)?,
+            inner: path.map_err(input_error)?,
         })
     }
 
@@ -74,9 +74,9 @@ impl Drive {
         }
         let mut load = load.with(self.inner.robot(), vec![])?;
         let given = path_batch::commands(&by_displacement, &commands);
-        let drive = &mut self.inner;
+        let path = &mut self.inner;
         let found =
-            interruptible(py, || drive.step(&given, &load.borrow()))?.map_err(input_error)?;
+            interruptible(py, || path.step(&given, &load.borrow()))?.map_err(input_error)?;
         let converged = found.status == Status::Converged;
         load.tensions = if converged {
             self.inner.history().tensions.clone()
@@ -99,7 +99,7 @@ impl Drive {
             load,
             outcome: Outcome::from(&found),
             answer,
-            driven: Some(Box::new(Driven {
+            path: Some(Box::new(PathResult {
                 by_displacement,
                 commands,
                 found,
@@ -109,7 +109,7 @@ impl Drive {
     }
 
     /// Many steps: each from the one before or, with `threads` (0: one for each core), each from
-    /// where the drive stands. Arrays of n rows; the load may have one row.
+    /// where the path stands. Arrays of n rows; the load may have one row.
     fn follow<'py>(
         &mut self,
         py: Python<'py>,
@@ -137,12 +137,12 @@ impl Drive {
         let by_displacement: Vec<bool> = by_displacement.as_array().iter().copied().collect();
         let steps = Steps {
             loads: loads.borrow(),
-            displaced: &by_displacement,
+            by_displacement: &by_displacement,
         };
-        let drive = &mut self.inner;
+        let path = &mut self.inner;
         let found = interruptible(py, || match threads {
-            None => path_batch::follow(drive, &steps, disks),
-            Some(threads) => path_batch::solve_each(drive, &steps, threads, disks),
+            None => path_batch::follow(path, &steps, disks),
+            Some(threads) => path_batch::solve_each(path, &steps, threads, disks),
         })?
         .map_err(input_error)?;
         arrays(py, robot.get(), found, disks)
@@ -208,7 +208,7 @@ impl Drive {
     }
 }
 
-/// What `Drive::history` gave, as items of a mapping.
+/// What `PathSolver::history` gave, as items of a mapping.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct History<'py> {

@@ -5,7 +5,7 @@ mod common;
 use bowstring_core::dynamics::integrator::{Damping, Integrator, Simulator, Step};
 use bowstring_core::model::load::{Load, Model, Theory};
 use bowstring_core::model::robot::Robot;
-use bowstring_core::statics::path::{Command, Drive, Line};
+use bowstring_core::statics::path::{Command, Line, PathSolver};
 use bowstring_core::statics::solver::Status;
 use common::{by_tensions, rao_robot, study_robot, Draw};
 
@@ -33,13 +33,13 @@ fn at_rest(
     line: Line,
     commands: &[Command],
     load: &Load,
-) -> (Simulator, Drive) {
+) -> (Simulator, PathSolver) {
     let mut simulator = Simulator::new(robot, model, 1, s).unwrap();
-    let mut drive = simulator.drive(&lines(robot, line)).unwrap();
-    let outcome = drive.step(commands, load).unwrap();
+    let mut path = simulator.path_solver(&lines(robot, line)).unwrap();
+    let outcome = path.step(commands, load).unwrap();
     assert_eq!(outcome.status, Status::Converged);
-    assert_eq!(simulator.rest_at(&drive).unwrap(), None);
-    (simulator, drive)
+    assert_eq!(simulator.rest_at(&path).unwrap(), None);
+    (simulator, path)
 }
 
 fn displacements(values: &[f64]) -> Vec<Command> {
@@ -71,7 +71,7 @@ fn tensions(values: &[f64]) -> Vec<Command> {
     values.iter().map(|t| Command::Tension(*t)).collect()
 }
 
-/// Through lines that neither stretch nor rub, tensions move the robot as without lines.
+/// Through lines that are inextensible and frictionless, tensions move the robot as without lines.
 #[test]
 fn lines_without_a_law_change_nothing() {
     let robot = study_robot(9, 0.0);
@@ -222,7 +222,7 @@ fn slow_motion_follows_the_path() {
             } else {
                 tensions
             };
-            let (mut simulator, mut drive) = at_rest(
+            let (mut simulator, mut path) = at_rest(
                 &robot,
                 Model::default(),
                 s,
@@ -239,11 +239,10 @@ fn slow_motion_follows_the_path() {
                 } else {
                     [p, 0.0, 0.0]
                 };
-                let outcome = drive.step(&kind(&given), &by_tensions(&[0.0; 3])).unwrap();
+                let outcome = path.step(&kind(&given), &by_tensions(&[0.0; 3])).unwrap();
                 assert_eq!(outcome.status, Status::Converged);
                 go(&mut simulator, duration / 100.0, &by_tensions(&given));
-                worst =
-                    worst.max((simulator.tip() - drive.solver().tip().unwrap().position).norm());
+                worst = worst.max((simulator.tip() - path.solver().tip().unwrap().position).norm());
             }
             worst
         };
@@ -307,8 +306,8 @@ fn random_motions() {
             ..Model::default()
         };
         let mut simulator = Simulator::new(&robot, model, 1, s).unwrap();
-        let mut drive = simulator.drive(&lines(&robot, line)).unwrap();
-        let outcome = drive
+        let mut path = simulator.path_solver(&lines(&robot, line)).unwrap();
+        let outcome = path
             .step(
                 &kind(&zero),
                 &Load {
@@ -318,7 +317,7 @@ fn random_motions() {
             )
             .unwrap();
         assert_eq!(outcome.status, Status::Converged);
-        assert_eq!(simulator.rest_at(&drive).unwrap(), None);
+        assert_eq!(simulator.rest_at(&path).unwrap(), None);
         let start = left(&simulator);
         let mut stop = None;
         for _ in 0..4 {
@@ -365,7 +364,7 @@ fn wrong_motions_are_refused() {
     let nothing = by_tensions(&[0.0; 3]);
     let model = Model::default();
     let s = settings(1e-3, 0.8);
-    let (mut stiff, drive) = at_rest(
+    let (mut stiff, path) = at_rest(
         &robot,
         model,
         s,
@@ -393,12 +392,12 @@ fn wrong_motions_are_refused() {
     soft.jump(&by_tensions(&[0.001, 0.0, 0.0])).unwrap();
     go(&mut soft, 0.01, &by_tensions(&[0.001, 0.0, 0.0]));
     let mut other = Simulator::new(&rao_robot(), model, 1, s).unwrap();
-    assert!(other.rest_at(&drive).is_err());
+    assert!(other.rest_at(&path).is_err());
     let mut heavy = s;
     heavy.gravity = [0.0, 0.0, -9.81];
     let mut other = Simulator::new(&robot, model, 1, heavy).unwrap();
     assert!(other
-        .rest_at(&drive)
+        .rest_at(&path)
         .unwrap_err()
         .to_string()
         .contains("gravity"));
