@@ -164,7 +164,7 @@ def test_a_workbook(sheet: Write) -> None:
 
 
 def test_a_workbook_whose_table_is_on_another_sheet(sheet: Write) -> None:
-    says = 'no column says.*; only the first sheet, "Sheet", is read, not "data"'
+    says = 'no column has.*; only the first sheet, "Sheet", is read, not "data"'
     with pytest.raises(InputError, match=says):
         read_measurements(sheet([["notes"], ["made in May"]], data=[["mass_1_kg", "tip_x_mm"]]))
 
