@@ -63,9 +63,10 @@ def blocks(language: str) -> list[object]:
 
 @pytest.fixture(autouse=True)
 def beginner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An empty folder with the robot file that the README tells to copy."""
+    """An empty folder with the robot files that the README and the start pages tell to copy."""
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    shutil.copy(ROOT / "examples" / "my_robot.yaml", tmp_path)
+    for name in ("my_robot.yaml", "small.yaml"):
+        shutil.copy(ROOT / "examples" / name, tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
 

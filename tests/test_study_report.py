@@ -481,7 +481,7 @@ def test_the_terminal_begins_with_the_verdict_in_25_lines(paper: Study, width: i
     text = " ".join(out.getvalue().split())
     limit = next(m.holds_to for m in paper.verdict.meanings if m.name == "cc_from_force")
     assert limit is not None and f"{limit:.3g} N" in text
-    assert "Dominant cause: from force: straight spans" in text
+    assert "Dominant cause: straight spans between the disks (CC from" in text
     assert "friction 0.1 (assumed)" in text and "--verbose" in text
 
 

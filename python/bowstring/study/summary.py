@@ -15,12 +15,18 @@ from bowstring.study.verdict import Meaning
 
 __all__ = ["COLUMNS", "Summary", "summarise"]
 
-COLUMNS: Final = ("constant curvature from", "holds to", "mean error", "largest error", "at")
-"""Of the table."""
+COLUMNS: Final = ("CC from", "holds to", "mean error", "corrected", "largest error", "at")
+"""Of the table; the corrected error is the mean with the correction in closed form."""
 
 _INPUTS: Final = {
     "cc_from_lengths": "tendon lengths",
     "cc_from_force": "force (linear law)",
+}
+
+
+_CORRECTED: Final = {
+    "cc_from_lengths": "cc_from_lengths_chord",
+    "cc_from_force": "cc_from_force_arm",
 }
 
 
@@ -30,6 +36,8 @@ class Summary:
     """What a reader needs first; all of it stands in the report with its derivation."""
 
     title: str
+    reference: str
+    """What the errors are distances to, for the title of the table."""
     rows: tuple[tuple[str, ...], ...]
     """By `COLUMNS`, one for each meaning of constant curvature."""
     findings: tuple[tuple[str, str], ...]
@@ -39,13 +47,13 @@ class Summary:
 def summarise(study: Study) -> Summary:
     """Take the verdict's main numbers from a study."""
     verdict, robot = study.verdict, study.robot
-    data = "simulated" if study.data is None else f"simulated, and {study.data.label}"
-    tolerance = f"{in_percent(verdict.tolerance, 3)} of length, {in_mm(verdict.tolerance_length)}"
+    tolerance = f"{in_mm(verdict.tolerance_length)} ({in_percent(verdict.tolerance, 3)} of length)"
     return Summary(
         title=(
-            f"{robot.name}: {study.length * 1e3:g} mm, {study.settings.actuated} to "
-            f"{study.settings.max_tension:g} N, tolerance {tolerance} ({data})"
+            f"{robot.name}: {study.length * 1e3:g} mm, {study.settings.actuated} from 0 to "
+            f"{study.settings.max_tension:g} N, tolerance {tolerance}"
         ),
+        reference="Tip error of constant curvature (CC) against the rod model; simulated",
         rows=tuple(_row(study, meaning) for meaning in verdict.meanings),
         findings=tuple(_findings(study)),
     )
@@ -53,7 +61,7 @@ def summarise(study: Study) -> Summary:
 
 def _row(study: Study, meaning: Meaning) -> tuple[str, ...]:
     if not math.isfinite(meaning.max_error):
-        return _INPUTS[meaning.name], "no arc", "", "", ""
+        return _INPUTS[meaning.name], "no arc", "", "", "", ""
     top = study.settings.max_tension
     if meaning.holds_throughout:
         holds = f"{top:g} N (all)"
@@ -64,29 +72,23 @@ def _row(study: Study, meaning: Meaning) -> tuple[str, ...]:
     else:
         holds = f"{significant(meaning.holds_to)} N"
     error = f"{in_mm(meaning.max_error)} ({in_percent(meaning.max_error / study.length)})"
-    mean = in_mm(study.comparison(meaning.name, "statics").mean)
-    return _INPUTS[meaning.name], holds, mean, error, f"{significant(meaning.max_at)} N"
+    mean = study.comparison(meaning.name, "statics").mean
+    corrected = study.comparison(_CORRECTED[meaning.name], "statics").mean
+    after = in_mm(corrected) if corrected < mean else "no gain"
+    at = f"{significant(meaning.max_at)} N"
+    return _INPUTS[meaning.name], holds, in_mm(mean), after, error, at
 
 
 def _findings(study: Study) -> Iterator[tuple[str, str]]:
-    for title, failing in (("Dominant cause", True), ("Largest contribution", False)):
-        causes: dict[str, list[str]] = {}
-        for m in study.verdict.meanings:
-            if m.shares and bool(m.fails) == failing:
-                label = m.ended_by.label if m.ended_by else "no single effect"
-                causes.setdefault(label, []).append(_INPUTS[m.name].split(" (")[0])
-        if causes:
-            yield title, "; ".join(f"from {listed(v)}: {k}" for k, v in causes.items())
-    corrections = [
-        f"{what}: {in_mm(now.mean)} in the mean"
-        for name, what in (
-            ("cc_from_lengths_chord", "chords instead of arcs, from lengths"),
-            ("cc_from_force_arm", "mean lever arm, from force"),
-        )
-        if (now := study.comparison(name, "statics")).mean
-        < study.comparison(name.rsplit("_", 1)[0], "statics").mean
-    ]
-    yield "Corrections in closed form", "; ".join(corrections) or "none lowers the mean error"
+    causes: dict[tuple[str, str], list[str]] = {}
+    for m in study.verdict.meanings:
+        if m.shares:
+            effect = m.ended_by
+            found = (m.cause_is, effect.label) if effect else ("Dominant cause", "no single effect")
+            where = f"CC from {_INPUTS[m.name].split(' (')[0]} at {significant(m.blamed_at)} N"
+            causes.setdefault(found, []).append(where)
+    for (title, label), loads in causes.items():
+        yield title, f"{label} ({listed(loads)})"
     yield from _largest_effect(study)
     yield from _actuation(study)
     if study.limits_text:
@@ -95,8 +97,8 @@ def _findings(study: Study) -> Iterator[tuple[str, str]]:
         largest, at = study.dynamics.max_difference
         yield (
             "Dynamics",
-            f"rise in {significant(study.dynamics.rise)} s: the tip is {in_mm(largest)} from "
-            f"statics at most, at {significant(at)} N",
+            f"while the tension rises in {significant(study.dynamics.rise)} s, the tip is at most "
+            f"{in_mm(largest)} from its static equilibrium (at {significant(at)} N)",
         )
     elif study.dynamics is None:
         yield "Dynamics", study.dynamics_text[0].rstrip(".")
@@ -117,7 +119,7 @@ def _largest_effect(study: Study) -> Iterator[tuple[str, str]]:
     if parts:
         yield (
             "Largest effect not in this sweep",
-            "; ".join(f"{label}: mean error {', '.join(v)}" for label, v in parts.items()),
+            "; ".join(f"{label}, mean error then {listed(v)}" for label, v in parts.items()),
         )
 
 
@@ -129,7 +131,7 @@ def _actuation(study: Study) -> Iterator[tuple[str, str]]:
         assumed = " (assumed)" if actuation.friction_assumed else ""
         parts.append(
             f"friction {actuation.friction:.3g}{assumed} moves the tip by {in_mm(up.moved)} "
-            f"(loading) and {in_mm(down.moved)} (unloading) in the mean"
+            f"(loading) and {in_mm(down.moved)} (unloading) on average"
         )
     for row in stretches:
         if math.isfinite(row.moved):

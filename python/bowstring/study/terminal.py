@@ -45,7 +45,7 @@ def print_study(
     """
     summary = summarise(study)
     console.print(Text(summary.title, style="bold"))
-    table = _table("", COLUMNS)
+    table = _table(summary.reference, COLUMNS)
     for row in summary.rows:
         table.add_row(*row)
     console.print(table)

@@ -67,6 +67,12 @@ class Meaning:
     text: str
 
     @property
+    def cause_is(self) -> str:
+        """What the effect with the largest share is called: dominant with more than half of it."""
+        dominant = bool(self.shares) and self.shares[0].share > 0.5
+        return "Dominant cause" if dominant else "Largest contribution"
+
+    @property
     def ended_by(self) -> Share | None:
         """The effect with the largest share, if that is large enough to be called the cause."""
         largest = self.shares[:1]
@@ -312,12 +318,8 @@ def _blame(m: Meaning) -> str:
             f" No single effect of this sweep explains it {where}: without {worst.label}, which "
             f"has the largest share, the error would still be {in_mm(worst.error_without)}."
         )
-    if m.fails:
-        verb = "Dominant cause"
-    else:
-        verb = "Main cause" if worst.share > 0.5 else "Largest contribution"
     rest = f"without it the error {where} would be {in_mm(worst.error_without)}"
-    words = f" {verb}: {worst.label}; {rest}."
+    words = f" {m.cause_is}: {worst.label}; {rest}."
     rivals = [s.label for s in m.shares[1:] if s.share > 0.5 * worst.share]
     if rivals:
         words += f" Nearly as much: {listed(rivals)} (effects interact, shares need not add up)."
