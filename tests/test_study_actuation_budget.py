@@ -376,9 +376,8 @@ def test_report_and_terminal_show_it(paper: Study, written: Path) -> None:
         f"Assumed, the robot file gives none: friction 0.1; {STRETCH}".replace("'", "&#39;") in text
     )
     apart = page.partition('id="assumed"')[2].partition("<h2")[0]
-    assert list(paper.budget.actuation.assumptions) == [
-        item.replace("&#39;", "'") for item in re.findall(r"<li>(.*?)</li>", apart)
-    ]
+    rows = re.findall(r'<th scope="row">(.*?)</th><td class="left">the effects of friction', apart)
+    assert list(paper.budget.actuation.assumptions) == [row.replace("&#39;", "'") for row in rows]
     assert 'id="hysteresis"' in page
     for name in ("actuation", "hysteresis_by_tension", "hysteresis_by_displacement"):
         assert (written / "tables" / f"{name}.csv").exists()

@@ -20,7 +20,7 @@ from bowstring.viz.style import LIGHT, check_figure_file, write_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["check_drawing_file", "draw_disks", "write_drawing"]
+__all__ = ["check_drawing", "check_drawing_file", "draw_disks", "write_drawing"]
 
 Floats = NDArray[np.float64]
 
@@ -79,16 +79,16 @@ def write_drawing(robot: Robot, path: str | Path) -> Path:
     return write_figure(lambda: draw_disks(robot), path, "drawing", _DPI, check_drawing_file)
 
 
+def check_drawing(robot: Robot) -> None:
+    """Say before any work whether the disks can be drawn; raises what `write_drawing` raises."""
+    _drawn_kinds(robot)
+
+
 def draw_disks(robot: Robot) -> Figure:
     """The drawing as a matplotlib figure; see `write_drawing`."""
     from matplotlib.figure import Figure
 
-    sizes = sizes_of(robot)
-    kinds = _kinds(robot, sizes)
-    if len(kinds) > _MOST:
-        raise InputError(
-            f"{robot.name} has {len(kinds)} kinds of disks; a drawing holds up to {_MOST}"
-        )
+    kinds = _drawn_kinds(robot)
     title = textwrap.wrap(f"{robot.name}: spacer disks, in mm", 65)
     row, head, foot = 3.3, 0.28 + 0.17 * len(title), 0.25  # inches
     high = head + row * len(kinds) + foot
@@ -107,6 +107,15 @@ def draw_disks(robot: Robot) -> Figure:
             color=LIGHT["muted"],
         )
     return figure
+
+
+def _drawn_kinds(robot: Robot) -> list[_Kind]:
+    kinds = _kinds(robot, sizes_of(robot))
+    if len(kinds) > _MOST:
+        raise InputError(
+            f"{robot.name} has {len(kinds)} kinds of disks; a drawing holds up to {_MOST}"
+        )
+    return kinds
 
 
 def _kinds(robot: Robot, sizes: Sizes) -> list[_Kind]:

@@ -73,7 +73,7 @@ class Robot(RobotArrays):
         return state
 
     def __copy__(self) -> Robot:
-        return Robot.model_construct(**self._fields())
+        return Robot.model_construct(set(self.model_fields_set), **self._fields())
 
     def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Robot:
         return self.__copy__()

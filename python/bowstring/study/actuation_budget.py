@@ -566,7 +566,7 @@ def _notes(
     if friction == "assumed":
         out.append(
             f"The file gives no friction: {ASSUMED_FRICTION:g} is assumed, the order of a steel "
-            "cable in a smooth hole, not measured. Set friction in the robot file to have yours."
+            "cable in a smooth hole, not measured. Set friction in the robot file to replace it."
         )
     elif friction == "calibrated":
         out.append(
@@ -580,10 +580,10 @@ def _notes(
     if elasticity == "assumed":
         out.append(
             f"The file gives the tendons no elasticity: {_elasticity(stiffness, 0.0)} is assumed "
-            f"({by}), right within a factor of two, not measured; of the free length between motor "
-            "and base hole only what the file gives stretches. Set axial_stiffness, free_length "
-            "and compliance to have yours, or the tendon's diameter and material for a better "
-            "guess."
+            f"({by}), right within a factor of two, not measured. Between motor and base hole only "
+            "the free length that the file gives stretches. Set axial_stiffness, free_length and "
+            "compliance to replace it, or the tendon's diameter and material for a better "
+            "estimate."
         )
     elif elasticity == "left_out":
         out.append(
@@ -608,9 +608,9 @@ def _path_notes(model: Model, steps: int, taut: bool) -> tuple[str, ...]:
         "and a law that bends the robot too little then has a smaller error.",
         "Displacements: the linear law makes an arc of each tension of the sweep, and the inverse "
         f"of Eq. 5 makes tendon lengths of the arc. {wound}, the others are paid out to theirs and "
-        f"{_SURPLUS * 100:g} % of the robot's length more, so that they stay slack; one "
-        "that the file gives a pretension gets no surplus. Constant curvature's tip is that of the "
-        "lengths without the surplus.",
+        f"{_SURPLUS * 100:g} % of the robot's length more, so that they stay slack; a "
+        "tendon with a pretension in the file gets no surplus. Constant curvature's tip is that of "
+        "the lengths without the surplus.",
     ]
     if model.arc_scale < 1.0:
         out.append(

@@ -11,8 +11,7 @@ if TYPE_CHECKING:
 __all__ = ["Counterpart", "counterparts"]
 
 _SOLID: Final = "run the study with --solid, which needs the extra cad"
-_DATA: Final = "run the study with --data and measurements of this robot"
-_THEORY: Final = "not drawn for a robot; the documentation defines the symbols with its equations"
+_DATA: Final = "run the study with --measurements FILE, measurements of this robot"
 
 
 @dataclass(frozen=True)
@@ -23,15 +22,17 @@ class Counterpart:
     shows: str
     anchor: str | None
     """Of the figure or section in the report; None where there is none."""
+    title: str
+    """Of that figure or section."""
     missing: str
     """Why there is none, or how to get it."""
 
 
 _ALL: Final = (
     ("Fig. 1", "the robot as a solid", "fig01_robot", _SOLID),
-    ("Fig. 2", "spacer disk with dimensions", "fig02_disk", _SOLID),
-    ("Fig. 3", "symbols of the arc", None, _THEORY),
-    ("Fig. 4", "geometry of a module", None, _THEORY),
+    ("Fig. 2", "spacer disk with dimensions", "fig02_disk", ""),
+    ("Fig. 3", "symbols of the arc", "fig03_arc", ""),
+    ("Fig. 4", "geometry of a module", "fig04_module", ""),
     ("Fig. 5", "tip, displacement, stress and strain", "fig05_tip_against_force", ""),
     ("Fig. 6a", "lengths of all tendons", "fig06_tendon_lengths", ""),
     ("Fig. 6b", "tip by constant curvature", "fig06_tip_against_displacement", ""),
@@ -41,6 +42,7 @@ _ALL: Final = (
     ("Fig. 10", "constant curvature over the simulation", "fig10_overlay", ""),
     ("Fig. 11", "errors against the simulation", "fig11_errors", ""),
     ("Fig. 12", "errors against the measurement", "fig12_measured_errors", _DATA),
+    ("Eqs. 1 to 5", "constant curvature, with numbers", "equations", ""),
     ("Table 1", "parameters of the robot", "robot", ""),
 )
 
@@ -58,8 +60,16 @@ def counterparts(study: Study) -> tuple[Counterpart, ...]:
     tuple of Counterpart
         In the order of the source study.
     """
-    here = {"robot", *(figure.stem for figure in study.figures)}
+    here = {"equations": "Equations with this robot's numbers", "robot": "The robot"}
+    here |= {figure.stem: figure.title for figure in study.figures}
+    disks = study.without_disks
     return tuple(
-        Counterpart(source, shows, anchor if anchor in here else None, missing)
+        Counterpart(
+            source,
+            shows,
+            anchor if anchor in here else None,
+            here.get(anchor or "", ""),
+            disks if anchor == "fig02_disk" else missing,
+        )
         for source, shows, anchor, missing in _ALL
     )

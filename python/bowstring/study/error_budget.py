@@ -287,15 +287,16 @@ def error_budget(
             "A contribution is the mean error with the effect less the mean error without it, all "
             "else the same: positive if the effect makes the error larger.",
             "Effects interact and can cancel: contributions do not add up to the whole, one effect "
-            "can lower the error that another one makes, and beside another physics the same "
-            "effect has another contribution.",
-            "'From force' always uses the file's own E and length, as a user would, also where "
-            "the physics is stiffer, softer or clamped.",
-            "'In this sweep' changes the effect alone in the physics of the main sweep: taken out "
-            "if it acts there, added if not. Gravity takes the place of the file's, and its "
-            "contribution is against the same sweep without gravity.",
-            "'In the full model' takes the effect out of the full model. The alternatives (gravity "
-            "in the other orientations, E 10 % higher) take the place of the full model's own.",
+            "can lower the error that another one makes, and the contribution of an effect depends "
+            "on the other effects that act.",
+            "Constant curvature from force always uses E and length of the robot file, as a user "
+            "would, also where the simulated robot is stiffer, softer or clamped.",
+            "'In this sweep' changes one effect in the physics of the main sweep: it is removed if "
+            "it acts there and added if it does not. Gravity in an orientation replaces the "
+            "gravity of the robot file; its contribution is the change from the same sweep without "
+            "gravity.",
+            "'In the full model' removes one effect from the full model. Gravity in another "
+            "orientation and E 10 % higher replace the gravity and the E of the full model.",
             f"Gravity is {GRAVITY} m/s2: upright along -z (base below), hanging along +z, "
             f"horizontal along ({_zero(-x):.3g}, {_zero(-y):.3g}, 0), in the bending plane and "
             "against the actuated tendon, which lies on top.",

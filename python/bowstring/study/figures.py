@@ -24,6 +24,7 @@ from bowstring.study.data_figures import (
     measured_tip,
 )
 from bowstring.study.error_budget import SIDES, Budget, Side
+from bowstring.study.geometry_figures import draw_arc, draw_module
 from bowstring.study.shapes import backbones
 from bowstring.study.study import Study
 from bowstring.viz.style import AXES, LIGHT, TINY, WIDTH, legend_above, subplots
@@ -658,6 +659,8 @@ def _fe_field(study: Study) -> Figure:
 _DRAWINGS: Final[dict[str, Callable[[Study], Figure]]] = {
     "fig01_robot": _solid,
     "fig02_disk": _disk,
+    "fig03_arc": draw_arc,
+    "fig04_module": draw_module,
     "fig05_tip_against_force": _tip_against_force,
     "fig05_over_time": _over_time,
     "displacement_against_force": _displacement_against_force,

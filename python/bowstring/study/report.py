@@ -19,7 +19,9 @@ from bowstring.result_folder import check_folder, write_listing
 from bowstring.robot.model import Robot
 from bowstring.study.comparison import COMPARISONS, MEANINGS
 from bowstring.study.counterparts import counterparts
+from bowstring.study.equations import study_equations
 from bowstring.study.error_budget import SIDES, Side
+from bowstring.study.parameters import assumed, parameters
 from bowstring.study.study import Study
 from bowstring.study.summary import COLUMNS, summarise
 from bowstring.study.tables import simulated, study_tables, write_csv
@@ -143,6 +145,10 @@ def _html(study: Study, content: dict[str, Any], drawn: dict[str, str]) -> str:
         # drawn by this program, ids and text escaped by matplotlib
         figures=[(f, Markup(drawn[f.stem])) for f in study.figures],
         counterparts=counterparts(study),
+        equations=study_equations(study),
+        mathml=Markup,  # of this program, numbers and symbols only
+        parameters=parameters(study.robot),
+        assumed=assumed(study),
         summary=summarise(study),
         columns=COLUMNS,
         tables=[name for name, _, _ in study_tables(study)],

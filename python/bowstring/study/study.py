@@ -104,15 +104,28 @@ SOLID_FIGURES: Final = (
         "As in Fig. 1 of the study: base, backbone, spacer disks and tendons, bent by the largest "
         "load of the sweep; simulated, statics.",
     ),
+)
+"""That of a study with the solid, which needs the extra ``cad``."""
+
+FIGURES: Final = (
     Figure(
         "fig02_disk",
         "Spacer disks",
         "As in Fig. 2 of the study, in mm. Sizes with a star are assumed.",
     ),
-)
-"""Those of a study with the solid, which needs the extra ``cad``."""
-
-FIGURES: Final = (
+    Figure(
+        "fig03_arc",
+        "Arc of the segment at the base",
+        "Symbols of constant curvature as in Fig. 3 of the study, drawn to scale with the numbers "
+        "of this robot at the largest load. Above, the arc in its bending plane. Below, the disk "
+        "and its holes seen from the tip; numbers are tendons, red ones are actuated.",
+    ),
+    Figure(
+        "fig04_module",
+        "Geometry of one module",
+        "As Fig. 4 of the study: two disks, the backbone and the straight spans of the tendons in "
+        "the bending plane, drawn to scale with the numbers of this robot at the largest load.",
+    ),
     Figure(
         "fig05_tip_against_force",
         "Tip, displacement, stress and strain against force",
@@ -180,10 +193,10 @@ FIGURES: Final = (
     Figure(
         "hysteresis",
         "Loading and unloading",
-        "How far the tip is ahead of that of constant curvature at the same command, along the "
-        "path of the latter: below zero the robot is bent less. Above, tension control with "
-        "friction at the holes; below, displacement control with elastic tendons and friction. "
-        "Dotted: without friction and stretch.",
+        "Distance by which the robot's tip is ahead of the tip by constant curvature at the same "
+        "command, along the path of the latter; negative: the robot is bent less. Above, tension "
+        "control with friction at the holes; below, displacement control with elastic tendons and "
+        "friction. Dotted: without friction and stretch.",
     ),
 )
 
@@ -366,7 +379,9 @@ class Study:
     @property
     def figures(self) -> tuple[Figure, ...]:
         """Those of `SOLID_FIGURES`, `FIGURES`, `FE_FIGURES` and `DATA_FIGURES` that it has."""
-        found = [f for f in FIGURES if self.dynamics or f.stem != "fig05_over_time"]
+        missing = ["fig05_over_time"] * (self.dynamics is None)
+        missing += ["fig02_disk"] * bool(self.without_disks)
+        found = [f for f in FIGURES if f.stem not in missing]
         if self.bricks is not None:
             found = [replace(f, caption=f.caption + _BRICKS_IN.get(f.stem, "")) for f in found]
         found = [*(SOLID_FIGURES if self.solid else ()), *found]
@@ -380,6 +395,17 @@ class Study:
             if self.data.calibration or f.stem != "measured_residuals"
         ]
         return (*of_data, *found)
+
+    @cached_property
+    def without_disks(self) -> str:
+        """Why there is no drawing of the disks, where there is none."""
+        from bowstring.cad.drawing import check_drawing
+
+        try:
+            check_drawing(self.robot)
+        except InputError as error:
+            return str(error)
+        return ""
 
     @cached_property
     def _limits(self) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -1,0 +1,107 @@
+"""The arcs of a robot at one load of a study, which its equations and drawings show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bowstring.constant_curvature import RobotArcs
+from bowstring.display import short_repr
+from bowstring.errors import BowstringError
+
+if TYPE_CHECKING:
+    from bowstring.study.study import Study
+
+__all__ = ["FirstSegment", "first_segment"]
+
+Array = NDArray[np.float64]
+
+
+@short_repr
+@dataclass(frozen=True)
+class FirstSegment:
+    """Constant curvature at the largest load with an equilibrium: the segment at the base.
+
+    Its tendons end at its own end disk, so that their lengths are those of one arc. All SI.
+    """
+
+    load: int
+    """Index of the load in the sweep."""
+    tension: float
+    """Of the sweep, N."""
+    arcs: RobotArcs
+    """Of all segments."""
+    without_lengths: str
+    """Why the arcs are those of the linear law; empty where they are those of the lengths."""
+    tendons: NDArray[np.intp]
+    """Indices of the tendons that end at its end disk."""
+    stations: Array
+    """Of its disks from the base (n,), m."""
+    tip: Array
+    """Centre of its end disk by statics (3,), m."""
+
+    @property
+    def from_lengths(self) -> bool:
+        """Whether the arcs are those of the tendon lengths."""
+        return not self.without_lengths
+
+    @property
+    def theta(self) -> float:
+        """Bend angle, rad."""
+        return float(self.arcs.theta[0])
+
+    @property
+    def phi(self) -> float:
+        """Bending direction from x towards y, rad."""
+        return float(self.arcs.phi[0])
+
+    @property
+    def length(self) -> float:
+        """Arc length, m."""
+        return float(self.arcs.length[0])
+
+    @property
+    def straight(self) -> bool:
+        """Whether the arc has no bend worth an equation."""
+        return self.theta < 1e-6
+
+    @property
+    def equal_modules(self) -> bool:
+        """Whether its disks are evenly spaced."""
+        steps = np.diff(self.stations, prepend=0.0)
+        return bool(np.ptp(steps) < 1e-9 * self.stations[-1])
+
+
+def first_segment(study: Study) -> FirstSegment:
+    """The segment at the base at the largest load of the sweep that has an equilibrium.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    FirstSegment
+    """
+    robot, statics = study.model.robot, study.statics
+    load = int(np.flatnonzero(statics.converged)[-1])
+    tension = float(statics.tension[load])
+    try:
+        arcs, reason = RobotArcs.from_lengths(robot, statics.tendon_lengths[load]), ""
+    except BowstringError as error:  # too few tendons, or lengths that no arc has
+        reason = str(error).rstrip(".")
+        tensions = study.model.tensions(study.model.arc_scale * np.array([tension]))[0]
+        arcs = RobotArcs.from_tensions(robot, tensions)
+    stations = robot.disks.station_m[robot.disks.segment == 0]
+    return FirstSegment(
+        load=load,
+        tension=tension,
+        arcs=arcs,
+        without_lengths=reason,
+        tendons=np.flatnonzero(robot.tendons.segment == 0),
+        stations=stations,
+        tip=statics.disk_positions[load, len(stations) - 1],
+    )
