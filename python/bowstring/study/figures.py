@@ -332,12 +332,14 @@ def _overlay(study: Study) -> Figure:
 
     def draw_on(axes: Axes) -> None:
         ink: dict[str, Any] = {"color": LIGHT["ink"], "markersize": 3.5}
-        axes.plot(*physics, "-o", label="statics", **ink)
+        axes.plot(*physics, "-o", label="rod model", **ink)
         axes.plot(*physics, "o", zorder=3, **ink)  # over the markers of the others
         blue: dict[str, Any] = {"color": LIGHT["blue"], "markerfacecolor": "none"}
         axes.plot(*lengths, "s", label="CC from lengths", markersize=8, **blue)
         red: dict[str, Any] = {"color": LIGHT["red"], "linewidth": 1.0}
-        axes.plot(*force, "--x", label="CC from force", markersize=6, **red)
+        axes.plot(*force, "x", label="CC from force", markersize=6, **red)
+        for end in np.stack([physics, force], axis=-1).swapaxes(0, 1):  # the same load
+            axes.plot(*end, color=LIGHT["red"], linewidth=4, alpha=0.5, solid_capstyle="butt")
         if study.bricks is not None:
             bricks = _in_plane(study, study.bricks.tip_position)
             axes.plot(*bricks, "+", label="finite elements", markersize=9, color=LIGHT["green"])
@@ -396,7 +398,7 @@ def _magnify_end(
                 inset.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
                 inset.set(xticks=[], yticks=[], aspect="equal")
                 inset.spines[:].set_visible(True)
-                inset.set_title("the last loads, magnified", fontsize=8, pad=3)
+                inset.set_title("enlarged: the last loads", fontsize=8, pad=3)
                 axes.indicate_inset_zoom(inset, edgecolor=LIGHT["muted"])
                 return
     axes.dataLim.set(former)
@@ -408,7 +410,7 @@ def _backbones(study: Study) -> Figure:
     found = backbones(study)
     figure, (shapes, apart) = subplots(2, 6.0, height_ratios=(2, 1))
     looks = {
-        "statics": ("statics", "ink", "-", "o"),
+        "statics": ("rod model", "ink", "-", "o"),
         "cc_from_lengths": ("CC from lengths", "blue", "-.", "s"),
         "cc_from_force": ("CC from force", "red", "--", "x"),
     }
@@ -429,7 +431,7 @@ def _backbones(study: Study) -> Figure:
     shapes.set_aspect("equal", adjustable="datalim")
     legend_above(shapes, 3)
     shapes.set_title(f"{study.settings.actuated} at {found.tension:.4g} N", pad=22)
-    apart.set(xlabel="disk (% of length from the base)", ylabel="CC from statics,\nby disk (mm)")
+    apart.set(xlabel="disk (% of length from the base)", ylabel="CC from rod model,\nby disk (mm)")
     apart.set_ylim(0.0, max(apart.get_ylim()[1], TINY * 1e3))
     return figure
 
