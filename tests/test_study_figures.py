@@ -133,7 +133,7 @@ def test_shapes_end_where_the_study_has_the_tips(
         assert gaps.max() < 0.01 * found.length
     figure = drawn(found, "backbones")
     labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]  # type: ignore[union-attr]
-    assert labels == ["statics", "CC from lengths", "CC from force"]
+    assert labels == ["rod model", "CC from lengths", "CC from force"]
     assert f"{found.settings.max_tension:g} N" in figure.axes[0].get_title(loc="left")
 
 
