@@ -1,4 +1,4 @@
-"""Constant curvature against 50-digit arithmetic, by its properties, and with bad input."""
+"""Constant curvature against 50-digit arithmetic, by its properties, and with invalid input."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ANGLES = np.radians([0.0, 120.0, 240.0])
 ROUTING = Routing(ANGLES, RADIUS)
 TIGHT = 1e-13
 
-# the rest of a rounding in kappa * length, and all regimes of the series and closed forms
+# rounding of kappa * length, and all regimes of the series and closed forms
 THETAS = [0.0, 1e-12, 1e-8, 1e-4, 0.3, 0.999999, 1.0, 1.000001, 2.5, np.pi, 4.9, 6.0, 6.28]
 THETAS += [2 * np.pi - 1e-8, 2 * np.pi]
 PHIS = [0.0, 0.4, np.pi / 2, 2.2, np.pi, -2.6, -np.pi / 2, -0.7]
@@ -37,7 +37,7 @@ def arcs() -> list[tuple[float, float, float]]:
 
 
 def tip_by_lengths(lengths, routing):
-    """Derivative of the tip pose by the tendon lengths."""
+    """Derivative of the tip pose with respect to the tendon lengths."""
     got = Arc.from_lengths(lengths, routing)
     return got.jacobian() @ got.from_lengths_jacobian(routing)
 
@@ -98,7 +98,7 @@ def mp_lengths(u, holes, modules=None):
 
 
 def mp_fit(lengths, holes, modules=None):
-    """Bend coordinates and misfit by the normal equations (80 digits forgive them)."""
+    """Bend coordinates and misfit by the normal equations (accurate enough with 80 digits)."""
     a = mp.matrix([[-x, -y, 1] for x, y in holes])
     b = mp.matrix(lengths)
     u = mp.lu_solve(a.T * a, a.T * b)
@@ -116,7 +116,7 @@ def mp_fit(lengths, holes, modules=None):
 
 
 def mp_derivative(f, at):
-    """Central differences: 1e-20 wide, so right to 40 digits."""
+    """Central differences with steps of 1e-20: accurate to 40 digits."""
     h = mp.mpf(10) ** -20
     columns = []
     for k in range(len(at)):
@@ -171,12 +171,12 @@ def by_place(got, want, floor):
 def test_pose(case):
     tip, rotation = mp_pose(*map(mp.mpf, case))
     got = Arc(*case).fk()
-    # a full turn brings the tip back to the base, where only the length is left as a measure
+    # a full turn returns the tip to the base, where only the length is left as a scale
     theta = case[0] * case[2]
     assert error(got.position, tip, None if theta < 6 else case[2]) < TIGHT
     assert error(got.rotation, rotation) < TIGHT
     if 0 < theta < 1:
-        # nothing cancels there, so every coordinate that is not zero by symmetry has its digits
+        # nothing cancels there, so every coordinate that is not zero by symmetry is accurate
         swing = mp.sqrt(tip[0] ** 2 + tip[1] ** 2)
         assert error(got.position[:2], list(tip)[:2]) < TIGHT
         assert abs(np.hypot(*got.position[:2]) / float(swing) - 1) < TIGHT
@@ -184,7 +184,7 @@ def test_pose(case):
 
 
 @pytest.mark.parametrize("case", arcs()[::3])
-def test_pose_anywhere_is_the_pose_of_a_shorter_arc(case):
+def test_pose_at_a_length_is_the_pose_of_a_shorter_arc(case):
     s = np.linspace(0, case[2], 5)
     got = Arc(*case).fk(s)
     for i, place in enumerate(s):
@@ -241,7 +241,7 @@ def test_lengths_and_their_fit(routing, theta, straight):
         want = mp_derivative(lambda u: mp_lengths(u, holes, shares(modules)), at)
         got = Arc(*case).lengths_jacobian(Routing(angles, radii, modules))
         assert error(got, want) < TIGHT
-        for i in range(2):  # the columns of bend are small beside that of length
+        for i in range(2):  # the columns of bend are small compared with that of length
             assert error(got[:, i], want[:, i]) < TIGHT
         want = mp_derivative(
             lambda v: mp_lengths(mp_bend(*v), holes, shares(modules)), [mp.mpf(c) for c in case]
@@ -249,14 +249,14 @@ def test_lengths_and_their_fit(routing, theta, straight):
         got = Arc(*case).lengths_jacobian(Routing(angles, radii, modules), "curvature")
         assert error(got, want) < TIGHT
 
-        if theta > 2 * np.pi - 1e-6:  # lengths rounded to above a full turn may be refused
+        if theta > 2 * np.pi - 1e-6:  # lengths rounded to above a full turn may be rejected
             case = (0.999999 * case[0], *case[1:])
         lengths = Arc(*case).lengths(Routing(angles, radii, modules))
         u, _ = mp_fit([mp.mpf(x) for x in lengths.tolist()], holes, shares(modules))
         got = Arc.from_lengths(lengths, Routing(angles, radii, modules))
         assert np.all(got.misfit < 1e-15)
         assert abs(float(got.length / u[2]) - 1) < TIGHT
-        # redundant lengths carry roundings that are misfit, and the bend is known against those
+        # redundant lengths have rounding errors that are misfit, and limit the accuracy of the bend
         known = None if count == 3 and theta else max(np.hypot(*map(float, u[:2])), 1e-2)
         assert error(got.bend[:2], u[:2], known) < TIGHT
         if count == 3 and theta:
@@ -328,7 +328,7 @@ def test_redundant_lengths():
     assert abs(float(got.misfit - misfit)) < TIGHT * LENGTH
     assert got.misfit > 1e-4
 
-    # a true minimum, with the length held as well, and the misfit is what it says
+    # a true minimum, with the length held as well, and the misfit is as reported
     for length in (None, 0.64):
         got = Arc.from_lengths(lengths, Routing(angles, radii), length)
         left = got.lengths(Routing(angles, radii)) - lengths
@@ -348,7 +348,7 @@ def test_redundant_lengths():
 
 
 def test_paper_sweep_directions():
-    """A shortened tendon draws the tip to its side; four quadrants."""
+    """A shortened tendon bends the tip to its side; four quadrants."""
     for i, angle in enumerate(ANGLES):
         lengths = np.full(3, LENGTH + 0.005)
         lengths[i] = LENGTH - 0.01
@@ -390,7 +390,7 @@ KIRCHHOFF = [
 ]
 
 
-def test_lever_arm_law_meets_the_physics():
+def test_lever_arm_law_matches_the_physics():
     tensions = np.zeros((17, 3))
     tensions[:, 0] = np.arange(0, 85, 5)
     for law, mean in (("linear", 4.417), ("arm", 0.022)):
@@ -421,7 +421,7 @@ def test_lever_arm_law(tensions, modules, stiffness):
 
 
 def test_lever_arm_law_is_stationary_energy():
-    """The derivation: the energy of arcs with straight spans, to the order that the law keeps."""
+    """The derivation: the energy of arcs with straight spans, to the order of the law."""
     pull, n, h = np.array([3.0, 1.0, 0.0]), MODULES, LENGTH / MODULES
 
     def slope(scale):
@@ -436,7 +436,7 @@ def test_lever_arm_law_is_stationary_energy():
 
     assert h == pytest.approx(0.0712, abs=1e-4)
     assert slope(1.0) < 1e-8
-    # relative to the moment, what is left out is of third order (tension along the span) and
+    # relative to the moment, the neglected terms are of third order (tension along the span) and
     # fourth order (its lever arm)
     assert 2**3 < slope(2.0) / slope(1.0) < 2**4
 
@@ -469,7 +469,7 @@ def test_nearest_is_global():
     np.testing.assert_allclose(np.linalg.norm(tips - points, axis=-1), got.misfit, atol=1e-14)
     assert np.all((got.kappa >= 0) & (got.kappa <= 2 * np.pi * (1 + 1e-15)))
 
-    # brute force in the plane of the bend, on either side of the axis
+    # brute force in the plane of the bend, on both sides of the axis
     theta = np.linspace(-2 * np.pi, 2 * np.pi, 8001)
     curve = Arc(theta, 0.0, 1.0).fk().position[:, [0, 2]]
     flat = np.stack([np.hypot(points[:, 0], points[:, 1]), points[:, 2]], axis=-1)
@@ -484,7 +484,7 @@ def test_nearest_is_global():
 
 @pytest.mark.parametrize("theta", [1e-12, 1e-8, 0.1, 1.0, 3.0, 5.0, 6.2])
 def test_nearest_digits(theta):
-    """A tip finds its own arc; off the curve, the angle is where the distance is stationary."""
+    """A tip on the curve gives its own arc; elsewhere the distance is stationary in the angle."""
     on = Arc(theta / LENGTH, 0.7, LENGTH).fk().position
     got = Arc.ik(on, LENGTH)
     assert got.kappa * LENGTH == pytest.approx(theta, rel=1e-13)
@@ -742,7 +742,7 @@ def test_one_segment_robot(correction):
     assert np.all(again.misfit < 1e-14)
 
 
-def test_chord_takes_the_disks_where_they_are():
+def test_chord_uses_the_stations_of_the_disks():
     uneven = one_segment(LENGTH * np.array([0.1, 0.15, 0.4, 0.8, 1.0]))
     lengths = RobotArcs(uneven, Arc([2.0], [0.5], LENGTH), "chord").lengths()
     got = RobotArcs.from_lengths(uneven, lengths, "chord")
@@ -881,9 +881,9 @@ BAD = {
     "curvature must be finite": lambda: Arc(np.nan, 0, 1).fk(),
     "direction of bending must be finite": lambda: Arc(1, np.inf, 1).fk(),
     "length must be positive": lambda: Arc(1, 0, 0).fk(),
-    "bending angle must be below": lambda: Arc(1e200, 0, 1e200).fk(),
+    "bend angle must be below": lambda: Arc(1e200, 0, 1e200).fk(),
     "between 0 and its length": lambda: Arc(1, 0, 1).fk([0.5, 1.1]),
-    "place along the arc": lambda: Arc(1, 0, 1).fk(np.nan),
+    "position along the arc": lambda: Arc(1, 0, 1).fk(np.nan),
     "do not broadcast": lambda: Arc([1, 2], [1, 2, 3], 1).fk(),
     "bends tighter": lambda: Arc(40, 0, 0.6).lengths(ROUTING),
     "cannot be reached": lambda: Arc.ik([0, 0, 0]),
@@ -952,8 +952,9 @@ def test_module_buckling_is_no_solution():
             )
 
 
-def test_the_lever_arm_law_ends_where_the_rod_does():
-    """Three taut tendons alike: a straight robot, until the backbone buckles between its disks."""
+def test_the_lever_arm_law_and_the_rod_buckle_at_the_same_load():
+    """Three equally taut tendons: a straight robot, until the backbone buckles between its
+    disks."""
     robot = bs.load_robot("amouri2019", {"segments.0.disks.count": 3})
     euler = np.pi**2 * robot.bending_stiffness[0] * 9 / robot.length**2
     for share, status in ((0.98, "converged"), (1.02, None)):
@@ -985,7 +986,7 @@ def test_the_tip_from_lengths_is_that_of_eq_1(bend):
 )
 @settings(max_examples=300)
 def test_hostile_numbers(values, angles, radii, modules):
-    """Any floats: an error on purpose, or finite numbers."""
+    """For any floats: an intentional error, or finite numbers."""
     calls = (
         lambda: Arc.from_lengths(values, Routing(angles, radii, modules)).fk().position,
         lambda: Arc.from_lengths(values, ROUTING).fk().position,

@@ -1,4 +1,4 @@
-"""What does not fit into memory is refused with a sentence; an allocation that fails aborts."""
+"""Requests that exceed the memory are rejected with a sentence; a failed allocation aborts."""
 
 from __future__ import annotations
 
@@ -47,17 +47,17 @@ def test_more_loads_than_fit(robot: bs.Robot, function, name: str) -> None:
         function(robot, np.zeros((2, 3)), load=bs.Load(gravity=HUGE))
 
 
-def test_a_wrong_sequence_still_tells_its_length(robot: bs.Robot) -> None:
+def test_the_length_of_an_invalid_sequence_is_reported(robot: bs.Robot) -> None:
     for wrong in ([0.0] * 5000, tuple([0.0] * 5000), np.zeros(5000)):
         with pytest.raises(InputError, match="tensions has 5000 numbers, it must have 3, in N"):
             bs.solve(robot, wrong)
 
 
-#: Work that needs more than the address space given, and what its refusal says.
+#: Work that needs more than the given address space, and its error message.
 LIMITED = {
-    "bs.solve_batch(robot, load=bs.Load(None, np.broadcast_to(1e-3, (10**7, 3))))": "an answer to",
-    "bs.solve_batch(robot, np.broadcast_to(1.0, (10**7, 3)))": "an answer to 10000000 loads",
-    "bs.sweep(rubbing, np.broadcast_to(1.0, (10**7, 3)), disks=False)": "an answer to 10000000",
+    "bs.solve_batch(robot, load=bs.Load(None, np.broadcast_to(1e-3, (10**7, 3))))": "the solutions",
+    "bs.solve_batch(robot, np.broadcast_to(1.0, (10**7, 3)))": "the solutions of 10000000 loads",
+    "bs.sweep(with_friction, np.broadcast_to(1.0, (10**7, 3)), disks=False)": "the solutions of",
     "bs.solve(many(50_000, 1000), load=bs.Load(displacements=[1e-3] * 1000))": "1000 tendons",
     "bs.modes(many(20_000, 3), count=50_000)": "50000 modes of a robot with 20000 disks",
     "bs.simulate(many(20_000, 3), [0, 0, 0], 1.0)": "fields at 101 times",
@@ -76,7 +76,7 @@ def many(disks, tendons):
     })
 
 robot = bs.load_robot("amouri2019")
-rubbing = robot.with_({"segments.0.tendons.friction": 0.1})
+with_friction = robot.with_({"segments.0.tendons.friction": 0.1})
 bs.solve_batch(robot, np.zeros((200, 3)))
 resource.setrlimit(resource.RLIMIT_AS, (4 * 10**9, 4 * 10**9))
 for work in json.load(sys.stdin):
@@ -114,7 +114,7 @@ def test_fields_of_many_disks() -> None:
     station, module = stations(robot, 5)
     free = Section(robot, station, module, RodModel()).bending_compliance.any(axis=1)
     assert free.all()
-    # within a clamp, at its ends, and beyond
+    # within a clamp, at its ends, and outside
     disk = robot.disks.station_m[3]
     station = disk + np.array([-2e-3, -1.5e-3, -1e-3, 0.0, 1e-3, 1.5e-3, 2e-3])
     free = Section(robot, station, np.full(7, 3), RodModel()).bending_compliance.any(axis=1)
@@ -126,17 +126,17 @@ def test_fields_of_many_disks() -> None:
     assert Section(many, station, module, RodModel()).bending_compliance.all()
 
 
-def test_modes_of_many_disks_are_those_of_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Iterated and found all at once, with equal frequencies, locked tendons and light disks."""
+def test_modes_of_many_disks_match_those_of_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Iterative and direct solution, with equal frequencies, locked tendons and light disks."""
     from bowstring.dynamics import modal
 
     robot = bs.load_robot("amouri2019").with_({"segments.0.disks.clamped_length": "1 mm"})
-    rubbing = robot.with_({"segments.0.tendons.friction": 0.2})
+    with_friction = robot.with_({"segments.0.tendons.friction": 0.2})
     cases = [
         (robot, {}),
         (robot, {"tensions": [30, 5, 0], "gravity": (0, 0, -9.81)}),
         (robot, {"displacements": [0.02, -0.03, -0.01], "theory": "kirchhoff"}),
-        (rubbing, {"tensions": [20, 0, 0], "elements": 2}),
+        (with_friction, {"tensions": [20, 0, 0], "elements": 2}),
     ]
     for made, given in cases:
         dense = bs.modes(made, count=8, **objects(**given))
@@ -161,6 +161,6 @@ def test_modes_of_very_many_disks() -> None:
         share["segments.0.disks.mass"] = 0.18 / disks
         found[disks] = bs.modes(robot.with_({**changed, **share}), count=4).frequency_hz
     assert found[2000][0] == pytest.approx(found[2000][1], rel=1e-9)  # in two planes
-    # a mass spread from the base to the tip, and lumps that are nearer to the tip
+    # distributed mass, and lumped mass that is closer to the tip
     np.testing.assert_allclose(found[2000], found[20], rtol=0.08)
     assert (found[2000] > found[20]).all()

@@ -1,5 +1,5 @@
-//! Time of a step of motion on one core: the study's robot, tendon 1 tensioned and released in
-//! ramps of a second, so that every state on the way has its share.
+//! Time of a time step on one core: the study's robot, tendon 1 loaded and unloaded in ramps of 1
+//! s, so that all states contribute.
 
 #[path = "../tests/common/mod.rs"]
 mod common;

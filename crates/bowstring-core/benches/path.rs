@@ -1,5 +1,5 @@
-//! Time of a solve with driven tendons on one core, from home, beside that by tensions: gravity
-//! and a force across the tip, so that no two modules are equal.
+//! Time of a solve under displacement control on one core, from the home pose, compared with one
+//! under tension control: gravity and a transverse tip force, so that no two modules are equal.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -11,7 +11,7 @@ use bowstring_core::statics::solver::{Solver, Status};
 use common::{section, study_robot};
 use criterion::{criterion_group, criterion_main, Criterion};
 
-/// The small robot of `segments` with `disks` and three tendons each.
+/// Robot with `segments` segments of `disks` disks and three tendons each.
 fn segments(segments: usize, disks: usize) -> Robot {
     let count = segments * disks;
     let length = 0.0622;
@@ -58,7 +58,7 @@ fn compare(c: &mut Criterion, name: &str, robot: &Robot, tensions: &[f64], tip_f
     let displacements: Vec<_> = (0..tensions.len())
         .map(|i| {
             let straight = robot.spec().disks[tendons[i].end_disk].station;
-            // those without tension hang by some more
+            // tendons without tension get a slack length
             let surplus = if tensions[i] > 0.0 { 0.0 } else { 1e-3 };
             Command::Displacement(straight - solver.tendon_length(i).unwrap() - surplus)
         })
@@ -92,7 +92,7 @@ fn compare(c: &mut Criterion, name: &str, robot: &Robot, tensions: &[f64], tip_f
     }
 }
 
-fn drives(c: &mut Criterion) {
+fn actuation(c: &mut Criterion) {
     compare(c, "study", &study_robot(9, 0.0), &[40.0, 10.0, 5.0], 1.0);
     compare(c, "slack", &study_robot(9, 0.0), &[40.0, 0.0, 0.0], 1.0);
     for (count, disks) in [(1, 10), (2, 10), (3, 10), (3, 20)] {
@@ -107,6 +107,6 @@ criterion_group! {
     config = Criterion::default()
         .warm_up_time(std::time::Duration::from_millis(200))
         .measurement_time(std::time::Duration::from_secs(1));
-    targets = drives
+    targets = actuation
 }
 criterion_main!(group);

@@ -1,5 +1,5 @@
 //! Time of a static solve on one core: the study's robot, three tendons under tension, gravity and
-//! a force across the tip, so that no two modules are equal.
+//! a transverse tip force, so that no two modules are equal.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -59,7 +59,7 @@ fn statics(c: &mut Criterion) {
             })
         });
     }
-    // one core, lanes and all: 4096 loads a call
+    // one core, with SIMD lanes: 4096 loads in a call
     let tensions: Vec<f64> = (0..4096)
         .flat_map(|i| [(i * 7 % 81) as f64, (i * 3 % 31) as f64, (i % 17) as f64])
         .collect();

@@ -1,17 +1,18 @@
-//! Random solves by the million: no panic, no NaN, no answer with a larger error than stated.
+//! Millions of random solves: no panic, no NaN, no solution with a larger error than stated.
 //!
 //! `cargo run --release -p bowstring-core --example campaign -- SOLVES [STATE]`
 //!
-//! Robots are drawn one after the other, each under several loads; every answer is looked at:
+//! Robots are drawn one after the other, each under several loads; every solution is checked:
 //!
-//! - each number is finite, the residual below its tolerance;
-//! - a batch gives what single solves give;
-//! - eight elements in a module, from the answer's own strain, move no disk by more than is stated;
-//! - poses of those satisfy the rod's differential equation, integrated under the wrench that
-//!   tendons and loads leave to the backbone: nothing of it is the solver's own residual.
+//! - each number is finite, and the residual is below its tolerance;
+//! - a batch gives the same as single solves;
+//! - eight elements in a module, started from the solution's strain, move no disk by more than
+//!   the stated error;
+//! - the poses of these satisfy the rod's differential equations, integrated under the wrench
+//!   that tendons and loads exert on the backbone, independently of the solver's residual.
 //!
-//! What was found is kept in STATE (default `target/campaign.txt`) after every thousand robots,
-//! and a further run goes on from there.
+//! Counts are saved in STATE (default `target/campaign.txt`) after every thousand robots; a further
+//! run continues from there.
 
 #[path = "../tests/common/cases.rs"]
 mod cases;
@@ -27,20 +28,20 @@ use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
-/// Loads of a realistic robot, and of a hostile one: most of its loads have no equilibrium, and
-/// each takes about as long as a thousand others.
+/// Loads of a realistic robot, and of a hostile one, most of whose loads have no equilibrium and
+/// take about as long as a thousand others each.
 const LOADS: usize = 64;
 const HOSTILE_LOADS: usize = 2;
-/// Share of hostile robots.
+/// Fraction of hostile robots.
 const HOSTILE: f64 = 0.1;
-/// Robots between two writings of the state.
+/// Robots between two saves of the state.
 const CHUNK: usize = 1000;
-/// Of the loads of a robot, those that eight elements solve as well.
+/// Loads of a robot that are also solved with eight elements.
 const COMPARED: usize = 2;
-/// Gap of a module that counts as none, over its length or in rad.
+/// Negligible gap of a module, over its length or in rad.
 const BALANCED: f64 = 1e-3;
 
-/// Names and values of what is counted.
+/// Names and values of the counters.
 macro_rules! counts {
     ($($name:ident: $text:literal),* $(,)?) => {
         #[derive(Clone, Copy, Debug, Default)]
@@ -89,7 +90,7 @@ counts! {
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
-    let wanted: u64 = match arguments.next().map(|text| text.parse()) {
+    let target: u64 = match arguments.next().map(|text| text.parse()) {
         Some(Ok(n)) => n,
         _ => {
             eprintln!("campaign: give the number of solves, such as 1000000");
@@ -101,7 +102,7 @@ fn main() {
     std::panic::set_hook(Box::new(|panic| eprintln!("\n{panic}")));
     let begun = Instant::now();
     let before = total.solves;
-    while total.solves < wanted {
+    while total.solves < target {
         let next = AtomicUsize::new(first);
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
         let parts: Vec<Counts> = std::thread::scope(|scope| {
@@ -128,7 +129,7 @@ fn main() {
         write(&path, &total, first);
         let rate = (total.solves - before) as f64 / begun.elapsed().as_secs_f64();
         eprint!(
-            "\r{} of {wanted} solves, {rate:.0} a second; {} panics, {} off by more than stated ",
+            "\r{} of {target} solves, {rate:.0} a second; {} panics, {} off by more than stated ",
             total.solves, total.panics, total.beyond
         );
     }
@@ -153,7 +154,7 @@ fn read(path: &str) -> (Counts, usize) {
     (Counts::from_values(&numbers[1..]), numbers[0] as usize)
 }
 
-/// Whole or not at all.
+/// Writes the state atomically.
 fn write(path: &str, counts: &Counts, first: usize) {
     let values = counts
         .values()
@@ -211,7 +212,7 @@ fn trial(number: usize) -> Counts {
         let size = first.bending / robot.length() * draw.within(0.0, 1.0);
         case.tip_moment = draw.direction() * size;
     }
-    // each tension, tip force and moment a share of what was drawn
+    // each tension, tip force and moment a fraction of the drawn value
     let (mut tensions, mut forces, mut moments) = (vec![], vec![], vec![]);
     let count = if hard { HOSTILE_LOADS } else { LOADS };
     for _ in 0..count {
@@ -243,7 +244,7 @@ fn trial(number: usize) -> Counts {
             continue;
         }
         counts.converged += 1;
-        let error = outcome.error.expect("each answer carries one");
+        let error = outcome.error.expect("each solution has one");
         let numbers = found.tip_position[3 * i..][..3]
             .iter()
             .chain(&found.tip_rotation[9 * i..][..9])
@@ -274,7 +275,7 @@ fn trial(number: usize) -> Counts {
     counts
 }
 
-/// Whether a row of a batch is what a single solve gives, up to rounding.
+/// Whether a row of a batch equals a single solve, up to rounding.
 fn same(single: &Adaptive, outcome: &Outcome, batch: &Solutions, i: usize) -> bool {
     let other = &batch.outcomes[i];
     if (other.status, other.stable, other.left_unstable)
@@ -287,7 +288,7 @@ fn same(single: &Adaptive, outcome: &Outcome, batch: &Solutions, i: usize) -> bo
     };
     let length = single.solver().robot().length();
     let tendons = single.solver().robot().tendon_count();
-    // rounding may have either choose more elements
+    // due to rounding, either may choose more elements
     let stated = |o: &Outcome| o.error.map_or(f64::NAN, |error| error.tip);
     let slack = 1e-8 + (stated(outcome) + stated(other)) / length;
     let close = |a: f64, b: f64, unit: f64| (a - b).abs() <= slack * unit;
@@ -302,7 +303,7 @@ fn same(single: &Adaptive, outcome: &Outcome, batch: &Solutions, i: usize) -> bo
         })
 }
 
-/// An answer against eight elements, and both from the outside.
+/// Compares a solution with one of eight elements, and checks both independently.
 fn compare(
     name: &str,
     case: &Case,
@@ -315,16 +316,16 @@ fn compare(
     let length = robot.length();
     let (mut fine, mut found) = single.refined(load, 8).unwrap();
     if found.status != Status::Converged {
-        // a tip moment may have led here from an equilibrium that is stable
+        // a tip moment may have led here from a stable equilibrium
         found = fine.solve(load).unwrap();
         fine.estimate_error(&mut found);
     }
     let Some(rest) = found.error else {
-        // rounding of stiffnesses that are 1e8 times apart, as hostile robots have them
+        // rounding of stiffnesses with a ratio of 1e8, as hostile robots have them
         counts.unconfirmed += 1;
         return;
     };
-    // the gap is that of one module; where the answer says it is exact, so must each be
+    // the gap is that of one module; where the stated error is tiny, the gap of each must be too
     if case.tendon == TendonPath::Straight && rest.tip <= 1e-5 * length {
         let mut here = case.clone();
         here.tensions = load.tensions.to_vec();
@@ -349,7 +350,7 @@ fn compare(
         return;
     }
     counts.compared += 1;
-    // what rounding leaves of an ill-conditioned answer is no discretisation error
+    // rounding errors of an ill-conditioned solution are no discretisation error
     let bound = stated + 1e-8 * length;
     let off = |k: usize| {
         let [a, b] = [single.solver(), &fine].map(|s| s.disk(k).unwrap().position);
@@ -366,9 +367,9 @@ fn compare(
     }
 }
 
-/// The largest gap of a module, integrated with as many steps as it takes; `None` where the
-/// integration magnifies differences too much to tell, or a section is so soft that it turns far
-/// by what is left of the residual.
+/// The largest gap of a module, integrated with as many steps as necessary; `None` where the
+/// integration amplifies differences too much, or where a section is so soft that the remaining
+/// residual rotates it far.
 fn largest_gap(case: &Case, robot: &Robot, solver: &Solver) -> Option<f64> {
     let soft = (robot.spec().sections.iter()).any(|s| s.torsion < 1e-4 * s.bending);
     let mut gap = None;

@@ -1,26 +1,28 @@
 //! Constant curvature: a segment's backbone as one circular arc (Amouri 2019, section 3).
 //!
-//! Two maps, both ways and with their derivatives: joint space (tendon lengths or tensions) to
+//! Theory: docs/theory/constant-curvature.md.
+//!
+//! Two maps in both directions, with their derivatives: joint space (tendon lengths or tensions) to
 //! configuration space (the arc), and configuration space to task space (the tip's pose).
 //!
-//! Frames and signs: the base frame has z along the straight backbone; a tendon's *hole* is its
-//! place (x, y) in every disk, r (cos alpha, sin alpha); the arc bends towards phi, counted from x
-//! towards y, and a tendon on the inside of the bend is shorter. SI and radians.
+//! Frames and signs: the base frame has z along the straight backbone; a tendon's *hole* has the
+//! same position (x, y) = r (cos alpha, sin alpha) in every disk; the arc bends towards phi,
+//! counted from x towards y; a tendon on the inside of the bend is shorter. SI units and radians.
 //!
-//! An arc is held as its *bend vector* (theta cos phi, theta sin phi) and its length. All maps are
-//! smooth in these, the straight pose included; curvature and direction are derived.
+//! An arc is stored as its *bend vector* (theta cos phi, theta sin phi) and its length. All maps
+//! are smooth in these, at the straight pose too; curvature and direction are derived from them.
 
 use crate::math::linalg::dot;
 use crate::math::series::stumpff;
 use std::f64::consts::{PI, TAU};
 use std::fmt;
 
-/// Why there is no answer; the text is one sentence.
+/// Why an arc could not be computed; the text is one sentence.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Error {
-    /// The input is wrong, or no arc can have it.
+    /// The input is invalid, or no arc is consistent with it.
     Input(String),
-    /// The input is valid and the law has no equilibrium there.
+    /// The input is valid, but the law has no equilibrium there.
     NoSolution(String),
 }
 
@@ -47,13 +49,13 @@ fn positive(what: impl fmt::Display, value: f64, unit: &str) -> Result<(), Error
     ))
 }
 
-/// A finite angle whose square is far from overflow: a backbone wound up further is no robot.
+/// Checks that an angle is finite and its square does not overflow.
 fn angle(theta: f64) -> Result<(), Error> {
     if theta.abs() <= 1e6 {
         return Ok(());
     }
     input(format!(
-        "the bending angle must be below 1e6 rad, got {theta:?} rad; check the units"
+        "the bend angle must be below 1e6 rad, got {theta:?} rad; check the units"
     ))
 }
 
@@ -74,28 +76,28 @@ fn one_a_hole(what: &str, values: &[f64], holes: &[Hole]) -> Result<(), Error> {
     ))
 }
 
-/// Place of a tendon in every disk, base axes, m.
+/// Hole position (x, y) of a tendon in every disk, disk axes (m).
 pub type Hole = [f64; 2];
 
-/// Position (m) and rotation (maps body to base), in the frame at the arc's start.
+/// Position (m) and rotation (body to base) in the frame at the arc's start.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
     /// Position (m).
     pub position: [f64; 3],
-    /// Rotation from body to base, by rows.
+    /// Rotation from body to base, row by row.
     pub rotation: [[f64; 3]; 3],
 }
 
 /// A circular arc that starts at the origin along z.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arc {
-    /// theta cos(phi) and theta sin(phi), rad; theta is the angle from base to tip.
+    /// Bend vector theta cos(phi), theta sin(phi) (rad); theta is the bend angle from base to tip.
     pub bend: [f64; 2],
-    /// Length along the backbone, m.
+    /// Length along the backbone (m).
     pub length: f64,
 }
 
-/// The smooth functions that all arc formulas are made of, at x = theta^2.
+/// Smooth functions of x = theta^2 in all arc formulas (theory Eq. 1.2: a = f, b = g).
 struct Smooth {
     /// sin(theta)/theta
     a: f64,
@@ -123,7 +125,7 @@ impl Smooth {
 }
 
 impl Arc {
-    /// From curvature `kappa` (1/m), direction `phi` (rad) and length (m). A negative curvature
+    /// Arc of curvature `kappa` (1/m), direction `phi` (rad) and length (m). A negative curvature
     /// bends towards phi + pi.
     pub fn from_curvature(kappa: f64, phi: f64, length: f64) -> Result<Self, Error> {
         finite("the curvature", &[kappa], "1/m")?;
@@ -137,12 +139,13 @@ impl Arc {
         })
     }
 
-    /// Bending angle from base to tip, rad, never negative.
+    /// Bend angle from base to tip (rad), never negative.
     pub fn theta(&self) -> f64 {
         self.bend[0].hypot(self.bend[1])
     }
 
-    /// Curvature (1/m, never negative) and direction of bending (rad, in (-pi, pi]; 0 if straight).
+    /// Curvature (1/m, never negative) and direction of the bend (rad, in (-pi, pi]; 0 if
+    /// straight).
     pub fn curvature(&self) -> (f64, f64) {
         let theta = self.theta();
         let phi = if theta == 0.0 {
@@ -155,10 +158,10 @@ impl Arc {
 
     /// The part from the base to arc length `s` (m, within [0, length]).
     pub fn part(&self, s: f64) -> Result<Self, Error> {
-        // a last place of rounding in s is no error
+        // allow rounding in the last digit of s
         if !(s >= 0.0 && s <= self.length * (1.0 + 4.0 * f64::EPSILON)) {
             return input(format!(
-                "the place along the arc must lie between 0 and its length {} m, got {s:?} m",
+                "the position along the arc must lie between 0 and its length {} m, got {s:?} m",
                 self.length
             ));
         }
@@ -169,7 +172,8 @@ impl Arc {
         })
     }
 
-    /// Pose of the arc's end (Amouri 2019, Eq. 1, with its rotation Rz(phi) Ry(theta) Rz(-phi)).
+    /// Pose of the arc's end: theory Eq. 1.1 and 1.2 (Amouri 2019, Eq. 1) with the rotation Rz(phi)
+    /// Ry(theta) Rz(-phi).
     pub fn pose(&self) -> Pose {
         let [x, y] = self.bend;
         let theta = self.theta();
@@ -184,8 +188,8 @@ impl Arc {
         }
     }
 
-    /// Derivative of the end's pose by (bend x, bend y, length). Rows 0 to 2: position, m. Rows 3
-    /// to 5: rotation vector in base axes, rad (dR = w x R).
+    /// Derivative of the end's pose with respect to (bend x, bend y, length). Rows 0 to 2: position
+    /// (m). Rows 3 to 5: rotation vector in base axes (rad), dR = w x R.
     pub fn pose_jacobian(&self) -> [[f64; 3]; 6] {
         let [x, y] = self.bend;
         let l = self.length;
@@ -200,8 +204,8 @@ impl Arc {
         ]
     }
 
-    /// Derivative of (kappa, phi, length) by (bend x, bend y, length); `None` where straight, where
-    /// phi has no derivative.
+    /// Derivative of (kappa, phi, length) with respect to (bend x, bend y, length); `None` at the
+    /// straight pose, where phi has no derivative.
     pub fn curvature_jacobian(&self) -> Option<[[f64; 3]; 3]> {
         let theta = self.theta();
         if theta == 0.0 {
@@ -216,8 +220,8 @@ impl Arc {
         ])
     }
 
-    /// Length of the tendon through `hole`, m: along the backbone for curved spans
-    /// (l - theta r cos(phi - alpha)), from disk to disk for straight ones.
+    /// Length of the tendon through `hole` (m): theory Eq. 1.3 for curved spans, theory Eq. 1.5 for
+    /// straight spans between disks.
     pub fn tendon_length(&self, hole: Hole, spans: &Spans) -> Result<f64, Error> {
         let parallel = self.parallel_length(hole);
         if parallel.is_nan() || parallel <= 0.0 {
@@ -229,7 +233,7 @@ impl Arc {
         Ok(spans.factor(self.theta()).0 * parallel)
     }
 
-    /// Derivative of [`Arc::tendon_length`] by (bend x, bend y, length).
+    /// Derivative of [`Arc::tendon_length`] with respect to (bend x, bend y, length).
     pub fn tendon_length_jacobian(&self, hole: Hole, spans: &Spans) -> [f64; 3] {
         let (q, w) = spans.factor(self.theta());
         let lw = self.parallel_length(hole) * w;
@@ -244,8 +248,8 @@ impl Arc {
         self.length - (hole[0] * self.bend[0] + hole[1] * self.bend[1])
     }
 
-    /// The arc through a tip `position` (m); its length is free. Every point has one, with theta
-    /// below 2 pi, but the origin and the negative z axis.
+    /// The arc whose tip is at `position` (m); its length is free. Every point except the origin
+    /// and the negative z axis has one with theta below 2 pi.
     pub fn through(position: [f64; 3]) -> Result<Self, Error> {
         let [x, y, z] = position;
         finite("a tip coordinate", &position, "m")?;
@@ -256,11 +260,11 @@ impl Arc {
                 "no arc from the base ends at ({x:?}, {y:?}, {z:?}) m: the base itself and the points straight behind it cannot be reached"
             ));
         }
-        // the chord leaves z by half the bending angle
+        // the chord makes half the bend angle with z
         let half = rho.atan2(z);
         let sine = rho / distance;
         let stretch = if z > 0.0 && sine < 1e-9 {
-            1.0 // to rounding
+            1.0 // equal to rounding
         } else {
             half / sine
         };
@@ -278,9 +282,9 @@ impl Arc {
         Ok(Arc { bend, length })
     }
 
-    /// The arc of the given `length` (theta from 0 to 2 pi) whose end is nearest to `position`, and
-    /// its distance (m). Where the direction of bending does not matter or is not unique (points
-    /// on the z axis) it is phi = 0.
+    /// The arc of the given `length` (theta from 0 to 2 pi) whose tip is nearest to `position`, and
+    /// the distance (m). Where the direction of the bend is not unique (points on the z axis) it is
+    /// phi = 0.
     pub fn nearest(position: [f64; 3], length: f64) -> Result<(Self, f64), Error> {
         finite("a tip coordinate", &position, "m")?;
         positive("the arc's length", length, "m")?;
@@ -288,7 +292,7 @@ impl Arc {
         let target = [rho / length, position[2] / length];
         finite("the tip's distance in arc lengths", &target, "lengths")?;
 
-        // all in the plane of the bend, in units of the length
+        // in the plane of the bend, in units of the length
         let offset = |theta: f64, f: &Smooth| [theta * f.b - target[0], f.a - target[1]];
         let distance = |theta: f64| {
             let [u, v] = offset(theta, &Smooth::at(theta));
@@ -308,7 +312,7 @@ impl Arc {
             (u * du + v * dv, du * du + dv * dv + u * ddu + v * ddv)
         };
 
-        // every minimum lies where the slope turns positive, or at an end
+        // every minimum lies where the slope becomes positive, or at an end
         const SCAN: u32 = 256;
         let node = |k: u32| TAU * f64::from(k) / f64::from(SCAN);
         let mut best = (distance(0.0), 0.0);
@@ -342,7 +346,8 @@ impl Arc {
     }
 }
 
-/// Root of an increasing crossing within [low, high] by Newton, kept inside by bisection.
+/// Zero in [low, high] of a function that is negative below and positive above it, by Newton's
+/// method safeguarded by bisection.
 fn root(f: impl Fn(f64) -> (f64, f64), mut low: f64, mut high: f64) -> f64 {
     let mut t = 0.5 * (low + high);
     for _ in 0..100 {
@@ -365,7 +370,7 @@ fn root(f: impl Fn(f64) -> (f64, f64), mut low: f64, mut high: f64) -> f64 {
     t
 }
 
-/// Derivative of (bend x, bend y, length) by (kappa, phi, length).
+/// Derivative of (bend x, bend y, length) with respect to (kappa, phi, length).
 pub fn bend_jacobian(kappa: f64, phi: f64, length: f64) -> [[f64; 3]; 3] {
     let (s, c) = phi.sin_cos();
     [
@@ -375,22 +380,23 @@ pub fn bend_jacobian(kappa: f64, phi: f64, length: f64) -> [[f64; 3]; 3] {
     ]
 }
 
-/// How a tendon runs along a segment: parallel to the backbone, or straight from disk to disk.
+/// Path of a tendon along a segment: parallel to the backbone, or straight from disk to disk.
 ///
-/// Over a module of angle a and backbone length h the straight span is
-/// 2 sin(a/2) (h/a - r cos(phi - alpha)). Summed over modules with shares f of the segment, every
-/// tendon is shorter than its parallel curve by one factor, Q(theta) = sum of 2 sin(f theta/2)/theta.
+/// Over a module of bend angle a and backbone length h the straight span is 2 sin(a/2) (h/a - r
+/// cos(phi - alpha)), theory Eq. 1.5. Summed over modules with shares f of the segment, every
+/// tendon is shorter than its parallel curve by one factor, Q(theta) = sum of 2 sin(f
+/// theta/2)/theta.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spans(Vec<f64>);
 
 impl Spans {
-    /// Tendons that touch a curve parallel to the backbone everywhere (Amouri 2019, Eq. 2-4).
+    /// Tendons that follow a curve parallel to the backbone (Amouri 2019, Eq. 2-4).
     pub fn curved() -> Self {
         Spans(Vec::new())
     }
 
     /// Straight spans over modules with these shares of the segment's length (they add up to 1;
-    /// equal ones are Amouri 2019, Fig. 4).
+    /// equal shares are Amouri 2019, Fig. 4).
     pub fn straight(shares: Vec<f64>) -> Result<Self, Error> {
         if shares.is_empty() {
             return input("a segment with straight spans needs at least one module, got 0".into());
@@ -431,7 +437,7 @@ impl Spans {
         (q, w)
     }
 
-    /// The theta whose Q(theta) theta is `chord`, up to half a turn a module.
+    /// Solves Q(theta) theta = `chord` for theta, up to a bend angle of pi in a module.
     fn theta(&self, chord: f64) -> Option<f64> {
         if self.0.is_empty() || chord == 0.0 {
             return Some(chord);
@@ -442,12 +448,12 @@ impl Spans {
         if chord > q * limit {
             return None;
         }
-        // Q theta is concave up to the limit, so Newton climbs to the root from below
+        // Q theta is concave up to the limit, so Newton's method converges to the root from below
         let mut theta = chord;
         for _ in 0..100 {
             let (q, w) = self.factor(theta);
             let step = (chord - q * theta) / (q + w * theta * theta);
-            // also ends where rounding alone is left, or at the limit, where the slope vanishes
+            // also ends where only rounding is left, or at the limit, where the slope vanishes
             if step.is_nan() || step <= 2.0 * f64::EPSILON * theta {
                 break;
             }
@@ -457,22 +463,23 @@ impl Spans {
     }
 }
 
-/// Tendon lengths to arc by least squares, for three tendons or more at any holes.
+/// Least-squares map from tendon lengths to an arc, for three or more tendons at any holes.
 ///
-/// Minimises the sum of squares of l_i - Q (length - hole_i . bend); for three tendons the answer is
-/// exact and, at 120 degrees, it is Amouri 2019, Eq. 2-4.
+/// Minimises the sum of squares of l_i - Q (length - hole_i . bend) (theory Eq. 1.3, with straight
+/// spans Eq. 1.5). For three tendons the residual is zero; at 120 degrees the solution is
+/// theory Eq. 1.4 (Amouri 2019, Eq. 2-4), with straight spans theory Eq. 1.6.
 #[derive(Debug, Clone)]
 pub struct TendonFit {
     holes: Vec<Hole>,
     spans: Spans,
     hold_length: bool,
     mean_hole: Hole,
-    /// d bend / d length difference, before the spans' factor.
+    /// Derivative of the bend vector with respect to length differences, before the factor Q.
     weights: Vec<[f64; 2]>,
 }
 
 impl TendonFit {
-    /// Prepares the fit; with `hold_length` the arc's length is given and only the bend is fitted
+    /// Prepares the fit. With `hold_length` the arc's length is given and only the bend is fitted
     /// (curved spans only).
     pub fn new(holes: &[Hole], spans: Spans, hold_length: bool) -> Result<Self, Error> {
         let count = holes.len();
@@ -491,7 +498,7 @@ impl TendonFit {
         let mean_hole = [mean(0), mean(1)];
         let centre = if hold_length { [0.0; 2] } else { mean_hole };
 
-        // thin QR of the holes about their centre; the second pass restores orthogonality
+        // thin QR of the holes about their centroid; the second pass restores orthogonality
         let mut first: Vec<f64> = holes.iter().map(|h| h[0] - centre[0]).collect();
         let mut second: Vec<f64> = holes.iter().map(|h| h[1] - centre[1]).collect();
         let size = dot(&first, &first) + dot(&second, &second);
@@ -509,7 +516,7 @@ impl TendonFit {
         // r11 r22 is the product of the singular values, size the sum of their squares
         if r11 * r22 <= 1e-6 * size || size.is_nan() || size.is_infinite() {
             return input(
-                "the tendons all lie in one plane, so their lengths cannot tell the direction of bending; put the holes at other angles".into(),
+                "the tendons all lie in one plane, so their lengths do not determine the direction of bending; put the holes at other angles".into(),
             );
         }
         let weights = first
@@ -529,8 +536,9 @@ impl TendonFit {
         })
     }
 
-    /// The arc for these tendon `lengths` (m), and the misfit: the root mean square of what is left
-    /// of the lengths, m (zero for three tendons with free length). `length` is the one held.
+    /// The arc for these tendon `lengths` (m), and the misfit: the root mean square residual of the
+    /// lengths (m; zero for three tendons with free length). `length` is the held length of the
+    /// arc.
     pub fn fit(&self, lengths: &[f64], length: Option<f64>) -> Result<(Arc, f64), Error> {
         let count = self.holes.len();
         one_a_hole("tendon lengths", lengths, &self.holes)?;
@@ -540,7 +548,7 @@ impl TendonFit {
         if length.is_some() != self.hold_length {
             return input("a held length goes with a fit that holds it".into());
         }
-        // differences of close lengths are exact, so the bend keeps its digits near straight
+        // differences of close lengths are exact, so the bend stays accurate near the straight pose
         let reference = length.unwrap_or(lengths[0]);
         let mut bend = [0.0; 2];
         let mut mean = 0.0;
@@ -550,7 +558,7 @@ impl TendonFit {
             mean += (l - reference) / count as f64;
         }
         let free = reference + mean + self.mean_hole[0] * bend[0] + self.mean_hole[1] * bend[1];
-        // parallel curves have these; straight spans are shorter by the factor
+        // lengths of parallel curves; straight spans are shorter by the factor Q
         let parallel = Arc {
             bend,
             length: length.unwrap_or(free),
@@ -604,14 +612,14 @@ impl TendonFit {
         Ok(())
     }
 
-    /// Derivative of (bend x, bend y, length) by the tendon lengths, at an `arc` that was fitted:
-    /// three rows, one column a tendon.
+    /// Derivative of (bend x, bend y, length) with respect to the tendon lengths, at a fitted
+    /// `arc`: three rows, one column for each tendon.
     pub fn jacobian(&self, arc: &Arc) -> [Vec<f64>; 3] {
         let count = self.holes.len() as f64;
         let (q, w) = self.spans.factor(arc.theta());
         let [x, y] = arc.bend;
         let theta = arc.theta();
-        // inverse of the spans' map (bend, length) -> Q (bend, length)
+        // inverse of the map (bend, length) -> Q (bend, length)
         let slope = q + w * theta * theta;
         let mut rows = [Vec::new(), Vec::new(), Vec::new()];
         for weight in &self.weights {
@@ -630,7 +638,7 @@ impl TendonFit {
     }
 }
 
-/// Sum of the tensions (N) and of tension times hole (N m).
+/// Sum of the tensions (N), and sum of tension times hole (N m).
 fn tendon_load(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64; 2]), Error> {
     one_a_hole("tensions", tensions, holes)?;
     let mut force = 0.0;
@@ -649,9 +657,9 @@ fn tendon_load(tensions: &[f64], holes: &[Hole]) -> Result<(f64, [f64; 2]), Erro
     Ok((force, moment))
 }
 
-/// The arc under `tensions` (N) by the linear law: bend = (length/EI) sum of tension times hole, the
-/// length unchanged. For one tendon theta = F r l/(E I); it is also a tendon that touches a parallel
-/// curve everywhere. `bending_stiffness` is E I, N m^2.
+/// The arc under `tensions` (N) by the linear law, theory Eq. 1.7: bend = (length/EI) sum of
+/// tension times hole; the length is unchanged. For one tendon theta = F r l/(E I). It is also the
+/// solution for a tendon that follows a parallel curve. `bending_stiffness` is E I (N m^2).
 pub fn linear_law(
     tensions: &[f64],
     holes: &[Hole],
@@ -669,17 +677,20 @@ pub fn linear_law(
 /// The arc under `tensions` (N) by the linear law with the mean lever arm of straight spans over
 /// `modules` equal modules; the length is unchanged.
 ///
-/// The elastic energy of an arc plus tension times the length of the straight spans,
-/// EI a^2/(2 h) + sum of T_i 2 sin(a/2) (h/a - r_i cos(phi - alpha_i)) a module (h = length/modules,
-/// a = theta/modules), is stationary along the moment m = sum T_i hole_i, where to second order in a
+/// The energy of a module with h = length/modules and a = theta/modules (theory Eq. 1.8),
 ///
-/// theta = (length/EI) (|m| + F h a/12 - |m| a^2/8),   F = sum T_i:
+/// EI a^2/(2 h) + sum of T_i 2 sin(a/2) (h/a - r_i cos(phi - alpha_i)),
 ///
-/// for one tendon the known theta = (F l/EI) (r + (l/n) a/12 - r a^2/8). It is a quadratic with one
-/// positive root, taken here in the form that loses no digits near straight.
+/// is stationary along the moment m = sum T_i hole_i, where to second order in a (theory Eq. 1.9)
 ///
-/// From Euler's load F = pi^2 EI/h^2 on, the backbone buckles between two disks and there is no
-/// answer. The quadratic alone would go on to 12 EI/h^2, the load that buckles an arc held to be one.
+/// theta = (length/EI) (|m| + F h a/12 - |m| a^2/8),   F = sum T_i.
+///
+/// For one tendon this is theta = (F l/EI) (r + (l/n) a/12 - r a^2/8). It is a quadratic with one
+/// positive root, computed in the form without cancellation near the straight pose.
+///
+/// At and above Euler's load F = pi^2 EI/h^2 the backbone buckles between two disks and there is no
+/// equilibrium. The quadratic alone would have a root up to 12 EI/h^2, the load that buckles a
+/// backbone constrained to an arc.
 pub fn lever_arm_law(
     tensions: &[f64],
     holes: &[Hole],
@@ -697,10 +708,10 @@ pub fn lever_arm_law(
     let buckling = PI * PI * unit; // Euler's column of length h, hinged at both ends
     if force >= buckling {
         return Err(Error::NoSolution(format!(
-            "a total tension of {force:?} N buckles the backbone between its disks (limit {buckling:.4} N), where the lever-arm law ends; lower the tensions"
+            "a total tension of {force:?} N buckles the backbone between its disks (limit {buckling:.4} N), the limit of the lever-arm law; lower the tensions"
         )));
     }
-    // EI a - F h^2 a/12: what is left of the straight module's stiffness
+    // EI a - F h^2 a/12: remaining bending stiffness of the straight module, over EI
     let stiffness = 1.0 - force / (12.0 * unit);
     let root = stiffness.hypot(linear.theta() / (2.0 * n2).sqrt());
     let gain = 2.0 / (stiffness + root);

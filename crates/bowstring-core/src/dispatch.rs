@@ -1,7 +1,7 @@
-//! Rods in the numbers that suit the processor, behind one interface.
+//! Rods in the number types that suit the processor, behind one interface.
 //!
-//! Each pass is compiled once for each kind of number, with the instructions that it takes; what
-//! calls one pass after the other is written, and compiled, once.
+//! Each pass is compiled once for each number type with the processor instructions that it needs;
+//! the algorithms that call the passes are written and compiled once.
 
 use crate::math::lie::Pose;
 use crate::math::linalg::Vec3;
@@ -18,7 +18,7 @@ use crate::rod::estimate::Correction;
 use crate::rod::routed::RoutedRod;
 use crate::rod::sensitivity::{self, Jacobians};
 
-/// The passes of one rod, see [`Rod`] for what each does.
+/// The passes of one rod; see [`Rod`] for what each does.
 pub(crate) trait Passes: RoutedRod + Send + Sync {
     fn evaluate(&mut self) -> f64;
     fn balance(&mut self) -> f64;
@@ -35,19 +35,19 @@ pub(crate) trait Passes: RoutedRod + Send + Sync {
     fn make_straight(&mut self);
     fn set_strains(&mut self, strain: &dyn Fn(usize) -> Vec3);
     fn strains(&self, visit: &mut dyn FnMut(usize, Vec3));
-    /// Contact force of every module (N), in the frame of its start.
+    /// Contact force of every module (N), in the frame of its start disk.
     fn contact_forces(&self, visit: &mut dyn FnMut(usize, Vec3));
     fn set_gradient(&mut self, value: &dyn Fn(usize) -> Vec3);
-    /// Takes the step as the next right-hand side: inverse iteration.
+    /// Copies the step to the right-hand side, for inverse iteration.
     fn step_to_gradient(&mut self, scale: f64);
     fn save(&mut self);
     fn advance(&mut self, fraction: f64);
-    /// Negative eigenvalues of the second variation that was eliminated last.
+    /// Number of negative eigenvalues of the second variation that was eliminated last.
     fn negative_pivots(&self) -> usize;
     fn span_tension(&self, k: usize, i: usize) -> f64;
-    /// Length of a tendon as of the last `finish` (m).
+    /// Length of a tendon at the last `finish` (m).
     fn length(&self, i: usize) -> f64;
-    /// Its error as of the last `estimate` (m).
+    /// Error of a tendon's length at the last `estimate` (m).
     fn length_error(&self, i: usize) -> f64;
     fn disk(&self, k: usize) -> Pose;
     fn collision(&self) -> Option<usize>;
@@ -243,14 +243,14 @@ impl<L: Layout, const A: usize> RoutedRod for Rod<L, A> {
     }
 }
 
-/// Something to make in the numbers of a layout, with `A` arcs in a module.
+/// Something to construct in the number type of a layout, with `A` arcs in a module.
 trait Build {
     type Built;
     fn build<L: Layout, const A: usize>(self, layout: L) -> Self::Built;
 }
 
-/// Makes it in the quickest numbers of this processor. Lanes are for the default of one element
-/// alone: finer rods serve to check it.
+/// Constructs it in the fastest number type of this processor. SIMD lanes are used for the default
+/// of one element only; finer rods verify it.
 fn build<B: Build>(elements: usize, of: B) -> Result<B::Built, InputError> {
     #[cfg(target_arch = "x86_64")]
     if elements == 1 {
@@ -270,7 +270,7 @@ fn build<B: Build>(elements: usize, of: B) -> Result<B::Built, InputError> {
     })
 }
 
-/// The quickest rod of this processor.
+/// The fastest rod of this processor.
 pub(crate) fn quickest(
     robot: &Robot,
     model: Model,
@@ -286,14 +286,14 @@ pub(crate) fn quickest(
     build(elements, AtRest(robot, model))
 }
 
-/// A rod with its modules in lanes.
+/// A rod with its modules in SIMD lanes.
 #[cfg(all(test, target_arch = "x86_64"))]
 pub(crate) fn side_by_side<S: Simd>(simd: S, robot: &Robot, model: Model) -> Box<dyn Passes> {
     Box::new(Rod::<_, 2>::new(Modules(simd), robot, model))
 }
 
-/// Memory of a rod in bytes, and of `columns` answers to single tensions; the lanes take about
-/// the same.
+/// Memory of a rod (bytes) and of the responses to `columns` single tensions; a rod in SIMD lanes
+/// takes about the same.
 fn bytes(robot: &Robot, elements: usize, columns: usize) -> f64 {
     match elements {
         1 => Rod::<Scalar, 2>::bytes(robot, columns),
@@ -311,7 +311,7 @@ fn size(robot: &Robot) -> String {
     )
 }
 
-/// Checks that `solvers` at a time fit into memory.
+/// Checks that `solvers` concurrent solvers fit into memory.
 pub(crate) fn check_solvers(
     robot: &Robot,
     elements: usize,
@@ -321,16 +321,16 @@ pub(crate) fn check_solvers(
     memory::check(bytes, || size(robot), "use fewer disks")
 }
 
-/// Checks that a robot in motion fits into memory: two rods, and what inertia adds.
+/// Checks that a robot in motion fits into memory: two rods, and the arrays of inertia.
 pub(crate) fn check_moving(robot: &Robot, elements: usize) -> Result<(), InputError> {
     check_solvers(robot, elements, 4)
 }
 
-/// Arrays of a transmission by modules and tendons, of its history and their copies.
+/// Number of arrays by modules and tendons in a transmission, its history and their copies.
 const TRANSMISSION_ARRAYS: f64 = 20.0;
 
-/// Checks that a robot that is driven through its tendons fits into memory, with `unknowns`
-/// tensions and holes that stick, so many times.
+/// Checks that a robot with a transmission fits into memory, with `unknowns` tensions and sticking
+/// holes, so many times.
 pub(crate) fn check_path(
     robot: &Robot,
     elements: usize,
@@ -348,14 +348,14 @@ pub(crate) fn check_path(
         0 => size(robot),
         _ => format!("{}, {unknowns} tensions of which are unknown,", size(robot)),
     };
-    memory::check(bytes, what, "use fewer disks, or pull fewer tendons")
+    memory::check(bytes, what, "use fewer disks, or fewer tendons")
 }
 
-/// A rod in plain numbers, and what is asked of it beside its passes.
+/// A rod in plain numbers, with the queries beside its passes.
 pub(crate) trait Plain: Passes {
-    /// Takes on load, tensions and strain of another rod of `arcs` arcs, and evaluates them.
+    /// Copies load, tensions and strain of another rod of `arcs` arcs, and evaluates them.
     fn take(&mut self, load: &Load, from: &dyn Passes, arcs: usize);
-    /// Points of the backbone, `per_module` in each module, base and tip included, m.
+    /// Points of the backbone (m), `per_module` in each module, base and tip included.
     fn centerline(&self, per_module: usize) -> Vec<Vec3>;
     fn jacobians(&mut self, segments: &[usize]) -> Option<Jacobians>;
 }
@@ -405,7 +405,7 @@ pub(crate) fn plain(
     })
 }
 
-/// The quickest moving rod of this processor.
+/// The fastest moving rod of this processor.
 pub(crate) fn moving(
     robot: &Robot,
     model: Model,

@@ -1,8 +1,8 @@
-//! Interruption of long work from outside.
+//! Interruption of long work by the caller.
 //!
 //! Loops count their work with [`work`]; after each `QUANTUM` of it the caller of [`watched`] is
-//! asked whether to stop. Between two questions a count costs a subtraction. Interrupted work ends
-//! early, as if it had not converged, and its results are not to be used.
+//! polled for an interruption. Between two polls, counting costs a subtraction. Interrupted work
+//! ends early, as if it had not converged, and its results must not be used.
 
 use std::cell::{Cell, RefCell};
 #[cfg(feature = "threads")]
@@ -11,12 +11,12 @@ use std::sync::{
     Arc,
 };
 
-/// Work between two questions, in units of [`work`]: about a millisecond.
+/// Work between two polls, in units of [`work`]: about a millisecond.
 const QUANTUM: i64 = 1 << 16;
 
-/// Who is asked.
+/// What is polled for an interruption.
 #[derive(Clone)]
-enum Ask {
+enum Poll {
     /// A function of the caller, on the caller's thread.
     Caller(fn() -> bool),
     /// A flag that the caller's thread sets.
@@ -24,35 +24,35 @@ enum Ask {
     Flag(Arc<AtomicBool>),
 }
 
-impl Ask {
-    fn ask(&self) -> bool {
+impl Poll {
+    fn check(&self) -> bool {
         match self {
-            Ask::Caller(ask) => ask(),
+            Poll::Caller(ask) => ask(),
             #[cfg(feature = "threads")]
-            Ask::Flag(flag) => flag.load(Ordering::Relaxed),
+            Poll::Flag(flag) => flag.load(Ordering::Relaxed),
         }
     }
 }
 
 thread_local! {
-    /// Work left until the next question; negative once interrupted.
+    /// Work left until the next poll; negative after an interruption.
     static LEFT: Cell<i64> = const { Cell::new(i64::MAX) };
     static INTERRUPTED: Cell<bool> = const { Cell::new(false) };
-    static ASK: RefCell<Option<Ask>> = const { RefCell::new(None) };
+    static POLL: RefCell<Option<Poll>> = const { RefCell::new(None) };
 }
 
-/// Work that was interrupted.
+/// Error of work that was interrupted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interrupted;
 
-/// Runs work on this thread that ends early once `ask` returns true.
+/// Runs work on this thread and ends it early when `ask` returns true.
 ///
 /// `ask` is called about once in a millisecond and must be cheap.
 ///
 /// # Errors
 /// If the work was interrupted; its result is dropped.
 pub fn watched<T>(ask: fn() -> bool, work: impl FnOnce() -> T) -> Result<T, Interrupted> {
-    let _outer = Outer::replace(Some(Ask::Caller(ask)));
+    let _outer = Outer::replace(Some(Poll::Caller(ask)));
     let done = work();
     match INTERRUPTED.get() {
         true => Err(Interrupted),
@@ -60,19 +60,19 @@ pub fn watched<T>(ask: fn() -> bool, work: impl FnOnce() -> T) -> Result<T, Inte
     }
 }
 
-/// The state of work that this work is part of, restored when it is done.
+/// State of the enclosing work, restored when this work is done.
 struct Outer {
     left: i64,
     interrupted: bool,
-    ask: Option<Ask>,
+    poll: Option<Poll>,
 }
 
 impl Outer {
-    fn replace(ask: Option<Ask>) -> Self {
+    fn replace(poll: Option<Poll>) -> Self {
         Outer {
-            left: LEFT.replace(if ask.is_some() { QUANTUM } else { i64::MAX }),
+            left: LEFT.replace(if poll.is_some() { QUANTUM } else { i64::MAX }),
             interrupted: INTERRUPTED.replace(false),
-            ask: ASK.replace(ask),
+            poll: POLL.replace(poll),
         }
     }
 }
@@ -81,27 +81,27 @@ impl Drop for Outer {
     fn drop(&mut self) {
         LEFT.set(self.left);
         INTERRUPTED.set(self.interrupted);
-        ASK.replace(self.ask.take());
+        POLL.replace(self.poll.take());
     }
 }
 
-/// Counts work of about ten nanoseconds a unit; true if it is to end.
+/// Counts work of about ten nanoseconds a unit; true if it must end.
 #[inline]
 pub fn work(units: usize) -> bool {
     let left = LEFT.get() - units as i64;
     LEFT.set(left);
-    left < 0 && ask()
+    left < 0 && poll()
 }
 
-/// Asks now; true if the work on this thread is to end.
+/// Polls now; true if the work on this thread must end.
 #[cold]
-fn ask() -> bool {
+fn poll() -> bool {
     if INTERRUPTED.get() {
         return true;
     }
-    // the caller may start other work while it is asked
-    let asked = ASK.with_borrow(|ask| ask.clone());
-    let interrupted = asked.is_some_and(|asked| asked.ask());
+    // the caller may start other work while it is polled
+    let current = POLL.with_borrow(|poll| poll.clone());
+    let interrupted = current.is_some_and(|poll| poll.check());
     INTERRUPTED.set(interrupted);
     LEFT.set(if interrupted { -1 } else { QUANTUM });
     interrupted
@@ -124,17 +124,17 @@ pub(crate) struct Shared {
 
 #[cfg(feature = "threads")]
 impl Shared {
-    /// Time between two questions, s.
+    /// Time between two polls (s).
     const INTERVAL: std::time::Duration = std::time::Duration::from_millis(20);
 
-    /// Makes the calling thread one of the others, until it ends.
+    /// Lets the calling thread share the interruption flag until it ends.
     pub fn join(&self) {
         LEFT.set(QUANTUM);
         INTERRUPTED.set(false);
-        ASK.replace(Some(Ask::Flag(self.flag.clone())));
+        POLL.replace(Some(Poll::Flag(self.flag.clone())));
     }
 
-    /// Tells the waiting thread that the work is done when it is dropped.
+    /// Guard that notifies the waiting thread when the work is done.
     pub fn finisher(&self) -> impl Drop {
         struct Finisher(Shared);
         impl Drop for Finisher {
@@ -147,7 +147,7 @@ impl Shared {
         Finisher(self.clone())
     }
 
-    /// Waits until the work is done, and passes an interruption on.
+    /// Waits until the work is done, and forwards an interruption.
     pub fn wait(&self) {
         let (done, signal) = &*self.done;
         let mut finished = done.lock().unwrap_or_else(|e| e.into_inner());
@@ -158,7 +158,7 @@ impl Shared {
             };
             if !*finished {
                 drop(finished);
-                if ask() {
+                if poll() {
                     self.flag.store(true, Ordering::Relaxed);
                 }
                 finished = done.lock().unwrap_or_else(|e| e.into_inner());
@@ -172,34 +172,34 @@ mod tests {
     use super::*;
 
     thread_local! {
-        static ASKED: Cell<usize> = const { Cell::new(0) };
+        static POLLED: Cell<usize> = const { Cell::new(0) };
     }
 
     fn third_time() -> bool {
-        ASKED.set(ASKED.get() + 1);
-        ASKED.get() == 3
+        POLLED.set(POLLED.get() + 1);
+        POLLED.get() == 3
     }
 
     #[test]
-    fn work_ends_when_it_is_asked_to() {
-        ASKED.set(0);
+    fn work_ends_on_interruption() {
+        POLLED.set(0);
         let mut units = 0;
         let done = watched(third_time, || {
             while !work(1000) {
                 units += 1000;
             }
-            // and stays so
+            // and stays interrupted
             assert!(work(1) && interrupted());
         });
         assert_eq!(done, Err(Interrupted));
-        assert_eq!(ASKED.get(), 3);
+        assert_eq!(POLLED.get(), 3);
         assert!((2 * QUANTUM..4 * QUANTUM).contains(&units), "{units}");
         assert!(!interrupted() && !work(usize::MAX >> 4));
     }
 
     #[test]
     fn work_within_work_has_its_own_interruption() {
-        ASKED.set(0);
+        POLLED.set(0);
         let done = watched(
             || false,
             || {

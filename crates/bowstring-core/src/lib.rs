@@ -1,7 +1,7 @@
 #![doc = include_str!("../README.md")]
 #![warn(missing_docs)]
 
-// each folder uses those above it in this list only
+// each folder uses only those above it in this list
 
 pub mod interrupt;
 pub mod math;

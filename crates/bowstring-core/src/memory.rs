@@ -1,4 +1,4 @@
-//! Estimates of memory, checked before work begins: an allocation that fails ends the process.
+//! Memory estimates, checked before work begins: a failed allocation would abort the process.
 
 use crate::interrupt;
 use crate::model::error::InputError;
@@ -9,8 +9,8 @@ const SMALL: f64 = 16e6;
 /// Checks that so many bytes can be allocated.
 ///
 /// # Errors
-/// If they cannot: "... would take 259 GB of memory, more than is available; ...", from what takes
-/// them and what to do.
+/// If they cannot: "... would take 259 GB of memory, more than is available; ...", with what needs
+/// the memory and what to do.
 pub fn check(bytes: f64, what: impl FnOnce() -> String, cure: &str) -> Result<(), InputError> {
     if bytes < SMALL {
         return Ok(());
@@ -27,10 +27,10 @@ pub fn check(bytes: f64, what: impl FnOnce() -> String, cure: &str) -> Result<()
     )))
 }
 
-/// So many numbers that are not known yet.
+/// A vector of `NaN`, for results that are not known yet.
 ///
 /// # Errors
-/// If they do not fit into memory, with the sentence of `refused`.
+/// If it does not fit into memory, with the sentence of `refused`.
 pub fn unknown(
     len: Option<usize>,
     refused: &dyn Fn() -> InputError,
@@ -38,7 +38,7 @@ pub fn unknown(
     filled(f64::NAN, len, refused)
 }
 
-/// So many times a value.
+/// A vector of copies of a value.
 ///
 /// # Errors
 /// As [`unknown`].
@@ -63,7 +63,7 @@ pub fn filled<T: Clone>(
     Ok(v)
 }
 
-/// Three significant digits.
+/// A number with three significant digits.
 struct Digits(f64);
 
 impl std::fmt::Display for Digits {
@@ -82,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn too_much_memory_is_refused_with_its_size() {
+    fn too_much_memory_is_rejected_with_its_size() {
         let refused = check(3e17, || "a matrix".into(), "take less").unwrap_err();
         assert_eq!(
             refused.to_string(),

@@ -1,30 +1,34 @@
 //! Strain of a round section, and stress at its surface.
+//!
+//! Theory: docs/theory/stress.md.
 
 use crate::interrupt;
 use crate::math::series::small_arc_tangent;
 use crate::math::vectorize;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// What strain and stress of a section follow from, SI.
+/// Constants of a section for strain and stress; SI units.
 #[derive(Clone, Copy, Debug)]
 pub struct Section {
-    /// Radius of the surface (m).
+    /// Outer radius (m).
     pub radius: f64,
     /// Area (m^2).
     pub area: f64,
     /// Section modulus (m^3): second moment of area over the radius.
     pub modulus: f64,
-    /// Largest shear stress over transverse force (1/m^2).
+    /// Largest shear stress over transverse force, k/A of theory Eq. 6.1 (1/m^2).
     pub shear: f64,
-    /// Curvature over moment about x and y, and twist over torsion (1/(N m^2)).
+    /// Compliance in bending: curvature over moment about x and y, and twist over torsion (1/(N
+    /// m^2)).
     pub bending_compliance: [f64; 3],
-    /// Shear over transverse force along x and y, and extension over axial force (1/N).
+    /// Compliance to force: shear over transverse force along x and y, and extension over axial
+    /// force (1/N).
     pub force_compliance: [f64; 3],
 }
 
 impl Section {
-    /// Normal and shear stress around the surface by force and moment in body axes: the
-    /// coefficients of `a + b cos(psi) + c sin(psi)`, Pa.
+    /// Normal and shear stress around the surface by force and moment in body axes, theory Eq. 6.1:
+    /// the coefficients of `a + b cos(psi) + c sin(psi)` (Pa).
     #[inline(always)]
     pub fn stress(&self, force: [f64; 3], moment: [f64; 3]) -> [[f64; 3]; 2] {
         let ([fx, fy, fz], [mx, my, mz]) = (force, moment);
@@ -34,15 +38,14 @@ impl Section {
     }
 }
 
-/// Sections as [`derive()`] takes them: one after the other along the backbone, for one time after
-/// the other; vectors flat.
+/// Input of [`derive()`]: sections along the backbone at one time after the other; vectors flat.
 #[derive(Clone, Copy, Debug)]
 pub struct Sections<'a> {
     /// Sections from base to tip.
     pub sections: &'a [Section],
     /// Positions (m).
     pub position: &'a [f64],
-    /// Rotations from body to base, by rows.
+    /// Rotations from body to base, row by row.
     pub rotation: &'a [f64],
     /// Internal forces in body axes (N).
     pub force: &'a [f64],
@@ -59,24 +62,24 @@ pub struct Derived {
     pub strain: Vec<f64>,
     /// Mean normal stress (Pa).
     pub axial: Vec<f64>,
-    /// Largest normal stress of bending at the surface (Pa).
+    /// Largest normal stress due to bending at the surface (Pa).
     pub bending: Vec<f64>,
     /// Largest normal stress at the surface (Pa).
     pub normal: Vec<f64>,
-    /// Largest shear stress of transverse force at the surface (Pa).
+    /// Largest shear stress due to transverse force at the surface (Pa).
     pub shear: Vec<f64>,
-    /// Shear stress of torsion at the surface (Pa).
+    /// Shear stress due to torsion at the surface (Pa).
     pub torsion: Vec<f64>,
     /// Largest von Mises stress around the surface (Pa).
     pub von_mises: Vec<f64>,
-    /// Angle of its place from x towards y (rad).
+    /// Angle of the point of largest von Mises stress, from x towards y (rad).
     pub angle: Vec<f64>,
-    /// Its place on the surface, base frame (m).
+    /// Position of the point of largest von Mises stress, base frame (m).
     pub place: Vec<f64>,
 }
 
 impl Derived {
-    /// All numbers, and how many there are of a section.
+    /// All arrays, with the count of numbers for each section.
     fn arrays(&mut self) -> [(&mut Vec<f64>, usize); 10] {
         [
             (&mut self.curvature, 3),
@@ -93,10 +96,10 @@ impl Derived {
     }
 }
 
-/// Sections between two looks for an interruption.
+/// Sections between two polls for an interruption.
 const BLOCK: usize = 1 << 15;
 
-/// As [`derive()`], of many times, in blocks between which it can be interrupted.
+/// [`derive()`] at many times, in blocks between which it can be interrupted.
 pub fn derive_all(given: Sections) -> Derived {
     let total = given.force.len() / 3;
     // whole times, so that each begins with the first section
@@ -125,8 +128,8 @@ pub fn derive_all(given: Sections) -> Derived {
     found
 }
 
-/// Coefficients of normal and shear stress around sections (Pa), (2, 3, K) flat, from force (N)
-/// and moment (N m) in body axes, (K, 3) flat; the sections repeat.
+/// Coefficients of normal and shear stress around sections (Pa), (2, 3, K) flat, from force (N) and
+/// moment (N m) in body axes, (K, 3) flat; the sections repeat at every time.
 pub fn surface_stress(sections: &[Section], force: &[f64], moment: &[f64]) -> Vec<f64> {
     let total = force.len() / 3;
     let mut out = vec![0.0; 6 * total];
@@ -143,8 +146,8 @@ pub fn surface_stress(sections: &[Section], force: &[f64], moment: &[f64]) -> Ve
     out
 }
 
-/// Largest von Mises stress around each of K sections (Pa), and cosine and sine of its place,
-/// (3, K) flat; from coefficients of normal and shear stress (Pa), (3, K) flat.
+/// Largest von Mises stress around each of K sections (Pa) with cosine and sine of its angle, (3,
+/// K) flat, from coefficients of normal and shear stress (Pa), (3, K) flat.
 pub fn von_mises(sigma: &[f64], tau: &[f64]) -> Vec<f64> {
     let total = sigma.len() / 3;
     let mut out = vec![0.0; 3 * total];
@@ -168,11 +171,11 @@ pub fn von_mises(sigma: &[f64], tau: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Sections worked on side by side.
+/// Sections computed side by side.
 const WIDTH: usize = 16;
 type Lanes = [f64; WIDTH];
 
-/// Strain and stress of all sections; what `out` holds is replaced.
+/// Strain and stress of all sections; replaces the contents of `out`.
 pub fn derive(given: Sections, out: &mut Derived) {
     vectorize(
         #[inline(always)]
@@ -250,19 +253,20 @@ fn derive_here(given: Sections, out: &mut Derived) {
     }
 }
 
-/// Maximum of `sqrt(sigma^2 + 3 tau^2)` around each of the first `count` sections, where `sigma` and
-/// `tau` are `a + b cos(psi) + c sin(psi)`, in Pa: the value, and cosine and sine of its place. Step
-/// by step for all of them; those that this does not settle go one by one.
+/// Maximum of `sqrt(sigma^2 + 3 tau^2)` (theory Eq. 6.2) around each of the first `count` sections,
+/// where `sigma` and `tau` are `a + b cos(psi) + c sin(psi)` in Pa: the value, and cosine and sine
+/// of its angle. Newton steps run side by side for all sections; those that do not converge are
+/// solved one by one.
 ///
-/// Exact to 1e-12 of the value.
+/// Accurate to 1e-12 of the value.
 #[inline(always)]
 fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [Lanes; 3] {
     let zero = [0.0; WIDTH];
     let (mut e_x, mut e_y) = (zero, zero);
     let (mut along, mut across, mut gap) = (zero, zero, zero);
     let (mut cosine, mut sine) = (zero, zero);
-    // With u = (cos, sin) the square is u.Q u + 2 b.u + const. In the axes of Q, with values
-    // q1 >= q2, the maximum lies in the quadrant of b, and is the only stationary point there.
+    // With u = (cos, sin) the square is u.Q u + 2 b.u + const. In the axes of Q, with eigenvalues
+    // q1 >= q2, the maximum lies in the quadrant of b and is the only stationary point there.
     for i in 0..WIDTH {
         let [s0, s1, s2] = [sigma[0][i], sigma[1][i], sigma[2][i]];
         let [t0, t1, t2] = [tau[0][i], tau[1][i], tau[2][i]];
@@ -270,7 +274,7 @@ fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [
         let cross = s1 * s2 + 3.0 * t1 * t2;
         let (b_x, b_y) = (s0 * s1 + 3.0 * t0 * t1, s0 * s2 + 3.0 * t0 * t2);
         let radius = (half * half + cross * cross).sqrt();
-        // axis of q1: the longer of two equal forms
+        // axis of q1: the longer of two equivalent forms
         let reach = radius + half.abs();
         let alike = reach * reach < f64::MIN_POSITIVE;
         let x = if half < 0.0 { cross } else { reach };
@@ -285,7 +289,7 @@ fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [
         let per = 1.0 / (x * x + y * y).sqrt();
         (cosine[i], sine[i]) = (x * per, y * per);
     }
-    // Newton's method of `quadrant_maximum`, by a turn of the unit vector
+    // Newton's method of `quadrant_maximum`, by a rotation of the unit vector
     let mut settled = [false; WIDTH];
     for _ in 0..6 {
         for i in 0..WIDTH {
@@ -294,11 +298,11 @@ fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [
             let slope = c * (b - gap[i] * s) - a * s;
             let bend = gap[i] * (c * c - s * s) + a * c + b * s;
             let turn = slope / bend;
-            // nearly a unit vector, and the nearer the smaller the turn
+            // a unit vector up to second order in the rotation
             let (x, y) = (c - s * turn, s + c * turn);
             let per = 1.5 - 0.5 * (x * x + y * y);
             let (to_c, to_s) = (x * per, y * per);
-            // what has settled stays, or a section's stress would depend on its neighbours
+            // keep converged sections, or a section's stress would depend on its neighbours
             (cosine[i], sine[i]) = if settled[i] { (c, s) } else { (to_c, to_s) };
             settled[i] |= turn.abs() < 1e-8 && bend > 0.0 && to_c >= 0.0 && to_s >= 0.0;
         }
@@ -325,7 +329,7 @@ fn largest_side_by_side(sigma: &[Lanes; 3], tau: &[Lanes; 3], count: usize) -> [
     out
 }
 
-/// Arc tangents of all four quadrants.
+/// Arc tangents in all four quadrants.
 #[inline(always)]
 fn angles_side_by_side(cosine: &Lanes, sine: &Lanes) -> Lanes {
     let mut out = [0.0; WIDTH];
@@ -348,8 +352,8 @@ fn angles_side_by_side(cosine: &Lanes, sine: &Lanes) -> Lanes {
     out
 }
 
-/// Cosine and sine of the angle in the first quadrant where `gap cos^2 / 2 + a cos + b sin` is
-/// largest, all three not negative.
+/// Cosine and sine of the angle in the first quadrant that maximises `gap cos^2 / 2 + a cos + b
+/// sin`; none of the three coefficients is negative.
 fn quadrant_maximum(gap: f64, a: f64, b: f64) -> (f64, f64) {
     // half the slope falls from b to -a over the quadrant
     let (mut low, mut high) = (0.0, FRAC_PI_2);
@@ -363,7 +367,7 @@ fn quadrant_maximum(gap: f64, a: f64, b: f64) -> (f64, f64) {
             high = angle;
         }
         let bend = gap * (cosine * cosine - sine * sine) + a * cosine + b * sine;
-        // Newton, or the middle where that leaves the bracket
+        // Newton, or bisection where that leaves the bracket
         let mut to = angle + slope / bend;
         if !(to > low && to < high) {
             to = 0.5 * (low + high);
@@ -371,7 +375,7 @@ fn quadrant_maximum(gap: f64, a: f64, b: f64) -> (f64, f64) {
         let step = to - angle;
         angle = to;
         (sine, cosine) = angle.sin_cos();
-        // the value is off by the step squared
+        // the error of the value is the step squared
         if step.abs() < 1e-8 {
             break;
         }
@@ -404,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn is_the_largest_around() {
+    fn maximum_around_the_surface() {
         let mut state = 1u64;
         let mut next = || {
             state = state
@@ -432,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_are_those_of_the_arc_tangent() {
+    fn angles_match_atan2() {
         for i in 0..=4000 {
             let angle = PI * (f64::from(i) / 2000.0 - 1.0);
             let (sine, cosine) = angle.sin_cos();
@@ -459,9 +463,9 @@ mod tests {
         }
     }
 
-    /// Whatever stands beside it, and however many there are.
+    /// Stress of a section does not depend on the other sections.
     #[test]
-    fn a_section_is_derived_by_itself() {
+    fn sections_are_independent() {
         let section = |radius: f64| Section {
             radius,
             area: 2.0,
@@ -517,7 +521,7 @@ mod tests {
     }
 
     #[test]
-    fn isotropic_and_still_sections() {
+    fn isotropic_and_unloaded_sections() {
         assert_eq!(von_mises(&[0.0; 3], &[0.0; 3]), [0.0, 1.0, 0.0]);
         assert_eq!(von_mises(&[-5.0, 0.0, 0.0], &[0.0; 3])[0], 5.0);
         let value = von_mises(&[0.0; 3], &[2.0, 0.0, 0.0])[0];

@@ -1,4 +1,5 @@
-//! Constant curvature from Rust alone; the 50-digit reference is in tests/test_constant_curvature_arcs.py.
+//! Constant curvature from Rust; the 50-digit reference is in
+//! tests/test_constant_curvature_arcs.py.
 
 use bowstring_core::arc::{lever_arm_law, linear_law, Arc, Error, Hole, Spans, TendonFit};
 use proptest::prelude::*;
@@ -32,7 +33,7 @@ fn tendon_one_shortened_bends_towards_x() {
 }
 
 #[test]
-fn force_laws_meet_their_references() {
+fn force_laws_match_their_references() {
     let tensions = [80.0, 0.0, 0.0];
     let arc = linear_law(&tensions, &holes(3), LENGTH, STIFFNESS).unwrap();
     let tip = arc.pose().position;
@@ -71,7 +72,7 @@ fn straight_is_exact() {
 }
 
 #[test]
-fn bad_input_is_one_sentence() {
+fn invalid_input_gives_one_sentence() {
     let all = [
         Arc::from_curvature(f64::NAN, 0.0, 1.0).map(|_| ()),
         Arc::through([0.0, 0.0, -1.0]).map(|_| ()),
@@ -101,11 +102,11 @@ fn bad_input_is_one_sentence() {
 
 proptest! {
     #[test]
-    fn lengths_there_and_back(
+    fn lengths_round_trip(
         theta in 0.0..6.2f64, phi in -PI..PI, count in 3usize..8, modules in 0usize..20,
     ) {
         let spans = match modules {
-            0..=2 => Spans::curved(), // one or two modules cannot bend so far
+            0..=2 => Spans::curved(), // one or two modules cannot bend this far
             n => Spans::equal(n).unwrap(),
         };
         let arc = Arc::from_curvature(theta / LENGTH, phi, LENGTH).unwrap();
@@ -122,7 +123,7 @@ proptest! {
     }
 
     #[test]
-    fn tips_there_and_back(theta in 0.0..6.2f64, phi in -PI..PI, length in 0.01..10.0f64) {
+    fn tips_round_trip(theta in 0.0..6.2f64, phi in -PI..PI, length in 0.01..10.0f64) {
         let arc = Arc::from_curvature(theta / length, phi, length).unwrap();
         let tip = arc.pose().position;
         let through = Arc::through(tip).unwrap();

@@ -1,4 +1,4 @@
-//! Many loads in one call give what one call for each gives.
+//! Many loads in one call give the same as one call for each.
 
 mod common;
 use bowstring_core::interrupt::{watched, Interrupted};
@@ -17,7 +17,7 @@ fn loads<'a>(tensions: &'a [f64], gravity: &'a [f64], tip_force: &'a [f64]) -> L
     }
 }
 
-/// Loads that repeat nothing, without a random number generator.
+/// Loads without repetition, without a random number generator.
 fn tensions(n: usize) -> Vec<f64> {
     (0..3 * n).map(|i| (i * i * 7 % 61) as f64).collect()
 }
@@ -48,7 +48,7 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
         assert_eq!(one.disk_position, many.disk_position);
         assert_eq!(one.disk_rotation, many.disk_rotation);
         assert_eq!(one.tendon_length, many.tendon_length);
-        // side by side in lanes, only the rounding differs
+        // SIMD lanes differ by rounding only
         for (a, b) in one.outcomes.iter().zip(&cold.outcomes) {
             assert_eq!((a.status, a.iterations), (b.status, b.iterations));
         }
@@ -83,7 +83,7 @@ fn batch_equals_one_by_one_for_any_number_of_threads() {
 }
 
 #[test]
-fn warm_sweep_ends_where_cold_solves_do() {
+fn warm_sweep_matches_cold_solves() {
     let robot = study_robot(9, 0.0);
     let t: Vec<f64> = (0..33).flat_map(|i| [2.5 * i as f64, 10.0, 5.0]).collect();
     let loads = loads(&t, &[0.0, 0.0, -9.81], &[0.0, 1.0, 0.0]);
@@ -105,7 +105,7 @@ fn warm_sweep_ends_where_cold_solves_do() {
 }
 
 #[test]
-fn a_row_that_fails_is_nan_and_the_others_stand() {
+fn a_failed_row_is_nan_and_others_are_unaffected() {
     let robot = study_robot(9, 0.0);
     let t = [10.0, 0.0, 0.0, 2e4, 2e4, 2e4, 20.0, 0.0, 0.0];
     for warm in [false, true] {
@@ -135,7 +135,7 @@ fn input_is_checked_before_work_begins() {
         };
         let a = sweep(&robot, &settings, loads, true, true).unwrap_err();
         let b = solve_batch(&robot, &settings, loads, 0, true).unwrap_err();
-        assert_eq!(a.to_string(), b.to_string()); // a NaN is not itself
+        assert_eq!(a.to_string(), b.to_string()); // as text, because NaN is not equal to itself
         a.to_string()
     };
     let mut t = tensions(40);

@@ -30,14 +30,14 @@ fn kirchhoff() -> Model {
     }
 }
 
-/// Moves on and asserts that nothing stopped it.
+/// Advances and asserts that nothing stopped the run.
 fn go(simulator: &mut Simulator, duration: f64, load: &Load) -> Count {
     let (stop, count) = simulator.advance(duration, load).unwrap();
     assert_eq!(stop, None, "at {} s", simulator.time());
     count
 }
 
-/// From rest under the first tension of tendon 1 to a sudden second one.
+/// Starts from rest under the first tension of tendon 1, and sets a second one suddenly.
 fn release(robot: &Robot, model: Model, elements: usize, s: Integrator, from: f64) -> Simulator {
     let mut simulator = Simulator::new(robot, model, elements, s).unwrap();
     let outcome = simulator.rest(&by_tensions(&[from, 0.0, 0.0])).unwrap();
@@ -46,7 +46,7 @@ fn release(robot: &Robot, model: Model, elements: usize, s: Integrator, from: f6
     simulator
 }
 
-/// Tip over the ramp 0 to 80 N in 1 s and hold, at 100 Hz.
+/// Tip during the ramp from 0 to 80 N in 1 s and the hold, at 100 Hz.
 fn ramp(model: Model, elements: usize, s: Integrator) -> Vec<Vec3> {
     let mut simulator = Simulator::new(&study_robot(9, 0.0), model, elements, s).unwrap();
     simulator.rest(&by_tensions(&[0.0; 3])).unwrap();
@@ -59,9 +59,10 @@ fn ramp(model: Model, elements: usize, s: Integrator) -> Vec<Vec3> {
         .collect()
 }
 
-/// Two independent engines, which agree within 0.16 mm; and our own converged run.
+/// Compares with two independent engines, which agree within 0.16 mm, and with our own converged
+/// run.
 #[test]
-fn ramp_meets_independent_engines_and_its_own_limit() {
+fn ramp_matches_independent_engines_and_its_own_limit() {
     let mut s = settings(1e-4);
     s.damping.mass = 0.5;
     let limit = ramp(Model::default(), 4, s);
@@ -84,8 +85,8 @@ fn ramp_meets_independent_engines_and_its_own_limit() {
     }
 }
 
-/// The scheme is of second order in time, with numerical damping or without: release from 5 N
-/// of a robot whose fast oscillations are damped, so that its motion is smooth.
+/// The scheme is of second order in time, with and without numerical damping: release from 5 N of a
+/// robot whose fast oscillations are damped, so that its motion is smooth.
 #[test]
 fn steps_converge_with_second_order() {
     for rho in [1.0, 0.6] {
@@ -125,7 +126,7 @@ fn mesh_converges() {
     }
 }
 
-/// No damping of any kind: 100 periods of the slowest mode at 1 ms.
+/// Without damping: 100 periods of the slowest mode at 1 ms.
 #[test]
 fn release_keeps_its_energy() {
     let robot = study_robot(9, 0.0);
@@ -141,9 +142,9 @@ fn release_keeps_its_energy() {
     assert!(worst < 1e-3, "{worst}");
 }
 
-/// Any step is calm: with or without numerical damping, energy never grows.
+/// Energy never grows at any step length, with and without numerical damping.
 #[test]
-fn release_is_calm_at_any_step() {
+fn energy_never_grows_at_any_step() {
     let robot = study_robot(9, 0.0);
     for model in [Model::default(), kirchhoff()] {
         for rho in [1.0, 0.9, 0.6, 0.0] {
@@ -167,7 +168,7 @@ fn release_is_calm_at_any_step() {
     }
 }
 
-/// Energy in is energy stored and taken: ramp, gravity, tip load, both dampings.
+/// Work is stored and dissipated: ramp, gravity, tip load, both dampings.
 #[test]
 fn energy_balances() {
     let mut s = settings(1e-3);
@@ -199,7 +200,7 @@ fn energy_balances() {
             let e = *simulator.energies();
             assert!(e.work > 0.05 && e.dissipated > 1e-3, "{e:?}");
             let error = (left(&simulator) - start).abs() / e.work;
-            // tendons along the backbone change its length at once
+            // continuous tendons change its length at once
             let most = if path == TendonPath::Straight {
                 1e-4
             } else {
@@ -210,8 +211,8 @@ fn energy_balances() {
     }
 }
 
-/// Rate of momentum is the load less what the base holds, by the strain of the backbone at the
-/// base and the force of its tendons.
+/// The rate of momentum equals the load less the reaction of the base, from the strain of the
+/// backbone at the base and the force of its tendons.
 #[test]
 fn momentum_balances_with_the_base() {
     let mut s = settings(2e-4);
@@ -230,7 +231,7 @@ fn momentum_balances_with_the_base() {
         ..load
     };
     simulator.jump(&none).unwrap();
-    // a smooth stretch
+    // an interval of smooth motion
     go(&mut simulator, 0.2, &none);
     let mass = 0.18 + s_mass();
     let step = 2e-4;
@@ -246,7 +247,7 @@ fn momentum_balances_with_the_base() {
     let base = |i: usize| {
         let part = |v: &[f64], at: usize| Vec3([v[at], v[at + 1], v[at + 2]]);
         let mut held = part(&fields.sections.force, i * per_time);
-        // the first span pulls the first disk to the base
+        // the first span pulls the first disk towards the base
         let disk = part(&fields.disks.position, i * 27);
         let r = &fields.disks.rotation[i * 81..][..9];
         for (tendon, tension) in holes.iter().zip(tensions) {
@@ -262,7 +263,7 @@ fn momentum_balances_with_the_base() {
         }
         Vec3(s.gravity) * mass - held
     };
-    // central difference over the record before and after
+    // central difference over the records before and after
     let rate = (momentum[3] - momentum[1]) * (0.5 / step);
     let force = base(2);
     let off = (rate - force).norm() / (Vec3(s.gravity) * mass).norm();
@@ -270,14 +271,14 @@ fn momentum_balances_with_the_base() {
     assert!(off < 1e-4, "{off}: {rate:?} {force:?}");
 }
 
-/// kg, of the backbone.
+/// Mass of the backbone (kg).
 fn s_mass() -> f64 {
     section(0.005, 35e9, 0.3, 1800.0).mass_per_length * common::LENGTH
 }
 
-/// A robot at rest stays at rest, under every kind of load.
+/// A robot at rest stays at rest under every kind of load.
 #[test]
-fn equilibrium_stays() {
+fn equilibrium_is_preserved() {
     for clamp in [0.0, 0.006] {
         let robot = study_robot(9, clamp);
         for elements in [1, 2] {
@@ -299,8 +300,8 @@ fn equilibrium_stays() {
                 };
                 solver.solve(&still).unwrap();
                 let apart = (solver.tip().unwrap().position - start).norm();
-                // gravity by Simpson's rule here, by Hermite's there; Kirchhoff's rod without
-                // the quadratic part of its strain in inertia
+                // gravity by Simpson's rule here, by Hermite's in statics; the Kirchhoff rod
+                // without the quadratic part of its strain in inertia
                 assert!(apart < 2e-6, "{model:?} {elements}: {apart:e}");
                 go(&mut simulator, 1.0, &load);
                 let moved = (simulator.tip() - start).norm();
@@ -310,9 +311,9 @@ fn equilibrium_stays() {
     }
 }
 
-/// A silicone robot, heavy and soft, drops from a bend under its own weight.
+/// A soft and heavy silicone robot is released from a bend under its own weight.
 #[test]
-fn soft_robot_in_gravity_is_calm() {
+fn soft_robot_under_gravity_gains_no_energy() {
     let length = 0.2;
     let disks = (1..=8).map(|k| Disk {
         station: length * k as f64 / 8.0,
@@ -358,9 +359,9 @@ fn soft_robot_in_gravity_is_calm() {
     }
 }
 
-/// Damping of a mode: mass damping takes alpha/2, the material tau omega^2/2 of its rate.
+/// Damping ratio of a mode: alpha/(2 omega) from mass damping, tau omega/2 from the material.
 #[test]
-fn small_oscillations_decay_as_rayleigh_damping_says() {
+fn small_oscillations_decay_by_rayleigh_damping() {
     let robot = study_robot(9, 0.0);
     let omega = 2.0 * std::f64::consts::PI * 2.28023;
     for (mass, material) in [(0.3, 0.0), (0.0, 2e-3)] {
@@ -369,7 +370,7 @@ fn small_oscillations_decay_as_rayleigh_damping_says() {
         s.spectral_radius = 0.6;
         let mut simulator = release(&robot, Model::default(), 1, s, 1.0);
         let rate = mass / 2.0 + material * omega * omega / 2.0;
-        // after the fast modes are gone
+        // after the fast modes have decayed
         go(&mut simulator, 1.0, &by_tensions(&[0.0; 3]));
         let energy = |s: &Simulator| s.energies().kinetic + s.energies().elastic;
         let first = energy(&simulator);
@@ -380,9 +381,9 @@ fn small_oscillations_decay_as_rayleigh_damping_says() {
     }
 }
 
-/// Turning the whole scene about the axis turns the motion.
+/// Rotating the whole scene about the axis rotates the motion.
 #[test]
-fn motion_does_not_care_for_the_direction() {
+fn motion_rotates_with_the_scene() {
     let motion = |angle: f64| {
         let turned = move |v: [f64; 3]| {
             let (s, c) = angle.sin_cos();
@@ -426,9 +427,9 @@ fn motion_does_not_care_for_the_direction() {
     assert!((other - expected).norm() < 1e-7, "{other:?} {expected:?}");
 }
 
-/// Lanes and plain numbers move alike.
+/// SIMD lanes and plain numbers give the same motion.
 #[test]
-fn elements_share_one_physics() {
+fn lanes_match_plain_numbers() {
     let mut s = settings(2e-3);
     s.damping.mass = 0.5;
     let end = |elements| {
@@ -440,9 +441,9 @@ fn elements_share_one_physics() {
     assert!((end(1) - end(2)).norm() < 2e-5);
 }
 
-/// Adaptive steps keep what they promise, and shorter tolerances cost more.
+/// Adaptive steps keep their tolerance, and smaller tolerances cost more.
 #[test]
-fn adaptive_steps_obey_their_tolerance() {
+fn adaptive_steps_keep_their_tolerance() {
     let mut s = settings(1e-4);
     s.damping.mass = 0.5;
     let limit = ramp(Model::default(), 1, s);
@@ -468,7 +469,8 @@ fn adaptive_steps_obey_their_tolerance() {
     }
 }
 
-/// A load that closes the gap between disks stops the run, which says so and keeps its place.
+/// A load that closes the gap between disks stops the run, with its state kept and the reason
+/// stated.
 #[test]
 fn collision_stops_the_run() {
     let robot = study_robot(2, 0.0);
@@ -495,7 +497,7 @@ fn collision_stops_the_run() {
 }
 
 #[test]
-fn wrong_settings_are_refused() {
+fn wrong_settings_are_rejected() {
     let robot = study_robot(3, 0.0);
     let wrong: [fn(&mut Integrator); 8] = [
         |s| s.step = Step::Fixed(0.0),

@@ -25,7 +25,7 @@ fn lines(robot: &Robot, line: Line) -> Vec<Line> {
     vec![line; robot.tendon_count()]
 }
 
-/// At rest in the equilibrium of commands.
+/// A simulator at rest in the equilibrium of commands.
 fn at_rest(
     robot: &Robot,
     model: Model,
@@ -46,13 +46,13 @@ fn displacements(values: &[f64]) -> Vec<Command> {
     values.iter().map(|p| Command::Displacement(*p)).collect()
 }
 
-/// Moves on and asserts that nothing stopped it.
+/// Advances and asserts that nothing stopped the run.
 fn go(simulator: &mut Simulator, duration: f64, load: &Load) {
     let (stop, _) = simulator.advance(duration, load).unwrap();
     assert_eq!(stop, None, "at {} s", simulator.time());
 }
 
-/// Kinetic, elastic and gravity energy, less what came in, and what was lost.
+/// Kinetic, elastic and gravitational energy, less work, plus dissipation.
 fn left(simulator: &Simulator) -> f64 {
     let e = simulator.energies();
     e.kinetic + e.elastic + e.gravity - e.work + e.dissipated
@@ -71,15 +71,15 @@ fn tensions(values: &[f64]) -> Vec<Command> {
     values.iter().map(|t| Command::Tension(*t)).collect()
 }
 
-/// Through lines that are inextensible and frictionless, tensions move the robot as without lines.
+/// Through inextensible frictionless lines, tensions give the same motion as without lines.
 #[test]
-fn lines_without_a_law_change_nothing() {
+fn inextensible_frictionless_lines_change_nothing() {
     let robot = study_robot(9, 0.0);
     let model = Model::default();
-    // with numerical damping only a motion by tension leaves its steps an imbalance
+    // only with numerical damping and tensions alone may steps keep an imbalance
     let s = settings(2e-3, 1.0);
     let nothing = by_tensions(&[0.0; 3]);
-    let (mut driven, _) = at_rest(
+    let (mut actuated, _) = at_rest(
         &robot,
         model,
         s,
@@ -92,10 +92,10 @@ fn lines_without_a_law_change_nothing() {
     for i in 1..=50 {
         let given = [i as f64, 0.0, 5.0];
         let load = by_tensions(&given);
-        go(&mut driven, 0.01, &load);
+        go(&mut actuated, 0.01, &load);
         go(&mut plain, 0.01, &load);
-        assert!((driven.tip() - plain.tip()).norm() < 1e-11);
-        let (a, b) = (driven.energies(), plain.energies());
+        assert!((actuated.tip() - plain.tip()).norm() < 1e-11);
+        let (a, b) = (actuated.energies(), plain.energies());
         for (a, b) in [
             (a.work, b.work),
             (a.elastic, b.elastic),
@@ -106,7 +106,8 @@ fn lines_without_a_law_change_nothing() {
     }
 }
 
-/// Displacements over time: second order in the step, tensions too, whether tendons stretch or not.
+/// Displacements over time: second order in the step, also of tensions, for elastic and
+/// inextensible tendons.
 #[test]
 fn steps_converge_with_second_order() {
     let robot = study_robot(9, 0.0);
@@ -132,7 +133,7 @@ fn steps_converge_with_second_order() {
                     &by_tensions(&[0.0; 3]),
                 );
                 for i in 1..=steps {
-                    // starts and ends without a jolt
+                    // starts and ends smoothly
                     let t = i as f64 / steps as f64;
                     let p = 0.01 * t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
                     go(&mut simulator, h, &by_tensions(&[p, -0.5 * p, -0.5 * p]));
@@ -149,8 +150,8 @@ fn steps_converge_with_second_order() {
     }
 }
 
-/// Held by its tendons and let go by a tip force, the robot keeps its energy without numerical
-/// damping; tendons that catch lose some, which is told.
+/// Held by its tendons and released from a tip force, the robot keeps its energy without numerical
+/// damping; tendons that become taut dissipate some, which is accounted for.
 #[test]
 fn release_keeps_its_energy() {
     let robot = study_robot(9, 0.0);
@@ -199,7 +200,8 @@ fn release_keeps_its_energy() {
     }
 }
 
-/// Slow displacements lead along the path of equilibria, friction included, and the more so the slower.
+/// Slow displacements follow the path of equilibria, friction included, and more closely the slower
+/// they are.
 #[test]
 fn slow_motion_follows_the_path() {
     let robot = study_robot(9, 0.0);
@@ -254,10 +256,10 @@ fn slow_motion_follows_the_path() {
     }
 }
 
-/// Random lines, displacements, paces and friction: every run of a Cosserat rod goes to its end, and no
-/// energy comes from nowhere. Of a Kirchhoff rod one of 72 does not: one tendon is taut, the rod
-/// whips (0.2 J of motion in 20 g), and Newton's method fails however short the step; so it does
-/// without friction, while half the tolerance or steps of 0.1 ms go through.
+/// Random lines, displacements, durations and friction: every run of a Cosserat rod is completed,
+/// and no energy is generated. Of 72 runs of a Kirchhoff rod one fails: one tendon is taut, the rod
+/// whips (0.2 J of kinetic energy in 20 g), and Newton's method fails however short the step. It
+/// also fails without friction, but not with half the tolerance or with steps of 0.1 ms.
 #[test]
 fn random_motions() {
     let mut failed = [0, 0];
@@ -321,7 +323,7 @@ fn random_motions() {
         let start = left(&simulator);
         let mut stop = None;
         for _ in 0..4 {
-            // pulls sideways, and gives a little
+            // a transverse force with a small axial part
             let (x, y) = (draw.within(-1.0, 1.0), draw.within(-1.0, 1.0));
             let given: Vec<_> = (0..m)
                 .map(|i| {
@@ -357,9 +359,9 @@ fn random_motions() {
     assert!(failed[0] == 0 && failed[1] <= 1, "{failed:?}");
 }
 
-/// What a motion cannot start from, or cannot do.
+/// Motions with an invalid start or invalid commands are rejected.
 #[test]
-fn wrong_motions_are_refused() {
+fn wrong_motions_are_rejected() {
     let robot = study_robot(9, 0.0);
     let nothing = by_tensions(&[0.0; 3]);
     let model = Model::default();

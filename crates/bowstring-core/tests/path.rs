@@ -1,4 +1,4 @@
-//! Robots driven by displacements: lengths, slack, stretch and friction.
+//! Robots under displacement control: lengths, slack, elasticity and friction.
 
 mod common;
 
@@ -38,7 +38,7 @@ fn step(path: &mut PathSolver, commands: &[Command], load: &Load) -> PathOutcome
     path.step(commands, load).unwrap()
 }
 
-/// Lengths of a solve by tensions, fed back as displacements, return the tensions.
+/// Lengths of a solve under tension control, used as displacements, return the tensions.
 #[test]
 fn lengths_return_tensions() {
     let mut draw = Draw(1);
@@ -53,11 +53,11 @@ fn lengths_return_tensions() {
         let mut worst: f64 = 0.0;
         let mut steps = 0;
         for _ in 0..200 {
-            let asked: Vec<_> = (0..m).map(|_| draw.within(1.0, most)).collect();
+            let given_tensions: Vec<_> = (0..m).map(|_| draw.within(1.0, most)).collect();
             let load = Load {
                 gravity: [0.0, 1.0, -3.0],
                 tip_force: [draw.within(-0.1, 0.1), 0.0, 0.1],
-                ..by_tensions(&asked)
+                ..by_tensions(&given_tensions)
             };
             assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);
             let given: Vec<_> = (0..m)
@@ -68,11 +68,15 @@ fn lengths_return_tensions() {
                 .collect();
             path.reset();
             let found = step(&mut path, &displacements(&given), &load);
-            assert_eq!(found.status, Status::Converged, "{asked:?} {found:?}");
+            assert_eq!(
+                found.status,
+                Status::Converged,
+                "{given_tensions:?} {found:?}"
+            );
             steps += found.iterations;
             assert_eq!(found.stable, Some(true));
-            let largest = asked.iter().fold(0.0, |a: f64, t| a.max(*t));
-            for (t, back) in asked.iter().zip(&path.history().tensions) {
+            let largest = given_tensions.iter().fold(0.0, |a: f64, t| a.max(*t));
+            for (t, back) in given_tensions.iter().zip(&path.history().tensions) {
                 worst = worst.max((t - back).abs() / largest);
             }
             let apart = path.solver().tip().unwrap().position - solver.tip().unwrap().position;
@@ -84,8 +88,8 @@ fn lengths_return_tensions() {
     }
 }
 
-/// Without extension, three tendons of a straight segment may pull together as they like: the
-/// least are given, and the pose is the same.
+/// Without extension, the tensions of three tendons of a straight segment are not unique: the
+/// smallest are returned, and the pose is the same.
 #[test]
 fn least_tensions_without_extension() {
     let mut draw = Draw(2);
@@ -96,7 +100,7 @@ fn least_tensions_without_extension() {
         let mut worst: f64 = 0.0;
         for round in 0..100 {
             let common = if round % 10 == 0 { most / 2.0 } else { 0.0 };
-            let asked: Vec<_> = (0..m)
+            let given_tensions: Vec<_> = (0..m)
                 .map(|_| {
                     if round % 10 == 0 {
                         common
@@ -105,7 +109,7 @@ fn least_tensions_without_extension() {
                     }
                 })
                 .collect();
-            let load = by_tensions(&asked);
+            let load = by_tensions(&given_tensions);
             solver.solve(&load).unwrap();
             let given: Vec<_> = (0..m)
                 .map(|i| {
@@ -115,18 +119,26 @@ fn least_tensions_without_extension() {
                 .collect();
             path.reset();
             let found = step(&mut path, &displacements(&given), &load);
-            assert_eq!(found.status, Status::Converged, "{asked:?} {found:?}");
+            assert_eq!(
+                found.status,
+                Status::Converged,
+                "{given_tensions:?} {found:?}"
+            );
             let size = |t: &[f64]| t.iter().map(|t| t * t).sum::<f64>();
             let back = &path.history().tensions;
             assert!(
-                size(back) <= size(&asked) * (1.0 + 1e-6),
-                "{asked:?} {back:?}"
+                size(back) <= size(&given_tensions) * (1.0 + 1e-6),
+                "{given_tensions:?} {back:?}"
             );
             let apart = path.solver().tip().unwrap().position - solver.tip().unwrap().position;
             worst = worst.max(apart.norm() / robot.length());
-            assert_eq!(found.undetermined, round % 10 == 0, "{asked:?} {back:?}");
+            assert_eq!(
+                found.undetermined,
+                round % 10 == 0,
+                "{given_tensions:?} {back:?}"
+            );
             if round % 10 == 0 {
-                assert!(size(back) < 1e-6 * size(&asked), "{back:?}");
+                assert!(size(back) < 1e-6 * size(&given_tensions), "{back:?}");
             }
         }
         println!("{worst:e}");
@@ -134,9 +146,9 @@ fn least_tensions_without_extension() {
     }
 }
 
-/// A tendon that is paid out hangs: no tension at all, and its slack is what geometry leaves.
+/// A lengthened tendon is slack: zero tension, and its slack length follows from geometry.
 #[test]
-fn slack_is_the_surplus() {
+fn slack_length_equals_surplus_length() {
     let robot = study_robot(9, 0.0);
     for model in [Model::default(), kirchhoff()] {
         let mut path = path_solver(&robot, model);
@@ -154,7 +166,7 @@ fn slack_is_the_surplus() {
             assert!((path.slack()[i] - surplus).abs() < 1e-12 && surplus > 1e-3);
         }
         assert_eq!(path.slack()[0], 0.0);
-        // all paid out by 10 mm: straight, and all hang
+        // all lengthened by 10 mm: straight, and all slack
         let found = step(&mut path, &displacements(&[-0.01; 3]), &by_tensions(&none));
         assert_eq!(found.status, Status::Converged);
         assert_eq!(path.history().tensions, none);
@@ -164,7 +176,7 @@ fn slack_is_the_surplus() {
     }
 }
 
-/// Random displacements: tendons taken in and paid out.
+/// Random displacements: tendons shortened and lengthened.
 #[test]
 fn random_displacements() {
     let robot = rao_robot();
@@ -172,9 +184,9 @@ fn random_displacements() {
     let mut cold = path_solver(&robot, Model::default());
     let mut warm = path_solver(&robot, Model::default());
     let (mut failed, mut steps, mut most) = (0, 0, 0);
-    let mut hang = 0;
+    let mut slack = 0;
     for round in 0..1000 {
-        // displacements of a bend in each segment, and up to 2 mm paid out beside
+        // displacements of a bend in each segment, lengthened in addition by up to 2 mm
         let mut given = vec![];
         let mut inner = [0.0; 2];
         for segment in 0..2 {
@@ -208,10 +220,10 @@ fn random_displacements() {
                 assert!(*t >= 0.0 && *s > -1e-12 && t * s == 0.0);
             }
         }
-        hang += cold.slack().iter().filter(|s| **s > 0.0).count();
+        slack += cold.slack().iter().filter(|s| **s > 0.0).count();
     }
     println!(
-        "failed {failed}, steps {} most {most}, slack {hang}",
+        "failed {failed}, steps {} most {most}, slack {slack}",
         steps as f64 / 1000.0
     );
     assert_eq!(failed, 0);
@@ -246,9 +258,9 @@ fn bends(path: &PathSolver, i: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Where every hole slips, tensions are a product over the bends.
+/// Where every hole slips, tensions follow the capstan equation over the accumulated bends.
 #[test]
-fn product_law_in_full_slip() {
+fn capstan_equation_in_full_slip() {
     let robot = study_robot(9, 0.0);
     for friction in [0.01, 0.1, 0.3, 0.8] {
         for commands in [
@@ -270,7 +282,7 @@ fn product_law_in_full_slip() {
     }
 }
 
-/// Steps to an answer: friction, which is not in Newton's matrix, must not make them many.
+/// Iterations of a solution: friction, which is not in the tangent, must not increase them much.
 #[test]
 fn friction_takes_few_steps() {
     for (robot, given) in [
@@ -298,7 +310,7 @@ fn friction_takes_few_steps() {
     }
 }
 
-/// What friction takes in one step, and what the motors give, J: means of the ends of the step.
+/// Dissipation by friction in one step, and work of the motors (J): with mean values over the step.
 fn work(path: &PathSolver, before: &History, displacements_before: &[f64]) -> (f64, f64) {
     let (n, m) = (path.robot().module_count(), path.robot().tendon_count());
     let now = path.history();
@@ -325,8 +337,8 @@ fn work(path: &PathSolver, before: &History, displacements_before: &[f64]) -> (f
     (given, taken)
 }
 
-/// Loading, unloading and loading again with friction at the holes: a loop that closes, in which the
-/// motors give what friction takes, and which shorter steps hardly change.
+/// Loading, unloading and loading again with friction at the holes: a closed hysteresis loop, in
+/// which the work of the motors equals the dissipation, and which shorter steps hardly change.
 #[test]
 fn hysteresis() {
     let robot = study_robot(9, 0.0);
@@ -389,7 +401,7 @@ fn hysteresis() {
         }
         ends.push((half[0], given));
     }
-    // the error falls with the step
+    // the error decreases with the step
     let off = |i: usize| (ends[i].0 - ends[2].0).norm();
     println!("{:e} {:e}", off(0), off(1));
     assert!(
@@ -410,7 +422,7 @@ fn coarse_and_fine_paths() {
             let mut path = with_friction(&robot, 0.2);
             for i in 0..=count {
                 let share = i as f64 / count as f64;
-                // up, and most of the way down
+                // loading, and most of unloading
                 let up = (2.4 * share).sin();
                 let commands = if by_displacement {
                     displacements(&[0.025 * up, -0.015 * up, -0.015 * up])
@@ -429,7 +441,7 @@ fn coarse_and_fine_paths() {
     }
 }
 
-/// Random paths with friction: every step is answered and obeys Coulomb's law.
+/// Random paths with friction: every step has a solution that obeys Coulomb's law.
 #[test]
 fn random_paths_with_friction() {
     let mut draw = Draw(7);
@@ -490,9 +502,9 @@ fn random_paths_with_friction() {
     assert_eq!(failed, 0);
 }
 
-/// Elastic tendons tend to the constraint as they stiffen, in the first order.
+/// Elastic tendons converge to the inextensible limit to first order in their compliance.
 #[test]
-fn elastic_tendons_tend_to_stiff_ones() {
+fn elastic_tendons_converge_to_inextensible_ones() {
     let robot = rao_robot();
     let given = [0.004, -0.003, -0.003, 0.009, -0.006, -0.007];
     let none = [0.0; 6];
@@ -518,7 +530,7 @@ fn elastic_tendons_tend_to_stiff_ones() {
             let found = step(&mut soft, &displacements(&given), &by_tensions(&none));
             assert_eq!(found.status, Status::Converged, "{found:?}");
             errors.push((soft.solver().tip().unwrap().position - end).norm());
-            // Hooke's law for what the tendon lacks
+            // Hooke's law for the elongation
             for i in 0..6 {
                 let t = soft.history().tensions[i];
                 let rest = robot.spec().disks[robot.spec().tendons[i].end_disk].station - given[i];
@@ -538,9 +550,9 @@ fn elastic_tendons_tend_to_stiff_ones() {
     }
 }
 
-/// A robot that is held by tensions is held as well by the displacements that it then has.
+/// An equilibrium under tension control is also one under control by its displacements.
 #[test]
-fn tensions_give_way_to_displacements() {
+fn tension_and_displacement_control_agree() {
     let robot = rao_robot();
     let mut draw = Draw(11);
     for _ in 0..30 {
@@ -560,9 +572,9 @@ fn tensions_give_way_to_displacements() {
     }
 }
 
-/// A column that its tendons would buckle is no stable answer, by whatever way it is asked for.
+/// A column that its tendons would buckle is unstable under every kind of actuation.
 #[test]
-fn buckling_is_seen() {
+fn buckled_columns_are_unstable() {
     let robot = study_robot(9, 0.0);
     for mut path in [
         path_solver(&robot, Model::default()),
@@ -585,9 +597,9 @@ fn buckling_is_seen() {
     }
 }
 
-/// Four tendons at one disk pull against each other as they like: the least are given.
+/// The tensions of four tendons at one disk are not unique: the smallest are returned.
 #[test]
-fn four_tendons_are_one_too_many() {
+fn least_tensions_of_four_tendons() {
     let mut spec = study_robot(9, 0.0).spec().clone();
     spec.tendons = [0.0f64, 90.0, 180.0, 270.0]
         .map(|a| Tendon {
@@ -614,9 +626,9 @@ fn four_tendons_are_one_too_many() {
     assert!((path.solver().tip().unwrap().position - tip).norm() < 1e-9);
 }
 
-/// Rows in one call are the steps one by one: in order, and each from where the path stands.
+/// Rows in one call equal single steps: in sequence, and each from the present state of the path.
 #[test]
-fn rows_are_the_steps_one_by_one() {
+fn rows_match_single_steps() {
     let robot = study_robot(9, 0.0);
     let (rows, m) = (40, robot.tendon_count());
     let mut draw = Draw(17);

@@ -1,8 +1,8 @@
 //! Ten thousand robots that have an equilibrium, and ten thousand that may have none.
 //!
-//! An answer is checked from the outside: the wrench that tendons, disks and dead loads leave
-//! to the backbone is balanced here from the poses alone, and the rod's differential equation
-//! is integrated under it from each disk to the one before.
+//! A solution is checked independently: the wrench that tendons, disks and dead loads exert on the
+//! backbone is computed here from the poses alone, and the rod's differential equations are
+//! integrated under it from each disk to the one before.
 
 #[path = "common/cases.rs"]
 mod cases;
@@ -45,11 +45,11 @@ fn realistic_robots_converge_from_straight() {
         }
         let gap = case.gap(&robot, &solver, 12).expect("not that taut");
         gaps.push(gap);
-        // finer elements tell the method's own error from a false answer
+        // finer elements distinguish discretisation error from a wrong solution
         if gap > 1e-3 || kept % 50 == 0 {
             let mut solver = Solver::new(&robot, case.model(), 8).unwrap();
             if solver.solve(&load).unwrap().status != Status::Converged {
-                // the finer rod can fold where the coarse one just does not
+                // disks of the finer rod can collide where those of the coarse one just do not
                 closed += 1;
                 continue;
             }
@@ -72,7 +72,7 @@ fn realistic_robots_converge_from_straight() {
     gaps.sort_by(f64::total_cmp);
     println!(
         "{drawn} drawn, {kept} with a path, {converged} converged, {elsewhere} of them on another \
-         branch; gap: median {:.1e}, 99 % {:.1e}, worst {:.1e}; {fine} with 8 elements, worst {worst_fine:.1e}, {worst_ratio:.1e} of the gap with 1, {closed} without an answer",
+         branch; gap: median {:.1e}, 99 % {:.1e}, worst {:.1e}; {fine} with 8 elements, worst {worst_fine:.1e}, {worst_ratio:.1e} of the gap with 1, {closed} without a solution",
         gaps[gaps.len() / 2],
         gaps[gaps.len() * 99 / 100],
         gaps[gaps.len() - 1]
@@ -90,7 +90,7 @@ fn one_sentence(message: &str) {
 
 #[test]
 #[ignore = "takes minutes: make test-all"]
-fn hostile_robots_do_no_harm() {
+fn hostile_robots_give_no_wrong_solution() {
     let (mut refused, mut converged, mut failed, mut wild_jacobians) = (0, 0, 0, 0);
     let mut total = Duration::ZERO;
     let mut slowest = (Duration::ZERO, 0, String::new());
@@ -158,14 +158,14 @@ fn hostile_robots_do_no_harm() {
     }
     println!(
         "{refused} refused, {converged} converged ({wild_jacobians} without finite derivatives), \
-         {failed} without an answer; {total:?} in all, slowest {slowest:?}"
+         {failed} without a solution; {total:?} in all, slowest {slowest:?}"
     );
-    // half a second where the machine is idle
+    // half a second on an idle machine
     assert!(slowest.0 < Duration::from_secs(5), "{slowest:?}");
 }
 
-/// The stated error of the tip against the error, by a rod of eight elements, over 3 000 robots; a
-/// third of them is softer in torsion than any tube, as notched ones are.
+/// The stated error of the tip against the error with respect to eight elements, over 3 000 robots;
+/// a third of them are softer in torsion than any tube, like notched ones.
 #[test]
 fn stated_error_covers_the_error() {
     for theory in [Theory::Kirchhoff, Theory::Cosserat] {

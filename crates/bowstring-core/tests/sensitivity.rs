@@ -12,8 +12,8 @@ use common::study_robot;
 const TENSIONS: [f64; 3] = [60.0, 15.0, 25.0];
 const FORCE: [f64; 3] = [-0.4, 0.8, 0.3];
 
-/// Tip and lengths after the change of one parameter.
-fn answer(
+/// Tip and lengths after a change of one parameter.
+fn solution(
     robot: &Robot,
     theory: Theory,
     elements: usize,
@@ -107,7 +107,7 @@ fn derivatives_match_central_differences() {
         };
         assert_eq!(solver.solve(&load).unwrap().status, Status::Converged);
         let j = solver.jacobians().unwrap();
-        let solve = |t, f, m| answer(&robot, theory, elements, t, f, m);
+        let solve = |t, f, m| solution(&robot, theory, elements, t, f, m);
         for i in 0..3 {
             let shifted = |base: [f64; 3], step: f64| {
                 let mut v = base;
@@ -141,7 +141,7 @@ fn derivatives_match_central_differences() {
         let s = 1e-4;
         compare(
             &j.stiffness[0],
-            answer(
+            solution(
                 &stiffer(clamp, 1.0 + s),
                 theory,
                 elements,
@@ -149,7 +149,7 @@ fn derivatives_match_central_differences() {
                 FORCE,
                 moment,
             ),
-            answer(
+            solution(
                 &stiffer(clamp, 1.0 - s),
                 theory,
                 elements,
@@ -161,7 +161,8 @@ fn derivatives_match_central_differences() {
             "stiffness",
         );
         if moment == [0.0; 3] {
-            // a potential exists: what a force does to a place, the other does to the first
+            // reciprocity: the displacement at the second place due to a force at the first equals
+            // the reverse
             for a in 0..3 {
                 for b in 0..3 {
                     let pairs = [

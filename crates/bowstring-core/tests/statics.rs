@@ -5,7 +5,7 @@ use bowstring_core::model::load::{Load, Model, TendonPath, Theory};
 use bowstring_core::statics::solver::{Solver, Status};
 use common::{by_tensions, study_robot};
 
-/// Tension, X and Z of the tip in mm: Kirchhoff, then Cosserat. Independent shooting solutions.
+/// Tension, x and z of the tip in mm: Kirchhoff, then Cosserat. Independent shooting solutions.
 #[rustfmt::skip]
 const SWEEP: [[f64; 5]; 17] = [
     [0.0, 0.0, 641.0, 0.0, 641.0],
@@ -34,7 +34,7 @@ fn model(theory: Theory) -> Model {
     }
 }
 
-/// Tip in mm.
+/// Tip position in mm.
 fn tip(elements: usize, n: usize, clamp: f64, theory: Theory, load: &Load) -> [f64; 3] {
     let mut solver = Solver::new(&study_robot(n, clamp), model(theory), elements).unwrap();
     let outcome = solver.solve(load).unwrap();
@@ -48,7 +48,7 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 #[test]
-fn study_sweep_within_a_hundred_thousandth_of_length() {
+fn study_sweep_error_below_1e_5_of_length() {
     for row in SWEEP {
         let tensions = [row[0], 0.0, 0.0];
         let k = distance(
@@ -107,7 +107,7 @@ fn four_load_cases() {
         let c = distance(tip(1, 9, 0.0, Theory::Cosserat, &load), cosserat);
         println!("{k:.6} {fine:.7} {c:.6}");
         assert!(k < 0.006 && fine < 1e-4);
-        // no Cosserat figure is given for the last case: the rod shortens a little
+        // no Cosserat value is given for the last case: the rod shortens slightly
         assert!(c < 0.006);
     }
 }

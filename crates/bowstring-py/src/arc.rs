@@ -1,4 +1,4 @@
-//! Constant curvature on arrays: one arc a row. An arc is a row (bend x, bend y, length).
+//! Constant curvature on arrays: one arc in a row. An arc is a row (bend x, bend y, length).
 
 use crate::input::{array, Array, Rows};
 use crate::interrupt::interruptible;
@@ -19,7 +19,8 @@ fn raise(error: Error) -> PyErr {
     }
 }
 
-/// Runs `f` for every row without the interpreter lock; an error names the row if there are more.
+/// Runs `f` for every row without the interpreter lock; an error names the row if there are
+/// several.
 fn each<T: Send>(
     py: Python<'_>,
     rows: usize,
@@ -48,7 +49,8 @@ fn each<T: Send>(
     .map_err(raise)
 }
 
-/// The numbers that `f` gives for every row, as an array of a shape for each.
+/// The numbers returned by `f` for every row, as an array with one entry of the given shape for
+/// each.
 fn table<'py, T: IntoIterator<Item = f64> + Send>(
     py: Python<'py>,
     rows: usize,
@@ -59,7 +61,7 @@ fn table<'py, T: IntoIterator<Item = f64> + Send>(
     Ok(array(py, data, &[&[rows], shape].concat()))
 }
 
-/// Arcs, and a number that goes with each.
+/// Arcs, and one further number for each.
 fn arcs_and_numbers<'py>(
     py: Python<'py>,
     rows: usize,
@@ -81,7 +83,7 @@ fn row(arc: Arc) -> [f64; 3] {
     [arc.bend[0], arc.bend[1], arc.length]
 }
 
-/// No shares mean curved spans.
+/// Spans with these shares; without shares, curved spans.
 fn spans(shares: &Column) -> PyResult<Spans> {
     let shares = shares.as_array().to_vec();
     if shares.is_empty() {
@@ -191,7 +193,7 @@ pub fn arc_lengths_jacobian<'py>(
     })
 }
 
-/// Arcs and misfits; `length` holds the arcs' lengths.
+/// Arcs and misfits; `length` holds the given lengths of the arcs.
 #[pyfunction]
 pub fn arc_fit<'py>(
     py: Python<'py>,
@@ -208,7 +210,7 @@ pub fn arc_fit<'py>(
     })
 }
 
-/// Derivative of the fitted arcs by the tendon lengths, at arcs that [`arc_fit`] gave.
+/// Derivative of the fitted arcs with respect to the tendon lengths, at arcs from [`arc_fit`].
 #[pyfunction]
 pub fn arc_fit_jacobian<'py>(
     py: Python<'py>,
@@ -223,7 +225,7 @@ pub fn arc_fit_jacobian<'py>(
     })
 }
 
-/// Arcs by the linear law, or with the mean lever arm where `modules` is given.
+/// Arcs by the linear law, or with the mean lever arm if `modules` is given.
 #[pyfunction]
 pub fn arc_from_tensions<'py>(
     py: Python<'py>,

@@ -1,4 +1,4 @@
-//! Dynamics of the rod: `Simulator`, a robot that moves, and `flexibility` for its modes.
+//! Dynamics of the rod: `Simulator`, a robot in motion, and `flexibility` for its modes.
 
 use crate::fields::Records;
 use crate::input::{array, copied, input_error, numbers, refused, three, Array, Rows};
@@ -17,32 +17,32 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::{Duration, Instant};
 
-/// A robot that moves, and what it leaves behind.
+/// A robot in motion, and the records of its run.
 #[pyclass(module = "bowstring._core")]
 pub struct Simulator {
     inner: integrator::Simulator,
     count: Count,
-    /// Stations in each module; 0 keeps the motion of the tip alone.
+    /// Stations in each module; 0 records the motion of the tip only.
     points: usize,
-    /// Of each tendon, for the displacement of those that are given by tension: length at home, m, and
-    /// compliance, m/N.
+    /// Length in the home pose (m) and compliance (m/N) of each tendon, from which the displacement
+    /// of tension-controlled tendons is computed.
     home: Vec<f64>,
     compliance: Vec<f64>,
-    /// Of all output times.
+    /// Output times (s).
     times: Vec<f64>,
     tip_position: Vec<f64>,
     tip_velocity: Vec<f64>,
-    /// Of all output times too, but for those that have gone to a file.
+    /// Fields at the output times that have not been written to a file.
     fields: Fields,
     records: Option<Records>,
-    /// Spent on the file.
+    /// Time spent on the file.
     output: Duration,
 }
 
 #[pymethods]
 impl Simulator {
-    /// Stations in each module (0 keeps the motion of the tip alone); for the displacement of
-    /// tendons that are given by tension, their length at home in m and compliance in m/N.
+    /// Stations in each module (0 records the motion of the tip only); for the displacement of
+    /// tension-controlled tendons, their length in the home pose (m) and compliance (m/N).
     #[new]
     fn new(
         robot: &Robot,
@@ -93,9 +93,9 @@ impl Simulator {
         })
     }
 
-    /// From now on fields go to a file: packed into `room`, for whole records, which goes to
-    /// `append` whenever it is full and at the end of `run`. Columns of the sections (P, 10): those
-    /// of `stress::Section`.
+    /// Writes all later fields to a file: packed into `room`, a whole number of records, which is
+    /// passed to `append` whenever it is full and at the end of `run`. Columns of the sections (P,
+    /// 10): those of `stress::Section`.
     fn write_to(
         &mut self,
         sections: PyReadonlyArray2<'_, f64>,
@@ -108,15 +108,15 @@ impl Simulator {
             return Err(refused("there must be as many stations as points"));
         }
         if !self.times.is_empty() {
-            return Err(refused("a file takes a motion from its start on"));
+            return Err(refused("a run file must be set before the motion starts"));
         }
         let records = Records::new(robot, &sections, &station, room, append)?;
         self.records = Some(records);
         Ok(())
     }
 
-    /// Goes to rest in the equilibrium of a load; returns the status of its search, `unsettled`
-    /// where statics have found it and motion does not rest there.
+    /// Starts at rest in the equilibrium of a load; returns the status of its search, `unsettled`
+    /// where statics converge but the robot with lumped mass does not rest there.
     fn rest(
         &mut self,
         tensions: &Bound<'_, PyAny>,
@@ -132,8 +132,8 @@ impl Simulator {
         Ok(outcome.status.word())
     }
 
-    /// Goes to rest where a path of the same robot and settings has come to, and is driven on as in
-    /// its last step; returns whether that worked.
+    /// Starts at rest at the present state of a path of the same robot and settings, with the kinds
+    /// of command of its last step; returns whether that succeeded.
     fn rest_at(&mut self, path: PyRef<'_, PathSolver>) -> PyResult<bool> {
         let py = path.py();
         let path = path.inner();
@@ -141,8 +141,8 @@ impl Simulator {
         Ok(stop.is_none())
     }
 
-    /// Adds dead forces on all disks, (N, 3) in N, and goes to rest under them; they stay until
-    /// `release`. Returns whether that worked.
+    /// Adds dead forces on all disks, (N, 3) in N, and finds the rest under them; they stay until
+    /// `release`. Returns whether that succeeded.
     fn hold(&mut self, forces: PyReadonlyArray2<'_, f64>, increments: usize) -> PyResult<bool> {
         if forces.shape()[1] != 3 {
             return Err(refused("disk forces must have three columns"));
@@ -154,7 +154,7 @@ impl Simulator {
         Ok(stop.map_err(input_error)?.is_none())
     }
 
-    /// Takes the forces of `hold` off at once.
+    /// Removes the forces of `hold` at once.
     fn release(&mut self) {
         self.inner.release_disk_forces();
     }
@@ -170,9 +170,9 @@ impl Simulator {
         self.inner.jump(&load.borrow()).map_err(input_error)
     }
 
-    /// Through stretches of time, one a row, in which the load goes in a straight line to that
-    /// of the row; keeps the fields after every row where `record` is set. Stops early where a step
-    /// fails or disks meet, and returns which.
+    /// Advances through intervals, one in a row, in each of which the load changes linearly to that
+    /// of the row; records the fields after every row where `record` is set. Returns the reason of
+    /// an early stop: a step failed, or disks collided.
     fn run(
         &mut self,
         py: Python<'_>,
@@ -259,7 +259,7 @@ impl Simulator {
         )
     }
 
-    /// Gives away the fields of all output times that have not gone to a file.
+    /// Returns and clears the fields of all output times that have not been written to a file.
     fn fields<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let fields = std::mem::take(&mut self.fields);
         let robot = self.inner.robot();
@@ -317,26 +317,26 @@ impl Simulator {
         self.count.repeated
     }
 
-    /// Estimated error of the tip's position by all steps, m; None where nothing is known of it.
+    /// Estimated error of the tip's position from all steps (m); None where it is unknown.
     #[getter]
     fn error(&self) -> Option<f64> {
         let unknown = self.count.error == 0.0 && (1..3).contains(&self.count.steps);
         (!unknown).then_some(self.count.error)
     }
 
-    /// Seconds spent on the file.
+    /// Time spent on the file (s).
     #[getter]
     fn output_s(&self) -> f64 {
         self.output.as_secs_f64()
     }
 
-    /// Step to come, s.
+    /// Next step (s).
     #[getter]
     fn next_step(&self) -> f64 {
         self.inner.next_step()
     }
 
-    /// Time since the start, s.
+    /// Time since the start (s).
     #[getter]
     fn time(&self) -> f64 {
         self.inner.time()
@@ -359,8 +359,8 @@ impl Simulator {
         })
     }
 
-    /// Keeps what there is to say of now, or has it written; each time only once, so that a motion
-    /// that stops at an output time does not give it again.
+    /// Records the present state, or writes it to the file; once for each time, so that a run that
+    /// stops at an output time does not repeat it.
     fn record(&mut self) -> PyResult<()> {
         let now = self.inner.time();
         if self.times.last().is_some_and(|last| now <= *last) {
@@ -396,7 +396,7 @@ impl Simulator {
             let begun = Instant::now();
             let full = records.add(fields);
             fields.clear();
-            // waits where other threads of Python are busy
+            // waits while other threads of Python are busy
             let written = if full {
                 Python::attach(|py| records.flush(py))
             } else {
@@ -409,7 +409,7 @@ impl Simulator {
     }
 }
 
-/// How all mass of a robot answers forces about an equilibrium.
+/// Displacement response of all mass of a robot to forces, about an equilibrium.
 #[pyclass(module = "bowstring._core")]
 pub struct Flexibility {
     inner: modal::Flexibility,
@@ -417,7 +417,7 @@ pub struct Flexibility {
 
 #[pymethods]
 impl Flexibility {
-    /// Mass of every freedom (K,), kg and kg m^2.
+    /// Mass of every degree of freedom (K,), in kg and kg m^2.
     #[getter]
     fn masses<'py>(&self, py: Python<'py>) -> Array<'py> {
         copied(py, &self.inner.masses, &[self.inner.masses.len()])
@@ -429,7 +429,7 @@ impl Flexibility {
         self.inner.points
     }
 
-    /// Displacement (K,) of all freedoms by forces (K,).
+    /// Displacement (K,) of all degrees of freedom by forces (K,).
     fn apply<'py>(
         &mut self,
         py: Python<'py>,
@@ -455,7 +455,7 @@ impl Flexibility {
     }
 }
 
-/// Flexibility where a path has come to: None where that is no stable equilibrium.
+/// Flexibility at the present state of a path; None where that is no stable equilibrium.
 #[pyfunction]
 pub fn flexibility_at(
     py: Python<'_>,
@@ -466,7 +466,7 @@ pub fn flexibility_at(
     Ok(found.map(|inner| Flexibility { inner }))
 }
 
-/// Status, and flexibility about the equilibrium of a load: None where there is no stable one.
+/// Status, and flexibility about the equilibrium of a load; None where there is no stable one.
 #[pyfunction]
 pub fn flexibility<'py>(
     py: Python<'py>,
@@ -492,13 +492,13 @@ pub fn flexibility<'py>(
 /// Time integration and damping, as attributes.
 #[derive(FromPyObject)]
 struct Scheme {
-    /// Fixed step, s; `None` adapts it.
+    /// Fixed step (s); `None` for an adaptive step.
     step: Option<f64>,
-    /// Error of a disk's position in an adapted step, m, and the longest one, s.
+    /// Error of a disk's position in an adaptive step (m), and the longest step (s).
     tolerance: f64,
     longest_step: f64,
     spectral_radius: f64,
-    /// 1/s and s.
+    /// Mass-proportional damping (1/s), and Kelvin-Voigt damping (s).
     mass_damping: f64,
     material_damping: f64,
 }

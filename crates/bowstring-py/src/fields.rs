@@ -14,7 +14,7 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice};
 
-/// Largest von Mises stress around each of K sections, Pa, and cosine and sine of its place, as
+/// Largest von Mises stress around each of K sections (Pa), with cosine and sine of its angle, as
 /// the rows of (3, K); from coefficients (3, K) of normal and shear stress.
 #[pyfunction]
 pub fn von_mises<'py>(
@@ -33,7 +33,7 @@ pub fn von_mises<'py>(
     Ok(array(py, out, &[3, count]))
 }
 
-/// Coefficients (2, 3, ...) of normal and shear stress around sections, Pa, from force and moment
+/// Coefficients (2, 3, ...) of normal and shear stress around sections (Pa), from force and moment
 /// (..., P, 3). Columns of the sections (P, 10): those of `stress::Section`.
 #[pyfunction]
 pub fn surface_stress<'py>(
@@ -100,7 +100,7 @@ pub fn derive<'py>(
     Ok(out)
 }
 
-/// Records of a run, handed to `append` in a room of Python's whenever that is full.
+/// Records of a run, passed to `append` in a buffer of Python whenever that is full.
 pub(crate) struct Records {
     inner: records::Records,
     room: Py<PyArray1<u8>>,
@@ -108,7 +108,7 @@ pub(crate) struct Records {
 }
 
 impl Records {
-    /// Of a robot, from sections and their arc lengths.
+    /// Records of a robot, from sections and their arc lengths.
     pub(crate) fn new(
         robot: &Robot,
         sections: &PyReadonlyArray2<'_, f64>,
@@ -133,12 +133,12 @@ impl Records {
         })
     }
 
-    /// Packs fields of one time; returns whether there is no room for another.
+    /// Packs the fields of one time; returns whether there is no room for another.
     pub(crate) fn add(&mut self, fields: &Fields) -> bool {
         self.inner.add(fields)
     }
 
-    /// Has all that is packed written; after an error it is forgotten.
+    /// Writes the packed bytes; after an error they are discarded.
     pub(crate) fn flush(&mut self, py: Python<'_>) -> PyResult<()> {
         let packed = self.inner.take();
         if !packed.is_empty() {
@@ -153,7 +153,7 @@ impl Records {
     }
 }
 
-/// Checks that so many numbers for each of `count` sections fit into memory.
+/// Checks that this many numbers for each of `count` sections fit into memory.
 fn check_sections(count: usize, numbers: usize) -> PyResult<()> {
     let bytes = 8.0 * count as f64 * numbers as f64;
     let what = || format!("strain and stress of {count} sections");
@@ -179,7 +179,7 @@ fn sections_of(columns: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<Section>> {
         .collect())
 }
 
-/// The shape of vectors (..., P, 3) at these sections without the last dimension.
+/// Leading dimensions of vectors (..., P, 3) at these sections.
 fn outer_shape<'a, const K: usize>(
     sections: &[Section],
     vectors: [&'a PyReadonlyArrayDyn<'_, f64>; K],

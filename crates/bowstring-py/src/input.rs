@@ -1,4 +1,4 @@
-//! Arguments from Python, checked: each refusal is a sentence; and arrays to Python.
+//! Checked arguments from Python, each rejected with a sentence; and arrays to Python.
 
 use bowstring_core::memory;
 use bowstring_core::model::error::InputError;
@@ -18,7 +18,7 @@ pub(crate) fn refused(sentence: impl Into<String>) -> PyErr {
     raised::InputError::new_err(sentence.into())
 }
 
-/// The error of the core, with the argument, index, value and rule that it is of.
+/// The Python error for an error of the core, with its argument, index, value and rule.
 pub(crate) fn input_error(e: InputError) -> PyErr {
     let sentence = e.to_string();
     let Some((argument, index, value, rule)) = e.parts() else {
@@ -35,15 +35,15 @@ pub(crate) fn input_error(e: InputError) -> PyErr {
     raised.unwrap_or_else(|other| other)
 }
 
-/// A sequence of `count` numbers: an array, a list, a tuple or what NumPy makes an array of. Its
-/// size is checked before any number is read.
+/// A sequence of `count` numbers: an array, a list, a tuple or anything that NumPy converts to an
+/// array. Its size is checked before any number is read.
 pub(crate) fn numbers(
     value: &Bound<'_, PyAny>,
     name: &str,
     unit: &str,
     count: usize,
 ) -> PyResult<Vec<f64>> {
-    /// Length up to which a wrong sequence is read, to tell what is wrong with it.
+    /// Length up to which an invalid sequence is read for the message.
     const SHORT: usize = 1000;
     let wrong_count = |len: usize| {
         refused(format!(
@@ -71,7 +71,7 @@ pub(crate) fn numbers(
             Ok([len]) if *len != count && *len > SHORT => return Err(wrong_count(*len)),
             Ok([_]) => match array.extract::<PyReadonlyArray1<f64>>() {
                 Ok(array) => Some(array.as_array().iter().copied().collect()),
-                // truth and complex numbers are none
+                // truth values and complex numbers are rejected
                 Err(_) => match array.cast::<PyUntypedArray>()?.dtype().kind() {
                     b'i' | b'u' | b'f' | b'O' => array.extract::<Vec<f64>>().ok(),
                     _ => None,
@@ -99,7 +99,7 @@ pub(crate) fn numbers(
     }
 }
 
-/// Raises `InputError` if so many bytes cannot be allocated, from what takes them and what to do.
+/// Raises `InputError` if so many bytes cannot be allocated, with what needs them and what to do.
 #[pyfunction]
 pub fn check_memory(bytes: f64, what: &str, cure: &str) -> PyResult<()> {
     memory::check(bytes, || what.into(), cure).map_err(input_error)
@@ -107,8 +107,8 @@ pub fn check_memory(bytes: f64, what: &str, cure: &str) -> PyResult<()> {
 
 pub(crate) type Array<'py, T = f64> = Bound<'py, PyArrayDyn<T>>;
 
-/// Array of a shape that the values fill. A small one is copied, which takes less time than to hand
-/// it over.
+/// Array of a shape that the values fill. A small one is copied, which is faster than transferring
+/// ownership.
 pub(crate) fn array<'py, T: Element + Copy>(
     py: Python<'py>,
     values: Vec<T>,
@@ -157,7 +157,7 @@ impl<const N: usize> std::ops::Deref for Rows<N> {
     }
 }
 
-/// Whether a list or a tuple has True or False in it.
+/// Whether a list or a tuple contains True or False.
 fn has_truth(values: &Bound<'_, PyAny>) -> PyResult<bool> {
     for item in values.try_iter()? {
         if item?.is_instance_of::<PyBool>() {
@@ -172,7 +172,7 @@ pub(crate) fn three(value: &Bound<'_, PyAny>, name: &str, unit: &str) -> PyResul
     Ok([v[0], v[1], v[2]])
 }
 
-/// How a wrong value shows in an error.
+/// Short form of an invalid value for an error.
 pub(crate) fn brief(value: &Bound<'_, PyAny>) -> String {
     let text = value.repr().map_or_else(
         |_| value.get_type().to_string(),

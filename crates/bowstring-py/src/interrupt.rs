@@ -6,20 +6,20 @@ use pyo3::prelude::*;
 use std::cell::{Cell, RefCell};
 use std::time::{Duration, Instant};
 
-/// Time between two looks for signals.
+/// Time between two checks for signals.
 const INTERVAL: Duration = Duration::from_millis(50);
 
 thread_local! {
-    /// When the signals were looked at last.
+    /// Time of the last check for signals.
     static LOOKED: Cell<Option<Instant>> = const { Cell::new(None) };
-    /// What a signal raised.
+    /// Exception raised by a signal handler.
     static RAISED: RefCell<Option<PyErr>> = const { RefCell::new(None) };
 }
 
-/// Runs work without the interpreter lock; a signal whose handler raises, as that of Ctrl-C does,
+/// Runs work without the interpreter lock; a signal whose handler raises, such as that of Ctrl-C,
 /// ends it with that exception.
 ///
-/// Python runs handlers on its main thread alone: work on other threads is not interrupted.
+/// Python runs handlers on its main thread only: work on other threads is not interrupted.
 pub(crate) fn interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce() -> T + Send,
@@ -34,12 +34,12 @@ pub(crate) fn interruptible<T: Send>(
     })
 }
 
-/// Whether a signal has come whose handler raises.
+/// Whether a signal has arrived whose handler raises.
 fn look() -> bool {
     let now = Instant::now();
     match LOOKED.get() {
         Some(last) if now - last < INTERVAL => return false,
-        // the first question comes after little work
+        // the first poll comes after little work
         None => {
             LOOKED.set(Some(now));
             return false;

@@ -1,4 +1,4 @@
-//! Python face of `bowstring-core`: arrays in, arrays out, errors as exceptions.
+//! Python binding of `bowstring-core`: arrays in, arrays out, errors as exceptions.
 
 use bowstring_core::math::{instructions::Instructions, widest_instructions};
 use pyo3::exceptions::PyImportError;
@@ -42,24 +42,24 @@ mod _core {
         m.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 
-    /// Name of the processor instructions that are used.
+    /// Name of the processor instructions in use.
     #[pyfunction]
     fn instructions() -> &'static str {
         widest_instructions().name()
     }
 }
 
-/// Limits the instructions to those that the environment variable BOWSTRING_INSTRUCTIONS names.
+/// Limits the instructions to those named in the environment variable BOWSTRING_INSTRUCTIONS.
 fn limit_instructions() -> PyResult<()> {
-    let wanted = std::env::var_os("BOWSTRING_INSTRUCTIONS").unwrap_or_default();
-    if wanted.is_empty() {
+    let requested = std::env::var_os("BOWSTRING_INSTRUCTIONS").unwrap_or_default();
+    if requested.is_empty() {
         return Ok(());
     }
-    let wanted = wanted.to_string_lossy();
-    let known = Instructions::ALL.iter().find(|i| i.name() == wanted);
+    let requested = requested.to_string_lossy();
+    let known = Instructions::ALL.iter().find(|i| i.name() == requested);
     let known = known.ok_or_else(|| {
         PyImportError::new_err(format!(
-            "BOWSTRING_INSTRUCTIONS is {wanted:?}; it must be plain, avx2 or avx512"
+            "BOWSTRING_INSTRUCTIONS is {requested:?}; it must be plain, avx2 or avx512"
         ))
     })?;
     known.limit();

@@ -1,4 +1,4 @@
-//! Objects of the model as Python gives them: arrays of a robot, rod model, load, history.
+//! Model objects from Python: arrays of a robot, rod model, load, history.
 
 use crate::input::{brief, input_error, numbers, refused, three};
 use bowstring_core::memory;
@@ -11,7 +11,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 
-/// How the rod is modelled; frozen, checked when it is made.
+/// How the rod is modelled; frozen, checked on construction.
 ///
 /// Parameters
 /// ----------
@@ -23,14 +23,14 @@ use pyo3::types::{PyBool, PyDict};
 /// twist : bool
 ///     Whether the backbone can twist.
 /// elements : {1, 2, 4, 8}, optional
-///     Elements of fourth order between two disks. Left out, statics take as few as keep the
-///     estimated error of the tip within 1e-5 of length and that of tensions within 1e-4 of the
-///     largest; motion and fits take one.
+///     Fourth-order elements between two disks. By default statics choose the smallest number that
+///     keeps the estimated error of the tip within 1e-5 of length and that of tensions within 1e-4
+///     of the largest; motion and fits use one.
 ///
 /// Raises
 /// ------
 /// InputError
-///     If a value is none of these.
+///     If a value is not one of these.
 ///
 /// Examples
 /// --------
@@ -42,7 +42,7 @@ use pyo3::types::{PyBool, PyDict};
 pub struct RodModel(pub Settings);
 
 impl RodModel {
-    /// Elements between two disks where nothing chooses them.
+    /// Number of elements between two disks; one where it is not given.
     pub fn elements_or_one(&self) -> usize {
         self.0.elements.unwrap_or(1)
     }
@@ -57,7 +57,7 @@ const TENDON_PATHS: [(&str, TendonPath); 2] = [
     ("continuous", TendonPath::Continuous),
 ];
 
-/// What one of two words stands for.
+/// Value of one of two words.
 fn choice<T: Copy>(value: &Bound<'_, PyAny>, name: &str, words: [(&str, T); 2]) -> PyResult<T> {
     let given = value.extract::<String>().ok();
     let found = words
@@ -133,7 +133,7 @@ impl RodModel {
         self.0.elements
     }
 
-    /// The same with other values.
+    /// A copy with other values.
     #[pyo3(signature = (**changes))]
     fn replace<'py>(
         slf: &Bound<'py, Self>,
@@ -172,7 +172,7 @@ impl RodModel {
     }
 }
 
-/// What acts beside the tendons, attributes of Python's `Load`: gravity (the robot's own if None),
+/// Loads beside the tendons, attributes of Python's `Load`: gravity (the robot's own if None),
 /// force and moment at the tip (zero if None).
 #[derive(FromPyObject)]
 pub struct DeadLoad<'py> {
@@ -182,7 +182,7 @@ pub struct DeadLoad<'py> {
 }
 
 impl DeadLoad<'_> {
-    /// As one load of a robot, with its tensions.
+    /// The load of a robot, with its tensions.
     pub fn with(&self, robot: &Robot, tensions: Vec<f64>) -> PyResult<OwnedLoad> {
         let zero = [0.0; 3];
         Ok(OwnedLoad {
@@ -208,7 +208,7 @@ pub fn gravity(robot: &Robot, given: Option<&Bound<'_, PyAny>>) -> PyResult<[f64
     three_or(given, "gravity", "m/s^2", robot.spec().gravity)
 }
 
-/// Arrays of Python's `RobotDisks` that mechanics uses, one entry for each disk.
+/// Arrays of Python's `RobotDisks` for the mechanics, one entry for each disk.
 #[derive(FromPyObject)]
 struct Disks<'py> {
     station_m: PyReadonlyArray1<'py, f64>,
@@ -218,14 +218,14 @@ struct Disks<'py> {
     segment: PyReadonlyArray1<'py, i64>,
 }
 
-/// Arrays of Python's `RobotTendons` that say where they run.
+/// Arrays of Python's `RobotTendons` for the routing.
 #[derive(FromPyObject)]
 struct Tendons<'py> {
     hole_m: PyReadonlyArray2<'py, f64>,
     end_disk: PyReadonlyArray1<'py, i64>,
 }
 
-/// Arrays of Python's `Robot` that mechanics uses; stiffness has one entry for each segment.
+/// Arrays of Python's `Robot` for the mechanics; stiffness has one entry for each segment.
 #[derive(FromPyObject)]
 pub struct RobotArrays<'py> {
     disks: Disks<'py>,
@@ -240,7 +240,7 @@ pub struct RobotArrays<'py> {
 }
 
 impl RobotArrays<'_> {
-    /// The description that the core checks.
+    /// Description for the core, which checks it.
     pub fn spec(&self) -> PyResult<RobotSpec> {
         let (disks, tendons) = (&self.disks, &self.tendons);
         let (n, segments) = (disks.station_m.len(), self.bending_stiffness.len());
@@ -306,7 +306,7 @@ impl RobotArrays<'_> {
     }
 }
 
-/// Arrays of Python's `RobotTendons` that say how each tendon acts, one entry for each.
+/// Arrays of Python's `RobotTendons` for actuation, one entry for each tendon.
 #[derive(FromPyObject)]
 pub struct Lines<'py> {
     #[pyo3(attribute("axial_stiffness_N"))]
@@ -321,7 +321,7 @@ pub struct Lines<'py> {
 }
 
 impl Lines<'_> {
-    /// Those of a robot with so many tendons; without friction if it is left out.
+    /// Lines of a robot with this many tendons; without friction if `friction` is false.
     pub fn lines(&self, count: usize, friction: bool) -> PyResult<Vec<Line>> {
         let stiffness = numbers(&self.axial_stiffness, "axial_stiffness", "N", count)?;
         let free_length = numbers(&self.free_length, "free_length", "m", count)?;
@@ -340,7 +340,7 @@ impl Lines<'_> {
     }
 }
 
-/// Copies of the arrays: nobody can change them while the interpreter lock is released.
+/// Copies of the arrays: they cannot change while the interpreter lock is released.
 pub(crate) struct OwnLoads {
     pub count: usize,
     tensions: Vec<f64>,

@@ -14,7 +14,7 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// A robot that is driven through its tendons, along a path.
+/// A robot that is actuated through its tendons, along a path.
 #[pyclass(module = "bowstring._core")]
 pub struct PathSolver {
     robot: Py<Robot>,
@@ -30,7 +30,7 @@ impl PathSolver {
 
 #[pymethods]
 impl PathSolver {
-    /// From the arrays of a robot's tendons; without friction if it is left out.
+    /// From the arrays of a robot's tendons; without friction if `friction` is false.
     #[new]
     fn new(
         robot: &Bound<'_, Robot>,
@@ -51,12 +51,13 @@ impl PathSolver {
         })
     }
 
-    /// Back to the home pose.
+    /// Returns to the home pose.
     fn reset(&mut self) {
         self.inner.reset();
     }
 
-    /// One step of the path: which tendons are displacement-controlled, and lengths or tensions.
+    /// One step of the path: which tendons are displacement-controlled, and displacements or
+    /// tensions.
     fn step(
         &mut self,
         py: Python<'_>,
@@ -109,7 +110,7 @@ impl PathSolver {
     }
 
     /// Many steps: each from the one before or, with `threads` (0: one for each core), each from
-    /// where the path stands. Arrays of n rows; the load may have one row.
+    /// the present state of the path. Arrays of n rows; the load may have one row.
     fn follow<'py>(
         &mut self,
         py: Python<'py>,
@@ -148,7 +149,7 @@ impl PathSolver {
         arrays(py, robot.get(), found, disks)
     }
 
-    /// What friction remembers of the path, and where it has come to.
+    /// State of the path after its last step.
     fn history<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let now = self.inner.history();
         let (n, m) = (self.inner.robot().module_count(), now.tensions.len());
@@ -178,7 +179,7 @@ impl PathSolver {
         Ok(out)
     }
 
-    /// Goes on from a history.
+    /// Continues from a history.
     fn resume(&mut self, history: History<'_>) -> PyResult<()> {
         let by_displacement: Vec<bool> = flat(&history.by_displacement);
         let commands: Vec<f64> = flat(&history.commands);
@@ -208,7 +209,7 @@ impl PathSolver {
     }
 }
 
-/// What `PathSolver::history` gave, as items of a mapping.
+/// Items of a mapping from `PathSolver::history`.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 struct History<'py> {
@@ -230,7 +231,7 @@ fn flat<T: numpy::Element + Copy, D: numpy::ndarray::Dimension>(
     array.as_array().iter().copied().collect()
 }
 
-/// Answers as NumPy arrays, named as in `bowstring.Sweep`.
+/// Solutions as NumPy arrays, named as in `bowstring.Sweep`.
 fn arrays<'py>(
     py: Python<'py>,
     robot: &Robot,

@@ -1,4 +1,4 @@
-//! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one answer.
+//! Statics of the rod: `Robot`, which solves, and `Solution`, which holds one solution.
 
 use crate::input::{array, copied, input_error, numbers, refused, Array};
 use crate::interrupt::interruptible;
@@ -22,7 +22,7 @@ use std::sync::{Mutex, PoisonError};
 #[pyclass(frozen, module = "bowstring._core")]
 pub struct Robot {
     pub(crate) inner: bowstring_core::model::robot::Robot,
-    /// The solvers of the last calls, for the next with the same settings.
+    /// Solvers of the last calls, reused for the same settings.
     solvers: Mutex<Vec<(Settings, Adaptive)>>,
 }
 
@@ -50,7 +50,7 @@ impl Robot {
         self.inner.module_count()
     }
 
-    /// One equilibrium from straight.
+    /// One equilibrium from the straight backbone.
     fn solve(
         slf: &Bound<'_, Self>,
         tensions: &Bound<'_, PyAny>,
@@ -86,7 +86,7 @@ impl Robot {
             .map_err(input_error)
     }
 
-    /// Many loads in order; arrays of n rows, the last three may be one row.
+    /// Many loads in sequence; arrays of n rows, the last three may be one row.
     fn sweep<'py>(
         &self,
         py: Python<'py>,
@@ -105,7 +105,7 @@ impl Robot {
         self.arrays(py, found.map_err(input_error)?, disks)
     }
 
-    /// Many loads, each from straight, on `threads` cores (0: all).
+    /// Many independent loads, each from the straight backbone, on `threads` cores (0: all).
     fn solve_batch<'py>(
         &self,
         py: Python<'py>,
@@ -124,12 +124,13 @@ impl Robot {
 }
 
 impl Robot {
-    /// Largest robot whose solvers are kept, and how many: chosen elements, and those chosen.
+    /// Largest robot whose solvers are kept, and most kept solvers, for chosen and for given
+    /// elements.
     const MOST_DISKS: usize = 500;
     const MOST_SOLVERS: usize = 2;
 
-    /// Work of a solver with these settings, a former one if it has them: a solver's answers do
-    /// not depend on what it solved before.
+    /// Runs work with a solver of these settings, an earlier one if there is: solutions of a solver
+    /// do not depend on what it solved before.
     fn with_solver<T>(
         &self,
         settings: Settings,
@@ -154,7 +155,7 @@ impl Robot {
         done
     }
 
-    /// Loads of which the answers fit into memory, as arrays and lists of Python.
+    /// Loads whose solutions fit into memory, as arrays and lists of Python.
     fn loads(
         &self,
         tensions: PyReadonlyArray2<'_, f64>,
@@ -167,7 +168,7 @@ impl Robot {
         OwnLoads::new(&self.inner, tensions, &load)
     }
 
-    /// The answers as NumPy arrays, named as in `bowstring.Sweep`.
+    /// Solutions as NumPy arrays, named as in `bowstring.Sweep`.
     pub(crate) fn arrays<'py>(
         &self,
         py: Python<'py>,
@@ -240,14 +241,14 @@ impl Robot {
     }
 }
 
-/// Checks that the answers of so many loads, of so many numbers each, fit into memory.
+/// Checks that the solutions of so many loads, of so many numbers each, fit into memory.
 pub(crate) fn check_rows(count: usize, numbers: usize, disks: bool) -> PyResult<()> {
     let cure = if disks {
         "give fewer at a time, or leave the disks out (disks=False)"
     } else {
         "give fewer at a time"
     };
-    let what = || format!("an answer to {count} loads");
+    let what = || format!("the solutions of {count} loads");
     memory::check(8.0 * count as f64 * numbers as f64, what, cure).map_err(input_error)
 }
 
@@ -264,7 +265,7 @@ fn vector<'py, T: Element + Copy>(py: Python<'py>, values: &[T]) -> Array<'py, T
     copied(py, values, &[values.len()])
 }
 
-/// The answer to one load.
+/// The solution for one load.
 #[pyclass(frozen, module = "bowstring._core")]
 pub struct Solution {
     pub(crate) robot: Py<Robot>,
@@ -272,18 +273,18 @@ pub struct Solution {
     pub(crate) load: OwnedLoad,
     pub(crate) outcome: Outcome,
     pub(crate) answer: Option<Answer>,
-    /// If it was found by a `PathSolver`, not by tensions alone.
+    /// Result of a path, if it was computed by a `PathSolver`.
     pub(crate) path: Option<Box<PathResult>>,
 }
 
 impl Solution {
-    /// What a converged step of a path adds.
+    /// State of a converged step of a path.
     fn state(&self) -> Option<&State> {
         self.path.as_ref()?.state.as_ref()
     }
 
-    /// Something of the solver in the pose of the answer. After tensions alone it is solved anew,
-    /// which gives the same numbers.
+    /// Evaluates `question` on the solver in the pose of the solution. After a solve by tensions
+    /// alone it is solved again, which gives the same numbers.
     fn ask<T>(&self, question: impl FnOnce(&Solver) -> T) -> Result<T, InputError> {
         if let Some(state) = self.state() {
             return Ok(question(&state.solver));
@@ -295,9 +296,9 @@ impl Solution {
     }
 }
 
-/// What a step of a `PathSolver` adds to a solution by tensions.
+/// Additional results of a step of a `PathSolver`.
 pub(crate) struct PathResult {
-    /// Whether each tendon is displacement-controlled, and the length or tension.
+    /// Whether each tendon is displacement-controlled, and its displacement (m) or tension (N).
     pub by_displacement: Vec<bool>,
     pub commands: Vec<f64>,
     pub found: PathOutcome,
@@ -306,11 +307,11 @@ pub(crate) struct PathResult {
 
 /// Numbers of a converged step.
 pub(crate) struct State {
-    /// In the pose of the step: tensions alone do not always lead there again.
+    /// Solver in the pose of the step, which a solve by tensions alone may not reach again.
     pub solver: Solver,
     pub displacements: Vec<f64>,
     pub slack: Vec<f64>,
-    /// By modules and tendons.
+    /// Span tensions by modules and tendons (N).
     pub spans: Vec<f64>,
 }
 
@@ -377,12 +378,12 @@ impl Solution {
     fn collision(&self) -> Option<usize> {
         self.outcome.collision
     }
-    /// As it was solved with: elements are those taken.
+    /// The rod model of the solve: `elements` is the number used.
     #[getter]
     fn model(&self) -> RodModel {
         RodModel(self.settings)
     }
-    /// Estimated discretisation error of tip, m, and tensions, N; `None` without an answer.
+    /// Estimated discretisation error of tip (m) and tensions (N); `None` without a solution.
     #[getter]
     fn error_estimate(&self) -> Option<(f64, f64)> {
         self.outcome.error.map(|e| (e.tip, e.tension))
@@ -428,7 +429,7 @@ impl Solution {
         Some(vector(py, &self.answer.as_ref()?.tendon_length))
     }
 
-    /// Whether a `PathSolver` found it: what follows is `None` otherwise.
+    /// Whether it was computed by a `PathSolver`: what follows is `None` otherwise.
     #[getter]
     fn on_path(&self) -> bool {
         self.path.is_some()
@@ -438,7 +439,7 @@ impl Solution {
     fn by_displacement<'py>(&self, py: Python<'py>) -> Option<Array<'py, bool>> {
         Some(vector(py, &self.path.as_ref()?.by_displacement))
     }
-    /// Lengths and tensions that were asked for.
+    /// Commanded displacements and tensions.
     #[getter]
     fn commands<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
         Some(vector(py, &self.path.as_ref()?.commands))
@@ -451,11 +452,11 @@ impl Solution {
     fn length_residual(&self) -> Option<f64> {
         Some(self.path.as_ref()?.found.length_residual)
     }
-    /// Tendons that fight, from 0, and the nearest displacements with an equilibrium.
+    /// Opposing tendons, from 0, and the nearest feasible displacements.
     #[getter]
     fn conflict(&self) -> Option<(Vec<usize>, Option<Vec<f64>>)> {
         let found = &self.path.as_ref()?.found;
-        Some((found.fighting.clone(), found.nearest.clone()))
+        Some((found.opposing.clone(), found.nearest.clone()))
     }
     #[getter]
     fn displacements<'py>(&self, py: Python<'py>) -> Option<Array<'py>> {
@@ -471,8 +472,8 @@ impl Solution {
         Some(copied(py, spans, &[spans.len() / m, m]))
     }
 
-    /// Points of the backbone. A solution by tensions keeps what is asked of it often and not the
-    /// solver.
+    /// Points of the backbone. A solution by tensions stores only frequently requested quantities,
+    /// not the solver.
     fn centerline<'py>(
         &self,
         py: Python<'py>,
@@ -498,9 +499,9 @@ impl Solution {
         }))
     }
 
-    /// Derivatives by tension, tip force, tip moment and stiffness, each as arrays of position,
-    /// rotation and lengths with a column for each parameter; `None` if there are none (not
-    /// converged, or continuous tendons).
+    /// Derivatives with respect to tension, tip force, tip moment and stiffness, each as arrays of
+    /// position, rotation and lengths with a column for each parameter; `None` if there are none
+    /// (not converged, or continuous tendons).
     fn jacobians<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         if self.answer.is_none() {
             return Ok(None);

@@ -1,56 +1,58 @@
 //! Tendons of a robot in motion under tension and displacement control.
+//!
+//! Theory: docs/theory/dynamics.md (Tendons in motion).
 
 use crate::motion::Moving;
 use crate::statics::path::{Command, History, PathSolver};
 use crate::tendon::{Tendons, Transmission};
 
-// Tuned constants. Lengths are shares of the robot's.
+// Tuned constants. Lengths are fractions of the robot's length.
 
-/// Length to which displacements are met; and where rounding allows no better.
+/// Length error to which displacements are met; and the same where rounding allows no better.
 const LENGTH: f64 = 1e-13;
 const NEAR_LENGTH: f64 = 1e-11;
-/// Slip that is none: somewhat more than either.
-pub(super) const NO_SLIP: f64 = 1e-11;
-/// Change of the logarithm of a tension that is none: far below what is recorded.
-const NO_DROP: f64 = 1e-9;
-/// Share of the length lacked before, up to which an iteration gets better.
+/// Negligible slip: somewhat more than either tolerance of a length.
+pub(super) const NEGLIGIBLE_SLIP: f64 = 1e-11;
+/// Negligible change of the logarithm of a tension: far below what is recorded.
+const NEGLIGIBLE_DROP: f64 = 1e-9;
+/// Ratio of length errors of two iterations up to which the iteration counts as converging.
 const CONTRACTION: f64 = 0.1;
 
-/// Actuation of a robot through its lines.
+/// Actuation of a robot through its tendons.
 pub(super) struct Actuation {
     transmission: Transmission,
-    /// At the start of the step.
+    /// State of the tendons at the start of the step.
     old: History,
-    /// Slack length of each tendon there, m.
+    /// Slack length of each tendon at the start of the step (m).
     pub slack: Vec<f64>,
-    /// Of the step.
+    /// Commands of the step.
     pub commands: Vec<Command>,
-    /// Length that a tendon lacked or had too much in the iteration before, over the robot's.
-    lacked: f64,
-    /// Of the robot, m.
+    /// Length error of the iteration before, over the robot's length.
+    last_error: f64,
+    /// Length of the robot (m).
     length: f64,
 }
 
-/// What an iteration finds of the tendons.
+/// Result of a check of the tendons in an iteration.
 #[derive(Clone, Copy)]
 pub(super) struct TendonCheck {
-    /// Whether friction and lengths are as they must be.
+    /// Whether friction and lengths are within their tolerances.
     pub settled: bool,
-    /// Whether lengths get better.
+    /// Whether the length error decreases.
     pub better: bool,
 }
 
 impl Actuation {
     pub fn new(path: &PathSolver, length: f64) -> Self {
         let mut transmission = path.transmission().clone();
-        transmission.friction.tolerance.drop = NO_DROP;
-        transmission.friction.tolerance.slip = NO_SLIP * length;
+        transmission.friction.tolerance.drop = NEGLIGIBLE_DROP;
+        transmission.friction.tolerance.slip = NEGLIGIBLE_SLIP * length;
         Actuation {
             slack: transmission.tendons.slack.clone(),
             transmission,
             old: path.history().clone(),
             commands: path.history().commands.clone(),
-            lacked: f64::INFINITY,
+            last_error: f64::INFINITY,
             length,
         }
     }
@@ -59,27 +61,27 @@ impl Actuation {
         &self.transmission.tendons
     }
 
-    /// Tensions before the base holes at the last balance of forces, N.
+    /// Tensions before the base holes at the last balance of forces (N).
     pub fn last_tensions(&self) -> &[f64] {
         &self.old.tensions
     }
 
-    /// Tension of a tendon now: of its stretch where friction leaves it the same all along, else
-    /// that of the last balance of forces, N.
+    /// Present tension of a tendon (N): from its elongation where friction leaves it uniform,
+    /// otherwise that of the last balance of forces.
     pub fn tension(&self, i: usize) -> f64 {
-        match self.tendons().tension_of_stretch(i) {
+        match self.tendons().tension_from_elongation(i) {
             Some(tension) if !self.transmission.friction.enabled => tension,
             _ => self.old.tensions[i],
         }
     }
 
-    /// Displacement of a tendon now, m.
+    /// Present displacement of a tendon (m).
     pub fn displacement(&self, i: usize) -> f64 {
         self.tendons().displacement_now(i, &self.old)
     }
 
-    /// Tension of a tendon's spans from base to tip at the last balance of forces, N; what a step
-    /// that failed has left in the rod is not looked at.
+    /// Tension of a tendon's spans from base to tip at the last balance of forces (N); not what a
+    /// failed step left in the rod.
     pub fn spans(&self, i: usize) -> impl Iterator<Item = f64> + '_ {
         let (m, friction) = (self.commands.len(), self.transmission.friction.enabled);
         let mut drop = 0.0;
@@ -91,17 +93,17 @@ impl Actuation {
         })
     }
 
-    /// Whether a tendon is under displacement control and does not stretch.
+    /// Whether a tendon is under displacement control and inextensible.
     pub fn is_stiff(&self, i: usize) -> bool {
-        self.commands[i].is_displacement() && self.tendons().tension_of_stretch(i).is_none()
+        self.commands[i].is_displacement() && self.tendons().tension_from_elongation(i).is_none()
     }
 
-    /// Whether Newton's method on a step takes more work by this factor.
+    /// Factor by which a Newton iteration of a step takes more work.
     pub fn work_factor(&self) -> usize {
         2 + self.transmission.unknowns.problem.size
     }
 
-    /// Takes on the commands of a step: tensions where forces balance, displacements of its end.
+    /// Sets the commands of a step: tensions where forces balance, displacements at its end.
     pub fn begin(
         &mut self,
         motion: &mut dyn Moving,
@@ -118,11 +120,11 @@ impl Actuation {
         self.transmission.start(&self.old, &self.commands);
         self.transmission.tendons.step.share = share;
         self.transmission.tendons.apply(motion);
-        self.lacked = f64::INFINITY;
+        self.last_error = f64::INFINITY;
     }
 
-    /// Friction and lengths at the present pose; the moment imbalance is made anew where friction
-    /// changed it.
+    /// Updates friction and lengths at the present pose; recomputes the moment imbalance where
+    /// friction changed it.
     pub fn update(&mut self, motion: &mut dyn Moving, residual: &mut f64) -> TendonCheck {
         let friction = self.transmission.friction.enabled;
         motion.measure_spans(friction);
@@ -133,18 +135,18 @@ impl Actuation {
         }
         let tendons = &mut self.transmission.tendons;
         tendons.measure(motion);
-        let lacks = tendons.length_residual() / self.length;
-        let better = lacks <= CONTRACTION * self.lacked;
-        let stalls = lacks <= NEAR_LENGTH && !better;
-        self.lacked = lacks;
+        let error = tendons.length_residual() / self.length;
+        let better = error <= CONTRACTION * self.last_error;
+        let stalls = error <= NEAR_LENGTH && !better;
+        self.last_error = error;
         TendonCheck {
-            settled: settled && (lacks <= LENGTH || stalls),
+            settled: settled && (error <= LENGTH || stalls),
             better,
         }
     }
 
-    /// A Newton step on tensions and strain; false if its equations are singular.
-    /// `made`: the tangent is new.
+    /// Computes a Newton step on tensions and strain; false if its equations are singular. `made`:
+    /// the tangent is new.
     pub fn newton_step(&mut self, motion: &mut dyn Moving, made: bool) -> bool {
         let transmission = &mut self.transmission;
         transmission.gather(motion, &self.old, 0.0, !made);
@@ -161,18 +163,18 @@ impl Actuation {
         true
     }
 
-    /// Directions that displacement control holds though the energy has no minimum there.
+    /// Number of directions without a minimum of the energy that displacement control holds.
     pub fn held_directions(&mut self) -> usize {
         self.transmission.unknowns.problem.negative_eigenvalues()
     }
 
-    /// Takes a pose at rest as one of the path, see [`Tendons::adopt`].
+    /// Takes a pose at rest as one of the path; see [`Tendons::adopt`].
     pub fn adopt(&mut self, motion: &mut dyn Moving) {
         motion.measure_spans(false);
         self.transmission.tendons.adopt(motion);
     }
 
-    /// Adds what the tendons did in the step that was finished to its energies.
+    /// Adds energy, work and loss of the tendons in the finished step to its energies.
     pub fn account(&self, motion: &mut dyn Moving) {
         let energies = self
             .tendons()
@@ -180,8 +182,8 @@ impl Actuation {
         motion.energies_mut().account(&energies);
     }
 
-    /// Takes the pose that was found as the start of the next step; returns the energy of tendons
-    /// under displacement control, J.
+    /// Accepts the present pose as the start of the next step; returns the energy of tendons under
+    /// displacement control (J).
     pub fn arrive(&mut self, motion: &dyn Moving) -> f64 {
         let tendons = &mut self.transmission.tendons;
         let energy = tendons.arrive(motion);
@@ -190,7 +192,7 @@ impl Actuation {
         energy
     }
 
-    /// Lets displacements jump; returns the energy that motors put into the tendons at once, J.
+    /// Sets displacements at once; returns the work of the motors in the jump (J).
     pub fn jump(&mut self, values: &[f64]) -> f64 {
         self.transmission.tendons.jump(values, &mut self.slack)
     }

@@ -1,5 +1,7 @@
-//! Time integration over one stretch of time: predictor, Newton's method, step control and balance
-//! of energy.
+//! Time integration over one interval: predictor, Newton's method, step control and balance of
+//! energy.
+//!
+//! Theory: docs/theory/dynamics.md.
 
 use super::actuation::Actuation;
 use super::newton::{self, Problem, Tolerances};
@@ -12,118 +14,119 @@ use crate::statics::solver;
 
 // Tuned constants of a step. Moments are over (bending stiffness / length).
 
-/// Largest moment imbalance at which a step counts as solved: with numerical damping, and without
-/// it, where errors of energy add up.
+/// Largest moment imbalance of a converged step: with numerical damping, and without it, where
+/// errors of energy accumulate.
 const TOLERANCE: f64 = 1e-6;
 const UNDAMPED_TOLERANCE: f64 = 1e-7;
-/// Share of a step's estimated error that an imbalance may add to it, and the largest imbalance
-/// that may: a step need not be solved better than it follows the motion. Only with numerical
-/// damping, and by tension.
+/// Fraction of a step's estimated error that an imbalance may add to it, and the largest such
+/// imbalance: a step need not be solved more accurately than the time integration is. Used only
+/// with numerical damping and under tension control.
 const SHARE_OF_ERROR: f64 = 5e-3;
 const LOOSEST: f64 = 1e-4;
-/// Shortest step that a cut may reach, over the longest.
+/// Shortest step after cuts, over the longest step.
 const MOST_CUTS: f64 = 1e-6;
-/// Rounding of a step's forces that still leaves a motion.
-const MOST_NOISE: f64 = 1e-4;
-/// Share of a stretch that counts as none, and of a step that one may be longer to reach the end.
-const NO_TIME: f64 = 1e-12;
+/// Largest relative rounding error of a step's forces at which integration goes on.
+const MAX_NOISE: f64 = 1e-4;
+/// Negligible fraction of the interval, and fraction by which a step may be longer to reach the
+/// end.
+const NEGLIGIBLE_TIME: f64 = 1e-12;
 const LONGER: f64 = 1e-4;
-/// Steps, repeated ones too, in one stretch of time: enough for minutes of a stiff robot.
+/// Most steps in one interval, repeated steps included: enough for minutes of a stiff robot.
 const MOST_STEPS: usize = 2_000_000;
 
 // Balance of energy. Energies are over the largest so far.
 
-/// Energy that may appear from nowhere before a step is done again without numerical damping,
-/// whose scheme conserves it; and before a step is cut.
+/// Energy gain above which a step is repeated without numerical damping, whose scheme conserves
+/// energy; and gain above which it is cut.
 const UNDAMPED_GROWTH: f64 = 1e-3;
 const MOST_GROWTH: f64 = 5e-2;
-/// Without numerical damping: deviation to which energy is kept, and how often a step is solved
-/// again for it.
-const KEPT: f64 = 1e-5;
+/// Without numerical damping: tolerance of the energy balance, and how often a step is solved again
+/// to meet it.
+const ENERGY_TOLERANCE: f64 = 1e-5;
 const MAX_RESTORATIONS: usize = 3;
 
-// Step control by the estimated error, of third order in the step.
+// Step control by the estimated error, which is of third order in the step.
 
-/// Errors of steps add up to that of a motion, but for what each leaves in the velocity, which
-/// shows a quarter of an oscillation later.
+/// Safety factor of the estimated error of a run: errors of steps add up, but each also leaves an
+/// error in the velocity, which shows a quarter of an oscillation later.
 const ERROR_MARGIN: f64 = 3.0;
-/// Safety of a new step; error over the tolerance at which a step is repeated; and the bounds of
-/// the factor to the next step, and of one that is repeated.
+/// Safety factor of a new step; ratio of error to tolerance above which a step is repeated; bounds
+/// of the factor to the next step, and of the factor to a repeated step.
 const SAFETY: f64 = 0.9;
 const REPEATED: f64 = 2.0;
 const FACTORS: [f64; 2] = [0.5, 2.0];
 const LEAST_REPEATED_FACTOR: f64 = 0.2;
-/// Factors that change nothing: steps of one length share the tangent.
+/// Range of factors at which the step stays the same: steps of one length share the tangent.
 const SAME_STEP: std::ops::Range<f64> = 0.85..1.4;
 
-/// Limits of a step, by robot.
+/// Limits of a step for a robot.
 struct Limits {
-    /// Imbalance of a step, of an equilibrium, and the most that may be left by the error of a
-    /// step, N m.
+    /// Tolerances of the moment imbalance of a step and of an equilibrium, and the largest that the
+    /// error of a step permits (N m).
     step: f64,
     at_rest: f64,
     loosest: f64,
-    /// Step below which rounding would hide the motion, s.
+    /// Step below which rounding would hide the motion (s).
     shortest: f64,
 }
 
-/// Load over the stretch. In the place of a tension, the displacement of a tendon under
-/// displacement control.
+/// Load over the interval, with displacements in place of the tensions of displacement-controlled
+/// tendons.
 struct LoadRamp {
     from: OwnedLoad,
     to: OwnedLoad,
-    /// Where forces balance, and at the end of the step.
+    /// Load where forces balance, and load at the end of the step.
     between: OwnedLoad,
     end: OwnedLoad,
 }
 
-/// Energy since the last jump of the load, J.
+/// Energy since the last jump of the load (J).
 #[derive(Default)]
 struct EnergyMonitor {
-    /// Left at the jump, and the least since.
+    /// Energy balance at the jump, and its minimum since.
     start: f64,
     least: f64,
-    /// Largest so far.
+    /// Largest energy so far.
     largest: f64,
 }
 
-/// Integration of one stretch of time.
+/// Integration of one interval.
 pub(super) struct Integration {
     step: Step,
     spectral_radius: f64,
     limits: Limits,
     ramp: LoadRamp,
-    /// Beside tensions.
+    /// Actuation through tendon lines; `None` where tensions act directly.
     pub actuation: Option<Actuation>,
-    /// Step to try next, s.
+    /// Step to try next (s).
     pub next: f64,
     /// Estimated error of the last step.
     error: Option<StepError>,
-    /// Steps just before whose error is not known.
+    /// Number of directly preceding steps whose error is not known.
     unknown: usize,
     energy: EnergyMonitor,
     pub count: Count,
-    /// How much of the stretch was done, s.
+    /// Completed part of the interval (s).
     elapsed: f64,
 }
 
-/// An equilibrium to find.
+/// Kind of equilibrium to find.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Equilibrium {
-    /// Under the tensions at hand, which are those of an equilibrium already.
+    /// Under the present tensions, which are already in equilibrium.
     Given,
     /// Under the load.
     Loaded,
 }
 
-/// What comes of a step.
+/// Decision on a step.
 enum Verdict {
     Accept(Option<StepError>),
-    /// Without numerical damping once more.
+    /// Repeat without numerical damping.
     Undamped,
-    /// Half as long once more.
+    /// Repeat with half the length.
     Cut,
-    /// So long once more, s.
+    /// Repeat with this length (s).
     Shorten(f64),
     Collide,
 }
@@ -143,11 +146,11 @@ impl EnergyMonitor {
     }
 }
 
-/// Shortest step of a robot, s: 2 / h^2 times mass times length is the largest force whose rounding
-/// is seen.
+/// Shortest step of a robot (s): 2 / h^2 times mass times length is the largest force that is
+/// resolved in rounding.
 pub(super) fn shortest_step(robot: &Robot) -> f64 {
     let size = 8.0 * f64::EPSILON * robot.mass() * robot.length().powi(2);
-    (size / (MOST_NOISE * robot.moment_scale())).sqrt()
+    (size / (MAX_NOISE * robot.moment_scale())).sqrt()
 }
 
 impl Integration {
@@ -191,19 +194,20 @@ impl Integration {
         self.ramp.to.set(load);
     }
 
-    /// Tensions and displacements now.
+    /// Present tensions and displacements.
     pub fn values(&self) -> &[f64] {
         &self.ramp.to.tensions
     }
 
-    /// Forgets the steps so far: after a jump, or at rest.
+    /// Discards the steps so far: after a jump, or at rest.
     pub fn restart(&mut self, energies: &Energies) {
         self.energy = EnergyMonitor::of(energies);
         self.error = None;
         self.next = self.step.first();
     }
 
-    /// Finds an equilibrium; `None` if there is none, else whether it is a minimum of the energy.
+    /// Finds an equilibrium; `None` if there is none, otherwise whether it is a minimum of the
+    /// energy.
     pub fn settle(&mut self, motion: &mut dyn Moving, which: Equilibrium) -> Option<bool> {
         self.ramp.from = self.ramp.to.clone();
         motion.begin_at_rest();
@@ -228,8 +232,8 @@ impl Integration {
         found.then(|| motion.is_stable(held))
     }
 
-    /// Moves on by `duration` while the load goes in a straight line to the one given; returns how
-    /// long it went, s, and what stopped it before.
+    /// Advances by `duration` while the load changes linearly to the given one; returns the time
+    /// advanced (s) and the reason for an early stop.
     pub fn advance(
         &mut self,
         motion: &mut dyn Moving,
@@ -244,7 +248,7 @@ impl Integration {
         if stop.is_none() {
             return (duration, None);
         }
-        // there is no step, and nothing to stop it, in no time
+        // zero duration: there is no step to fail
         let ramp = &mut self.ramp;
         ramp.end
             .between(&ramp.from, &ramp.to, self.elapsed / duration);
@@ -252,10 +256,10 @@ impl Integration {
         (self.elapsed, stop)
     }
 
-    /// Step by step to the end of the stretch.
+    /// Steps to the end of the interval.
     fn integrate(&mut self, motion: &mut dyn Moving, duration: f64) -> Option<Stop> {
         let mut problem = Problem::Step;
-        while self.elapsed < duration * (1.0 - NO_TIME) {
+        while self.elapsed < duration * (1.0 - NEGLIGIBLE_TIME) {
             if self.count.steps + self.count.repeated > MOST_STEPS {
                 return Some(Stop::StepFailed);
             }
@@ -292,7 +296,8 @@ impl Integration {
         None
     }
 
-    /// Starts a step: predictor and loads. Returns its length, such that equal steps reach the end.
+    /// Starts a step: predictor and loads. Returns its length, chosen so that equal steps reach the
+    /// end.
     fn begin(&mut self, motion: &mut dyn Moving, duration: f64) -> f64 {
         let remaining = duration - self.elapsed;
         let step = remaining / (remaining / self.next - LONGER).ceil().max(1.0);
@@ -304,7 +309,7 @@ impl Integration {
         step
     }
 
-    /// Loads where forces balance and at the end of the step, as fractions of the ramp.
+    /// Sets the loads where forces balance and at the end of the step, as fractions of the ramp.
     fn set_loads(&mut self, motion: &mut dyn Moving, fraction: f64, end: f64, share: f64) {
         let ramp = &mut self.ramp;
         ramp.between.between(&ramp.from, &ramp.to, fraction);
@@ -320,7 +325,7 @@ impl Integration {
         newton::solve(motion, actuation, to, problem, &mut self.count.iterations)
     }
 
-    /// Tolerances of the step at hand, by the error of the one before.
+    /// Tolerances of the present step, from the error of the step before.
     fn step_tolerances(&self, motion: &dyn Moving) -> Tolerances {
         let tight = self.limits.step;
         let loose = match &self.error {
@@ -345,7 +350,7 @@ impl Integration {
         }
     }
 
-    /// Whether a step is taken, by its energy and error, and how it is repeated if not.
+    /// Decides by energy and error whether a step is accepted, and how it is repeated if not.
     fn judge(
         &mut self,
         motion: &mut dyn Moving,
@@ -363,7 +368,7 @@ impl Integration {
         if !motion.is_fresh() && self.spectral_radius < 1.0 && grown > UNDAMPED_GROWTH * size {
             return Verdict::Undamped;
         }
-        // a NaN is not sound
+        // a NaN fails this test
         if !(restored && grown <= MOST_GROWTH * size) {
             return Verdict::Cut;
         }
@@ -381,7 +386,7 @@ impl Integration {
         Verdict::Accept(error)
     }
 
-    /// Energies at the end of a step that was solved.
+    /// Computes the energies at the end of a converged step.
     fn finish(&self, motion: &mut dyn Moving) {
         motion.finish(&self.ramp.between.borrow());
         if let Some(actuation) = &self.actuation {
@@ -389,22 +394,22 @@ impl Integration {
         }
     }
 
-    /// Largest energy so far, the end of the step included, J.
+    /// Largest energy so far, the end of the step included (J).
     fn size(&self, motion: &dyn Moving) -> f64 {
         f64::max(self.energy.largest, motion.energies().next.size())
     }
 
-    /// Solves a step without numerical damping again until its energy is kept; false where that
-    /// fails.
+    /// Solves a step without numerical damping again until its energy is conserved
+    /// (theory Eq. 5.3); false where that fails.
     fn restore_energy(&mut self, motion: &mut dyn Moving, tolerances: Tolerances) -> bool {
-        // one iteration at least: the force may be lost in the tolerance
+        // at least one iteration: the restoring force may be below the tolerance
         let again = Tolerances {
             predicted: 0.0,
             ..tolerances
         };
         for _ in 0..MAX_RESTORATIONS {
             let excess = motion.energies().next.left() - self.energy.start;
-            if excess.abs() <= KEPT * self.size(motion) || !motion.restore(excess) {
+            if excess.abs() <= ENERGY_TOLERANCE * self.size(motion) || !motion.restore(excess) {
                 break;
             }
             if !self.solve(motion, again, Problem::Step) {
@@ -422,7 +427,7 @@ impl Integration {
         }
         motion.commit();
         self.error = error;
-        // steps of which nothing is known count as the next
+        // steps with unknown error are attributed the next one's
         self.unknown += 1;
         if let Some(error) = &error {
             self.count.error += ERROR_MARGIN * error.tip * self.unknown as f64;
@@ -434,7 +439,7 @@ impl Integration {
         self.next = self.next_step(step);
     }
 
-    /// Length of the step after one that was taken.
+    /// Length of the step after an accepted one.
     fn next_step(&self, step: f64) -> f64 {
         match self.step {
             // cut steps grow back

@@ -1,6 +1,8 @@
 //! Nonlinear dynamics by implicit time integration.
+//!
+//! Theory: docs/theory/dynamics.md.
 
-use super::actuation::{Actuation, NO_SLIP};
+use super::actuation::{Actuation, NEGLIGIBLE_SLIP};
 use super::integration::{shortest_step, Equilibrium, Integration};
 pub use super::settings::{Count, Damping, Integrator, Step, Stop};
 use crate::dispatch;
@@ -46,13 +48,13 @@ pub struct Simulator {
     settings: Integrator,
     engine: Box<dyn Moving>,
     time: f64,
-    /// Whether there is a state to move on from.
+    /// Whether there is a state to advance from.
     ready: bool,
     integration: Integration,
 }
 
 impl Simulator {
-    /// A robot that waits for [`Simulator::rest`]; 1, 2, 4 or 8 elements in a module.
+    /// A robot that still needs [`Simulator::rest`]; 1, 2, 4 or 8 elements in a module.
     pub fn new(
         robot: &Robot,
         model: Model,
@@ -75,8 +77,7 @@ impl Simulator {
             }
         }
         if !(0.0..=1.0).contains(&spectral_radius) {
-            let rule =
-                Rule::Other("be from 0 (damps fast oscillations at once) to 1 (damps nothing)");
+            let rule = Rule::Other("be from 0 (strongest numerical damping) to 1 (none)");
             return refused(Argument::SpectralRadius, spectral_radius, rule);
         }
         let lengths = match step {
@@ -116,14 +117,14 @@ impl Simulator {
         })
     }
 
-    /// The robot that moves.
+    /// The robot in motion.
     pub fn robot(&self) -> &Robot {
         &self.robot
     }
 
-    /// Starts anew, at rest in the equilibrium of a load, at time zero; the load's gravity is
-    /// not used. Nothing but a converged outcome can be simulated from, and where motion, whose
-    /// mass sits in points, finds no rest near it, not that either: see [`Simulator::is_ready`].
+    /// Starts again at time zero, at rest in the equilibrium of a load; the load's gravity is not
+    /// used. Only a converged outcome can be simulated from, and only if the robot with lumped mass
+    /// has a stable rest near it: see [`Simulator::is_ready`].
     pub fn rest(&mut self, load: &Load) -> Result<Outcome, InputError> {
         let load = Load {
             gravity: self.settings.gravity,
@@ -137,7 +138,7 @@ impl Simulator {
         Ok(outcome)
     }
 
-    /// Takes on what statics have found under a load.
+    /// Takes over the static equilibrium under a load.
     fn take(&mut self, solver: &Solver, load: &Load, actuation: Option<Actuation>) {
         let found = solver.at_rest();
         self.engine.take_strain(&found.strain, &found.force);
@@ -146,23 +147,23 @@ impl Simulator {
         self.clear_disk_forces();
     }
 
-    /// Whether there is a state to move on from.
+    /// Whether there is a state to advance from.
     pub fn is_ready(&self) -> bool {
         self.ready
     }
 
-    /// A robot at home for [`Simulator::rest_at`], driven through lines.
+    /// A robot in its home pose for [`Simulator::rest_at`], actuated through lines.
     pub fn path_solver(&self, lines: &[Line]) -> Result<PathSolver, InputError> {
         PathSolver::new(&self.robot, self.model, self.elements, lines)
     }
 
-    /// Starts anew, at rest where a path of equilibria has come to, at time zero; from there on
-    /// each tendon is driven as in the path's last step, by a tension or by a displacement, and friction
-    /// goes on from the path. In loads that follow, a displacement-controlled tendon has its displacement in the
-    /// place of the tension, m.
+    /// Starts again at time zero, at rest at the present state of a path of equilibria. From there
+    /// each tendon is under tension or displacement control as in the path's last step, and
+    /// friction continues from the path. In later loads, a displacement-controlled tendon has its
+    /// displacement (m) in place of the tension.
     ///
     /// # Errors
-    /// If the path is not one of [`Simulator::path_solver`], has not come to an equilibrium, or was
+    /// If the path is not one of [`Simulator::path_solver`], has not reached an equilibrium, or was
     /// under another gravity.
     pub fn rest_at(&mut self, path: &PathSolver) -> Result<Option<Stop>, InputError> {
         let (solver, history) = (path.solver(), path.history());
@@ -182,7 +183,7 @@ impl Simulator {
         }
         if solver.tip().is_none() {
             return Err(InputError::other(
-                "the path has not come to an equilibrium to move from",
+                "the path has not reached an equilibrium to start from",
             ));
         }
         let values: Vec<_> = history.commands.iter().map(Command::value).collect();
@@ -198,9 +199,8 @@ impl Simulator {
         Ok((!self.ready).then_some(Stop::StepFailed))
     }
 
-    /// Adds dead forces on the disks, N in the base frame, and goes to rest under them by
-    /// equal increments; they stay until they are taken off. Stops where there is no stable
-    /// equilibrium.
+    /// Adds dead forces on the disks (N, base frame) in equal increments and finds the rest under
+    /// them; they stay until they are released. Stops where there is no stable equilibrium.
     pub fn rest_with_disk_forces(
         &mut self,
         forces: &[[f64; 3]],
@@ -230,10 +230,10 @@ impl Simulator {
         Ok(None)
     }
 
-    /// Takes all forces off the disks at once.
+    /// Removes all forces on the disks at once.
     pub fn release_disk_forces(&mut self) {
         self.clear_disk_forces();
-        self.go_on_anew();
+        self.restart_after_jump();
     }
 
     fn clear_disk_forces(&mut self) {
@@ -247,7 +247,7 @@ impl Simulator {
             return Ok(());
         }
         Err(InputError::other(
-            "the robot has no state to move from: bring it to rest first",
+            "the robot has no state to start from: bring it to rest first",
         ))
     }
 
@@ -262,7 +262,7 @@ impl Simulator {
         }
     }
 
-    /// Finds an equilibrium, see [`Integration::settle`]; time starts there.
+    /// Finds an equilibrium (see [`Integration::settle`]) and sets the time to zero.
     fn settle(&mut self, which: Equilibrium) -> Option<bool> {
         let found = self.integration.settle(&mut *self.engine, which);
         self.time = 0.0;
@@ -270,8 +270,8 @@ impl Simulator {
         found
     }
 
-    /// Goes on after a jump.
-    fn go_on_anew(&mut self) {
+    /// Restarts the integration after a jump.
+    fn restart_after_jump(&mut self) {
         self.engine.restart();
         self.engine.reset_predictor();
         self.forget();
@@ -284,14 +284,16 @@ impl Simulator {
     /// Changes the load at once: a release, or a step of tension.
     ///
     /// # Errors
-    /// If a number does not fit the robot, or a displacement jumps that nothing gives way to.
+    /// If a number does not fit the robot, or the displacement of an inextensible tendon jumps.
     pub fn jump(&mut self, load: &Load) -> Result<(), InputError> {
         self.check_ready()?;
         self.check(load)?;
         if let Some(actuation) = &self.integration.actuation {
             let pairs = load.tensions.iter().zip(self.integration.values());
             for (i, (to, from)) in pairs.enumerate() {
-                if (to - from).abs() > NO_SLIP * self.robot.length() && actuation.is_stiff(i) {
+                if (to - from).abs() > NEGLIGIBLE_SLIP * self.robot.length()
+                    && actuation.is_stiff(i)
+                {
                     return Err(InputError::other(format!(
                         "the displacement of tendon {} jumps from {from} m to {to} m, which would take an \
                          infinite force: its line does not stretch; let it take its time",
@@ -308,12 +310,12 @@ impl Simulator {
             None => self.engine.jump_tensions(load.tensions),
         }
         self.integration.set_load(load);
-        self.go_on_anew();
+        self.restart_after_jump();
         Ok(())
     }
 
-    /// Moves on by `duration` seconds while the load goes in a straight line to the one given;
-    /// tells what stopped it before, and what it took.
+    /// Advances by `duration` seconds while the load changes linearly to the given one; returns the
+    /// reason for an early stop, and the counts of the interval.
     pub fn advance(
         &mut self,
         duration: f64,
@@ -330,39 +332,39 @@ impl Simulator {
         Ok((stop, self.integration.count))
     }
 
-    /// Time since the start, s.
+    /// Time since the start (s).
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// Step to come, s.
+    /// Next step (s).
     pub fn next_step(&self) -> f64 {
         self.integration.next
     }
 
-    /// Energies now.
+    /// Present energies.
     pub fn energies(&self) -> &Energies {
         &self.engine.energies().now
     }
 
-    /// Position of the tip, m.
+    /// Position of the tip (m).
     pub fn tip(&self) -> Vec3 {
         self.engine.disk(self.robot.module_count() - 1)
     }
 
-    /// Linear momentum, kg m/s.
+    /// Linear momentum (kg m/s).
     pub fn linear_momentum(&self) -> Vec3 {
         self.engine.linear_momentum()
     }
 
-    /// Appends all fields of now, `points` to a module.
+    /// Appends all present fields, with `points` points in a module.
     pub fn record(&mut self, points: usize, fields: &mut Fields) {
         let time = self.time;
         let now = self.integration.values();
         let Some(actuation) = &self.integration.actuation else {
             return self.engine.record(time, now, points, fields);
         };
-        // as of the last step, but for those that a jump has set
+        // values of the last step, except where a jump has set them
         let commands = actuation.commands.iter().zip(now).enumerate();
         let tensions: Vec<_> = commands
             .map(|(i, (command, now))| match command {

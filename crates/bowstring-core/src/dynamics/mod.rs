@@ -1,5 +1,7 @@
 //! Motion over time, and small oscillations.
 //!
+//! Theory: docs/theory/dynamics.md.
+//!
 //! Each file uses those above it in this list only.
 
 mod actuation;

@@ -1,4 +1,6 @@
-//! The linearised robot about the equilibrium under a load, or where a path has come to.
+//! Linearisation about the equilibrium under a load, or at the present state of a path.
+//!
+//! Theory: docs/theory/dynamics.md (Modal analysis).
 
 use crate::dispatch;
 use crate::memory;
@@ -10,8 +12,8 @@ pub use crate::motion::oscillation::Flexibility;
 use crate::statics::path::PathSolver;
 use crate::statics::solver::{Outcome, Solver, Status};
 
-/// Flexibility about the equilibrium under a load; none where there is no stable one, or where
-/// a tip moment leaves no potential.
+/// Flexibility about the equilibrium under a load; `None` where there is no stable one, or where a
+/// tip moment leaves no potential.
 pub fn flexibility(
     robot: &Robot,
     model: Model,
@@ -32,11 +34,12 @@ pub fn flexibility(
     Ok((outcome, found))
 }
 
-/// The same where a path of equilibria has come to: tendons that are displacement-controlled keep it,
-/// and with friction none slips. None where the path has not come to a stable one.
+/// Flexibility at the present state of a path of equilibria: displacement-controlled tendons keep
+/// their displacement, and with friction all holes stick. `None` where the path has not reached a
+/// stable equilibrium.
 ///
 /// # Errors
-/// If what holds the tendons does not fit into memory.
+/// If the constraints of the tendons do not fit into memory.
 pub fn flexibility_at(path: &PathSolver) -> Result<Option<Flexibility>, InputError> {
     let (solver, history) = (path.solver(), path.history());
     dispatch::check_moving(solver.robot(), solver.elements())?;

@@ -1,4 +1,6 @@
-//! Newton's method on one step of time, or on an equilibrium.
+//! Newton's method on one time step, or on an equilibrium.
+//!
+//! Theory: docs/theory/dynamics.md (Time integration).
 
 use super::actuation::Actuation;
 use crate::interrupt;
@@ -6,32 +8,32 @@ use crate::motion::Moving;
 
 // Tuned constants of the iteration.
 
-/// Iterations of a step before it is cut, without and with lines, whose friction is not wholly in
-/// the tangent; and of a search for an equilibrium, which no cut helps.
+/// Iterations of a step before it is cut, without and with tendon lines, whose friction is not
+/// fully in the tangent; and iterations of a search for an equilibrium, which cannot be cut.
 const MAX_ITERATIONS: usize = 12;
 const MAX_ITERATIONS_WITH_LINES: usize = 30;
 const MAX_ITERATIONS_AT_REST: usize = 40;
-/// Residual over the one before at which the tangent is too old.
+/// Ratio of successive residuals above which the tangent is recomputed.
 const SLOW: f64 = 0.03;
-/// Residual over the best so far at which the iteration diverges.
+/// Ratio of the residual to the best so far above which the iteration diverges.
 const DIVERGED: f64 = 1e6;
 
-/// Largest moment imbalances that are accepted, N m. The first is for a step as it was predicted:
-/// the errors of prediction point the same way from step to step and add up. The second is for one
-/// that was corrected.
+/// Largest accepted moment imbalances (N m). The first is for a predicted step: errors of
+/// prediction have the same sign from step to step and accumulate. The second is for a corrected
+/// step.
 #[derive(Clone, Copy)]
 pub(super) struct Tolerances {
     pub predicted: f64,
     pub corrected: f64,
 }
 
-/// What is solved.
+/// Problem to solve.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Problem {
     Step,
-    /// A step whose longer form failed: the forces of its prediction are no guide.
+    /// A step that was cut: the forces at its predictor are unreliable.
     CutStep,
-    /// An equilibrium, whose tangent tells whether it is stable.
+    /// An equilibrium, whose tangent determines its stability.
     Equilibrium,
 }
 
@@ -72,14 +74,14 @@ pub(super) fn solve(
             return true;
         }
         best = f64::min(best, residual);
-        // a NaN ends it as well
+        // a NaN ends the iteration as well
         if iteration == most || !(residual < DIVERGED * f64::max(best, tolerance)) {
             return false;
         }
         let slow = residual > tolerance && residual > SLOW * last;
         let blind = problem == Problem::CutStep && first;
         if blind {
-            motion.forget_forces();
+            motion.drop_forces();
         }
         let made = motion.ready(slow || !better || blind || makes_tangent);
         match &mut actuation {

@@ -1,4 +1,4 @@
-//! Output times of a motion as the file of a run has them.
+//! Output times of a motion in the format of a run file.
 
 use crate::math::vectorize;
 use crate::model::robot::Robot;
@@ -7,7 +7,7 @@ use crate::stress::{self, Derived, Section, Sections};
 
 /// Output times packed one after the other.
 ///
-/// A record is the time and then all fields in the order of the file, most significant byte first.
+/// A record is the time and then all fields in the order of the file, big-endian.
 pub struct Records {
     sections: Vec<Section>,
     /// Arc length of every section (m).
@@ -21,8 +21,9 @@ pub struct Records {
 }
 
 impl Records {
-    /// For a robot, from sections and their arc lengths (m), with room for `bytes`; `None` where
-    /// sections and arc lengths are not as many, or the room is not for whole records.
+    /// Records of a robot, from sections and their arc lengths (m), with room for `bytes`. `None`
+    /// where the numbers of sections and arc lengths differ, or the room does not hold whole
+    /// records.
     pub fn new(
         robot: &Robot,
         sections: Vec<Section>,
@@ -31,7 +32,7 @@ impl Records {
     ) -> Option<Self> {
         let (disks, tendons) = (robot.module_count(), robot.tendon_count());
         let of_disks = 18 * disks + 2 * disks * tendons;
-        // beside these: time, the largest stress and its place, the tip, energies
+        // besides these: time, the largest stress and its position, the tip, energies
         let record = 8 * (1 + 34 * sections.len() + 5 + of_disks + 3 + 4 * tendons + 6);
         if station.len() != sections.len() || bytes == 0 || !bytes.is_multiple_of(record) {
             return None;
@@ -47,7 +48,7 @@ impl Records {
         })
     }
 
-    /// Packs fields of one time; returns whether there is no room for another.
+    /// Packs the fields of one time; returns whether there is no room for another.
     pub fn add(&mut self, fields: &Fields) -> bool {
         let (backbone, disks, tendons) = (&fields.sections, &fields.disks, &fields.tendons);
         let given = Sections {
@@ -106,13 +107,13 @@ impl Records {
         self.filled == self.packed.len()
     }
 
-    /// All that is packed, which is forgotten.
+    /// Returns the packed bytes and clears them.
     pub fn take(&mut self) -> &[u8] {
         &self.packed[..std::mem::take(&mut self.filled)]
     }
 }
 
-/// Writes numbers, most significant byte first; returns how many bytes.
+/// Writes numbers big-endian; returns the count of bytes.
 #[inline(always)]
 fn pack(out: &mut [u8], values: &[&[f64]]) -> usize {
     let mut filled = 0;
@@ -126,7 +127,7 @@ fn pack(out: &mut [u8], values: &[&[f64]]) -> usize {
     filled
 }
 
-/// As numpy's argmax: the first of several, and NaN before any number.
+/// Index of the maximum as numpy's argmax: the first of several, and NaN before any number.
 fn first_largest(values: &[f64]) -> usize {
     let mut top = 0;
     for (i, value) in values.iter().enumerate() {

@@ -1,14 +1,16 @@
-//! Integrator of a run, and what a stretch of time took.
+//! Settings of the integrator, and counts of an interval.
+//!
+//! Theory: docs/theory/dynamics.md.
 
 pub use crate::motion::Damping;
 
-/// How long a step is.
+/// Choice of the time step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Step {
-    /// At most this long (s).
+    /// Constant step, at most this long (s).
     Fixed(f64),
-    /// Such that a disk's position errs by about this much in a step, m; a step after a jump of
-    /// the load is a twentieth of the longest, for nothing is known of it.
+    /// Adaptive step with about this error of a disk's position in a step. After a jump of the
+    /// load, where no error estimate exists, the step is a twentieth of the longest.
     Adaptive {
         /// Error of a disk's position in a step (m).
         tolerance: f64,
@@ -17,11 +19,11 @@ pub enum Step {
     },
 }
 
-/// Part of the longest step that one after a jump of the load takes.
+/// Ratio of the longest step to the first one after a jump of the load.
 const FIRST_PART: f64 = 20.0;
 
 impl Step {
-    /// The longest step, s.
+    /// The longest step (s).
     pub(super) fn longest(&self) -> f64 {
         match *self {
             Step::Fixed(step) => step,
@@ -29,7 +31,7 @@ impl Step {
         }
     }
 
-    /// The step after a jump of the load, s.
+    /// The first step after a jump of the load (s).
     pub(super) fn first(&self) -> f64 {
         match *self {
             Step::Fixed(step) => step,
@@ -38,38 +40,38 @@ impl Step {
     }
 }
 
-/// What stays the same over a run.
+/// Settings that are constant during a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Integrator {
     /// Gravity (m/s^2).
     pub gravity: [f64; 3],
     /// Physical damping.
     pub damping: Damping,
-    /// Numerical damping: spectral radius at infinite frequency, 0 to 1 (none).
+    /// Numerical damping: spectral radius at infinite frequency, from 0 (strongest) to 1 (none).
     pub spectral_radius: f64,
     /// Length of the time steps.
     pub step: Step,
 }
 
-/// Why a run stopped before its time.
+/// Reason for an early stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// The shortest step did not converge.
     StepFailed,
-    /// Two disks met.
+    /// Two disks collided.
     Collision,
 }
 
-/// What a stretch of time took.
+/// Counts of an interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Count {
     /// Time steps.
     pub steps: usize,
-    /// Newton steps.
+    /// Newton iterations.
     pub iterations: usize,
-    /// Steps done again: shorter, or without numerical damping.
+    /// Repeated steps: shorter, or without numerical damping.
     pub repeated: usize,
-    /// Estimated error of the tip's position that these steps add, m: the sum of their own, with a
-    /// margin. Zero after a single step, of which nothing is known.
+    /// Estimated error of the tip's position from these steps (m): the sum of the errors of the
+    /// steps, times a safety factor. Zero after a single step, whose error is unknown.
     pub error: f64,
 }

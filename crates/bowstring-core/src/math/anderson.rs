@@ -1,46 +1,48 @@
-//! A fixed point found sooner: Anderson's mixing.
+//! Anderson acceleration of a fixed-point iteration.
 //!
-//! An iteration `x -> x + f(x)` that forgets part of the derivatives converges by a constant
-//! factor. What its steps `f` did to each other tells the part that was forgotten: the step that
-//! would follow is taken off, as far as differences of the steps before span it (Anderson 1965;
-//! Walker and Ni 2011, of type II). Differences are kept orthogonal, so that each is used once.
+//! Theory: docs/theory/actuation.md (Friction).
+//!
+//! An iteration `x -> x + f(x)` that neglects part of the derivatives converges linearly.
+//! Differences of its steps `f` estimate the neglected part: the residual is minimised over the
+//! span of earlier differences (Anderson 1965; Walker and Ni 2011, type II). Differences are kept
+//! orthogonal, so that each direction is used once.
 
 /// Points and steps of an iteration so far.
 #[derive(Clone, Default)]
-pub(crate) struct Mixing {
-    /// The latest point and its own step; empty at the beginning.
+pub(crate) struct AndersonAcceleration {
+    /// The latest point and its plain step; empty at the beginning.
     point: Vec<f64>,
     step: Vec<f64>,
-    /// Oldest first; `known` of them hold.
+    /// Pairs of differences, oldest first; the first `known` are valid.
     pairs: Vec<Pair>,
     known: usize,
 }
 
-/// How a step changed, and the motion of `x + f` that goes with it.
+/// Change of a step, and the corresponding change of `x + f`.
 #[derive(Clone, Default)]
 struct Pair {
     change: Vec<f64>,
     motion: Vec<f64>,
-    /// Of the change.
+    /// Squared norm of the change of the step.
     norm2: f64,
 }
 
-/// Differences that are kept.
+/// Most differences kept.
 const DEPTH: usize = 4;
-/// Share of a difference that must be new.
-const NEW: f64 = 1e-4;
-/// Largest mixed step over the plain one.
-const LONGEST: f64 = 3.0;
+/// Least fraction of a difference that is orthogonal to the others.
+const LEAST_ORTHOGONAL: f64 = 1e-4;
+/// Largest accelerated step over the plain step.
+const MAX_LENGTHENING: f64 = 3.0;
 
-impl Mixing {
-    /// Begins anew.
+impl AndersonAcceleration {
+    /// Discards all points.
     pub fn clear(&mut self) {
         self.point.clear();
         self.known = 0;
     }
 
-    /// Turns the step `f` at `x` into the mixed one; false where it stays as it is.
-    pub fn mix(&mut self, x: &[f64], f: &mut [f64]) -> bool {
+    /// Replaces the step `f` at `x` by the accelerated step; false where it is kept unchanged.
+    pub fn accelerate(&mut self, x: &[f64], f: &mut [f64]) -> bool {
         if self.point.len() == x.len() {
             self.learn(x, f);
         } else {
@@ -55,7 +57,7 @@ impl Mixing {
             let share = dot(&pair.change, &self.step) / pair.norm2;
             add(f, -share, &pair.motion);
         }
-        if dot(f, f) <= LONGEST * LONGEST * plain {
+        if dot(f, f) <= MAX_LENGTHENING * MAX_LENGTHENING * plain {
             return self.known > 0;
         }
         f.copy_from_slice(&self.step);
@@ -86,14 +88,14 @@ impl Mixing {
             add(&mut new.motion, -share, &pair.motion);
         }
         new.norm2 = dot(&new.change, &new.change);
-        if new.norm2 > NEW * NEW * whole {
+        if new.norm2 > LEAST_ORTHOGONAL * LEAST_ORTHOGONAL * whole {
             self.known += 1;
         }
     }
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    // four sums side by side
+    // four partial sums, for SIMD
     let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
     let tail: f64 = a4
         .remainder()
@@ -120,15 +122,15 @@ fn add(to: &mut [f64], factor: f64, of: &[f64]) {
 mod tests {
     use super::*;
 
-    /// Of a linear iteration whose steps fall slowly in a few directions, as many differences as
-    /// directions give the limit.
+    /// A linear iteration with a few slow directions converges with as many differences as there
+    /// are slow directions.
     #[test]
-    fn slow_directions_are_seen() {
+    fn few_slow_directions_converge() {
         let (size, slow) = (11, [0.6, -0.5, 0.4]);
         let step_at = |x: &[f64]| -> Vec<f64> {
             let mut f: Vec<_> = x.iter().enumerate().map(|(i, x)| i as f64 - x).collect();
             for (q, factor) in slow.iter().enumerate() {
-                // across each other, and every number takes part in each
+                // orthogonal directions that involve every component
                 let turn = std::f64::consts::PI * (q + 1) as f64 / size as f64;
                 let axis: Vec<_> = (0..size).map(|i| ((i as f64 + 0.5) * turn).cos()).collect();
                 let along = dot(&axis, x) / dot(&axis, &axis);
@@ -137,11 +139,11 @@ mod tests {
             f
         };
         let run = |mixed: bool| {
-            let (mut x, mut mixing) = (vec![0.0; size], Mixing::default());
+            let (mut x, mut anderson) = (vec![0.0; size], AndersonAcceleration::default());
             for _ in 0..6 {
                 let mut f = step_at(&x);
                 if mixed {
-                    mixing.mix(&x, &mut f);
+                    anderson.accelerate(&x, &mut f);
                 }
                 add(&mut x, 1.0, &f);
             }
@@ -152,21 +154,21 @@ mod tests {
         assert!(run(true) < 1e-12, "{:e}", run(true));
     }
 
-    /// A step that the differences would make much longer stays as it is.
+    /// A step that the differences would lengthen too much is kept unchanged.
     #[test]
-    fn steps_do_not_run_away() {
-        let mut mixing = Mixing::default();
+    fn long_steps_are_not_accelerated() {
+        let mut anderson = AndersonAcceleration::default();
         let mut f = [1.0, 0.0];
-        assert!(!mixing.mix(&[0.0, 0.0], &mut f));
-        // the step has hardly changed: the limit would be far
+        assert!(!anderson.accelerate(&[0.0, 0.0], &mut f));
+        // the step hardly changes, so the extrapolated limit is far away
         let mut f = [0.999, 0.0];
-        assert!(!mixing.mix(&[1.0, 0.0], &mut f));
+        assert!(!anderson.accelerate(&[1.0, 0.0], &mut f));
         assert_eq!(f, [0.999, 0.0]);
-        mixing.clear();
+        anderson.clear();
         let mut f = [1.0, 0.0];
-        assert!(!mixing.mix(&[0.0, 0.0], &mut f));
+        assert!(!anderson.accelerate(&[0.0, 0.0], &mut f));
         let mut f = [0.5, 0.0];
-        assert!(mixing.mix(&[1.0, 0.0], &mut f));
+        assert!(anderson.accelerate(&[1.0, 0.0], &mut f));
         assert!((f[0] - 1.0).abs() < 1e-15, "{f:?}");
     }
 }

@@ -1,22 +1,24 @@
 //! The largest eigenvalues of an unsymmetric matrix: Arnoldi's iteration, and the QR algorithm on
 //! the small Hessenberg matrix that it leaves (Golub and Van Loan, Matrix Computations, 7.5, 10.5).
+//!
+//! Theory: docs/theory/statics.md (Stability).
 
 use crate::math::linalg::dot;
 
-/// Below this share of the matrix a vector adds no direction.
-const NOTHING: f64 = 1e-13;
-/// QR steps for one eigenvalue.
+/// Norm, over that of the matrix, below which a vector adds no direction.
+const NEGLIGIBLE: f64 = 1e-13;
+/// Most QR steps for one eigenvalue.
 const MAX_STEPS: usize = 60;
 
-/// Eigenvalues `[re, im]`, the largest among them, of a matrix given by its product with a vector;
-/// `most` of them at most. None where they do not come out as numbers.
+/// Eigenvalues `[re, im]` of a matrix given by its product with a vector, the largest among them,
+/// `most` at most. `None` where they are not finite.
 pub(crate) fn largest(
     size: usize,
     most: usize,
     mut apply: impl FnMut(&[f64], &mut [f64]),
 ) -> Option<Vec<[f64; 2]>> {
     let most = most.min(size);
-    // a start without symmetry, the same each time
+    // a fixed start vector without symmetry
     let mut start: Vec<f64> = (0..size).map(|i| 1.0 + (1.7 * i as f64).sin()).collect();
     scale(&mut start, 1.0);
     let mut basis = vec![start];
@@ -26,7 +28,7 @@ pub(crate) fn largest(
     for j in 0..most {
         apply(&basis[j], &mut next);
         let whole = dot(&next, &next).sqrt();
-        // twice is enough to keep them orthogonal
+        // two passes keep them orthogonal
         for _ in 0..2 {
             for (i, v) in basis.iter().enumerate() {
                 let share = dot(&next, v);
@@ -41,7 +43,7 @@ pub(crate) fn largest(
         if j + 1 == most {
             break;
         }
-        if left <= NOTHING * whole {
+        if left <= NEGLIGIBLE * whole {
             count = j + 1;
             break;
         }
@@ -62,7 +64,8 @@ fn scale(v: &mut [f64], length: f64) {
     v.iter_mut().for_each(|x| *x *= factor);
 }
 
-/// Eigenvalues of an upper Hessenberg matrix, by rows: Francis' double shift.
+/// Eigenvalues of an upper Hessenberg matrix, given row by row, by Francis' double-shift QR
+/// algorithm.
 fn hessenberg(mut h: Vec<Vec<f64>>) -> Option<Vec<[f64; 2]>> {
     let size = h.len();
     let mut found = Vec::with_capacity(size);
@@ -71,7 +74,7 @@ fn hessenberg(mut h: Vec<Vec<f64>>) -> Option<Vec<[f64; 2]>> {
     let mut steps = 0;
     while end > 0 {
         let last = end - 1;
-        // the part that is still whole
+        // start of the trailing unreduced block
         let mut start = last;
         while start > 0 {
             let mut near = h[start - 1][start - 1].abs() + h[start][start].abs();
@@ -104,7 +107,7 @@ fn hessenberg(mut h: Vec<Vec<f64>>) -> Option<Vec<[f64; 2]>> {
         steps += 1;
         let (mut sum, mut product) = (a + d, a * d - b * c);
         if steps % 10 == 0 {
-            // out of a circle
+            // exceptional shift, against a cycle
             let size = c.abs() + h[last - 1][last - 2].abs();
             (sum, product) = (1.5 * size, size * size);
         }
@@ -138,7 +141,7 @@ fn hessenberg(mut h: Vec<Vec<f64>>) -> Option<Vec<[f64; 2]>> {
     finite.then_some(found)
 }
 
-/// Eigenvalues of two rows.
+/// Eigenvalues of a 2x2 matrix.
 fn pair(a: f64, b: f64, c: f64, d: f64) -> [[f64; 2]; 2] {
     let (mean, half) = (0.5 * (a + d), 0.5 * (a - d));
     let inside = half * half + b * c;
@@ -146,7 +149,7 @@ fn pair(a: f64, b: f64, c: f64, d: f64) -> [[f64; 2]; 2] {
     if inside < 0.0 {
         return [[mean, root], [mean, -root]];
     }
-    // without cancellation
+    // the larger root first, without cancellation
     let far = mean + root.copysign(mean);
     let near = if far == 0.0 {
         0.0
@@ -165,9 +168,9 @@ mod tests {
         values
     }
 
-    /// Blocks of known eigenvalues behind a change of basis that is not orthogonal.
+    /// Eigenvalues of a block-diagonal matrix are recovered after a non-orthogonal change of basis.
     #[test]
-    fn eigenvalues_are_those_of_the_blocks() {
+    fn eigenvalues_match_the_blocks() {
         let size = 12;
         let mut matrix = vec![vec![0.0; size]; size];
         for i in 0..4 {
@@ -180,7 +183,7 @@ mod tests {
         for i in 8..size {
             matrix[i][i] = 0.1 * i as f64;
         }
-        // add a multiple of one row to another and take it off the columns
+        // adds a multiple of one row to another, and subtracts it from the columns
         for (i, j) in (0..size).flat_map(|i| (0..size).map(move |j| (i, j))) {
             if i != j && (i + 2 * j) % 3 == 0 {
                 let share = 0.3 * ((i * 5 + j) as f64).sin();
@@ -211,13 +214,13 @@ mod tests {
     }
 
     #[test]
-    fn few_vectors_find_the_largest() {
+    fn few_vectors_give_the_largest() {
         let size = 200;
         let apply = |x: &[f64], out: &mut [f64]| {
             for i in 0..size {
                 out[i] = x[i] / (1 + i * i) as f64;
             }
-            // a pair that turns
+            // a rotating pair
             out[0] += 0.01 * x[1];
             out[1] += 0.5 * x[1] - 0.01 * x[0];
         };

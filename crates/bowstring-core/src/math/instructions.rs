@@ -1,11 +1,11 @@
-//! Sets of processor instructions that the passes are compiled for, and which one is used.
+//! Processor instruction sets for which the passes are compiled, and the choice among them.
 
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 /// A set of processor instructions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Instructions {
-    /// Those that every processor of the platform has.
+    /// Baseline of the platform.
     Plain,
     /// AVX2 and FMA of x86-64: four numbers at once.
     Avx2,
@@ -17,7 +17,7 @@ impl Instructions {
     /// All sets, narrowest first.
     pub const ALL: [Self; 3] = [Self::Plain, Self::Avx2, Self::Avx512];
 
-    /// The name, as `BOWSTRING_INSTRUCTIONS` takes it.
+    /// Name, as in `BOWSTRING_INSTRUCTIONS`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Plain => "plain",
@@ -32,8 +32,8 @@ impl Instructions {
         self as u8 <= LIMIT.load(Relaxed)
     }
 
-    /// Limits all solvers made from now on to this set: to compare, or to reproduce what another
-    /// processor gives.
+    /// Limits all later solvers to this set, to compare results or to reproduce those of another
+    /// processor.
     pub fn limit(self) {
         LIMIT.store(self as u8, Relaxed);
     }

@@ -1,8 +1,10 @@
 //! Rotations and constant-curvature arcs: exponential, left Jacobian, second derivatives.
 //!
-//! An arc of length `l` turns by the rotation vector `w`, constant in its own frame.
-//! Everything is a function of `x = |w|^2` through Stumpff's functions `c_k(x)`, smooth through the
-//! straight arc `w = 0`.
+//! Theory: docs/theory/rod.md (Kinematics).
+//!
+//! An arc of length `l` has the rotation vector `w`, constant in its own frame. All functions
+//! depend on `x = |w|^2` through Stumpff's functions `c_k(x)`, which are smooth at the straight arc
+//! `w = 0`.
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
@@ -11,9 +13,9 @@ use crate::math::series::stumpff;
 /// Position and orientation in the base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// Maps body to base.
+    /// Rotation from body to base.
     pub rotation: Mat3,
-    /// m
+    /// Position (m).
     pub position: Vec3,
 }
 
@@ -30,7 +32,7 @@ fn rotation<T: Real>(w: Vec3<T>, c: &[T; 8]) -> Mat3<T> {
     (w * c[1]).skew() + (w * c[2]).outer(w) + Mat3::scalar(c[0])
 }
 
-/// The rotation vector of a rotation matrix, in [0, pi].
+/// Rotation vector of a rotation matrix, with a norm in [0, pi].
 pub fn log(r: &Mat3<f64>) -> Vec3<f64> {
     let m = &r.0;
     let axial = Vec3([m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]]) * 0.5;
@@ -40,7 +42,7 @@ pub fn log(r: &Mat3<f64>) -> Vec3<f64> {
         let x = theta * theta;
         return axial * (1.0 / stumpff(x)[1]);
     }
-    // near half a turn the axis comes from the symmetric part: w w^T (1 - cos) / theta^2
+    // near a rotation by pi the axis comes from the symmetric part: w w^T (1 - cos) / theta^2
     let sym = r.symmetric_part() - Mat3::scalar(cos);
     let j = (0..3)
         .max_by(|&a, &b| sym.0[a][a].total_cmp(&sym.0[b][b]))
@@ -50,7 +52,7 @@ pub fn log(r: &Mat3<f64>) -> Vec3<f64> {
     axis * (sign * theta / axis.norm())
 }
 
-/// One arc: a rotation vector, its length, and Stumpff's functions there.
+/// One arc: its rotation vector, length, and Stumpff's functions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ArcMap<T = f64> {
     w: Vec3<T>,
@@ -58,7 +60,7 @@ pub(crate) struct ArcMap<T = f64> {
     c: [T; 8],
     /// Rotation over the arc.
     pub rotation: Mat3<T>,
-    /// End point in the frame of the start.
+    /// End point in the frame of the start (m).
     pub end: Vec3<T>,
 }
 
@@ -67,7 +69,7 @@ impl<T: Real> ArcMap<T> {
     #[inline(always)]
     pub fn new(w: Vec3<T>, length: T) -> Self {
         let c = stumpff(w.norm2());
-        // end = l V(w) e3 with V = I + c2 [w] + c3 [w]^2
+        // end = l T(w) e3 (theory Eq. 2.2) with T = I + c2 [w] + c3 [w]^2
         let o = T::zero();
         let end = (Vec3([o, o, c[1]]) + Vec3([w[1], -w[0], o]) * c[2] + w * (c[3] * w[2])) * length;
         ArcMap {
@@ -79,7 +81,7 @@ impl<T: Real> ArcMap<T> {
         }
     }
 
-    /// Length of the arc.
+    /// Length of the arc (m).
     #[inline(always)]
     pub fn length(&self) -> T {
         self.length
@@ -92,7 +94,7 @@ impl<T: Real> ArcMap<T> {
         (w * c[2]).skew() + (w * c[3]).outer(w) + Mat3::scalar(c[1])
     }
 
-    /// Inverse of the left Jacobian; the arc must turn by less than a full turn.
+    /// Inverse of the left Jacobian; the arc must rotate by less than 2 pi.
     #[inline(always)]
     pub fn left_jacobian_inverse(&self) -> Mat3<T> {
         let (w, c) = (self.w, &self.c);
@@ -135,7 +137,7 @@ impl<T: Real> ArcMap<T> {
         let gradient3 = n * wz + Vec3([T::zero(), T::zero(), nw]);
         let alpha = (nz * d1 + wk * d2 + nww * d3) * two + m.dot(w) * c[3];
         let beta = (nz * e1 + wk * e2 + nww * e3) * T::splat(4.0);
-        // m . eta: c2 and c3 vary along w; the rest is the curvature of the chart
+        // m . eta: c2 and c3 vary along w; the rest is the curvature of the exponential map
         let mw = m.cross(w);
         let y = w * (beta * half) + (k * d2 + gradient3 * d3) * two + mw * d2 + mw.cross(w) * d3
             - m * (c[3] * half);
@@ -166,7 +168,7 @@ impl<T: Real> ArcMap<T> {
         let c = &self.c;
         let mut e = [T::zero(); 3];
         for k in 1..4 {
-            // the formula above, differentiated once more
+            // the formula of the first derivatives, differentiated again
             let kf = k as f64;
             e[k - 1] = c[k + 4] * T::splat(0.25 * kf * (kf + 2.0))
                 - c[k + 3] * T::splat(0.25 * (2.0 * kf + 1.0))

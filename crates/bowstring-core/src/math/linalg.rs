@@ -1,8 +1,8 @@
-//! Vectors and matrices of three, over any [`Real`].
+//! Vectors of three and 3x3 matrices, over any [`Real`].
 //!
-//! No closures and no `array::map` here, for they would not inline. Our own, because the same
-//! arithmetic runs on one robot and on SIMD lanes of robots, and must inline whole into code compiled
-//! for the processor found at run time.
+//! No closures and no `array::map` here: they would not inline. Own code instead of a library,
+//! because the same arithmetic runs on one robot and on SIMD lanes of robots, and must inline into
+//! code compiled for the processor found at run time.
 
 use crate::math::real::Real;
 use crate::math::series::small_arc_tangent;
@@ -27,7 +27,7 @@ impl<T: Real> Vec3<T> {
     pub fn splat(v: [f64; 3]) -> Self {
         Vec3([T::splat(v[0]), T::splat(v[1]), T::splat(v[2])])
     }
-    /// The numbers of one lane.
+    /// Components of one lane.
     #[inline(always)]
     pub fn of_lane(&self, lane: usize) -> Vec3<f64> {
         Vec3([
@@ -82,16 +82,16 @@ impl<T: Real> Vec3<T> {
     pub fn max_abs(self) -> T {
         self.0[0].abs().max(self.0[1].abs()).max(self.0[2].abs())
     }
-    /// Angle to another, both of length one, rad.
+    /// Angle to another unit vector (rad).
     #[inline(always)]
     pub fn angle(self, o: Self) -> T {
         let one = T::splat(1.0);
         let along = one + self.dot(o);
-        // finite where they are opposite, too
+        // finite also where they are opposite
         let across = self.cross(o).norm().max(T::splat(1e-100) - along);
         let mut tangent = across / along.max(T::splat(1e-150));
         let mut times = 2.0;
-        // tangents of half the angle, until the series is short
+        // half-angle tangents, until the series is short
         while tangent.largest_number() > 0.125 {
             tangent = tangent / (one + tangent.mul_add(tangent, one).sqrt());
             times *= 2.0;
@@ -104,7 +104,7 @@ impl<T: Real> Vec3<T> {
         let [x, y, z] = self.0;
         Mat3([(o * x).0, (o * y).0, (o * z).0])
     }
-    /// `[self] * m`, the cross product with every column.
+    /// `[self] * m`: the cross product with every column.
     #[inline(always)]
     pub fn cross_mat(self, m: Mat3<T>) -> Mat3<T> {
         let [x, y, z] = self.0;
@@ -190,7 +190,7 @@ impl<T: Real> Mat3<T> {
             row(self.0[2], m.0[2]),
         ])
     }
-    /// Adds to the diagonal.
+    /// Adds a diagonal.
     #[inline(always)]
     pub fn add_diagonal(mut self, d: [T; 3]) -> Self {
         for i in 0..3 {
@@ -208,7 +208,7 @@ impl<T: Real> Mat3<T> {
     pub fn symmetric_part(self) -> Self {
         (self + self.transpose()) * T::splat(0.5)
     }
-    /// The inverse by cofactors and the leading minors (all positive: positive definite).
+    /// Inverse by cofactors, and the leading minors (all positive: positive definite).
     #[inline(always)]
     pub fn inverse_and_minors(self) -> (Self, [T; 3]) {
         let [a, b, c] = self.rows();
@@ -230,7 +230,7 @@ macro_rules! elementwise {
         impl<T: Real> $trait for $type<T> {
             type Output = Self;
             #[inline(always)]
-            #[allow(clippy::assign_op_pattern)] // rows have no operator of their own
+            #[allow(clippy::assign_op_pattern)] // rows have no operators of their own
             fn $method(mut self, o: Self) -> Self {
                 for i in 0..3 {
                     self.0[i] = elementwise!(@ $element, self.0[i], o.0[i], $op);
@@ -329,16 +329,16 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Angles of all sizes, small ones to their last digits.
+    /// Angles of all magnitudes have full relative accuracy.
     #[test]
-    fn angles_are_those_of_the_arc_tangent() {
+    fn angles_match_atan2() {
         let axis = Vec3([0.6, -0.48, 0.64]);
         let across = Vec3([0.8, 0.36, -0.48]);
         for angle in [0.0, 1e-12, 1e-8, 1e-3, 0.2, 0.26, 0.9, 1.6, 3.0f64] {
             let turned = axis * angle.cos() + across * angle.sin();
             let found = axis.angle(turned);
             let (sine, cosine) = (axis.cross(turned).norm(), axis.dot(turned));
-            // one and the cosine cancel towards the opposite
+            // one plus the cosine cancels near opposite vectors
             let off = found - sine.atan2(cosine);
             let most = if angle < 2.0 { 2e-15 } else { 1e-13 };
             assert!(off.abs() <= most * angle, "{angle}: {off:e}");

@@ -1,20 +1,22 @@
-//! Small dense systems, and which of their unknowns are held at zero.
+//! Mixed linear complementarity problems and dense linear systems.
+//!
+//! Theory: docs/theory/actuation.md (theory Eq. 4.2).
 
 use crate::interrupt;
 use crate::math::linalg::dot;
 
-/// A mixed linear complementarity problem, with its scratch memory: find `z` between its bounds
-/// with `w = q + M z`, where `w >= 0` at a lower bound, `w <= 0` at an upper one, and `w = 0`
-/// between.
+/// A mixed linear complementarity problem (theory Eq. 4.2) with its scratch memory: find `z`
+/// between its bounds with `w = q + M z`, where `w >= 0` at a lower bound, `w <= 0` at an upper
+/// one, and `w = 0` between.
 #[derive(Clone, Default)]
 pub(crate) struct Complementarity {
     pub size: usize,
-    /// By rows.
+    /// Matrix `M`, row by row.
     pub matrix: Vec<f64>,
     pub q: Vec<f64>,
     pub lower: Vec<f64>,
     pub upper: Vec<f64>,
-    /// Of the answer.
+    /// Active bound of each unknown at the solution.
     pub z: Vec<f64>,
     pub side: Vec<Side>,
     w: Vec<f64>,
@@ -23,12 +25,12 @@ pub(crate) struct Complementarity {
     wrong: Vec<(usize, Side)>,
 }
 
-/// Most pivotings, each of which costs an elimination.
+/// Most block pivots; each costs an elimination.
 const PIVOTINGS: usize = 15;
-/// Sweeps where pivoting goes round in circles.
+/// Most Gauss-Seidel sweeps where pivoting cycles.
 const RELAXATIONS: usize = 100;
 
-/// Where an unknown is.
+/// Position of an unknown relative to its bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum Side {
     #[default]
@@ -38,7 +40,7 @@ pub(crate) enum Side {
 }
 
 impl Complementarity {
-    /// Makes room for a problem without bounds; sides stay where they were.
+    /// Resizes the problem and removes its bounds; keeps the sides.
     pub fn resize(&mut self, size: usize) {
         self.size = size;
         self.matrix.clear();
@@ -56,9 +58,9 @@ impl Complementarity {
         self.side.resize(size, Side::Between);
     }
 
-    /// Solves it by block principal pivoting (Judice and Pires 1994), with Murty's rule where
-    /// that does not get ahead; starts from the sides at hand. Where both fail the answer is but
-    /// near. False if there is none.
+    /// Solves the problem by block principal pivoting (Judice and Pires 1994), with Murty's rule
+    /// where that cycles; starts from the present sides. Where both fail, the solution is
+    /// approximate. False if there is none.
     pub fn solve(&mut self) -> bool {
         let n = self.size;
         for i in 0..n {
@@ -77,7 +79,7 @@ impl Complementarity {
             for i in 0..n {
                 let (z, w) = (self.z[i], self.w[i]);
                 let to = match self.side[i] {
-                    // with no room between the bounds any side will do
+                    // equal bounds: either side will do
                     _ if self.lower[i] == self.upper[i] && w < 0.0 => Side::Upper,
                     _ if self.lower[i] == self.upper[i] => Side::Lower,
                     Side::Between if z < self.lower[i] => Side::Lower,
@@ -109,7 +111,7 @@ impl Complementarity {
         self.relax()
     }
 
-    /// The bound that an unknown is at.
+    /// The bound at which an unknown is; `None` between the bounds.
     fn bound(&self, i: usize) -> Option<f64> {
         match self.side[i] {
             Side::Between => None,
@@ -118,7 +120,7 @@ impl Complementarity {
         }
     }
 
-    /// Comes near an answer by Gauss and Seidel's sweeps, each unknown kept between its bounds.
+    /// Approximates the solution by projected Gauss-Seidel sweeps.
     fn relax(&mut self) -> bool {
         let n = self.size;
         for i in 0..n {
@@ -143,7 +145,7 @@ impl Complementarity {
         self.z.iter().all(|z| z.is_finite())
     }
 
-    /// Solves for the unknowns between their bounds; the others are at theirs.
+    /// Solves for the unknowns between their bounds, with the others at theirs.
     fn solve_between(&mut self) -> bool {
         let n = self.size;
         self.index.clear();
@@ -176,7 +178,8 @@ impl Complementarity {
         true
     }
 
-    /// Negative eigenvalues of the part of `M` between bounds, whose symmetric part is meant.
+    /// Number of negative eigenvalues of the symmetric part of `M`, restricted to unknowns between
+    /// their bounds.
     pub fn negative_eigenvalues(&mut self) -> usize {
         let n = self.size;
         self.index.clear();
@@ -190,7 +193,7 @@ impl Complementarity {
                     .push(0.5 * (self.matrix[i * n + j] + self.matrix[j * n + i]));
             }
         }
-        // Jacobi's rotations: a handful of unknowns, and no pivot to fear
+        // Jacobi's rotations: the matrix is small, and no pivot can fail
         let a = &mut self.work;
         for _ in 0..30 {
             let mut off = 0.0;
@@ -227,8 +230,8 @@ impl Complementarity {
     }
 }
 
-/// Gauss's elimination with row pivoting of `m` rows: a square matrix, and right-hand sides in
-/// the columns after it, which become the answers. False where the matrix is singular.
+/// Gaussian elimination with row pivoting for `m` rows: a square matrix, with right-hand sides in
+/// the columns after it, which become the solutions. False where the matrix is singular.
 pub(crate) fn eliminate(a: &mut [f64], m: usize) -> bool {
     let width = a.len().checked_div(m).unwrap_or(0);
     for column in 0..m {
@@ -274,7 +277,7 @@ mod tests {
     use super::*;
     use crate::random::Draw;
 
-    /// `M` with a positive definite symmetric part; with `skew` a part beside it.
+    /// `M` with a positive definite symmetric part, plus a skew part of size `skew`.
     fn problem(draw: &mut Draw, n: usize, skew: f64) -> Complementarity {
         let mut problem = Complementarity::default();
         problem.resize(n);
@@ -294,7 +297,7 @@ mod tests {
         problem
     }
 
-    /// The answer, by trying every unknown between, at its lower and at its upper bound.
+    /// Solution by trying every unknown between its bounds, at its lower and at its upper bound.
     fn by_brute_force(problem: &Complementarity) -> Option<Vec<f64>> {
         let n = problem.size;
         let mut trial = problem.clone();
@@ -327,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_what_all_sides_tried_give() {
+    fn matches_brute_force() {
         let mut draw = Draw::new(1, 0);
         for round in 0..300 {
             let n = 1 + round % if round < 280 { 6 } else { 8 };
@@ -339,7 +342,7 @@ mod tests {
                 problem.side[i] = [Side::Between, Side::Lower, Side::Upper][draw.count(0, 2)];
             }
             assert!(problem.solve(), "{round}");
-            let exact = by_brute_force(&problem).expect("one answer");
+            let exact = by_brute_force(&problem).expect("one solution");
             for i in 0..n {
                 let off = (problem.z[i] - exact[i]).abs();
                 assert!(off < 1e-8, "{round}: {:?} {exact:?}", problem.z);
@@ -348,8 +351,8 @@ mod tests {
     }
 
     #[test]
-    fn finds_a_degenerate_answer() {
-        // at the bound without a force that holds it there
+    fn finds_a_degenerate_solution() {
+        // degenerate: at the bound with w = 0
         let mut problem = Complementarity::default();
         problem.resize(2);
         problem.matrix = vec![2.0, 1.0, 1.0, 2.0];
@@ -363,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn a_singular_matrix_has_no_answer() {
+    fn a_singular_matrix_has_no_solution() {
         let mut problem = Complementarity::default();
         problem.resize(2);
         problem.matrix = vec![1.0, 1.0, 1.0, 1.0];
@@ -377,7 +380,7 @@ mod tests {
         for n in 1..=6 {
             let mut problem = problem(&mut draw, n, 0.5);
             assert_eq!(problem.negative_eigenvalues(), 0);
-            // a congruence keeps their number (Sylvester)
+            // a congruence preserves the inertia (Sylvester)
             let signs: Vec<f64> = (0..n).map(|_| draw.within(-1.0, 1.0).signum()).collect();
             let root: Vec<f64> = (0..n * n).map(|_| draw.within(-1.0, 1.0)).collect();
             for i in 0..n {
@@ -398,12 +401,12 @@ mod tests {
         for m in 1..=8 {
             let width = m + 3;
             let a: Vec<f64> = (0..m * width).map(|_| draw.within(-1.0, 1.0)).collect();
-            let mut answer = a.clone();
-            assert!(eliminate(&mut answer, m));
+            let mut solution = a.clone();
+            assert!(eliminate(&mut solution, m));
             for row in 0..m {
                 for right in m..width {
                     let sum: f64 = (0..m)
-                        .map(|k| a[row * width + k] * answer[k * width + right])
+                        .map(|k| a[row * width + k] * solution[k * width + right])
                         .sum();
                     assert!((sum - a[row * width + right]).abs() < 1e-10);
                 }

@@ -13,7 +13,7 @@ pub(crate) mod simd;
 
 use instructions::Instructions;
 
-/// The widest instructions that are used: what the processor has, up to the limit.
+/// The widest instruction set in use: that of the processor, up to the limit.
 pub fn widest_instructions() -> Instructions {
     #[cfg(target_arch = "x86_64")]
     {
@@ -28,7 +28,7 @@ pub fn widest_instructions() -> Instructions {
     Instructions::Plain
 }
 
-/// Runs `f` compiled for the widest instructions of this processor, see `Layout::vectorize`.
+/// Runs `f` compiled for the widest instructions of this processor; see `Layout::vectorize`.
 #[inline(always)]
 pub(crate) fn vectorize<R>(f: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]

@@ -1,11 +1,11 @@
 //! The scalar of the mechanics: one `f64`, or several numbers side by side in SIMD lanes.
 //!
-//! A solve puts modules side by side, a batch puts robots side by side; `Layout` names the
-//! two kinds of number that this takes. The mechanics is written once, over [`Real`].
+//! A single solve puts modules side by side, a batch puts robots side by side; `Layout` names the
+//! number types of both. The mechanics is written once, over [`Real`].
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// What the mechanics needs of a number.
+/// Operations of a number in the mechanics.
 pub trait Real:
     Copy
     + Send
@@ -19,13 +19,13 @@ pub trait Real:
     + AddAssign
     + SubAssign
 {
-    /// How many numbers lie side by side.
+    /// Number of lanes.
     const LANES: usize;
     /// The same number in every lane.
     fn splat(x: f64) -> Self;
-    /// Lane by lane.
+    /// Sets lane by lane.
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self;
-    /// One lane.
+    /// Value of one lane.
     fn lane(&self, i: usize) -> f64;
     /// Sets one lane.
     fn set_lane(&mut self, i: usize, x: f64);
@@ -104,20 +104,20 @@ impl Real for f64 {
     }
 }
 
-/// Which numbers lie side by side. A value of it proves that the processor has them.
+/// Arrangement of numbers in lanes. A value of it proves that the processor has the instructions.
 pub(crate) trait Layout: Copy + Send + Sync + 'static {
-    /// Number for what modules do by themselves: `WIDTH` modules side by side.
+    /// Number type for work inside a module: `WIDTH` modules side by side.
     type Module: Real;
-    /// Number for what goes from module to module.
+    /// Number type for recursions from module to module.
     type Chain: Real;
-    /// Modules side by side.
+    /// Number of modules side by side.
     const WIDTH: usize;
     /// Number of one module.
     fn get(m: &Self::Module, i: usize) -> Self::Chain;
     /// Sets the number of one module.
     fn put(m: &mut Self::Module, i: usize, c: Self::Chain);
-    /// Runs `f` compiled for the instructions of these numbers: `f` and all that it calls on the
-    /// way to them must be `#[inline(always)]`.
+    /// Runs `f` compiled for the instructions of these numbers: `f` and every function between it
+    /// and the arithmetic must be `#[inline(always)]`.
     fn vectorize<R>(self, f: impl FnOnce() -> R) -> R;
 }
 

@@ -4,9 +4,10 @@ use crate::math::real::Real;
 
 const FACTORIAL: [f64; 8] = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0, 720.0, 5040.0];
 
-/// Below this `x` eight terms of the series are exact to rounding.
+/// Bound of `x` below which eight terms of the series are exact to rounding.
 const SHORT_SERIES: f64 = 0.6;
-/// Below this `x` the long series is; beyond it sine and cosine lose nothing.
+/// Bound of `x` below which the long series is exact to rounding; above it sine and cosine lose
+/// nothing.
 const LONG_SERIES: f64 = 12.0;
 
 /// Stumpff's functions `c_k(x) = sum_i (-x)^i / (k + 2 i)!`, `c_0` to `c_7` at `x >= 0`: cosine,
@@ -23,7 +24,7 @@ pub(crate) fn stumpff<T: Real>(x: T) -> [T; 8] {
     }
 }
 
-/// The two highest by their series (`n` terms), the rest by `c_k = 1/k! - x c_{k+2}`.
+/// The two highest functions by their series (`n` terms), the others by `c_k = 1/k! - x c_{k+2}`.
 #[inline(always)]
 fn downward<T: Real>(x: T, n: usize) -> [T; 8] {
     let one = T::splat(1.0);
@@ -67,7 +68,7 @@ fn stumpff_far<T: Real>(x: T) -> [T; 8] {
     c
 }
 
-/// Arc tangent of a number up to a fifth.
+/// Arc tangent of a number up to 0.2.
 #[inline(always)]
 pub(crate) fn small_arc_tangent<T: Real>(tangent: T) -> T {
     let square = tangent * tangent;

@@ -1,6 +1,6 @@
 //! SIMD numbers of x86-64, the proofs that the processor has them, and layouts of them.
 //!
-//! A [`Simd`] value is made by detection alone. A rod in lanes holds one, and runs its passes
+//! A [`Simd`] value is made by detection only. A rod in SIMD lanes holds one, and runs its passes
 //! through [`Simd::vectorize`]: a function compiled for the instructions, into which everything
 //! inlines.
 
@@ -11,11 +11,11 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 /// Proof that the processor has the instructions of a vector.
 pub(crate) trait Simd: Copy + Send + Sync + 'static {
-    /// Numbers that one instruction takes.
+    /// Vector of one instruction.
     type Vector: Real;
     /// The proof, where the processor has the instructions.
     fn detect() -> Option<Self>;
-    /// Runs `f` compiled for the instructions, see [`Layout::vectorize`].
+    /// Runs `f` compiled for the instructions; see [`Layout::vectorize`].
     fn vectorize<R>(self, f: impl FnOnce() -> R) -> R;
 }
 
@@ -38,7 +38,7 @@ impl Simd for Avx2 {
         fn with_features<R>(f: impl FnOnce() -> R) -> R {
             f()
         }
-        // SAFETY: `detect`, which alone makes an `Avx2`, has found the features
+        // SAFETY: only `detect` makes an `Avx2`, after it has found the features
         unsafe { with_features(f) }
     }
 }
@@ -64,7 +64,7 @@ impl Simd for Avx512 {
         fn with_features<R>(f: impl FnOnce() -> R) -> R {
             f()
         }
-        // SAFETY: `detect`, which alone makes an `Avx512`, has found the features
+        // SAFETY: only `detect` makes an `Avx512`, after it has found the features
         unsafe { with_features(f) }
     }
 }
@@ -162,8 +162,8 @@ impl Real for Fused {
     }
 }
 
-// Why the intrinsics may be called: these types stand behind `Simd::Vector`, and a rod of them is
-// not made without the proof.
+// Why the intrinsics may be called: these types are used only through `Simd::Vector`, and a rod of
+// them is not made without the proof.
 macro_rules! vector {
     ($type:ident, $n:literal, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident,
      $set:ident, $load:ident, $sqrt:ident, $a:ident, $b:ident => $max:expr, $abs:expr) => {
@@ -205,8 +205,7 @@ macro_rules! vector {
                 for (i, x) in lanes.iter_mut().enumerate() {
                     *x = f(i);
                 }
-                // SAFETY: as of `splat`, and the load, which needs no alignment, reads the $n numbers
-                // of `lanes`
+                // SAFETY: as for `splat`; the unaligned load reads the $n numbers of `lanes`
                 $type(unsafe { $load(lanes.as_ptr()) })
             }
             #[inline(always)]
@@ -219,7 +218,7 @@ macro_rules! vector {
             #[inline(always)]
             fn set_lane(&mut self, i: usize, x: f64) {
                 debug_assert!(i < $n);
-                // SAFETY: as of `lane`, and the borrow is exclusive
+                // SAFETY: as for `lane`; the borrow is exclusive
                 unsafe { *(self as *mut Self as *mut f64).add(i % $n) = x }
             }
             #[inline(always)]

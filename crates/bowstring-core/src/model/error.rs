@@ -1,8 +1,9 @@
-//! Why a robot, a load or a setting was refused: which argument, where, its value and its rule.
+//! Why a robot, a load or a setting was rejected: which argument, which entry, its value and its
+//! rule.
 
 use std::fmt;
 
-/// An argument by what it is.
+/// An argument, by its meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)] // each is named by `Argument::words`
 pub enum Argument {
@@ -42,7 +43,7 @@ pub enum Argument {
 }
 
 impl Argument {
-    /// Its name in Python.
+    /// Name in Python.
     pub fn name(self) -> &'static str {
         match self {
             Argument::Tension => "tensions",
@@ -61,7 +62,7 @@ impl Argument {
         }
     }
 
-    /// Its name in a sentence, its unit, and what its entries are counted by.
+    /// Name in a sentence, unit, and what its entries are called.
     fn description(self) -> (&'static str, &'static str, &'static str) {
         match self {
             Argument::Tension => ("tension", "N", "tendon"),
@@ -100,7 +101,7 @@ impl Argument {
         }
     }
 
-    /// Its name in a sentence.
+    /// Name in a sentence.
     pub fn words(self) -> &'static str {
         self.description().0
     }
@@ -110,16 +111,16 @@ impl Argument {
     }
 }
 
-/// What was given.
+/// The given value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// A number in the unit of the argument.
     Number(f64),
     /// Several numbers in the unit of the argument.
     Numbers(Vec<f64>),
-    /// A whole number.
+    /// An integer.
     Whole(usize),
-    /// So many numbers.
+    /// A count of numbers.
     Count(usize),
 }
 
@@ -141,7 +142,7 @@ impl From<&[f64]> for Value {
     }
 }
 
-/// What a value must be.
+/// Requirement on a value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Rule {
     /// A finite number.
@@ -150,21 +151,21 @@ pub enum Rule {
     Positive,
     /// Zero or more.
     NotNegative,
-    /// Zero or more, as a tendon can only pull.
+    /// Zero or more: a tendon cannot push.
     TendonsPull,
     /// One of these numbers.
     OneOf(&'static [usize]),
-    /// Less than a number, with what that is.
+    /// Less than a number, with the meaning of that number.
     Below(f64, &'static str),
     /// At least a number, with the reason.
     AtLeast(f64, &'static str),
-    /// So many numbers, one for each of what.
+    /// A count of numbers, one for each of the named things.
     Count(usize, &'static str),
-    /// Another, in words after "it must".
+    /// Another requirement, in words after "it must".
     Other(&'static str),
 }
 
-/// Why a robot, a load or a setting was refused.
+/// Why a robot, a load or a setting was rejected.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InputError {
     /// A value breaks its rule.
@@ -173,24 +174,24 @@ pub enum InputError {
         argument: Argument,
         /// Entry (tendon, disk or segment), from 0; `None` for an argument without entries.
         index: Option<usize>,
-        /// What was given.
+        /// The given value.
         value: Value,
-        /// What it must be.
+        /// The requirement.
         rule: Rule,
     },
     /// A row of several loads is wrong.
     Row {
-        /// Number of the row, from 0.
+        /// Index of the row, from 0.
         row: usize,
-        /// What is wrong with it.
+        /// The error in the row.
         error: Box<InputError>,
     },
-    /// Arguments do not go together, or what is asked for does not fit into memory: a sentence.
+    /// Arguments are incompatible, or the request does not fit into memory: a sentence.
     Other(String),
 }
 
 impl InputError {
-    /// A number, or several, that breaks its rule.
+    /// A number, or several, that violates its rule.
     pub(crate) fn number(
         argument: Argument,
         index: impl Into<Option<usize>>,
@@ -205,7 +206,7 @@ impl InputError {
         }
     }
 
-    /// Checks that an entry is finite, and positive or not negative where that is its rule.
+    /// Checks that an entry is finite, and positive or non-negative where that is its rule.
     pub(crate) fn check_number(
         argument: Argument,
         index: impl Into<Option<usize>>,
@@ -235,7 +236,7 @@ impl InputError {
         }
     }
 
-    /// Numbers of which one is not finite.
+    /// Numbers, at least one of which is not finite.
     pub(crate) fn not_finite(
         argument: Argument,
         index: impl Into<Option<usize>>,
@@ -255,7 +256,7 @@ impl InputError {
         Self::number(argument, None, Value::Count(given), rule)
     }
 
-    /// A number of elements that there is none of.
+    /// A number of elements that is not available.
     pub(crate) fn elements(n: usize) -> Self {
         Self::number(Argument::Elements, None, n, Rule::OneOf(&[1, 2, 4, 8]))
     }
@@ -265,13 +266,13 @@ impl InputError {
         InputError::Other(sentence.into())
     }
 
-    /// The same of a row, from 0.
+    /// The same error, in a row counted from 0.
     pub(crate) fn in_row(self, row: usize) -> Self {
         let error = Box::new(self);
         InputError::Row { row, error }
     }
 
-    /// The error without the row that it is of.
+    /// The error without its row.
     pub fn innermost(&self) -> &Self {
         match self {
             InputError::Row { error, .. } => error.innermost(),
@@ -309,7 +310,7 @@ impl fmt::Display for InputError {
 impl std::error::Error for InputError {}
 
 impl Value {
-    /// As text with its unit.
+    /// Text with its unit.
     fn with(&self, unit: &str) -> String {
         let text = match self {
             Value::Number(x) => Short(*x).to_string(),
@@ -324,9 +325,9 @@ impl Value {
     }
 }
 
-/// A value and a rule as text, for a sentence that is written elsewhere.
+/// Parts of an error, for a sentence that is composed elsewhere.
 impl InputError {
-    /// Argument, index, value with its unit, and rule; `None` where the sentence is all there is.
+    /// Argument, index, value with its unit, and rule; `None` where there is only a sentence.
     pub fn parts(&self) -> Option<(&'static str, Option<usize>, String, String)> {
         match self.innermost() {
             InputError::Value {
@@ -376,7 +377,7 @@ impl fmt::Display for Rule {
     }
 }
 
-/// A number for a sentence: short also where it is tiny or huge.
+/// A number for a sentence, short also where it is tiny or huge.
 pub(crate) struct Short(pub f64);
 
 impl fmt::Display for Short {

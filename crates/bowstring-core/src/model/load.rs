@@ -1,4 +1,6 @@
-//! Loads and the choice of physics.
+//! Loads and the physics to solve.
+//!
+//! Theory: docs/theory/rod.md (Loads).
 
 use crate::math::linalg::Vec3;
 use crate::model::error::{Argument, InputError, Rule};
@@ -13,14 +15,13 @@ pub enum Theory {
     Kirchhoff,
 }
 
-/// How a tendon runs between two disks.
+/// Path of a tendon between two disks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TendonPath {
-    /// In straight spans from hole to hole, as a real one does.
+    /// Straight spans from hole to hole, as in a real robot.
     Straight,
-    /// Along a curve parallel to the backbone, touching it everywhere: the model of most
-    /// published codes, kept for comparison. Shear under tension is neglected, which is exact
-    /// where the backbone does not twist.
+    /// A curve parallel to the backbone: the model of most published codes, for comparison. Shear
+    /// under tension is neglected, which is exact where the backbone does not twist.
     Continuous,
 }
 
@@ -31,7 +32,7 @@ pub struct Model {
     pub theory: Theory,
     /// Path of the tendons between disks.
     pub tendon: TendonPath,
-    /// Whether the backbone can twist; if not, its torsion stiffness is a million times its own.
+    /// Whether the backbone can twist; if not, its torsional stiffness is multiplied by a million.
     pub twist: bool,
 }
 
@@ -45,16 +46,16 @@ impl Default for Model {
     }
 }
 
-/// How the rod is modelled: its physics and its elements.
+/// Model of the rod: its physics and its elements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct RodModel {
     /// Physics.
     pub model: Model,
-    /// Elements of fourth order in a module: 1, 2, 4 or 8; `None` chooses them load by load.
+    /// Fourth-order elements in a module: 1, 2, 4 or 8; `None` chooses them for each load.
     pub elements: Option<usize>,
 }
 
-/// Dead loads in the base frame and the tension of each tendon; SI.
+/// Dead loads in the base frame and the tension of each tendon; SI units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Load<'a> {
     /// Tensions (N), one for each tendon, none negative.
@@ -81,7 +82,7 @@ pub struct OwnedLoad {
 }
 
 impl OwnedLoad {
-    /// Takes on a load; allocates nothing if it held as many tensions.
+    /// Copies a load; allocates nothing if the number of tensions is the same.
     pub fn set(&mut self, load: &Load) {
         self.tensions.clear();
         self.tensions.extend_from_slice(load.tensions);
@@ -89,7 +90,7 @@ impl OwnedLoad {
             (load.gravity, load.tip_force, load.tip_moment);
     }
 
-    /// The same as a [`Load`].
+    /// Borrows it as a [`Load`].
     pub fn borrow(&self) -> Load<'_> {
         Load {
             tensions: &self.tensions,
@@ -99,7 +100,7 @@ impl OwnedLoad {
         }
     }
 
-    /// Takes on a load a share of the way from one to another, gravity aside.
+    /// Interpolates linearly between two loads, gravity excepted.
     pub(crate) fn between(&mut self, from: &Self, to: &Self, share: f64) {
         // the end is met exactly
         let whole = (share - 1.0).abs() < 1e-12;
@@ -115,8 +116,8 @@ impl OwnedLoad {
 }
 
 impl Load<'_> {
-    /// The same without a tip moment that no residual tells from none, N m: one has no potential,
-    /// and the little that is left would decide how stability is found.
+    /// The same load with a tip moment below `least` (N m) removed: it is below the residual, but
+    /// as it has no potential it would change how stability is determined.
     pub(crate) fn without_moment_below(&self, least: f64) -> Self {
         let mut load = *self;
         if Vec3(self.tip_moment).norm() <= least {

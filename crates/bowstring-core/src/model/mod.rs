@@ -1,4 +1,4 @@
-//! What a robot is and what loads it: checked input.
+//! Robot, loads and errors: checked input.
 
 pub mod error;
 pub mod load;

@@ -1,13 +1,15 @@
-//! The robot as the mechanics sees it: checked once, immutable afterwards.
+//! The robot of the mechanics: checked once, immutable afterwards.
+//!
+//! Theory: docs/theory/rod.md.
 
 use crate::model::error::{Argument, InputError, Rule};
 
-/// Elastic section of the backbone in one segment; SI.
+/// Elastic section of the backbone in one segment; SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Section {
-    /// Bending stiffness E I (N m^2), the same about both axes.
+    /// Bending stiffness E I (N m^2), equal about both axes.
     pub bending: f64,
-    /// Torsion stiffness G J (N m^2).
+    /// Torsional stiffness G J (N m^2).
     pub torsion: f64,
     /// Axial stiffness E A (N).
     pub axial: f64,
@@ -15,8 +17,8 @@ pub struct Section {
     pub shear: f64,
     /// Mass per length rho A (kg/m).
     pub mass_per_length: f64,
-    /// Rotary inertia per length rho I about a diameter (kg m); twice as much about the axis.
-    /// Dynamics alone uses it.
+    /// Rotary inertia per length rho I about a diameter (kg m), twice that about the axis. Used
+    /// in dynamics only.
     pub rotary_inertia: f64,
 }
 
@@ -25,26 +27,26 @@ pub struct Section {
 pub struct Disk {
     /// Distance from the base along the straight backbone (m).
     pub station: f64,
-    /// Length of backbone that it makes rigid, centred on its station (m).
+    /// Clamped length of backbone (m), rigid, centred on the station.
     pub clamped_length: f64,
     /// Mass (kg).
     pub mass: f64,
-    /// Moments of inertia about a diameter and about the axis (kg m^2). Dynamics alone uses them.
+    /// Moments of inertia about a diameter and about the axis (kg m^2). Used in dynamics only.
     pub inertia: [f64; 2],
-    /// Segment that the backbone before this disk belongs to.
+    /// Segment of the backbone directly before this disk.
     pub segment: usize,
 }
 
 /// A tendon: the same hole in the base and in every disk up to its end disk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tendon {
-    /// Place x, y of its holes in the disk frame (m).
+    /// Position x, y of its holes in the disk frame (m).
     pub hole: [f64; 2],
-    /// Index of the disk that it is anchored in.
+    /// Index of its end disk, where it is anchored.
     pub end_disk: usize,
 }
 
-/// What a [`Robot`] is made of; SI, base frame with z along the straight backbone.
+/// Description of a [`Robot`]; SI units, base frame with z along the straight backbone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RobotSpec {
     /// Sections of the backbone, one for each segment.
@@ -60,13 +62,13 @@ pub struct RobotSpec {
 /// The backbone between two neighbouring disks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Module {
-    /// Elastic length between the clamps (m).
+    /// Flexible length between the clamps (m).
     pub flexible: f64,
     /// Rigid lengths next to the start and to the end disk (m).
     pub clamp: [f64; 2],
-    /// Index into the sections.
+    /// Index of the section.
     pub segment: usize,
-    /// Tendons from this index on pass through.
+    /// Index of the first tendon that passes through; all later tendons do too.
     pub first_tendon: usize,
 }
 
@@ -78,7 +80,7 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// Checks a description; the error says what is wrong, where, and what it may be.
+    /// Checks a description; the error names the argument, its value and the allowed range.
     pub fn new(spec: RobotSpec) -> Result<Self, InputError> {
         if spec.disks.is_empty() || spec.sections.is_empty() {
             return Err(InputError::other(
@@ -152,7 +154,9 @@ impl Robot {
         for (i, t) in spec.tendons.iter().enumerate() {
             InputError::check_finite(Argument::Hole, i, &t.hole)?;
             if t.end_disk >= spec.disks.len() || t.end_disk < end {
-                let rule = Rule::Other("be a disk, and not before that of the tendon before it");
+                let rule = Rule::Other(
+                    "be a disk, no closer to the base than that of the previous tendon",
+                );
                 return Err(InputError::number(Argument::EndDisk, i, t.end_disk, rule));
             }
             end = t.end_disk;
@@ -161,13 +165,13 @@ impl Robot {
         let robot = Robot { spec, modules };
         if !robot.moment_scale().is_normal() {
             return Err(InputError::other(
-                "bending stiffness over length is beyond what numbers hold",
+                "bending stiffness over length exceeds the range of floating-point numbers",
             ));
         }
         Ok(robot)
     }
 
-    /// The description that the robot was made from.
+    /// The description of the robot.
     pub fn spec(&self) -> &RobotSpec {
         &self.spec
     }
@@ -179,11 +183,11 @@ impl Robot {
     pub fn tendon_count(&self) -> usize {
         self.spec.tendons.len()
     }
-    /// Length of the straight backbone, m.
+    /// Length of the straight backbone (m).
     pub fn length(&self) -> f64 {
         self.spec.disks[self.spec.disks.len() - 1].station
     }
-    /// Of disks and backbone, kg.
+    /// Total mass of disks and backbone (kg).
     pub fn mass(&self) -> f64 {
         let (mut mass, mut from) = (0.0, 0.0);
         for (k, disk) in self.spec.disks.iter().enumerate() {
@@ -195,7 +199,8 @@ impl Robot {
     pub(crate) fn section(&self, module: usize) -> &Section {
         &self.spec.sections[self.modules[module].segment]
     }
-    /// The measure of moments: bending stiffness over length, N m; the softest segment's.
+    /// Scale of moments (N m): bending stiffness over length, of the segment with the lowest
+    /// stiffness.
     pub fn moment_scale(&self) -> f64 {
         let softest = self
             .spec

@@ -1,4 +1,6 @@
-//! The rod in motion as the passes of a step take it.
+//! The rod in motion: data of the passes of a time step.
+//!
+//! Theory: docs/theory/dynamics.md.
 
 use super::mass::LumpedMass;
 use super::scheme::{Damping, Scheme};
@@ -8,15 +10,15 @@ use crate::model::robot::Robot;
 use crate::rod::chain::Rod;
 use crate::rod::constants::Constants;
 
-/// Compliance of a Kirchhoff rod's module over that of its bending: small enough not to show,
-/// large enough to divide by.
+/// Compliance of a Kirchhoff rod's module relative to its bending compliance: small enough not to
+/// affect the motion, large enough to divide by.
 const NEARLY_RIGID: f64 = 1e-5;
 
-/// A rod with its mass, and the scheme that moves it.
+/// A rod with its mass and its time-integration scheme.
 pub(super) struct Body<L: Layout, const A: usize> {
-    /// At the strain where forces balance.
+    /// Rod at the strain where forces balance.
     pub rod: Rod<L, A>,
-    /// Stiffness with the material damping of this step.
+    /// Constants with the stiffness of this step, material damping included.
     pub constants: Vec<Constants<L::Module>>,
     pub mass: LumpedMass<L, A>,
     pub scheme: Scheme,
@@ -27,7 +29,7 @@ impl<L: Layout, const A: usize> Body<L, A> {
         let mut rod = Rod::new(layout, robot, model);
         let rigid = model.theory == Theory::Kirchhoff;
         if rigid {
-            rod.make_yielding(NEARLY_RIGID);
+            rod.add_compliance(NEARLY_RIGID);
         }
         Body {
             constants: rod.constants.clone(),
@@ -37,7 +39,7 @@ impl<L: Layout, const A: usize> Body<L, A> {
         }
     }
 
-    /// Scales the stiffness by what material damping adds to it in this step.
+    /// Scales the stiffness by the material damping of this step.
     #[inline(always)]
     pub fn stiffen(&mut self) {
         let factor = L::Module::splat(self.scheme.strain_factor());

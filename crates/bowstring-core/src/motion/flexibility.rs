@@ -1,4 +1,6 @@
-//! Small motions about a rest: how all mass answers forces.
+//! Small motions about a rest: displacement response of all mass to forces.
+//!
+//! Theory: docs/theory/dynamics.md (Modal analysis).
 
 use super::moving::Moving;
 use super::step::Motion;
@@ -9,34 +11,34 @@ use crate::math::real::Scalar;
 use crate::rod::module::share;
 use crate::rod::routed::RoutedRod;
 
-/// Spans of a tendon that do not let it slip, together, in small oscillations.
+/// Spans of a tendon that keep their total length in small oscillations.
 pub(crate) struct Lock {
     pub tendon: usize,
-    /// Tension by modules of one newton.
+    /// Tension of each module's span for a unit tension of the lock.
     pub spans: Vec<f64>,
-    /// Stretch, m/N.
+    /// Compliance (m/N).
     pub compliance: f64,
 }
 
-/// A rest that is linearised.
+/// A linearised state of rest.
 pub(crate) struct Rest<const A: usize> {
-    /// Forces on points and moments on disks.
+    /// Forces on points (N) and moments on disks (N m).
     force: Vec<Vec3>,
     moment: Vec<Vec3>,
-    /// Imbalance of arcs and of contact forces that rounding leaves.
+    /// Residual imbalance of arcs and contact forces due to rounding.
     gradients: Vec<[Vec3; A]>,
     deltas: Vec<Vec3>,
-    /// By locks and freedoms: displacement by a unit of the lock's tension, m/N.
+    /// Displacement by locks and degrees of freedom, for a unit tension of the lock (m/N).
     moved: Vec<f64>,
-    /// Of the matrix that tells the length of each lock by the tension of each, N/m.
+    /// Inverse of the matrix of lock lengths with respect to lock tensions (N/m).
     inverse: Vec<f64>,
 }
 
 impl<const A: usize> Rest<A> {
-    /// Takes off a displacement by forces what locked tendons hold.
+    /// Subtracts from a displacement the part that locked tendons prevent.
     fn hold(&self, forces: &[f64], displacement: &mut [f64]) {
         let size = forces.len();
-        // by reciprocity a tension's displacement tells what a force does to the length
+        // by reciprocity, the displacement due to a tension gives the length change due to a force
         let moved = self.moved.chunks_exact(size);
         let longer: Vec<_> = moved.clone().map(|moved| dot(moved, forces)).collect();
         let rows = self.inverse.chunks_exact(longer.len().max(1));
@@ -50,7 +52,7 @@ impl<const A: usize> Rest<A> {
 }
 
 impl<const A: usize> Motion<Scalar, A> {
-    /// Finds the equilibrium under the present forces from the strain at hand.
+    /// Finds the equilibrium under the present forces, from the present strain.
     pub fn settle(&mut self) -> bool {
         self.begin_at_rest();
         for _ in 0..30 {
@@ -65,7 +67,7 @@ impl<const A: usize> Motion<Scalar, A> {
         false
     }
 
-    /// Mass of every freedom, kg and kg m^2.
+    /// Mass of every degree of freedom (kg and kg m^2).
     pub fn masses_of_freedoms(&self) -> Vec<f64> {
         let mass = &self.body.mass;
         let mut masses = vec![];
@@ -76,8 +78,8 @@ impl<const A: usize> Motion<Scalar, A> {
         masses
     }
 
-    /// Prepares [`Self::answer_forces`] at the rest that was settled. Locked tendons keep their
-    /// lengths but for their own stretch. None where the rest has no answer.
+    /// Prepares [`Self::respond_to_forces`] at the rest found by `settle`. Locked tendons keep
+    /// their lengths except for their own elongation. `None` where the linearised equations are singular.
     pub fn linearise_at_rest(&mut self, locks: &[Lock]) -> Option<Rest<A>> {
         self.begin_at_rest();
         self.residual();
@@ -93,12 +95,12 @@ impl<const A: usize> Motion<Scalar, A> {
         self.lock(locks, &mut rest).then_some(rest)
     }
 
-    /// Displacement of every freedom by forces on all of them: m and rad by N and N m. Freedoms
-    /// are the translation of points from base to tip, base frame, and after that of each disk its
-    /// rotation, in its own frame.
-    pub fn answer_forces(&mut self, forces: &[f64], rest: &Rest<A>) -> Vec<f64> {
+    /// Displacement of every degree of freedom due to forces on all of them: m and rad for N and N
+    /// m. The degrees of freedom are the translation of points from base to tip in the base frame
+    /// and, after that of each disk, its rotation in its own frame.
+    pub fn respond_to_forces(&mut self, forces: &[f64], rest: &Rest<A>) -> Vec<f64> {
         let (n, per) = (self.module_count(), 3 * A + 3);
-        // forces far from one would be lost beside those of the rest
+        // scaled: very small forces would be lost beside those of the rest
         let largest = forces.iter().fold(0.0, |m: f64, f| m.max(f.abs()));
         if largest == 0.0 {
             return vec![0.0; forces.len()];
@@ -129,7 +131,7 @@ impl<const A: usize> Motion<Scalar, A> {
         out
     }
 
-    /// Finds what locked tendons hold; false where they cannot.
+    /// Computes the response of the locked tendons; false where it is singular.
     fn lock(&mut self, locks: &[Lock], rest: &mut Rest<A>) -> bool {
         self.measure_spans(false);
         let (n, m) = (self.module_count(), locks.len());
@@ -161,14 +163,14 @@ impl<const A: usize> Motion<Scalar, A> {
         true
     }
 
-    /// Displacement of all freedoms by an answer, the one that was found last.
+    /// Displacement of all degrees of freedom for the last solution.
     fn displacement(&self, column: usize) -> Vec<f64> {
         let mut out = Vec::with_capacity(self.module_count() * (3 * A + 3));
         let mut start = [Vec3::zero(); 2];
         let column = &self.response.columns[column];
         for (j, state) in self.body.rod.states.iter().enumerate() {
             let frame = self.body.rod.rotations[j];
-            // what shear and extension add to the motion of the end
+            // motion of the end due to shear and extension
             let mut stretched = column.delta[j];
             for i in 0..A {
                 let lever = self.tangent.contact[j].j[i] - self.body.rod.gradients[j].r[i];

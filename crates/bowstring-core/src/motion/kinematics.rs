@@ -1,4 +1,6 @@
 //! Position, velocity and acceleration of all mass over a step.
+//!
+//! Theory: docs/theory/dynamics.md (Eq. 5.2).
 
 use super::mass::{LumpedMass, Nodal};
 use super::scheme::Scheme;
@@ -9,7 +11,8 @@ use crate::math::real::{Layout, Real};
 pub(super) struct Kinematics<T, const A: usize> {
     pub position: Vec<Nodal<T, A>>,
     pub velocity: Vec<Nodal<T, A>>,
-    /// Rate of the position, and acceleration, as the scheme remembers them.
+    /// Time derivatives of position and velocity as memorised by the scheme: dy/dt and dv/dt of
+    /// theory Eq. 5.2.
     rate: Vec<Nodal<T, A>>,
     pub acceleration: Vec<Nodal<T, A>>,
     pub next_position: Vec<Nodal<T, A>>,
@@ -20,17 +23,17 @@ pub(super) struct Kinematics<T, const A: usize> {
     last_mean: Vec<Vec3<T>>,
 }
 
-/// What a step does to the mass.
+/// Kinetic energy, loss and work of the mass in a step.
 pub(super) struct MassStep {
-    /// Kinetic energy at its end, J.
+    /// Kinetic energy at the end of the step (J).
     pub kinetic: f64,
-    /// Energy that a mass damping of 1/s would take, J s.
+    /// Energy that a mass-proportional damping of 1/s would dissipate (J s).
     pub loss_by_rate: f64,
-    /// Work of the forces on the disks, J.
+    /// Work of the forces on the disks (J).
     pub disk_work: f64,
 }
 
-/// Largest estimated error of a disk's position in a step, and that of the tip, m.
+/// Largest estimated error of a disk's position in a step, and that of the tip (m).
 #[derive(Clone, Copy)]
 pub(crate) struct StepError {
     pub largest: f64,
@@ -57,7 +60,7 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
         self.bias.fill(Nodal::zero());
     }
 
-    /// Takes the next position as one at rest.
+    /// Accepts the next position as one at rest.
     pub fn commit_at_rest(&mut self) {
         self.position.copy_from_slice(&self.next_position);
         for nodal in [&mut self.velocity, &mut self.rate, &mut self.acceleration] {
@@ -84,14 +87,15 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
         self.next_position[k].minus(&self.position[k])
     }
 
-    /// Acceleration of a module's mass where forces balance, damping included.
+    /// Acceleration of a module's mass where forces balance (theory Eq. 5.1), damping included.
     #[inline(always)]
     pub fn balance_acceleration(&self, scheme: &Scheme, k: usize) -> Nodal<T, A> {
         let factor = scheme.acceleration_by_distance();
         self.moved(k).combined(factor, &self.bias[k], 1.0)
     }
 
-    /// Velocities at the end of the step, and what it does to the mass.
+    /// Computes the velocities at the end of the step (theory Eq. 5.2), kinetic energy, loss and
+    /// work.
     #[inline(always)]
     pub fn finish<L: Layout<Chain = T>>(
         &mut self,
@@ -118,7 +122,7 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
         }
     }
 
-    /// Takes the end of the step as the start of the next.
+    /// Accepts the end of the step as the start of the next.
     #[inline(always)]
     pub fn commit(&mut self, scheme: &Scheme) {
         let (per, keep) = if scheme.fresh {
@@ -140,8 +144,8 @@ impl<T: Real, const A: usize> Kinematics<T, A> {
         std::mem::swap(&mut self.velocity, &mut self.next_velocity);
     }
 
-    /// Estimated error of this step, by the change of acceleration since the step before, which
-    /// took `last_duration`: `h^3 y''' / 12`.
+    /// Estimated error of this step, from the change of acceleration since the step before of
+    /// length `last_duration`: `h^3 y''' / 12`.
     #[inline(always)]
     pub fn local_error(&self, scheme: &Scheme, last_duration: f64) -> StepError {
         let h = scheme.duration;

@@ -1,4 +1,6 @@
-//! Mass and inertia lumped into points and disks.
+//! Mass and inertia, lumped into points and disks.
+//!
+//! Theory: docs/theory/dynamics.md (Mass and coordinates).
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::{Layout, Real};
@@ -43,23 +45,25 @@ impl<T: Real, const A: usize> Nodal<T, A> {
     }
 }
 
-/// Mass in points, from base to tip, the disk last in each module, and in the directors of disks.
+/// Lumped mass: points from base to tip, the disk last in each module, and the directors of disks.
 pub(super) struct LumpedMass<L: Layout, const A: usize> {
-    /// Of the points, kg.
+    /// Masses of the points (kg).
     pub points: Vec<f64>,
-    /// Share of the disks' inertia of each director across the axis, and of that along it, kg m^2.
+    /// Director inertia of the disks (kg m^2): of each director perpendicular to the axis, and of
+    /// that along it.
     pub directors: Vec<[f64; 2]>,
-    /// Of the points, by groups of modules.
+    /// Masses of the points by groups of modules (kg).
     pub lanes: Vec<[L::Module; A]>,
-    /// Of all points, kg.
+    /// Total mass (kg).
     pub total: f64,
 }
 
 impl<L: Layout, const A: usize> LumpedMass<L, A> {
-    /// Simpson's rule over each pair of arcs. The mass of a clamp and of the node where it begins
-    /// goes to the clamp's disk, which it is rigid with, and its second moment to the director
-    /// along the axis. Its first moment is zero where both sides of a disk are alike. Elsewhere, as
-    /// at the last disk, it is left out: it couples points with directors, and `M` is diagonal.
+    /// Lumps the mass by Simpson's rule over each pair of arcs. The mass of a clamp, and of the
+    /// node where it begins, is added to the clamp's disk, to which it is rigidly connected; its
+    /// second moment is added to the director along the axis. Its first moment is zero where both
+    /// sides of a disk are equal. Elsewhere, as at the last disk, it is neglected: it would couple
+    /// points with directors, and `M` is diagonal.
     pub fn new(robot: &Robot) -> Self {
         let n = robot.module_count();
         let mut points = vec![0.0; n * A];
@@ -96,7 +100,7 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
             directors,
         }
     }
-    /// Product of two vectors of a module's mass by the mass between them.
+    /// Mass-weighted inner product of two vectors of a module.
     #[inline(always)]
     pub fn product(&self, k: usize, u: &Nodal<L::Chain, A>, v: &Nodal<L::Chain, A>) -> L::Chain {
         let splat = L::Chain::splat;
@@ -111,7 +115,7 @@ impl<L: Layout, const A: usize> LumpedMass<L, A> {
         sum
     }
 
-    /// Sum of a vector over all mass points by their masses.
+    /// Mass-weighted sum of a vector over all points.
     #[inline(always)]
     pub fn sum(&self, vectors: &[Nodal<L::Chain, A>]) -> Vec3<L::Chain> {
         let mut sum = Vec3::zero();

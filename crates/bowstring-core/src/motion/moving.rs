@@ -1,4 +1,7 @@
-//! The passes of Newton's method over a step of the rod, compiled for the instructions of its numbers.
+//! The passes of Newton's method over a time step of the rod, compiled for the instructions of its
+//! numbers.
+//!
+//! Theory: docs/theory/dynamics.md (Time integration).
 
 use super::energy::{Energies, EnergyBalance};
 use super::kinematics::StepError;
@@ -12,80 +15,81 @@ use crate::model::load::{Load, TendonPath};
 use crate::rod::chain::{in_group, put, Sources};
 use crate::rod::routed::RoutedRod;
 
-/// Rounding of the forces of a step, over their sum.
+/// Rounding error of the forces of a step, over their sum.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
-/// A moving rod in any numbers: the passes of a step, and what is asked between them.
+/// A moving rod in any number type: the passes of a step, and the queries between them.
 pub(crate) trait Moving: RoutedRod + Send + Sync {
     /// Prepares a step: loads are those at [`Moving::balance_time`].
     fn begin(&mut self, duration: f64, rho: f64);
-    /// Forces at the present strain; returns the largest moment imbalance, N m.
+    /// Computes the forces at the present strain; returns the largest moment imbalance (N m).
     fn residual(&mut self) -> f64;
-    /// Imbalance under the present tensions and forces on all mass; returns the largest, N m.
+    /// Computes the imbalance under the present tensions and forces on all mass; returns the
+    /// largest (N m).
     fn imbalance(&mut self) -> f64;
-    /// Readies the tangent. That of a step before is nearly that of this one, and costs five times
-    /// a residual: it is made anew where it is asked for, or where the step or scheme differ.
+    /// Prepares the tangent. That of an earlier step is close to the present one, and a new one
+    /// costs five times a residual; it is recomputed only if `anew`, or if step or scheme differ.
     /// Returns whether it was.
     fn ready(&mut self, anew: bool) -> bool;
     /// Solves for the present imbalance.
     fn substitute(&mut self);
-    /// Moves the end of the step by a sum of solutions.
+    /// Moves the end of the step by a linear combination of solutions.
     fn combine(&mut self, coefficients: &[f64]);
-    /// Velocities, lengths and energies at the end of the step.
+    /// Computes velocities, lengths and energies at the end of the step.
     fn finish(&mut self, load: &Load);
-    /// Takes this much energy out of the step that was finished, once it is solved again; not all
-    /// of it where hardly anything moves. Without numerical damping only. Returns whether that
-    /// changes the step.
+    /// Sets the damping that removes this excess of energy when the finished step is solved again;
+    /// less than all of it where hardly anything moves. Only without numerical damping. Returns
+    /// whether that changes the step.
     fn restore(&mut self, excess: f64) -> bool;
-    /// Estimated error of this step; none while unknown.
+    /// Estimated error of this step; `None` while unknown.
     fn local_error(&self) -> Option<StepError>;
-    /// Takes the end of the step as the start of the next.
+    /// Accepts the end of the step as the start of the next.
     fn commit(&mut self);
-    /// Appends all fields of now, see [`Motion::record_now`].
+    /// Appends all present fields; see [`Motion::record_now`].
     fn record(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields);
 
-    /// Prepares a search for the equilibrium at the present forces: a step without inertia.
+    /// Prepares a search for the equilibrium under the present forces: a step without inertia.
     fn begin_at_rest(&mut self);
-    /// Takes the equilibrium that was found as the state at rest, with the energy of the tendons.
+    /// Accepts the equilibrium as the state at rest, with the energy of the tendons (J).
     fn commit_at_rest(&mut self, tendons: f64);
-    /// Takes the strain of every arc and the contact force of every module from an equilibrium.
+    /// Copies the strain of every arc and the contact force of every module from an equilibrium.
     fn take_strain(&mut self, strain: &[Vec3], force: &[Vec3]);
-    /// Sets tensions and tip load; gravity stays.
+    /// Sets tensions and tip load; gravity is constant.
     fn set_load(&mut self, load: &Load);
-    /// Dead forces on the disks beside the loads, N, base frame.
+    /// Sets the dead force on a disk (N, base frame), in addition to the loads.
     fn set_disk_force(&mut self, disk: usize, force: Vec3);
-    /// Lets tensions jump, which moves no disk at once: where tendons run along the backbone the
-    /// contact forces jump with them. Points inside a module have none of their own and are put
-    /// where the new tensions hold them.
+    /// Sets tensions at once. Disks do not move in a jump, but where tendons run along the backbone
+    /// the contact forces jump too. Points inside a module have no degree of freedom of their own
+    /// and are moved to their equilibrium under the new tensions.
     fn jump_tensions(&mut self, tensions: &[f64]);
-    /// Lets the next step go without the scheme's memory and its numerical damping.
+    /// Starts the next step without the scheme's memory, hence without numerical damping.
     fn restart(&mut self);
-    /// Starts the next step's search from the present strain and its rate alone.
+    /// Starts the next step's predictor from the present strain and its rate alone.
     fn reset_predictor(&mut self);
-    /// Leaves the forces of the present strain out of the next tangent, but not what tendons and
-    /// stiffness do: the first guess of a short step may ask for forces that bend the rod over, and
-    /// only the mass tells where it really goes.
-    fn forget_forces(&mut self);
+    /// Omits the forces of the present strain from the next tangent, but keeps tendons and
+    /// stiffness. The predictor of a short step may have unrealistic forces that make the tangent
+    /// indefinite; inertia then determines the direction of the step.
+    fn drop_forces(&mut self);
     /// Whether the scheme has no memory.
     fn is_fresh(&self) -> bool;
-    /// Whether no two disks have met, as of the step that was finished.
+    /// Whether no two disks have collided at the end of the finished step.
     fn is_apart(&self) -> bool;
     /// Whether an equilibrium is stable, see [`Tangent::is_stable`].
     fn is_stable(&self, held: usize) -> bool;
-    /// Where in the step forces balance, as a fraction.
+    /// Fraction of the step at which forces balance.
     fn balance_time(&self) -> f64;
-    /// Moment that rounding leaves of the forces of this step, N m.
+    /// Moment imbalance due to rounding of the forces of this step (N m).
     fn noise(&self, tensions: &[f64]) -> f64;
-    /// Moment that moves all mass by so much further within this step, N m.
+    /// Moment that moves all mass by `distance` within this step (N m).
     fn effort(&self, distance: f64) -> f64;
-    /// Position of a disk now.
+    /// Present position of a disk (m).
     fn disk(&self, k: usize) -> Vec3;
-    /// Of all mass now, kg m/s.
+    /// Present linear momentum of all mass (kg m/s).
     fn linear_momentum(&self) -> Vec3;
     /// Energies at both ends of the step.
     fn energies(&self) -> &EnergyBalance;
     fn energies_mut(&mut self) -> &mut EnergyBalance;
-    /// Of an iteration, in units of `interrupt::work`.
+    /// Work of an iteration, in units of `interrupt::work`.
     fn work(&self) -> usize;
 }
 
@@ -219,7 +223,7 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
     fn begin_at_rest(&mut self) {
         self.body.scheme.begin_at_rest();
         self.body.stiffen();
-        // its pivots tell of stability, so it must be that of these forces
+        // stability is read from its pivots, so it must belong to these forces
         self.tangent.invalidate();
         self.strain.offset.fill(Strain::zero());
         self.kinematics.begin_at_rest();
@@ -245,7 +249,7 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
             }
             put::<L>(&mut state.n, i, Vec3::splat(force.0));
         }
-        // earlier strain does not count
+        // discards earlier strain
         self.strain.push(&self.next);
         self.keep_forces();
     }
@@ -292,12 +296,12 @@ impl<L: Layout, const A: usize> Moving for Motion<L, A> {
         self.strain.reset_predictor(&self.body.scheme);
     }
 
-    fn forget_forces(&mut self) {
+    fn drop_forces(&mut self) {
         let rod = &mut self.body.rod;
         for (state, gradient) in rod.states.iter_mut().zip(&mut rod.gradients) {
             state.f[..2].fill(Vec3::zero());
             state.lambda = Vec3::zero();
-            gradient.forget_forces();
+            gradient.drop_forces();
         }
     }
 

@@ -1,4 +1,6 @@
-//! Small oscillations about an equilibrium: how all mass answers forces, and how heavy it is.
+//! Small oscillations about an equilibrium: response of all mass to forces, and masses.
+//!
+//! Theory: docs/theory/dynamics.md (Modal analysis).
 //!
 //! With flexibility `F` and masses `M`, the eigenvalues of `sqrt(M) F sqrt(M)` are `1/omega^2`.
 
@@ -16,50 +18,51 @@ use crate::model::load::{Load, Model};
 use crate::model::robot::Robot;
 use crate::rod::routed::RoutedRod;
 
-/// Where a robot rests: what its elements have found.
+/// Equilibrium to linearise about, as found by a solver.
 pub(crate) struct Equilibrium<'a> {
     pub robot: &'a Robot,
     pub model: Model,
     pub elements: usize,
-    /// Of every arc, from base to tip.
+    /// Strain of every arc, from base to tip.
     pub strain: Vec<Vec3>,
-    /// Contact force at the end of every module, N.
+    /// Contact force at the end of every module (N).
     pub force: Vec<Vec3>,
 }
 
-/// How all freedoms move under forces on all of them.
-type Answer = dyn FnMut(&[f64]) -> Vec<f64> + Send + Sync;
+/// Displacement of all degrees of freedom by forces on all of them.
+type ForceResponse = dyn FnMut(&[f64]) -> Vec<f64> + Send + Sync;
 
-/// The linearised robot about an equilibrium.
+/// The robot, linearised about an equilibrium.
 ///
-/// Freedoms, module by module: translation of every mass point from base to tip, the disk
-/// last, in the base frame; then rotation of the disk, in its own frame.
+/// Degrees of freedom, module by module: translation of every mass point from base to tip in the
+/// base frame, the disk last; then rotation of the disk, in its own frame.
 pub struct Flexibility {
-    answer: Box<Answer>,
-    /// kg and kg m^2.
+    response: Box<ForceResponse>,
+    /// Mass or inertia of every degree of freedom (kg or kg m^2).
     pub masses: Vec<f64>,
-    /// Mass points of a module, the disk among them.
+    /// Mass points of a module, the disk included.
     pub points: usize,
-    /// Of a column, in units of `interrupt::work`.
+    /// Work of a column, in units of `interrupt::work`.
     work: usize,
 }
 
 impl Flexibility {
-    /// Displacement of all freedoms by forces on all of them, m and rad by N and N m: the
-    /// product of the flexibility matrix and the forces, in a time that grows in proportion to the
-    /// robot.
+    /// Displacement of all degrees of freedom by forces on all of them (m and rad for N and N m):
+    /// the product of the flexibility matrix and the forces, in linear time.
     ///
     /// # Panics
-    /// If there are not as many forces as masses.
+    /// If the number of forces differs from that of masses.
     pub fn apply(&mut self, forces: &[f64]) -> Vec<f64> {
         assert_eq!(forces.len(), self.masses.len());
         interrupt::work(self.work);
-        (self.answer)(forces)
+        (self.response)(forces)
     }
 
-    /// Displacement (row) by unit force (column), m/N, rad/N, m/(N m), rad/(N m); by rows.
+    /// Flexibility matrix, row by row: displacement (row) by unit force (column), in m/N, rad/N,
+    /// m/(N m), rad/(N m).
     ///
     /// # Errors
+    /// If it does not fit into memory.
     /// If it does not fit into memory.
     pub fn matrix(&mut self) -> Result<Vec<f64>, InputError> {
         let size = self.masses.len();
@@ -84,8 +87,8 @@ impl Flexibility {
     }
 }
 
-/// Linearises at rest in an equilibrium, where span tensions other than those of the load are
-/// given by modules and tendons, N. None where mass in points leaves no equilibrium.
+/// Linearises at an equilibrium. Span tensions other than those of the load are given by modules
+/// and tendons (N). `None` where the robot with lumped mass has no equilibrium.
 pub(crate) fn linearised(
     at: &Equilibrium,
     load: &Load,
@@ -125,27 +128,27 @@ fn with_arcs<const A: usize>(
         masses: motion.masses_of_freedoms(),
         points: A,
         work: motion.work() + of_locks,
-        answer: Box::new(move |forces| motion.answer_forces(forces, &rest)),
+        response: Box::new(move |forces| motion.respond_to_forces(forces, &rest)),
     })
 }
 
-/// Frequencies beyond this many times the slowest are not looked at for growth.
+/// Ratio to the lowest frequency above which growth is not examined.
 const SLOW: f64 = 30.0;
 
-/// Oscillations that are found at most, the slowest.
+/// Most oscillations computed, the lowest frequencies first.
 const MOST_OSCILLATIONS: usize = 40;
 
-/// The same where motions may leave without an oscillation, which fast ones do as well.
+/// Most motions computed where divergence is possible: fast ones can diverge too.
 const MOST_MOTIONS: usize = 80;
 
-/// Smallest answer to forces that is not lost in rounding, over the largest.
+/// Smallest eigenvalue of the flexibility above rounding, over the largest.
 const LEAST_ANSWER: f64 = 1e-9;
 
-/// How fast small oscillations about an equilibrium grow without damping, as a share of their
-/// angular frequency, the slow ones: 1 for one that leaves without an oscillation, 0 where there
-/// is a potential and the equilibrium a minimum. A damping ratio as large keeps them from it.
-/// `oscillates`: the symmetric part of the tangent is positive definite, so that nothing leaves
-/// otherwise. None where there is no mass, and where mass in points leaves no equilibrium.
+/// Growth rate of slow small oscillations about an equilibrium without damping, over their angular
+/// frequency: 1 for divergence without oscillation, 0 at a minimum of a potential. A damping ratio
+/// as large as the result prevents growth. `oscillates`: the symmetric part of the tangent is
+/// positive definite, so that divergence is excluded. `None` without mass, and where the robot with
+/// lumped mass has no equilibrium.
 pub(crate) fn growth(at: &Equilibrium, load: &Load, oscillates: bool) -> Option<f64> {
     let mut flexibility = linearised(at, load, None, &[])?;
     let roots: Vec<_> = flexibility.masses.iter().map(|m| m.sqrt()).collect();

@@ -1,4 +1,6 @@
-//! What a moment of a motion leaves behind: fields along the backbone, disks, tendons, energies.
+//! Records of a motion: fields along the backbone, disks, tendons, energies.
+//!
+//! Theory: docs/theory/dynamics.md and docs/theory/rod.md.
 
 use super::energy::Energies;
 use super::mass::of_lane;
@@ -10,34 +12,34 @@ use crate::rod::chain::{get, get_mat, in_group, put, put_mat};
 use crate::rod::constants::Constants;
 use crate::rod::module::{Span, State, Tendons};
 
-/// Fields at one time after the other, flat, SI, in the base frame unless said otherwise.
+/// Fields at successive times, flat arrays in SI units, in the base frame unless stated otherwise.
 #[derive(Clone, Debug, Default)]
 pub struct Fields {
     /// Times (s).
     pub time: Vec<f64>,
-    /// Energies by time.
+    /// Energies at each time.
     pub energies: Vec<Energies>,
-    /// Of the backbone.
+    /// Fields of the backbone.
     pub sections: SectionFields,
-    /// Of the disks.
+    /// Fields of the disks.
     pub disks: DiskFields,
-    /// Of the tendons.
+    /// Fields of the tendons.
     pub tendons: TendonFields,
 }
 
 /// Fields of the backbone, by time and point.
 ///
-/// Points lie along the flexible part of every module, from base to tip, both ends of every module
-/// among them.
+/// Points lie along the flexible part of every module, from base to tip, and include both ends of
+/// every module.
 #[derive(Clone, Debug, Default)]
 pub struct SectionFields {
     /// Points of the centreline (m).
     pub position: Vec<f64>,
-    /// Section frames (body to base, by rows).
+    /// Section frames (body to base, row by row).
     pub rotation: Vec<f64>,
-    /// Force of the part beyond on a section (N), in the section's own axes.
+    /// Internal force (N) of the distal part on a section, in the section's own axes.
     pub force: Vec<f64>,
-    /// Moment of the part beyond on a section (N m), in the section's own axes.
+    /// Internal moment (N m) of the distal part on a section, in the section's own axes.
     pub moment: Vec<f64>,
 }
 
@@ -46,7 +48,7 @@ pub struct SectionFields {
 pub struct DiskFields {
     /// Positions (m).
     pub position: Vec<f64>,
-    /// Rotations (body to base, by rows).
+    /// Rotations (body to base, row by row).
     pub rotation: Vec<f64>,
     /// Velocities (m/s).
     pub velocity: Vec<f64>,
@@ -54,7 +56,7 @@ pub struct DiskFields {
     pub angular_velocity: Vec<f64>,
 }
 
-/// Fields of the tendons, by time and tendon; those of spans by time, disk at the end and tendon,
+/// Fields of the tendons, by time and tendon; those of spans by time, disk at the end, and tendon,
 /// NaN where the tendon does not pass.
 #[derive(Clone, Debug, Default)]
 pub struct TendonFields {
@@ -62,9 +64,9 @@ pub struct TendonFields {
     pub tension: Vec<f64>,
     /// Lengths (m).
     pub length: Vec<f64>,
-    /// Displacements since home (m), of a robot that is driven through its lines.
+    /// Displacements from the home pose (m), of a robot actuated through tendon lines.
     pub displacement: Vec<f64>,
-    /// Slack lengths (m), of a robot that is driven through its lines.
+    /// Slack lengths (m), of a robot actuated through tendon lines.
     pub slack: Vec<f64>,
     /// Lengths of spans (m).
     pub span_length: Vec<f64>,
@@ -73,7 +75,7 @@ pub struct TendonFields {
 }
 
 impl Fields {
-    /// Forgets all times, not the room that they took.
+    /// Removes all times, and keeps the allocated memory.
     pub fn clear(&mut self) {
         self.energies.clear();
         let (sections, disks, tendons) = (&mut self.sections, &mut self.disks, &mut self.tendons);
@@ -99,24 +101,24 @@ impl Fields {
     }
 }
 
-/// Modules side by side, as what is recorded of their sections takes them.
+/// Data of modules side by side, for the fields of their sections.
 struct Pieces<T, const A: usize> {
     state: State<T, A>,
-    /// Strain that the moment answers, damping included, and contact force.
+    /// Strain that corresponds to the moment, damping included, and contact force (N).
     strain: [Vec3<T>; A],
     force: Vec3<T>,
-    /// Of all tendons that run along the backbone.
+    /// Sum of the tensions of continuous tendons (N).
     tension: T,
-    /// Weight and inertia by length, in the frame of the start.
+    /// Weight and inertial force per length, in the frame of the start (N/m).
     load: Vec3<T>,
-    /// The disk at the start.
+    /// Position of the disk at the start (m).
     origin: Vec3<T>,
     frame: Mat3<T>,
 }
 
 impl<L: Layout, const A: usize> Motion<L, A> {
-    /// Appends all fields of now: `points` along the flexible part of every module, both ends
-    /// among them. With none of them only what disks and tendons do, spans left out.
+    /// Appends all present fields: `points` points along the flexible part of every module, both
+    /// ends included. With `points` zero, only fields of disks and tendons, without spans.
     #[inline(always)]
     pub(super) fn record_now(&self, time: f64, tensions: &[f64], points: usize, out: &mut Fields) {
         out.time.push(time);
@@ -164,7 +166,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
             let t = in_group(&rod.tendons, &here, rod.path, 0);
             let mut c = rod.constants[g];
             if self.body.scheme.rigid {
-                // without the device that lets the scheme divide
+                // remove the compliance that only regularises a Kirchhoff rod
                 c.d[0] = L::Module::zero();
             }
             let mut pieces = self.pieces(g, &c, &t);
@@ -194,7 +196,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
     }
 
-    /// A group of modules now, not yet placed.
+    /// Present data of a group of modules, without their positions.
     #[inline(always)]
     fn pieces(
         &self,
@@ -234,7 +236,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
     }
 
-    /// Weight and inertia of a module's backbone by length, in the frame of its start, N/m.
+    /// Weight and inertial force of a module's backbone per length, in the frame of its start
+    /// (N/m).
     #[inline(always)]
     fn load_by_length(
         &self,
@@ -277,8 +280,8 @@ impl<L: Layout, const A: usize> Motion<L, A> {
 }
 
 impl<T: Real, const A: usize> Pieces<T, A> {
-    /// The sections of all modules. Mean moment is the backbone's own; how it varies comes from
-    /// the balance of the piece beyond.
+    /// Fields at the sections of all modules. The mean moment is that of the backbone's strain; its
+    /// variation follows from the balance of the distal piece.
     #[inline(always)]
     fn record(
         &self,
@@ -322,7 +325,7 @@ impl<T: Real, const A: usize> Pieces<T, A> {
             let lever = T::splat(0.5) * left * left - c.flexible * c.flexible * T::splat(1.0 / 6.0);
             let m = along.scaled_add(lever, moment + (centre - place).cross(force));
             let f = load.scaled_add(left, force);
-            // tendons along the backbone carry their own part of what is beyond
+            // continuous tendons carry their own part of the distal force
             let mut own = turn.tr_mul(f);
             own.0[2] -= self.tension;
             spread(position, p, points, &(clamp + self.frame * place).0);
@@ -333,7 +336,7 @@ impl<T: Real, const A: usize> Pieces<T, A> {
     }
 }
 
-/// Writes the numbers of a point of every module where that point has its place.
+/// Writes the values at a point of every module to their positions.
 #[inline(always)]
 fn spread<T: Real>(out: &mut [f64], point: usize, points: usize, values: &[T]) {
     let size = values.len();

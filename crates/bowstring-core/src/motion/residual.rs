@@ -1,4 +1,6 @@
-//! Forces on all mass, and the imbalance that they leave in arcs and contact forces.
+//! Forces on all mass, and the resulting imbalance of arcs and contact forces.
+//!
+//! Theory: docs/theory/dynamics.md (Eq. 5.1).
 
 use super::body::Body;
 use super::kinematics::Kinematics;
@@ -9,12 +11,12 @@ use crate::model::load::TendonPath;
 use crate::rod::chain::{get, get_mat, in_group, put, Rod};
 use crate::rod::module::share;
 
-/// Forces on the mass, in the base frame, and what they leave in the modules.
+/// Forces on the mass in the base frame, and the resulting forces in the modules.
 pub(super) struct Residual<L: Layout, const A: usize> {
-    /// Inertial and gravity forces on points, N, and moments on disks, N m.
+    /// Inertial and gravity forces on points (N), and moments on disks (N m).
     pub force: Vec<Vec3<L::Chain>>,
     pub moment: Vec<Vec3<L::Chain>>,
-    /// Forces on points at the end of the step before, N.
+    /// Forces on points at the end of the step before (N).
     pub last_force: Vec<Vec3<L::Chain>>,
     pub gravity: Vec3<L::Chain>,
     pub disk_force: Vec<Vec3<L::Chain>>,
@@ -25,9 +27,9 @@ pub(super) struct Residual<L: Layout, const A: usize> {
 /// Forces of a module, in the frame of its start.
 #[derive(Clone, Copy)]
 pub(super) struct ModuleForces<T, const A: usize> {
-    /// On the nodes inside, N.
+    /// Forces on the inner nodes (N).
     pub nodes: [Vec3<T>; A],
-    /// Imbalance of the contact force, N.
+    /// Imbalance of the contact force (N).
     pub imbalance: Vec3<T>,
 }
 
@@ -48,7 +50,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         }
     }
 
-    /// Gravity and inertia of all mass.
+    /// Computes gravity and inertial forces of all mass.
     #[inline(always)]
     pub fn set_inertial(&mut self, body: &Body<L, A>, motion: &Kinematics<L::Chain, A>) {
         let splat = L::Chain::splat;
@@ -73,8 +75,8 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         }
     }
 
-    /// Imbalance of arcs and contact forces under the present tensions and forces on all mass;
-    /// returns the largest, N m.
+    /// Computes the imbalance of arcs and contact forces (theory Eq. 5.1) under the present
+    /// tensions and forces on all mass; returns the largest (N m).
     #[inline(always)]
     pub fn evaluate(&mut self, body: &mut Body<L, A>, strain: &StrainHistory<L, A>) -> f64 {
         self.set_resultants(&mut body.rod);
@@ -83,7 +85,8 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         self.set_gradients(body, strain)
     }
 
-    /// Loads of every module and all beyond it, from the tip, in the frame of its start.
+    /// Resultant of the loads on every module and the distal part, from the tip, in the frame of
+    /// its start.
     #[inline(always)]
     fn set_resultants(&mut self, rod: &mut Rod<L, A>) {
         let mut total = self.tip_force;
@@ -106,7 +109,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         }
     }
 
-    /// Moments of the loads about the start of every module, and what spans take of them.
+    /// Moments of the loads about the start of every module, and forces and moments of its spans.
     #[inline(always)]
     fn set_load_moments(&self, body: &mut Body<L, A>) {
         let (rod, constants) = (&mut body.rod, &body.constants);
@@ -130,7 +133,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         }
     }
 
-    /// Costate of every module's rotation, from the tip.
+    /// Costate of every module (theory Eq. 3.2 with the opposite sign, and inertia), from the tip.
     #[inline(always)]
     fn set_costate(&self, rod: &mut Rod<L, A>) {
         let n = self.moment.len();
@@ -144,7 +147,7 @@ impl<L: Layout, const A: usize> Residual<L, A> {
         }
     }
 
-    /// Imbalance of every arc and contact force; returns the largest, N m.
+    /// Imbalance of every arc and contact force; returns the largest (N m).
     #[inline(always)]
     fn set_gradients(&mut self, body: &mut Body<L, A>, strain: &StrainHistory<L, A>) -> f64 {
         let (rod, constants) = (&mut body.rod, &body.constants);

@@ -1,4 +1,6 @@
-//! Solutions of the eliminated tangent for right-hand sides: the own imbalance, or more tension.
+//! Solutions of the eliminated tangent for right-hand sides: the residual, or a change of tension.
+//!
+//! Theory: docs/theory/dynamics.md and docs/theory/statics.md (Eq. 3.4).
 
 use super::body::Body;
 use super::residual::Residual;
@@ -11,28 +13,28 @@ use crate::rod::module::State;
 /// Solutions for the present tangent.
 pub(super) struct Response<L: Layout, const A: usize> {
     pub columns: Vec<Column<L, A>>,
-    /// Of the present tangent, at rest under a tip moment.
+    /// Correction for a tip moment, for the present tangent at rest.
     pub tip_moment: Option<Box<TipMomentCorrection<L, A>>>,
 }
 
 /// One solution: all arcs, contact forces and spans, by groups.
 #[derive(Clone)]
 pub(super) struct Column<L: Layout, const A: usize> {
-    /// Rotation that every arc adds.
+    /// Rotation added by every arc (rad).
     pub u: Vec<[Vec3<L::Module>; A]>,
-    /// Displacement of the ends by the contact force.
+    /// Displacement of the ends due to the contact force (m).
     pub delta: Vec<Vec3<L::Module>>,
-    /// Rotation and translation of every disk, in its own frame.
+    /// Rotation (rad) and translation (m) of every disk, in its own frame.
     pub disks: Vec<[Vec3<L::Chain>; 2]>,
-    /// Change of every span's length at the end of the step, by tendons and modules; zero where a
+    /// Length change of every span at the end of the step, by tendons and modules; zero where a
     /// tendon does not pass.
     pub rates: Vec<f64>,
 }
 
-/// What a dead moment at the tip, which has no potential, changes of a solution at rest: in the
-/// tip's frame it is a skew stiffness `S` against the tip's rotation. With the rotations `C` of the
-/// tip by moments, solutions of the symmetric elimination are right once that for a moment
-/// `-(I + S C)^-1 S` times their rotation of the tip is added.
+/// Correction of solutions at rest for a dead moment at the tip, which has no potential: in the
+/// tip's frame it is a skew stiffness `S` against the tip's rotation. With `C` the rotation of the
+/// tip due to unit moments, a solution of the symmetric elimination becomes exact by adding the
+/// solution for a moment `-(I + S C)^-1 S` times its rotation of the tip.
 pub(super) struct TipMomentCorrection<L: Layout, const A: usize> {
     /// Solutions for unit moments on the tip about its own axes.
     columns: [Column<L, A>; 3],
@@ -59,7 +61,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
         for g in 0..out.delta.len() {
             let (gradient, contact) = (&rod.gradients[g], &tangent.contact[g]);
             let imbalance = own.modules[g].imbalance;
-            // an arc takes the end along by shear and extension as well
+            // an arc also moves the end through shear and extension
             for a in 0..A {
                 let lever = contact.j[a] - gradient.r[a];
                 out.u[g][a] = gradient.g[a] + lever.tr_mul(imbalance);
@@ -69,7 +71,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
         self.solve(rod, tangent, 0);
     }
 
-    /// Solves for more tension in a tendon, by modules.
+    /// Solves for a change of tension in a tendon, by modules.
     #[inline(always)]
     pub fn solve_tension(
         &mut self,
@@ -92,7 +94,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
         self.solve(rod, tangent, column);
     }
 
-    /// A column to solve in.
+    /// Column for a solution.
     #[inline(always)]
     fn column(&mut self, rod: &Rod<L, A>, column: usize) -> &mut Column<L, A> {
         while self.columns.len() <= column {
@@ -101,7 +103,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
         &mut self.columns[column]
     }
 
-    /// Solves for the right-hand side in a column, which the solution takes the place of.
+    /// Solves for the right-hand side in a column, in place.
     #[inline(always)]
     fn solve(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>, column: usize) {
         let out = &mut self.columns[column];
@@ -111,8 +113,8 @@ impl<L: Layout, const A: usize> Response<L, A> {
         }
     }
 
-    /// How a solution changes the lengths of all spans at the end of the step; by the spans where
-    /// forces balance, which is near enough for Newton's method.
+    /// Computes the length change of all spans at the end of the step for a solution. Uses the
+    /// spans where forces balance, which is accurate enough for Newton's method.
     #[inline(always)]
     pub fn rate_spans(&mut self, body: &Body<L, A>, tangent: &Tangent<L, A>, column: usize) {
         let (rod, out) = (&body.rod, &mut self.columns[column]);
@@ -136,7 +138,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
         }
     }
 
-    /// Moves the end of the step by a sum of solutions.
+    /// Moves the end of the step by a linear combination of solutions.
     #[inline(always)]
     pub fn combine(
         &self,
@@ -158,7 +160,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
         }
     }
 
-    /// Prepares the correction of this tangent.
+    /// Prepares the correction for this tangent.
     #[cold]
     pub fn prepare_tip_moment(&mut self, rod: &Rod<L, A>, tangent: &mut Tangent<L, A>) {
         let n = rod.module_count();
@@ -174,7 +176,7 @@ impl<L: Layout, const A: usize> Response<L, A> {
             }
             column
         });
-        // as in statics: a rotation in its log chart sees half of the moment
+        // as in statics: in rotation-vector coordinates, half of the moment is a skew stiffness
         let moment = rod.rotations[n].tr_mul(rod.dead.tip_moment);
         let stiffness = (moment * L::Chain::splat(-0.5)).skew();
         let back = (stiffness * flexibility).add_diagonal([L::Chain::splat(1.0); 3]);
@@ -196,7 +198,7 @@ impl<L: Layout, const A: usize> Column<L, A> {
         }
     }
 
-    /// Substitution from tip to base and back; `tip` is the right-hand side on the tip.
+    /// Substitution from tip to base and back; `tip` is the right-hand side at the tip.
     #[inline(always)]
     fn substitute(
         &mut self,
@@ -253,17 +255,17 @@ impl<L: Layout, const A: usize> Column<L, A> {
                 right[a] = get::<L>(&self.u[g][a], i);
             }
             let u = module.arcs.forward(&right, &x);
-            let mut pulled = module.x * x[0] + module.t * x[1];
+            let mut coupled = module.x * x[0] + module.t * x[1];
             let ModulePose { s, o, b } = ModulePose::of(rod, k);
             let mut turn = x[0];
             let mut moved = x[1] + x[0].cross(o);
             for a in 0..A {
-                pulled += module.u[a] * u[a];
+                coupled += module.u[a] * u[a];
                 turn += u[a];
                 moved += get_mat::<L>(&contact.j[a], i) * u[a];
                 put::<L>(&mut self.u[g][a], i, u[a]);
             }
-            let delta = -(module.solution + module.inverse * pulled);
+            let delta = -(module.solution + module.inverse * coupled);
             put::<L>(&mut self.delta[g], i, delta);
             moved += delta + turn.cross(b);
             x = [s.tr_mul(turn), s.tr_mul(moved)];

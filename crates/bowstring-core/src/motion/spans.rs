@@ -1,4 +1,6 @@
-//! Lengths of the tendons' spans over a step.
+//! Lengths of the tendon spans over a step.
+//!
+//! Theory: docs/theory/rod.md (Tendons).
 
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
@@ -6,15 +8,15 @@ use crate::model::load::TendonPath;
 use crate::rod::chain::{in_group, Rod};
 use crate::rod::module::{Span, State};
 
-/// Length of a span, as a share of its module's, below which its ends have met.
+/// Length of a span, over that of its module, below which its disks have collided.
 const CONTACT: f64 = 0.01;
 
-/// Lengths of spans at both ends of a step, m, by modules and tendons; zero where a tendon does
+/// Lengths of spans at both ends of a step (m), by modules and tendons; zero where a tendon does
 /// not pass.
 pub(super) struct SpanLengths {
     pub now: Vec<f64>,
     pub next: Vec<f64>,
-    /// How far chords and loaded spans point forward at the end of the step, the least of them.
+    /// Smallest forward component of chords and loaded spans at the end of the step.
     pub forward: f64,
 }
 

@@ -1,4 +1,6 @@
-//! One implicit time step of the rod: its state, and what its passes are made of.
+//! One implicit time step of the rod: its state and the parts of its passes.
+//!
+//! Theory: docs/theory/dynamics.md (Time integration).
 
 use super::body::Body;
 use super::energy::{Energies, EnergyBalance};
@@ -30,7 +32,7 @@ pub(crate) struct Motion<L: Layout, const A: usize> {
     pub(super) response: Response<L, A>,
     pub(super) spans: SpanLengths,
     pub(super) energies: EnergyBalance,
-    /// Length of the straight robot, m.
+    /// Length of the straight robot (m).
     pub(super) length: f64,
 }
 
@@ -84,7 +86,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
     }
 
-    /// Rotations where forces balance, and all mass at the end of the step.
+    /// Rotations where forces balance, and positions of all mass at the end of the step.
     #[inline(always)]
     pub(super) fn place_mass(&mut self) {
         let rod = &mut self.body.rod;
@@ -114,7 +116,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         }
     }
 
-    /// Tangent at the present strain, eliminated.
+    /// Assembles and eliminates the tangent at the present strain.
     #[inline(always)]
     pub(super) fn linearise(&mut self) {
         self.tangent.make(&mut self.body, &self.residual);
@@ -130,7 +132,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         self.spans.measure(&self.body.rod, &self.next);
     }
 
-    /// Work of the tendons on the disks in this step, J.
+    /// Work of the tendons on the disks in this step (J).
     #[inline(always)]
     pub(super) fn work_of_tendons(&self) -> f64 {
         let tendons = self.body.rod.tendons.len();
@@ -142,7 +144,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         work
     }
 
-    /// Displacement and rotation vector of the tip in this step, m and rad.
+    /// Displacement (m) and rotation vector (rad) of the tip in this step.
     #[inline(always)]
     pub(super) fn tip_motion(&self) -> [Vec3; 2] {
         let tip = self.module_count() - 1;
@@ -154,7 +156,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         [(next.disk() - now.disk()).of_lane(0), log(&turned)]
     }
 
-    /// Rate of the strain times its change, by stiffness, J/s.
+    /// Stiffness-weighted product of the strain rate and its change (J/s).
     #[inline(always)]
     pub(super) fn strain_loss(&self) -> f64 {
         let scheme = &self.body.scheme;
@@ -177,7 +179,7 @@ impl<L: Layout, const A: usize> Motion<L, A> {
         total
     }
 
-    /// Elastic and gravity energy at the end of the step.
+    /// Elastic and gravitational energy at the end of the step.
     #[inline(always)]
     pub(super) fn stored_energies(&self) -> Energies {
         let rod = &self.body.rod;

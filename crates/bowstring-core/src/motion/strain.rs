@@ -1,14 +1,16 @@
-//! Strain of the earlier steps: predictor, and rate for the material damping.
+//! Strain of the earlier steps: predictor, and strain rate for the material damping.
+//!
+//! Theory: docs/theory/dynamics.md (Time integration, Damping, Step size).
 
 use super::scheme::Scheme;
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
 use crate::rod::module::State;
 
-/// Earlier steps that the predictor extrapolates.
+/// Number of earlier steps that the predictor extrapolates.
 const HISTORY: usize = 4;
 
-/// The unknown of a module: strain of its arcs and contact force at its end.
+/// Unknowns of a module: strain of its arcs and contact force at its end.
 #[derive(Clone, Copy)]
 pub(super) struct Strain<T, const A: usize> {
     pub w: [Vec3<T>; A],
@@ -46,14 +48,14 @@ impl<T: Real, const A: usize> Strain<T, A> {
 
 /// Strain and its rate at the ends of the earlier steps, by groups of modules.
 pub(super) struct StrainHistory<L: Layout, const A: usize> {
-    /// Strain, latest first, and the lengths of the steps between, s.
+    /// Strain, latest first, and the lengths of the steps between (s).
     past: [Vec<Strain<L::Module, A>>; HISTORY],
     durations: [f64; HISTORY - 1],
-    /// How many of them hold.
+    /// Number of valid entries.
     known: usize,
-    /// Rate of the strain as the scheme remembers it, 1/s.
+    /// Rate of the strain in the memory of the scheme (1/s).
     pub rate: Vec<Strain<L::Module, A>>,
-    /// What the material damping takes off the strain of this step.
+    /// Part of the strain of this step that the material damping subtracts.
     pub offset: Vec<Strain<L::Module, A>>,
 }
 
@@ -75,19 +77,19 @@ impl<L: Layout, const A: usize> StrainHistory<L, A> {
         &self.past[0]
     }
 
-    /// Replaces the contact force at the start of the step, of a group.
+    /// Replaces the contact force of a group at the start of the step.
     pub fn set_start_force(&mut self, g: usize, force: Vec3<L::Module>) {
         self.past[0][g].n = force;
     }
 
-    /// Length of the step before, s; none before the second step.
+    /// Length of the step before (s); `None` before the second step.
     #[inline(always)]
     pub fn last_duration(&self) -> Option<f64> {
         (self.known >= 2).then_some(self.durations[0])
     }
 
-    /// Keeps the present strain and its rate for the predictor, where a jump makes earlier ones
-    /// misleading. Where a constraint holds even the rate may mislead.
+    /// Keeps only the present strain and its rate for the predictor, after a jump. For constraint
+    /// forces even the rate is discarded.
     pub fn reset_predictor(&mut self, scheme: &Scheme) {
         let again = scheme.rigid && self.known <= 2;
         self.known = self.known.min(if again { 1 } else { 2 });
@@ -102,7 +104,7 @@ impl<L: Layout, const A: usize> StrainHistory<L, A> {
         }
     }
 
-    /// Appends a strain at rest, after which no earlier one counts.
+    /// Appends a strain at rest, and discards the earlier ones.
     pub fn push_at_rest(&mut self, next: &[State<L::Module, A>]) {
         self.push(next);
         self.known = 1;
@@ -113,7 +115,7 @@ impl<L: Layout, const A: usize> StrainHistory<L, A> {
     #[inline(always)]
     pub fn commit(&mut self, scheme: &Scheme, next: &[State<L::Module, A>]) {
         if scheme.damping.material != 0.0 {
-            // a scheme without memory has no use for an old rate, which would never fade
+            // a scheme without memory does not damp an old rate, so it must be discarded
             let forgets = scheme.fresh || scheme.am == scheme.gamma;
             let gamma = if forgets { 1.0 } else { scheme.gamma };
             let (per, keep) = (1.0 / (gamma * scheme.duration), 1.0 - 1.0 / gamma);
@@ -128,8 +130,8 @@ impl<L: Layout, const A: usize> StrainHistory<L, A> {
         self.durations[0] = scheme.duration;
     }
 
-    /// Offset of the damped strain: the stress is that of `w + tau rate`, with
-    /// `rate = am per (w - w_n) / af + memory rate_n`.
+    /// Sets the offset of the damped strain: the stress is that of `w + tau rate`, with `rate = am
+    /// per (w - w_n) / af + memory rate_n`.
     #[inline(always)]
     pub fn set_offset(&mut self, scheme: &Scheme) {
         let tau = scheme.damping.material;
@@ -153,7 +155,7 @@ impl<L: Layout, const A: usize> StrainHistory<L, A> {
                 strain = self.past[q][g].combined(weight[q], &strain, 1.0);
             }
             next[g].w = strain.w;
-            // what holds a constraint may jump with the load
+            // constraint forces may jump with the load
             let jumps = scheme.rigid && self.known <= 2;
             next[g].n = if jumps { self.past[0][g].n } else { strain.n };
         }

@@ -1,6 +1,8 @@
 //! Tangent of a step: the blocks of statics with inertia and contact forces, and their
 //! block-tridiagonal elimination from tip to base.
 //!
+//! Theory: docs/theory/dynamics.md (Time integration) and docs/theory/statics.md (Eq. 3.4).
+//!
 //! The contact force of a module is condensed statically before its arcs are eliminated.
 
 use super::body::Body;
@@ -13,24 +15,24 @@ use crate::rod::constants::Constants;
 use crate::rod::elimination::{negative_pivots, Blocks, Eliminated};
 use crate::rod::module::{share, Gradient, Hessian, State};
 
-/// Relative change of inertia or stiffness in the tangent that calls for a new one.
+/// Relative change of inertia or stiffness above which the tangent is recomputed.
 const TANGENT_CHANGE: f64 = 1e-3;
 
 /// Tangent at the present strain, and its elimination.
 pub(super) struct Tangent<L: Layout, const A: usize> {
     pub contact: Vec<ContactBlocks<L::Module, A>>,
     pub eliminated: Vec<EliminatedModule<L::Chain, A>>,
-    /// Coefficients of mass and stiffness that it was made for; no numbers where it is not to serve.
+    /// Coefficients of mass and stiffness in this tangent; NaN where it must not be reused.
     made_for: [f64; 2],
     /// Smallest pivot; not positive where the energy has no minimum.
     pub least_pivot: f64,
 }
 
-/// Blocks of a module beside those of statics: of `delta`, the compliance of the end to the contact
-/// force, and of the start's translation.
+/// Blocks of a module beyond those of statics: of `delta`, the displacement of the end due to the
+/// contact force, and of the start's translation.
 #[derive(Clone, Copy)]
 pub(super) struct ContactBlocks<T, const A: usize> {
-    /// Motion of the end by the rotation that each arc adds.
+    /// Derivative of the end's position with respect to the rotation added by each arc.
     pub j: [Mat3<T>; A],
     delta_u: [Mat3<T>; A],
     delta_delta: Mat3<T>,
@@ -49,7 +51,7 @@ pub(super) struct ContactBlocks<T, const A: usize> {
 #[derive(Clone, Copy)]
 pub(super) struct EliminatedModule<T, const A: usize> {
     pub arcs: Eliminated<T, A, 2>,
-    /// Inverse pivot of `delta`, and the blocks beside it.
+    /// Inverse pivot of `delta`, and its off-diagonal blocks.
     pub inverse: Mat3<T>,
     pub u: [Mat3<T>; A],
     pub x: Mat3<T>,
@@ -61,9 +63,10 @@ pub(super) struct EliminatedModule<T, const A: usize> {
 /// Relative pose of the two disks of a module.
 #[derive(Clone, Copy)]
 pub(super) struct ModulePose<T> {
-    /// Rotation of the end to the start.
+    /// Rotation of the end relative to the start.
     pub s: Mat3<T>,
-    /// From the start disk to the end of the flexible part, and from there to the end disk, m.
+    /// Offset from the start disk to the end of the flexible part, and from there to the end disk
+    /// (m).
     pub o: Vec3<T>,
     pub b: Vec3<T>,
 }
@@ -80,9 +83,9 @@ impl<T: Real> ModulePose<T> {
         ModulePose { s, o, b }
     }
 
-    /// Moves the second variation of a disk and all beyond it from the end disk, in whose frame it
-    /// is, to the end of the flexible part, in the frame of the start: blocks of rotation (`r`) and
-    /// translation (`t`).
+    /// Transforms the second variation of the end disk and the distal part from the frame of the
+    /// end disk to the end of the flexible part, in the frame of the start: blocks of rotation
+    /// (`r`) and translation (`t`).
     #[inline(always)]
     fn at_flexible_end(&self, [[rr, _], [tr, tt]]: [[Mat3<T>; 2]; 2]) -> [Mat3<T>; 3] {
         let (s, b) = (self.s, self.b);
@@ -113,7 +116,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
         }
     }
 
-    /// Lets no tangent serve again.
+    /// Marks the tangent as not reusable.
     pub fn invalidate(&mut self) {
         self.made_for = [f64::NAN; 2];
     }
@@ -126,8 +129,8 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
         self.made_for.iter().zip(&coefficients).all(near)
     }
 
-    /// Whether an equilibrium is a minimum of the energy where displacement control holds this many
-    /// directions in which it is not.
+    /// Whether an equilibrium is a minimum of the energy, given that displacement control holds
+    /// `held` directions in which the energy has none.
     pub fn is_stable(&self, held: usize) -> bool {
         if held == 0 {
             return self.least_pivot > 0.0;
@@ -138,7 +141,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
         self.eliminated.iter().map(of).sum::<usize>() <= held
     }
 
-    /// Makes the tangent at the present strain and eliminates it.
+    /// Assembles the tangent at the present strain and eliminates it.
     #[inline(always)]
     pub fn make(&mut self, body: &mut Body<L, A>, residual: &Residual<L, A>) {
         self.assemble(body, residual);
@@ -151,7 +154,8 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
     fn assemble(&mut self, body: &mut Body<L, A>, residual: &Residual<L, A>) {
         let (rod, scheme) = (&mut body.rod, &body.scheme);
         let inertia = scheme.tangent_inertia();
-        // a solution moves the end of the step by 1 / af, also where contact forces are taken there
+        // a solution moves the end of the step by 1 / af, also where contact forces are taken at
+        // the end
         let stiffer = L::Module::splat(scheme.force_factor() * scheme.force_share() / scheme.af);
         for g in 0..self.contact.len() {
             let t = in_group(&rod.tendons, &rod.tensions, rod.path, g);
@@ -174,13 +178,13 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
         }
     }
 
-    /// Elimination of all modules from tip to base.
+    /// Eliminates all modules from tip to base (theory Eq. 3.4).
     #[inline(always)]
     fn eliminate(&mut self, body: &Body<L, A>) {
         let (rod, mass) = (&body.rod, &body.mass);
         let inertia = body.scheme.tangent_inertia();
         let splat = L::Chain::splat;
-        // of a disk and all beyond it, in its own frame
+        // second variation of a disk and the distal part, in its own frame
         let mut value = [[Mat3::zero(); 2]; 2];
         let mut least_pivot = splat(f64::INFINITY);
         for k in (0..mass.directors.len()).rev() {
@@ -196,7 +200,7 @@ impl<L: Layout, const A: usize> Tangent<L, A> {
         self.least_pivot = least_pivot.lane(0);
     }
 
-    /// Blocks of a module with all beyond it, in the frame of the end disk; its contact force is
+    /// Blocks of a module with the distal part, in the frame of the end disk; its contact force is
     /// condensed.
     #[inline(always)]
     fn condense(
@@ -273,7 +277,7 @@ impl<T: Real, const A: usize> ContactBlocks<T, A> {
         }
     }
 
-    /// Adds the inertia of the nodes inside to the blocks.
+    /// Adds the inertia of the inner nodes to the blocks.
     #[inline(always)]
     fn add_nodes(
         &mut self,
@@ -294,7 +298,7 @@ impl<T: Real, const A: usize> ContactBlocks<T, A> {
             let beyond = state.tail[a].skew();
             let mut place = state.inside(a);
             place.0[2] += c.clamp[0];
-            // motion of the point by the rotation that each arc adds, bending first, then shear
+            // motion of the point due to the rotation added by each arc: bending first, then shear
             // and extension
             let mut moved = [Mat3::zero(); A];
             for i in 0..A {

@@ -1,4 +1,4 @@
-//! Tangents against finite differences of the residual: at random strains, for each kind of load.
+//! Tangents against finite differences of the residual at random strains, for each kind of load.
 
 use crate::math::linalg::Vec3;
 use crate::math::real::Scalar;
@@ -12,7 +12,7 @@ fn vector(draw: &mut Draw, size: f64) -> Vec3 {
     Vec3([0; 3].map(|_| draw.within(-size, size)))
 }
 
-/// Four modules; shear and extension large enough to show.
+/// Four modules with enough shear and extension to affect the results.
 fn robot() -> Robot {
     let section = Section {
         bending: 1.1,
@@ -42,7 +42,7 @@ fn robot() -> Robot {
     .unwrap()
 }
 
-/// A robot's loads, of one kind each and all together.
+/// Loads of one kind each, and all together.
 fn loads() -> Vec<(&'static str, Robot, Load<'static>)> {
     let none = Load {
         tensions: &[0.0; 3],
@@ -134,7 +134,7 @@ fn statics<const A: usize>() {
                 .map(|_| vector(&mut draw, 0.6 / A as f64))
                 .collect();
             let ahead: Vec<_> = (0..A * n).map(|_| vector(&mut draw, 1.0)).collect();
-            // derivative of the energy by the strain
+            // derivative of the energy with respect to the strain
             let gradient = |rod: &mut Rod<Scalar, A>, step: f64| {
                 rod.make_straight();
                 rod.set_strains(|i| ahead[i].scaled_add(step, strain[i]));
@@ -191,8 +191,8 @@ fn statics_tangent_is_the_derivative_of_the_residual() {
     statics::<8>();
 }
 
-/// How far the tangent at rest misses the change of the residual by finite differences, at
-/// strains and contact forces along a line; the forces start from the balance of all ends.
+/// Difference between the tangent at rest and finite differences of the residual, at strains and
+/// contact forces along a line; the forces start from the balance of all ends.
 fn tangent_error<const A: usize>(
     motion: &mut Motion<Scalar, A>,
     strain: impl Fn(usize, f64) -> Vec3,

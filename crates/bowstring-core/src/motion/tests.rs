@@ -26,12 +26,13 @@ fn robot(disks: Vec<Disk>, tendons: Vec<Tendon>) -> Robot {
     .unwrap()
 }
 
-/// Turning as a whole, the straight robot has the inertia of its disks and of the whole rod,
+/// Rotated as a rigid body, the straight robot has the inertia of its disks and of the whole rod,
 /// clamped lengths included.
 #[test]
-fn inertia_is_that_of_the_rod_with_its_clamps() {
+fn rigid_rotation_has_the_inertia_of_the_rod() {
     let disks = (0..4).map(|k| Disk {
-        // 20 mm between all clamps; the last disk would clamp on one side alone, and has none
+        // 20 mm between all clamps; the last disk would clamp on one side only, and clamps nothing
+        // here
         station: if k < 3 { 0.045 + 0.07 * k as f64 } else { 0.23 },
         clamped_length: if k < 3 { 0.05 } else { 0.0 },
         mass: 0.002,
@@ -54,7 +55,7 @@ fn inertia_is_that_of_the_rod_with_its_clamps() {
     let points = motion.kinematics.position.iter().flat_map(|p| p.points);
     let points = masses.iter().zip(points);
     let lumped: f64 = points.map(|(m, p)| m * p.0[2].powi(2)).sum();
-    // directors across the axis and along it move
+    // directors perpendicular to the axis and along it move
     let turning: f64 = motion
         .body
         .mass
@@ -64,7 +65,7 @@ fn inertia_is_that_of_the_rod_with_its_clamps() {
         .sum();
     let length = robot.length();
     let mut whole = SECTION.mass_per_length * length.powi(3) / 3.0;
-    // the first half module's rotary inertia is the base's
+    // the rotary inertia of the first half module belongs to the base
     whole += SECTION.rotary_inertia * (length - robot.modules[0].flexible / 2.0);
     for disk in &robot.spec().disks {
         whole += disk.mass * disk.station.powi(2) + disk.inertia[0];
@@ -73,9 +74,9 @@ fn inertia_is_that_of_the_rod_with_its_clamps() {
     assert!(off.abs() < 1e-12, "{off:e}");
 }
 
-/// The change of momentum in one step is the load less what the base holds, by the strain of
-/// the first module and the spans that leave the base. Its node between the arcs, whose
-/// weight goes into the base beside them, is left out on both sides.
+/// The change of momentum in one step equals the load less the reaction of the base, from the
+/// strain of the first module and the spans that leave the base. The module's node between the
+/// arcs, whose weight also acts on the base, is left out on both sides.
 #[test]
 fn momentum_balances_with_the_base() {
     let disks = (0..9).map(|k| Disk {
@@ -123,11 +124,12 @@ fn momentum_balances_with_the_base() {
             }
             motion.residual();
             motion.finish(&load);
-            // what the strain and the spans of the first module hold
+            // reaction of the base: from the strain and the spans of the first module
             let (state, c) = (&motion.body.rod.states[0], &motion.body.rod.constants[0]);
             let strained = state.compliance(c).inverse() * (state.rho - state.rho0);
             let mut held = strained * motion.body.scheme.force_factor() - motion.strain.offset[0].n;
-            // that is the mean over the module: half of what is on its node does not reach it
+            // this is the mean over the module: half of the force on its node does not reach the
+            // base
             held -= motion.residual.modules[0].nodes[0] * 0.5;
             let end = state.offset(c);
             for (tendon, tension) in robot.spec().tendons.iter().zip(tensions) {
@@ -135,7 +137,7 @@ fn momentum_balances_with_the_base() {
                 let span = end + state.s * hole - hole;
                 held += span * (tension / span.norm());
             }
-            // the scheme's acceleration at the balance of forces, and its damping
+            // acceleration of the scheme at the balance of forces, with its damping
             let (am, af) = (motion.body.scheme.am, motion.body.scheme.af);
             let mut changes = Vec3::zero();
             let fresh = motion.body.scheme.fresh;
@@ -154,7 +156,7 @@ fn momentum_balances_with_the_base() {
             let force = gravity * beyond - held;
             let off = (changes - force).norm() / (gravity * beyond).norm();
             assert!(off < 1e-6, "{rho} {step}: {off:e}");
-            // without numerical damping that is the gain of momentum itself
+            // without numerical damping this is the change of momentum
             let mut now = Vec3::zero();
             let mut drag = Vec3::zero();
             for p in 1..motion.body.mass.points.len() {

@@ -1,7 +1,9 @@
-//! The whole robot as a chain of modules: the passes that every solver is made of.
+//! The whole robot as a chain of modules: the passes of every solver.
 //!
-//! What modules do by themselves runs in lanes (`L::Module`); what goes from one to the next,
-//! rotations, costate and elimination, runs along the chain (`L::Chain`).
+//! Theory: docs/theory/statics.md.
+//!
+//! Work inside a module runs in SIMD lanes (`L::Module`); recursions from module to module, for
+//! rotations, costate and elimination, run along the chain (`L::Chain`).
 
 use crate::interrupt;
 use crate::math::lie::Pose;
@@ -19,7 +21,8 @@ use crate::rod::module::{Gradient, Hessian, Response, Span, State, Tendons};
 pub(crate) struct Rod<L: Layout, const A: usize> {
     /// Proof that the processor has these numbers.
     pub layout: L,
-    /// By groups of `L::WIDTH` modules; the last may hold idle ones. So are states and gradients.
+    /// Constants by groups of `L::WIDTH` modules, as states and gradients; the last group may hold
+    /// idle lanes.
     pub constants: Vec<Constants<L::Module>>,
     pub states: Vec<State<L::Module, A>>,
     pub gradients: Vec<Gradient<L::Module, A>>,
@@ -27,7 +30,7 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub rotations: Vec<Mat3<L::Chain>>,
     pub tendons: Vec<Tendon>,
     pub path: TendonPath,
-    /// Tension of every tendon in every group (N), zero where it does not pass.
+    /// Tension of every tendon in every group (N); zero where it does not pass.
     pub tensions: Vec<L::Module>,
     pub fixed: Fixed<L::Module>,
     pub dead: DeadLoads<L::Chain>,
@@ -37,7 +40,7 @@ pub(crate) struct Rod<L: Layout, const A: usize> {
     pub errors: Errors<L>,
 }
 
-/// What the robot is, beside the constants of its modules in lanes.
+/// Properties of the robot beside the constants of its modules.
 #[derive(Clone)]
 pub(crate) struct Fixed<M> {
     pub modules: Vec<Constants<f64>>,
@@ -45,89 +48,89 @@ pub(crate) struct Fixed<M> {
     masses: Vec<f64>,
     /// First tendon that passes each module.
     first_tendon: Vec<usize>,
-    /// By groups and tendons: one where the tendon passes, else zero.
+    /// By groups and tendons: one where the tendon passes, otherwise zero.
     pub passes: Vec<M>,
 }
 
 /// Dead loads in the base frame.
 #[derive(Clone)]
 pub(crate) struct DeadLoads<C> {
-    /// By modules, see [`State::f`]: forces (N) and moments (N m).
+    /// Forces (N) and moments (N m) by modules; see [`State::f`].
     pub modules: Vec<[Vec3<C>; 4]>,
-    /// Moment on the tip (N m).
+    /// Dead moment on the tip (N m).
     pub tip_moment: Vec3<C>,
 }
 
-/// What a Newton step takes.
+/// Data of a Newton step.
 #[derive(Clone)]
 pub(crate) struct Newton<L: Layout, const A: usize> {
     pub hessians: Vec<Hessian<L::Module, A>>,
-    /// How the ends of modules answer, as of the last `linearise`.
+    /// Responses of the ends of modules, from the last `linearise`.
     pub responses: Vec<Response<L::Module, A>>,
-    /// By modules.
+    /// Eliminated blocks, by modules.
     pub eliminated: Vec<Eliminated<L::Chain, A, 1>>,
     /// Whether the last elimination was that of a symmetric tangent.
     pub symmetric: bool,
     pub step: Vec<[Vec3<L::Module>; A]>,
-    /// Strain to go back to.
+    /// Strain to return to.
     saved: Vec<[Vec3<L::Module>; A]>,
-    /// Contact force to go back to (N): the next balance starts there.
+    /// Contact force to return to (N), as a start for the next balance.
     saved_force: Vec<Vec3<L::Module>>,
 }
 
-/// Spans as of the last `measure_spans`, and how they answer.
+/// Spans of the last `measure_spans`, and their responses.
 #[derive(Clone)]
 pub(crate) struct Spans<L: Layout, const A: usize> {
-    /// By groups and tendons.
+    /// Spans by groups and tendons.
     spans: Vec<Span<L::Module>>,
     /// Lengths by modules and tendons (m); zero where the tendon does not pass.
     pub lengths: Vec<f64>,
     /// Angles of the tendons at the holes where spans begin, by modules and tendons (rad).
     pub angles: Vec<f64>,
-    /// Answers to right-hand sides, see `respond`.
-    answers: Vec<Answers<L, A>>,
+    /// Responses to right-hand sides; see `respond`.
+    responses: Vec<SourceResponses<L, A>>,
 }
 
-/// Where everything is, as of the last `finish`.
+/// Positions and lengths of the last `finish`.
 #[derive(Clone)]
 pub(crate) struct Placed<C> {
     /// Positions of the disks (m).
     pub positions: Vec<Vec3<C>>,
     /// Lengths of the tendons (m).
     pub lengths: Vec<C>,
-    /// How far a module's chord and its loaded spans point forward, the least of them.
+    /// Smallest forward component of a module's chord and its loaded spans.
     forward: Vec<C>,
 }
 
-/// Discretisation error as of the last `estimate`.
+/// Discretisation error of the last `estimate`.
 #[derive(Clone)]
 pub(crate) struct Errors<L: Layout> {
-    /// By groups.
+    /// Defects by groups.
     pub defects: Vec<Defect<L::Module>>,
-    /// Errors of the tendons' lengths (m).
+    /// Errors of the tendon lengths (m).
     pub lengths: Vec<L::Chain>,
 }
 
-/// Answers of the rod, side by side in the lanes that modules have elsewhere.
+/// Responses of the rod, side by side in the lanes that hold modules elsewhere.
 #[derive(Clone)]
-struct Answers<L: Layout, const A: usize> {
-    /// By modules: rotation that every arc adds, and force on the end.
+struct SourceResponses<L: Layout, const A: usize> {
+    /// By modules: rotation added by every arc, and force on the end.
     u: Vec<[Vec3<L::Module>; A]>,
     force: Vec<Vec3<L::Module>>,
-    /// By modules and tendons: change of a tendon's length from the start of the module on.
+    /// By modules and tendons: length change of a tendon from the start of the module on.
     beyond: Vec<L::Module>,
 }
 
-/// Right-hand sides: more tension in one tendon each.
+/// Right-hand sides: a change of tension in one tendon each.
 #[derive(Clone, Copy)]
 pub(crate) struct Sources<'a> {
     pub tendons: &'a [usize],
-    /// By sources and modules, N.
+    /// Tensions by sources and modules (N).
     pub tensions: &'a [f64],
 }
 
 impl<'a> Sources<'a> {
-    /// Of a robot of `n` modules.
+    /// Tendon and tensions of each source, for a robot of `n` modules.
     pub fn iter(self, n: usize) -> impl Iterator<Item = (usize, &'a [f64])> {
         self.tendons
             .iter()
@@ -136,7 +139,7 @@ impl<'a> Sources<'a> {
     }
 }
 
-/// A vector of module `i` in its group, the same in all lanes.
+/// A vector of module `i` in its group, copied to all lanes.
 #[inline(always)]
 fn same<L: Layout>(v: &Vec3<L::Module>, i: usize) -> Vec3<L::Module> {
     let mut out = Vec3::<L::Module>::zero();
@@ -162,11 +165,11 @@ fn widen<L: Layout>(m: &Mat3<L::Chain>) -> Mat3<L::Module> {
     out
 }
 
-/// What the step promises.
+/// Predicted effect of the step.
 pub(crate) struct Step<T> {
     /// Directional derivative of the energy.
     pub slope: T,
-    /// Largest rotation that an arc adds, rad.
+    /// Largest rotation added by an arc (rad).
     pub largest: T,
 }
 
@@ -249,7 +252,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         });
         let constants = (0..groups).map(|g| {
             Constants::gather(|i| {
-                // robots side by side share their modules; idle modules repeat the last
+                // robots side by side share their modules; idle lanes repeat the last module
                 let i = if L::WIDTH == 1 { 0 } else { i };
                 modules[(g * L::WIDTH + i).min(n - 1)]
             })
@@ -286,7 +289,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
                 spans: vec![],
                 lengths: vec![0.0; n * tendons],
                 angles: vec![0.0; n * tendons],
-                answers: vec![],
+                responses: vec![],
             },
             placed: Placed {
                 positions: vec![Vec3::zero(); n],
@@ -300,7 +303,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Memory of a rod in bytes, and of `columns` answers to single tensions.
+    /// Memory of a rod (bytes) and of the responses to `columns` single tensions.
     pub fn bytes(robot: &Robot, columns: usize) -> f64 {
         let tendons = robot.tendon_count();
         let module = size_of::<Constants<L::Module>>()
@@ -314,7 +317,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             + 7 * size_of::<Vec3<L::Chain>>()
             + size_of::<Mat3<L::Chain>>()
             + tendons * (2 * size_of::<f64>() + 2 * size_of::<L::Module>());
-        let answers = size_of::<[Vec3<L::Module>; A]>()
+        let responses = size_of::<[Vec3<L::Module>; A]>()
             + size_of::<Vec3<L::Module>>()
             + tendons * size_of::<L::Module>();
         let spans = if columns == 0 {
@@ -322,7 +325,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         } else {
             tendons * size_of::<Span<L::Module>>()
         };
-        let each = module as f64 + spans as f64 + columns as f64 * answers as f64;
+        let each = module as f64 + spans as f64 + columns as f64 * responses as f64;
         each * robot.module_count() as f64
     }
 
@@ -341,7 +344,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Sets dead loads and tensions.
+    /// Sets dead loads (theory Eq. 2.8) and tensions.
     #[inline(always)]
     pub fn set_load(
         &mut self,
@@ -371,7 +374,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Sets a load that was checked before.
+    /// Sets a load that has been checked.
     pub fn load(&mut self, load: &Load) {
         self.set_load(
             |i| L::Chain::splat(load.tensions[i]),
@@ -381,9 +384,9 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         );
     }
 
-    /// Makes the ends of all modules give way a little more, by this share of their bending,
-    /// so that compliance can be inverted.
-    pub fn make_yielding(&mut self, share: f64) {
+    /// Increases the compliance of all module ends by this fraction of their bending compliance, so
+    /// that it can be inverted.
+    pub fn add_compliance(&mut self, share: f64) {
         for c in &mut self.constants {
             c.d[0] += c.d[3] * L::Module::splat(share);
         }
@@ -400,7 +403,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Forward pass: shapes and forces; returns the potential energy (tip moment left out).
+    /// Forward pass: shapes, rotations (theory Eq. 2.3) and forces; returns the potential energy
+    /// (theory Eq. 3.1, without the tip moment).
     #[inline(always)]
     pub fn evaluate(&mut self) -> L::Chain {
         let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path);
@@ -421,7 +425,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         self.balance()
     }
 
-    /// The second half of `evaluate`: forces, where straight tendons alone have changed.
+    /// The second half of `evaluate`: forces, where only tensions of straight spans have changed.
     #[inline(always)]
     pub fn balance(&mut self) -> L::Chain {
         let (tendons, tensions, path) = (&self.tendons, &self.tensions, self.path);
@@ -436,7 +440,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         energy
     }
 
-    /// Backward pass: gradient by the exact costate; returns the largest moment imbalance, N m.
+    /// Backward pass: gradient by the exact costate (theory Eq. 3.2, with the opposite sign);
+    /// returns the largest moment imbalance (N m).
     #[inline(always)]
     pub fn gradient(&mut self) -> L::Chain {
         let n = self.module_count();
@@ -455,7 +460,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             for v in &out.g {
                 residual = residual.max(v.max_abs());
             }
-            // what the end still misses, times its force: an imbalance as well
+            // the residual of the end's position, times its force, is an imbalance as well
             let state = &self.states[g];
             residual = residual.max(state.miss * state.n.max_abs());
         }
@@ -474,7 +479,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Second derivatives of all modules, and how their ends answer.
+    /// Second derivatives of all modules, and the responses of their ends.
     #[inline(always)]
     pub fn linearise(&mut self) {
         for g in 0..self.states.len() {
@@ -489,11 +494,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         self.states[g].hessian::<true>(&self.constants[g], &t, &self.gradients[g], out)
     }
 
-    /// Backward pass: eliminates every arc; returns the least pivot, positive at a minimum.
+    /// Backward pass: eliminates every arc (theory Eq. 3.4); returns the least pivot, positive at a
+    /// minimum.
     #[inline(always)]
     pub fn eliminate<const SYMMETRIC: bool>(&mut self, shift: L::Chain) -> L::Chain {
         let n = self.module_count();
-        // in its log chart a rotation sees a dead moment as a skew stiffness
+        // in rotation-vector coordinates, a dead moment adds a skew stiffness
         self.newton.symmetric = SYMMETRIC;
         let moment = self.rotations[n].tr_mul(self.dead.tip_moment);
         let mut value = if SYMMETRIC {
@@ -506,7 +512,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             let all = &self.newton.hessians[g];
             let s = get_mat::<L>(&self.states[g].s, i);
-            // of the disk at the end, in the frame of the start
+            // second variation of the disk at the end, in the frame of the start
             let p = s * value * s.transpose();
             let mut blocks = Blocks::empty();
             for a in 0..A {
@@ -527,7 +533,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         least_pivot
     }
 
-    /// The Newton step from the present gradient and elimination.
+    /// Newton step for the present gradient and elimination.
     #[inline(always)]
     pub fn newton_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
         let step = self.rotations_of_step::<SYMMETRIC>();
@@ -539,7 +545,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         step
     }
 
-    /// The same as rotations that arcs add.
+    /// Newton step as rotations added by the arcs.
     #[inline(always)]
     pub(crate) fn rotations_of_step<const SYMMETRIC: bool>(&mut self) -> Step<L::Chain> {
         let n = self.module_count();
@@ -547,14 +553,14 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         for k in (0..n).rev() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             p = get_mat::<L>(&self.states[g].s, i) * p;
-            let mut answer = [Vec3::zero(); A];
+            let mut solution = [Vec3::zero(); A];
             for a in 0..A {
-                answer[a] = get::<L>(&self.gradients[g].g[a], i) + p;
+                solution[a] = get::<L>(&self.gradients[g].g[a], i) + p;
             }
             let mut start = [p];
-            self.newton.eliminated[k].backward::<SYMMETRIC>(&mut answer, &mut start);
+            self.newton.eliminated[k].backward::<SYMMETRIC>(&mut solution, &mut start);
             for a in 0..A {
-                put::<L>(&mut self.newton.step[g][a], i, answer[a]);
+                put::<L>(&mut self.newton.step[g][a], i, solution[a]);
             }
             [p] = start;
         }
@@ -562,11 +568,11 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         let (mut slope, mut largest) = (L::Chain::zero(), L::Chain::zero());
         for k in 0..n {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
-            let mut answer = [Vec3::zero(); A];
+            let mut solution = [Vec3::zero(); A];
             for a in 0..A {
-                answer[a] = get::<L>(&self.newton.step[g][a], i);
+                solution[a] = get::<L>(&self.newton.step[g][a], i);
             }
-            let u = self.newton.eliminated[k].forward(&answer, &[x]);
+            let u = self.newton.eliminated[k].forward(&solution, &[x]);
             let mut end = x;
             for a in 0..A {
                 end += u[a];
@@ -581,7 +587,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         Step { slope, largest }
     }
 
-    /// The same by the last elimination, symmetric or not.
+    /// The same for the last elimination, symmetric or not.
     #[inline(always)]
     pub(crate) fn rotations_of_last_elimination(&mut self) {
         if self.newton.symmetric {
@@ -591,7 +597,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Lengths of all spans, and where asked the angles of the tendons at the holes.
+    /// Measures the lengths of all spans and, if `angles`, the angles of the tendons at the holes.
     #[inline(always)]
     pub fn measure_spans(&mut self, angles: bool) {
         let (n, count) = (self.module_count(), self.tendons.len());
@@ -626,7 +632,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
     fn measure_angles(&mut self) {
         let count = self.tendons.len();
         for j in 0..count {
-            // before the base hole it is parallel to z
+            // before the base hole the tendon is parallel to z
             let mut last = Vec3::<L::Chain>::ez();
             for (g, state) in self.states.iter().enumerate() {
                 let after = self.spans.spans[g * count + j].direction;
@@ -648,23 +654,23 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Of a group and tendon, as measured last.
+    /// Span of a group and tendon, as measured last.
     pub fn span(&self, g: usize, tendon: usize) -> &Span<L::Module> {
         &self.spans.spans[g * self.tendons.len() + tendon]
     }
 
-    /// Answers of the rod, by the present elimination and measured spans: to its own gradient in
-    /// the first column, and to more tension in the next. Without sources those stay that are
-    /// there.
+    /// Responses of the rod, for the present elimination and measured spans: to its own gradient in
+    /// the first column, and to changes of tension in the others. Without sources the present
+    /// columns are kept.
     #[inline(always)]
     pub fn respond(&mut self, sources: Sources) {
         let (n, count) = (self.module_count(), self.tendons.len());
-        if sources.tendons.is_empty() && !self.spans.answers.is_empty() {
+        if sources.tendons.is_empty() && !self.spans.responses.is_empty() {
             return self.respond_to_gradient();
         }
         let total = 1 + sources.tendons.len();
-        while self.spans.answers.len() * L::WIDTH < total {
-            self.spans.answers.push(Answers {
+        while self.spans.responses.len() * L::WIDTH < total {
+            self.spans.responses.push(SourceResponses {
                 u: vec![[Vec3::zero(); A]; n],
                 force: vec![Vec3::zero(); n],
                 beyond: vec![L::Module::zero(); n * count],
@@ -679,12 +685,12 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Answers the own gradient alone, with the modules in the lanes.
+    /// Response to the own gradient only, with modules in the lanes.
     #[inline(always)]
     fn respond_to_gradient(&mut self) {
         self.rotations_of_last_elimination();
         let (n, count) = (self.module_count(), self.tendons.len());
-        let out = &mut self.spans.answers[0];
+        let out = &mut self.spans.responses[0];
         let mut x = Vec3::<L::Chain>::zero();
         for (g, state) in self.states.iter().enumerate() {
             let here = L::WIDTH.min(n - g * L::WIDTH);
@@ -723,20 +729,20 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Goes through the chain with some of the columns.
+    /// Substitutes some of the columns along the chain.
     #[inline(always)]
     fn substitute(&mut self, part: usize, columns: std::ops::Range<usize>, sources: &Sources) {
         self.substitute_backward(part, columns, sources);
         self.substitute_forward(part);
         let count = self.tendons.len();
-        let out = &mut self.spans.answers[part].beyond;
+        let out = &mut self.spans.responses[part].beyond;
         for at in (0..out.len() - count).rev() {
             let further = out[at + count];
             out[at] += further;
         }
     }
 
-    /// Force on the end of module `k` by the sources in some columns, and its arm.
+    /// Force on the end of module `k` due to the sources in some columns, and its arm.
     #[inline(always)]
     fn source_force(
         &self,
@@ -766,7 +772,7 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         [force, arm]
     }
 
-    /// From tip to base: right-hand sides of the arcs, eliminated.
+    /// From tip to base: eliminates the right-hand sides of the arcs.
     #[inline(always)]
     fn substitute_backward(
         &mut self,
@@ -783,36 +789,36 @@ impl<L: Layout, const A: usize> Rod<L, A> {
             let turned = same_mat::<L>(&response.k, i) * moved - arm.cross(force);
             let on_end = same_mat::<L>(&response.m, i).tr_mul(force);
             p = same_mat::<L>(&state.s, i) * p;
-            let mut answer = [Vec3::zero(); A];
+            let mut solution = [Vec3::zero(); A];
             for a in 0..A {
-                answer[a] = turned - same_mat::<L>(&response.j[a], i).tr_mul(on_end);
+                solution[a] = turned - same_mat::<L>(&response.j[a], i).tr_mul(on_end);
                 if columns.start == 0 {
                     let own = get::<L>(&self.gradients[g].g[a], i);
                     for q in 0..3 {
-                        answer[a].0[q].set_lane(0, own.0[q].lane(0));
+                        solution[a].0[q].set_lane(0, own.0[q].lane(0));
                     }
                 }
-                answer[a] += p;
+                solution[a] += p;
             }
             let mut start = [p];
             let eliminated = self.newton.eliminated[k].map(|m| widen::<L>(&m));
             if self.newton.symmetric {
-                eliminated.backward::<true>(&mut answer, &mut start);
+                eliminated.backward::<true>(&mut solution, &mut start);
             } else {
-                eliminated.backward::<false>(&mut answer, &mut start);
+                eliminated.backward::<false>(&mut solution, &mut start);
             }
             p = start[0] + same::<L>(&state.stretching_load(), i).cross(moved);
-            let out = &mut self.spans.answers[part];
-            out.u[k] = answer;
+            let out = &mut self.spans.responses[part];
+            out.u[k] = solution;
             out.force[k] = force;
         }
     }
 
-    /// From base to tip: rotations of the arcs, and how they lengthen the spans.
+    /// From base to tip: rotations of the arcs, and the resulting lengths of the spans.
     #[inline(always)]
     fn substitute_forward(&mut self, part: usize) {
         let count = self.tendons.len();
-        let out = &mut self.spans.answers[part];
+        let out = &mut self.spans.responses[part];
         let mut x = Vec3::<L::Module>::zero();
         for k in 0..self.dead.modules.len() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
@@ -842,17 +848,18 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Change of a tendon's length from a hole on, by each of the answers.
+    /// Length change of a tendon from a hole on, for each of the responses.
     pub fn beyond(&self, hole: usize, tendon: usize, out: &mut [f64]) {
         let at = hole * self.tendons.len() + tendon;
-        for (part, answers) in out.chunks_mut(L::WIDTH).zip(&self.spans.answers) {
+        for (part, responses) in out.chunks_mut(L::WIDTH).zip(&self.spans.responses) {
             for (lane, value) in part.iter_mut().enumerate() {
-                *value = answers.beyond[at].lane(lane);
+                *value = responses.beyond[at].lane(lane);
             }
         }
     }
 
-    /// Takes a sum of answers as the step; returns the largest rotation that an arc adds, rad.
+    /// Sets the step to a linear combination of responses; returns the largest rotation added by an
+    /// arc (rad).
     #[inline(always)]
     pub fn combine(&mut self, coefficients: &[f64]) -> f64 {
         self.combine_rotations(coefficients);
@@ -866,15 +873,15 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         largest.largest()
     }
 
-    /// The same as rotations that arcs add.
+    /// The same as rotations added by the arcs.
     #[inline(always)]
     pub fn combine_rotations(&mut self, coefficients: &[f64]) {
         for k in 0..self.module_count() {
             let (g, i) = (k / L::WIDTH, k % L::WIDTH);
             for a in 0..A {
                 let mut sum = [0.0; 3];
-                for (part, answers) in coefficients.chunks(L::WIDTH).zip(&self.spans.answers) {
-                    let u = &answers.u[k][a];
+                for (part, responses) in coefficients.chunks(L::WIDTH).zip(&self.spans.responses) {
+                    let u = &responses.u[k][a];
                     for (lane, factor) in part.iter().enumerate() {
                         for q in 0..3 {
                             sum[q] += factor * u.0[q].lane(lane);
@@ -897,16 +904,16 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Tension of a span, N; zero where the tendon does not pass.
+    /// Tension of a span (N); zero where the tendon does not pass.
     pub fn span_tension(&self, k: usize, i: usize) -> f64 {
         let place = &self.tensions[k / L::WIDTH * self.tendons.len() + i];
         L::get(place, k % L::WIDTH).lane(0)
     }
 
-    /// Size of the terms that the energy of one robot is a small difference of, N m.
+    /// Magnitude of the terms that nearly cancel in the energy of one robot (N m).
     #[inline(always)]
     pub fn energy_scale(&self, length: f64, robot: usize) -> f64 {
-        // all tendons pass the first module, all dead loads pull on it
+        // all tendons pass the first module, and all dead loads act on it
         let mut force = self.dead.modules[0][0].norm().lane(robot);
         for t in &self.tensions[..self.tendons.len()] {
             force += L::get(t, 0).lane(robot);
@@ -941,7 +948,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Places the disks, measures the tendons and how far their spans point forward.
+    /// Positions of the disks (theory Eq. 2.3), lengths of the tendons, and forward components of
+    /// their spans.
     #[inline(always)]
     pub fn finish(&mut self) {
         let n = self.module_count();
@@ -988,8 +996,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// The first module of a robot in which a loaded span points backward: its two disks would
-    /// have to pass through each other. As of the last `finish`.
+    /// The first module of a robot in which a loaded span points backward: its two disks would have
+    /// to penetrate each other. From the last `finish`.
     pub fn collision(&self, robot: usize) -> Option<usize> {
         self.placed
             .forward

@@ -1,26 +1,28 @@
-//! What a module is, whatever its load: lengths, stiffness and compliance.
+//! Constants of a module that do not depend on its load: lengths, stiffness and compliance.
+//!
+//! Theory: docs/theory/rod.md (Energy).
 
 use crate::math::linalg::Vec3;
 use crate::math::real::Real;
 use crate::model::load::{Model, Theory};
 use crate::model::robot::Robot;
 
-/// What a module is, whatever its load.
+/// Constants of a module that do not depend on its load.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Constants<T> {
-    /// Elastic length (m).
+    /// Flexible length (m).
     pub flexible: T,
-    /// Inverse of the elastic length (1/m).
+    /// Inverse of the flexible length (1/m).
     pub per_flexible: T,
     /// Rigid lengths at start and end (m).
     pub clamp: [T; 2],
     /// Mass per length rho A (kg/m).
     pub mass_per_length: T,
-    /// Bending and torsion stiffness over the length of an element (N m).
+    /// Bending and torsional stiffness over the length of an element (N m).
     pub stiffness: [T; 2],
     /// Axial compliance 1 / EA where the theory has extension (1/N).
     pub axial_compliance: T,
-    /// Compliance (m/N): `D = d0 I + d1 t t' + d2 s s' + d3 |s|^2 I`, `t` mean tangent, `s` change of tangent.
+    /// Coefficients d0 to d3 (m/N) of the compliance D, theory Eq. 2.5.
     pub d: [T; 4],
 }
 
@@ -34,8 +36,9 @@ impl Constants<f64> {
             Theory::Kirchhoff => (0.0, 0.0),
         };
         let torsion = s.torsion * if model.twist { 1.0 } else { 1e6 };
-        // a force N bends an element by a quadratic strain that the arcs lack; it gives way by
-        // h^3 |s x N|^2 / (1440 EI), where s is the element's share of the change of tangent
+        // d3 of theory Eq. 2.5: a force N bends an element by a quadratic strain that the two arcs
+        // lack; its energy is h^3 |s x N|^2 / (1440 EI), s the element's share of the change of
+        // tangent
         let bubble = h.powi(3) / (720.0 * s.bending * elements as f64);
         let length = m.flexible;
         Constants {
@@ -56,7 +59,7 @@ impl Constants<f64> {
 }
 
 impl<T: Real> Constants<T> {
-    /// Modules side by side.
+    /// Constants of modules in SIMD lanes.
     pub fn gather(of: impl Fn(usize) -> Constants<f64>) -> Self {
         let pick = |f: &dyn Fn(&Constants<f64>) -> f64| T::from_fn(|i| f(&of(i)));
         Constants {
@@ -70,7 +73,7 @@ impl<T: Real> Constants<T> {
         }
     }
 
-    /// Share of an element's stiffness about the axes (N m).
+    /// Fraction of an element's stiffness about the axes (N m).
     #[inline(always)]
     pub fn share_of_stiffness(&self, share: f64) -> [T; 3] {
         let [bending, torsion] = self.stiffness;

@@ -1,9 +1,11 @@
-//! What the elements of a module miss of the rod's differential equation.
+//! Defect of a module's elements in the differential equations of the rod.
 //!
-//! Every element is integrated back from its end, under the wrench that loads and tendons leave
-//! there, by a sixth-order Runge-Kutta method: with shear, extension and weight at every
-//! section, and without anything that the elements assume. Where it misses the start of the
-//! element, the miss is a defect of the element's strain.
+//! Theory: docs/theory/statics.md (Discretisation error).
+//!
+//! Every element is integrated backward from its end (theory Eq. 2.1 and 3.5), under the wrench of
+//! loads and tendons there, by a sixth-order Runge-Kutta method: with shear, extension and weight
+//! at every section, and without the assumptions of the elements. The difference at the start of
+//! the element is the defect of the element's strain.
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
@@ -14,14 +16,14 @@ use crate::rod::module::{Gradient, State, Tendons};
 /// Distance of the ends of a module, over its length, below which it counts as folded.
 const FOLDED: f64 = 0.8;
 
-/// What a module's elements miss, in the frame of its start.
+/// Defect of a module, in the frame of its start.
 #[derive(Clone, Copy)]
 pub(crate) struct Defect<T> {
-    /// Motion of the end that no strain of the elements gives, m.
+    /// Displacement of the end that the strain of the elements cannot represent (m).
     pub place: Vec3<T>,
-    /// Moment about the start that the quadrature of the weight leaves out, N m.
+    /// Moment about the start that the quadrature of the weight omits (N m).
     pub moment: Vec3<T>,
-    /// Compressive force times squared length over bending stiffness.
+    /// Compression number: compressive force times squared length over bending stiffness.
     pub compression: T,
     /// Positive where the module has folded.
     pub folded: T,
@@ -38,11 +40,10 @@ impl<T: Real> Defect<T> {
     }
 }
 
-/// Steps of the integration through an element: two orders above it, so that their own error
-/// does not show.
+/// Integration steps in an element: two orders above it, so that their own error is negligible.
 const STEPS: usize = 2;
 
-/// A section of the backbone: its pose, and the moment of all beyond.
+/// A section of the backbone: its pose, and the internal moment on it.
 #[derive(Clone, Copy)]
 struct Section<T> {
     rotation: Mat3<T>,
@@ -76,17 +77,17 @@ impl<T: Real> Section<T> {
     }
 }
 
-/// What one element is made of and carries.
+/// Properties and loads of one element.
 struct Element<'a, T> {
     length: T,
-    /// Inverse bending and torsion stiffness, 1/(N m^2).
+    /// Inverse bending and torsional stiffness (1/(N m^2)).
     flexibility: Vec3<T>,
-    /// Shear and extension by force, 1/N.
+    /// Shear and extension by force (1/N).
     shear: T,
     axial: T,
     stretch: T,
     tendons: &'a Tendons<'a, T>,
-    /// Weight by length, N/m.
+    /// Weight per length (N/m).
     weight: Vec3<T>,
 }
 
@@ -100,7 +101,7 @@ impl<T: Real> Element<'_, T> {
         };
         let mut u = scaled(moment);
         if self.tendons.path == TendonPath::Continuous {
-            // the tendons take their part of the moment, which depends on the curvature
+            // continuous tendons carry part of the moment, which depends on the curvature
             for _ in 0..NEWTON_ROUNDS {
                 let mut residual = moment;
                 let mut stiffness = Mat3::zero();
@@ -143,7 +144,7 @@ impl<T: Real> Element<'_, T> {
         }
     }
 
-    /// Goes back from the end, where `force` acts, to the start.
+    /// Integrates backward from the end, where `force` acts, to the start.
     #[inline(always)]
     fn back(&self, end: Section<T>, force: Vec3<T>) -> Section<T> {
         let h = self.length * T::splat(-1.0 / STEPS as f64);
@@ -151,7 +152,7 @@ impl<T: Real> Element<'_, T> {
         let mut force = force;
         for _ in 0..STEPS {
             let mut rates = [end; 7];
-            // one by one: constant weights make a warm sweep 4 % faster than a loop
+            // unrolled: constant weights make a warm sweep 4 % faster than a loop
             rates[0] = self.stage::<0>(&at, &rates, force, h);
             rates[1] = self.stage::<1>(&at, &rates, force, h);
             rates[2] = self.stage::<2>(&at, &rates, force, h);
@@ -179,8 +180,8 @@ impl<T: Real> Element<'_, T> {
     }
 }
 
-/// Stages of Butcher's sixth-order method (1964): where each is, and what it takes of the rates
-/// before it.
+/// Stages of Butcher's sixth-order method (1964): position of each stage, and its weights of the
+/// earlier rates.
 const STAGES: [(f64, [f64; 7]); 7] = [
     (0.0, [0.0; 7]),
     (1.0 / 3.0, [1.0 / 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
@@ -215,9 +216,9 @@ const WEIGHTS: [f64; 7] = [
     11.0 / 120.0,
 ];
 
-/// Turn of an element along `along` by a mean moment; `spring`: flexibility of bending, how much
-/// more that of torsion is, and the length. Not a closure: one that is not inlined is compiled
-/// without the lanes of the processor.
+/// Rotation of an element along `along` due to a mean moment; `spring`: bending flexibility,
+/// torsional flexibility in excess of it, and the length. Not a closure: one that is not inlined is
+/// compiled without the processor's SIMD instructions.
 #[inline(always)]
 fn bent<T: Real>(moment: Vec3<T>, along: Vec3<T>, spring: [T; 3]) -> Vec3<T> {
     let [bending, excess, length] = spring;
@@ -225,12 +226,12 @@ fn bent<T: Real>(moment: Vec3<T>, along: Vec3<T>, spring: [T; 3]) -> Vec3<T> {
     moment.scaled_add(bending, twist) * length
 }
 
-/// Newton steps for the curvature under continuous tendons.
+/// Newton iterations for the curvature under continuous tendons.
 const NEWTON_ROUNDS: usize = 3;
 
 impl<T: Real, const A: usize> State<T, A> {
-    /// What the elements miss; `rhs` becomes the imbalance of the arcs whose Newton step takes
-    /// the defects of their strain away, and what is left of their own.
+    /// Computes the defect. `rhs` becomes the imbalance of the arcs whose Newton step removes the
+    /// defects of their strain and their own residual.
     #[inline(always)]
     pub fn defect(
         &self,
@@ -257,7 +258,7 @@ impl<T: Real, const A: usize> State<T, A> {
             weight,
         };
         let tangent = self.s.column(2);
-        // the weight's own moment and force, not those of Hermite's rule
+        // exact moment and force of the weight, instead of Hermite's rule
         let couple = weight.scaled_add(length * length * T::splat(1.0 / 12.0), self.f[1]);
         let mut force = weight.scaled_add(length * T::splat(-0.5), self.end_force);
         let mut section = Section {
@@ -273,15 +274,15 @@ impl<T: Real, const A: usize> State<T, A> {
                 0 => (Mat3::identity(), Vec3::zero()),
                 _ => (self.arcs[2 * e].prefix, self.inside(2 * e - 1)),
             };
-            // turned so that the starts agree, how far the ends are apart
+            // distance of the ends after a rotation that aligns the starts
             let turned = rotation * section.rotation.transpose();
             let [x, y, z] = turned.rows();
             let turn = Vec3([z[1] - y[2], x[2] - z[0], y[0] - x[1]]) * T::splat(0.5);
             let gap = start + turned * (end - section.place) - end;
             let along = (end - start) * per;
-            // The integrated curve lies off the element by about a cubic, and is turned by its
-            // slope: force and moment bend it further through both. The tangent contains that
-            // part already.
+            // The integrated curve deviates from the element by about a cubic and rotates with its
+            // slope: force and moment bend it further through both. The tangent already contains
+            // that part.
             let (miss, slope) = (start - section.place, turn.cross(along) * length);
             let mean = miss.scaled_add(T::splat(0.5), slope * T::splat(1.0 / 12.0));
             let first = miss.scaled_add(T::splat(0.35), slope * T::splat(0.05));
@@ -297,7 +298,7 @@ impl<T: Real, const A: usize> State<T, A> {
             let gap = gap
                 - bent(first.cross(middle) + turned[1].cross(moment), along, spring).cross(along)
                     * length;
-            // rotations of the two arcs that give it
+            // rotations of the two arcs that produce it
             let bend = turn - along * along.dot(turn);
             let apart = along.cross(gap) * (per * T::splat(4.0)) - bend * T::splat(2.0);
             let half = T::splat(0.5);
@@ -312,7 +313,7 @@ impl<T: Real, const A: usize> State<T, A> {
             let (sum, difference) = (a + b, (a - b) * T::splat(0.75));
             rhs[i] = gradient.g[i] - gradient.to_strain[i].tr_mul(c.moment(sum + difference));
             rhs[j] = gradient.g[j] - gradient.to_strain[j].tr_mul(c.moment(sum - difference));
-            // on from the solver's pose
+            // continue from the solver's pose
             force = weight.scaled_add(length, force);
             section.moment += (section.place - start).cross(force);
             section.rotation = rotation;
@@ -321,12 +322,12 @@ impl<T: Real, const A: usize> State<T, A> {
         let force = self.f[0] - self.end_force;
         let exact = section.moment + self.rho.cross(force) + self.span_torque;
         let mut assumed = self.rho.cross(self.f[0]) + tangent.cross(self.f[1]) - self.lambda;
-        // Hermite's couple at the start stands with the clamp's weight
+        // Hermite's couple at the start is stored with the clamp's weight
         assumed += Vec3::ez().cross(weight * (length * length * T::splat(1.0 / 12.0)));
         for node in 1..elements {
             assumed += self.inside(2 * node - 1).cross(self.f[3]);
         }
-        // of the force on the end; its part along a chord falls as the module folds
+        // from the force on the end; its component along a chord falls as the module folds
         let compression = -self.n.dot(self.rho) * c.flexible * bending;
         let chord = T::splat(FOLDED * FOLDED) * c.flexible * c.flexible - self.rho.norm2();
         Defect {

@@ -1,32 +1,36 @@
-//! One Newton step: block elimination backward over the modules, substitution forward.
+//! One Newton step: block-tridiagonal elimination backward over the modules, substitution forward.
 //!
-//! The recursion of optimal control. State is the motion of a disk, control the rotations `u`
-//! that the arcs of the module after it add (all left perturbations, in the disk's own
-//! frame). Dead loads couple modules through rotation alone, so the state of statics is one
-//! block of three; inertia couples them through translation as well, so that of dynamics is
-//! two. The cost grows with the number of modules. The gradient comes from the exact costate,
-//! so the linear term `p` starts from zero at the tip and the step is Newton's.
+//! Theory: docs/theory/statics.md (Block-tridiagonal elimination, Eq. 3.4).
 //!
-//! A dead moment at the tip has no potential: it adds a skew part to the state matrix, and
-//! the elimination then keeps both triangles (`SYMMETRIC = false`).
+//! The Riccati-type recursion of optimal control. The state `x` is the motion of a disk, the
+//! control is the rotations `u` added by the arcs of the module after it (all left perturbations,
+//! in the disk's own frame). Dead loads couple modules through rotation only, so the state of
+//! statics is one block of three; inertia couples them through translation as well, so that of
+//! dynamics is two. The cost is linear in the number of modules. The gradient comes from the exact
+//! costate, so the linear term `p` starts from zero at the tip and the step is Newton's.
+//!
+//! A dead moment at the tip has no potential: it adds a skew part to the state matrix, and the
+//! elimination then keeps both triangles (`SYMMETRIC = false`).
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 
-/// Second variation of a module and all beyond it: arcs, state of the start disk, and between.
+/// Second variation of a module and the distal part: arcs (U of theory Eq. 3.4), state of the start
+/// disk (Z), and coupling (X).
 pub(crate) struct Blocks<T, const A: usize, const S: usize> {
-    /// Lower blocks; all of them where it is not symmetric.
+    /// U: lower blocks; all blocks where it is not symmetric.
     pub uu: [[Mat3<T>; A]; A],
-    /// Rows of state, columns of arcs; and the other way round.
+    /// X: rows of state, columns of arcs; and its transpose.
     pub xu: [[Mat3<T>; S]; A],
     pub ux: [[Mat3<T>; S]; A],
     pub xx: [[Mat3<T>; S]; S],
 }
 
-/// An eliminated module: its arcs answer its start's motion by `u = -(k + gain x)`.
+/// An eliminated module: its arcs respond to the motion of its start by `u = -(k + gain x)`
+/// (theory Eq. 3.4).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Eliminated<T, const A: usize, const S: usize> {
-    /// Inverse diagonal blocks and the blocks beside them.
+    /// Inverse diagonal blocks and the off-diagonal blocks.
     inverse: [Mat3<T>; A],
     lower: [[Mat3<T>; A]; A],
     upper: [[Mat3<T>; A]; A],
@@ -59,9 +63,9 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         }
     }
 
-    /// Eliminates the module's arcs; returns what is left for the state. `least_pivot` falls
-    /// to the least pivot, which is not positive when the module and all beyond it are not at
-    /// a minimum.
+    /// Eliminates the module's arcs (theory Eq. 3.4); returns the Schur complement of the state.
+    /// `least_pivot` is reduced to the least pivot, which is not positive when the module and the
+    /// distal part are not at a minimum.
     #[inline(always)]
     pub fn eliminate<const SYMMETRIC: bool>(
         &mut self,
@@ -78,7 +82,7 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         for i in 0..A {
             let (inverse, [m1, m2, m3]) = uu[i][i].inverse_and_minors();
             self.inverse[i] = inverse;
-            // leading minors as pivots; where one is not positive the least is not either
+            // leading minors as pivots; where one is not positive, neither is the least
             let per = T::splat(1.0) / m1.abs();
             let least = min(min(m1, m2 * per), m3 * per * per);
             *least_pivot = min(*least_pivot, least);
@@ -140,7 +144,7 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         xx
     }
 
-    /// The same in other numbers.
+    /// The same in another number type.
     #[inline(always)]
     pub fn map<W: Real>(&self, f: impl Fn(Mat3<T>) -> Mat3<W>) -> Eliminated<W, A, S> {
         Eliminated {
@@ -152,7 +156,7 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         }
     }
 
-    /// Negative eigenvalues of the arcs' pivots.
+    /// Number of negative eigenvalues of the arcs' pivots.
     pub fn negative_pivots(&self) -> usize {
         self.inverse.iter().map(negative_pivots).sum()
     }
@@ -183,8 +187,8 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         }
     }
 
-    /// Backward substitution: turns the right-hand side `g` of the arcs into their own answer
-    /// `k`, and takes their part off the linear term `p` of the state.
+    /// Backward substitution: replaces the right-hand side `g` of the arcs by their own solution
+    /// `k`, and subtracts their part from the linear term `p` of the state.
     #[inline(always)]
     pub fn backward<const SYMMETRIC: bool>(&self, g: &mut [Vec3<T>; A], p: &mut [Vec3<T>; S]) {
         self.solve::<SYMMETRIC>(g);
@@ -195,7 +199,8 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
         }
     }
 
-    /// Forward substitution: arcs from their own answer and the motion of the start disk.
+    /// Forward substitution (theory Eq. 3.4): arcs from their own solution and the motion of the
+    /// start disk.
     #[inline(always)]
     pub fn forward(&self, k: &[Vec3<T>; A], x: &[Vec3<T>; S]) -> [Vec3<T>; A] {
         let mut u = *k;
@@ -209,7 +214,7 @@ impl<T: Real, const A: usize, const S: usize> Eliminated<T, A, S> {
     }
 }
 
-/// Negative eigenvalues of a symmetric matrix or its inverse, in the first lane.
+/// Number of negative eigenvalues of a symmetric matrix or its inverse, in the first lane.
 pub(crate) fn negative_pivots<T: Real>(matrix: &Mat3<T>) -> usize {
     let (_, minors) = matrix.inverse_and_minors();
     let signs = minors.map(|m| m.lane(0) < 0.0);
@@ -232,7 +237,7 @@ mod tests {
         Mat3([[0; 3]; 3].map(|row| row.map(|_| draw.within(-1.0, 1.0))))
     }
 
-    /// A module and the rest beyond it, dense and in blocks.
+    /// A module and the part beyond it, dense and in blocks.
     fn random<const A: usize, const S: usize>(
         draw: &mut Draw,
         symmetric: bool,
@@ -280,7 +285,7 @@ mod tests {
             let mut pivot = f64::INFINITY;
             let left = eliminated.eliminate::<SYMMETRIC>(blocks, &mut pivot);
             assert!(pivot > 0.0);
-            // the whole system at once
+            // the dense system
             let n = 3 * (A + S);
             let g: Vec<f64> = (0..n).map(|_| draw.within(-1.0, 1.0)).collect();
             let mut whole = vec![];
@@ -290,11 +295,11 @@ mod tests {
             }
             assert!(mlcp::eliminate(&mut whole, n));
             let exact = |i: usize| whole[i * (n + 1) + n];
-            // backward, the state, forward
+            // backward pass, the state, forward pass
             let vector = |i: usize| Vec3([g[3 * i], g[3 * i + 1], g[3 * i + 2]]);
-            let mut answer: [Vec3<f64>; A] = std::array::from_fn(vector);
+            let mut solution: [Vec3<f64>; A] = std::array::from_fn(vector);
             let mut state: [Vec3<f64>; S] = std::array::from_fn(|q| vector(A + q));
-            eliminated.backward::<SYMMETRIC>(&mut answer, &mut state);
+            eliminated.backward::<SYMMETRIC>(&mut solution, &mut state);
             let mut rest = vec![];
             for p in 0..3 * S {
                 rest.extend((0..3 * S).map(|q| left[p / 3][q / 3].0[p % 3][q % 3]));
@@ -304,7 +309,7 @@ mod tests {
             let x: [Vec3<f64>; S] = std::array::from_fn(|q| {
                 Vec3([0, 1, 2].map(|r| rest[(3 * q + r) * (3 * S + 1) + 3 * S]))
             });
-            let u = eliminated.forward(&answer, &x);
+            let u = eliminated.forward(&solution, &x);
             for i in 0..n {
                 let ours = if i < 3 * A {
                     u[i / 3][i % 3]
@@ -317,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn elimination_by_blocks_is_that_of_the_whole() {
+    fn block_elimination_matches_dense() {
         agrees::<2, 1, true>();
         agrees::<2, 1, false>();
         agrees::<4, 1, true>();
@@ -327,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pivot_tells_what_is_no_minimum() {
+    fn pivots_detect_an_indefinite_matrix() {
         let mut draw = Draw::new(9, 0);
         let (mut minima, mut others) = (0, 0);
         while minima < 20 || others < 20 {

@@ -1,9 +1,10 @@
-//! How far a converged answer is from the rod's differential equation.
+//! Error of a converged solution with respect to the rod's differential equations.
 //!
-//! The elements of each module miss something (`defect`). One substitution by the
-//! last Newton step's elimination gives the change of the whole rod that takes all defects away,
-//! and so the error of tip and lengths, also where a load near buckling magnifies it (defect
-//! correction: Stetter 1978).
+//! Theory: docs/theory/statics.md (Discretisation error).
+//!
+//! The elements of each module have a defect (`defect`). One substitution by the last Newton step's
+//! elimination gives the correction of the whole rod that removes all defects, and so the error of
+//! tip and lengths, also where a load near buckling amplifies it (defect correction: Stetter 1978).
 
 use crate::math::linalg::Vec3;
 use crate::math::real::{Layout, Real};
@@ -15,39 +16,39 @@ use crate::rod::module::Span;
 pub struct ErrorEstimate {
     /// Largest error of a disk's position, the tip's among them (m).
     pub tip: f64,
-    /// Largest error of the tension of a tendon that is displacement-controlled (N).
+    /// Largest error of the tension of a displacement-controlled tendon (N).
     pub tension: f64,
 }
 
-/// Estimated error of the tip, over the robot's length, that elements are chosen for.
+/// Tolerance of the estimated error of the tip, over the robot's length, when elements are chosen.
 const TIP_TOLERANCE: f64 = 1e-5;
-/// The same of tensions, over the largest.
+/// Tolerance of the estimated error of tensions, over the largest tension.
 const TENSION_TOLERANCE: f64 = 1e-4;
-/// Elements to choose from.
+/// Numbers of elements to choose from.
 pub(crate) const LEVELS: [usize; 4] = [1, 2, 4, 8];
-/// Compression of a module (force times squared length over bending stiffness; between two disks
-/// it buckles at pi^2) above which stability depends on the elements.
+/// Compression number of a module (force times squared length over bending stiffness; pi^2 at
+/// buckling between two disks) above which stability depends on the elements.
 const NEAR_BUCKLING: f64 = 5.0;
-/// Largest compression of one element at which the critical force is found to 1e-3.
+/// Largest compression number of one element at which the critical force is accurate to 1e-3.
 const FINE_COMPRESSION: f64 = 0.65;
-/// What the estimate is multiplied by: it is first order in the defects.
+/// Safety factor of the estimate, which is first order in the defects.
 const SAFETY: f64 = 3.0;
-/// The same where a module has folded: defects of its elements cancel there, and underestimate
-/// the error by up to 12 times.
+/// Safety factor where a module has folded: defects of its elements cancel there, and the estimate
+/// can be too low by a factor of 12.
 const SAFETY_FOLDED: f64 = 12.0;
 
-/// What is said of a converged answer by its estimate.
+/// Conclusions about a converged solution from its estimate.
 pub(crate) struct Verdict {
     pub error: ErrorEstimate,
-    /// Taken back where so few elements cannot tell a stable equilibrium from an unstable one.
+    /// Stability; `None` where the elements are too coarse to confirm a stable equilibrium.
     pub stable: Option<bool>,
-    /// Elements that bring the error below the tolerances, or all there are.
+    /// Elements that bring the error below the tolerances, or the largest available number.
     pub needed: usize,
 }
 
 impl Verdict {
-    /// Of an answer by `elements` in a module of a robot of some `length`; `tension`: estimated
-    /// change of a tension, and the largest tension, N.
+    /// Verdict on a solution with `elements` elements in a module of a robot of some `length`;
+    /// `tension`: estimated change of a tension, and the largest tension (N).
     pub fn new(
         found: &Correction<f64>,
         tension: [f64; 2],
@@ -78,43 +79,43 @@ impl Verdict {
         } else {
             0.0
         };
-        let tells = tells_stability(found.compression, elements);
+        let decides = decides_stability(found.compression, elements);
         Verdict {
             error,
-            stable: stable.filter(|stable| !stable || tells),
+            stable: stable.filter(|stable| !stable || decides),
             needed: needed(elements, f64::max(ratio, of_tension), found.compression),
         }
     }
 }
 
-/// Whether the elements are fine enough to decide stability, by the largest compression of a
+/// Whether the elements are fine enough to decide stability at this largest compression number of a
 /// module.
-fn tells_stability(compression: f64, elements: usize) -> bool {
+fn decides_stability(compression: f64, elements: usize) -> bool {
     let own = compression / (elements * elements) as f64;
-    // a NaN tells nothing
+    // a NaN decides nothing
     compression <= NEAR_BUCKLING || own <= FINE_COMPRESSION
 }
 
-/// Elements that bring an error, `ratio` times what is tolerated, below it; the same number
-/// where it is already, or where there are no more.
+/// Number of elements that reduces an error to its tolerance, `ratio` being error over tolerance;
+/// `elements` itself where it is already below, or where there is no larger number.
 fn needed(elements: usize, ratio: f64, compression: f64) -> usize {
     let enough = |e: usize| {
         let finer = (e / elements) as f64;
-        // a NaN is never enough
-        (ratio <= 1.0 || ratio / finer.powi(4) <= 1.0) && tells_stability(compression, e)
+        // a NaN fails every test
+        (ratio <= 1.0 || ratio / finer.powi(4) <= 1.0) && decides_stability(compression, e)
     };
     let mut finer = LEVELS.into_iter().filter(|e| *e >= elements);
     finer.find(|e| enough(*e)).unwrap_or(LEVELS[3])
 }
 
-/// What takes the defects of an answer away, and what the residual has left.
+/// Correction that removes the defects and the remaining residual of a solution.
 #[derive(Clone, Copy)]
 pub(crate) struct Correction<T> {
-    /// Motion of the end of each module from its start, summed, m: no disk moves further, and
-    /// modules do not cancel by chance.
+    /// Sum over modules of the motion of the end relative to the start (m): no disk moves further,
+    /// and errors of modules do not cancel by chance.
     pub motion: T,
-    /// Largest compressive force of a module times its squared length over its bending
-    /// stiffness; between two disks the backbone buckles at pi^2.
+    /// Largest compression number of a module (compressive force times squared length over bending
+    /// stiffness; pi^2 at buckling between two disks).
     pub compression: T,
     /// Positive where a module has folded.
     pub folded: T,
@@ -132,8 +133,7 @@ impl<T: Real> Correction<T> {
 }
 
 impl<L: Layout, const A: usize> Rod<L, A> {
-    /// Error of the equilibrium that was found last, at its tensions; lengths are in
-    /// `length_errors`.
+    /// Error of the last equilibrium at constant tensions; length errors are in `length_errors`.
     #[inline(always)]
     pub fn estimate(&mut self) -> Correction<L::Chain> {
         let n = self.module_count();
@@ -179,8 +179,8 @@ impl<L: Layout, const A: usize> Rod<L, A> {
         }
     }
 
-    /// Motion by the rotations in `step` and the defects, see [`Correction`]; measures the change of
-    /// the lengths.
+    /// Motion due to the rotations in `step` and the defects (see [`Correction`]); measures the
+    /// change of the lengths.
     #[inline(always)]
     pub fn correction(&mut self) -> L::Chain {
         let n = self.module_count();

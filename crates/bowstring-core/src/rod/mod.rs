@@ -1,4 +1,7 @@
-//! The chain of modules at rest: mechanics, block elimination, derivatives, discretisation error.
+//! The chain of modules at rest: mechanics, block-tridiagonal elimination, derivatives,
+//! discretisation error.
+//!
+//! Theory: docs/theory/rod.md and docs/theory/statics.md.
 
 pub(crate) mod chain;
 pub(crate) mod constants;

@@ -1,23 +1,26 @@
 //! One module: the backbone between two disks and the tendon spans beside it.
 //!
-//! Unknown is the strain alone. The backbone is `A` constant-curvature arcs, two to an
-//! element: the fourth-order commutator-free form of the exponential of a linear strain
-//! (Blanes and Moan 2006). Let `rho0` and `S` be the end of those arcs. The contact force
-//! `N` moves the end on to
+//! Theory: docs/theory/rod.md (Kinematics, Energy) and docs/theory/statics.md (Consistent tangent).
+//!
+//! The strain is the only unknown. The backbone is `A` constant-curvature arcs, two to an element
+//! (theory Eq. 2.2): the fourth-order commutator-free form of the exponential of a linear strain
+//! (Blanes and Moan 2006). Let `rho0` and `S` be the end position and rotation of those arcs. The
+//! contact force `N` displaces the end to (theory Eq. 2.5)
 //!
 //! `rho = rho0 + D N`
 //!
-//! where the compliance `D` holds shear, extension and the quadratic part of the strain
-//! that the arcs leave out. (It averages shear and extension over the module, and takes `N`
-//! constant, the mean over the module: more elements refine bending and torsion alone.) A point
-//! inside takes its share `xi` of the end's motion `D N`. With dead loads `f` on the end, `p` on
-//! the points inside and tensions `T` the potential is
+//! where the compliance `D` holds shear, extension and the quadratic part of the strain that the
+//! arcs omit. (It averages shear and extension over the module, and takes `N` constant, the mean
+//! over the module: more elements refine bending and torsion only.) A point inside moves by its
+//! share `xi` of the end's displacement `D N`. With dead loads `f` on the end, `p` on the points
+//! inside and tensions `T`, the potential (theory Eq. 3.1) is
 //!
-//! `elastic(w) + N.D N / 2 + sum T |span(S, rho)| - f1 . rho - f2 . S e3 - f3 . e3 - sum p . place`
+//! `elastic(w) + N.D N / 2 + sum T |span(S, rho)| - f1 . rho - f2 . S e3 - f3 . e3 - sum p .
+//! position`
 //!
-//! and `N = f1 + sum xi p - sum T span/|span|` makes it stationary in `rho`. All vectors are in the frame
-//! of the module's start. Rotations are perturbed from the left, and an arc by the rotation
-//! `u` that it adds there: `exp(w + dw)` turns what follows by `u`, to first order.
+//! and `N = f1 + sum xi p - sum T span/|span|` makes it stationary in `rho`. All vectors are in the
+//! frame of the module's start. Rotations are perturbed from the left, and an arc by the rotation
+//! `u` that it adds there: `exp(w + dw)` rotates the part beyond it by `u`, to first order.
 
 use crate::math::lie::ArcMap;
 use crate::math::linalg::{Mat3, Vec3};
@@ -47,42 +50,43 @@ pub(crate) struct Arc<T> {
 /// State of a module at its present strain.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct State<T, const A: usize> {
-    /// Rotation vectors of the arcs (rad): the unknown.
+    /// Rotation vectors of the arcs (rad): the unknowns.
     pub w: [Vec3<T>; A],
     pub arcs: [Arc<T>; A],
-    /// From the end of each arc to the end of the flexible part, without compliance (m).
+    /// Vector from the end of each arc to the end of the flexible part, without compliance (m).
     pub tail: [Vec3<T>; A],
-    /// Rotation from the start to the end of the flexible part.
+    /// Rotation S from the start to the end of the flexible part.
     pub s: Mat3<T>,
-    /// End of the flexible part without compliance (m).
+    /// Position of the end of the flexible part, without compliance (m).
     pub rho0: Vec3<T>,
-    /// End of the flexible part (m).
+    /// Position of the end of the flexible part (m).
     pub rho: Vec3<T>,
     /// Contact force, mean over the module (N).
     pub n: Vec3<T>,
     /// Force of tendons and loads on the end (N).
     pub end_force: Vec3<T>,
-    /// Dead loads on the end (N), the end's tangent and the start's tangent (N m), and the weight
-    /// of an element (N), which is on every node between two elements.
+    /// Dead loads: force on the end (N), moments on the end's tangent and on the start's tangent (N
+    /// m), and the weight of an element (N), which acts on every node between two elements.
     pub f: [Vec3<T>; 4],
     /// Moment of the spans about the end of the flexible part (N m).
     pub span_torque: Vec3<T>,
     /// Moment of the dead loads about the start (N m).
     pub load_moment: Vec3<T>,
-    /// Costate: moment from all beyond the end disk (N m).
+    /// Costate at the end disk: moment of the distal part (N m), with the opposite sign of
+    /// theory Eq. 3.2.
     pub lambda: Vec3<T>,
-    /// What `rho = rho0 + D N` still lacks (m).
+    /// Residual of `rho = rho0 + D N` (m).
     pub miss: T,
-    /// Potential energy, tip moment left out (J).
+    /// Potential energy, without the tip moment (J).
     pub energy: T,
 }
 
 /// First derivatives at the present strain.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Gradient<T, const A: usize> {
-    /// Change of each arc's rotation vector by the rotation that it adds.
+    /// Derivative of each arc's rotation vector with respect to the rotation that it adds.
     pub to_strain: [Mat3<T>; A],
-    /// Motion of `rho0` by the rotation that each arc adds.
+    /// Derivative of `rho0` with respect to the rotation added by each arc (m).
     pub r: [Mat3<T>; A],
     /// Moment at the end, costate included (N m).
     torque: Vec3<T>,
@@ -93,14 +97,15 @@ pub(crate) struct Gradient<T, const A: usize> {
 }
 
 impl<T: Real, const A: usize> Gradient<T, A> {
-    /// Leaves the imbalance as it is, but not what of it stiffens or softens.
-    pub fn forget_forces(&mut self) {
+    /// Keeps the imbalance, but removes its contribution to the tangent.
+    pub fn drop_forces(&mut self) {
         self.torque = Vec3::zero();
         self.nu = Vec3::zero();
     }
 }
 
-/// Second derivatives in arc rotations `u` and start rotation `x`, at constant costate.
+/// Second derivatives with respect to arc rotations `u` and start rotation `x`, at constant
+/// costate.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Hessian<T, const A: usize> {
     /// Lower blocks only.
@@ -109,28 +114,29 @@ pub(crate) struct Hessian<T, const A: usize> {
     pub xx: Mat3<T>,
 }
 
-/// How the end of a module answers: `d rho = m (sum j u + dj) + d_hat (df - k' sum u)`.
+/// Response of a module's end: `d rho = m (sum j u + dj) + d_hat (df - k' sum u)`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Response<T, const A: usize> {
-    /// Motion of the end by the rotation that each arc adds, at constant contact force.
+    /// Derivative of the end's position with respect to the rotation added by each arc, at constant
+    /// contact force.
     pub j: [Mat3<T>; A],
     pub m: Mat3<T>,
     pub d_hat: Mat3<T>,
-    /// Stiffness of the spans with the compliance in series.
+    /// Stiffness of the spans in series with the compliance.
     pub g_hat: Mat3<T>,
-    /// Stiffness of the spans between rotation (rows) and translation (columns).
+    /// Stiffness of the spans, coupling rotation (rows) and translation (columns).
     pub k: Mat3<T>,
 }
 
-/// Share of the end's motion by shear and extension that the point at the end of an arc takes.
+/// Fraction of the end's displacement due to shear and extension, at the end of an arc.
 #[inline(always)]
 pub(crate) fn share<T: Real, const A: usize>(arc: usize) -> T {
     T::splat((arc + 1) as f64 / A as f64)
 }
 
-/// What `rho` may lack over the module's length.
+/// Tolerance of the residual of `rho`, over the module's length.
 const SETTLED: f64 = 1e-13;
-/// Rounds for `rho` and `N`; two are usual.
+/// Most iterations for `rho` and `N`; two are usual.
 const MAX_ROUNDS: usize = 12;
 
 impl<T: Real, const A: usize> State<T, A> {
@@ -158,7 +164,7 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// First half of the forward pass: the shape that the strain gives.
+    /// First half of the forward pass: the shape for the present strain (theory Eq. 2.2).
     #[inline(always)]
     pub fn shape(&mut self, c: &Constants<T>, t: &Tendons<T>) {
         let arc_length = c.flexible * T::splat(1.0 / A as f64) * c.stretch(t);
@@ -181,7 +187,7 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// Second half: contact force, end and energy under the dead loads in `f`.
+    /// Second half: contact force, end and energy (theory Eq. 3.1) under the dead loads in `f`.
     #[inline(always)]
     pub fn balance(&mut self, c: &Constants<T>, t: &Tendons<T>) {
         let tangent = self.s.column(2);
@@ -206,7 +212,8 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// Contact force and end beside continuous tendons; returns tension times length of all.
+    /// Contact force and end with continuous tendons; returns the sum of tension times length
+    /// (theory Eq. 2.7).
     #[inline(always)]
     fn balance_continuous(&mut self, c: &Constants<T>, t: &Tendons<T>) -> T {
         self.span_torque = Vec3::zero();
@@ -223,12 +230,12 @@ impl<T: Real, const A: usize> State<T, A> {
         cable
     }
 
-    /// Contact force and end beside straight spans; returns tension times length of all.
+    /// Contact force and end with straight spans; returns the sum of tension times length.
     #[inline(always)]
     fn balance_straight(&mut self, c: &Constants<T>, t: &Tendons<T>) -> T {
         let compliance = self.compliance(c);
         let stretching = self.stretching_load();
-        // rho and N together; the compliance is small, so this settles at once
+        // Newton's method for rho and N; the compliance is small, so it converges at once
         self.rho = self.rho0 + compliance * self.n;
         let mut round = 1;
         loop {
@@ -236,7 +243,7 @@ impl<T: Real, const A: usize> State<T, A> {
             self.span_torque = torque;
             self.n = stretching - pull;
             let miss = self.rho0 + compliance * self.n - self.rho;
-            // a NaN passes on to the energy, where it is seen
+            // a NaN propagates to the energy, where it is detected
             self.miss = miss.max_abs();
             let size = (self.miss * c.per_flexible).largest_number();
             if !(size > SETTLED) || round == MAX_ROUNDS {
@@ -248,15 +255,15 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// Place of the point at the end of an arc, from the start of the flexible part. Shear and
-    /// extension move it by its share of how they move the end.
+    /// Position of the point at the end of an arc, from the start of the flexible part. Shear and
+    /// extension move it by its share of the displacement of the end.
     #[inline(always)]
     pub fn inside(&self, arc: usize) -> Vec3<T> {
         (self.rho - self.rho0).scaled_add(share::<T, A>(arc), self.rho0 - self.tail[arc])
     }
 
-    /// Dead load that shear and extension give way to: that on the end, and of the nodes between
-    /// elements the share that follows the end.
+    /// Dead load that causes shear and extension: the load on the end and, of the nodes between
+    /// elements, the share that moves with the end.
     #[inline(always)]
     pub fn stretching_load(&self) -> Vec3<T> {
         if A == 2 {
@@ -265,8 +272,8 @@ impl<T: Real, const A: usize> State<T, A> {
         self.f[3].scaled_add(T::splat((A as f64 / 2.0 - 1.0) / 2.0), self.f[0])
     }
 
-    /// Of all straight spans: tension times length, force and moment on the end, and
-    /// stiffness against the motion of the end.
+    /// Sums over all straight spans: tension times length, force and moment on the end, and
+    /// stiffness with respect to the displacement of the end (theory Eq. 2.6 and 3.3).
     #[inline(always)]
     pub fn spans(&self, c: &Constants<T>, t: &Tendons<T>) -> (T, Vec3<T>, Vec3<T>, Mat3<T>) {
         let (mut cable, mut stiffness) = (T::zero(), Mat3::zero());
@@ -282,7 +289,7 @@ impl<T: Real, const A: usize> State<T, A> {
         (cable, pull, torque, stiffness)
     }
 
-    /// Energy of the backbone.
+    /// Elastic energy of the backbone (theory Eq. 2.4, and the contact force's part of Eq. 3.1).
     #[inline(always)]
     pub fn elastic_energy(&self, c: &Constants<T>) -> T {
         let half = T::splat(0.5);
@@ -295,13 +302,13 @@ impl<T: Real, const A: usize> State<T, A> {
         elastic
     }
 
-    /// From a node between two elements to the end.
+    /// Vector from a node between two elements to the end.
     #[inline(always)]
     fn beyond(&self, node: usize) -> Vec3<T> {
         self.tail[2 * node - 1]
     }
 
-    /// From the start disk to the end disk.
+    /// Vector from the start disk to the end disk (m).
     #[inline(always)]
     pub fn offset(&self, c: &Constants<T>) -> Vec3<T> {
         let mut offset = self.rho + self.s.column(2) * c.clamp[1];
@@ -309,7 +316,7 @@ impl<T: Real, const A: usize> State<T, A> {
         offset
     }
 
-    /// Length of a continuous tendon in this module.
+    /// Length of a continuous tendon in this module (theory Eq. 2.7).
     #[inline(always)]
     pub fn parallel_length(&self, c: &Constants<T>, t: &Tendons<T>, tendon: &Tendon) -> T {
         let mut length = c.clamp[0] + c.clamp[1];
@@ -317,12 +324,12 @@ impl<T: Real, const A: usize> State<T, A> {
             let (a, b) = (self.w[i], self.w[i + 1]);
             length += ParallelPath::new::<A>(c, tendon, c.stretch(t), a, b).length;
         }
-        // dead loads stretch the backbone, and the tendon with it
+        // dead loads extend the backbone, and the tendon with it
         let along = self.rho0 * (T::splat(1.0) / self.rho0.norm());
         length + along.dot(self.rho - self.rho0)
     }
 
-    /// Mean tangent, and change of the tangent from start to end.
+    /// Mean tangent t, and change s of the tangent from start to end (theory Eq. 2.5).
     #[inline(always)]
     fn tangents(&self, c: &Constants<T>) -> (Vec3<T>, Vec3<T>) {
         (self.rho0 * c.per_flexible, self.s.column(2) - Vec3::ez())
@@ -336,7 +343,7 @@ impl<T: Real, const A: usize> State<T, A> {
         ((mean * d1).outer(mean) + (change * d2).outer(change)).add_diagonal([diagonal; 3])
     }
 
-    /// Force on `rho0` and on the end tangent by the compliance at constant `N`.
+    /// Force on `rho0` and moment on the end tangent due to the compliance at constant `N`.
     #[inline(always)]
     pub fn compliance_forces(&self, c: &Constants<T>) -> (Vec3<T>, Vec3<T>) {
         let (mean, change) = self.tangents(c);
@@ -348,7 +355,7 @@ impl<T: Real, const A: usize> State<T, A> {
         )
     }
 
-    /// Moment imbalance of each arc, from the costate in `lambda`.
+    /// Moment imbalance of each arc, with the costate in `lambda` (theory Eq. 3.2).
     #[inline(always)]
     pub fn gradient(&self, c: &Constants<T>, t: &Tendons<T>, out: &mut Gradient<T, A>) {
         let tangent = self.s.column(2);
@@ -369,13 +376,14 @@ impl<T: Real, const A: usize> State<T, A> {
             }
             out.g[i] = out.to_strain[i].tr_mul(elastic[i]) + out.torque - out.r[i].tr_mul(out.nu);
             for node in i / 2 + 1..A / 2 {
-                // an arc moves a node like the end, less what lies beyond the node
+                // an arc moves a node like the end, except for the lever beyond the node
                 out.g[i] -= out.r[i].tr_mul(self.f[3]) - self.beyond(node).cross(self.f[3]);
             }
         }
     }
 
-    /// Elastic moments and those of continuous tendons, by each arc's rotation vector.
+    /// Derivatives of elastic energy and continuous tendons with respect to each arc's rotation
+    /// vector.
     #[inline(always)]
     fn elastic_gradient(&self, c: &Constants<T>, t: &Tendons<T>) -> [Vec3<T>; A] {
         let mut g = c.bending_moments(&self.w);
@@ -393,8 +401,8 @@ impl<T: Real, const A: usize> State<T, A> {
         g
     }
 
-    /// Second derivatives, and how the end answers. `CONDENSED`: the end gives way to the
-    /// contact force; if not, all is at constant contact force.
+    /// Second derivatives, and the response of the end. `CONDENSED`: the contact force is
+    /// eliminated by static condensation; if not, it is constant.
     #[inline(always)]
     pub fn hessian<const CONDENSED: bool>(
         &self,
@@ -463,8 +471,8 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// Stiffness of the spans against the end's translation, between rotation and translation,
-    /// and against its rotation.
+    /// Sums of theory Eq. 3.3 over the spans: translation-translation (`g`), rotation-translation
+    /// (`k`) and rotation-rotation (`e`).
     #[inline(always)]
     fn span_stiffness(&self, c: &Constants<T>, t: &Tendons<T>) -> (Mat3<T>, Mat3<T>, Mat3<T>) {
         let half = T::splat(0.5);
@@ -500,7 +508,8 @@ impl<T: Real, const A: usize> State<T, A> {
             .add_diagonal([f2.dot(tangent) - bubble; 3])
     }
 
-    /// Motion of the end by the rotation that each arc adds, at constant contact force.
+    /// Derivative of the end's position with respect to the rotation added by each arc, at constant
+    /// contact force.
     #[inline(always)]
     fn end_motions(&self, c: &Constants<T>, grad: &Gradient<T, A>) -> [Mat3<T>; A] {
         let (mean, change) = self.tangents(c);
@@ -509,7 +518,7 @@ impl<T: Real, const A: usize> State<T, A> {
         let x = (mean * (d1 * c.per_flexible))
             .outer(n)
             .add_diagonal([T::splat(1.0) + d1 * mean.dot(n) * c.per_flexible; 3]);
-        // motion of the end with its tangent, which a rotation u turns by u x tangent
+        // motion of the end with its tangent, which a rotation u changes by u x tangent
         let by_tangent = ((change * d2).outer(n) + (n * (d3 + d3)).outer(change))
             .add_diagonal([d2 * change.dot(n); 3]);
         let tangent = self.s.column(2);
@@ -521,7 +530,7 @@ impl<T: Real, const A: usize> State<T, A> {
         j
     }
 
-    /// Adds to the block between two arcs what their chain and a common element stiffen.
+    /// Adds the coupling of two arcs through the chain and through a common element.
     #[inline(always)]
     fn add_stiffness_between(
         &self,
@@ -540,7 +549,7 @@ impl<T: Real, const A: usize> State<T, A> {
         }
     }
 
-    /// Adds to the block of an arc its own stiffness.
+    /// Adds the stiffness of an arc to its diagonal block.
     #[inline(always)]
     fn add_own_stiffness(
         &self,
@@ -564,7 +573,7 @@ impl<T: Real, const A: usize> State<T, A> {
             .add_diagonal([-nu.dot(tail); 3]);
     }
 
-    /// Second derivative by the start's rotation.
+    /// Second derivative with respect to the start's rotation.
     #[inline(always)]
     fn start_stiffness<const CONDENSED: bool>(&self, d_hat: &Mat3<T>) -> Mat3<T> {
         let mut xx = Mat3::zero();
@@ -579,9 +588,9 @@ impl<T: Real, const A: usize> State<T, A> {
         xx
     }
 
-    /// Adds the second derivatives of dead loads on the points inside, by the arc at whose end
-    /// each is; `moved` is the motion of the end by the rotation that each arc adds. Returns the
-    /// share of these loads that shear and extension give way to.
+    /// Adds the second derivatives of dead loads on the points inside, by the arc at whose end each
+    /// is; `moved` is the motion of the end due to the rotation added by each arc. Returns the
+    /// share of these loads that causes shear and extension.
     #[inline(always)]
     pub fn add_dead_loads(
         &self,
@@ -594,7 +603,8 @@ impl<T: Real, const A: usize> State<T, A> {
         for (a, load) in loads[..A - 1].iter().enumerate() {
             stretching += *load * share::<T, A>(a);
         }
-        // sums over the points from an arc on: load, and its product with what lies beyond it
+        // sums over the points from an arc on: load, and its outer product with the vector to the
+        // end
         let (mut load, mut product) = (Vec3::zero(), Mat3::<T>::zero());
         let mut crossed = [Mat3::zero(); A];
         for i in (0..A - 1).rev() {
@@ -602,7 +612,7 @@ impl<T: Real, const A: usize> State<T, A> {
             product += loads[i].outer(self.tail[i]);
             let [x, y, z] = product.rows();
             let trace = x[0] + y[1] + z[2];
-            // sum of load x (lever u) by the rotation u of an arc before the points
+            // sum of load x (lever u) for the rotation u of an arc before the points
             crossed[i] = load.cross_mat(grad.r[i]) + product.transpose().add_diagonal([-trace; 3]);
             let moment = load.cross(self.tail[i]) - Vec3([y[2] - z[1], z[0] - x[2], x[1] - y[0]]);
             let Arc { map, prefix: p } = &self.arcs[i];
@@ -620,15 +630,15 @@ impl<T: Real, const A: usize> State<T, A> {
         for i in 0..A {
             out.xu[i] += stretching.cross_mat(moved[i] - grad.r[i]);
         }
-        // sum of load and place
+        // sum of load and position
         let places = load.outer(self.rho0) - product + stretching.outer(self.rho - self.rho0);
         let [x, y, z] = places.rows();
         out.xx += (-places.symmetric_part()).add_diagonal([x[0] + y[1] + z[2]; 3]);
         stretching
     }
 
-    /// Continuous tendons: second derivatives by the rotation vectors of the two arcs of an
-    /// element: first-first, second-first, second-second.
+    /// Continuous tendons: second derivatives with respect to the rotation vectors of the two arcs
+    /// of an element: first-first, second-first, second-second.
     #[inline(always)]
     fn continuous_blocks(&self, c: &Constants<T>, t: &Tendons<T>, i: usize) -> [Mat3<T>; 3] {
         let mut blocks = [Mat3::zero(); 3];
@@ -646,19 +656,20 @@ impl<T: Real, const A: usize> State<T, A> {
 }
 
 impl<const A: usize> State<f64, A> {
-    /// A point of the backbone at a fraction of the way to the end disk.
+    /// A point of the backbone at a fraction of the distance to the end disk.
     pub fn point(&self, c: &Constants<f64>, fraction: f64) -> Vec3 {
         let [start, end] = c.clamp;
         let along = fraction * (start + c.flexible + end) - start;
         let (place, turn) = self.section(along / c.flexible);
-        // beyond the flexible part the clamps go straight on
+        // beyond the flexible part the clamps continue straight
         let on = along - along.clamp(0.0, c.flexible);
         Vec3([0.0, 0.0, start]) + place + turn.column(2) * on
     }
 }
 
 impl<T: Real, const A: usize> State<T, A> {
-    /// Place and orientation of a section at a fraction of the flexible part, from its start.
+    /// Position and orientation of a section at a fraction of the flexible part, relative to its
+    /// start.
     #[inline(always)]
     pub fn section(&self, fraction: f64) -> (Vec3<T>, Mat3<T>) {
         let fraction = fraction.clamp(0.0, 1.0);
@@ -676,7 +687,8 @@ impl<T: Real, const A: usize> State<T, A> {
 }
 
 impl<T: Real> Constants<T> {
-    /// Elastic moments by each arc's rotation vector.
+    /// Derivatives of the bending energy (theory Eq. 2.4) with respect to each arc's rotation
+    /// vector.
     #[inline(always)]
     pub fn bending_moments<const A: usize>(&self, w: &[Vec3<T>; A]) -> [Vec3<T>; A] {
         let mut g = [Vec3::zero(); A];
@@ -688,8 +700,8 @@ impl<T: Real> Constants<T> {
         g
     }
 
-    /// Energy of the extension that tendons along the backbone take, beside that by the contact
-    /// force, which alone lengthens it by `longer`.
+    /// Energy of the extension due to continuous tendons, in addition to that of the contact force,
+    /// which alone lengthens the backbone by `longer`.
     #[inline(always)]
     pub fn stretch_energy(&self, t: &Tendons<T>, longer: T) -> T {
         let mut force = T::zero();
@@ -701,7 +713,7 @@ impl<T: Real> Constants<T> {
         force * (self.flexible * self.axial_compliance * force * T::splat(0.5) - longer)
     }
 
-    /// Extension of the backbone by tendons that run along it.
+    /// Axial stretch of the backbone under continuous tendons.
     #[inline(always)]
     pub fn stretch(&self, t: &Tendons<T>) -> T {
         let mut stretch = T::splat(1.0);

@@ -1,7 +1,10 @@
-//! Derivatives of an equilibrium: tip and tendon lengths by tensions, tip wrench and stiffness.
+//! Derivatives of an equilibrium: tip and tendon lengths with respect to tensions, tip wrench and
+//! stiffness.
 //!
-//! The sweep of the Newton step with other right-hand sides: a parameter acts on a module as a
-//! change of the force on its end, of its end's place, and of the moments on its arcs.
+//! Theory: docs/theory/statics.md (Block-tridiagonal elimination).
+//!
+//! The elimination of the Newton step is applied to further right-hand sides: a parameter changes
+//! the force on a module's end, the position of its end, and the moments on its arcs.
 
 use crate::interrupt;
 use crate::math::linalg::{Mat3, Vec3};
@@ -10,27 +13,29 @@ use crate::model::load::TendonPath;
 use crate::rod::chain::Rod;
 use crate::rod::module::{Response, Span};
 
-/// Derivatives by one parameter.
+/// Derivatives with respect to one parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivative {
-    /// Tip position, m.
+    /// Tip position (m).
     pub position: Vec3,
-    /// Tip rotation as a rotation vector in the base frame, rad.
+    /// Tip rotation as a rotation vector in the base frame (rad).
     pub rotation: Vec3,
-    /// Tendon lengths from the base hole to the end disk's hole, m.
+    /// Tendon lengths from the base hole to the end disk's hole (m).
     pub lengths: Vec<f64>,
 }
 
-/// Derivatives of an equilibrium with respect to its load and stiffness, each per unit.
+/// Derivatives of an equilibrium with respect to its load and stiffness, each per unit of the
+/// parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Jacobians {
-    /// By each tension, 1/N.
+    /// With respect to each tension (1/N).
     pub tensions: Vec<Derivative>,
-    /// By the tip force along x, y and z of the base frame, 1/N.
+    /// With respect to the tip force along x, y and z of the base frame (1/N).
     pub tip_force: Vec<Derivative>,
-    /// By the tip moment about x, y and z of the base frame, 1/(N m).
+    /// With respect to the tip moment about x, y and z of the base frame (1/(N m)).
     pub tip_moment: Vec<Derivative>,
-    /// By the relative change of all stiffness of each segment's backbone (d/d ln E).
+    /// With respect to the relative change of all stiffnesses of each segment's backbone (d/d ln
+    /// E).
     pub stiffness: Vec<Derivative>,
 }
 
@@ -41,11 +46,11 @@ enum Parameter {
     Stiffness(usize),
 }
 
-/// What a parameter changes in a module at fixed strain.
+/// Partial derivatives of a module with respect to a parameter, at fixed strain.
 struct Source<const A: usize> {
     /// Contact force.
     force: Vec3,
-    /// Place of the end.
+    /// Position of the end.
     place: Vec3,
     /// Moment imbalance of each arc.
     moment: [Vec3; A],
@@ -53,8 +58,8 @@ struct Source<const A: usize> {
     start: Vec3,
 }
 
-/// Derivatives at the equilibrium that the rod holds, evaluated; `None` for continuous tendons
-/// and where they are not finite.
+/// Derivatives at the equilibrium held and evaluated by the rod; `None` for continuous tendons and
+/// where they are not finite.
 pub(crate) fn jacobians<const A: usize>(
     rod: &mut Rod<Scalar, A>,
     segments: &[usize],
@@ -155,7 +160,7 @@ fn source<const A: usize>(
         }
         _ => {}
     }
-    // what force and place do to arcs and start through the response of the end
+    // effect of force and position on arcs and start, through the response of the end
     let Response {
         j,
         m,
@@ -193,12 +198,12 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
         Parameter::Moment(i) => -rod.rotations[n].tr_mul(unit(i)),
         _ => Vec3::zero(),
     };
-    let mut answers = vec![[Vec3::zero(); A]; n];
+    let mut solutions = vec![[Vec3::zero(); A]; n];
     for k in (0..n).rev() {
         let at_start = rod.states[k].s * p;
         let mut start = [at_start];
-        answers[k] = sources[k].moment.map(|m| m + at_start);
-        rod.newton.eliminated[k].backward::<SYMMETRIC>(&mut answers[k], &mut start);
+        solutions[k] = sources[k].moment.map(|m| m + at_start);
+        rod.newton.eliminated[k].backward::<SYMMETRIC>(&mut solutions[k], &mut start);
         p = start[0] + sources[k].start;
     }
     let mut x = Vec3::zero();
@@ -206,7 +211,7 @@ fn derivative<const A: usize, const SYMMETRIC: bool>(
     let mut lengths = vec![0.0; rod.placed.lengths.len()];
     for k in 0..n {
         let (state, c, response) = (&rod.states[k], &rod.constants[k], &responses[k]);
-        let u = rod.newton.eliminated[k].forward(&answers[k], &[x]);
+        let u = rod.newton.eliminated[k].forward(&solutions[k], &[x]);
         let mut turn = Vec3::zero();
         let mut moved = sources[k].place;
         for i in 0..A {

@@ -1,14 +1,16 @@
 //! A tendon between two disks: a straight span, or a path parallel to the backbone.
+//!
+//! Theory: docs/theory/rod.md (Tendons).
 
 use crate::math::linalg::{Mat3, Vec3};
 use crate::math::real::Real;
 use crate::model::robot::Tendon;
 use crate::rod::constants::Constants;
 
-/// A straight piece of tendon between two neighbouring holes.
+/// A straight span of tendon between two neighbouring holes (theory Eq. 2.6).
 #[derive(Clone)]
 pub(crate) struct Span<T> {
-    /// From the end of the flexible backbone to the end hole (m).
+    /// Vector from the end of the flexible backbone to the end hole (m).
     pub arm: Vec3<T>,
     /// Length (m).
     pub length: T,
@@ -35,7 +37,7 @@ impl<T: Real> Span<T> {
         }
     }
 
-    /// Geometric stiffness: `T / length (I - d d')`.
+    /// Geometric stiffness `T / length (I - d d')`, G of theory Eq. 3.3.
     #[inline(always)]
     pub fn stiffness(&self, tension: T) -> Mat3<T> {
         let s = tension * self.per_length;
@@ -45,15 +47,15 @@ impl<T: Real> Span<T> {
     }
 }
 
-/// A tendon along a curve parallel to one element, by two Gauss points.
+/// A tendon along a curve parallel to one element (theory Eq. 2.7), by two Gauss points.
 pub(crate) struct ParallelPath<T> {
     pub length: T,
     hole: Vec3<T>,
     /// Unit tangent and speed at each Gauss point.
     points: [(Vec3<T>, T); 2],
-    /// Length that a point stands for.
+    /// Weight of a point: length that it represents (m).
     weight: T,
-    /// Derivative of a Gauss point's curvature by the nearer and the farther arc.
+    /// Derivative of a Gauss point's curvature with respect to the nearer and the farther arc.
     near: T,
     far: T,
 }
@@ -92,7 +94,7 @@ impl<T: Real> ParallelPath<T> {
         }
     }
 
-    /// By the rotation vectors of the two arcs.
+    /// Derivatives of the length with respect to the rotation vectors of the two arcs.
     #[inline(always)]
     pub fn gradient(&self) -> [Vec3<T>; 2] {
         let [p, q] = self.points.map(|(d, _)| self.hole.cross(d));
@@ -100,7 +102,7 @@ impl<T: Real> ParallelPath<T> {
         [p * near + q * far, p * far + q * near]
     }
 
-    /// Blocks: first-first, second-first, second-second.
+    /// Second derivatives: blocks first-first, second-first, second-second.
     #[inline(always)]
     pub fn hessian(&self) -> [Mat3<T>; 3] {
         let b = self.hole;
@@ -162,7 +164,7 @@ mod tests {
         Vec3([0; 3].map(|_| draw.within(-size, size)))
     }
 
-    /// Change of `f` by a step of either sign along each axis, over twice the step.
+    /// Central differences of `f` along each axis.
     fn differences<const N: usize>(f: impl Fn(Vec3) -> [f64; N]) -> [[f64; 3]; N] {
         let mut out = [[0.0; 3]; N];
         for axis in 0..3 {
@@ -185,8 +187,7 @@ mod tests {
         }
     }
 
-    /// The law of a straight span: a motion of the end lengthens it by the direction's share, and
-    /// its tension turns with it.
+    /// Derivatives of a straight span's length are those of theory Eq. 2.6 and 3.3.
     #[test]
     fn derivatives_of_a_straight_span() {
         let c = constants(1);
@@ -212,7 +213,7 @@ mod tests {
         }
     }
 
-    /// The law of a continuous tendon: derivatives of its length by both arcs of an element.
+    /// Derivatives of a continuous tendon's length with respect to both arcs of an element.
     #[test]
     fn derivatives_of_a_parallel_path() {
         for (number, elements) in (0..50).zip([1, 2, 4, 8].into_iter().cycle()) {
@@ -241,14 +242,14 @@ mod tests {
         }
     }
 
-    /// On an arc of constant curvature it has the length of the parallel arc.
+    /// On an arc of constant curvature a continuous tendon has the length of the parallel arc.
     #[test]
     fn a_parallel_path_of_an_arc_is_the_parallel_arc() {
         let c = constants(1);
         for angle in [0.0, 0.1, -0.4, 1.2] {
             let half = Vec3([0.0, 0.5 * angle, 0.0]);
             let path = ParallelPath::new::<2>(&c, &tendon(), 1.0, half, half);
-            // a bend about y shortens what is on the side of x
+            // a bend about y shortens a tendon on the side of +x
             let expected = c.flexible - angle * HOLE[0];
             assert!((path.length - expected).abs() < 1e-12, "{angle}");
         }

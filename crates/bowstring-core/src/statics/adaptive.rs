@@ -1,6 +1,9 @@
-//! Statics with as many elements in a module as the answer needs.
+//! Statics with as many elements in a module as the solution needs.
 //!
-//! One element is fourth order and enough for most loads; what it misses is estimated after the
+//! Theory: docs/theory/statics.md (Discretisation error).
+//!
+//! One element is fourth order and sufficient for most loads. Its error is estimated after the
+//! solve (see [`crate::rod::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
 //! solve (see [`crate::rod::estimate`]), and a load that needs more is solved again with 2, 4 or 8.
 
 use crate::interrupt;
@@ -11,11 +14,11 @@ use crate::model::robot::Robot;
 use crate::rod::estimate::LEVELS;
 use crate::statics::solver::{Outcome, Solver, Status};
 
-/// Stated error of the tip, over the robot's length, up to which finer elements start from the
+/// Estimated error of the tip, over the robot's length, up to which finer elements start from the
 /// strain of the coarse ones.
 const START_TOLERANCE: f64 = 1e-2;
 
-/// The same strain on twice as many elements: that of each is linear.
+/// The same strain on twice as many elements; it is linear in each.
 fn refine(strain: &[Vec3]) -> Vec<Vec3> {
     let halves = strain.chunks_exact(2).flat_map(|arcs| {
         let (sum, difference) = (arcs[0] + arcs[1], arcs[1] - arcs[0]);
@@ -34,19 +37,19 @@ pub(crate) fn refine_to(mut strain: Vec<Vec3>, factor: usize) -> Vec<Vec3> {
     strain
 }
 
-/// A solver that chooses its elements, or keeps those that it was given.
+/// A solver that chooses its number of elements, or keeps a given one.
 #[derive(Clone)]
 pub struct Adaptive {
     robot: Robot,
     model: Model,
     fixed: bool,
     solvers: [Option<Box<Solver>>; 4],
-    /// Of the last answer.
+    /// Level of the last solution.
     level: usize,
 }
 
 impl Adaptive {
-    /// `elements`: 1, 2, 4 or 8 in every module; `None` chooses them load by load.
+    /// A solver with `elements` in every module: 1, 2, 4 or 8; `None` chooses them for each load.
     pub fn new(robot: &Robot, model: Model, elements: Option<usize>) -> Result<Self, InputError> {
         let first = Solver::new(robot, model, elements.unwrap_or(1))?;
         let level = LEVELS.iter().position(|e| *e == first.elements());
@@ -62,27 +65,27 @@ impl Adaptive {
         })
     }
 
-    /// The solver that holds the last answer.
+    /// The solver that holds the last solution.
     pub fn solver(&self) -> &Solver {
         self.solvers[self.level].as_ref().expect("it has solved")
     }
 
-    /// Solves `load`, which the last answer is of, with `elements` in a module, from that answer's
-    /// strain and from nothing else: on the same branch of solutions, if it converges.
+    /// Solves `load`, that of the last solution, with `elements` in a module, starting only from
+    /// that solution's strain: if it converges, it is on the same branch of solutions.
     ///
     /// # Errors
-    /// If there is no answer, the elements are fewer than its own, or the solver does not fit into
-    /// memory.
+    /// If there is no solution, the elements are fewer than its own, or the solver does not fit
+    /// into memory.
     pub fn refined(&self, load: &Load, elements: usize) -> Result<(Solver, Outcome), InputError> {
         let now = self.solver();
         let mut finer = Solver::new(&self.robot, self.model, elements)?;
         let Some(strain) = now.last_strain() else {
-            return Err(InputError::other("there is no answer to refine"));
+            return Err(InputError::other("there is no solution to refine"));
         };
         if elements < now.elements() {
             let now = now.elements();
             return Err(InputError::other(format!(
-                "elements: {elements} are fewer than the {now} of the answer"
+                "elements: {elements} are fewer than the {now} of the solution"
             )));
         }
         let strain = refine_to(strain, elements / now.elements());
@@ -91,7 +94,7 @@ impl Adaptive {
         Ok((finer, outcome))
     }
 
-    /// Forgets the answers of all solvers.
+    /// Discards the solutions of all solvers.
     pub(crate) fn reset(&mut self) {
         if !self.fixed {
             self.level = 0;
@@ -112,8 +115,8 @@ impl Adaptive {
         Ok(self.solvers[level].insert(solver))
     }
 
-    /// Equilibrium from the straight backbone. Where one element is not enough but near, finer
-    /// ones go on from its strain.
+    /// Equilibrium from the straight backbone. Where one element is nearly sufficient, finer ones
+    /// start from its strain.
     pub fn solve(&mut self, load: &Load) -> Result<Outcome, InputError> {
         if !self.fixed {
             self.level = 0;
@@ -121,8 +124,8 @@ impl Adaptive {
         self.search(load, false)
     }
 
-    /// Equilibrium from the ones before: for loads that follow each other closely. Elements are
-    /// not taken back.
+    /// Equilibrium from the previous ones, for loads in a fine sequence. The number of elements
+    /// does not decrease.
     pub fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError> {
         self.search(load, true)
     }
@@ -130,7 +133,7 @@ impl Adaptive {
     fn search(&mut self, load: &Load, next: bool) -> Result<Outcome, InputError> {
         let mut iterations = 0;
         let mut failed: Option<(usize, Outcome)> = None;
-        // strain of the coarser answer, and whether the way to it left an unstable equilibrium
+        // strain of the coarser solution, and whether its path left an unstable equilibrium
         let mut start: Option<(Vec<Vec3>, bool)> = None;
         loop {
             let elements = LEVELS[self.level];
@@ -155,12 +158,12 @@ impl Adaptive {
             let more = match needed {
                 _ if self.fixed || interrupt::interrupted() => elements,
                 Some(needed) => needed,
-                // a coarse rod may have no answer where a finer one has
+                // a coarse rod may have no solution where a finer one has
                 None => elements.max(4),
             };
             if more == elements {
                 if let (Some((level, first)), true) = (failed, outcome.error.is_none()) {
-                    // it tried harder, and tells more of how far the load can go
+                    // the first attempt tried more, and reports better how far the load can go
                     (self.level, outcome) = (level, first);
                 }
                 outcome.iterations = iterations;
@@ -169,7 +172,7 @@ impl Adaptive {
             if outcome.status != Status::Converged {
                 failed = failed.or(Some((self.level, outcome)));
             }
-            // a coarse answer that is far off may be on another branch
+            // a coarse solution with a large error may be on another branch
             let tolerance = START_TOLERANCE * self.robot.length();
             let near = outcome.error.is_some_and(|error| error.tip <= tolerance);
             if next || near && outcome.stable.is_some() {
@@ -178,7 +181,7 @@ impl Adaptive {
             }
             let level = LEVELS.iter().position(|e| *e == more).expect("one of them");
             let Ok(finer) = self.at(level) else {
-                // the coarse answer states its error, and is better than none
+                // the coarse solution states its error, and is better than none
                 outcome.iterations = iterations;
                 return Ok(outcome);
             };

@@ -1,4 +1,6 @@
-//! Many loads in one call: in order, each from the one before, or independent over all cores.
+//! Many loads in one call: in sequence, each from the previous one, or independent over all cores.
+//!
+//! Theory: docs/theory/statics.md.
 
 use crate::dispatch;
 use crate::interrupt;
@@ -12,13 +14,13 @@ use crate::statics::lanes::{side_by_side, SideBySide};
 use crate::statics::solver::{Outcome, Pose, Solver, Status};
 
 impl RodModel {
-    /// A solver with these model.
+    /// A solver of a robot with these settings.
     pub fn solver(&self, robot: &Robot) -> Result<Adaptive, InputError> {
         Adaptive::new(robot, self.model, self.elements)
     }
 }
 
-/// Loads as flat arrays, row by row; SI, base frame.
+/// Loads as flat arrays, row by row; SI units, base frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Loads<'a> {
     /// Number of rows.
@@ -27,14 +29,14 @@ pub struct Loads<'a> {
     pub tensions: &'a [f64],
     /// Gravity (m/s^2): three numbers, or three in each row.
     pub gravity: &'a [f64],
-    /// Force on the tip (N), as gravity.
+    /// Force on the tip (N), in the same form as gravity.
     pub tip_force: &'a [f64],
-    /// Moment on the tip (N m), as gravity.
+    /// Moment on the tip (N m), in the same form as gravity.
     pub tip_moment: &'a [f64],
 }
 
 impl<'a> Loads<'a> {
-    /// One row of a robot with so many tendons.
+    /// One row, for a robot with this many tendons.
     pub fn row(&self, i: usize, tendons: usize) -> Load<'a> {
         let three = |v: &[f64]| {
             let at = if v.len() == 3 { 0 } else { 3 * i };
@@ -48,7 +50,7 @@ impl<'a> Loads<'a> {
         }
     }
 
-    /// Checks every row; the error names the first bad one, counted from 0.
+    /// Checks every row; the error names the first invalid one, counted from 0.
     pub fn check(&self, robot: &Robot) -> Result<(), InputError> {
         let (n, tendons) = (self.count, robot.tendon_count());
         if Some(self.tensions.len()) != n.checked_mul(tendons) {
@@ -80,12 +82,12 @@ impl<'a> Loads<'a> {
     }
 }
 
-/// Answers as flat arrays, row by row; SI, base frame.
+/// Solutions as flat arrays, row by row; SI units, base frame.
 ///
 /// Rows that did not converge hold NaN. A rotation is its matrix row by row and maps body to base.
 #[derive(Clone, Debug)]
 pub struct Solutions {
-    /// What each row found.
+    /// Outcome of each row.
     pub outcomes: Vec<Outcome>,
     /// Positions of the tip (m), n x 3.
     pub tip_position: Vec<f64>,
@@ -93,14 +95,14 @@ pub struct Solutions {
     pub tip_rotation: Vec<f64>,
     /// Lengths of the tendons (m), n x tendons.
     pub tendon_length: Vec<f64>,
-    /// Positions of the disks (m), n x disks x 3; empty unless asked for.
+    /// Positions of the disks (m), n x disks x 3; empty unless requested.
     pub disk_position: Vec<f64>,
-    /// Rotations of the disks, n x disks x 9; empty unless asked for.
+    /// Rotations of the disks, n x disks x 9; empty unless requested.
     pub disk_rotation: Vec<f64>,
 }
 
-/// Loads in order, on one core. `warm` starts each from the solution before it, which is faster
-/// where they follow each other closely and stays on the branch of solutions.
+/// Solves loads in sequence, on one core. `warm` starts each from the previous solution, which is
+/// faster for loads in a fine sequence and stays on the branch of solutions.
 pub fn sweep(
     robot: &Robot,
     model: &RodModel,
@@ -111,7 +113,7 @@ pub fn sweep(
     sweep_with(robot, &mut model.solver(robot)?, loads, warm, disks)
 }
 
-/// As [`sweep`], with a solver of the robot and model.
+/// As [`sweep`], with an existing solver of the robot and model.
 pub fn sweep_with(
     robot: &Robot,
     solver: &mut Adaptive,
@@ -128,9 +130,9 @@ pub fn sweep_with(
     Ok(solutions)
 }
 
-/// Independent loads, each from straight, over `threads` cores (0: all there are).
+/// Solves independent loads, each from the straight backbone, over `threads` cores (0: all).
 ///
-/// The answers do not depend on the number of threads. Without the feature `threads` it runs on
+/// The solutions do not depend on the number of threads. Without the feature `threads` it runs on
 /// one core.
 pub fn solve_batch(
     robot: &Robot,
@@ -156,17 +158,17 @@ pub fn solve_batch(
     Ok(solutions)
 }
 
-/// What a thread needs to solve a chunk.
+/// Solvers of a thread.
 struct Scratch {
     solver: Adaptive,
     #[cfg(target_arch = "x86_64")]
     lanes: Option<Box<dyn SideBySide>>,
 }
 
-/// Loads that one thread takes at a time: whole sets of lanes.
+/// Loads that one thread takes at a time: a multiple of the lanes.
 const CHUNK: usize = 64;
 
-/// Threads to run on: 0 stands for all cores.
+/// Number of threads to run on: 0 means all cores.
 pub fn thread_count(threads: usize) -> usize {
     match threads {
         _ if !cfg!(feature = "threads") => 1,
@@ -175,9 +177,9 @@ pub fn thread_count(threads: usize) -> usize {
     }
 }
 
-/// Does work on every item, on `threads` threads (0: one for each core) with scratch memory of
-/// their own; on one thread without the feature `threads`. Work that is interrupted leaves items as
-/// they are.
+/// Processes every item, on `threads` threads (0: one for each core) with their own scratch memory;
+/// on one thread without the feature `threads`. Interrupted work leaves the remaining items
+/// unchanged.
 #[cfg_attr(not(feature = "threads"), allow(unused_variables))]
 pub fn for_each<T: Send, S>(
     items: &mut [T],
@@ -190,7 +192,7 @@ pub fn for_each<T: Send, S>(
         use rayon::prelude::*;
         let shared = interrupt::Shared::default();
         let join = shared.clone();
-        // a pool of its own: the global one would not survive a fork of the process
+        // own pool: the global one would not survive a fork of the process
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads.min(items.len()))
             .start_handler(move |_| join.join())
@@ -214,7 +216,7 @@ pub fn for_each<T: Send, S>(
 }
 
 impl Solutions {
-    /// Room for `n` answers, all NaN.
+    /// Solutions for `n` rows, all NaN.
     pub(super) fn pending(robot: &Robot, n: usize, disks: bool) -> Result<Self, InputError> {
         let refused = || too_many(n);
         let nan = |columns: usize| unknown(n.checked_mul(columns), &refused);
@@ -229,7 +231,7 @@ impl Solutions {
         })
     }
 
-    /// Disjoint pieces of `rows` rows, the last one perhaps shorter.
+    /// Disjoint chunks of `rows` rows, the last one possibly shorter.
     pub(super) fn chunks(&mut self, robot: &Robot, rows: usize) -> impl Iterator<Item = Chunk<'_>> {
         let (tendons, modules) = (robot.tendon_count(), robot.module_count());
         let disks = if self.disk_position.is_empty() {
@@ -260,17 +262,17 @@ impl Solutions {
 
 pub(super) fn too_many(n: usize) -> InputError {
     InputError::other(format!(
-        "the answers of {n} loads do not fit into memory: give fewer at a time or leave the disks out"
+        "the solutions of {n} loads do not fit into memory: give fewer at a time or leave the disks out"
     ))
 }
 
-/// Pieces of `len` entries of a column, the last one perhaps shorter, and empty ones beyond.
+/// Pieces of `len` entries of a column, the last one possibly shorter, and empty ones after it.
 pub(super) fn pieces<T>(column: &mut [T], len: usize) -> impl Iterator<Item = &mut [T]> {
     let beyond = std::iter::repeat_with(Default::default);
     column.chunks_mut(len.max(1)).chain(beyond)
 }
 
-/// Consecutive rows and the place for their answers.
+/// Consecutive rows and the storage of their solutions.
 pub(super) struct Chunk<'a> {
     pub first: usize,
     tendons: usize,
@@ -286,7 +288,8 @@ pub(super) struct Chunk<'a> {
 }
 
 impl Chunk<'_> {
-    /// Solves every row from straight: side by side where that can be, else one by one.
+    /// Solves every row from the straight backbone: in SIMD lanes where possible, otherwise one by
+    /// one.
     fn fill(&mut self, scratch: &mut Scratch, loads: &Loads) {
         #[cfg(target_arch = "x86_64")]
         if let Some(lanes) = &mut scratch.lanes {
@@ -351,7 +354,7 @@ impl Chunk<'_> {
         }
     }
 
-    /// Writes the answer of a solver that has converged.
+    /// Writes the solution of a converged solver.
     pub fn write_answer(&mut self, i: usize, solver: &Solver) {
         self.write(
             i,
@@ -378,7 +381,7 @@ impl Chunk<'_> {
     }
 }
 
-/// Writes a pose as the `at`-th of flat arrays.
+/// Writes a pose to index `at` of flat arrays.
 pub fn write_pose(pose: &Pose, at: usize, position: &mut [f64], rotation: &mut [f64]) {
     position[3 * at..][..3].copy_from_slice(&pose.position.0);
     for r in 0..3 {

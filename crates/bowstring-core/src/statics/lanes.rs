@@ -1,7 +1,9 @@
 //! Several loads of one robot side by side in SIMD lanes.
 //!
-//! Takes plain Newton steps only, those that `solver` takes where nothing goes wrong: all
-//! pivots positive, no step too long, the energy falling. A load that needs more is left to it.
+//! Theory: docs/theory/statics.md.
+//!
+//! Takes only plain Newton steps, as `solver` does in the regular case: all pivots positive, no
+//! step too long, the energy decreasing. Other loads are left to `solver`.
 
 use crate::interrupt;
 use crate::math::linalg::Vec3;
@@ -15,22 +17,23 @@ use crate::statics::newton::{is_minimum_nearby, ENERGY_NOISE, MAX_STEP, SUFFICIE
 use crate::statics::outcome::TOLERANCE;
 use crate::statics::solver::{Outcome, Pose, Settings, Status};
 
-/// Newton steps after which a load is left to the careful solver.
+/// Most Newton steps before a load is left to the globalised solver.
 const MAX_PLAIN_STEPS: usize = 10;
 
 /// Robots in SIMD lanes.
 pub(crate) trait SideBySide {
-    /// How many loads fit side by side.
+    /// Number of loads that fit side by side.
     fn width(&self) -> usize;
-    /// Solves up to `width` loads from straight; `None` for those left to the careful solver.
+    /// Solves up to `width` loads from the straight backbone; `None` for those left to the
+    /// globalised solver.
     fn solve(&mut self, loads: &[Load]) -> [Option<Outcome>; 8];
     /// Pose of a disk under one of the loads.
     fn disk(&self, k: usize, lane: usize) -> Pose;
-    /// Length of a tendon under one of the loads, m.
+    /// Length of a tendon under one of the loads (m).
     fn tendon_length(&self, i: usize, lane: usize) -> f64;
 }
 
-/// For one element in a module, where the processor has lanes.
+/// A solver for one element in a module, where the processor has SIMD lanes.
 pub(crate) fn side_by_side(
     robot: &Robot,
     model: Model,
@@ -53,7 +56,7 @@ pub(crate) fn side_by_side(
 struct Lanes<S: Simd> {
     rod: Rod<Robots<S>, 2>,
     settings: Settings,
-    /// Elements are chosen: an answer that needs more than one is not let pass.
+    /// Whether elements are chosen: a solution that needs more than one is rejected.
     automatic: bool,
 }
 
@@ -112,7 +115,7 @@ fn solve<S: Simd>(
     );
     rod.make_straight();
     let mut energy = rod.evaluate();
-    // a tip moment has no energy to fall
+    // a tip moment has no energy to minimise
     let mut plain = [false; 8];
     let mut noise = S::Vector::zero();
     let mut stiffening = [0.0; 8];
@@ -138,7 +141,7 @@ fn solve<S: Simd>(
             for lane in 0..loads.len() {
                 let found = found.of_lane(lane);
                 let verdict = Verdict::new(&found, [0.0; 2], Some(true), settings.length, 1);
-                // finer elements are a matter of the careful solver
+                // finer elements are left to the globalised solver
                 let fine = !automatic || verdict.needed == 1;
                 if plain[lane] && ready(lane) && fine && rod.collision(lane).is_none() {
                     outcomes[lane] = Some(Outcome {
@@ -157,7 +160,7 @@ fn solve<S: Simd>(
         let pivot = rod.eliminate::<true>(S::Vector::zero());
         let step = rod.newton_step::<true>();
         rod.save();
-        // a lane that is left to the careful solver stays where it is
+        // a lane that is left to the globalised solver does not move
         rod.advance(S::Vector::from_fn(|lane| f64::from(plain[lane])));
         let trial = rod.evaluate();
         let bound = energy + step.slope * S::Vector::splat(SUFFICIENT_DECREASE) + noise;

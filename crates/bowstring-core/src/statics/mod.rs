@@ -1,4 +1,6 @@
-//! Equilibria: Newton iteration, paths, as many elements as needed, many loads at once.
+//! Equilibria: Newton iteration, load stepping, paths, choice of elements, many loads at once.
+//!
+//! Theory: docs/theory/statics.md and docs/theory/actuation.md.
 
 pub mod adaptive;
 pub mod batch;

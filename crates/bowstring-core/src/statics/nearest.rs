@@ -1,31 +1,34 @@
-//! Displacements without an equilibrium: which tendons fight, and the nearest that have one.
+//! Displacements without an equilibrium: the opposing tendons, and the nearest feasible
+//! displacements.
+//!
+//! Theory: docs/theory/actuation.md.
 
 use crate::model::load::Load;
 use crate::statics::path_step::PathStep;
 use crate::statics::solver::Status;
 use crate::tendon::{Command, History};
 
-/// Compliances that all tendons share, over that of bending: less and less.
+/// Decreasing compliances added to all tendons, over the bending compliance.
 const COMPLIANCES: [f64; 4] = [1.0, 0.1, 1e-2, 1e-3];
-/// Share of the length lacked before that is left where tendons fight: what only stretch makes up
-/// for falls with the compliance.
-const STAYS: f64 = 0.3;
-/// Length lacked, over the robot's, that counts as none.
-const NO_LENGTH: f64 = 1e-6;
-/// Share of the largest length lacked from which a tendon fights.
-const FIGHTS: f64 = 0.1;
+/// Ratio of successive length errors above which tendons oppose each other: an error that only
+/// elongation can remove falls with the compliance.
+const PERSISTENT_RATIO: f64 = 0.3;
+/// Negligible length error, over the robot's length.
+const NEGLIGIBLE_LENGTH: f64 = 1e-6;
+/// Fraction of the largest length error above which a tendon counts as opposing.
+const OPPOSING_FRACTION: f64 = 0.1;
 
 /// Nearest displacements that have an equilibrium.
 pub(crate) struct Nearest {
     /// Tendons that pull against each other.
-    pub fighting: Vec<usize>,
-    /// By tendons, m; NaN under tension control.
+    pub opposing: Vec<usize>,
+    /// Displacements by tendons (m); NaN under tension control.
     pub displacements: Vec<f64>,
 }
 
 impl PathStep {
-    /// Least squares of what displacements lack, friction aside, from the home pose; none where no
-    /// tendons fight.
+    /// Nearest feasible displacements in the least-squares sense, without friction, from the home
+    /// pose; `None` where no tendons pull against each other.
     pub fn nearest(
         &mut self,
         home: &History,
@@ -36,7 +39,7 @@ impl PathStep {
         let now = self.transmission.tendons.now.clone();
         let friction = std::mem::replace(&mut self.transmission.friction.enabled, false);
         let mut best = None;
-        let mut lacked = f64::INFINITY;
+        let mut last_error = f64::INFINITY;
         for share in COMPLIANCES {
             let tendons = &mut self.transmission.tendons;
             let more = share * tendons.compliance.scale;
@@ -46,24 +49,24 @@ impl PathStep {
             if self.solve(home, commands, load).status != Status::Converged {
                 break;
             }
-            let lacks: Vec<f64> = self.lacks(commands, more);
-            let most = lacks.iter().copied().fold(0.0, f64::max);
-            let stays = lacked.is_finite() && most > STAYS * lacked;
+            let length_errors: Vec<f64> = self.length_errors(commands, more);
+            let most = length_errors.iter().copied().fold(0.0, f64::max);
+            let persists = last_error.is_finite() && most > PERSISTENT_RATIO * last_error;
             let length = self.solver.robot().length();
-            best = (stays && most > NO_LENGTH * length).then(|| Nearest {
-                fighting: (0..commands.len())
-                    .filter(|&i| lacks[i] > FIGHTS * most)
+            best = (persists && most > NEGLIGIBLE_LENGTH * length).then(|| Nearest {
+                opposing: (0..commands.len())
+                    .filter(|&i| length_errors[i] > OPPOSING_FRACTION * most)
                     .collect(),
                 displacements: commands
                     .iter()
-                    .zip(&lacks)
-                    .map(|(command, lack)| match command {
-                        Command::Displacement(p) => p - lack,
+                    .zip(&length_errors)
+                    .map(|(command, length_error)| match command {
+                        Command::Displacement(p) => p - length_error,
                         Command::Tension(_) => f64::NAN,
                     })
                     .collect(),
             });
-            lacked = most;
+            last_error = most;
         }
         self.transmission.tendons.compliance.before = before;
         self.transmission.tendons.now = now;
@@ -71,13 +74,13 @@ impl PathStep {
         best
     }
 
-    /// Length that every tendon lacks by a compliance, m; zero under tension control.
-    fn lacks(&self, commands: &[Command], compliance: f64) -> Vec<f64> {
+    /// Length error of every tendon with an added compliance (m); zero under tension control.
+    fn length_errors(&self, commands: &[Command], compliance: f64) -> Vec<f64> {
         let tensions = &self.transmission.tendons.now.tensions;
-        let lack = |(command, tension): (&Command, &f64)| match command {
+        let length_error = |(command, tension): (&Command, &f64)| match command {
             Command::Displacement(_) => compliance * tension,
             Command::Tension(_) => 0.0,
         };
-        commands.iter().zip(tensions).map(lack).collect()
+        commands.iter().zip(tensions).map(length_error).collect()
     }
 }

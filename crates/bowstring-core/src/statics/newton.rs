@@ -1,4 +1,6 @@
-//! Newton's method on the strain: on the energy where there is one, else on the residual.
+//! Newton's method on the strain: on the energy where it exists, otherwise on the residual.
+//!
+//! Theory: docs/theory/statics.md (Globalisation).
 
 use crate::dispatch::Passes;
 use crate::interrupt;
@@ -6,31 +8,31 @@ use crate::math::linalg::Vec3;
 use crate::rod::chain::Step;
 use crate::statics::outcome::{Outcome, Settings, TOLERANCE};
 
-/// Newton steps before giving up.
+/// Most Newton steps for a load.
 pub(super) const MAX_ITERATIONS: usize = 200;
-/// Newton steps on the residual for one load.
+/// Most Newton steps on the residual for one load.
 const MAX_RESIDUAL_STEPS: usize = 40;
-/// Largest rotation that an arc may add in one step (rad).
+/// Largest rotation added by an arc in one step (rad).
 pub(crate) const MAX_STEP: f64 = 1.0;
-/// Times that a step is halved: what does not help at a millionth is lost in rounding.
+/// Most step halvings: a decrease at a millionth of the step is lost in rounding.
 const MAX_HALVINGS: usize = 20;
-/// Share of the slope's promise that the energy must fall by (Armijo's condition).
+/// Sufficient decrease of the energy, over the slope (Armijo's condition).
 pub(crate) const SUFFICIENT_DECREASE: f64 = 1e-4;
-/// Rounding of the energy over the terms that it is a small difference of.
+/// Rounding of the energy, over the terms that nearly cancel in it.
 pub(crate) const ENERGY_NOISE: f64 = 1e-14;
-/// Fall of the residual that a shortened step must bring, over its fraction, and the least
+/// Required relative decrease of the residual in a shortened step, over its fraction; and the least
 /// fraction.
 const RESIDUAL_DECREASE: f64 = 1e-3;
-/// Factor by which a full step may let the residual grow.
+/// Factor by which the residual may grow in a full step.
 const RESIDUAL_GROWTH: f64 = 2.0;
-/// Times that the shift is quadrupled in search of a minimum.
+/// Most times that the shift is quadrupled in search of a minimum.
 const MAX_SHIFTS: usize = 40;
-/// Attempts at leaving unstable equilibria.
+/// Most attempts to leave unstable equilibria.
 const MAX_ESCAPES: usize = 4;
 /// Least pivot of a minimum over the unit of the shift; a smaller one is lost in rounding.
 pub(super) const LEAST_PIVOT: f64 = 1e-12;
 
-/// How one attempt at a load ended.
+/// Result of one attempt at a load.
 pub(super) enum Attempt {
     Converged {
         stable: Option<bool>,
@@ -60,7 +62,7 @@ fn converged(rod: &mut dyn Passes, stable: Option<bool>) -> Attempt {
     }
 }
 
-/// From the strain that the rod holds.
+/// Newton's method from the present strain of the rod.
 pub(super) fn newton(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
     if rod.has_tip_moment() {
         newton_on_residual(rod, settings, outcome)
@@ -69,7 +71,8 @@ pub(super) fn newton(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Ou
     }
 }
 
-/// Minimises the energy: a diagonal shift until all pivots are positive, and backtracking.
+/// Minimises the energy: a diagonal shift until all pivots are positive, and a backtracking line
+/// search.
 fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
     let unit = settings.shift_unit;
     let mut energy = rod.evaluate();
@@ -78,10 +81,10 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
     }
     let mut shift = 0.0;
     let mut escapes = 0;
-    // the energy is a small difference of large terms
+    // large terms nearly cancel in the energy
     let noise = ENERGY_NOISE * (rod.energy_scale(settings.length) + energy.abs());
     let stiffening = rod.energy_scale(settings.length) / rod.module_count() as f64;
-    // the last elimination still tells the inertia if the step after it was short
+    // the last elimination still determines the inertia if the step after it was short
     let mut minimum_nearby = false;
     loop {
         if interrupt::work(settings.work) {
@@ -97,7 +100,7 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
             if pivot.is_nan() {
                 return Attempt::Stuck;
             }
-            // a pivot that is lost in rounding is no proof of a minimum
+            // a pivot at the level of rounding does not prove a minimum
             if pivot > LEAST_PIVOT * unit {
                 return converged(rod, Some(true));
             }
@@ -133,7 +136,7 @@ fn newton_on_energy(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Out
     }
 }
 
-/// Eliminates with the shift, raised until all pivots are positive; returns the least.
+/// Eliminates with the shift, raised until all pivots are positive; returns the least pivot.
 fn eliminate_shifted(rod: &mut dyn Passes, settings: &Settings, shift: &mut f64) -> Option<f64> {
     let mut pivot = rod.eliminate(true, *shift);
     for _ in 0..MAX_SHIFTS {
@@ -150,7 +153,7 @@ fn eliminate_shifted(rod: &mut dyn Passes, settings: &Settings, shift: &mut f64)
     (pivot > 0.0).then_some(pivot)
 }
 
-/// Takes a fraction of the step that lowers the energy enough, and returns it.
+/// Takes a fraction of the step that lowers the energy sufficiently, and returns it.
 fn backtrack(
     rod: &mut dyn Passes,
     settings: &Settings,
@@ -175,7 +178,7 @@ fn backtrack(
     None
 }
 
-/// Newton's method where there is no energy: a step is accepted if the residual falls.
+/// Newton's method where there is no energy: a step is accepted if the residual decreases.
 fn newton_on_residual(rod: &mut dyn Passes, settings: &Settings, outcome: &mut Outcome) -> Attempt {
     rod.evaluate();
     let mut residual = rod.gradient() / settings.moment_scale;
@@ -205,7 +208,7 @@ fn newton_on_residual(rod: &mut dyn Passes, settings: &Settings, outcome: &mut O
     Attempt::Stuck
 }
 
-/// Takes a fraction of the step that lowers the residual, and returns what is left of it.
+/// Takes a fraction of the step that lowers the residual, and returns the new residual.
 fn shorten(rod: &mut dyn Passes, settings: &Settings, largest: f64, residual: f64) -> Option<f64> {
     rod.save();
     let mut fraction = (MAX_STEP / largest).min(1.0);
@@ -213,7 +216,7 @@ fn shorten(rod: &mut dyn Passes, settings: &Settings, largest: f64, residual: f6
         rod.advance(fraction);
         rod.evaluate();
         let trial = rod.gradient() / settings.moment_scale;
-        // a full step may turn the whole chain: let the residual grow a little
+        // a full step may rotate the whole chain: allow a small growth of the residual
         let most = if fraction == 1.0 {
             RESIDUAL_GROWTH
         } else {
@@ -229,17 +232,17 @@ fn shorten(rod: &mut dyn Passes, settings: &Settings, largest: f64, residual: f6
     }
 }
 
-/// Whether an elimination before a step still tells that the place after it is a minimum: the
-/// step must be short, and what it changes of the second derivatives small beside the pivots.
+/// Whether an elimination before a step still shows that the point after it is a minimum: the step
+/// must be short, and its change of the second derivatives small beside the pivots.
 #[inline(always)]
 pub(crate) fn is_minimum_nearby(largest: f64, pivot: f64, unit: f64, stiffening: f64) -> bool {
     largest < 1e-4 && pivot > 0.01 * unit && largest * stiffening < 0.1 * pivot
 }
 
-/// Moves off an unstable equilibrium, to the side where the energy is lower; returns it.
+/// Leaves an unstable equilibrium, to the side with the lower energy, and returns that energy.
 ///
-/// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start looks for the
-/// lowest mode, so that the same load always takes the same branch.
+/// Inverse iteration on the shifted Hessian from a fixed, unsymmetric start approximates the lowest
+/// mode, so that the same load always takes the same branch.
 #[cold]
 fn leave_saddle(rod: &mut dyn Passes, settings: &Settings, attempt: usize, energy: f64) -> f64 {
     let mut shift = 1e-6 * settings.shift_unit;

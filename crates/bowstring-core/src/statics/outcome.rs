@@ -1,29 +1,31 @@
-//! What a solve found, its numbers aside, and the measures that it was found by.
+//! Status of a solve, and the scales of its tolerances.
+//!
+//! Theory: docs/theory/statics.md (Globalisation, Stability).
 
 use crate::model::load::Model;
 use crate::model::robot::Robot;
 use crate::rod::constants::Constants;
 use crate::rod::estimate::ErrorEstimate;
 
-/// Largest moment imbalance over (bending stiffness / length) that counts as converged.
+/// Largest moment imbalance over (bending stiffness / length) of a converged solution.
 pub const TOLERANCE: f64 = 1e-10;
 
 /// How a solve ended. Only [`Status::Converged`] comes with a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// The residual is below the tolerance, at a minimum of the energy where there is one.
+    /// The residual is below the tolerance, at a minimum of the energy where it exists.
     Converged,
     /// The residual stayed above the tolerance.
     MaxIterations,
     /// An equilibrium was found, but no stable one.
     Unstable,
-    /// An equilibrium was found only with two disks passed through each other: the load closes
-    /// the gap between them.
+    /// An equilibrium was found only with two disks that penetrate each other: the load closes the
+    /// gap between them.
     NoEquilibrium,
 }
 
 impl Status {
-    /// The word that the outputs use.
+    /// The word of the status in the outputs.
     pub fn word(self) -> &'static str {
         match self {
             Status::Converged => "converged",
@@ -34,33 +36,33 @@ impl Status {
     }
 }
 
-/// What a solve found, its numbers aside.
+/// Status of a solve, without poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
     /// How the solve ended.
     pub status: Status,
     /// Whether the equilibrium is a minimum of the energy. Under a tip moment, which has no
-    /// potential: whether small motions at a damping ratio of 0.01 die out, false with
-    /// [`Status::Converged`] where it is the moment that leads from a stable equilibrium to one where
-    /// they do not, as it does beyond half a turn; `None` where that takes more damping, or the
-    /// masses of a robot that has none, and where the answer is lost in rounding.
+    /// potential: whether small motions with a damping ratio of 0.01 decay. It is false with
+    /// [`Status::Converged`] where the moment leads from a stable equilibrium to one where they do
+    /// not decay, as it does beyond a rotation of pi. `None` where decay needs more damping, where
+    /// the robot has no mass, and where the result is lost in rounding.
     pub stable: Option<bool>,
     /// Newton steps.
     pub iterations: usize,
     /// Largest moment imbalance over (bending stiffness / length).
     pub residual: f64,
-    /// The way from straight led to an unstable equilibrium, which was left for a stable one.
+    /// The iteration reached an unstable equilibrium, and left it for a stable one.
     pub left_unstable: bool,
-    /// Largest fraction of the load that did converge.
+    /// Largest fraction of the load that converged.
     pub fraction: f64,
     /// Module in which two disks collide.
     pub collision: Option<usize>,
-    /// Of a converged answer, where it was asked for.
+    /// Error estimate of a converged solution, where it was requested.
     pub error: Option<ErrorEstimate>,
 }
 
 impl Outcome {
-    /// Of a load that is not solved yet.
+    /// Outcome of a load that is not solved yet.
     pub(crate) fn pending() -> Self {
         Outcome {
             status: Status::MaxIterations,
@@ -75,12 +77,12 @@ impl Outcome {
     }
 }
 
-/// Measures of a robot that Newton's method goes by.
+/// Scales of a robot for the tolerances of Newton's method.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Settings {
-    /// Measure of moments: bending stiffness over length (N m).
+    /// Scale of moments: bending stiffness over length (N m).
     pub moment_scale: f64,
-    /// Diagonal shift worth a tenth of an arc's bending stiffness (N m).
+    /// Unit of the diagonal shift: a tenth of an arc's bending stiffness (N m).
     pub shift_unit: f64,
     /// Length of the robot (m).
     pub length: f64,
@@ -101,7 +103,7 @@ impl Settings {
         }
     }
 
-    /// Tip moment that the tolerance of the residual does not tell from none, N m.
+    /// Tip moment below which it is not resolved by the tolerance of the residual (N m).
     pub fn least_moment(&self) -> f64 {
         TOLERANCE * self.moment_scale
     }

@@ -1,5 +1,7 @@
 //! Paths of equilibria of a robot with tendons under tension and displacement control, with axial
 //! compliance, slack and friction. The laws are those of `crate::tendon`.
+//!
+//! Theory: docs/theory/actuation.md.
 
 use crate::dispatch;
 use crate::interrupt;
@@ -15,23 +17,23 @@ use crate::statics::solver::{Solver, Status};
 pub use crate::tendon::{Command, History, Line};
 use crate::tendon::{Slip, Tendons, Transmission};
 
-/// A robot that is driven through its tendons.
+/// A robot that is actuated through its tendons, along a path of equilibria.
 #[derive(Clone)]
 pub struct PathSolver {
     last: PathStep,
     /// Whether elements are chosen step by step.
     automatic: bool,
-    /// At home, before any friction.
+    /// State in the home pose, before any friction.
     home: History,
-    /// Unknowns of a step that were found to fit into memory.
+    /// Number of unknowns of a step already checked to fit into memory.
     fitting: usize,
-    /// Stated error of the last step: with friction, which remembers, no later one is smaller.
+    /// Estimated error of the last step: with friction, later errors are not smaller.
     remembered: ErrorEstimate,
 }
 
 impl PathSolver {
-    /// As for [`Solver::new`], with one line for each tendon. Without a number of elements they
-    /// are chosen step by step, and not taken back along a path.
+    /// As for [`Solver::new`], with one line for each tendon. Without a number of elements they are
+    /// chosen step by step, and never reduced along a path.
     pub fn new(
         robot: &Robot,
         model: Model,
@@ -43,7 +45,7 @@ impl PathSolver {
         dispatch::check_path(robot, elements, 0, 1)?;
         let mut transmission = Transmission::new(robot, model, lines)?;
         let mut solver = Solver::new(robot, model, elements)?;
-        // home: pretension alone, no load
+        // home: pretension only, no load
         let tensions: Vec<_> = lines.iter().map(|line| line.pretension).collect();
         let load = Load {
             tensions: &tensions,
@@ -62,7 +64,7 @@ impl PathSolver {
         solver.engine.strains(&mut |i, w| strain[i] = w);
         let lengths = solver.engine.span_lengths();
         Ok(PathSolver {
-            home: transmission.tendons.go_home(lengths, strain),
+            home: transmission.tendons.set_home(lengths, strain),
             last: PathStep::new(solver, transmission),
             automatic: given.is_none(),
             fitting: 0,
@@ -70,7 +72,7 @@ impl PathSolver {
         })
     }
 
-    /// The robot that is driven.
+    /// The actuated robot.
     pub fn robot(&self) -> &Robot {
         self.last.solver.robot()
     }
@@ -88,12 +90,12 @@ impl PathSolver {
         &mut self.last.transmission.tendons
     }
 
-    /// What friction remembers of the path so far.
+    /// State of the tendons after the last step.
     pub fn history(&self) -> &History {
         &self.last.transmission.tendons.now
     }
 
-    /// Forgets the path: back to the home pose.
+    /// Returns to the home pose and discards the path.
     pub fn reset(&mut self) {
         self.last.solver.unsettle();
         let home = self.home.clone();
@@ -103,8 +105,8 @@ impl PathSolver {
         self.remembered = ErrorEstimate::default();
     }
 
-    /// Goes on from where another path has come to; its commands and loads are those that the
-    /// next step starts from.
+    /// Continues another path from its last state; its commands and loads are those from which the
+    /// next step starts.
     pub fn resume(
         &mut self,
         tensions: &[f64],
@@ -132,13 +134,13 @@ impl PathSolver {
             let most = std::f64::consts::PI * tendons.lines[at % m].friction;
             if drops[at].abs() > 1e-12 + most * (1.0 + 1e-9) {
                 return Err(InputError::other(format!(
-                    "the history is damaged: tendon {} has lost more at a hole than friction takes",
+                    "the history is damaged: the tension of tendon {} drops more at a hole than friction allows",
                     at % m + 1
                 )));
             }
         }
         self.reset();
-        // the pose is an equilibrium of the history's own tensions: found from it again
+        // the pose is an equilibrium for the history's own tensions: solve for it again
         let now = &mut self.tendons().now;
         now.tensions.copy_from_slice(tensions);
         now.drops.copy_from_slice(drops);
@@ -149,22 +151,22 @@ impl PathSolver {
         Ok(())
     }
 
-    /// Slack length of each tendon, m; zero where it is taut.
+    /// Slack length of each tendon (m); zero where it is taut.
     pub fn slack(&self) -> &[f64] {
         &self.last.transmission.tendons.slack
     }
 
-    /// Displacement of a tendon since home, m.
+    /// Displacement of a tendon from the home pose (m).
     pub fn displacement(&self, i: usize) -> f64 {
         self.history().displacements[i]
     }
 
-    /// Tension of a span, N.
+    /// Tension of a span (N).
     pub fn span_tension(&self, k: usize, i: usize) -> f64 {
         self.solver().engine.span_tension(k, i)
     }
 
-    /// Checks that copies for steps side by side fit into memory.
+    /// Checks that copies for independent steps fit into memory.
     ///
     /// # Errors
     /// If they do not.
@@ -176,7 +178,7 @@ impl PathSolver {
     /// Checks the numbers of a step, and that its unknowns fit into memory.
     ///
     /// # Errors
-    /// If they do not.
+    /// If a number does not fit the robot, or the unknowns do not fit into memory.
     pub fn check(&mut self, commands: &[Command], load: &Load) -> Result<(), InputError> {
         let transmission = self.transmission();
         transmission.tendons.check(self.robot(), commands, load)?;
@@ -189,7 +191,7 @@ impl PathSolver {
         Ok(())
     }
 
-    /// Equilibrium under commands and load, one step on the path from the last.
+    /// Equilibrium under commands and load, one step of the path from the last.
     ///
     /// # Errors
     /// If a number does not fit the robot.
@@ -214,14 +216,15 @@ impl PathSolver {
                 self.remembered = error;
             }
             if !converged {
-                self.go_back(old, &mut outcome, commands, load);
+                self.return_to(old, &mut outcome, commands, load);
             }
             return Ok(outcome);
         }
     }
 
-    /// After a step without a solution: back to `old`, and the nearest displacements that have one.
-    fn go_back(
+    /// After a step without a solution: returns to `old`, and finds the nearest feasible
+    /// displacements.
+    fn return_to(
         &mut self,
         old: History,
         outcome: &mut PathOutcome,
@@ -233,7 +236,7 @@ impl PathSolver {
         if by_displacement && outcome.status != Status::NoEquilibrium && !interrupt::interrupted() {
             if let Some(nearest) = self.last.nearest(&self.home, commands, load) {
                 outcome.status = Status::NoEquilibrium;
-                outcome.fighting = nearest.fighting;
+                outcome.opposing = nearest.opposing;
                 outcome.nearest = Some(nearest.displacements);
             }
         }
@@ -241,7 +244,7 @@ impl PathSolver {
         self.tendons().slack.fill(f64::NAN);
     }
 
-    /// The same robot at `old`, where a step from there needs more elements than it has.
+    /// The same robot at `old` with more elements, where a step from there needs them.
     fn finer(&self, needed: usize, old: &History) -> Option<PathSolver> {
         let enough = needed == self.solver().elements();
         if enough || !self.automatic || interrupt::interrupted() {
@@ -250,7 +253,7 @@ impl PathSolver {
         self.with_elements(needed, old)
     }
 
-    /// The same robot at `now` with more elements; none where it has no home then.
+    /// The same robot at `now` with more elements; `None` where its home pose does not converge.
     fn with_elements(&self, elements: usize, now: &History) -> Option<PathSolver> {
         let (solver, lines) = (self.solver(), &self.transmission().tendons.lines);
         let mut finer = PathSolver::new(self.robot(), solver.model(), elements, lines).ok()?;
@@ -265,20 +268,20 @@ impl PathSolver {
     }
 }
 
-/// Where the next step starts from, for a history that is written down.
+/// Start of the next step, for a stored history.
 impl PathSolver {
     /// Strain of the backbone.
     pub fn strain(&self) -> Vec<[f64; 3]> {
         self.history().strain.iter().map(|w| w.0).collect()
     }
 
-    /// What each tendon does at each hole, by modules and tendons: slips towards the base (1),
-    /// away from it (-1) or sticks (0).
+    /// Slip of each tendon at each hole, by modules and tendons: towards the base (1), away from it
+    /// (-1) or sticking (0).
     pub fn slips(&self) -> Vec<i8> {
         self.history().slip.iter().map(|slip| *slip as i8).collect()
     }
 
-    /// Starts the next step from what [`PathSolver::strain`] and [`PathSolver::slips`] gave; after
+    /// Sets the start of the next step from [`PathSolver::strain`] and [`PathSolver::slips`], after
     /// [`PathSolver::resume`].
     ///
     /// # Errors

@@ -1,4 +1,6 @@
-//! Many steps of a path in one call: in order along a path, or independent over all cores.
+//! Many steps of a path in one call: in sequence along a path, or independent over all cores.
+//!
+//! Theory: docs/theory/actuation.md (History).
 
 use crate::interrupt;
 use crate::memory::{filled, unknown};
@@ -9,7 +11,7 @@ use crate::statics::batch::{for_each, pieces, thread_count, too_many, Chunk, Loa
 use crate::statics::path::{Command, PathOutcome, PathSolver};
 use crate::statics::solver::{Outcome, Status};
 
-/// Commands of all tendons: the displacement (m) of those that are `by_displacement`, the tension (N)
+/// Commands of all tendons: the displacement (m) of those with `by_displacement`, the tension (N)
 /// of the others.
 pub fn commands(by_displacement: &[bool], values: &[f64]) -> Vec<Command> {
     let both = by_displacement.iter().zip(values);
@@ -20,7 +22,7 @@ pub fn commands(by_displacement: &[bool], values: &[f64]) -> Vec<Command> {
     .collect()
 }
 
-/// Tensions that commands give (N); NaN for tendons that are by_displacement.
+/// Tensions of the commands (N); NaN for tendons under displacement control.
 pub fn commanded_tensions(commands: &[Command]) -> Vec<f64> {
     let tension = |c: &Command| {
         if c.is_displacement() {
@@ -61,21 +63,22 @@ impl From<&PathOutcome> for Outcome {
 /// Steps as flat arrays, row by row.
 #[derive(Clone, Copy, Debug)]
 pub struct Steps<'a> {
-    /// Loads, with a displacement (m) in the place of the tension of a tendon that is by_displacement.
+    /// Loads, with a displacement (m) in place of the tension of a tendon under displacement
+    /// control.
     pub loads: Loads<'a>,
-    /// Whether each tendon is by_displacement, by rows and tendons.
+    /// Whether each tendon is under displacement control, by rows and tendons.
     pub by_displacement: &'a [bool],
 }
 
 impl<'a> Steps<'a> {
-    /// Commands and load of a row, for a robot with so many tendons.
+    /// Commands and load of a row, for a robot with this many tendons.
     fn row(&self, i: usize, tendons: usize) -> (Vec<Command>, Load<'a>) {
         let load = self.loads.row(i, tendons);
         let by_displacement = &self.by_displacement[i * tendons..][..tendons];
         (commands(by_displacement, load.tensions), load)
     }
 
-    /// Checks every row; the error names the first bad one, counted from 0.
+    /// Checks every row; the error names the first invalid one, counted from 0.
     fn check(&self, path: &mut PathSolver) -> Result<(), InputError> {
         let tendons = path.robot().tendon_count();
         for i in 0..self.loads.count {
@@ -92,18 +95,18 @@ impl<'a> Steps<'a> {
 /// Tendons that pull against each other, and the nearest displacements with an equilibrium (m).
 pub type Conflict = (Vec<usize>, Option<Vec<f64>>);
 
-/// What a step found beside its numbers.
+/// Result of a step beside its arrays.
 #[derive(Clone, Debug)]
 pub struct Detail {
     /// Whether the tensions are the smallest of many that hold the same pose.
     pub undetermined: bool,
-    /// Largest length that a by_displacement tendon lacks (m).
+    /// Largest length error of a tendon under displacement control (m).
     pub length_residual: f64,
-    /// Why there is no equilibrium, where tendons pull against each other.
+    /// Opposing tendons, where they are the reason that there is no equilibrium.
     pub conflict: Option<Box<Conflict>>,
 }
 
-/// Answers as flat arrays, row by row; NaN where a row did not converge.
+/// Solutions as flat arrays, row by row; NaN where a row did not converge.
 #[derive(Clone, Debug)]
 pub struct PathSolutions {
     /// Outcomes, poses and tendon lengths.
@@ -116,14 +119,14 @@ pub struct PathSolutions {
     pub slack: Vec<f64>,
     /// Tensions of spans (N), n x modules x tendons.
     pub span_tensions: Vec<f64>,
-    /// What else there is to say of each row.
+    /// Further results of each row.
     pub details: Vec<Detail>,
 }
 
-/// Steps in order, each from where the path has come to.
+/// Solves steps in sequence, each from the state after the one before.
 ///
 /// # Errors
-/// If a row does not fit the robot, or the answers do not fit into memory.
+/// If a row does not fit the robot, or the solutions do not fit into memory.
 pub fn follow(
     path: &mut PathSolver,
     steps: &Steps,
@@ -138,7 +141,8 @@ pub fn follow(
     Ok(solutions)
 }
 
-/// Independent steps, each from where the path stands, over `threads` cores (0: all there are).
+/// Solves independent steps, each from the present state of the path, over `threads` cores (0:
+/// all).
 ///
 /// # Errors
 /// As [`follow`], or if the copies of the path do not fit into memory.
@@ -167,7 +171,7 @@ pub fn solve_each(
 const PART: usize = 16;
 
 impl PathSolutions {
-    /// Room for `n` answers, all NaN.
+    /// Solutions for `n` rows, all NaN.
     fn pending(robot: &Robot, n: usize, disks: bool) -> Result<Self, InputError> {
         let refused = || too_many(n);
         let m = robot.tendon_count();
@@ -187,7 +191,7 @@ impl PathSolutions {
         })
     }
 
-    /// Disjoint pieces of `rows` rows, the last one perhaps shorter.
+    /// Disjoint parts of `rows` rows, the last one possibly shorter.
     fn parts(&mut self, robot: &Robot, rows: usize) -> Vec<Part<'_>> {
         let m = robot.tendon_count();
         let mut tensions = pieces(&mut self.tensions, rows * m);
@@ -208,7 +212,7 @@ impl PathSolutions {
     }
 }
 
-/// Consecutive rows and the place for their answers.
+/// Consecutive rows and the storage of their solutions.
 struct Part<'a> {
     poses: Chunk<'a>,
     tensions: &'a mut [f64],
@@ -219,7 +223,7 @@ struct Part<'a> {
 }
 
 impl Part<'_> {
-    /// Steps to all rows, with what is done to the path before each.
+    /// Solves all rows; `before` prepares the path for each.
     fn fill(&mut self, steps: &Steps, path: &mut PathSolver, before: impl Fn(&mut PathSolver)) {
         for i in 0..self.details.len() {
             if interrupt::interrupted() {
@@ -248,11 +252,11 @@ impl Part<'_> {
             put(self.tensions, &commanded_tensions(&commands));
         }
         self.poses.outcomes[i] = Outcome::from(&found);
-        let tells = !found.fighting.is_empty() || found.nearest.is_some();
+        let in_conflict = !found.opposing.is_empty() || found.nearest.is_some();
         self.details[i] = Detail {
             undetermined: found.undetermined,
             length_residual: found.length_residual,
-            conflict: tells.then(|| Box::new((found.fighting, found.nearest))),
+            conflict: in_conflict.then(|| Box::new((found.opposing, found.nearest))),
         };
     }
 }

@@ -1,19 +1,21 @@
 //! Discretisation error of a step of a path.
+//!
+//! Theory: docs/theory/statics.md (Discretisation error).
 
 use crate::rod::chain::Sources;
 use crate::rod::estimate::{ErrorEstimate, Verdict};
 use crate::statics::path_step::{PathOutcome, PathStep};
 
-/// What the error estimates of tip and tension are multiplied by with friction: it changes span
-/// tensions with the bends, and the estimate keeps them. As measured against finer elements.
+/// Safety factors of the error estimates of tip and tension with friction: the estimate keeps span
+/// tensions constant, but friction changes them with the bends. Measured against finer elements.
 const FRICTION_SAFETY: [f64; 2] = [1.5, 8.0];
-/// Share of the largest diagonal that keeps apart tensions which the rod does not.
+/// Regularisation, over the largest diagonal, of tensions that the rod does not distinguish.
 const REGULARISATION: f64 = 1e-10;
 
 impl PathStep {
-    /// Discretisation error of the step that converged, at least `remembered` with friction: at the
-    /// lengths that displacement control holds, tensions take what lengths would lack. Returns the
-    /// elements that the tolerances need.
+    /// Estimates the discretisation error of the converged step, at least `remembered` with
+    /// friction: at the lengths held by displacement control, changes of tension compensate the
+    /// length errors. Returns the elements that the tolerances need.
     pub fn estimate_error(
         &mut self,
         outcome: &mut PathOutcome,
@@ -56,7 +58,7 @@ impl PathStep {
         verdict.needed
     }
 
-    /// Changes of the tensions that make up for the errors of the lengths held, N.
+    /// Changes of tension that compensate the errors of the held lengths (N).
     fn tension_errors(&mut self, held: &[usize]) -> Vec<f64> {
         let (engine, tendons) = (&mut *self.solver.engine, &self.transmission.tendons);
         let n = engine.module_count();

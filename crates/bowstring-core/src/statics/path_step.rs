@@ -1,41 +1,43 @@
 //! One implicit step of a path: Newton's method on strain, tensions and friction.
+//!
+//! Theory: docs/theory/actuation.md.
 
 use crate::interrupt;
-use crate::math::anderson::Mixing;
+use crate::math::anderson::AndersonAcceleration;
 use crate::math::linalg::Vec3;
 use crate::model::load::Load;
 use crate::rod::estimate::ErrorEstimate;
 use crate::statics::solver::{Solver, Status, MAX_STEP, TOLERANCE};
 use crate::tendon::{Command, History, Transmission};
 
-/// What a step found.
+/// Result of a step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathOutcome {
     /// How the step ended.
     pub status: Status,
-    /// Whether it is a minimum of the energy under the given displacements and tensions; `None`
-    /// under a tip moment or friction, which have no potential.
+    /// Whether the equilibrium is a minimum of the energy under the given displacements and
+    /// tensions; `None` under a tip moment or friction, which have no potential.
     pub stable: Option<bool>,
     /// Newton steps.
     pub iterations: usize,
-    /// Steps that it took of the path from the last.
+    /// Increments between the last step of the path and this one.
     pub increments: usize,
     /// Largest moment imbalance over (bending stiffness / length).
     pub residual: f64,
-    /// Largest length that a tendon under displacement control lacks (m).
+    /// Largest length error of a tendon under displacement control (m).
     pub length_residual: f64,
     /// Whether the tensions are the smallest of many that hold the same pose.
     pub undetermined: bool,
     /// Tendons that pull against each other, where there is no equilibrium.
-    pub fighting: Vec<usize>,
-    /// Nearest displacements with an equilibrium (m), where there is none.
+    pub opposing: Vec<usize>,
+    /// Nearest feasible displacements (m), where there is no equilibrium.
     pub nearest: Option<Vec<f64>>,
-    /// Estimated discretisation error of a converged answer.
+    /// Estimated discretisation error of a converged solution.
     pub error: Option<ErrorEstimate>,
 }
 
 impl PathOutcome {
-    /// Of a step that is not solved yet.
+    /// Result of a step that is not solved yet.
     pub fn pending() -> Self {
         PathOutcome {
             status: Status::MaxIterations,
@@ -45,41 +47,41 @@ impl PathOutcome {
             residual: f64::INFINITY,
             length_residual: f64::INFINITY,
             undetermined: false,
-            fighting: vec![],
+            opposing: vec![],
             nearest: None,
             error: None,
         }
     }
 }
 
-// Tuned constants of the iteration. Lengths are shares of the robot's.
+// Tuned constants of the iteration. Lengths are fractions of the robot's length.
 
-/// Length to which displacements are met: a few units of rounding.
+/// Length error to which displacements are met: a few units of rounding.
 const LENGTH_TOLERANCE: f64 = 2e-15;
-/// The same where rounding allows no better, and where far less than this is left of tensions
-/// that nothing but the ridge determines.
+/// The same where rounding allows no better; and where tensions are determined by regularisation
+/// alone and need a much smaller error.
 const LOOSE: f64 = 1e-12;
 const TIGHT: f64 = 1e-14;
-/// Length that a ridge may make up for: far below any that is measured.
-const MOST_GIVEN_WAY: f64 = 1e-9;
-/// Newton steps; a step that converges takes fewer than ten, with friction twenty.
+/// Largest elongation due to regularisation: far below any that is measurable.
+const MAX_REGULARISATION_LENGTH: f64 = 1e-9;
+/// Most Newton steps; a step that converges takes fewer than ten, with friction twenty.
 const MAX_STEPS: usize = 60;
-/// Residual below which the tangent is kept while it serves, and the share of the residual before
-/// at which it does.
+/// Residual below which an old tangent may be kept, and the contraction that it must reach.
 const NEAR: f64 = 1e-2;
 const CONTRACTION: f64 = 0.3;
-/// Steps in which a hole of a path that begins may turn from slip to slip.
+/// Newton steps at the start of a path in which a hole may change directly between the two
+/// directions of slip.
 const FRESH_STEPS: usize = 5;
-/// Pivot, over the unit of the shift, that counts as none; factors by which the shift of the
-/// tangent grows and fades, and where it ends, over the same unit.
-const NO_PIVOT: f64 = 1e-12;
+/// Negligible pivot over the unit of the shift; growth factor of the tangent's shift; and bounds of
+/// the shift over the same unit.
+const NEGLIGIBLE_PIVOT: f64 = 1e-12;
 const SHIFT_GROWTH: f64 = 4.0;
 const LEAST_SHIFT: f64 = 4e-3;
 const MOST_SHIFT: f64 = 1e12;
-/// Largest compliance that limits tensions far from the solution, over that of bending.
-const MOST_CAUTION: f64 = 1e-2;
-/// Newton steps in all, and increments, of the path to a load after which it is given up; the
-/// first increment, the factors after one that converged and one that did not, and the least.
+/// Largest compliance that limits changes of tension far from the solution, over that of bending.
+const MAX_LIMITING_COMPLIANCE: f64 = 1e-2;
+/// Most Newton steps in total, and most increments, of one step of the path; the first increment,
+/// its factors after success and failure, and the least increment.
 const MOST_ITERATIONS: usize = 400;
 const MAX_INCREMENTS: usize = 60;
 const FIRST_INCREMENT: f64 = 0.5;
@@ -97,14 +99,15 @@ pub(crate) struct PathStep {
 /// Anderson acceleration of the steps with friction.
 #[derive(Clone)]
 struct Acceleration {
-    mixing: Mixing,
-    /// Where a Newton step begins, and where it leads to.
+    anderson: AndersonAcceleration,
+    /// Unknowns at the start and at the end of a Newton step.
     ends: [Vec<f64>; 2],
-    /// Rotation of a module by a newton in a tendon, about: makes the numbers of like size.
+    /// Scale of tensions: approximate rotation of a module due to 1 N in a tendon (rad/N).
     per_tension: f64,
 }
 
-/// Largest moment imbalance over (bending stiffness / length), and length lacked over the robot's.
+/// Largest moment imbalance over (bending stiffness / length), and length error over the robot's
+/// length.
 #[derive(Clone, Copy)]
 struct Residuals {
     moment: f64,
@@ -114,20 +117,20 @@ struct Residuals {
 /// State of the iteration.
 struct Iteration {
     symmetric: bool,
-    /// Whether a ridge holds what neither rod nor line does.
+    /// Whether regularisation determines tensions that neither rod nor line does.
     rigid: bool,
     /// Unit of the shift.
     unit: f64,
-    /// Stiffness that is added to the tangent while it is not positive definite.
+    /// Stiffness added to the tangent while it is not positive definite.
     shift: f64,
-    /// Residuals before.
+    /// Residuals of the iteration before.
     last: Residuals,
     /// Least pivot of the tangent.
     pivot: f64,
 }
 
 impl Iteration {
-    /// Whether nothing but friction may be left to solve.
+    /// Whether only friction may be left to solve.
     fn is_settled(&self, now: &Residuals) -> bool {
         let loose = if self.rigid { TIGHT } else { LOOSE };
         let stalls = now.length <= loose && now.length > 0.5 * self.last.length;
@@ -136,10 +139,10 @@ impl Iteration {
 
     /// Whether the tangent is positive definite.
     fn is_definite(&self) -> bool {
-        self.pivot > NO_PIVOT * self.unit
+        self.pivot > NEGLIGIBLE_PIVOT * self.unit
     }
 
-    /// Shifts the tangent further; false where that is hopeless.
+    /// Raises the shift of the tangent; false at its upper bound.
     fn raise_shift(&mut self) -> bool {
         self.shift = if self.shift == 0.0 {
             self.unit
@@ -164,7 +167,7 @@ impl PathStep {
         let scale = transmission.tendons.compliance.scale / robot.moment_scale();
         PathStep {
             acceleration: Acceleration {
-                mixing: Mixing::default(),
+                anderson: AndersonAcceleration::default(),
                 ends: Default::default(),
                 per_tension: scale.sqrt() / robot.module_count() as f64,
             },
@@ -173,7 +176,7 @@ impl PathStep {
         }
     }
 
-    /// Straight to the load, or along a line of increments where that fails.
+    /// Solves for the load directly, or by load stepping where that fails.
     pub fn solve(&mut self, old: &History, commands: &[Command], load: &Load) -> PathOutcome {
         let first = self.newton(old, commands, load);
         if first.status == Status::Converged {
@@ -185,7 +188,7 @@ impl PathStep {
         let mut part_commands = commands.to_vec();
         for _ in 0..MAX_INCREMENTS {
             let share = f64::min(reached + increment, 1.0);
-            // a motor that changes its kind of command starts from what the tendon has
+            // a motor that changes its kind of command starts from the tendon's present value
             for (i, to) in commands.iter().enumerate() {
                 let start = match to {
                     Command::Tension(_) => old.tensions[i],
@@ -241,7 +244,7 @@ impl PathStep {
             },
             pivot: f64::NAN,
         };
-        // friction has no potential of its own, but a column that buckles is seen all the same
+        // friction has no potential, but a buckled column is detected all the same
         let stable = (!friction).then_some(true);
         let work = self.solver.settings.work * (2 + self.transmission.unknowns.problem.size);
         for step in 0..=MAX_STEPS {
@@ -257,7 +260,7 @@ impl PathStep {
                 return outcome;
             }
             if settled && !state.symmetric {
-                // without a potential there is no more to ask
+                // without a potential stability is not decided
                 return self.finish(outcome, load);
             }
             let kept = !settled && self.keeps_tangent(&state, &residuals);
@@ -295,7 +298,7 @@ impl PathStep {
                 return outcome;
             }
             if !kept || (friction && !self.transmission.friction.unchanged) {
-                self.acceleration.mixing.clear();
+                self.acceleration.anderson.clear();
             }
             if !self.advance(state.symmetric) {
                 return outcome;
@@ -308,7 +311,7 @@ impl PathStep {
         outcome
     }
 
-    /// Takes on a load, from the pose and tensions of the step before.
+    /// Sets the load, at the pose and tensions of the step before.
     fn start(&mut self, old: &History, commands: &[Command], load: &Load) {
         self.transmission.start(old, commands);
         let tendons = &mut self.transmission.tendons;
@@ -323,7 +326,8 @@ impl PathStep {
         tendons.apply(engine);
     }
 
-    /// Friction, lengths and slack at the present strain; whether friction is settled.
+    /// Updates friction, lengths and slack at the present strain; returns whether friction is
+    /// settled.
     fn update_tendons(&mut self, old: &History, fresh: bool) -> bool {
         let engine = &mut *self.solver.engine;
         let friction = self.transmission.friction.enabled;
@@ -346,8 +350,8 @@ impl PathStep {
         }
     }
 
-    /// Whether the tangent of the step before serves: friction lags behind the bend and gains
-    /// nothing from a new one; what the steps do to each other tells more.
+    /// Whether the tangent of the iteration before is kept: convergence of friction does not
+    /// improve with a new tangent, and Anderson acceleration works better with a constant one.
     fn keeps_tangent(&self, state: &Iteration, now: &Residuals) -> bool {
         self.transmission.friction.enabled
             && now.moment < NEAR
@@ -355,7 +359,7 @@ impl PathStep {
             && state.shift == 0.0
     }
 
-    /// Tangent at the present strain, eliminated: of the energy itself where that is asked.
+    /// Assembles and eliminates the tangent at the present strain; unshifted if `settled`.
     fn make_tangent(&mut self, state: &mut Iteration, settled: bool) {
         let engine = &mut *self.solver.engine;
         engine.linearise();
@@ -363,22 +367,24 @@ impl PathStep {
         state.pivot = engine.eliminate(state.symmetric, shift);
     }
 
-    /// Solves for the unknown tensions and drops; whether there is a solution.
+    /// Solves for the unknown tensions and drops (theory Eq. 4.2); returns whether there is a
+    /// solution.
     fn solve_unknowns(&mut self, old: &History, state: &Iteration, kept: bool) -> bool {
-        // from afar, tensions that the rod hardly determines are limited
-        let caution = if state.rigid {
+        // far from the solution, limit tensions that the rod hardly determines
+        let limiting_compliance = if state.rigid {
             let scale = self.transmission.tendons.compliance.scale;
-            scale * f64::min(MOST_CAUTION, state.last.length)
+            scale * f64::min(MAX_LIMITING_COMPLIANCE, state.last.length)
         } else {
             0.0
         };
         let engine = &mut *self.solver.engine;
-        self.transmission.gather(engine, old, caution, kept);
+        self.transmission
+            .gather(engine, old, limiting_compliance, kept);
         self.transmission.unknowns.problem.solve()
     }
 
-    /// Whether the energy has a direction of descent; those that displacement control holds do not
-    /// count.
+    /// Whether the energy has a direction of negative curvature, apart from those that displacement
+    /// control holds.
     fn is_indefinite(&mut self, state: &Iteration) -> bool {
         if !state.symmetric || state.is_definite() {
             return false;
@@ -387,7 +393,7 @@ impl PathStep {
         self.solver.engine.negative_pivots() > held
     }
 
-    /// Moves strain, tensions and drops by the step that was found; false if it is no number.
+    /// Moves strain, tensions and drops by the step; false if it is not finite.
     fn advance(&mut self, symmetric: bool) -> bool {
         let engine = &mut *self.solver.engine;
         let largest = if self.transmission.unknowns.is_empty() {
@@ -414,7 +420,7 @@ impl PathStep {
         true
     }
 
-    /// Writes down strain, tensions and drops as numbers of like size.
+    /// Stores strain, tensions and drops as numbers of similar magnitude.
     fn note(&mut self, end: usize) {
         let numbers = &mut self.acceleration.ends[end];
         numbers.clear();
@@ -427,13 +433,13 @@ impl PathStep {
         unknowns.write(tendons, self.acceleration.per_tension, numbers);
     }
 
-    /// Goes on from the end of a Newton step to where the steps before point.
+    /// Replaces the end of a Newton step by the accelerated one.
     fn accelerate(&mut self) {
         let Transmission {
             tendons, unknowns, ..
         } = &mut self.transmission;
         let Acceleration {
-            mixing,
+            anderson,
             ends: [from, to],
             per_tension,
         } = &mut self.acceleration;
@@ -441,9 +447,9 @@ impl PathStep {
             *to -= from;
         }
         if !unknowns.keeps_sides() {
-            mixing.clear();
+            anderson.clear();
         }
-        if !mixing.mix(from, to) {
+        if !anderson.accelerate(from, to) {
             return;
         }
         for (to, from) in to.iter_mut().zip(from.iter()) {
@@ -454,19 +460,19 @@ impl PathStep {
         if unknowns.read(tendons, engine, *per_tension, values) {
             engine.set_strains(&|i| Vec3([strains[3 * i], strains[3 * i + 1], strains[3 * i + 2]]));
         } else {
-            mixing.clear();
+            anderson.clear();
         }
     }
 
-    /// Takes the solution as the state of the path.
+    /// Accepts the solution as the state of the path.
     fn finish(&mut self, mut outcome: PathOutcome, load: &Load) -> PathOutcome {
         let Transmission {
             tendons, unknowns, ..
         } = &mut self.transmission;
-        let given = tendons.given_way();
+        let given = tendons.regularisation_length();
         outcome.length_residual = outcome.length_residual.max(given);
-        if given > MOST_GIVEN_WAY * self.solver.robot().length() {
-            // the ridge has given way to what the rod cannot
+        if given > MAX_REGULARISATION_LENGTH * self.solver.robot().length() {
+            // regularisation replaced a constraint that the rod cannot satisfy
             outcome.stable = None;
             return outcome;
         }
@@ -492,7 +498,7 @@ impl PathStep {
     }
 }
 
-/// A share of the way; the end is met exactly.
+/// Linear interpolation; the end is met exactly.
 fn between(a: f64, b: f64, share: f64) -> f64 {
     if share == 1.0 {
         b
@@ -501,7 +507,7 @@ fn between(a: f64, b: f64, share: f64) -> f64 {
     }
 }
 
-/// A share of the way to a load from that of the step before.
+/// Interpolates the load between that of the step before and `load`.
 fn part_of_load<'a>(old: &History, load: &Load<'a>, share: f64) -> Load<'a> {
     let part = |q: usize, to: [f64; 3]| [0, 1, 2].map(|x| between(old.load[q][x], to[x], share));
     Load {

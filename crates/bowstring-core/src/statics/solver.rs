@@ -1,4 +1,6 @@
 //! Static equilibrium: Newton's method, load stepping where it fails, and a status.
+//!
+//! Theory: docs/theory/statics.md.
 
 use crate::dispatch::{self, Passes, Plain};
 use crate::interrupt;
@@ -15,18 +17,18 @@ use crate::statics::newton::{newton, Attempt, MAX_ITERATIONS};
 pub(crate) use crate::statics::outcome::Settings;
 pub use crate::statics::outcome::{Outcome, Status, TOLERANCE};
 
-/// Least moment over (bending stiffness / length) that may lead from a stable equilibrium to one
-/// that is not.
-const LEADS: f64 = 0.1;
-/// First increment of all the load, as a share of it.
+/// Least tip moment over (bending stiffness / length) that may lead from a stable equilibrium to an
+/// unstable one.
+const LEAST_LEADING_MOMENT: f64 = 0.1;
+/// First increment of the load, as a fraction of it.
 const FIRST_INCREMENT: f64 = 0.25;
 /// Factor of the increment after one that converged.
 const LONGER: f64 = 1.5;
 /// Factor of the increment after one that did not.
 const SHORTER: f64 = 0.3;
-/// Increment below which the load is given up.
+/// Increment below which load stepping is given up.
 const LEAST_INCREMENT: f64 = 1e-3;
-/// Newton steps in all after which smaller increments are not tried.
+/// Newton steps in total after which smaller increments are not tried.
 const MAX_CONTINUATION: usize = 3 * MAX_ITERATIONS;
 /// Largest change of an arc's rotation vector by extrapolation (rad).
 const MAX_EXTRAPOLATION: f64 = 0.3;
@@ -57,18 +59,17 @@ pub struct Solver {
     pub(super) elements: usize,
     pub(crate) engine: Box<dyn Passes>,
     pub(super) settings: Settings,
-    /// The last load, kept for what is asked after the solve.
+    /// The last load, for queries after the solve.
     load: OwnedLoad,
-    /// Strain of the points before, latest first, for extrapolation along a sweep.
+    /// Strain of the previous solutions, latest first, for extrapolation along a sweep.
     history: [Vec<Vec3>; 3],
     known: usize,
-    /// Whether the last solve converged: only then are there numbers to give.
+    /// Whether the last solve converged: only then are results available.
     settled: bool,
 }
 
 impl Solver {
-    /// A solver with 1, 2, 4 or 8 elements of fourth order in a module; 1 is the default of
-    /// all outputs.
+    /// A solver with 1, 2, 4 or 8 fourth-order elements in a module.
     pub fn new(robot: &Robot, model: Model, elements: usize) -> Result<Self, InputError> {
         dispatch::check_solvers(robot, elements, 1)?;
         let engine = dispatch::quickest(robot, model, elements)?;
@@ -86,7 +87,7 @@ impl Solver {
         })
     }
 
-    /// Strain of every arc and contact force of every module, as they stand.
+    /// Copies the present strain of every arc and contact force of every module.
     pub(crate) fn strain_and_force(&self, strain: &mut [Vec3], force: &mut [Vec3]) {
         self.engine.strains(&mut |i, w| strain[i] = w);
         self.engine.contact_forces(&mut |k, n| force[k] = n);
@@ -117,14 +118,14 @@ impl Solver {
         self.elements
     }
 
-    /// Forgets the last answer.
+    /// Discards the last solution.
     pub(crate) fn unsettle(&mut self) {
         self.settled = false;
         self.known = 0;
     }
 
-    /// Takes the equilibrium that the engine was brought to as the last solve's; returns the
-    /// module in which two disks collide.
+    /// Accepts the equilibrium held by the engine as the last solution; returns the module in which
+    /// two disks collide.
     pub(crate) fn settle(&mut self, load: &Load) -> Option<usize> {
         self.engine.finish();
         self.load.set(load);
@@ -134,7 +135,7 @@ impl Solver {
         collision
     }
 
-    /// The robot that is solved.
+    /// The robot of the solver.
     pub fn robot(&self) -> &Robot {
         &self.robot
     }
@@ -149,10 +150,10 @@ impl Solver {
         Ok(outcome)
     }
 
-    /// Equilibrium from the ones before: for loads that follow each other closely.
+    /// Equilibrium from the previous ones, for loads in a fine sequence.
     ///
-    /// Extrapolates the strain of up to three points before; falls back to a start from
-    /// straight.
+    /// Extrapolates the strain of up to three previous solutions; falls back to a start from the
+    /// straight backbone.
     pub fn solve_next(&mut self, load: &Load) -> Result<Outcome, InputError> {
         load.check(&self.robot)?;
         if self.known == 0 {
@@ -166,7 +167,7 @@ impl Solver {
             2 => a[i] * 2.0 - b[i],
             _ => (a[i] - b[i]) * 3.0 + c[i],
         };
-        // loads that jump are not to be extrapolated
+        // loads that jump are not extrapolated
         let close = (0..a.len()).all(|i| (ahead(i) - a[i]).max_abs() < MAX_EXTRAPOLATION);
         self.engine.load(load);
         self.engine
@@ -182,13 +183,13 @@ impl Solver {
         Ok(outcome)
     }
 
-    /// Equilibrium from a strain, or from the straight backbone, by Newton's method alone: no other
-    /// start is tried, and the load is not raised step by step.
+    /// Equilibrium from a strain, or from the straight backbone, by Newton's method alone, without
+    /// another start or load stepping.
     pub(crate) fn solve_from(&mut self, strain: Option<&[Vec3]>, load: &Load) -> Outcome {
         let load = &load.without_moment_below(self.settings.least_moment());
         self.load.set(load);
         self.engine.load(load);
-        // forgets the contact forces of other loads as well
+        // also discards the contact forces of other loads
         self.engine.make_straight();
         if let Some(strain) = strain {
             self.engine.set_strains(&|i| strain[i]);
@@ -199,9 +200,9 @@ impl Solver {
         outcome
     }
 
-    /// Estimates the error of the last answer, which `outcome` is of. Where its elements cannot
-    /// tell a stable equilibrium from an unstable one, that it is stable is taken back. Returns
-    /// the elements in a module that the tolerances need; `None` without an answer.
+    /// Estimates the error of the last solution, whose outcome is `outcome`. Where its elements are
+    /// too coarse to confirm a stable equilibrium, `stable` becomes `None`. Returns the elements in
+    /// a module that the tolerances need; `None` without a solution.
     pub fn estimate_error(&mut self, outcome: &mut Outcome) -> Option<usize> {
         let verdict = self.verdict(outcome)?;
         outcome.error = Some(verdict.error);
@@ -247,7 +248,7 @@ impl Solver {
         self.known = (self.known + 1).min(3);
     }
 
-    /// From the strain that the engine holds; with `patience` also by continuation.
+    /// Solves from the strain in the engine; with `patience` also by load stepping.
     fn equilibrium(&mut self, load: &Load, patience: bool) -> Outcome {
         let mut outcome = Outcome::pending();
         let attempt = newton(&mut *self.engine, &self.settings, &mut outcome);
@@ -277,10 +278,9 @@ impl Solver {
         outcome
     }
 
-    /// What continuation makes of an attempt that is not sound: of the tip moment alone, then of
-    /// all the load.
+    /// Load stepping after a failed attempt: of the tip moment alone, then of the whole load.
     fn continued(&mut self, attempt: Attempt, load: &Load, outcome: &mut Outcome) -> Attempt {
-        // what continuation cannot mend keeps its first verdict
+        // if load stepping fails too, the first outcome is kept
         let first = *outcome;
         let mut continued = Attempt::Stuck;
         if load.tip_moment != [0.0; 3] {
@@ -312,8 +312,8 @@ impl Solver {
         attempt
     }
 
-    /// Raises the load from zero by steps that adapt, all of it or, from the equilibrium of the
-    /// rest that the engine holds, its tip moment alone; tells how far it came.
+    /// Raises the load from zero by adaptive increments: the whole load or, from the engine's
+    /// equilibrium under the other loads, the tip moment alone. Reports the fraction reached.
     fn continuation(&mut self, load: &Load, all: bool, outcome: &mut Outcome) -> Attempt {
         let mut part = OwnedLoad::default();
         let mut start = vec![Vec3::zero(); self.history[0].len()];
@@ -331,8 +331,9 @@ impl Solver {
             part.tip_moment = load.tip_moment.map(|m| m * fraction);
             let mut attempt = self.attempt_from(&start, &part.borrow(), outcome);
             if fraction == 1.0 {
-                let leads =
-                    !all && Vec3(load.tip_moment).norm() > LEADS * self.settings.moment_scale;
+                let leads = !all
+                    && Vec3(load.tip_moment).norm()
+                        > LEAST_LEADING_MOMENT * self.settings.moment_scale;
                 attempt = self.judged(attempt, load, leads);
             }
             let sound = attempt.is_sound();
@@ -350,10 +351,10 @@ impl Solver {
             outcome.fraction = reached;
             if fraction == 1.0 && matches!(attempt, Attempt::Saddle) && load.tip_moment != [0.0; 3]
             {
-                // found, and told to be unstable: smaller increments come to the same
+                // converged to an unstable equilibrium: smaller increments lead to the same
                 return attempt;
             }
-            // a load that is past hope must not take long to say so
+            // limit the time spent on a load without an equilibrium
             if increment < LEAST_INCREMENT
                 || outcome.iterations > MAX_CONTINUATION
                 || interrupt::interrupted()
@@ -363,7 +364,7 @@ impl Solver {
         }
     }
 
-    /// Newton's method from a strain, as a part of the way that `outcome` tells of.
+    /// Newton's method from a strain, with its steps added to `outcome`.
     fn attempt_from(&mut self, start: &[Vec3], load: &Load, outcome: &mut Outcome) -> Attempt {
         self.engine.load(load);
         self.engine.make_straight();
@@ -379,29 +380,29 @@ impl Solver {
         attempt
     }
 
-    /// Pose of the tip, which is the last disk; `None`, as all that follow, unless the last
+    /// Pose of the tip, which is the last disk; `None`, as for all that follow, unless the last
     /// solve converged.
     pub fn tip(&self) -> Option<Pose> {
         self.disk(self.robot.module_count() - 1)
     }
 
-    /// Pose of a disk, counted from the base.
+    /// Pose of a disk, with index 0 next to the base.
     pub fn disk(&self, k: usize) -> Option<Pose> {
         self.settled.then(|| self.engine.disk(k))
     }
 
-    /// Length of a tendon from the base hole to the hole of its end disk, m.
+    /// Length of a tendon from the base hole to the hole of its end disk (m).
     pub fn tendon_length(&self, i: usize) -> Option<f64> {
         self.settled.then(|| self.engine.length(i))
     }
 
-    /// Points of the backbone, `per_module` in each module, base and tip included, m.
+    /// Points of the backbone (m), `per_module` in each module, base and tip included.
     pub fn centerline(&self, per_module: usize) -> Option<Vec<Vec3>> {
         self.settled.then(|| self.plain().centerline(per_module))
     }
 
     /// Derivatives of the last equilibrium; `None` for continuous tendons, and where the
-    /// equilibrium is so near to losing stability that they are not finite.
+    /// equilibrium is so close to losing stability that they are not finite.
     pub fn jacobians(&self) -> Option<Jacobians> {
         if !self.settled {
             return None;
@@ -453,7 +454,7 @@ mod tests {
         .unwrap()
     }
 
-    /// Every engine that this processor can run gives the same answer.
+    /// All engines that this processor can run give the same solution.
     #[test]
     fn engines_agree() {
         let robot = robot();
@@ -479,20 +480,20 @@ mod tests {
                 solver.engine = engine.clone();
                 let outcome = solver.solve(&load).unwrap();
                 assert_eq!(outcome.status, Status::Converged);
-                let answer = (
+                let solution = (
                     solver.tip().unwrap().position,
                     solver.tendon_length(1).unwrap(),
                     outcome.iterations,
                 );
-                let (tip, length, iterations) = *first.get_or_insert(answer);
-                assert!((answer.0 - tip).norm() < 1e-11);
-                assert!((answer.1 - length).abs() < 1e-11);
-                assert_eq!(answer.2, iterations);
+                let (tip, length, iterations) = *first.get_or_insert(solution);
+                assert!((solution.0 - tip).norm() < 1e-11);
+                assert!((solution.1 - length).abs() < 1e-11);
+                assert_eq!(solution.2, iterations);
             }
         }
     }
 
-    /// Nothing is given that a solve did not converge to.
+    /// No results are available without convergence.
     #[test]
     fn no_numbers_without_convergence() {
         let robot = robot();

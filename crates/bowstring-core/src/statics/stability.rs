@@ -1,4 +1,6 @@
 //! Stability of an equilibrium under a tip moment, which has no potential.
+//!
+//! Theory: docs/theory/statics.md (Stability).
 
 use crate::dispatch;
 use crate::math::linalg::Vec3;
@@ -7,18 +9,18 @@ use crate::motion::oscillation;
 use crate::statics::newton::{Attempt, LEAST_PIVOT};
 use crate::statics::solver::Solver;
 
-/// Negative pivot over the unit of the shift that may still be one of a minimum, by rounding.
+/// Negative pivot, over the unit of the shift, that may still belong to a minimum, by rounding.
 const LOST_PIVOT: f64 = 1e-8;
-/// Damping ratio that keeps small oscillations under a tip moment from growing where it counts as
-/// stable. Without any, a moment along a round backbone lets them grow however small it is
-/// (Nikolai's paradox).
+/// Damping ratio at which small oscillations under a tip moment must decay for stability. Without
+/// damping, a moment along a round backbone makes them grow however small it is (Nikolai's
+/// paradox).
 const FLUTTER_DAMPING: f64 = 0.01;
-/// The same where no damping helps: what grows hardly oscillates.
-const HOPELESS: f64 = 0.5;
+/// Growth above which damping does not stabilise: the motion hardly oscillates.
+const STRONG_GROWTH: f64 = 0.5;
 
 impl Solver {
-    /// An equilibrium under a tip moment with its stability, which Newton's method does not tell.
-    /// An unstable one counts where the moment alone `leads` there from a stable one.
+    /// Determines the stability of an equilibrium under a tip moment, which Newton's method does
+    /// not. An unstable one is accepted where the moment alone `leads` to it from a stable one.
     pub(super) fn judged(&mut self, attempt: Attempt, load: &Load, leads: bool) -> Attempt {
         let Attempt::Converged {
             stable: None,
@@ -33,16 +35,16 @@ impl Solver {
         }
     }
 
-    /// Whether small damped motions under a tip moment die out. The moment adds half of itself as
-    /// a skew stiffness against the tip's rotation to a symmetric tangent. Where that is positive
-    /// definite, nothing leaves without an oscillation; and with the tip's flexibility `C` in the
-    /// plane across the moment, squared frequencies lie within `|moment| sqrt(det C) / 2` of the
-    /// real axis, as an angle. That settles small moments. Larger ones take the frequencies.
+    /// Whether small damped motions under a tip moment decay. The moment adds half of itself as a
+    /// skew stiffness against the tip's rotation to a symmetric tangent. Where that is positive
+    /// definite, divergence is excluded; and with the tip's flexibility `C` in the plane
+    /// perpendicular to the moment, squared frequencies lie within an angle of `|moment| sqrt(det
+    /// C) / 2` of the real axis. This decides small moments. Larger ones need the frequencies.
     fn stability(&mut self, load: &Load) -> Option<bool> {
         self.engine.linearise();
         let pivot = self.engine.eliminate(true, 0.0);
         let unit = self.settings.shift_unit;
-        // a pivot that is lost in rounding tells nothing; a NaN is no minimum
+        // a pivot lost in rounding decides nothing; a NaN is no minimum
         let mut stable = match pivot {
             p if p > LEAST_PIVOT * unit => Some(true),
             p if p > -LOST_PIVOT * unit => None,
@@ -55,14 +57,14 @@ impl Solver {
         if stable == Some(false) {
             stable = self.stability_of_motion(load, false);
         }
-        // whoever asks next finds the tangent of Newton's last step
+        // restore the tangent of Newton's last step for later queries
         self.engine.gradient();
         self.engine.eliminate(false, 0.0);
         stable
     }
 
-    /// Bound of the angle between squared frequencies under a tip moment and the real axis (rad),
-    /// by the last elimination.
+    /// Bound on the angle between squared frequencies under a tip moment and the real axis (rad),
+    /// from the last elimination.
     fn flutter_angle(&mut self, load: &Load) -> f64 {
         let per_module = 2 * self.elements;
         let rod = &mut *self.engine;
@@ -75,8 +77,8 @@ impl Solver {
         let first = along.cross(axis);
         let first = first * (1.0 / first.norm());
         let second = along.cross(first);
-        // twice the energy that a unit moment on the tip puts in
-        let mut answer = |unit: Vec3| {
+        // twice the energy of a unit moment on the tip
+        let mut solution = |unit: Vec3| {
             let local: Vec<_> = (0..rod.module_count())
                 .map(|k| match k {
                     0 => unit,
@@ -86,20 +88,20 @@ impl Solver {
             rod.set_gradient(&|i| local[i / per_module]);
             -rod.newton_step(true).slope
         };
-        let (a, b, both) = (answer(first), answer(second), answer(first + second));
+        let (a, b, both) = (solution(first), solution(second), solution(first + second));
         let between = 0.5 * (both - a - b);
         let determinant = f64::max(a * b - between * between, 0.0);
         0.5 * size * determinant.sqrt()
     }
 
-    /// The same by the frequencies; `oscillates` as in [`oscillation::growth`].
+    /// Stability from the frequencies; `oscillates` as in [`oscillation::growth`].
     fn stability_of_motion(&self, load: &Load, oscillates: bool) -> Option<bool> {
         let growth = dispatch::check_moving(&self.robot, self.elements)
             .ok()
             .and_then(|()| oscillation::growth(&self.at_rest(), load, oscillates));
         match growth {
             Some(growth) if growth <= FLUTTER_DAMPING => Some(true),
-            Some(growth) if growth >= HOPELESS => Some(false),
+            Some(growth) if growth >= STRONG_GROWTH => Some(false),
             None if !oscillates => Some(false),
             _ => None,
         }

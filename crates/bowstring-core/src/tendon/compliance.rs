@@ -1,41 +1,44 @@
 //! Routing of the tendons and their axial compliance.
+//!
+//! Theory: docs/theory/actuation.md (Elastic tendons, Eq. 4.3).
 
 use super::line::Line;
 use crate::model::load::{Model, Theory};
 use crate::model::robot::Robot;
 
-/// Share of `scale` that every span stretches by before its holes slip: far below the stretch of
-/// any tendon, enough to make the tensions of many sticking holes unique.
-const CREEP: f64 = 1e-7;
-/// Share of `scale` that regularises tensions which neither rod nor line determines: far below
-/// what a tension changes, above rounding.
-const RIDGE: f64 = 2e-10;
+/// Least compliance of a span with friction, over `scale`: far below that of any tendon, but enough
+/// to make the tensions of several sticking holes unique.
+const LEAST_COMPLIANCE: f64 = 1e-7;
+/// Regularisation, over `scale`, of tensions that neither rod nor line determines: far below the
+/// effect of a tension, above rounding.
+const REGULARISATION: f64 = 2e-10;
 
-/// Where the tendons run.
+/// Routing of the tendons.
 #[derive(Clone, Default)]
 pub(crate) struct Routing {
     pub modules: usize,
-    /// Module that each tendon ends in.
+    /// Module in which each tendon ends.
     pub ends: Vec<usize>,
-    /// From base hole to anchor in the straight robot, m.
+    /// Length of each tendon from base hole to anchor in the straight robot (m).
     pub straight: Vec<f64>,
-    /// Of the robot, m.
+    /// Length of the robot (m).
     pub length: f64,
 }
 
-/// Axial compliances, m/N.
+/// Axial compliances (m/N).
 #[derive(Clone, Default)]
 pub(crate) struct Compliance {
-    /// Own compliance of each span, by modules and tendons.
-    pub stretch: Vec<f64>,
-    /// The same as friction sees it: never zero, or else many holes that stick could carry any
-    /// tension.
-    pub creep: Vec<f64>,
-    /// Of all before the base hole.
+    /// Compliance of each span (L/EA of theory Eq. 4.3), by modules and tendons.
+    pub spans: Vec<f64>,
+    /// Compliance of each span in the equations of friction: never zero, because otherwise several
+    /// sticking holes could share a tension in more than one way.
+    pub friction_spans: Vec<f64>,
+    /// Compliance of transmission and free length before the base hole (c + F/EA of
+    /// theory Eq. 4.3).
     pub before: Vec<f64>,
-    /// Makes tensions unique where neither rod nor line does.
-    pub ridge: Vec<f64>,
-    /// Tendon displacement by tension of the straight robot, about.
+    /// Regularisation that makes tensions unique where neither rod nor line does.
+    pub regularisation: Vec<f64>,
+    /// Approximate derivative of tendon displacement with respect to tension in the straight robot.
     pub scale: f64,
 }
 
@@ -50,7 +53,7 @@ impl Routing {
         }
     }
 
-    /// Whether the tendon of an entry by modules and tendons passes there.
+    /// Whether the tendon of an entry (by modules and tendons) passes that module.
     pub fn passes(&self, at: usize) -> bool {
         let m = self.ends.len();
         at / m <= self.ends[at % m]
@@ -61,12 +64,12 @@ impl Compliance {
     pub fn new(robot: &Robot, model: Model, routing: &Routing, lines: &[Line]) -> Self {
         let (n, m) = (routing.modules, lines.len());
         let tendons = &robot.spec().tendons;
-        let mut stretch = vec![0.0; n * m];
+        let mut spans = vec![0.0; n * m];
         let mut start = 0.0;
         for (k, disk) in robot.spec().disks.iter().enumerate() {
             for (i, line) in lines.iter().enumerate() {
                 if routing.passes(k * m + i) {
-                    stretch[k * m + i] = (disk.station - start) / line.stiffness;
+                    spans[k * m + i] = (disk.station - start) / line.stiffness;
                 }
             }
             start = disk.station;
@@ -76,25 +79,26 @@ impl Compliance {
         let radius = tendons.iter().map(|t| t.hole[0].hypot(t.hole[1]));
         let widest = radius.fold(0.0, f64::max);
         let scale = widest * widest / robot.moment_scale();
-        let creep = |at: usize| match routing.passes(at) {
-            true => stretch[at].max(CREEP * scale),
+        let friction_spans = |at: usize| match routing.passes(at) {
+            true => spans[at].max(LEAST_COMPLIANCE * scale),
             false => 0.0,
         };
         let rigid = |i: usize| before[i] == 0.0 && lines[i].stiffness.is_infinite();
-        // bending about two axes and extension tell three tendons apart
+        // bending about two axes and extension distinguish three tendons
         let crowded = |i: usize| {
             let beside =
                 || (0..m).filter(|&j| rigid(j) && tendons[j].end_disk == tendons[i].end_disk);
             beside().count() > 3 || beside().any(|j| j != i && tendons[j].hole == tendons[i].hole)
         };
-        let ridge = |i: usize| match rigid(i) && (model.theory == Theory::Kirchhoff || crowded(i)) {
-            true => RIDGE * scale,
-            false => 0.0,
-        };
+        let regularisation =
+            |i: usize| match rigid(i) && (model.theory == Theory::Kirchhoff || crowded(i)) {
+                true => REGULARISATION * scale,
+                false => 0.0,
+            };
         Compliance {
-            creep: (0..n * m).map(creep).collect(),
-            ridge: (0..m).map(ridge).collect(),
-            stretch,
+            friction_spans: (0..n * m).map(friction_spans).collect(),
+            regularisation: (0..m).map(regularisation).collect(),
+            spans,
             before,
             scale,
         }

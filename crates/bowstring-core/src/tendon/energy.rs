@@ -1,4 +1,6 @@
-//! Stretch and energy of the tendons over a step of time.
+//! Elongation and energy of the tendons over a time step.
+//!
+//! Theory: docs/theory/dynamics.md (Tendons in motion).
 
 use super::history::History;
 use super::line::Command;
@@ -7,12 +9,12 @@ use crate::motion::Energies;
 use crate::rod::routed::RoutedRod;
 
 impl Tendons {
-    /// What a step of time does to the tendons, the one that leads to the present pose: energy of
-    /// those under displacement control, and what motors did and was lost beside the tendons' `work`
-    /// on the robot, J.
+    /// Energies of the tendons in the time step that leads to the present pose (J): elastic energy
+    /// of those under displacement control, and work of motors and loss in addition to the tendons'
+    /// `work` on the robot.
     pub fn energies(&self, rod: &dyn RoutedRod, work: f64) -> Energies {
         let (mut before, mut after, mut motors) = (0.0, 0.0, 0.0);
-        // what numerical damping takes is no loss
+        // numerical damping is not counted as dissipation
         let mut numerical = 0.0;
         let step = &self.step;
         for (i, command) in self.now.commands.iter().enumerate() {
@@ -20,12 +22,12 @@ impl Tendons {
             match *command {
                 Command::Tension(t) => motors += t * (step.routed[i] - self.length_of(lengths, i)),
                 Command::Displacement(p) => {
-                    let stretched = self.stretch_at(lengths, i, p);
+                    let elongation = self.elongation_at(lengths, i, p);
                     motors += self.now.tensions[i] * (p - step.counted[i]);
-                    before += self.energy(i, step.stretched[i]);
-                    after += self.energy(i, stretched);
+                    before += self.energy(i, step.elongation[i]);
+                    after += self.energy(i, elongation);
                     if self.now.tensions[i] > 0.0 && self.lines[i].friction == 0.0 {
-                        let more = stretched - step.stretched[i];
+                        let more = elongation - step.elongation[i];
                         numerical += (2.0 * step.share - 1.0) * self.energy(i, more.abs());
                     }
                 }
@@ -39,34 +41,34 @@ impl Tendons {
         }
     }
 
-    /// Energy of a tendon that is stretched by a length.
-    fn energy(&self, i: usize, stretched: f64) -> f64 {
+    /// Elastic energy of a tendon at an elongation (J).
+    fn energy(&self, i: usize, elongation: f64) -> f64 {
         let compliance = self.whole_compliance(i);
-        if compliance > 0.0 && stretched > 0.0 {
-            0.5 * stretched * stretched / compliance
+        if compliance > 0.0 && elongation > 0.0 {
+            0.5 * elongation * elongation / compliance
         } else {
             0.0
         }
     }
 
-    /// Tension by the stretch of a tendon at the end of the last step, N; none where it does not
-    /// stretch.
-    pub fn tension_of_stretch(&self, i: usize) -> Option<f64> {
+    /// Tension from the elongation of a tendon at the end of the last step (N); `None` if it is
+    /// inextensible.
+    pub fn tension_from_elongation(&self, i: usize) -> Option<f64> {
         let compliance = self.whole_compliance(i);
-        (compliance > 0.0).then(|| self.step.stretched[i] / compliance)
+        (compliance > 0.0).then(|| self.step.elongation[i] / compliance)
     }
 
-    /// Lets displacements jump; returns the energy that motors put into the tendons at once, J.
+    /// Sets displacements at once; returns the work of the motors in the jump (J).
     pub fn jump(&mut self, values: &[f64], slack: &mut [f64]) -> f64 {
         let mut energy = 0.0;
         for (i, to) in values.iter().enumerate() {
             if self.now.commands[i].is_displacement() {
-                let stretched = self.step.routed[i] - self.home[i] + to;
-                let now = f64::max(stretched, 0.0);
-                energy += self.energy(i, now) - self.energy(i, self.step.stretched[i]);
-                self.step.stretched[i] = now;
+                let elongation = self.step.routed[i] - self.home[i] + to;
+                let now = f64::max(elongation, 0.0);
+                energy += self.energy(i, now) - self.energy(i, self.step.elongation[i]);
+                self.step.elongation[i] = now;
                 if self.whole_compliance(i) > 0.0 {
-                    slack[i] = f64::max(-stretched, 0.0);
+                    slack[i] = f64::max(-elongation, 0.0);
                 }
                 self.step.counted[i] = *to;
             }
@@ -74,7 +76,7 @@ impl Tendons {
         energy
     }
 
-    /// Displacement of a tendon now, m.
+    /// Present displacement of a tendon (m).
     pub fn displacement_now(&self, i: usize, old: &History) -> f64 {
         match self.now.commands[i] {
             Command::Displacement(_) => self.step.counted[i],
@@ -82,8 +84,8 @@ impl Tendons {
         }
     }
 
-    /// Takes a pose at rest as one of this path, though it was found with another rod, which is all
-    /// but the same: home shifts by the difference, so that no tendon jerks.
+    /// Accepts a pose at rest, computed with another rod that is nearly identical, as one of this
+    /// path: home lengths are shifted by the difference, so that no tendon jumps.
     pub fn adopt(&mut self, rod: &dyn RoutedRod) {
         self.measure(rod);
         for (i, slack) in self.slack.iter().enumerate() {
@@ -93,30 +95,30 @@ impl Tendons {
         }
     }
 
-    /// Ends a step of time at the present pose; returns the energy of tendons under displacement
+    /// Ends a time step at the present pose; returns the energy of tendons under displacement
     /// control.
     pub fn arrive(&mut self, rod: &dyn RoutedRod) -> f64 {
         let mut energy = 0.0;
         for i in 0..self.lines.len() {
             let lengths = rod.span_lengths();
-            let (stretched, slack) = match self.now.commands[i] {
+            let (elongation, slack) = match self.now.commands[i] {
                 Command::Tension(_) => (0.0, 0.0),
                 Command::Displacement(p) => {
-                    let stretched = self.stretch_at(lengths, i, p);
+                    let elongation = self.elongation_at(lengths, i, p);
                     self.step.counted[i] = p;
-                    // the slack of a taut tendon that does not stretch is rounding
+                    // the slack of a taut inextensible tendon is rounding
                     let stiff = self.whole_compliance(i) == 0.0;
                     let slack = if stiff && self.now.tensions[i] > 0.0 {
                         0.0
                     } else {
-                        f64::max(-stretched, 0.0)
+                        f64::max(-elongation, 0.0)
                     };
-                    (f64::max(stretched, 0.0), slack)
+                    (f64::max(elongation, 0.0), slack)
                 }
             };
             self.step.routed[i] = self.length_of(lengths, i);
-            (self.step.stretched[i], self.slack[i]) = (stretched, slack);
-            energy += self.energy(i, stretched);
+            (self.step.elongation[i], self.slack[i]) = (elongation, slack);
+            energy += self.energy(i, elongation);
         }
         self.note_displacements();
         energy

@@ -1,4 +1,6 @@
 //! Coulomb friction of the tendons at their holes: stick and slip.
+//!
+//! Theory: docs/theory/actuation.md (Friction, Eq. 4.4 and 4.5).
 
 use super::history::{History, Slip};
 use super::line::Command;
@@ -6,18 +8,19 @@ use super::tendons::Tendons;
 use crate::motion::Lock;
 use crate::rod::routed::RoutedRod;
 
-/// Below this drop of the logarithm of a tension, a hole holds nothing: the tendon is straight there.
-const HOLDS: f64 = 1e-6;
-/// Steps in which a hole changed between stick and slip, after which all holes are unknown
-/// together: local changes have had their chance.
+/// Largest drop of the logarithm of a tension below which a hole has no friction: the tendon is
+/// straight there.
+const NEGLIGIBLE_DROP: f64 = 1e-6;
+/// Iterations with changes between stick and slip after which all holes become unknowns together,
+/// because local changes have not settled.
 const LOCAL_STEPS: usize = 8;
 
-/// Below these a change counts as none.
+/// Negligible changes.
 #[derive(Clone, Copy)]
 pub(crate) struct FrictionTolerance {
-    /// Of a drop.
+    /// Change of a drop.
     pub drop: f64,
-    /// Of a slip, m.
+    /// Slip (m).
     pub slip: f64,
 }
 
@@ -27,13 +30,13 @@ pub(crate) struct Friction {
     /// Whether any tendon has friction.
     pub enabled: bool,
     pub tolerance: FrictionTolerance,
-    /// Displacements that the step starts from, m.
+    /// Displacements at the start of the step (m).
     from: Vec<f64>,
-    /// By holes of one tendon, m.
+    /// Slip by holes of one tendon (m), v of theory Eq. 4.5.
     slipped: Vec<f64>,
-    /// By modules and tendons: largest drop.
+    /// Largest drop mu beta (theory Eq. 4.4), by modules and tendons.
     pub bounds: Vec<f64>,
-    /// Steps in which a hole changed between stick and slip.
+    /// Number of iterations in which a hole changed between stick and slip.
     changes: usize,
     /// Whether no hole did in the last `update`.
     pub unchanged: bool,
@@ -70,15 +73,15 @@ impl Friction {
         self.changes = 0;
     }
 
-    /// Whether every hole is unknown, not only those that stick.
+    /// Whether every hole is an unknown, not only those that stick.
     pub fn is_global(&self) -> bool {
         self.changes > LOCAL_STEPS
     }
 
-    /// Friction at the present bend: which holes slip, which stick, and the drops of those that
-    /// slip. False while that still changes.
+    /// Friction at the present bend (theory Eq. 4.5): which holes slip, which stick, and the drops
+    /// of those that slip. False while that still changes.
     ///
-    /// On a `fresh` path, where nothing stuck yet, a hole that slips the wrong way slips the other.
+    /// On a `fresh` path, without a hole that has stuck, the direction of slip may reverse at once.
     pub fn update(
         &mut self,
         tendons: &mut Tendons,
@@ -101,19 +104,19 @@ impl Friction {
         settled && self.unchanged
     }
 
-    /// Slip of a tendon at its holes in this step, towards the base.
+    /// Slip of a tendon at its holes in this step, positive towards the base.
     fn set_slip(&mut self, tendons: &Tendons, lengths: &[f64], old: &History, i: usize) {
         let m = tendons.lines.len();
         let mut slipped = 0.0;
         for k in (0..=tendons.routing.ends[i]).rev() {
             let at = k * m + i;
-            let creep = tendons.compliance.creep[at];
-            slipped -= lengths[at] - creep * tendons.tensions[at] - old.spans[at];
+            let friction_spans = tendons.compliance.friction_spans[at];
+            slipped -= lengths[at] - friction_spans * tendons.tensions[at] - old.spans[at];
             self.slipped[k] = slipped;
         }
     }
 
-    /// Friction of one tendon; whether its drops are settled.
+    /// Updates the friction of one tendon; returns whether its drops are settled.
     fn update_tendon(
         &mut self,
         tendons: &mut Tendons,
@@ -142,7 +145,7 @@ impl Friction {
                     (next, sliding_drop(next, bound, drop))
                 }
             };
-            // the bend still moves, or the hole changed between stick and slip
+            // the bend still changes, or the hole changed between stick and slip
             settled &= (to - drop).abs() <= self.tolerance.drop;
             self.unchanged &= next == slip;
             (tendons.now.slip[at], tendons.now.drops[at]) = (next, to);
@@ -150,8 +153,8 @@ impl Friction {
         settled
     }
 
-    /// Slip at the base hole where the line gives it: one that does not stretch. Where the motor
-    /// stands still the drop stays.
+    /// Slip at the base hole, where an inextensible line prescribes it. While the motor does not
+    /// move, the drop is constant.
     fn base_slip(&self, tendons: &Tendons, i: usize) -> Option<f64> {
         match tendons.now.commands[i] {
             Command::Displacement(to) if tendons.compliance.before[i] == 0.0 => {
@@ -171,21 +174,21 @@ impl Friction {
         }
     }
 
-    /// Slip after the one before, by the length that slipped.
+    /// Next slip state, from the present one and the slip length.
     fn next_slip(&self, slip: Slip, slipped: f64, fresh: bool) -> Slip {
-        let way = self.direction(slipped);
+        let direction = self.direction(slipped);
         match slip {
-            _ if fresh && way == Slip::Away => Slip::Away,
+            _ if fresh && direction == Slip::Away => Slip::Away,
             _ if fresh => Slip::Towards,
-            Slip::Towards if way == Slip::Away => Slip::Sticks,
-            Slip::Away if way == Slip::Towards => Slip::Sticks,
+            Slip::Towards if direction == Slip::Away => Slip::Sticks,
+            Slip::Away if direction == Slip::Towards => Slip::Sticks,
             _ => slip,
         }
     }
 
-    /// What keeps its length in small oscillations: tendons under displacement control without
-    /// slack; with friction, every stretch between two holes that hold, for a small motion does not
-    /// make them slip. A hole without bend holds nothing.
+    /// Constraints of small oscillations: taut tendons under displacement control keep their
+    /// length; with friction, so does every group of spans between two holes with friction, because
+    /// a small motion does not make them slip. A hole without bend has no friction.
     pub fn locks(&self, tendons: &Tendons) -> Vec<Lock> {
         let (n, m) = (tendons.routing.modules, tendons.lines.len());
         let compliance = &tendons.compliance;
@@ -195,26 +198,26 @@ impl Friction {
                 continue;
             }
             let friction = tendons.lines[i].friction > 0.0;
-            let holds = |k: usize| friction && self.bounds[k * m + i] > HOLDS;
+            let has_friction = |k: usize| friction && self.bounds[k * m + i] > NEGLIGIBLE_DROP;
             let mut start = 0;
             for k in 0..=tendons.routing.ends[i] {
                 let last = k == tendons.routing.ends[i];
-                if !last && !holds(k + 1) {
+                if !last && !has_friction(k + 1) {
                     continue;
                 }
-                let free = start == 0 && !holds(0);
+                let free = start == 0 && !has_friction(0);
                 let from = std::mem::replace(&mut start, k + 1);
                 if free && !tendons.now.commands[i].is_displacement() {
                     continue;
                 }
                 let own = if friction {
-                    &compliance.creep
+                    &compliance.friction_spans
                 } else {
-                    &compliance.stretch
+                    &compliance.spans
                 };
                 let mut give: f64 = (from..=k).map(|k| own[k * m + i]).sum();
                 if free {
-                    give += compliance.before[i] + compliance.ridge[i];
+                    give += compliance.before[i] + compliance.regularisation[i];
                 }
                 locks.push(Lock {
                     tendon: i,
@@ -229,7 +232,7 @@ impl Friction {
     }
 }
 
-/// Drop of a hole that slips; that of one which sticks stays within the bound.
+/// Drop of a hole that slips; that of a sticking hole stays within the bound.
 fn sliding_drop(slip: Slip, bound: f64, drop: f64) -> f64 {
     match slip {
         Slip::Towards => bound,

@@ -1,4 +1,6 @@
-//! State of the tendons after a step: all that friction remembers.
+//! State of the tendons after a step, on which friction depends.
+//!
+//! Theory: docs/theory/actuation.md (History).
 
 use super::line::Command;
 use crate::math::linalg::Vec3;
@@ -10,11 +12,11 @@ pub struct History {
     pub tensions: Vec<f64>,
     /// Drops of the logarithm of tension at the holes where spans begin, by modules and tendons.
     pub drops: Vec<f64>,
-    /// Lengths of the spans less their creep (m), by modules and tendons.
+    /// Lengths of the spans less their elongation with friction (m), by modules and tendons.
     pub spans: Vec<f64>,
-    /// Tendon displacements since home (m).
+    /// Tendon displacements from the home pose (m).
     pub displacements: Vec<f64>,
-    /// Strain of the backbone, where the next step starts from.
+    /// Strain of the backbone, from which the next step starts.
     pub(crate) strain: Vec<Vec3>,
     pub(crate) slip: Vec<Slip>,
     /// Commands of the last step.
@@ -24,7 +26,7 @@ pub struct History {
 }
 
 impl History {
-    /// Takes on another of the same robot; allocates nothing.
+    /// Copies another history of the same robot; allocates nothing.
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.tensions.clone_from(&other.tensions);
         self.drops.clone_from(&other.drops);
@@ -37,10 +39,10 @@ impl History {
     }
 }
 
-/// What a tendon does at a hole.
+/// State of a tendon at a hole.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum Slip {
-    /// Towards the base.
+    /// Slips towards the base.
     Towards = 1,
     Away = -1,
     #[default]

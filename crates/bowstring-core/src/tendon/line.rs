@@ -1,22 +1,25 @@
-//! Lines and their commands.
+//! Tendon lines and their commands.
+//!
+//! Theory: docs/theory/actuation.md.
 
-/// What lies between a motor and the robot's end of a tendon, and the tendon's friction.
+/// Transmission between a motor and the base hole of a tendon, and the tendon's elasticity and
+/// friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
-    /// Axial stiffness E A of the tendon (N); infinite if it does not stretch.
+    /// Axial stiffness E A of the tendon (N); infinite if it is inextensible.
     pub stiffness: f64,
-    /// Length of tendon before the base hole (m).
+    /// Free length of tendon between motor and base hole (m).
     pub free_length: f64,
     /// Compliance of the transmission (m/N).
     pub compliance: f64,
-    /// Coefficient of Coulomb friction at every hole but the anchor.
+    /// Coefficient of Coulomb friction at every hole except the anchor.
     pub friction: f64,
     /// Tension in the home pose, where the displacement is zero (N).
     pub pretension: f64,
 }
 
 impl Default for Line {
-    /// Without stretch and friction.
+    /// An inextensible tendon without friction.
     fn default() -> Self {
         Line {
             stiffness: f64::INFINITY,
@@ -28,22 +31,22 @@ impl Default for Line {
     }
 }
 
-/// What a motor does to its tendon.
+/// Command of a motor to its tendon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Command {
     /// Tension before the base hole (N).
     Tension(f64),
-    /// Tendon displacement since home (m); negative if it is paid out.
+    /// Tendon displacement from the home pose (m); negative where the tendon is lengthened.
     Displacement(f64),
 }
 
 impl Command {
-    /// Whether it gives the displacement.
+    /// Whether it is a displacement.
     pub fn is_displacement(&self) -> bool {
         matches!(self, Command::Displacement(_))
     }
 
-    /// The tension or the displacement.
+    /// The tension (N) or the displacement (m).
     pub fn value(&self) -> f64 {
         match *self {
             Command::Tension(value) | Command::Displacement(value) => value,

@@ -1,4 +1,6 @@
 //! The tendons of a robot: tensions, lengths and slack.
+//!
+//! Theory: docs/theory/actuation.md.
 
 use super::compliance::{Compliance, Routing};
 use super::history::{History, Slip};
@@ -9,7 +11,7 @@ use crate::model::load::{Load, Model, TendonPath};
 use crate::model::robot::Robot;
 use crate::rod::routed::RoutedRod;
 
-/// Holes with friction: all that stick are unknown together, in a dense matrix.
+/// Most holes with friction: all that stick are unknowns together, in a dense matrix.
 const MOST_HOLES: usize = 2000;
 
 /// Lines and routing of all tendons, and their state in a step.
@@ -18,39 +20,42 @@ pub(crate) struct Tendons {
     pub lines: Vec<Line>,
     pub routing: Routing,
     pub compliance: Compliance,
-    /// Length less stretch at home, m.
+    /// Unstretched length of each tendon in the home pose (m).
     pub home: Vec<f64>,
     pub now: History,
-    /// Slack length at zero tension, m; times `step.share`.
+    /// Slack length of each tendon (m), times `step.share` (theory Eq. 5.4); negative where it is
+    /// too short.
     pub slack: Vec<f64>,
-    /// By modules and tendons: what the holes up to there leave of the tension before the base
-    /// hole, zero where the tendon does not pass; and the tension itself, N.
+    /// Ratio of each span's tension to that before the base hole, by modules and tendons, zero
+    /// where the tendon does not pass; and the span's tension (N).
     pub carried: Vec<f64>,
     pub tensions: Vec<f64>,
     pub step: StepStart,
 }
 
-/// What a step starts from.
+/// State of the tendons at the start of a step.
 #[derive(Clone, Default)]
 pub(crate) struct StepStart {
     /// Fraction of the step where forces balance.
     pub share: f64,
-    /// Stretch of each tendon, and its length from base hole to anchor, m.
-    pub stretched: Vec<f64>,
+    /// Elongation of each tendon, and its length from base hole to anchor (m).
+    pub elongation: Vec<f64>,
     pub routed: Vec<f64>,
-    /// Displacements up to which the work of motors is counted, m.
+    /// Displacements up to which the work of motors has been counted (m).
     pub counted: Vec<f64>,
 }
 
 impl Tendons {
-    /// One line for each tendon; the home pose is still to be found.
+    /// One line for each tendon; the home pose is found later.
     pub fn new(robot: &Robot, model: Model, lines: &[Line]) -> Result<Self, InputError> {
         check_lines(robot, model, lines)?;
         let routing = Routing::new(robot);
         let compliance = Compliance::new(robot, model, &routing, lines);
         let (n, m) = (routing.modules, lines.len());
-        if let Some(at) = compliance.stretch.iter().position(|c| !c.is_finite()) {
-            let rule = Rule::Other("be larger: its compliance is beyond what numbers hold");
+        if let Some(at) = compliance.spans.iter().position(|c| !c.is_finite()) {
+            let rule = Rule::Other(
+                "be larger: its compliance exceeds the range of floating-point numbers",
+            );
             let (i, argument) = (at % m, Argument::TendonStiffness);
             return Err(InputError::number(argument, i, lines[i].stiffness, rule));
         }
@@ -64,7 +69,7 @@ impl Tendons {
             now: History::default(),
             step: StepStart {
                 share: 1.0,
-                stretched: vec![0.0; m],
+                elongation: vec![0.0; m],
                 routed: vec![0.0; m],
                 counted: vec![0.0; m],
             },
@@ -73,18 +78,19 @@ impl Tendons {
         })
     }
 
-    /// Takes a pose under the pretension alone as home, by its span lengths and strain; returns
-    /// the path that begins there, without friction yet.
-    pub fn go_home(&mut self, lengths: &[f64], strain: Vec<Vec3>) -> History {
+    /// Sets the home pose to one under the pretension alone, by its span lengths and strain;
+    /// returns the start of a path there, without friction.
+    pub fn set_home(&mut self, lengths: &[f64], strain: Vec<Vec3>) -> History {
         let (n, m) = (self.routing.modules, self.lines.len());
         let tensions: Vec<_> = self.lines.iter().map(|line| line.pretension).collect();
         let compliance = &self.compliance;
-        let spans = (0..n * m).map(|at| lengths[at] - compliance.creep[at] * tensions[at % m]);
+        let spans =
+            (0..n * m).map(|at| lengths[at] - compliance.friction_spans[at] * tensions[at % m]);
         let spans = spans.collect();
         for i in 0..m {
-            let stretched =
-                (0..n).map(|k| lengths[k * m + i] - compliance.stretch[k * m + i] * tensions[i]);
-            self.home[i] = stretched.sum::<f64>() - compliance.before[i] * tensions[i];
+            let unstretched =
+                (0..n).map(|k| lengths[k * m + i] - compliance.spans[k * m + i] * tensions[i]);
+            self.home[i] = unstretched.sum::<f64>() - compliance.before[i] * tensions[i];
         }
         self.now = History {
             commands: tensions.iter().map(|t| Command::Tension(*t)).collect(),
@@ -99,29 +105,31 @@ impl Tendons {
         self.now.clone()
     }
 
-    /// Whether a ridge holds what neither rod nor line does.
+    /// Whether regularisation determines tensions that neither rod nor line does.
     pub fn is_rigid(&self) -> bool {
-        self.compliance.ridge.iter().any(|r| *r > 0.0)
+        self.compliance.regularisation.iter().any(|r| *r > 0.0)
     }
 
-    /// Entries of a tendon, by modules and tendons.
+    /// Entries of a tendon in arrays by modules and tendons.
     fn spans_of(&self, i: usize) -> impl Iterator<Item = usize> {
         let m = self.lines.len();
         (0..self.routing.modules).map(move |k| k * m + i)
     }
 
-    /// Displacement that a tendon without slack has.
+    /// Displacement of a tendon without slack (m).
     pub fn displacement_of(&self, history: &History, i: usize) -> f64 {
         let compliance = &self.compliance;
         let (mut tension, mut routed) = (history.tensions[i], 0.0);
         for at in self.spans_of(i) {
             tension *= (-history.drops[at]).exp();
-            routed += history.spans[at] + (compliance.creep[at] - compliance.stretch[at]) * tension;
+            routed += history.spans[at]
+                + (compliance.friction_spans[at] - compliance.spans[at]) * tension;
         }
         self.home[i] - routed + compliance.before[i] * history.tensions[i]
     }
 
-    /// Displacements of the present state, as commanded or as the tensions give them.
+    /// Stores the displacements of the present state, as commanded or as they follow from the
+    /// tensions.
     pub fn note_displacements(&mut self) {
         for i in 0..self.lines.len() {
             self.now.displacements[i] = match self.now.commands[i] {
@@ -179,7 +187,7 @@ impl Tendons {
         }
     }
 
-    /// What the holes of a tendon leave of its tension, by the present drops.
+    /// Ratios of a tendon's span tensions to that before the base hole, for the present drops.
     pub fn carry(&mut self, i: usize) {
         let m = self.lines.len();
         let mut drop = 0.0;
@@ -189,7 +197,7 @@ impl Tendons {
         }
     }
 
-    /// Tensions of all spans by those before the base holes and the drops.
+    /// Sets the tensions of all spans from those before the base holes and the drops.
     pub fn apply(&mut self, rod: &mut dyn RoutedRod) {
         let m = self.lines.len();
         for (tensions, carried) in self.tensions.chunks_mut(m).zip(self.carried.chunks(m)) {
@@ -202,12 +210,13 @@ impl Tendons {
         rod.set_span_tensions(&self.tensions);
     }
 
-    /// Lengths less stretch, and slack, at the present pose.
+    /// Measures unstretched lengths and slack (theory Eq. 4.1; in motion Eq. 5.4) at the present
+    /// pose.
     pub fn measure(&mut self, rod: &dyn RoutedRod) {
         let lengths = rod.span_lengths();
         let compliance = &self.compliance;
         for (at, span) in self.now.spans.iter_mut().enumerate() {
-            *span = lengths[at] - compliance.creep[at] * self.tensions[at];
+            *span = lengths[at] - compliance.friction_spans[at] * self.tensions[at];
         }
         for i in 0..self.lines.len() {
             self.slack[i] = match self.now.commands[i] {
@@ -215,28 +224,28 @@ impl Tendons {
                 Command::Displacement(p) => {
                     let spans = self.spans_of(i);
                     let carried: f64 = spans
-                        .map(|at| compliance.stretch[at] * self.tensions[at])
+                        .map(|at| compliance.spans[at] * self.tensions[at])
                         .sum();
-                    let before = compliance.before[i] + compliance.ridge[i];
+                    let before = compliance.before[i] + compliance.regularisation[i];
                     carried + before * self.now.tensions[i]
-                        - (1.0 - self.step.share) * self.step.stretched[i]
-                        - self.step.share * self.stretch_at(lengths, i, p)
+                        - (1.0 - self.step.share) * self.step.elongation[i]
+                        - self.step.share * self.elongation_at(lengths, i, p)
                 }
             };
         }
     }
 
-    /// Length of a tendon from base hole to anchor.
+    /// Length of a tendon from base hole to anchor (m).
     pub fn length_of(&self, lengths: &[f64], i: usize) -> f64 {
         self.spans_of(i).map(|at| lengths[at]).sum()
     }
 
-    /// Stretch of a tendon at a displacement, slack as negative.
-    pub fn stretch_at(&self, lengths: &[f64], i: usize, displacement: f64) -> f64 {
+    /// Elongation of a tendon at a displacement (m); negative where it is slack.
+    pub fn elongation_at(&self, lengths: &[f64], i: usize, displacement: f64) -> f64 {
         self.length_of(lengths, i) - self.home[i] + displacement
     }
 
-    /// Largest length by which a tendon is too short, or slack under tension.
+    /// Largest length error (m): of a tendon that is too short, or slack under tension.
     pub fn length_residual(&self) -> f64 {
         let mut most: f64 = 0.0;
         for (i, command) in self.now.commands.iter().enumerate() {
@@ -253,15 +262,15 @@ impl Tendons {
         most / self.step.share
     }
 
-    /// Compliance of all of a line, m/N.
+    /// Compliance of a whole tendon (theory Eq. 4.3, m/N).
     pub fn whole_compliance(&self, i: usize) -> f64 {
-        let spans = self.spans_of(i).map(|at| self.compliance.stretch[at]);
+        let spans = self.spans_of(i).map(|at| self.compliance.spans[at]);
         self.compliance.before[i] + spans.sum::<f64>()
     }
 
-    /// Largest length that a ridge made up for, m.
-    pub fn given_way(&self) -> f64 {
-        let give = |i: usize| self.compliance.ridge[i] * self.now.tensions[i];
+    /// Largest elongation due to regularisation (m).
+    pub fn regularisation_length(&self) -> f64 {
+        let give = |i: usize| self.compliance.regularisation[i] * self.now.tensions[i];
         (0..self.lines.len()).map(give).fold(0.0, f64::max)
     }
 }
@@ -276,7 +285,7 @@ fn check_lines(robot: &Robot, model: Model, lines: &[Line]) -> Result<(), InputE
         ));
     }
     if m == 0 {
-        return fail("a robot without tendons is not driven".into());
+        return fail("a robot without tendons cannot be actuated".into());
     }
     let with_friction = (0..m).filter(|&i| lines[i].friction > 0.0);
     let holes: usize = with_friction

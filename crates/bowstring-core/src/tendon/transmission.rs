@@ -1,4 +1,6 @@
-//! The tendons of a robot under their laws.
+//! The tendons of a robot with their laws: friction and unknowns of a step.
+//!
+//! Theory: docs/theory/actuation.md.
 
 use super::friction::Friction;
 use super::history::History;
@@ -20,7 +22,7 @@ pub(crate) struct Transmission {
 }
 
 impl Transmission {
-    /// One line for each tendon; the home pose is still to be found.
+    /// One line for each tendon; the home pose is found later.
     pub fn new(robot: &Robot, model: Model, lines: &[Line]) -> Result<Self, InputError> {
         let tendons = Tendons::new(robot, model, lines)?;
         Ok(Transmission {
@@ -37,35 +39,47 @@ impl Transmission {
         self.unknowns.start();
     }
 
-    /// Friction at the present bend, see [`Friction::update`].
+    /// Friction at the present bend; see [`Friction::update`].
     pub fn update_friction(&mut self, rod: &mut dyn RoutedRod, old: &History, fresh: bool) -> bool {
         let settled = self.friction.update(&mut self.tendons, rod, old, fresh);
         self.tendons.apply(rod);
         settled
     }
 
-    /// Sets the problem between the unknowns, see [`Unknowns::gather`].
-    pub fn gather(&mut self, rod: &mut dyn RoutedRod, old: &History, caution: f64, kept: bool) {
-        self.unknowns
-            .gather(&self.tendons, &self.friction, rod, old, caution, kept);
+    /// Sets the problem of the unknowns; see [`Unknowns::gather`].
+    pub fn gather(
+        &mut self,
+        rod: &mut dyn RoutedRod,
+        old: &History,
+        limiting_compliance: f64,
+        kept: bool,
+    ) {
+        self.unknowns.gather(
+            &self.tendons,
+            &self.friction,
+            rod,
+            old,
+            limiting_compliance,
+            kept,
+        );
     }
 
-    /// What each column takes part in the step with.
+    /// Coefficient of each column in the step.
     pub fn coefficients(&mut self) -> &[f64] {
         self.unknowns.coefficients(&self.tendons)
     }
 
-    /// Moves tensions and drops by a fraction of the step that was found.
+    /// Moves tensions and drops by a fraction of the step.
     pub fn take(&mut self, rod: &mut dyn RoutedRod, fraction: f64) {
         self.unknowns.take(&mut self.tendons, rod, fraction);
     }
 
-    /// What keeps its length in small oscillations.
+    /// Constraints of small oscillations; see [`Friction::locks`].
     pub fn locks(&self) -> Vec<Lock> {
         self.friction.locks(&self.tendons)
     }
 
-    /// At most as many as `locks` gives.
+    /// Upper bound of the number of `locks`.
     pub fn lock_count(&self) -> usize {
         self.most_holes()
             + self
@@ -76,7 +90,7 @@ impl Transmission {
                 .count()
     }
 
-    /// Holes that may stick together.
+    /// Most holes that may stick at the same time.
     pub fn most_holes(&self) -> usize {
         let lines = self.tendons.lines.iter().zip(&self.tendons.routing.ends);
         let with_friction = lines.filter(|(line, _)| line.friction > 0.0);

@@ -1,4 +1,6 @@
-//! Unknown tensions and drops, and the mixed linear complementarity problem between them.
+//! Unknown tensions and drops, and their mixed linear complementarity problem.
+//!
+//! Theory: docs/theory/actuation.md (Eq. 4.2).
 
 use super::friction::Friction;
 use super::history::{History, Slip};
@@ -7,17 +9,18 @@ use crate::math::mlcp::{Complementarity, Side};
 use crate::rod::chain::Sources;
 use crate::rod::routed::RoutedRod;
 
-/// Slack below this share of the robot's length counts as none.
-const NO_SLACK: f64 = 1e-12;
-/// Stiffness against common growth of tensions, over the largest of one, that counts as none.
-const NO_STIFFNESS: f64 = 1e-9;
+/// Negligible slack, over the robot's length.
+const NEGLIGIBLE_SLACK: f64 = 1e-12;
+/// Negligible stiffness against a common change of tensions, over the largest stiffness of one
+/// tension.
+const NEGLIGIBLE_STIFFNESS: f64 = 1e-9;
 
 /// Unknown of a tendon.
 #[derive(Clone, Copy, PartialEq)]
 enum Unknown {
     /// Tension before the base hole.
     Tension(usize),
-    /// Drop of a hole that sticks.
+    /// Drop at a sticking hole.
     Drop { tendon: usize, hole: usize },
 }
 
@@ -37,32 +40,32 @@ impl Unknown {
     }
 }
 
-/// Unknowns of a step, and the problem that gives their next values.
+/// Unknowns of a step, and the problem for their next values.
 #[derive(Clone, Default)]
 pub(crate) struct Unknowns {
     pub problem: Complementarity,
-    /// In the order of the columns.
+    /// Unknowns in the order of the columns.
     list: Vec<Unknown>,
-    /// Those that the rod has solved for.
+    /// Unknowns of the last solution of the rod.
     solved: Vec<Unknown>,
     columns: Columns,
     coefficients: Vec<f64>,
-    /// By columns: change of a tendon's length from a hole on.
+    /// By columns: length change of a tendon from a hole on.
     beyond: Vec<f64>,
-    /// Compliance in `problem` that limits tensions far from the solution, m/N.
-    caution: f64,
-    /// Of the unknowns, as `keeps_sides` saw them last.
+    /// Compliance added in `problem` to limit tensions far from the solution (m/N).
+    limiting_compliance: f64,
+    /// Sides of the unknowns at the last call of `keeps_sides`.
     sides: Vec<Side>,
 }
 
 /// Right-hand sides of the unknowns.
 #[derive(Clone, Default)]
 struct Columns {
-    /// Tendon of each.
+    /// Tendon of each right-hand side.
     sources: Vec<usize>,
-    /// By unknowns and modules: tension that goes with a unit of each.
+    /// By unknowns and modules: span tension for a unit of each unknown.
     profile: Vec<f64>,
-    /// By unknowns and holes: own stretch of a tendon from there on.
+    /// By unknowns and holes: elongation of a tendon from there on, for a unit of each unknown.
     give: Vec<f64>,
 }
 
@@ -85,23 +88,23 @@ impl Columns {
             }
             let mut sum = 0.0;
             for k in (0..n).rev() {
-                sum += tendons.compliance.creep[k * m + i] * self.profile[c * n + k];
+                sum += tendons.compliance.friction_spans[k * m + i] * self.profile[c * n + k];
                 self.give[c * n + k] = sum;
             }
         }
     }
 
-    /// Stretch of a whole tendon by a unit of a column.
+    /// Elongation of a whole tendon for a unit of a column.
     fn stretch(&self, c: usize, i: usize, tendons: &Tendons) -> f64 {
         let (n, m) = (tendons.routing.modules, tendons.lines.len());
         (0..n)
-            .map(|k| tendons.compliance.stretch[k * m + i] * self.profile[c * n + k])
+            .map(|k| tendons.compliance.spans[k * m + i] * self.profile[c * n + k])
             .sum()
     }
 }
 
 impl Unknowns {
-    /// Forgets the step before: one that is repeated is the same to the last digit.
+    /// Discards the step before, so that a repeated step gives identical results.
     pub fn start(&mut self) {
         self.list.clear();
         self.solved.clear();
@@ -109,24 +112,24 @@ impl Unknowns {
         self.problem.side.clear();
     }
 
-    /// Solves for the columns of the unknown tensions and drops, and sets the complementarity
-    /// problem between them.
+    /// Solves for the columns of the unknown tensions and drops, and sets up their complementarity
+    /// problem (theory Eq. 4.2).
     ///
-    /// `caution` is compliance that limits tensions far from the solution. `kept`: columns that
-    /// were made for the same unknowns serve again.
+    /// `limiting_compliance` is a compliance that limits tensions far from the
+    /// solution. `kept`: columns of the same unknowns are reused.
     pub fn gather(
         &mut self,
         tendons: &Tendons,
         friction: &Friction,
         rod: &mut dyn RoutedRod,
         old: &History,
-        caution: f64,
+        limiting_compliance: f64,
         kept: bool,
     ) {
         self.collect(tendons, friction);
         let kept = kept && (!friction.enabled || self.list == self.solved);
         let size = self.list.len();
-        // so that all but the right-hand side is known
+        // whether all but the right-hand side is known
         let known = kept && self.problem.size == size;
         if !known {
             self.problem.resize(size);
@@ -142,9 +145,9 @@ impl Unknowns {
             tensions: &self.columns.profile,
         });
         self.solved.clone_from(&self.list);
-        let more = caution - if known { self.caution } else { 0.0 };
-        self.caution = caution;
-        // all columns, or the own imbalance alone
+        let more = limiting_compliance - if known { self.limiting_compliance } else { 0.0 };
+        self.limiting_compliance = limiting_compliance;
+        // all columns, or only the response to the own imbalance
         self.beyond.resize(if known { 1 } else { size + 1 }, 0.0);
         for r in 0..size {
             let row = self.list[r];
@@ -160,7 +163,7 @@ impl Unknowns {
         }
     }
 
-    /// Lists the unknowns: tensions under displacement control, and drops of the holes that stick.
+    /// Lists the unknowns: tensions under displacement control, and drops of sticking holes.
     fn collect(&mut self, tendons: &Tendons, friction: &Friction) {
         let (m, now) = (tendons.lines.len(), &tendons.now);
         self.list.clear();
@@ -176,7 +179,7 @@ impl Unknowns {
             if *tension == 0.0 || tendons.lines[i].friction == 0.0 {
                 continue;
             }
-            // a line that does not stretch gives the slip of the base hole
+            // an inextensible line prescribes the slip of the base hole
             let given = now.commands[i].is_displacement() && tendons.compliance.before[i] == 0.0;
             for hole in usize::from(given)..=tendons.routing.ends[i] {
                 if friction.is_global() || now.slip[hole * m + i] == Slip::Sticks {
@@ -186,7 +189,7 @@ impl Unknowns {
         }
     }
 
-    /// Change of a row's lengths, less stretch, by a unit of every unknown.
+    /// Derivative of a row's unstretched length with respect to every unknown.
     fn set_matrix_row(&mut self, r: usize, tendons: &Tendons) {
         let (n, size) = (tendons.routing.modules, self.list.len());
         let row = self.list[r];
@@ -205,7 +208,7 @@ impl Unknowns {
                         let compliance = &tendons.compliance;
                         self.columns.stretch(c, i, tendons)
                             + compliance.before[i]
-                            + compliance.ridge[i]
+                            + compliance.regularisation[i]
                     }
                 };
             }
@@ -233,8 +236,8 @@ impl Unknowns {
         }
     }
 
-    /// Slack or slip of a row by the rod's own imbalance; tensions as they will be, drops by their
-    /// change.
+    /// Slack or slip of a row due to the rod's own imbalance; tensions by their new value, drops by
+    /// their change.
     fn set_right_side(&mut self, r: usize, tendons: &Tendons, old: &History) {
         let (n, m, size) = (
             tendons.routing.modules,
@@ -259,12 +262,12 @@ impl Unknowns {
         self.problem.q[r] = q;
     }
 
-    /// Whether nothing but the rod is unknown, so that nothing was gathered.
+    /// Whether only the rod is unknown.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
-    /// What each column takes part in the step with, its own imbalance first.
+    /// Coefficient of each column in the step; the first is that of the own imbalance.
     pub fn coefficients(&mut self, tendons: &Tendons) -> &[f64] {
         self.coefficients.clear();
         self.coefficients.push(1.0);
@@ -277,7 +280,7 @@ impl Unknowns {
         &self.coefficients
     }
 
-    /// Moves tensions and drops by a fraction of the step that was found.
+    /// Moves tensions and drops by a fraction of the step.
     pub fn take(&self, tendons: &mut Tendons, rod: &mut dyn RoutedRod, fraction: f64) {
         let m = tendons.lines.len();
         let solution = self.problem.z.iter().zip(&self.problem.side);
@@ -285,7 +288,7 @@ impl Unknowns {
         let mut moved = false;
         for ((unknown, step), (z, side)) in steps.zip(solution) {
             match *unknown {
-                // a slack tendon has no tension, exactly
+                // a slack tendon has exactly zero tension
                 Unknown::Tension(i) if fraction == 1.0 => tendons.now.tensions[i] = *z,
                 Unknown::Tension(i) => tendons.now.tensions[i] += fraction * step,
                 Unknown::Drop { tendon, hole } => {
@@ -303,7 +306,7 @@ impl Unknowns {
         apply(tendons, rod, moved);
     }
 
-    /// Appends the unknowns, a tension times `per_tension`.
+    /// Appends the unknowns to `out`, tensions multiplied by `per_tension`.
     pub fn write(&self, tendons: &Tendons, per_tension: f64, out: &mut Vec<f64>) {
         let m = tendons.lines.len();
         out.extend(self.list.iter().map(|unknown| match *unknown {
@@ -312,8 +315,8 @@ impl Unknowns {
         }));
     }
 
-    /// Sets the tendons to what `write` appended; false, and all as it was, where a taut tendon
-    /// would push.
+    /// Sets the tendons to values as `write` appended them; false, with nothing changed, where a
+    /// taut tendon would have a compressive force.
     pub fn read(
         &self,
         tendons: &mut Tendons,
@@ -344,33 +347,34 @@ impl Unknowns {
         true
     }
 
-    /// Whether the same tendons are taut and the same holes stick as when last asked.
+    /// Whether the same tendons are taut and the same holes stick as at the last call.
     pub fn keeps_sides(&mut self) -> bool {
         let kept = self.sides == self.problem.side;
         self.sides.clone_from(&self.problem.side);
         kept
     }
 
-    /// Whether some tensions may grow together and nothing moves.
+    /// Whether some tensions can change together without motion.
     pub fn is_undetermined(&mut self, tendons: &Tendons) -> bool {
         let problem = &mut self.problem;
         let size = problem.size;
         let entries = (0..size).map(|i| problem.matrix[i * size + i]);
         let most = entries.fold(0.0, f64::max);
-        let no_slack = NO_SLACK * tendons.routing.length;
-        let free = |i: usize| tendons.compliance.ridge[i] > 0.0 && tendons.slack[i] <= no_slack;
+        let no_slack = NEGLIGIBLE_SLACK * tendons.routing.length;
+        let free =
+            |i: usize| tendons.compliance.regularisation[i] > 0.0 && tendons.slack[i] <= no_slack;
         for (r, unknown) in self.list.iter().enumerate() {
             problem.side[r] = match *unknown {
                 Unknown::Tension(i) if free(i) => Side::Between,
                 _ => Side::Lower,
             };
-            problem.matrix[r * size + r] -= NO_STIFFNESS * most;
+            problem.matrix[r * size + r] -= NEGLIGIBLE_STIFFNESS * most;
         }
         problem.negative_eigenvalues() > 0
     }
 }
 
-/// Share of the lengths' change that a row sees.
+/// Fraction of the length change that enters a row.
 fn row_share(row: Unknown, tendons: &Tendons) -> f64 {
     match row {
         Unknown::Tension(_) => tendons.step.share,

@@ -1,4 +1,4 @@
-//! Random robots under random loads, and a check of an answer from the outside.
+//! Random robots under random loads, and an independent check of a solution.
 #![allow(dead_code)]
 
 #[path = "random.rs"]
@@ -32,7 +32,7 @@ pub struct Case {
 }
 
 impl Case {
-    /// A robot of realistic size and loads that bend it as in use.
+    /// A robot of realistic size, with loads that bend it as in use.
     pub fn realistic(draw: &mut Draw) -> Self {
         let segments = draw.count(1, 3);
         let diameter = draw.decades(0.3e-3, 8e-3);
@@ -59,9 +59,9 @@ impl Case {
             });
             let length = d * slenderness * draw.within(0.7, 1.0);
             let count = draw.count(2, 20);
-            // half of it also goes off the next segment's first module
+            // half of it is also subtracted from the next segment's first module
             let clamp = f64::min(length / count as f64 * draw.within(0.0, 0.4), d * 0.4);
-            // the weight of all disks, held across, bends the segment by up to a third or so
+            // the horizontal weight of all disks bends the segment by up to about a third
             let mass = draw.within(0.0, 1.0) * young * inertia
                 / (length * length)
                 / 9.81
@@ -136,7 +136,8 @@ impl Case {
         }
     }
 
-    /// Tip at the end of a forward path from rest: stable at every step, no jump.
+    /// Tip at the end of a forward path from rest; `None` unless stable at every step and without
+    /// jumps.
     pub fn forward_path(&self, robot: &Robot) -> Option<Vec3> {
         let mut solver = Solver::new(robot, self.model(), 1).unwrap();
         let mut tensions = vec![];
@@ -156,9 +157,9 @@ impl Case {
         Some(tip)
     }
 
-    /// How far the poses are from solving the rod's equation: the largest gap at a disk, by
-    /// place over length of module and by angle, over what the integration along a taut module
-    /// magnifies a difference by; `None` where that is a thousand and more.
+    /// Residual of the poses in the rod's differential equations: the largest gap at a disk, in
+    /// position over the length of the module and in angle, over the amplification of a difference
+    /// by the integration along a taut module; `None` where that is a thousand or more.
     pub fn gap(&self, robot: &Robot, solver: &Solver, steps: usize) -> Option<f64> {
         let spec = robot.spec();
         let gravity = Vec3(spec.gravity);
@@ -170,7 +171,7 @@ impl Case {
             .chain((0..spec.disks.len()).map(|k| solver.disk(k).unwrap()))
             .collect();
         let hole = |t: &Tendon, k: usize| poses[k].rotation * Vec3([t.hole[0], t.hole[1], 0.0]);
-        // of the backbone beyond the disk, about the disk
+        // internal force and moment of the backbone beyond the disk, about the disk
         let (mut force, mut moment) = (self.tip_force, self.tip_moment);
         let mut worst: f64 = 0.0;
         for k in (0..spec.disks.len()).rev() {
@@ -179,7 +180,7 @@ impl Case {
             force += gravity * disk.mass;
             for (t, tension) in spec.tendons.iter().zip(&self.tensions) {
                 if *tension == 0.0 {
-                    continue; // its direction may be lost to rounding
+                    continue; // its direction may be lost in rounding
                 }
                 let arm = hole(t, k + 1);
                 let unit = |v: Vec3| v * (1.0 / v.norm());
@@ -217,7 +218,7 @@ impl Case {
             // positions are rounded to the size of the robot, however short the module
             let unit = f64::max(pitch, 1e-6 * robot.length());
             let place = (section.pose.position - start.position).norm() / unit;
-            // a difference grows under a pull only
+            // only a tensile force amplifies a difference
             let pull = f64::max(
                 force.dot(end.rotation.column(2)),
                 section.force.dot(start.rotation.column(2)),
@@ -232,7 +233,7 @@ impl Case {
             if !(place.is_finite() && angle.is_finite()) {
                 return Some(f64::INFINITY);
             }
-            // keep the solver's pose, carry the wrench on
+            // keep the solver's pose and integrate the wrench further
             moment = section.moment + (section.pose.position - start.position).cross(section.force);
             force = section.force;
         }
@@ -240,7 +241,7 @@ impl Case {
     }
 }
 
-/// A section of the backbone: its pose and the wrench of all beyond on it.
+/// A section of the backbone: its pose and the wrench of the distal part on it.
 #[derive(Clone, Copy)]
 struct Station {
     pose: Pose,
@@ -249,7 +250,7 @@ struct Station {
 }
 
 impl Station {
-    /// Back along a clamp.
+    /// Integrates backward along a clamp.
     fn rigid(&mut self, s: &Section, gravity: Vec3, length: f64) {
         let back = self.pose.rotation.column(2) * length;
         let weight = gravity * (s.mass_per_length * length);
@@ -258,7 +259,7 @@ impl Station {
         self.pose.position -= back;
     }
 
-    /// Back along the elastic rod, by the classical method of Runge and Kutta.
+    /// Integrates backward along the elastic rod, by the classical Runge-Kutta method.
     fn integrate(&mut self, s: &Section, theory: Theory, gravity: Vec3, length: f64, steps: usize) {
         let rate = |x: &Station| {
             let r = &x.pose.rotation;
@@ -300,7 +301,7 @@ impl Station {
     }
 }
 
-/// A number that nobody should give, or only just.
+/// A number that is invalid or barely valid.
 fn extreme(draw: &mut Draw) -> f64 {
     match draw.count(0, 39) {
         0 => f64::NAN,
@@ -312,7 +313,7 @@ fn extreme(draw: &mut Draw) -> f64 {
     }
 }
 
-/// A robot and loads with numbers that no maker would give.
+/// A robot and loads with unrealistic numbers.
 pub fn hostile(draw: &mut Draw) -> Case {
     let mut case = Case::realistic(draw);
     if draw.often(0.2) {
@@ -367,7 +368,7 @@ pub fn hostile(draw: &mut Draw) -> Case {
         }
     }
     if draw.often(0.05) {
-        // one disk hardly beyond the one before
+        // one disk barely beyond the one before
         let last = case.spec.disks.len() - 1;
         let gap = draw.decades(1e-15, 1e-6);
         if last > 0 {

@@ -79,7 +79,7 @@ pub fn rao_robot() -> Robot {
     .unwrap()
 }
 
-/// SplitMix64: the same draws everywhere.
+/// SplitMix64: the same draws on every platform.
 pub struct Draw(pub u64);
 
 impl Draw {

@@ -1,7 +1,7 @@
-//! Numbers drawn for tests.
+//! Random numbers for tests.
 #![allow(dead_code)]
 
-/// SplitMix64: the same draws everywhere, and each by its number alone.
+/// SplitMix64: the same draws on every platform, each determined by its index.
 pub struct Draw(u64);
 
 impl Draw {
@@ -20,7 +20,7 @@ impl Draw {
     pub fn within(&mut self, from: f64, to: f64) -> f64 {
         from + (to - from) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
-    /// Every decade as likely as another.
+    /// Log-uniform: every decade is equally likely.
     pub fn decades(&mut self, from: f64, to: f64) -> f64 {
         self.within(from.ln(), to.ln()).exp()
     }
