@@ -1,14 +1,13 @@
-"""Calibration on a measured robot with three segments: what each effect buys, and what is left.
+"""Calibration on a measured robot with three segments: effect of each part of the model.
 
     python -m benchmarks.calibration [--quick]
 
-Data: `crl-ftdcr-mocap`, measured by others (docs/verification/calibration.md), in
-`BOWSTRING_DATA` or ../shared/data. Every parameter is fitted on train alone. Between models only
-cross-validation inside train decides: five blocks of neighbouring families of patterns, each
-predicted by a fit that never saw it. Val is predicted once by each of the final models, nothing
-aligned any more. All rows are one path in the order of the recording; of rows that are predicted
-only commands and times are used. --quick leaves all but the final fits out. On one core the whole
-takes about 40 minutes."""
+Data: `crl-ftdcr-mocap`, measured by others (docs/verification/calibration.md), in `BOWSTRING_DATA`
+or ../shared/data. Every parameter is fitted on train only. Models are selected by cross-validation
+inside train: five blocks of neighbouring families of patterns, each predicted by a fit without it.
+Val is predicted once by each of the final models, without further alignment. All rows are one path
+in the order of the recording; of predicted rows only commands and times are used. --quick skips all
+but the final fits. On one core the whole takes about 40 minutes."""
 
 from __future__ import annotations
 
@@ -43,10 +42,10 @@ GIVE_EACH = [f"segments.{i}.tendons.compliance" for i in range(3)]
 #: The model that cross-validation chose, and the same without gravity.
 WITHOUT = [*FRAMES, *GIVE, "gain.tendons", "offset.tendons", "backlash"]
 CHOSEN = [*WITHOUT, "gravity.0", "gravity.1", "gravity.2"]
-#: Eight parameters, for the time that they take.
+#: Eight parameters, to measure the time of a fit.
 EIGHT = ["base", "tool.z", *GIVE]
 
-#: Each row adds to a model above it: what was the best so far, or a rival of the row before.
+#: Each row adds an effect to a model above it: to the best so far, or to an alternative of it.
 ABLATION: dict[str, list[str]] = {
     "frames alone, inextensible tendons": FRAMES,
     "+ compliance": [*FRAMES, *GIVE],
@@ -72,7 +71,7 @@ FINALS: dict[str, tuple[bs.Robot, list[str], bs.RodModel | Literal["arc"]]] = {
 
 
 def read(name: str) -> Data:
-    """Rows of a file in SI; columns of servos stand in the order of the tendons."""
+    """Return the rows of a file in SI units, with columns of servos in the order of the tendons."""
     with (FOLDER / f"ftdcr_v4_{name}.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     servos = [column for column in rows[0] if column.startswith("servo_")]
@@ -92,7 +91,7 @@ def family(label: str) -> str:
 
 
 def floor(data: Data) -> None:
-    """How far apart tips are that the same nine displacements led to, at other times."""
+    """Print the distance of tips measured under the same nine displacements at different times."""
     displacements, tips = MM * np.asarray(data.displacements), MM * np.asarray(data.points)
     apart = np.linalg.norm(displacements[:, None] - displacements, axis=-1)
     later = np.asarray(data.time)[:, None] - np.asarray(data.time) > 2.0
@@ -117,12 +116,12 @@ def floor(data: Data) -> None:
         )
 
 
-def hanging(data: Data) -> None:
-    """Where the tip rests while all nine tendons are paid out: one pose, were the rod elastic."""
+def slack_pose(data: Data) -> None:
+    """Print tip positions with all nine tendons lengthened; an elastic rod would have one pose."""
     rest = MM * np.asarray(data.points)[(MM * np.asarray(data.displacements) < -0.5).all(axis=1)]
     spread = np.sqrt(((rest - rest.mean(axis=0)) ** 2).sum(axis=1).mean())
     print(
-        f"\nAll nine tendons paid out by more than 0.5 mm: {len(rest)} rows (train), tips "
+        f"\nAll nine tendons lengthened by more than 0.5 mm: {len(rest)} rows (train), tips "
         f"{spread:.1f} mm RMS about their mean, x from {rest[:, 0].min():.1f} to "
         f"{rest[:, 0].max():.1f} mm, y from {rest[:, 1].min():.1f} to {rest[:, 1].max():.1f} mm"
     )
@@ -146,10 +145,10 @@ def ablation(train: Data) -> None:
 
 
 def friction(train: Data) -> None:
-    """Train RMSE with friction at the holes and the rows as one path, the rest fitted again.
+    """Train RMSE with friction at the holes, rows as one path and other parameters refitted.
 
-    With friction there are no exact derivatives; those without it lead downhill well enough to see
-    whether friction pays. The best of a few steps counts.
+    Derivatives with friction are not exact, but those without it are descent directions that are
+    good enough to see whether friction reduces the error. The best of a few steps counts.
     """
     print("\nFriction at the holes: RMSE on train in mm, the rest fitted again")
     found = fit(ELASTIC, train, WITHOUT, start=START, loss="linear")
@@ -160,10 +159,10 @@ def friction(train: Data) -> None:
     tips = np.asarray(train.points)
     for mu in (0.02, 0.05, 0.1):
         robot = ELASTIC.with_({f"segments.{i}.tendons.friction": mu for i in range(3)})
-        rubbing = TipModel(Unknowns(robot, WITHOUT, START), plain.commands, ROD)
+        with_friction = TipModel(Unknowns(robot, WITHOUT, START), plain.commands, ROD)
         values, best = np.array(list(found.values.values())), np.inf
         for _ in range(4):
-            error = rubbing.predict(values).point - tips
+            error = with_friction.predict(values).point - tips
             reached = np.sqrt((error**2).sum(axis=1).mean())
             if not reached < best:
                 break
@@ -176,16 +175,16 @@ def friction(train: Data) -> None:
 
 
 def one_tendon(train: Data) -> None:
-    """Rows in which eight tendons hang, predicted by fits that never saw them."""
-    hang = np.asarray(train.group) == "one tendon"
+    """Rows in which eight tendons are slack, predicted by fits without them."""
+    slack = np.asarray(train.group) == "one tendon"
     print("\nOne-tendon rows of train, predicted by a fit to the other rows of train")
     for name, (robot, parameters, model) in FINALS.items():
-        found = fit(robot, train, parameters, model=model, start=START, loss="linear", rows=~hang)
-        print(f"  {name}: {score(found.predict(train)[hang], np.asarray(train.points)[hang])}")
+        found = fit(robot, train, parameters, model=model, start=START, loss="linear", rows=~slack)
+        print(f"  {name}: {score(found.predict(train)[slack], np.asarray(train.points)[slack])}")
 
 
 def by_family(found: Fit, data: Data, rows: np.ndarray) -> None:
-    """Errors of families, and by how much time the prediction leads (regression on its speed)."""
+    """Errors by family, and the time by which predictions lead (regression on their speed)."""
     predicted = MM * found.predict(data)
     error = predicted - MM * np.asarray(data.points)
     gap = np.diff(np.asarray(data.time))
@@ -207,7 +206,7 @@ def main() -> None:
     val = np.arange(len(every.points)) >= len(train.points)
     assert np.array_equal(np.asarray(every.points)[~val], train.points)
     floor(train)
-    hanging(train)
+    slack_pose(train)
     if "--quick" not in sys.argv:
         ablation(train)
         friction(train)

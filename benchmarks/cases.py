@@ -1,11 +1,11 @@
-"""The robot, the loads and the reference tips that every solver in `make bench` gets.
+"""Robot, loads and reference tips of every solver in `make bench`.
 
 Robot: `amouri2019` (Amouri 2019, Table 1, with E = 35 GPa): a solid backbone clamped at the base,
 nine rigid disks, three tendons that run straight and without friction from hole to hole. Metres,
 newtons, kilograms; base frame with z along the straight backbone; tips in mm.
 
-A solver is measured as its user would run it in a loop: imports, compilation and the building of a
-model that can be reused are not counted; every solve starts from the straight robot.
+A solver is measured as in a user's loop: imports, compilation and construction of a reusable model
+are not counted; every solve starts from the straight robot.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ class Case:
     name: str
     tensions: tuple[float, float, float]
     tip_mm: tuple[float, float, float]
-    """The true tip: straight spans, Cosserat rod."""
+    """Reference tip: straight spans, Cosserat rod."""
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tip_force: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disk_mass: float = 0.02
 
 
-# Tips from two codes that share nothing with Bowstring; they agree to the digits given.
+# Tips from two codes that are independent of Bowstring; they agree to the digits given.
 DISPLACEMENTS = (
     Case("20 N", (20.0, 0.0, 0.0), (110.695401, 0.0, 628.054156)),
     Case("40 N", (40.0, 0.0, 0.0), (216.182744, 0.0, 589.450082)),
@@ -53,7 +53,8 @@ DISPLACEMENTS = (
     Case("80 N", (80.0, 0.0, 0.0), (384.556175, 0.0, 444.807525)),
 )
 # Tip from Exudyn (peers/exudyn_rod.py) with 4, 8 and 16 elements a module and tolerance 1e-8,
-# extrapolated: good to 2e-4 mm; at 80 N the same extrapolation meets the tip above to 3e-6 mm.
+# extrapolated: accurate to 2e-4 mm; at 80 N the same extrapolation agrees with the tip above to
+# 3e-6 mm.
 LOADED = Case(
     "loaded",
     (40.0, 10.0, 5.0),
@@ -71,7 +72,7 @@ def holes() -> list[tuple[float, float]]:
 
 @dataclass
 class Result:
-    """One solved case; without an answer `tip_mm` is None and `note` says why."""
+    """One solved case; without a solution `tip_mm` is None and `note` gives the reason."""
 
     setting: str
     case: str
@@ -81,7 +82,7 @@ class Result:
 
 
 Solve = Callable[[], Sequence[float]]
-"""Solves one case from straight and returns the tip in mm; raises where it finds no answer."""
+"""Solves one case from straight and returns the tip in mm; raises where it finds no solution."""
 
 
 def median_ms(
@@ -110,7 +111,7 @@ def measure(
                 solve = prepare(case)
                 tip = [float(x) for x in solve()]  # the first run, which may compile, is not timed
                 results.append(Result(setting, case.name, median_ms(solve), tip))
-            except Exception as error:  # a peer that fails gets a row, not a crash
+            except Exception as error:  # a failed peer gets a row instead of stopping the benchmark
                 results.append(Result(setting, case.name, note=str(error).strip().split("\n")[0]))
     return results
 

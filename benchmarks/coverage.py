@@ -1,16 +1,16 @@
-"""Do the intervals of a calibration hold what they promise? Full fits to 400 synthetic benches.
+"""Coverage of the confidence intervals of a calibration: full fits to 400 synthetic benches.
 
     python -m benchmarks.coverage [COUNT] [LOSS] [slack]
 
 The virtual bench of `amouri2019`: 17 masses on cable 1, loading and unloading, 3 repeats, gravity,
-friction 0.1, a backbone softer by 3 % than the robot file says, a base that is moved and leans by
+friction 0.1, a backbone 3 % softer than in the robot file, a base that is displaced and tilted by
 0.3 degrees, 0.02 mm noise. The path is solved once, noise is drawn for each bench; every bench is
-fitted as a user would, from the robot file. All of it is synthetic. About half a second a fit.
+fitted from the robot file, as by a user. All data are synthetic. About half a second for a fit.
 
-`slack`: 12 rows of displacements of `amouri2019` with tendons that give way by 0.2 mm/N and are 1
-mm shorter than they should be, fitted from 0.1 mm/N and 0 mm. In some rows tendons are at the edge
-of slack, and the error has minima on either side. Two designs, 0.5 mm noise: `in turn`, each tendon
-shortened in turn, and `one tendon`, whose rows hardly tell the offsets. One to four seconds a fit.
+`slack`: 12 rows of displacements of `amouri2019` with a tendon compliance of 0.2 mm/N and tendons 1
+mm too short, fitted from 0.1 mm/N and 0 mm. In some rows tendons are at the limit of slack, and the
+error has minima on either side. Two designs, 0.5 mm noise: `in turn`, each tendon shortened in
+turn, and `one tendon`, whose rows hardly determine the offsets. One to four seconds for a fit.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from bowstring.data.rigid import Rigid
 from bowstring.data.synthetic import STUDY, Mounting, set_up
 
 NAMES = ["segments.0.backbone.E", "segments.0.tendons.friction", "base"]
-#: Of `NAMES`, the base one by one, in the units of the fit: GPa, 1, mm, deg.
+#: Names of `NAMES`, the base by coordinate, in the units of the fit: GPa, 1, mm, deg.
 TRUTH = np.array([0.97 * 35.0, 0.1, 1.0, -1.0, 2.0, 0.0, 0.3, 0.0])
 
 
 def fits(count: int, loss: Loss, seed: int = 1) -> list[Fit]:
-    """Fits to so many benches that differ by their noise alone."""
+    """Fits to `count` benches that differ only in their noise."""
     robot = bs.load_robot("amouri2019")
     known = robot.with_({"gravity": STUDY["actual"].gravity})
     turn, shift = np.radians(TRUTH[5:]), 1e-3 * TRUTH[2:5]
@@ -49,14 +49,14 @@ def fits(count: int, loss: Loss, seed: int = 1) -> list[Fit]:
 
 
 def inside(found: list[Fit]) -> np.ndarray:
-    """Whether each bench's interval (count, parameters) holds the truth."""
+    """Whether each bench's interval (count, parameters) contains the true value."""
     low = np.array([[e.low for e in each.estimates] for each in found])
     high = np.array([[e.high for e in each.estimates] for each in found])
     return np.asarray((low <= TRUTH) & (high >= TRUTH))
 
 
-#: Displacements of the designs with tendons at the edge of slack, m, and the noise of a
-#: coordinate, m.
+#: Displacements of the designs with tendons at the limit of slack (m), and the noise of a
+#: coordinate (m).
 SLACK = {
     "in turn": (
         np.concatenate(
@@ -74,7 +74,7 @@ SLACK_TRUTH = np.array([0.2, 1.0, 1.0, 1.0])
 def slack_fits(
     displacements: np.ndarray, noise: float, count: int, loss: Loss, seed: int = 0
 ) -> list[Fit]:
-    """Fits to tables with tendons at the edge of slack, which differ by their noise alone."""
+    """Fits to tables with tendons at the limit of slack, which differ only in their noise."""
     robot = bs.load_robot("amouri2019").with_({SLACK_NAMES[0]: 1e-4})
     real = robot.with_({SLACK_NAMES[0]: 1e-3 * float(SLACK_TRUTH[0])})
     tips = bs.solve_batch(

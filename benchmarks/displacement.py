@@ -1,8 +1,8 @@
-"""The displacement-controlled robot of `make bench`, for every solver that takes tendon lengths.
+"""The displacement-controlled robot of `make bench`, for every solver with length control.
 
-Robot, gravity and tip force: those of `cases.LOADED`. Tendon 1 is shortened; 2 and 3 are
-lengthened so far that they are slack by 10 mm. From straight, in one call; the building of a model
-that can be used again is not counted.
+Robot, gravity and tip force: those of `cases.LOADED`. Tendon 1 is shortened; 2 and 3 are lengthened
+until they are slack by 10 mm. From straight, in one call; construction of a reusable model is not
+counted.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from benchmarks.cases import LENGTH, LOADED, Case, median_ms
 
 TENSION_N = 40.0
 DISPLACEMENTS = (0.022265557409, -0.015678655058, -0.025854244622)
-"""In m. At 40, 0 and 0 N our solution with elements=8 has the first of these, and the others but
-for 10 mm each."""
+"""Displacements (m). At 40, 0 and 0 N our solution with elements=8 has the first of these, and the
+others plus 10 mm each."""
 SLACK = 0.01
 LIMITS = tuple(LENGTH - value for value in DISPLACEMENTS)
 """Largest length of each tendon from the base hole to its end, in m."""
 
 BY_TENSION = Case("", (TENSION_N, 0, 0), (0, 0, 0), LOADED.gravity, LOADED.tip_force)
 CHECK_TIP_MM = (234.99458, 89.37542, 571.62069)
-"""The tip by the tension instead of the displacement: Exudyn (peers/exudyn_rod.py on `BY_TENSION`)
+"""Tip under tension instead of displacement control: Exudyn (peers/exudyn_rod.py on `BY_TENSION`)
 with 8 and 16 elements a module and tolerance 1e-8, extrapolated."""
 
 Found = tuple[Sequence[float], float]
@@ -32,7 +32,7 @@ Found = tuple[Sequence[float], float]
 
 @dataclass
 class Displaced:
-    """The case at one setting; without an answer `tip_mm` is None and `note` says why."""
+    """The case at one setting; without a solution `tip_mm` is None and `note` gives the reason."""
 
     setting: str
     time_ms: float | None = None
@@ -44,7 +44,7 @@ class Displaced:
 def measure(
     settings: Mapping[str, Callable[[], Callable[[], Found]]], repeat: bool = True
 ) -> list[Displaced]:
-    """Solve and time every setting (name -> how to prepare it); once if it is not to `repeat`."""
+    """Solve and time every setting (name -> how to prepare it); only once unless `repeat`."""
     results = []
     for setting, prepare in settings.items():
         try:
@@ -55,7 +55,7 @@ def measure(
             if repeat:  # the first run is not timed
                 spent = median_ms(solve)
             results.append(Displaced(setting, spent, [float(x) for x in tip], float(tension)))
-        except Exception as error:  # a peer that fails gets a row, not a crash
+        except Exception as error:  # a failed peer gets a row instead of stopping the benchmark
             reason = (str(error).strip() or type(error).__name__).split("\n")[0]
             results.append(Displaced(setting, note=reason))
     return results

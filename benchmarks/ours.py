@@ -1,4 +1,4 @@
-"""Bowstring through its Python face: the same cases, and the figures that it must reach.
+"""Bowstring from Python: the same cases, and its performance targets.
 
 Rows: one call of `bs.solve`; cold solves in one call of `bs.sweep`; a warm sweep of 17 tensions up
 to the case's own; `bs.solve_batch` on all cores. Times are per solve, tip errors the case's own.

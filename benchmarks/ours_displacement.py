@@ -1,5 +1,7 @@
-"""Bowstring on the displacement-controlled robot: one call of `bs.solve`. The tip that every error
-is measured from is ours too, with elements=8; run.py shows it beside the independent one."""
+"""Bowstring on the displacement-controlled robot: one call of `bs.solve`.
+
+The reference tip of all errors is also ours, with elements=8; run.py compares it with the
+independent one."""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ def found(elements: int) -> Found:
 
 
 def check() -> None:
-    """The displacements are those of 40 N."""
+    """Check that the displacements are those of 40 N."""
     load = bs.Load(BY_TENSION.tensions, gravity=BY_TENSION.gravity, tip_force=BY_TENSION.tip_force)
     solution = bs.solve(ROBOT, load=load, model=bs.RodModel(elements=8)).raise_for_status()
     paid_out = solution.displacements() - [0.0, SLACK, SLACK]

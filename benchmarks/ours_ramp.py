@@ -1,7 +1,7 @@
 """Bowstring on the ramp: fixed steps, adaptive steps, and the cost of writing all fields.
 
-Times are whole calls of `simulate` that keep the tip's motion at 100 Hz. The converged run that
-every tip error is measured from is ours too; run.py shows it beside the published figures.
+Times are whole calls of `simulate` that return the tip's motion at 100 Hz. The reference of all tip
+errors is our own converged run; run.py compares it with the published figures.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ SETTINGS = {
 
 
 def figures() -> dict[str, dict[str, float]]:
-    """Times in ms of the motion alone, the whole call, and the call with a file; best of 21 by the
-    clock, as other work can only add to it."""
+    """Times in ms of the motion alone, the whole call, and the call with a file: the best of 21, as
+    other work only adds to wall time."""
 
     def clock(call) -> float:
         file.unlink(missing_ok=True)

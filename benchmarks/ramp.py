@@ -1,12 +1,12 @@
-"""The motion that every solver in `make bench` gets, and how it is measured.
+"""The motion of every solver in `make bench`, and its timing.
 
 Robot: that of `cases.py` with its disks' inertia, at rest and straight, no gravity. The tension of
-tendon 1 rises from 0 to 80 N in a second and holds for another; all mass is damped by 0.5 1/s.
-The tip is asked for every 0.01 s.
+tendon 1 rises from 0 to 80 N in a second and holds for another; mass-proportional damping is 0.5
+1/s. The tip is output every 0.01 s.
 
-Counted is the call that computes the motion and returns the tip; the building of a model that can
-be used again is not. The time is that of the processor: all run on one thread, so it is the clock's
-where nothing else runs, and other work on the machine disturbs long runs less.
+The call that computes the motion and returns the tip is timed; construction of a reusable model is
+not. The time is processor time: all run on one thread, so it equals wall time on an idle machine,
+and other work disturbs long runs less.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _RADIUS, _THICKNESS = 0.032, 0.003
 DISK_ACROSS = DISK_MASS * (3 * _RADIUS**2 + _THICKNESS**2) / 12
 DISK_ALONG = DISK_MASS * _RADIUS**2 / 2
 ROTARY_INERTIA = DENSITY * pi * DIAMETER**4 / 64
-"""Of the backbone by length, across its axis; along it twice that."""
+"""Rotary inertia of the backbone per length, about a diameter; about the axis it is twice that."""
 
 PUBLISHED_X_MM = {0.5: 198.328, 1.0: 370.456, 1.15: 407.6}
-"""Tip x at times in s, the last the first peak; from two engines that share nothing with Bowstring
+"""Tip x at times in s, the last the first peak; from two engines that are independent of Bowstring
 and agree to 0.16 mm."""
 
 Tips = Sequence[Sequence[float]]
@@ -42,7 +42,7 @@ Tips = Sequence[Sequence[float]]
 
 @dataclass
 class Motion:
-    """The ramp at one setting; without a motion `tips_mm` is None and `note` says why."""
+    """The ramp at one setting; without a motion `tips_mm` is None and `note` gives the reason."""
 
     setting: str
     time_ms: float | None = None
@@ -68,7 +68,7 @@ def measure(settings: Mapping[str, Callable[[], Callable[[], Tips]]]) -> list[Mo
             tips = [[round(float(x), 6) for x in tip] for tip in run()]
             spent = median_ms(run, budget_s=0.2, least=2, clock=time.process_time)
             motions.append(Motion(setting, spent, tips))
-        except Exception as error:  # a peer that fails gets a row, not a crash
+        except Exception as error:  # a failed peer gets a row instead of stopping the benchmark
             reason = (str(error).strip() or type(error).__name__).split("\n")[0]
             motions.append(Motion(setting, note=reason))
     return motions

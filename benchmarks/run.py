@@ -2,7 +2,7 @@
 displacement control and one for a motion, each with our own figures.
 
 Each solver runs in a process of its own, one after the other, on one thread (only Bowstring's batch
-row uses all cores); one that is not installed, fails or takes too long gets a row that says so.
+row uses all cores); one that is not installed, fails or takes too long gets a row with the reason.
 """
 
 from __future__ import annotations
@@ -59,18 +59,18 @@ CORE_CASES = {
     "3x10": (30, 9),
     "3x20": (60, 9),
 }
-LINEAR = 1.2  # "about 1" for a time that grows in proportion
+LINEAR = 1.2  # "about 1" for linear growth of time
 
 
 def readable(value: float) -> str:
-    """Three digits, without an exponent."""
+    """Format with three significant digits, without an exponent."""
     if isnan(value):
         return "-"
     return f"{float(f'{value:.3g}'):,.10f}".rstrip("0").rstrip(".").replace(",", " ")
 
 
 def run_solver(venv: str, module: str) -> dict:
-    """What a benchmark process reports, or {"failed": why}."""
+    """Return the report of a benchmark process, or {"failed": reason}."""
     python = ROOT / venv / "bin" / "python"
     if not python.exists():
         return {"failed": f"not installed: no {venv}"}
@@ -138,7 +138,7 @@ def comparison(reports: dict[str, dict]) -> Table:
 
 @dataclass
 class Found:
-    """A setting of the displacement-controlled robot that has an answer."""
+    """A solved setting of the displacement-controlled robot."""
 
     setting: str
     time_ms: float
@@ -180,13 +180,13 @@ def displacement_comparison(reports: dict[str, dict]) -> Table:
 
 
 def displacement_notes(report: dict) -> str:
-    """What the table of displacement control compares, and our tip beside the independent."""
+    """Describe the table of displacement control, with our tip beside the independent one."""
     displacements = ", ".join(f"{1e3 * value:.3f}" for value in displacement.DISPLACEMENTS)
     lines = [
         f"Displacements {displacements} mm: those of {displacement.TENSION_N:g} N on tendon 1. "
         "Gravity and tip force on.",
-        "Bowstring: a constraint; which tendons hang is part of the answer. Exudyn, MuJoCo: tendon",
-        "1 is a stiff spring (a soft constraint), and they are told that the others hang.",
+        "Bowstring: a constraint; which tendons are slack is part of the solution. Exudyn,",
+        "MuJoCo: tendon 1 is a stiff spring (soft constraint), the others are prescribed as slack.",
         "PyElastica, soromox: have no such input.",
     ]
     if "converged_mm" in report:
@@ -200,7 +200,7 @@ def displacement_notes(report: dict) -> str:
 
 @dataclass
 class Moved:
-    """A setting of the ramp that came to its end."""
+    """A setting of the ramp that ran to its end."""
 
     setting: str
     time_ms: float
@@ -212,7 +212,7 @@ class Moved:
 
 
 def against_converged(reports: dict[str, dict]) -> None:
-    """In the reports of the ramp, the tips of every setting become an error."""
+    """Replace the tips of every setting in the ramp reports by errors."""
     converged = reports[OURS].get("converged_mm")
     for report in reports.values():
         for result in report.get("results", []):
@@ -261,7 +261,7 @@ def our_time(reports: dict[str, dict], error: float) -> float:
 
 
 def published(report: dict) -> str:
-    """Our converged run beside the published figures."""
+    """Compare our converged run with the published figures."""
     if "converged_mm" not in report:
         return "No converged run of ours: no tip errors."
     pairs = [
@@ -283,8 +283,8 @@ def cpu_name() -> str:
 
 
 def core_us() -> dict[str, float]:
-    """The core's micro-benchmarks (`cargo bench`) in us, each its fastest sample: other work on the
-    machine can only add, and some goes on for longer than a benchmark takes."""
+    """Times of the core's micro-benchmarks (`cargo bench`) in us, each its fastest sample: other
+    work on the machine only adds to it, and may last longer than a benchmark."""
     times = {}
     for file in (ROOT / "target" / "criterion").glob("*/new/sample.json"):
         sample = json.loads(file.read_text())
@@ -295,7 +295,7 @@ def core_us() -> dict[str, float]:
 
 def times_exudyn(reports: dict, setting: str, equal_error: bool) -> float:
     """Exudyn's time over ours, the smaller of the two cases. At equal error: its fastest setting
-    with our tip error or less; where none has that, its most accurate, which flatters it."""
+    with our tip error or less; if there is none, its most accurate, which favours Exudyn."""
     ratios = []
     for case in TITLES:
         ours = [r for r in results_of(reports[OURS], case) if r.setting == setting]
@@ -311,34 +311,34 @@ def times_exudyn(reports: dict, setting: str, equal_error: bool) -> float:
 
 
 class Figures:
-    """A table of what the project asks of itself beside what was measured; nan is "not"."""
+    """A table of performance targets and measurements; nan is "not measured"."""
 
     def __init__(self, title: str) -> None:
         self.table = Table(title=title, title_justify="left")
-        for column in ("figure", "asked", "measured", ""):
-            right = column in ("asked", "measured")
+        for column in ("figure", "target", "measured", ""):
+            right = column in ("target", "measured")
             self.table.add_column(column, justify="right" if right else "left")
 
-    def row(self, name: str, sign: str, asked: float, value: float, unit: str = "") -> None:
-        if isnan(asked):
+    def row(self, name: str, sign: str, target: float, value: float, unit: str = "") -> None:
+        if isnan(target):
             self.table.add_row(name, "", f"{readable(value)} {unit}")
             return
-        met = value >= asked if sign == ">=" else value <= asked
+        met = value >= target if sign == ">=" else value <= target
         verdict = "" if isnan(value) else "[green]met[/green]" if met else "[red]missed[/red]"
         measured = "not measured" if isnan(value) else f"{readable(value)} {unit}"
-        self.table.add_row(name, f"{sign} {readable(asked)} {unit}", measured, verdict)
+        self.table.add_row(name, f"{sign} {readable(target)} {unit}", measured, verdict)
 
 
 def figures(reports: dict) -> Table:
     core = defaultdict(lambda: nan, core_us())
     python = defaultdict(lambda: nan, reports[OURS].get("figures", {}))
-    figures = Figures("Bowstring: asked and measured (three tendons, gravity and a tip force on)")
+    figures = Figures("Bowstring: target and measured (three tendons, gravity and a tip force on)")
     row = figures.row
     row("core, Kirchhoff, cold", "<=", 15, core["cold_kirchhoff"], "us")
     row("core, Kirchhoff, warm sweep of 17", "<=", 10, core["warm17_kirchhoff"] / 17, "us/point")
-    for way in ("cold", "warm17"):
-        ratio = core[f"{way}_cosserat"] / core[f"{way}_kirchhoff"]
-        row(f"core, Cosserat / Kirchhoff, {way}", "<=", 1.6, ratio)
+    for start in ("cold", "warm17"):
+        ratio = core[f"{start}_cosserat"] / core[f"{start}_kirchhoff"]
+        row(f"core, Cosserat / Kirchhoff, {start}", "<=", 1.6, ratio)
     for theory in ("kirchhoff", "cosserat"):
         ratio = python[f"warm17_{theory}"] / core[f"warm17_{theory}"]
         row(f"Python sweep of 17 / core, {theory}", "<=", 1.2, ratio)
@@ -355,17 +355,17 @@ def figures(reports: dict) -> Table:
 
 
 def ramp_figures(reports: dict) -> Table:
-    """Of the motion; what is asked is judged on `Run.wall_s`, the motion alone."""
-    figures = Figures("Bowstring: asked and measured (motion)")
+    """Targets of the motion, judged by `Run.wall_s`, the motion alone."""
+    figures = Figures("Bowstring: target and measured (motion)")
     errors = {r.setting: r.error_mm for r in moved(reports[OURS])}
     times = reports[OURS].get("figures", {})
-    for limit, asked in ((0.1, 150), (0.3, 400)):
+    for limit, target in ((0.1, 150), (0.3, 400)):
         reaching = [name for name in times if errors.get(name, nan) < limit]
         name = min(reaching, key=lambda name: times[name]["motion"], default="none")
         measured = defaultdict(lambda: nan, times.get(name, {}))
-        speed = {way: 1e3 * ramp.DURATION_S / measured[way] for way in ("motion", "call")}
+        speed = {kind: 1e3 * ramp.DURATION_S / measured[kind] for kind in ("motion", "call")}
         fast = f"tip error < {limit:g} mm ({name})"
-        figures.row(f"{fast}", ">=", asked, speed["motion"], "x real time")
+        figures.row(f"{fast}", ">=", target, speed["motion"], "x real time")
         figures.row(f"{fast}, whole Python call", "", nan, speed["call"], "x real time")
         writing = measured["call_with_file"] - measured["call"]
         figures.row(f"writing all fields / motion ({name})", "<=", 1, writing / measured["motion"])
@@ -379,13 +379,13 @@ def ramp_figures(reports: dict) -> Table:
 
 
 def displacement_figures() -> Table:
-    """Displacement control in the core, on one thread, beside the solve by tensions."""
-    figures = Figures("Bowstring: asked and measured (displacement control, core)")
+    """Displacement control in the core, on one thread, relative to tension control."""
+    figures = Figures("Bowstring: target and measured (displacement control, core)")
     core = defaultdict(lambda: nan, core_us())
     for case in CORE_CASES:
         by_tension = core[f"{case}_by_tension"]
         name = f"{case} ({readable(by_tension)} us)"
-        for way, what, asked in (
+        for kind, what, target in (
             ("by_displacement", "by displacement / by tension", 3),
             ("by_tension_with_friction", "by tension with friction / without", 5),
             (
@@ -394,10 +394,10 @@ def displacement_figures() -> Table:
                 5,
             ),
         ):
-            figures.row(f"{name}: {what}", "<=", asked, core[f"{case}_{way}"] / by_tension)
+            figures.row(f"{name}: {what}", "<=", target, core[f"{case}_{kind}"] / by_tension)
 
     def grown(small: str, large: str) -> float:
-        """How the time of a solve by displacement by module and tendon changes."""
+        """Growth of the time of a solve by displacement, per module and tendon."""
         each = [core[f"{case}_by_displacement"] / prod(CORE_CASES[case]) for case in (small, large)]
         return each[1] / each[0]
 

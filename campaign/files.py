@@ -1,8 +1,8 @@
-"""Damaged files of all kinds that Bowstring reads: each is read, or refused by an `InputError`.
+"""Damaged files of all kinds that Bowstring reads: each is read, or rejected by an `InputError`.
 
-``python -m campaign.files N`` goes on from the last campaign for N more files. A trial is known by
-its number alone, so ``python -m campaign.files --only NUMBER`` repeats one. Each worker is a
-process of its own: one that hangs or dies costs one trial, which is counted as a failure.
+``python -m campaign.files N`` continues the last campaign with N more files. A trial is determined
+by its number, so ``python -m campaign.files --only NUMBER`` repeats one. Each worker is a process
+of its own: one that hangs or dies costs one trial, which is counted as a failure.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ SHARES: Final = {
     },
     **{"start": 2, "truth": 2, "run": 21, "hdf5": 1},
 }
-"""Kinds of files, and how many of a hundred trials are of each."""
+"""Kinds of files, and their percentages of the trials."""
 PATIENCE: Final = 30.0  # s for a file
-SLOW: Final = 300.0  # s for an HDF5 file, whose own limit is 5 s of computing and 50 s in all
-MEMORY: Final = 2 << 30  # bytes that a worker may take beside what it has at its start
+SLOW: Final = 300.0  # s for an HDF5 file, whose own limits are 5 s of computing and 50 s in all
+MEMORY: Final = 2 << 30  # bytes that a worker may use beyond its use at the start
 
 
 # -- the files ---------------------------------------------------------------------------------
 
 
 class Kind:
-    """Whole files of a kind, and what reads one."""
+    """Intact files of a kind, and the function that reads one."""
 
     def __init__(self, suffix: str, corpus: list[bytes], read: Callable[[Path], object]) -> None:
         assert corpus
@@ -61,7 +61,7 @@ class Kind:
 
 
 def kinds(folder: Path) -> dict[str, Kind]:
-    """All kinds; whole files that are not in the repository are made in a folder."""
+    """All kinds; intact files that are not in the repository are written to a folder."""
     import bowstring as bs
     from bowstring.calibration import table_fit
     from bowstring.cli.actuation import read_history
@@ -153,7 +153,7 @@ def kinds(folder: Path) -> dict[str, Kind]:
         "run": Kind(".nc", raw(folder / "run.nc", folder / "run3.nc"), read_run),
         "hdf5": Kind(".nc", raw(folder / "run.h5", folder / "packed.h5"), read_run),
     }
-    for kind in found.values():  # what is not damaged is read
+    for kind in found.values():  # undamaged files are read
         for content in kind.corpus:
             whole = folder / f"whole{kind.suffix}"
             whole.write_bytes(content)
@@ -189,7 +189,7 @@ def _cell(text: str) -> float | str:
 
 
 def _damaged_workbook(data: bytes, random: Random, folder: Path) -> bytes:
-    """Mostly a part of the archive is damaged, not the archive."""
+    """Damages mostly a part of the archive, not the archive itself."""
     if random.random() < 0.3:
         return damage(data, random, [data])
     source, target = folder / "whole.xlsx", folder / "part.xlsx"
@@ -258,7 +258,7 @@ def kind_of(number: int, seed: int = 0) -> str:
 
 
 def _work(pipe: Connection, seed: int) -> None:
-    """A worker: takes numbers of trials, sends what came of each."""
+    """Worker process: receives numbers of trials, sends their outcomes."""
     with tempfile.TemporaryDirectory(prefix="bowstring-campaign-") as made:
         folder = Path(made)
         of = kinds(folder)
@@ -298,7 +298,7 @@ class _Worker:
 
 
 def campaign(count: int, seed: int = 0, workers: int = 2) -> dict[str, Any]:
-    """Go on for so many trials; what there is so far is in ``campaign/results/files.json``."""
+    """Continues for so many trials; results so far are in ``campaign/results/files.json``."""
     RESULTS.mkdir(exist_ok=True)
     place = RESULTS / f"files-{seed}.json"
     kept = json.loads(place.read_text("utf-8")) if place.exists() else {"next": 0, "failures": []}
@@ -312,7 +312,7 @@ def campaign(count: int, seed: int = 0, workers: int = 2) -> dict[str, Any]:
     crew = [_Worker(seed) for _ in range(workers)]
 
     def keep() -> None:
-        # what others still work on is done again after a stop, and counted once
+        # trials in progress at a stop are repeated later, and counted once
         new = place.with_suffix(".new")
         content = {
             "seed": seed,

@@ -1,8 +1,9 @@
-"""Commands that are killed or interrupted at random moments: what they leave is whole.
+"""Commands that are killed or interrupted at random moments leave only complete results.
 
-``python -m campaign.kills N`` does N trials. In half of them a former result is in the way. After
-SIGKILL the result is the former one, a whole new one or none; the next command sweeps what is left.
-After SIGTERM and Ctrl-C, also two of them, the command says so within seconds and leaves nothing.
+``python -m campaign.kills N`` does N trials. In half of them an earlier result exists. After
+SIGKILL the result is the earlier one, a complete new one or none; the next command removes
+temporary files. After SIGTERM and Ctrl-C, also two of them, the command reports it within seconds
+and leaves nothing.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ BEFORE_MAIN: Final = (-signal.SIGTERM, -signal.SIGINT)  # Python itself was stil
 
 
 class Command(NamedTuple):
-    """A command, what it writes, and what says that this is whole."""
+    """A command, its output, and a check that the output is complete."""
 
     arguments: tuple[str, ...]
     output: str
@@ -155,7 +156,7 @@ def _judge(command: Command, name: str, code: int, said: str, folder: Path, repl
         assert place.exists(), "the result is lost"
     if place.exists():
         command.check(place)
-    # the truth of a table stands beside it
+    # the truth of a table is stored beside it
     assert not [p for p in folder.iterdir() if not p.name.startswith(place.stem)], "strange files"
 
 
@@ -164,7 +165,7 @@ def _hidden(folder: Path) -> list[str]:
 
 
 def _sweep(folder: Path) -> None:
-    """As the next command does; processes that a killed one had started end soon."""
+    """Removes leftovers as the next command does; child processes of a killed one end soon."""
     from bowstring.atomic_io import sweep
 
     until = time.monotonic() + PATIENCE
@@ -176,7 +177,7 @@ def _sweep(folder: Path) -> None:
 
 
 def campaign(count: int, seed: int = 0) -> tuple[Counter[str], list[str]]:
-    """So many trials: what came of them, and what was wrong."""
+    """Returns the outcomes of so many trials, and the failures."""
     counts: Counter[str] = Counter()
     failures: list[str] = []
     with tempfile.TemporaryDirectory(prefix="bowstring-kills-") as made:

@@ -31,7 +31,7 @@ def damage(data: bytes, random: Random, corpus: Sequence[bytes]) -> bytes:
     data : bytes
     random : random.Random
     corpus : sequence of bytes
-        Files of the same kind, parts of which may come in.
+        Files of the same kind, parts of which may be inserted.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def damage(data: bytes, random: Random, corpus: Sequence[bytes]) -> bytes:
 
 
 def _place(data: bytes, random: Random) -> int:
-    """Half of the places lie near the begin, where headers are."""
+    """Returns a random position; half of them are near the beginning, where headers are."""
     near = min(len(data), 2048) if random.random() < 0.5 else len(data)
     return random.randrange(near + 1) if near else 0
 

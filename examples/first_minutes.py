@@ -17,11 +17,11 @@ solution = bs.solve(robot, [80, 0, 0]).raise_for_status()
 print(f"2. tip by statics:               {1e3 * solution.tip.position} mm")
 print(f"   with 3 mm thick disks:        {1e3 * bs.solve(thick, [80, 0, 0]).tip.position} mm")
 
-# 3. Constant curvature has two meanings: fed with the tendon lengths ...
+# 3. Constant curvature has two meanings: given the tendon lengths ...
 from_lengths = RobotArcs.from_lengths(robot, solution.tendon_lengths)
 print(f"3. arc from its tendon lengths:  {1e3 * from_lengths.tip.position} mm")
 
-# 4. ... or with the force, by the linear law. This is the one that fails.
+# 4. ... or given the force, by the linear law. This is the one that fails.
 from_force = RobotArcs.from_tensions(robot, [80, 0, 0])
 print(f"4. arc from the force:           {1e3 * from_force.tip.position} mm")
 

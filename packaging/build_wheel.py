@@ -22,7 +22,7 @@ LOCK = ROOT / "requirements" / "wheel.lock"
 
 
 def programs() -> Path:
-    """The folder of maturin and zig; made where it is missing or the lock is newer."""
+    """Return the folder of maturin and zig; install them if it is missing or the lock is newer."""
     folder = HOME / ("Scripts" if os.name == "nt" else "bin")
     done = HOME / "installed"
     if not done.exists() or done.stat().st_mtime < LOCK.stat().st_mtime:
@@ -34,7 +34,7 @@ def programs() -> Path:
 
 
 def main() -> None:
-    """Build it."""
+    """Build the wheel or the source distribution."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--sdist", action="store_true", help="the source distribution instead")
     args = parser.parse_args()

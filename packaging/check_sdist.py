@@ -1,9 +1,9 @@
-"""Install the source distribution in an empty folder, and see that it holds what it must.
+"""Install the source distribution in an empty folder and check its contents.
 
     python packaging/check_sdist.py [dist/bowstring-*.tar.gz]
 
 Makes an environment of its own in a temporary folder and has pip build and install the archive
-there, as it does for a user whom no wheel fits. Needs Python and a Rust toolchain; any failure ends
+there, as for a user without a suitable wheel. Needs Python and a Rust toolchain; any failure ends
 with exit code 1.
 """
 
@@ -22,7 +22,7 @@ from pathlib import Path
 
 from check_wheel import built, run, without
 
-#: What it holds: files to build from, no tests, pages or data.
+#: Contents: files to build from, no tests, pages or data.
 NEEDED = {"Cargo.lock", "Cargo.toml", "CHANGELOG.md", "CITATION.cff", "LICENSE", "PKG-INFO"}
 NEEDED |= {"README.md", "pyproject.toml"}
 ALLOWED = re.compile(

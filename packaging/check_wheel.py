@@ -1,4 +1,4 @@
-"""Install a wheel where there is no Rust, and see that it works.
+"""Install a wheel where there is no Rust, and check that it works.
 
     python packaging/check_wheel.py [dist/bowstring-*.whl] [--size 8]
 
@@ -29,18 +29,18 @@ tips = [bs.solve(robot, [f, 0, 0]).tip.position.tolist() for f in (5.0, 40.0, 80
 print(json.dumps({"instructions": _core.instructions(), "tips": tips}))
 """
 IMPORT = "import time; t = time.perf_counter(); import bowstring; print(time.perf_counter() - t)"
-#: Tips that two sets of instructions may differ by: other order of rounding, m.
+#: Largest difference of tips between two instruction sets, due to rounding (m).
 ROUNDING = 1e-11
 
 
 def without(*prefixes: str) -> dict[str, str]:
-    """The environment without the variables that begin so."""
+    """Return the environment without the variables with these prefixes."""
     env = {k: v for k, v in os.environ.items() if not k.startswith(prefixes)}
     return {**env, "PYTHONUTF8": "1"}
 
 
 def without_rust() -> dict[str, str]:
-    """The environment, with no Rust on PATH and nothing that points Python elsewhere."""
+    """Return the environment without Rust on PATH and without variables that redirect Python."""
     env = without("CARGO", "RUST", "PYTHON", "VIRTUAL_ENV", "MATURIN", "BOWSTRING")
     places = env.get("PATH", "").split(os.pathsep)
     tools = ("cargo", "rustc", "maturin")
@@ -51,7 +51,7 @@ def without_rust() -> dict[str, str]:
 
 
 def built(given: Path | None, pattern: str, command: str) -> Path:
-    """The package that was named, or the newest in dist."""
+    """Return the given package, or the newest in dist."""
     found = sorted((Path(__file__).parents[1] / "dist").glob(pattern), key=os.path.getmtime)
     package = (given or (found[-1] if found else Path("dist") / pattern)).resolve()
     if not package.is_file():

@@ -1,11 +1,11 @@
 """Exudyn on the displacement-controlled robot: the rod of exudyn_rod.py, tendon 1 a rope that is
 shortened.
 
-Model: as in statics; tendon 1 is a `ReevingSystemSprings` through points of all disks, one force
-all along, stiffness EA over its length, whose reference length falls to the one asked for in load
-steps. The rope also pushes (`regularizationForce` < 0), and tendons 2 and 3 are left out: that they
-hang is told beforehand.
-Limits: the rope gives way by T L / EA. At EA = 1e6 N the static solver converges in 50 equal load
+Model: as in statics; tendon 1 is a `ReevingSystemSprings` through points of all disks, with uniform
+force and stiffness EA over its length, whose reference length is reduced to the commanded one in
+load steps. The rope also pushes (`regularizationForce` < 0), and tendons 2 and 3, which are known
+to be slack, are left out.
+Limits: the rope elongates by T L / EA. At EA = 1e6 N the static solver converges in 50 equal load
 steps and not in 40; at 1e7 N only with adaptive steps, here from 20 on. The tolerance is 1e-6, with
 adaptive steps 1e-4. Each setting runs once.
 """

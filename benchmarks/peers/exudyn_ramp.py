@@ -5,7 +5,7 @@ are angles (Rxyz): the rotation vectors of the static model fail in the first st
 parameters take longer. Damping: viscous forces on the nodes, by half of each neighbouring element's
 mass and the disk's.
 Limits: rotation of disks and backbone is not damped, which moves the tip by less than 0.05 mm. The
-tension is set in a Python call before each step; only the spans of tendon 1 are there.
+tension is set in a Python call before each step; only the spans of tendon 1 are modelled.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from benchmarks.ramp import (
 
 
 def prepare(elements: int, steps: int, tolerance: float):
-    """`steps` are those between two outputs."""
+    """Prepare a run with `steps` steps between two outputs."""
     system, nodes, _, _, spans = rod(
         elements,
         DISK_MASS,

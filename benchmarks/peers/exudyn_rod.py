@@ -50,7 +50,7 @@ def model_axes(vector: tuple[float, float, float]) -> list[float]:
 
 
 class Rod(NamedTuple):
-    """A model and the numbers of its items; the spans of each tendon from base to tip."""
+    """A model and the indices of its items, with the spans of each tendon from base to tip."""
 
     system: exudyn.MainSystem
     nodes: list
@@ -67,7 +67,7 @@ def rod(
     node: Callable = item.NodeRigidBodyRotVecLG,
     tendons: int = len(TENDON_ANGLES),
 ) -> Rod:
-    """Inertias along and across the axis, in kg m^2, and of the backbone by length, in kg m."""
+    """Axial and transverse inertias, in kg m^2, and of the backbone per length, in kg m."""
     system = exudyn.SystemContainer().AddSystem()
     section = exudyn.BeamSection()
     section.stiffnessMatrix = np.diag([EA, GA, GA, GJ, EI, EI])

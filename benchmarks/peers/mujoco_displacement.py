@@ -1,15 +1,15 @@
 """MuJoCo on the displacement-controlled robot: the chain of mujoco_chain.py, tendon 1 held by a
 stiff spring.
 
-Model: as in statics. A tendon's own limit on its length (`range`) is a soft constraint too, solved
-beside the masses and not beside the stiffness, and does not come to rest in the long steps that
-make MuJoCo fast here. So tendon 1 has a spring that starts at the length asked for; with damping =
-stiffness x time step, as in the hinges, each step has it in its matrix, and 4 to 10 are enough.
-A spring that only pulls jumps between its two states in such steps; so the spring of
+Model: as in statics. A tendon's own limit on its length (`range`) is a soft constraint too, which
+is solved with the masses and without the stiffness, and does not come to rest in the long steps
+that make MuJoCo fast here. Therefore tendon 1 has a spring whose reference is the commanded length;
+with damping = stiffness x time step, as in the hinges, each step has it in its matrix, and 4 to 10
+are enough. A tension-only spring switches between its two states in such steps; so the spring of
 tendon 1 also pushes, and tendons 2 and 3 have none. That they are slack is prescribed, and checked.
-Limits: the spring gives way by T/k. No stretch of the backbone (0.04 mm at 40 N), which displaced
-by length is 0.4 mm at the tip however fine the chain; a spring of 1e6 N/m happens to make up for
-it.
+Limits: the spring elongates by T/k. No extension of the backbone (0.04 mm at 40 N), which under
+displacement control is 0.4 mm at the tip however fine the chain; a spring of 1e6 N/m happens to
+compensate it.
 """
 
 from __future__ import annotations

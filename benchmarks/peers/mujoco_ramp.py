@@ -1,11 +1,11 @@
 """MuJoCo on the ramp: the chain of mujoco_chain.py with its inertia, implicit integrator.
 
-MuJoCo takes springs explicitly and dampers implicitly, and explicit springs of light, short links
-demand steps of some microseconds. So hinges are damped by stiffness x step / 2, which makes a
-spring's moment that of the middle of the step: stable, and the damping that comes with it shrinks
-with the step. (Its Runge-Kutta integrator takes more than twice the time at no smaller error.)
-Damping of all mass: the generalised force -0.5 M v, from Python before each step, which costs 10 to
-20 %; MuJoCo has no option for it.
+MuJoCo integrates springs explicitly and dampers implicitly, and explicit springs of light, short
+links require steps of some microseconds. So hinges are damped by stiffness x step / 2, which
+evaluates a spring's moment at the middle of the step: stable, and the added damping decreases with
+the step. (Its Runge-Kutta integrator takes more than twice the time at no smaller error.)
+Mass-proportional damping: the generalised force -0.5 M v, from Python before each step, which costs
+10 to 20 %; MuJoCo has no option for it.
 Limits: as in statics, no shear and no stretch; first order in the step.
 """
 
@@ -33,7 +33,7 @@ from benchmarks.ramp import (
 
 
 def prepare(links: int, steps: int):
-    """`steps` are those between two outputs."""
+    """Prepare a run with `steps` steps between two outputs."""
     step = OUTPUT_S / steps
     last = DISKS * links
 

@@ -4,10 +4,10 @@ Model: equal elements; base, disks and tip are centres of elements (so the rod i
 longer at each end), which makes it second order; with base and tip at nodes it is first order and
 26 mm off with the coarser mesh. Tendon forces act on these elements as force and couple, so that
 spans are straight and frictionless. Statics: there is no static solver; position Verlet with
-critical damping of the first mode runs until the rod has settled. Rotary inertia, which plays no
-part at rest, is enlarged to allow the longest step that the axial wave permits.
-Small on purpose (few elements, two cases, one timed run each): the number of steps grows with the
-number of elements.
+critical damping of the first mode runs until the rod has settled. Rotary inertia, which has no
+effect at rest, is increased to allow the longest step that the axial wave permits.
+Small on purpose (few elements, two cases, one timed run each): the number of steps is proportional
+to the number of elements.
 """
 
 from __future__ import annotations

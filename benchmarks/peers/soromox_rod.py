@@ -1,10 +1,11 @@
 """soromox: geometric variable strain (GVS) rod with continuous tendons, in JAX.
 
 Model: one Cosserat rod whose strain is a Legendre polynomial of given order in all six components;
-its tendons touch a parallel curve everywhere. Statics: Newton (optimistix) on elastic + gravity +
-tendon forces = 0, compiled once and reused for any load; 64 bit, one case a call.
+its tendons follow a parallel curve. Statics: Newton (optimistix) on elastic + gravity + tendon
+forces = 0, compiled once and reused for any load; 64 bit, one case a call.
 Limits: tendons cannot run straight from disk to disk, so on this robot the tip error is that of the
-model (12.4 mm at 80 N) at every order; its disks have no weight, added here as point forces.
+model (12.4 mm at 80 N) at every order; its disks are massless, their weight is added as point
+forces.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from benchmarks.cases import (
 
 jax.config.update("jax_enable_x64", True)
 
-# Its rod runs along local x: the base turns (x, y, z) into the robot's (z, x, y).
+# Its rod runs along local x: the base rotation maps (x, y, z) to the robot's (z, x, y).
 BASE_POSE = jnp.array([-0.5, -0.5, -0.5, 0.5, 0.0, 0.0, 0.0])
 STATIONS = jnp.linspace(0, LENGTH, DISKS + 1)[1:]
 
